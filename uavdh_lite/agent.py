@@ -1,0 +1,84 @@
+"""An agent: a trained network, and all that is needed to fly with it."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from uavdh_lite.city import City
+from uavdh_lite.environment import State
+from uavdh_lite.errors import InputError
+from uavdh_lite.network import QNetwork
+from uavdh_lite.observation import Observation
+from uavdh_lite.recipe import Recipe
+from uavdh_lite.scenario import Scenario
+
+CHUNK = 256  # states a forward pass: more would only spill out of the processor's cache
+
+
+def build(recipe: Recipe, city: City) -> tuple[Observation, QNetwork]:
+    """The observation and the untrained network of a recipe for a city.
+
+    The weights come from torch's global generator; `torch.random.fork_rng` keeps it as it was.
+    """
+    observation = Observation(
+        city,
+        recipe.observation,
+        recipe.data_scale,
+        recipe.time_scale,
+        recipe.pooling,
+        recipe.local_size,
+    )
+    network = QNetwork(
+        observation.map_shapes(),
+        recipe.kernels,
+        recipe.kernel_size,
+        recipe.strides,
+        recipe.hidden,
+        recipe.layer_norm,
+    )
+    return observation, network
+
+
+@dataclass(frozen=True, eq=False)
+class Agent:
+    """The greedy policy of a network: `agent(state)` gives the actions, (B,) ints.
+
+    | field | meaning |
+    | --- | --- |
+    | `network`, `observation` | the network and what it sees, on one device |
+    | `recipe`, `scenario`, `city` | what it was trained with |
+    | `training` | seed, environment steps, validation metrics, command, versions |
+    """
+
+    network: QNetwork
+    observation: Observation
+    recipe: Recipe
+    scenario: Scenario
+    city: City
+    training: dict = field(default_factory=dict)
+
+    @torch.no_grad()
+    def q_values(self, state: State) -> Tensor:
+        """Q-values of all actions, (B, 6), on the CPU."""
+        chunks = (state[start : start + CHUNK] for start in range(0, len(state), CHUNK))
+        return torch.cat([self.network(*self.observation(chunk)).cpu() for chunk in chunks])
+
+    def __call__(self, state: State) -> np.ndarray:
+        return self.q_values(state).argmax(dim=1).numpy()
+
+    def over(self, city: City) -> "Agent":
+        """The same network over another city of the same size, which it was not trained for.
+
+        Raises `InputError` if the size differs: the network's first fully connected layer is made
+        for one size.
+        """
+        if city.size != self.city.size:
+            raise InputError(
+                f"this agent was trained for a city of {self.city.size} cells a side "
+                f"({self.city.name}), {city.name} has {city.size}: train one for it"
+            )
+        observation, _ = build(self.recipe, city)
+        device = next(self.network.parameters()).device
+        return replace(self, city=city, observation=observation.to(device))

@@ -1,0 +1,67 @@
+"""The radio channel: log-distance path loss with shadow fading, LoS or NLoS (paper, eq. 1–4)."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from uavdh_lite.errors import InputError
+
+
+def _f(default: float, help: str):
+    return field(default=default, metadata={"help": help})
+
+
+@dataclass(frozen=True)
+class Channel:
+    """The constants of the channel; the paper's values are the defaults."""
+
+    cell_size_m: float = _f(10.0, "side of a grid cell, m")
+    altitude_m: float = _f(10.0, "height of the UAV above the devices, m")
+    cell_edge_snr_db: float = _f(-15.0, "SNR at ground level from the centre to a corner, dB")
+    path_loss_exponent_los: float = _f(2.27, "path loss exponent with line of sight")
+    path_loss_exponent_nlos: float = _f(3.64, "path loss exponent without line of sight")
+    fading_variance_los_db2: float = _f(2.0, "variance of the shadow fading with LoS, dB²")
+    fading_variance_nlos_db2: float = _f(5.0, "variance of the shadow fading without LoS, dB²")
+    slots: int = _f(4, "communication slots in a mission slot, δ")
+
+    def __post_init__(self):
+        for name in ("cell_size_m", "altitude_m"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"channel: {name} must be positive, found {getattr(self, name)}")
+        for name in ("fading_variance_los_db2", "fading_variance_nlos_db2"):
+            if not getattr(self, name) >= 0:
+                raise InputError(f"channel: {name} must not be negative, found {getattr(self, name)}")
+        if self.slots < 1:
+            raise InputError(f"channel: slots must be at least 1, found {self.slots}")
+
+    def transmit_snr_db(self, size: int) -> float:
+        """P/σ² in dB, from the cell-edge SNR of a city of size×size cells.
+
+        The cell-edge SNR holds at ground level between the map's centre and an unobstructed
+        device at distance √2·M·c/2. The same factor serves LoS and NLoS links.
+        """
+        edge_m = math.sqrt(2) * size * self.cell_size_m / 2
+        return self.cell_edge_snr_db + 10 * self.path_loss_exponent_los * math.log10(edge_m)
+
+    def mean_snr_db(self, squared_distance_m2, line_of_sight, size: int):
+        """SNR in dB without fading, from the squared 3-D distance; arrays of one shape (eq. 2, 3)."""
+        exponent = np.where(
+            line_of_sight,
+            np.float32(-5 * self.path_loss_exponent_los),  # 10 log10 d = 5 log10 d²
+            np.float32(-5 * self.path_loss_exponent_nlos),
+        )
+        return np.float32(self.transmit_snr_db(size)) + exponent * np.log10(squared_distance_m2)
+
+    def fading_db(self, standard_normal, line_of_sight):
+        """Shadow fading η in dB from standard normal draws; arrays of one shape (eq. 3)."""
+        return standard_normal * np.where(
+            line_of_sight,
+            np.float32(math.sqrt(self.fading_variance_los_db2)),
+            np.float32(math.sqrt(self.fading_variance_nlos_db2)),
+        )
+
+
+def rate(snr_db):
+    """Data units in one communication slot at this SNR: log2(1 + SNR) (eq. 4)."""
+    return np.log2(1 + 10 ** (snr_db / 10))

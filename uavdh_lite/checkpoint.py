@@ -1,0 +1,117 @@
+"""Save and load: one safetensors file with the arrays, and JSON in its header; never a pickle."""
+
+import hashlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from uavdh_lite.agent import Agent, build
+from uavdh_lite.city import City
+from uavdh_lite.errors import CheckpointError, InputError
+from uavdh_lite.files import data_folder, write_atomically
+from uavdh_lite.recipe import Recipe
+from uavdh_lite.scenario import Scenario
+
+FORMAT = 1
+
+
+def save(path: str | Path, kind: str, tensors: dict[str, Tensor], about: dict) -> None:
+    """Write tensors and JSON values to one file, atomically: on failure the old file survives.
+
+    Arguments:
+        kind: what the file holds, `agent` or `training`. about: JSON values.
+    """
+    header = json.dumps({"format": FORMAT, "kind": kind, **about})
+    tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    metadata = {"uavdh_lite": header, "sha256": _digest(header, tensors)}
+    write_atomically(path, lambda temporary: save_file(tensors, temporary, metadata))
+
+
+def load(path: str | Path, kind: str) -> tuple[dict[str, Tensor], dict]:
+    """Read what `save` wrote: tensors and JSON values.
+
+    Raises `CheckpointError` if the file is missing, damaged, of another program or of another kind.
+    """
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except FileNotFoundError:
+        raise CheckpointError(f"{path}: no such file") from None
+    except (SafetensorError, OSError, ValueError) as error:
+        raise CheckpointError(
+            f"{path}: not a checkpoint, or a damaged one ({error}); copy or train it again"
+        ) from None
+    if "uavdh_lite" not in metadata:
+        raise CheckpointError(f"{path}: a safetensors file, but not one of uavdh_lite")
+    if metadata.get("sha256") != _digest(metadata["uavdh_lite"], tensors):
+        raise CheckpointError(f"{path}: damaged, its checksum is wrong; copy or train it again")
+    about = json.loads(metadata["uavdh_lite"])
+    if about.pop("format") != FORMAT:
+        raise CheckpointError(f"{path}: made by a newer uavdh_lite; update it")
+    found = about.pop("kind")
+    if found != kind:
+        raise CheckpointError(f"{path}: holds a checkpoint of kind {found!r}, expected {kind!r}")
+    return tensors, about
+
+
+def _digest(header: str, tensors: dict[str, Tensor]) -> str:
+    """SHA-256 of the JSON and of every tensor's name, type, shape and bytes."""
+    digest = hashlib.sha256(header.encode())
+    for name, tensor in sorted(tensors.items()):
+        digest.update(f"{name} {tensor.dtype} {tuple(tensor.shape)}".encode())
+        digest.update(tensor.reshape(-1).view(torch.uint8).numpy().tobytes())
+    return digest.hexdigest()
+
+
+def save_agent(path: str | Path, agent: Agent) -> None:
+    """Write an agent: weights, city, recipe, scenario and how it was trained."""
+    tensors = {f"network.{name}": value for name, value in agent.network.state_dict().items()}
+    tensors["city"] = torch.tensor(agent.city.kinds)
+    about = {
+        "recipe": agent.recipe.as_json(),
+        "scenario": asdict(agent.scenario),
+        "city": {"name": agent.city.name, "fingerprint": agent.city.fingerprint},
+        "training": agent.training,
+    }
+    save(path, "agent", tensors, about)
+
+
+def load_agent(path: str | Path, device: str = "cpu") -> Agent:
+    """Read an agent; a bare name such as `manhattan` means a shipped one."""
+    path = Path(path)
+    if path.suffix == "" and not path.exists():
+        path = data_folder() / "checkpoints" / f"{path.name}.safetensors"
+        if not path.exists():
+            shipped = ", ".join(shipped_agents())
+            raise CheckpointError(
+                f"no agent named {path.stem!r}: give the path of a checkpoint, or one of {shipped}"
+            )
+    tensors, about = load(path, "agent")
+    try:
+        recipe = Recipe.from_json(about["recipe"])
+        scenario = scenario_from_json(about["scenario"])
+        city = City.from_kinds(about["city"]["name"], tensors.pop("city").numpy())
+        observation, network = build(recipe, city)
+        network.load_state_dict({k.removeprefix("network."): v for k, v in tensors.items()})
+    except (InputError, RuntimeError, KeyError, TypeError) as error:
+        raise CheckpointError(
+            f"{path}: does not fit this version of uavdh_lite ({error})"
+        ) from None
+    network.to(device).eval()
+    return Agent(network, observation.to(device), recipe, scenario, city, about["training"])
+
+
+def scenario_from_json(values: dict) -> Scenario:
+    """The scenario with these fields; lists become tuples."""
+    return Scenario(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+
+
+def shipped_agents() -> list[str]:
+    """The names of the agents that come with the package."""
+    return sorted(path.stem for path in (data_folder() / "checkpoints").glob("*.safetensors"))

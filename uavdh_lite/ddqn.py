@@ -1,0 +1,84 @@
+"""Double deep Q-learning: the paper's equations, and nothing else."""
+
+import copy
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import huber_loss, mse_loss
+
+
+def ddqn_target(
+    reward: Tensor, discount: Tensor, online_next: Tensor, target_next: Tensor
+) -> Tensor:
+    """y = r + γ · Q_target(s', argmax_a Q_online(s', a)), (B,) (eq. 10).
+
+    Arguments:
+        reward, discount: (B,), the discount 0 where the episode ended.
+        online_next, target_next: (B, actions), Q-values of s' by the two networks.
+    """
+    best = online_next.argmax(dim=1, keepdim=True)
+    return reward + discount * target_next.gather(1, best).squeeze(1)
+
+
+def softmax_policy(q_values: Tensor, temperature: float) -> Tensor:
+    """π(a|s) ∝ exp(Q(s, a) / β), (B, actions) (eq. 12)."""
+    return torch.softmax(q_values / temperature, dim=1)
+
+
+def draw_actions(probabilities: Tensor, generator: np.random.Generator) -> np.ndarray:
+    """One action for each row of probabilities; (B,) ints."""
+    cumulative = probabilities.cpu().double().cumsum(dim=1).numpy()
+    draws = generator.random(len(cumulative))[:, None]
+    return (cumulative[:, :-1] < draws).sum(axis=1)
+
+
+@torch.no_grad()
+def soft_update(target: nn.Module, online: nn.Module, rate: float) -> None:
+    """θ̄ ← (1 − τ) θ̄ + τ θ, in place."""
+    torch._foreach_lerp_(list(target.parameters()), list(online.parameters()), rate)
+
+
+class DDQN:
+    """The online and the target network and the optimiser of the online one.
+
+    Arguments:
+        online: the network to train; the target network starts as its copy.
+        optimiser: over the parameters of `online`.
+        target_update_rate: τ.
+        huber_delta: the error above which the loss is linear; None for the squared error.
+    """
+
+    def __init__(
+        self,
+        online: nn.Module,
+        optimiser: torch.optim.Optimizer,
+        target_update_rate: float,
+        huber_delta: float | None = None,
+    ):
+        self.online = online
+        self.target = copy.deepcopy(online).requires_grad_(False)
+        self.optimiser = optimiser
+        self.target_update_rate = target_update_rate
+        self.huber_delta = huber_delta
+
+    def update(self, observation, action, reward, discount, next_observation) -> Tensor:
+        """One gradient step on a minibatch and one soft update; returns the loss.
+
+        Arguments:
+            observation, next_observation: what the networks take, as a tuple of arguments.
+            action: (B,) int64. reward, discount: (B,).
+        """
+        with torch.no_grad():
+            online_next = self.online(*next_observation)
+            target_next = self.target(*next_observation)
+            y = ddqn_target(reward, discount, online_next, target_next)
+        q = self.online(*observation).gather(1, action[:, None]).squeeze(1)
+        loss = mse_loss(q, y) if self.huber_delta is None else huber_loss(
+            q, y, delta=self.huber_delta
+        )
+        self.optimiser.zero_grad()
+        loss.backward()
+        self.optimiser.step()
+        soft_update(self.target, self.online, self.target_update_rate)
+        return loss.detach()

@@ -1,0 +1,331 @@
+"""The decision process: a batch of UAVs, each in its own episode, stepped by pure functions.
+
+Nothing here knows of learning, and nothing loops over the batch: every array has the batch as
+its first axis. B is the batch size, K the number of device places, δ the communication slots a
+mission slot, M the number of cells a side.
+"""
+
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+
+import numpy as np
+
+from uavdh_lite.channel import Channel, rate
+from uavdh_lite.city import City
+from uavdh_lite.errors import InputError
+from uavdh_lite.shadowing import line_of_sight
+
+ACTIONS = ("north", "east", "south", "west", "hover", "land")
+NORTH, EAST, SOUTH, WEST, HOVER, LAND = range(6)
+MOVES = np.array([(-1, 0), (0, 1), (1, 0), (0, -1), (0, 0), (0, 0)])  # row, column
+
+
+@dataclass(frozen=True)
+class State:
+    """The state of B episodes. Cells are numbers `row * M + col`.
+
+    Device places that an episode does not use hold no data, now or at its start.
+
+    | field | shape | meaning |
+    | --- | --- | --- |
+    | `uav_cell` | (B,) int16 | where the UAV is |
+    | `time_left` | (B,) int16 | remaining flying time b, units of time |
+    | `device_cells` | (B, K) int16 | where the devices are |
+    | `data_initial` | (B, K) float32 | data of each device at the start, data units |
+    | `data_left` | (B, K) float32 | data not yet collected, data units |
+    | `landed` | (B,) bool | whether the UAV has landed |
+    """
+
+    uav_cell: np.ndarray
+    time_left: np.ndarray
+    device_cells: np.ndarray
+    data_initial: np.ndarray
+    data_left: np.ndarray
+    landed: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.uav_cell)
+
+    def __getitem__(self, index) -> "State":
+        """The episodes that `index` (a slice, a mask, an array of indices) selects."""
+        return State(*(getattr(self, f.name)[index] for f in fields(self)))
+
+    def with_rows(self, index, rows: "State") -> "State":
+        """A copy in which the episodes at `index` are replaced by `rows`."""
+        copies = []
+        for f in fields(self):
+            copy = getattr(self, f.name).copy()
+            copy[index] = getattr(rows, f.name)
+            copies.append(copy)
+        return State(*copies)
+
+    @property
+    def ended(self) -> np.ndarray:
+        """Whether the episode is over: landed, or no flying time left; (B,) bool."""
+        return self.landed | (self.time_left <= 0)
+
+    @property
+    def data_collected(self) -> np.ndarray:
+        """Data collected from each device so far, data units; (B, K)."""
+        return self.data_initial - self.data_left
+
+    @property
+    def collection_ratio(self) -> np.ndarray:
+        """Collected data over initial data, all devices of an episode together; (B,)."""
+        return self.data_collected.sum(1) / self.data_initial.sum(1)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What happened in one step of B episodes; all zero or False for an episode already over.
+
+    | field | shape | meaning |
+    | --- | --- | --- |
+    | `served` | (B, δ) int8 | device that had the slot, −1 for none |
+    | `uploaded` | (B, δ) float32 | data units uploaded in the slot |
+    | `intervened` | (B,) bool | the safety controller replaced the action by hovering |
+    | `landed` | (B,) bool | the UAV landed in this step |
+    | `crashed` | (B,) bool | the flying time ran out in this step without a landing |
+    | `flew` | (B,) bool | the step was flown: the episode was not over before it |
+    """
+
+    served: np.ndarray
+    uploaded: np.ndarray
+    intervened: np.ndarray
+    landed: np.ndarray
+    crashed: np.ndarray
+    flew: np.ndarray
+
+
+def _f(default: float, help: str):
+    return field(default=default, metadata={"help": help})
+
+
+@dataclass(frozen=True)
+class Rewards:
+    """The reward's constants; the paper's values are the defaults (the crash: the authors' code)."""
+
+    data: float = _f(1.0, "reward for a data unit uploaded")
+    movement: float = _f(-0.2, "reward for every step that does not land, r_mov")
+    safety: float = _f(-1.0, "reward for an intervention of the safety controller, r_sc")
+    crash: float = _f(-150.0, "reward for running out of flying time in the air, r_crash")
+
+    def terms(self, outcome: Outcome) -> dict[str, np.ndarray]:
+        """The terms of the reward by name, (B,) float32 each; their sum is the reward (eq. 9)."""
+        return {
+            "data": np.float32(self.data) * outcome.uploaded.sum(1),
+            "movement": np.float32(self.movement) * (outcome.flew & ~outcome.landed),
+            "safety": np.float32(self.safety) * outcome.intervened,
+            "crash": np.float32(self.crash) * outcome.crashed,
+        }
+
+    def __call__(self, outcome: Outcome) -> np.ndarray:
+        """The reward of each episode's step; (B,) float32."""
+        return sum(self.terms(outcome).values())
+
+
+@dataclass(frozen=True, eq=False)
+class Environment:
+    """A UAV over a city collects data from devices on the ground and must land in time.
+
+    ### Actions
+    0 north, 1 east, 2 south, 3 west, 4 hover, 5 land. Each costs one unit of flying time. The
+    safety controller replaces a move off the grid or into a no-fly cell by hovering, and so a
+    landing outside the landing zone.
+
+    ### Channel
+    While the UAV moves or hovers there are δ communication slots. In slot i it is at
+    p(t) + (i/δ)(p(t+1) − p(t)); for the shadow map it counts as in the nearest cell, at half way
+    in the cell being entered. Of the devices with data left, the one with the highest SNR gets
+    the slot and uploads min(rate, data left). Fading is drawn anew for every device and slot.
+    Nothing is uploaded in the step that ends the episode.
+
+    ### Episode end
+    The UAV lands, or its flying time reaches 0 (a crash).
+
+    ### Reward
+    See `Rewards`; the environment itself gives an `Outcome`, from which they are computed.
+
+    Reference: Bayerlein et al., Globecom 2020, sections II and III.
+    """
+
+    city: City
+    channel: Channel = Channel()
+    shadow_method: str = "exact"
+
+    @cached_property
+    def line_of_sight(self) -> np.ndarray:
+        """Line of sight, `[device cell, uav cell]`; (M², M²) bool."""
+        cells = self.city.size**2
+        return line_of_sight(self.city.buildings, self.shadow_method).reshape(cells, cells)
+
+    @cached_property
+    def next_cell(self) -> np.ndarray:
+        """The cell in which the UAV is after an action, `[cell, action]`; (M², 6) int16."""
+        return self._moves[0]
+
+    @cached_property
+    def forbidden(self) -> np.ndarray:
+        """The actions that the safety controller replaces, `[cell, action]`; (M², 6) bool."""
+        return self._moves[1]
+
+    @cached_property
+    def _moves(self) -> tuple[np.ndarray, np.ndarray]:
+        size = self.city.size
+        cell = np.arange(size**2)[:, None]
+        row, col = cell // size + MOVES[:, 0], cell % size + MOVES[:, 1]
+        outside = (row < 0) | (row >= size) | (col < 0) | (col >= size)
+        target = np.where(outside, cell, row * size + col)
+        forbidden = outside | self.city.no_fly.ravel()[target]
+        forbidden[:, HOVER] = False
+        forbidden[:, LAND] = ~self.city.landing.ravel()
+        return np.where(forbidden, cell, target).astype(np.int16), forbidden
+
+    @cached_property
+    def _centre_m(self) -> tuple[np.ndarray, np.ndarray]:
+        """Row and column coordinates of the cell centres, m; two (M²,) float32."""
+        rows, cols = np.indices((self.city.size,) * 2, np.float32).reshape(2, -1)
+        side = np.float32(self.channel.cell_size_m)
+        return rows * side, cols * side
+
+    def draw_fading(self, state: State, generator: np.random.Generator) -> np.ndarray:
+        """Standard normal draws for one step, one for each slot and device; (B, δ, K) float32."""
+        shape = (len(state), self.channel.slots, state.device_cells.shape[1])
+        return generator.standard_normal(shape, np.float32)
+
+    def transition(
+        self, state: State, action: np.ndarray, fading: np.ndarray
+    ) -> tuple[State, Outcome]:
+        """One step of all episodes; those already over stay as they are.
+
+        Arguments:
+            state: B episodes.
+            action: (B,) ints, indices into `ACTIONS`.
+            fading: (B, δ, K), standard normal, from `draw_fading`.
+        """
+        flew = ~state.ended
+        action = np.where(flew, action, HOVER)
+        uav_cell = self.next_cell[state.uav_cell, action]
+        intervened = self.forbidden[state.uav_cell, action]
+        landed = (action == LAND) & ~intervened
+        time_left = state.time_left - flew
+        crashed = flew & ~landed & (time_left == 0)
+
+        connected = flew & ~landed & ~crashed
+        snr_db = self.snr_db(state.device_cells, state.uav_cell, uav_cell, fading)
+        served, uploaded, left = schedule(snr_db, state.data_left * connected[:, None])
+        data_left = np.where(connected[:, None], left, state.data_left)
+
+        after = State(
+            uav_cell,
+            time_left,
+            state.device_cells,
+            state.data_initial,
+            data_left,
+            state.landed | landed,
+        )
+        return after, Outcome(served, uploaded, intervened, landed, crashed, flew)
+
+    def snr_db(self, device_cells, uav_cell, next_cell, fading) -> np.ndarray:
+        """SNR of every device in every slot of a step, dB; (B, δ, K) float32 (eq. 2, 3).
+
+        Arguments:
+            device_cells: (B, K). uav_cell, next_cell: (B,), before and after the step.
+            fading: (B, δ, K), standard normal; 0 gives the mean.
+        """
+        slots = self.channel.slots
+        share = (np.arange(1, slots + 1, dtype=np.float32) / slots)[:, None]
+        squared = np.float32(self.channel.altitude_m**2)
+        for centre in self._centre_m:
+            start = centre[uav_cell][:, None, None]
+            uav = start + share * (centre[next_cell][:, None, None] - start)
+            squared = squared + (uav - centre[device_cells][:, None, :]) ** 2
+        los = np.empty(squared.shape, bool)
+        entered = (slots + 1) // 2 - 1  # first slot with i/δ ≥ 1/2
+        los[:, :entered] = self.line_of_sight[device_cells, uav_cell[:, None]][:, None]
+        los[:, entered:] = self.line_of_sight[device_cells, next_cell[:, None]][:, None]
+        mean = self.channel.mean_snr_db(squared, los, self.city.size)
+        return mean + self.channel.fading_db(fading, los)
+
+
+def schedule(
+    snr_db: np.ndarray, data_left: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """TDMA: each slot goes to the device with the highest SNR among those with data left.
+
+    Arguments:
+        snr_db: (B, δ, K). data_left: (B, K), at the start of the mission slot.
+
+    Returns: served (B, δ) int8, the device of each slot or −1; uploaded (B, δ), data units,
+        min(rate, data left); data_left (B, K) after the mission slot.
+    """
+    data_left = data_left.copy()
+    episodes = np.arange(len(data_left))
+    served = np.empty(snr_db.shape[:2], np.int8)
+    uploaded = np.empty(snr_db.shape[:2], np.float32)
+    for slot in range(snr_db.shape[1]):
+        snr = np.where(data_left > 0, snr_db[:, slot], -np.inf)
+        best = snr.argmax(1)
+        best_snr = snr[episodes, best]
+        amount = np.minimum(rate(best_snr), data_left[episodes, best])
+        data_left[episodes, best] -= amount
+        served[:, slot] = np.where(best_snr > -np.inf, best, -1)
+        uploaded[:, slot] = amount
+    return served, uploaded, data_left
+
+
+def place(
+    city: City,
+    uav: tuple[int, int],
+    devices: list[tuple[int, int]],
+    data: list[float],
+    flying_time: int,
+    max_devices: int,
+) -> State:
+    """The start of one episode of your own, a batch of one.
+
+    Arguments:
+        uav, devices: cells as (row, column). data: data units of each device.
+        flying_time: units of time. max_devices: K, the number of device places.
+
+    Raises `InputError`, naming the device or cell, for anything that cannot be flown.
+    """
+    if not 1 <= len(devices) <= max_devices:
+        raise InputError(f"{len(devices)} devices: this scenario takes 1 to {max_devices}")
+    if len(data) != len(devices):
+        raise InputError(f"{len(devices)} devices but {len(data)} amounts of data: give one each")
+    if not 1 <= flying_time < 2**15:
+        raise InputError(f"flying time {flying_time}: must be at least 1 and below {2**15}")
+    uav_cell = _cell(city, uav, "the UAV")
+    if city.no_fly.ravel()[uav_cell]:
+        raise InputError(f"the UAV cannot start at {tuple(uav)}: a no-fly cell")
+    device_cells = np.zeros((1, max_devices), np.int16)
+    data_initial = np.zeros((1, max_devices), np.float32)
+    for k, (device, amount) in enumerate(zip(devices, data, strict=True)):
+        cell = _cell(city, device, f"device {k}")
+        if city.buildings.ravel()[cell]:
+            raise InputError(f"device {k} stands on a building at {tuple(device)}: move it")
+        if city.landing.ravel()[cell]:
+            raise InputError(f"device {k} stands in the landing zone at {tuple(device)}: move it")
+        if cell in device_cells[0, :k]:
+            raise InputError(f"device {k} is at {tuple(device)}, where another device stands")
+        if not 0 <= amount < np.inf:
+            raise InputError(f"device {k} has {amount} data units: must be 0 or more")
+        device_cells[0, k], data_initial[0, k] = cell, amount
+    if not data_initial.any():
+        raise InputError("no device has data: give at least one a positive amount")
+    return State(
+        np.array([uav_cell], np.int16),
+        np.array([flying_time], np.int16),
+        device_cells,
+        data_initial,
+        data_initial.copy(),
+        np.array([False]),
+    )
+
+
+def _cell(city: City, place: tuple[int, int], what: str) -> int:
+    row, col = place
+    if not (0 <= row < city.size and 0 <= col < city.size):
+        raise InputError(f"{what} at {tuple(place)} is outside the city of {city.size} cells a side")
+    return int(row) * city.size + int(col)

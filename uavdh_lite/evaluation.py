@@ -1,0 +1,190 @@
+"""Monte Carlo evaluation: fly many random scenarios at once, and say how sure the results are."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from uavdh_lite.environment import Environment, Outcome, Rewards, State
+from uavdh_lite.scenario import Scenario
+
+Policy = Callable[[State], np.ndarray]
+"""Actions for a batch of states: (B,) indices into `ACTIONS`."""
+
+# Each use of random numbers has a stream of its own, so that no scenario or fading of a test is
+# ever one of training or validation, whatever the seeds.
+TRAINING, VALIDATION, TEST = range(3)
+
+
+def stream(use: int, seed: int) -> np.random.Generator:
+    """The random generator for one use (`TRAINING`, `VALIDATION` or `TEST`) and seed."""
+    return np.random.default_rng([use, seed])
+
+
+class Interval(NamedTuple):
+    """A mean and the interval that holds it with 95 % confidence."""
+
+    mean: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """One episode of T steps; see `State` and `Outcome` for the meaning of the fields.
+
+    | field | shape |
+    | --- | --- |
+    | `start` | a batch of one |
+    | `uav_cell`, `time_left` | (T + 1,) |
+    | `data_left` | (T + 1, K) |
+    | `action`, `intervened`, `reward` | (T,) |
+    | `served`, `uploaded` | (T, δ) |
+    | `landed` | bool |
+    """
+
+    start: State
+    uav_cell: np.ndarray
+    time_left: np.ndarray
+    data_left: np.ndarray
+    action: np.ndarray
+    intervened: np.ndarray
+    reward: np.ndarray
+    served: np.ndarray
+    uploaded: np.ndarray
+    landed: bool
+
+
+@dataclass(frozen=True)
+class Flights:
+    """The records of N episodes.
+
+    | field | shape | meaning |
+    | --- | --- | --- |
+    | `start`, `end` | N states | first and last state |
+    | `cumulative_reward` | (N,) | sum of the rewards, undiscounted |
+    | `steps` | (N,) | steps flown |
+    | `safety_interventions` | (N,) | how often the safety controller intervened |
+    | `history` | T entries | (state, action, outcome, reward) of each step, if recorded |
+    """
+
+    start: State
+    end: State
+    cumulative_reward: np.ndarray
+    steps: np.ndarray
+    safety_interventions: np.ndarray
+    history: list[tuple[State, np.ndarray, Outcome, np.ndarray]]
+
+    def records(self) -> dict[str, np.ndarray]:
+        """The metrics of each episode by name; (N,) float64 each.
+
+        `has_landed`: 1 or 0. `collection_ratio`: collected over initial data.
+        `collection_ratio_and_landed`: their product (CRAL). `cumulative_reward`.
+        `time_used`: steps over initial flying time. `safety_interventions`: a count.
+        """
+        ratio = self.end.collection_ratio.astype(float)
+        return {
+            "has_landed": self.end.landed.astype(float),
+            "collection_ratio": ratio,
+            "collection_ratio_and_landed": ratio * self.end.landed,
+            "cumulative_reward": self.cumulative_reward.astype(float),
+            "time_used": self.steps / self.start.time_left,
+            "safety_interventions": self.safety_interventions.astype(float),
+        }
+
+    def metrics(self) -> dict[str, Interval]:
+        """The mean of each record with its 95 % bootstrap interval."""
+        return {name: bootstrap_interval(values) for name, values in self.records().items()}
+
+    def trajectory(self, episode: int) -> Trajectory:
+        """One episode step by step; needs `record=True` in `fly`."""
+        if not self.history:
+            raise ValueError("the steps were not kept: call fly(..., record=True)")
+        steps = self.history[: self.steps[episode]]
+        states = [state for state, _, _, _ in steps] + [self.end]
+        return Trajectory(
+            start=self.start[[episode]],
+            uav_cell=np.array([state.uav_cell[episode] for state in states]),
+            time_left=np.array([state.time_left[episode] for state in states]),
+            data_left=np.array([state.data_left[episode] for state in states]),
+            action=np.array([action[episode] for _, action, _, _ in steps]),
+            intervened=np.array([outcome.intervened[episode] for _, _, outcome, _ in steps]),
+            reward=np.array([reward[episode] for _, _, _, reward in steps]),
+            served=np.array([outcome.served[episode] for _, _, outcome, _ in steps]),
+            uploaded=np.array([outcome.uploaded[episode] for _, _, outcome, _ in steps]),
+            landed=bool(self.end.landed[episode]),
+        )
+
+
+def fly(
+    environment: Environment,
+    policy: Policy,
+    start: State,
+    generator: np.random.Generator,
+    rewards: Rewards = Rewards(),  # noqa: B008 (frozen)
+    record: bool = False,
+) -> Flights:
+    """Fly all episodes of `start` to their end.
+
+    The policy is asked only for the episodes still in the air. Fading is drawn for all of them in
+    every step, so that the draws of an episode do not depend on what the policy does: policies
+    flown with the same start and an equal generator meet the same fading.
+
+    Arguments:
+        record: keep every step, for `Flights.trajectory`.
+    """
+    state = start
+    total = np.zeros(len(start), np.float32)
+    steps = np.zeros(len(start), int)
+    interventions = np.zeros(len(start), int)
+    history = []
+    while True:
+        flying = np.flatnonzero(~state.ended)
+        if not len(flying):
+            break
+        action = np.zeros(len(start), int)
+        action[flying] = policy(state[flying])
+        fading = environment.draw_fading(state, generator)
+        after, outcome = environment.transition(state, action, fading)
+        reward = rewards(outcome)
+        if record:
+            history.append((state, action, outcome, reward))
+        total += reward
+        steps += outcome.flew
+        interventions += outcome.intervened
+        state = after
+    return Flights(start, state, total, steps, interventions, history)
+
+
+def evaluate(
+    environment: Environment,
+    policy: Policy,
+    scenario: Scenario,
+    episodes: int,
+    seed: int,
+    use: int = TEST,
+    record: bool = False,
+) -> Flights:
+    """Fly `episodes` random scenarios; the same seed draws the same scenarios and fading.
+
+    The cumulative reward is always in the paper's constants, so that agents trained with other
+    ones compare.
+    """
+    generator = stream(use, seed)
+    start = scenario.sample(environment.city, episodes, generator)
+    return fly(environment, policy, start, generator, record=record)
+
+
+def bootstrap_interval(values: np.ndarray, resamples: int = 2000) -> Interval:
+    """The mean of independent values, (N,), with its 95 % percentile bootstrap interval.
+
+    If all values are equal the interval is a point, which does not mean certainty: of N episodes
+    that all landed one can say with 95 % confidence only that at least 1 − 3/N of them do.
+    """
+    generator = np.random.default_rng(0)
+    means = [
+        values[generator.integers(0, len(values), len(values))].mean() for _ in range(resamples)
+    ]
+    low, high = np.quantile(means, [0.025, 0.975])
+    return Interval(float(values.mean()), float(low), float(high))

@@ -1,0 +1,157 @@
+"""Recipes: everything that a training run depends on besides scenario and seed."""
+
+from dataclasses import asdict, dataclass, field
+
+from uavdh_lite.environment import Rewards
+from uavdh_lite.errors import InputError
+
+
+def _f(default, help: str):
+    return field(default=default, metadata={"help": help})
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """The constants of a training run; the defaults are the paper's.
+
+    Where the paper gives no number it is that of the authors' code: `crash_reward`, Adam's amsgrad.
+    """
+
+    name: str
+    steps: int = _f(1_000_000, "environment steps in all, those of the prefill included")
+    # What the network sees
+    observation: str = _f("centred", "maps: centred, non_centred or global_local")
+    data_scale: float = _f(1.0, "data on the maps is divided by this, data units")
+    time_scale: float = _f(1.0, "the flying time is divided by this, units of time")
+    pooling: int = _f(3, "global map: average over cells of this side (global_local only)")
+    local_size: int = _f(17, "local map: cells a side (global_local only)")
+    # Network
+    kernels: int = _f(16, "kernels of each convolution")
+    kernel_size: int = _f(5, "side of a kernel, cells")
+    strides: tuple[int, ...] = _f((1, 1), "stride of each convolution")
+    hidden: tuple[int, ...] = _f((256, 256, 256), "units of each fully connected layer")
+    layer_norm: bool = _f(False, "LayerNorm in each fully connected layer, before its ReLU")
+    # Learning
+    discount: float = _f(0.95, "discount factor γ")
+    return_steps: int = _f(1, "steps n over which rewards are summed before the target's Q-value")
+    target_update_rate: float = _f(0.005, "soft update rate τ of the target network")
+    learning_rate: float = _f(3e-5, "Adam's learning rate at the start")
+    learning_rate_end: float = _f(3e-5, "learning rate at the end; linear in between")
+    amsgrad: bool = _f(True, "Adam's amsgrad variant")
+    huber_delta: float | None = _f(None, "loss linear above this error; none: squared error")
+    batch_size: int = _f(128, "transitions in a minibatch")
+    # Experience
+    environments: int = _f(1, "episodes flown side by side; one update for each step of them all")
+    replay_capacity: int = _f(50_000, "transitions in the replay memory")
+    replay_prefill: int = _f(25_000, "transitions of a random policy before the first update")
+    temperature: float = _f(0.1, "temperature β of the softmax policy at the start")
+    temperature_end: float = _f(0.1, "temperature from the end of its decay on")
+    temperature_decay: float = _f(0.5, "share of the run over which the temperature decays, linear")
+    crash_reward: float = _f(-150.0, "reward for running out of flying time in the air, r_crash")
+    exploring_starts: float = _f(0.0, "share of episodes that start anywhere, already under way")
+    exploring_least_time: int = _f(5, "least flying time of such an episode, units of time")
+    # Validation: the agent kept is the one with the best collection ratio and landed in these
+    validation_interval: int = _f(50_000, "environment steps between greedy validations")
+    validation_episodes: int = _f(1000, "scenarios flown in each validation, always the same")
+
+    def __post_init__(self):
+        for name in ("steps", "kernels", "kernel_size", "return_steps", "batch_size",
+                     "environments", "replay_capacity", "validation_interval",
+                     "validation_episodes", "pooling", "exploring_least_time"):
+            self._require(name, getattr(self, name) >= 1, "at least 1")
+        for name in ("data_scale", "time_scale", "learning_rate", "temperature",
+                     "temperature_end", "target_update_rate"):
+            self._require(name, getattr(self, name) > 0, "above 0")
+        for name in ("discount", "target_update_rate", "temperature_decay", "exploring_starts"):
+            self._require(name, 0 <= getattr(self, name) <= 1, "between 0 and 1")
+        for name in ("strides", "hidden"):
+            self._require(name, all(n >= 1 for n in getattr(self, name)), "numbers of at least 1")
+        self._require("learning_rate_end", self.learning_rate_end >= 0, "0 or above")
+        self._require("huber_delta", self.huber_delta is None or self.huber_delta > 0, "above 0")
+        self._require(
+            "environments", self.environments <= self.batch_size,
+            f"at most batch_size, {self.batch_size}: every minibatch holds the newest of each",
+        )
+        self._require(
+            "replay_prefill", 1 <= self.replay_prefill <= self.replay_capacity,
+            f"between 1 and replay_capacity, {self.replay_capacity}",
+        )
+
+    def _require(self, name: str, holds: bool, what: str) -> None:
+        if not holds:
+            raise InputError(f"recipe {self.name}: {name} is {getattr(self, name)}, must be {what}")
+
+    @property
+    def rewards(self) -> Rewards:
+        """The rewards that the agent learns from."""
+        return Rewards(crash=self.crash_reward)
+
+    def temperature_at(self, steps: int) -> float:
+        """β after this many environment steps."""
+        return _ramp(
+            self.temperature, self.temperature_end, steps, self.temperature_decay * self.steps
+        )
+
+    def learning_rate_at(self, steps: int) -> float:
+        """The learning rate after this many environment steps."""
+        return _ramp(self.learning_rate, self.learning_rate_end, steps, self.steps)
+
+    def as_json(self) -> dict:
+        """The fields as JSON values; `Recipe.from_json` undoes it."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, values: dict) -> "Recipe":
+        """The recipe with these fields; lists become tuples."""
+        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+
+
+def _ramp(start: float, end: float, step: float, over: float) -> float:
+    """Linear from `start` at step 0 to `end` at step `over`, and `end` from then on."""
+    share = min(step / over, 1.0) if over > 0 else 1.0
+    return start + (end - start) * share
+
+
+PAPER = Recipe("paper")
+
+LITE = Recipe(
+    "lite",
+    data_scale=20.0,
+    time_scale=10.0,
+    strides=(2, 2),
+    layer_norm=True,
+    return_steps=3,
+    learning_rate=3e-4,
+    learning_rate_end=0.0,
+    amsgrad=False,
+    huber_delta=10.0,
+    environments=16,
+    replay_capacity=100_000,
+    replay_prefill=5_000,
+    temperature=2.0,
+    crash_reward=-40.0,
+    exploring_starts=0.5,
+)
+"""The same algorithm, made to learn within minutes on a CPU. Each deviation and its reason:
+
+- `data_scale`, `time_scale`: inputs of the order of 1, which the first layers learn from best.
+- `strides` 2: a tenth of the weights and a seventh of the time an update takes.
+- `layer_norm`: keeps the hidden layers' scale steady while the targets move.
+- `return_steps` 3: rewards reach earlier states in a third of the updates.
+- `learning_rate` ten times the paper's, falling to 0: fast at first, settled at the end.
+- `huber_delta` 10: crashes no longer drown the small differences that decide between actions.
+- `environments` 16 with one update for each step of all: each transition is used 8 times, not 128.
+- `replay_capacity`: memory is cheap here, about 60 bytes a transition.
+- `temperature` 2 falling to 0.1 over the first half: explores while the Q-values are still wrong.
+- `crash_reward` −40: with −150 the agent first learns to land at once, and stays there.
+- `exploring_starts`: half of the episodes start in the middle, so that late states are seen early.
+"""
+
+RECIPES = {recipe.name: recipe for recipe in (PAPER, LITE)}
+
+
+def find_recipe(name: str) -> Recipe:
+    """The recipe of this name; raises `InputError` with the known names."""
+    if name not in RECIPES:
+        raise InputError(f"unknown recipe {name!r}: choose one of {', '.join(RECIPES)}")
+    return RECIPES[name]

@@ -1,0 +1,132 @@
+"""Combined experience replay of compact states; maps are never stored."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from uavdh_lite.environment import State
+from uavdh_lite.errors import InputError
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A minibatch of transitions, each over up to n steps.
+
+    | field | shape | meaning |
+    | --- | --- | --- |
+    | `state` | B states | s(t) |
+    | `action` | (B,) int64 | a(t) |
+    | `reward` | (B,) float32 | r(t) + γ r(t+1) + … over m ≤ n steps |
+    | `discount` | (B,) float32 | γ^m, or 0 if the episode ended within the m steps |
+    | `next_state` | B states | s(t+m); of no meaning where the discount is 0 |
+    """
+
+    state: State
+    action: np.ndarray
+    reward: np.ndarray
+    discount: np.ndarray
+    next_state: State
+
+
+class Replay:
+    """A ring buffer of the last `capacity` transitions of N environments stepped together.
+
+    It keeps N streams of states, so that each state is stored once and the reward over n steps is
+    summed when a transition is sampled. Combined experience replay (Zhang and Sutton, 2017): the
+    newest transition is in every minibatch; with N environments, the newest N are.
+    """
+
+    def __init__(self, capacity: int, environments: int, max_devices: int):
+        if capacity < environments:
+            raise InputError(f"replay of {capacity} transitions for {environments} environments")
+        steps = capacity // environments + 1  # one more: the newest state has no action yet
+        lead, devices = (steps, environments), (steps, environments, max_devices)
+        self.state = State(
+            np.zeros(lead, np.int16),
+            np.zeros(lead, np.int16),
+            np.zeros(devices, np.int16),
+            np.zeros(devices, np.float32),
+            np.zeros(devices, np.float32),
+            np.zeros(lead, bool),
+        )
+        self.action = np.zeros(lead, np.int8)
+        self.reward = np.zeros(lead, np.float32)
+        self.terminal = np.zeros(lead, bool)
+        self.head = 0  # where the newest state is
+        self.filled = 0  # steps stored
+
+    def __len__(self) -> int:
+        """The number of transitions stored."""
+        return self.filled * self.action.shape[1]
+
+    @property
+    def bytes_per_transition(self) -> float:
+        """Memory a transition takes."""
+        return sum(array.nbytes for array in self.arrays().values()) / self.action.size
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The stored arrays by name, for saving and restoring."""
+        states = {f"state.{f.name}": getattr(self.state, f.name) for f in fields(State)}
+        return {
+            **states, "action": self.action, "reward": self.reward, "terminal": self.terminal
+        }
+
+    def add(self, state: State, action, reward, terminal, next_state: State) -> None:
+        """Store one step of all N environments; the oldest step makes room.
+
+        `next_state` is what followed, before ended episodes are replaced by new ones: those are
+        the `state` of the next call, which overwrites it.
+        """
+        self._write(self.head, state)
+        self.action[self.head] = action
+        self.reward[self.head] = reward
+        self.terminal[self.head] = terminal
+        self.head = (self.head + 1) % len(self.action)
+        self._write(self.head, next_state)
+        self.filled = min(self.filled + 1, len(self.action) - 1)
+
+    def _write(self, step: int, state: State) -> None:
+        for f in fields(State):
+            getattr(self.state, f.name)[step] = getattr(state, f.name)
+
+    def sample(
+        self, size: int, generator: np.random.Generator, discount: float, steps: int = 1
+    ) -> Batch:
+        """Draw `size` transitions: the newest of each environment first, the others uniformly.
+
+        Arguments:
+            discount: γ. steps: n, over how many steps the rewards are summed. Near the newest
+                state and the end of an episode it is as many as there are.
+        """
+        environments = self.action.shape[1]
+        if not environments <= size:
+            raise InputError(f"a minibatch of {size} cannot hold the newest {environments}")
+        if not self.filled:
+            raise InputError("the replay memory is empty: add transitions before sampling")
+        age = generator.integers(0, self.filled, size)
+        stream = generator.integers(0, environments, size)
+        age[:environments] = 0
+        stream[:environments] = np.arange(environments)
+
+        start = self.head - 1 - age
+        step = start % len(self.action)
+        reward = np.zeros(size, np.float32)
+        factor = np.ones(size, np.float32)
+        running = np.ones(size, bool)
+        for k in range(steps):
+            running &= k <= age
+            here = (start + k) % len(self.action)
+            reward += running * factor * self.reward[here, stream]
+            factor = np.where(running, factor * np.float32(discount), factor)
+            step = np.where(running, (here + 1) % len(self.action), step)
+            ended = running & self.terminal[here, stream]
+            factor[ended] = 0
+            running &= ~ended
+        first = start % len(self.action)
+        return Batch(
+            self.state[first, stream],
+            self.action[first, stream].astype(np.int64),
+            reward,
+            factor,
+            self.state[step, stream],
+        )

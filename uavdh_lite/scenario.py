@@ -1,0 +1,108 @@
+"""Scenarios: what is drawn at random for each episode, and the named presets."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from uavdh_lite.city import City
+from uavdh_lite.environment import State
+from uavdh_lite.errors import InputError
+
+
+def _f(default, help: str):
+    return field(default=default, metadata={"help": help})
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """The ranges from which an episode is drawn, both ends included."""
+
+    name: str
+    city: str = _f("manhattan", "a shipped city's name, or the path of a PNG")
+    devices: tuple[int, int] = _f((2, 5), "least and most number of devices")
+    data: tuple[float, float] = _f((5.0, 20.0), "least and most data of a device, data units")
+    flying_time: tuple[int, int] = _f((35, 70), "least and most flying time, units of time")
+
+    def __post_init__(self):
+        for name, least in (("devices", 1), ("data", 0), ("flying_time", 1)):
+            low, high = getattr(self, name)
+            if not least <= low <= high:
+                raise InputError(
+                    f"scenario {self.name}: {name} from {low} to {high}: "
+                    f"the first must be at least {least} and not above the second"
+                )
+        if self.data[1] <= 0:
+            raise InputError(f"scenario {self.name}: data up to {self.data[1]}: must be positive")
+        if self.flying_time[1] >= 2**15:
+            raise InputError(f"scenario {self.name}: flying_time must be below {2**15}")
+
+    @property
+    def max_devices(self) -> int:
+        """K, the number of device places in a `State`."""
+        return self.devices[1]
+
+    def sample(self, city: City, count: int, generator: np.random.Generator) -> State:
+        """Draw the starts of `count` episodes.
+
+        Start uniform over the landing cells; devices uniform over the cells where they may stand,
+        no two in one; their number, their data and the flying time uniform over the ranges.
+        """
+        cells = city.device_cells
+        if self.max_devices > len(cells):
+            raise InputError(
+                f"scenario {self.name}: up to {self.max_devices} devices, "
+                f"but {city.name} has {len(cells)} cells for them"
+            )
+        order = generator.random((count, len(cells)), np.float32).argsort(axis=1)
+        number = generator.integers(*self.devices, count, endpoint=True)
+        data = generator.uniform(*self.data, (count, self.max_devices)).astype(np.float32)
+        data *= np.arange(self.max_devices) < number[:, None]
+        return State(
+            uav_cell=generator.choice(city.landing_cells, count).astype(np.int16),
+            time_left=generator.integers(*self.flying_time, count, np.int16, endpoint=True),
+            device_cells=cells[order[:, : self.max_devices]].astype(np.int16),
+            data_initial=data,
+            data_left=data.copy(),
+            landed=np.zeros(count, bool),
+        )
+
+    def sample_anywhere(
+        self, city: City, count: int, generator: np.random.Generator, least_time: int
+    ) -> State:
+        """Draw episodes that are already under way, for exploring starts in training.
+
+        As `sample`, but the UAV is over any cell from which it can land, has any flying time from
+        `least_time` (or what the way to the landing zone takes) to the scenario's most, and each
+        device has been emptied already with probability 1/2.
+        """
+        state = self.sample(city, count, generator)
+        distance = city.landing_distance.ravel()
+        uav_cell = generator.choice(np.flatnonzero(distance >= 0), count)
+        time_left = generator.integers(least_time, self.flying_time[1], count, endpoint=True)
+        emptied = generator.random(state.data_left.shape) < 0.5
+        return State(
+            uav_cell=uav_cell.astype(np.int16),
+            time_left=np.maximum(time_left, distance[uav_cell] + 1).astype(np.int16),
+            device_cells=state.device_cells,
+            data_initial=state.data_initial,
+            data_left=np.where(emptied, np.float32(0), state.data_left),
+            landed=state.landed,
+        )
+
+
+SCENARIOS = {
+    scenario.name: scenario
+    for scenario in (
+        Scenario("manhattan"),
+        Scenario("open_field", "open_field", devices=(2, 2), data=(1.0, 25.0)),
+        Scenario("harbour", "harbour", devices=(3, 10), flying_time=(50, 150)),
+        Scenario("metropolis", "metropolis", devices=(3, 10), flying_time=(100, 250)),
+    )
+}
+
+
+def find_scenario(name: str) -> Scenario:
+    """The preset of this name; raises `InputError` with the known names."""
+    if name not in SCENARIOS:
+        raise InputError(f"unknown scenario {name!r}: choose one of {', '.join(SCENARIOS)}")
+    return SCENARIOS[name]

@@ -1,0 +1,95 @@
+"""Shadow maps: which pairs of cells see each other, and which have a building between them."""
+
+import numpy as np
+
+from uavdh_lite.errors import InputError
+
+METHODS = ("exact", "bresenham")
+
+
+def line_of_sight(buildings: np.ndarray, method: str = "exact") -> np.ndarray:
+    """Line of sight between all pairs of cells.
+
+    Arguments:
+        buildings: (M, M) bool, the cells that block links.
+        method: `"exact"`: blocked if the straight segment between the two cell centres crosses
+            the open interior of a building cell. Touching a corner or an edge does not block, nor
+            does passing exactly between two diagonal buildings. Symmetric.
+            `"bresenham"`: the fan of rays of the authors' code, for comparison. Not symmetric.
+
+    Returns: (M, M, M, M) bool, `[device_row, device_col, uav_row, uav_col]`, True for line of
+        sight (LoS), False for non-line of sight (NLoS). A cell that is a building sees nothing.
+
+    Raises `InputError` if `buildings` is not square or the method is unknown.
+    """
+    buildings = np.asarray(buildings, bool)
+    if buildings.ndim != 2 or buildings.shape[0] != buildings.shape[1]:
+        raise InputError(f"buildings must be a square array, found shape {buildings.shape}")
+    if method not in METHODS:
+        raise InputError(f"unknown shadow method {method!r}: choose one of {', '.join(METHODS)}")
+    return _exact(buildings) if method == "exact" else _bresenham(buildings)
+
+
+def crossed_cells(rows: int, cols: int) -> np.ndarray:
+    """The cells whose open interior the segment from (0, 0) to (rows, cols) crosses; (n, 2) ints.
+
+    The segment, a convex set, misses the open unit square around (r, c) exactly if a line along
+    the rows, along the columns, or along the segment parts them. The first two leave the segment's
+    bounding box. For the third, the square's centre must be no nearer to the segment's line than
+    half the square's width seen along it: |rows·c − cols·r| ≥ (|rows| + |cols|) / 2. All of it is
+    integer arithmetic, so it is exact.
+    """
+    r = np.arange(min(rows, 0), max(rows, 0) + 1)[:, None]
+    c = np.arange(min(cols, 0), max(cols, 0) + 1)[None, :]
+    crossed = 2 * np.abs(rows * c - cols * r) < max(abs(rows) + abs(cols), 1)
+    return np.argwhere(crossed) + (r[0, 0], c[0, 0])
+
+
+def _exact(buildings: np.ndarray) -> np.ndarray:
+    """All pairs at once for each displacement: the crossed cells depend on nothing else."""
+    size = len(buildings)
+    sight = np.empty((size, size, size, size), bool)
+    cells = np.arange(size)
+    for rows in range(size):
+        for cols in range(-size + 1, size):
+            height, width, left = size - rows, size - abs(cols), max(-cols, 0)
+            blocked = np.zeros((height, width), bool)
+            for r, c in crossed_cells(rows, cols):
+                blocked |= buildings[r : r + height, left + c : left + c + width]
+            r, c = cells[:height, None], cells[None, left : left + width]
+            sight[r, c, r + rows, c + cols] = ~blocked
+            sight[r + rows, c + cols, r, c] = ~blocked
+    return sight
+
+
+def _bresenham(buildings: np.ndarray) -> np.ndarray:
+    """From each cell, a ray to every border cell; what a ray meets before a building is seen.
+
+    All rays advance together, one step along the row or the column at a time.
+    """
+    size = len(buildings)
+    border = np.flatnonzero(np.pad(np.zeros((size - 2,) * 2, bool), 1, constant_values=True)) \
+        if size > 2 else np.arange(size * size)
+    start, goal = (a.ravel() for a in np.meshgrid(np.arange(size**2), border, indexing="ij"))
+    row, col = start // size, start % size
+    goal_row, goal_col = goal // size, goal % size
+    row_step, col_step = np.sign(goal_row - row), np.sign(goal_col - col)
+    col_distance, row_distance = np.abs(goal_col - col), -np.abs(goal_row - row)
+    error = col_distance + row_distance
+    sight = np.zeros((size**2, size**2), bool)
+    blocked = buildings.ravel()
+    while True:
+        here = row * size + col
+        ahead = ~blocked[here]
+        sight[start[ahead], here[ahead]] = True
+        ahead &= here != goal
+        if not ahead.any():
+            return sight.reshape((size,) * 4)
+        start, goal, row, col, row_step, col_step, col_distance, row_distance, error = (
+            a[ahead]
+            for a in (start, goal, row, col, row_step, col_step, col_distance, row_distance, error)
+        )
+        along_row = 2 * error - row_distance > col_distance - 2 * error
+        col = col + np.where(along_row, col_step, 0)
+        row = row + np.where(along_row, 0, row_step)
+        error = error + np.where(along_row, row_distance, col_distance)

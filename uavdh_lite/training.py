@@ -1,0 +1,387 @@
+"""The training loop: collect, learn, validate, log, save, resume."""
+
+import csv
+import io
+import json
+import platform
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, fields
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+from tqdm.auto import tqdm
+
+from uavdh_lite import __version__
+from uavdh_lite.agent import Agent, build
+from uavdh_lite.checkpoint import load, save, save_agent
+from uavdh_lite.city import City
+from uavdh_lite.ddqn import DDQN, draw_actions, softmax_policy
+from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
+from uavdh_lite.errors import InputError
+from uavdh_lite.evaluation import TRAINING, VALIDATION, evaluate, stream
+from uavdh_lite.files import write_atomically
+from uavdh_lite.recipe import Recipe
+from uavdh_lite.replay import Batch, Replay
+from uavdh_lite.scenario import Scenario
+
+BIN = 5000  # environment steps a row of training.csv, as in the paper's figure
+VALIDATION_SEED = 0
+
+
+class Trainer:
+    """One training run, step by step; `train` runs it with files and progress.
+
+    It is deterministic: the same scenario, city, recipe, seed, device and number of threads give
+    the same weights on one machine.
+
+    Arguments:
+        city: the city to fly over; the scenario's own if None.
+        device: `cpu` or `cuda`.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        recipe: Recipe,
+        seed: int,
+        city: City | None = None,
+        device: str = "cpu",
+    ):
+        self.scenario, self.recipe, self.seed = scenario, recipe, seed
+        self.city = city if city is not None else City.load(scenario.city)
+        self.device = torch.device(device)
+        self.environment = Environment(self.city)
+        self.generator = stream(TRAINING, seed)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self.observation, network = build(recipe, self.city)
+        self.observation.to(self.device)
+        network.to(self.device)
+        optimiser = torch.optim.Adam(
+            network.parameters(), recipe.learning_rate, amsgrad=recipe.amsgrad, fused=True
+        )
+        self.ddqn = DDQN(network, optimiser, recipe.target_update_rate, recipe.huber_delta)
+        self.replay = Replay(recipe.replay_capacity, recipe.environments, scenario.max_devices)
+        self.steps = self.updates = 0
+        self.seconds = 0.0  # spent training, over all sessions
+        self.training_rows: list[dict] = []
+        self.validation_rows: list[dict] = []
+        # The episodes in the air: since when ordinary (not an exploring start), their reward so far
+        self.ordinary = np.ones(recipe.environments, bool)
+        self.episode_reward = np.zeros(recipe.environments)
+        self._empty_bin()
+        self.state = self._starts(np.arange(recipe.environments))
+
+    def _empty_bin(self) -> None:
+        self.bin_episodes = np.zeros(4)  # number; sums of reward, landed, collection ratio
+        self.bin_cral = 0.0
+        self.bin_loss = torch.zeros((), device=self.device)
+        self.bin_updates = 0
+
+    @property
+    def agent(self) -> Agent:
+        """The agent as it is now; it shares the weights with the run."""
+        training = {
+            "seed": self.seed,
+            "steps": self.steps,
+            "updates": self.updates,
+            "seconds": round(self.seconds, 1),
+            "version": __version__,
+            "torch": torch.__version__,
+            "numpy": np.__version__,
+            "device": str(self.device),
+            "threads": torch.get_num_threads(),
+            "machine": f"{platform.machine()} {platform.system()}",
+            "validation": self.validation_rows[-1] if self.validation_rows else None,
+        }
+        parts = (self.ddqn.online, self.observation, self.recipe, self.scenario, self.city)
+        return Agent(*parts, training)
+
+    @property
+    def finished(self) -> bool:
+        return self.steps >= self.recipe.steps
+
+    def step(self) -> None:
+        """One step of all environments, and one update once the replay memory is prefilled."""
+        recipe, state = self.recipe, self.state
+        action = self._explore(state)
+        fading = self.environment.draw_fading(state, self.generator)
+        after, outcome = self.environment.transition(state, action, fading)
+        self.replay.add(state, action, recipe.rewards(outcome), after.ended, after)
+        self.episode_reward += Rewards()(outcome)
+        ended = np.flatnonzero(after.ended)
+        if len(ended):
+            self._account(after[ended], ended)
+            after = after.with_rows(ended, self._starts(ended))
+        self.state = after
+        self.steps += recipe.environments
+        if len(self.replay) >= recipe.replay_prefill:
+            self._learn()
+        if self.steps // BIN > (self.steps - recipe.environments) // BIN:
+            self._close_bin()
+
+    def _explore(self, state: State) -> np.ndarray:
+        """Actions of the softmax policy; uniform ones until the replay memory is prefilled."""
+        if len(self.replay) < self.recipe.replay_prefill:
+            return self.generator.integers(0, len(ACTIONS), len(state))
+        with torch.no_grad():
+            q_values = self.ddqn.online(*self.observation(state))
+        temperature = self.recipe.temperature_at(self.steps)
+        return draw_actions(softmax_policy(q_values, temperature), self.generator)
+
+    def _starts(self, places: np.ndarray) -> State:
+        """New episodes for these environments, a share of them exploring starts."""
+        recipe, count = self.recipe, len(places)
+        state = self.scenario.sample(self.city, count, self.generator)
+        exploring = self.generator.random(count) < recipe.exploring_starts
+        if exploring.any():
+            state = state.with_rows(
+                exploring,
+                self.scenario.sample_anywhere(
+                    self.city, exploring.sum(), self.generator, recipe.exploring_least_time
+                ),
+            )
+        self.ordinary[places] = ~exploring
+        self.episode_reward[places] = 0
+        return state
+
+    def _learn(self) -> None:
+        recipe = self.recipe
+        for group in self.ddqn.optimiser.param_groups:
+            group["lr"] = recipe.learning_rate_at(self.steps)
+        batch = self.replay.sample(
+            recipe.batch_size, self.generator, recipe.discount, recipe.return_steps
+        )
+        self.bin_loss += self.ddqn.update(*self._to_device(batch))
+        self.bin_updates += 1
+        self.updates += 1
+
+    def _to_device(self, batch: Batch) -> tuple:
+        action, reward, discount = (
+            torch.from_numpy(array).to(self.device)
+            for array in (batch.action, batch.reward, batch.discount)
+        )
+        state, next_state = self.observation(batch.state), self.observation(batch.next_state)
+        return state, action, reward, discount, next_state
+
+    def _account(self, end: State, places: np.ndarray) -> None:
+        """Add ended episodes to the bin; only ordinary ones, so that the figures compare."""
+        own = self.ordinary[places]
+        end, reward = end[own], self.episode_reward[places][own]
+        ratio = end.collection_ratio
+        self.bin_episodes += (len(end), reward.sum(), end.landed.sum(), ratio.sum())
+        self.bin_cral += float((ratio * end.landed).sum())
+
+    def _close_bin(self) -> None:
+        number, reward, landed, ratio = self.bin_episodes
+        each = max(number, 1)
+        self.training_rows.append({
+            "steps": self.steps,
+            "updates": self.updates,
+            "seconds": round(self.seconds, 1),
+            "episodes": int(number),
+            "cumulative_reward": reward / each if number else None,
+            "has_landed": landed / each if number else None,
+            "collection_ratio": ratio / each if number else None,
+            "collection_ratio_and_landed": self.bin_cral / each if number else None,
+            "loss": float(self.bin_loss) / self.bin_updates if self.bin_updates else None,
+            "temperature": self.recipe.temperature_at(self.steps),
+            "learning_rate": self.recipe.learning_rate_at(self.steps),
+        })
+        self._empty_bin()
+
+    def validate(self) -> bool:
+        """Fly the validation scenarios greedily; whether this is the best agent so far."""
+        episodes = self.recipe.validation_episodes
+        flights = evaluate(
+            self.environment, self.agent, self.scenario, episodes, VALIDATION_SEED, VALIDATION
+        )
+        means = {name: float(values.mean()) for name, values in flights.records().items()}
+        best = max((row["collection_ratio_and_landed"] for row in self.validation_rows), default=-1)
+        self.validation_rows.append(
+            {"steps": self.steps, "updates": self.updates, "seconds": round(self.seconds, 1)} | means
+        )
+        return means["collection_ratio_and_landed"] > best
+
+    def save(self, path: Path) -> None:
+        """Write all that the run needs to go on as if it had never stopped."""
+        tensors = {
+            "ordinary": torch.from_numpy(self.ordinary),
+            "episode_reward": torch.from_numpy(self.episode_reward),
+            "bin_episodes": torch.from_numpy(self.bin_episodes),
+            "bin_loss": self.bin_loss,
+        }
+        for part in ("online", "target"):
+            network = getattr(self.ddqn, part)
+            tensors |= {f"{part}.{name}": value for name, value in network.state_dict().items()}
+        for index, moments in self.ddqn.optimiser.state_dict()["state"].items():
+            tensors |= {f"optimiser.{index}.{name}": value for name, value in moments.items()}
+        for name, array in self.replay.arrays().items():
+            tensors[f"replay.{name}"] = torch.from_numpy(array)
+        for field in fields(State):
+            tensors[f"state.{field.name}"] = torch.from_numpy(getattr(self.state, field.name))
+        about = self._identity() | {
+            "generator": self.generator.bit_generator.state,
+            "replay": [self.replay.head, self.replay.filled],
+            "counters": {name: getattr(self, name) for name in self._COUNTERS},
+        }
+        save(path, "training", tensors, about)
+
+    _COUNTERS = (
+        "steps", "updates", "seconds", "bin_cral", "bin_updates", "training_rows", "validation_rows"
+    )
+
+    def _identity(self) -> dict:
+        """What must be equal for a saved run to go on as this one."""
+        values = {
+            "recipe": self.recipe.as_json(),
+            "scenario": asdict(self.scenario),
+            "city": self.city.fingerprint,
+            "seed": self.seed,
+        }
+        return json.loads(json.dumps(values))  # tuples become lists, as in a file
+
+    def restore(self, path: Path) -> None:
+        """Go on from what `save` wrote; `InputError` if it is of another run."""
+        tensors, about = load(path, "training")
+        for name, value in self._identity().items():
+            if about[name] != value:
+                raise InputError(f"{path}: another {name} than asked for{_difference(about[name], value)}")
+        for name in ("ordinary", "episode_reward", "bin_episodes"):
+            setattr(self, name, tensors[name].numpy())
+        self.bin_loss = tensors["bin_loss"].to(self.device)
+        for part in ("online", "target"):
+            getattr(self.ddqn, part).load_state_dict(_under(f"{part}.", tensors))
+        moments: dict[int, dict[str, Tensor]] = {}
+        for key, value in _under("optimiser.", tensors).items():
+            index, name = key.split(".")
+            moments.setdefault(int(index), {})[name] = value
+        groups = self.ddqn.optimiser.state_dict()["param_groups"]
+        self.ddqn.optimiser.load_state_dict({"state": moments, "param_groups": groups})
+        for name, array in self.replay.arrays().items():
+            array[:] = tensors[f"replay.{name}"].numpy()
+        self.state = State(**{k: v.numpy() for k, v in _under("state.", tensors).items()})
+        self.generator.bit_generator.state = about["generator"]
+        self.replay.head, self.replay.filled = about["replay"]
+        for name, value in about["counters"].items():
+            setattr(self, name, value)
+
+
+def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+
+
+def _difference(saved, asked) -> str:
+    """The fields in which two JSON values differ, for an error."""
+    if not isinstance(saved, dict):
+        return f": {saved} there, {asked} here"
+    names = [k for k in sorted(saved.keys() | asked.keys()) if saved.get(k) != asked.get(k)]
+    return "; " + ", ".join(f"{k}: {saved.get(k)} there, {asked.get(k)} here" for k in names)
+
+
+def train(trainer: Trainer, out: str | Path, resume: bool = False, command: str = "") -> Path:
+    """Run a training to its end, with progress; returns the path of the best agent.
+
+    In the folder `out`:
+
+    | file | content |
+    | --- | --- |
+    | `best.safetensors` | the agent with the best validation so far: the result |
+    | `training.safetensors` | everything needed to go on, written at each validation |
+    | `training.csv` | a row for every 5000 environment steps: ordinary training episodes |
+    | `validation.csv` | a row for each greedy validation |
+
+    A run that was killed goes on with `resume=True`, and ends with the same weights as one that
+    was not. Ctrl-C saves, then raises `KeyboardInterrupt`.
+
+    Raises `InputError` if the folder holds a run and `resume` is False, or none and it is True.
+    """
+    out = Path(out)
+    saved = out / "training.safetensors"
+    if resume and not saved.exists():
+        raise InputError(f"{out}: no run to resume there; leave out --resume to start one")
+    if not resume and saved.exists():
+        raise InputError(f"{out}: holds a run already; add --resume, or choose another folder")
+    if resume:
+        trainer.restore(saved)
+    total = trainer.recipe.steps
+    progress = tqdm(total=total, initial=trainer.steps, unit="step", unit_scale=True)
+    with progress, _deferred_interrupt() as interrupted:
+        while not trainer.finished:
+            started, before = time.perf_counter(), trainer.steps
+            trainer.step()
+            trainer.seconds += time.perf_counter() - started
+            progress.update(min(trainer.steps, total) - min(before, total))
+            interval = trainer.recipe.validation_interval
+            if trainer.steps // interval > before // interval or trainer.finished:
+                _validate(trainer, out, command)
+                progress.set_postfix_str(_status(trainer))
+            if interrupted():
+                trainer.save(saved)
+                print(f"\nstopped after {trainer.steps} steps; to go on: add --resume", flush=True)
+                raise KeyboardInterrupt
+    return out / "best.safetensors"
+
+
+def _validate(trainer: Trainer, out: Path, command: str) -> None:
+    started = time.perf_counter()
+    is_best = trainer.validate()
+    trainer.seconds += time.perf_counter() - started
+    if is_best:
+        agent = trainer.agent
+        agent.training["command"] = command
+        save_agent(out / "best.safetensors", agent)
+    _write_csv(out / "training.csv", trainer.training_rows)
+    _write_csv(out / "validation.csv", trainer.validation_rows)
+    trainer.save(out / "training.safetensors")
+
+
+def _status(trainer: Trainer) -> str:
+    row = trainer.validation_rows[-1]
+    return (
+        f"landed {row['has_landed']:.1%}, collected and landed "
+        f"{row['collection_ratio_and_landed']:.1%}, time used {row['time_used']:.0%}"
+    )
+
+
+def _write_csv(path: Path, rows: list[dict]) -> None:
+    if not rows:
+        return
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
+    write_atomically(path, lambda temporary: temporary.write_text(text.getvalue()))
+
+
+@contextmanager
+def _deferred_interrupt() -> Iterator:
+    """Ctrl-C is only noted, so that a step is never cut in two; gives a function that says if.
+
+    A second Ctrl-C interrupts at once. Outside the main thread signals cannot be caught: there
+    Ctrl-C does not arrive either.
+    """
+    noted = threading.Event()
+
+    def note(signum, frame):
+        if noted.is_set():
+            raise KeyboardInterrupt
+        noted.set()
+        print("\nstopping after this step; Ctrl-C again stops at once", file=sys.stderr, flush=True)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield noted.is_set
+        return
+    previous = signal.signal(signal.SIGINT, note)
+    try:
+        yield noted.is_set
+    finally:
+        signal.signal(signal.SIGINT, previous)
