@@ -31,7 +31,7 @@ class Channel:
                 raise InputError(f"channel: {name} must be positive, found {getattr(self, name)}")
         for name in ("fading_variance_los_db2", "fading_variance_nlos_db2"):
             if not getattr(self, name) >= 0:
-                raise InputError(f"channel: {name} must not be negative, found {getattr(self, name)}")
+                raise InputError(f"channel: {name} must be 0 or more, found {getattr(self, name)}")
         if self.slots < 1:
             raise InputError(f"channel: slots must be at least 1, found {self.slots}")
 
@@ -45,7 +45,7 @@ class Channel:
         return self.cell_edge_snr_db + 10 * self.path_loss_exponent_los * math.log10(edge_m)
 
     def mean_snr_db(self, squared_distance_m2, line_of_sight, size: int):
-        """SNR in dB without fading, from the squared 3-D distance; arrays of one shape (eq. 2, 3)."""
+        """SNR in dB without fading, from squared 3-D distances; arrays of one shape (eq. 2, 3)."""
         exponent = np.where(
             line_of_sight,
             np.float32(-5 * self.path_loss_exponent_los),  # 10 log10 d = 5 log10 d²

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save as to_bytes
 from torch import Tensor
 
 from uavdh_lite.agent import Agent, build
@@ -29,7 +29,8 @@ def save(path: str | Path, kind: str, tensors: dict[str, Tensor], about: dict) -
     header = json.dumps({"format": FORMAT, "kind": kind, **about})
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
     metadata = {"uavdh_lite": header, "sha256": _digest(header, tensors)}
-    write_atomically(path, lambda temporary: save_file(tensors, temporary, metadata))
+    content = to_bytes(tensors, metadata)
+    write_atomically(path, lambda temporary: temporary.write_bytes(content))
 
 
 def load(path: str | Path, kind: str) -> tuple[dict[str, Tensor], dict]:

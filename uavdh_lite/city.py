@@ -64,12 +64,12 @@ class City:
         if self.no_fly.shape != shape or self.buildings.shape != shape:
             raise CityError(f"{self.name}: the layers landing, no_fly, buildings differ in shape")
         if shape[0] > MAX_SIZE:
-            raise CityError(f"{self.name}: {shape[0]} cells a side, at most {MAX_SIZE} are possible")
+            raise CityError(f"{self.name}: {shape[0]} cells a side, at most {MAX_SIZE} fit")
         if not self.landing.any():
             raise CityError(f"{self.name}: no start and landing zone; paint at least one cell blue")
         both = self.landing & (self.no_fly | self.buildings)
         if both.any():
-            raise CityError(f"{self.name}: {_first(both)} is landing zone and also no-fly or building")
+            raise CityError(f"{self.name}: {_first(both)} is landing zone and no-fly or building")
         walled_in = self.landing & ~_dilate(~self.no_fly)
         if walled_in.any() and shape[0] > 1:
             raise CityError(
@@ -122,7 +122,8 @@ class City:
 
         A landing cell is never anything else, so the three layers and the kinds say the same.
         """
-        return (self.landing * 3 + self.no_fly + self.buildings * (2 + self.no_fly)).astype(np.uint8)
+        kinds = self.landing * 3 + self.no_fly + self.buildings * (2 + self.no_fly)
+        return kinds.astype(np.uint8)
 
     @cached_property
     def fingerprint(self) -> str:
@@ -172,9 +173,8 @@ def shipped_cities() -> list[str]:
 
 def _shipped(name: str) -> Path:
     if name not in shipped_cities():
-        raise CityError(
-            f"no city named {name!r}: give the path of a PNG, or one of {', '.join(shipped_cities())}"
-        )
+        shipped = ", ".join(shipped_cities())
+        raise CityError(f"no city named {name!r}: give the path of a PNG, or one of {shipped}")
     return data_folder() / "cities" / f"{name}.png"
 
 

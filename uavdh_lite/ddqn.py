@@ -74,8 +74,8 @@ class DDQN:
             target_next = self.target(*next_observation)
             y = ddqn_target(reward, discount, online_next, target_next)
         q = self.online(*observation).gather(1, action[:, None]).squeeze(1)
-        loss = mse_loss(q, y) if self.huber_delta is None else huber_loss(
-            q, y, delta=self.huber_delta
+        loss = (
+            mse_loss(q, y) if self.huber_delta is None else huber_loss(q, y, delta=self.huber_delta)
         )
         self.optimiser.zero_grad()
         loss.backward()

@@ -12,7 +12,6 @@ import numpy as np
 
 from uavdh_lite.channel import Channel, rate
 from uavdh_lite.city import City
-from uavdh_lite.errors import InputError
 from uavdh_lite.shadowing import line_of_sight
 
 ACTIONS = ("north", "east", "south", "west", "hover", "land")
@@ -103,7 +102,7 @@ def _f(default: float, help: str):
 
 @dataclass(frozen=True)
 class Rewards:
-    """The reward's constants; the paper's values are the defaults (the crash: the authors' code)."""
+    """The reward's constants; the defaults are the paper's (for the crash, the authors' code's)."""
 
     data: float = _f(1.0, "reward for a data unit uploaded")
     movement: float = _f(-0.2, "reward for every step that does not land, r_mov")
@@ -150,7 +149,7 @@ class Environment:
     """
 
     city: City
-    channel: Channel = Channel()
+    channel: Channel = Channel()  # noqa: RUF009 (frozen)
     shadow_method: str = "exact"
 
     @cached_property
@@ -272,60 +271,3 @@ def schedule(
         served[:, slot] = np.where(best_snr > -np.inf, best, -1)
         uploaded[:, slot] = amount
     return served, uploaded, data_left
-
-
-def place(
-    city: City,
-    uav: tuple[int, int],
-    devices: list[tuple[int, int]],
-    data: list[float],
-    flying_time: int,
-    max_devices: int,
-) -> State:
-    """The start of one episode of your own, a batch of one.
-
-    Arguments:
-        uav, devices: cells as (row, column). data: data units of each device.
-        flying_time: units of time. max_devices: K, the number of device places.
-
-    Raises `InputError`, naming the device or cell, for anything that cannot be flown.
-    """
-    if not 1 <= len(devices) <= max_devices:
-        raise InputError(f"{len(devices)} devices: this scenario takes 1 to {max_devices}")
-    if len(data) != len(devices):
-        raise InputError(f"{len(devices)} devices but {len(data)} amounts of data: give one each")
-    if not 1 <= flying_time < 2**15:
-        raise InputError(f"flying time {flying_time}: must be at least 1 and below {2**15}")
-    uav_cell = _cell(city, uav, "the UAV")
-    if city.no_fly.ravel()[uav_cell]:
-        raise InputError(f"the UAV cannot start at {tuple(uav)}: a no-fly cell")
-    device_cells = np.zeros((1, max_devices), np.int16)
-    data_initial = np.zeros((1, max_devices), np.float32)
-    for k, (device, amount) in enumerate(zip(devices, data, strict=True)):
-        cell = _cell(city, device, f"device {k}")
-        if city.buildings.ravel()[cell]:
-            raise InputError(f"device {k} stands on a building at {tuple(device)}: move it")
-        if city.landing.ravel()[cell]:
-            raise InputError(f"device {k} stands in the landing zone at {tuple(device)}: move it")
-        if cell in device_cells[0, :k]:
-            raise InputError(f"device {k} is at {tuple(device)}, where another device stands")
-        if not 0 <= amount < np.inf:
-            raise InputError(f"device {k} has {amount} data units: must be 0 or more")
-        device_cells[0, k], data_initial[0, k] = cell, amount
-    if not data_initial.any():
-        raise InputError("no device has data: give at least one a positive amount")
-    return State(
-        np.array([uav_cell], np.int16),
-        np.array([flying_time], np.int16),
-        device_cells,
-        data_initial,
-        data_initial.copy(),
-        np.array([False]),
-    )
-
-
-def _cell(city: City, place: tuple[int, int], what: str) -> int:
-    row, col = place
-    if not (0 <= row < city.size and 0 <= col < city.size):
-        raise InputError(f"{what} at {tuple(place)} is outside the city of {city.size} cells a side")
-    return int(row) * city.size + int(col)

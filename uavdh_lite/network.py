@@ -45,7 +45,7 @@ class QNetwork(nn.Module):
                 if min(rows, cols) < kernel_size:
                     raise InputError(
                         f"a map of {rows}×{cols} cells is too small for a convolution of "
-                        f"{kernel_size}×{kernel_size}: use a larger city, smaller kernels or strides"
+                        f"{kernel_size}×{kernel_size}: take smaller kernels or strides"
                     )
                 layers += [nn.Conv2d(channels, kernels, kernel_size, stride), nn.ReLU()]
                 channels = kernels

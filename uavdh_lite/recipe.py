@@ -55,12 +55,28 @@ class Recipe:
     validation_episodes: int = _f(1000, "scenarios flown in each validation, always the same")
 
     def __post_init__(self):
-        for name in ("steps", "kernels", "kernel_size", "return_steps", "batch_size",
-                     "environments", "replay_capacity", "validation_interval",
-                     "validation_episodes", "pooling", "exploring_least_time"):
+        for name in (
+            "steps",
+            "kernels",
+            "kernel_size",
+            "return_steps",
+            "batch_size",
+            "environments",
+            "replay_capacity",
+            "validation_interval",
+            "validation_episodes",
+            "pooling",
+            "exploring_least_time",
+        ):
             self._require(name, getattr(self, name) >= 1, "at least 1")
-        for name in ("data_scale", "time_scale", "learning_rate", "temperature",
-                     "temperature_end", "target_update_rate"):
+        for name in (
+            "data_scale",
+            "time_scale",
+            "learning_rate",
+            "temperature",
+            "temperature_end",
+            "target_update_rate",
+        ):
             self._require(name, getattr(self, name) > 0, "above 0")
         for name in ("discount", "target_update_rate", "temperature_decay", "exploring_starts"):
             self._require(name, 0 <= getattr(self, name) <= 1, "between 0 and 1")
@@ -69,11 +85,13 @@ class Recipe:
         self._require("learning_rate_end", self.learning_rate_end >= 0, "0 or above")
         self._require("huber_delta", self.huber_delta is None or self.huber_delta > 0, "above 0")
         self._require(
-            "environments", self.environments <= self.batch_size,
+            "environments",
+            self.environments <= self.batch_size,
             f"at most batch_size, {self.batch_size}: every minibatch holds the newest of each",
         )
         self._require(
-            "replay_prefill", 1 <= self.replay_prefill <= self.replay_capacity,
+            "replay_prefill",
+            1 <= self.replay_prefill <= self.replay_capacity,
             f"between 1 and replay_capacity, {self.replay_capacity}",
         )
 

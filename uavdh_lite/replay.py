@@ -67,9 +67,7 @@ class Replay:
     def arrays(self) -> dict[str, np.ndarray]:
         """The stored arrays by name, for saving and restoring."""
         states = {f"state.{f.name}": getattr(self.state, f.name) for f in fields(State)}
-        return {
-            **states, "action": self.action, "reward": self.reward, "terminal": self.terminal
-        }
+        return {**states, "action": self.action, "reward": self.reward, "terminal": self.terminal}
 
     def add(self, state: State, action, reward, terminal, next_state: State) -> None:
         """Store one step of all N environments; the oldest step makes room.

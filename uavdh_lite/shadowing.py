@@ -42,7 +42,7 @@ def crossed_cells(rows: int, cols: int) -> np.ndarray:
     r = np.arange(min(rows, 0), max(rows, 0) + 1)[:, None]
     c = np.arange(min(cols, 0), max(cols, 0) + 1)[None, :]
     crossed = 2 * np.abs(rows * c - cols * r) < max(abs(rows) + abs(cols), 1)
-    return np.argwhere(crossed) + (r[0, 0], c[0, 0])
+    return np.argwhere(crossed) + np.array([r[0, 0], c[0, 0]])
 
 
 def _exact(buildings: np.ndarray) -> np.ndarray:
@@ -68,8 +68,8 @@ def _bresenham(buildings: np.ndarray) -> np.ndarray:
     All rays advance together, one step along the row or the column at a time.
     """
     size = len(buildings)
-    border = np.flatnonzero(np.pad(np.zeros((size - 2,) * 2, bool), 1, constant_values=True)) \
-        if size > 2 else np.arange(size * size)
+    row, col = np.divmod(np.arange(size**2), size)
+    border = np.flatnonzero((np.minimum(row, col) == 0) | (np.maximum(row, col) == size - 1))
     start, goal = (a.ravel() for a in np.meshgrid(np.arange(size**2), border, indexing="ij"))
     row, col = start // size, start % size
     goal_row, goal_col = goal // size, goal % size

@@ -1,32 +1,23 @@
-"""The training loop: collect, learn, validate, log, save, resume."""
+"""The training loop: collect, learn, validate; saved and restored whole."""
 
-import csv
-import io
 import json
+import os
 import platform
-import signal
-import sys
-import threading
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, fields
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
-from tqdm.auto import tqdm
 
 from uavdh_lite import __version__
 from uavdh_lite.agent import Agent, build
-from uavdh_lite.checkpoint import load, save, save_agent
+from uavdh_lite.checkpoint import load, save
 from uavdh_lite.city import City
 from uavdh_lite.ddqn import DDQN, draw_actions, softmax_policy
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import TRAINING, VALIDATION, evaluate, stream
-from uavdh_lite.files import write_atomically
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.replay import Batch, Replay
 from uavdh_lite.scenario import Scenario
@@ -36,7 +27,7 @@ VALIDATION_SEED = 0
 
 
 class Trainer:
-    """One training run, step by step; `train` runs it with files and progress.
+    """One training run, step by step; `runs.train` runs it with files and progress.
 
     It is deterministic: the same scenario, city, recipe, seed, device and number of threads give
     the same weights on one machine.
@@ -98,7 +89,7 @@ class Trainer:
             "numpy": np.__version__,
             "device": str(self.device),
             "threads": torch.get_num_threads(),
-            "machine": f"{platform.machine()} {platform.system()}",
+            "machine": f"{os.cpu_count()}-core {platform.machine()}, {platform.system()}",
             "validation": self.validation_rows[-1] if self.validation_rows else None,
         }
         parts = (self.ddqn.online, self.observation, self.recipe, self.scenario, self.city)
@@ -182,19 +173,21 @@ class Trainer:
     def _close_bin(self) -> None:
         number, reward, landed, ratio = self.bin_episodes
         each = max(number, 1)
-        self.training_rows.append({
-            "steps": self.steps,
-            "updates": self.updates,
-            "seconds": round(self.seconds, 1),
-            "episodes": int(number),
-            "cumulative_reward": reward / each if number else None,
-            "has_landed": landed / each if number else None,
-            "collection_ratio": ratio / each if number else None,
-            "collection_ratio_and_landed": self.bin_cral / each if number else None,
-            "loss": float(self.bin_loss) / self.bin_updates if self.bin_updates else None,
-            "temperature": self.recipe.temperature_at(self.steps),
-            "learning_rate": self.recipe.learning_rate_at(self.steps),
-        })
+        self.training_rows.append(
+            {
+                "steps": self.steps,
+                "updates": self.updates,
+                "seconds": round(self.seconds, 1),
+                "episodes": int(number),
+                "cumulative_reward": reward / each if number else None,
+                "has_landed": landed / each if number else None,
+                "collection_ratio": ratio / each if number else None,
+                "collection_ratio_and_landed": self.bin_cral / each if number else None,
+                "loss": float(self.bin_loss) / self.bin_updates if self.bin_updates else None,
+                "temperature": self.recipe.temperature_at(self.steps),
+                "learning_rate": self.recipe.learning_rate_at(self.steps),
+            }
+        )
         self._empty_bin()
 
     def validate(self) -> bool:
@@ -205,9 +198,8 @@ class Trainer:
         )
         means = {name: float(values.mean()) for name, values in flights.records().items()}
         best = max((row["collection_ratio_and_landed"] for row in self.validation_rows), default=-1)
-        self.validation_rows.append(
-            {"steps": self.steps, "updates": self.updates, "seconds": round(self.seconds, 1)} | means
-        )
+        counts = {"steps": self.steps, "updates": self.updates, "seconds": round(self.seconds, 1)}
+        self.validation_rows.append(counts | means)
         return means["collection_ratio_and_landed"] > best
 
     def save(self, path: Path) -> None:
@@ -235,7 +227,13 @@ class Trainer:
         save(path, "training", tensors, about)
 
     _COUNTERS = (
-        "steps", "updates", "seconds", "bin_cral", "bin_updates", "training_rows", "validation_rows"
+        "steps",
+        "updates",
+        "seconds",
+        "bin_cral",
+        "bin_updates",
+        "training_rows",
+        "validation_rows",
     )
 
     def _identity(self) -> dict:
@@ -253,7 +251,8 @@ class Trainer:
         tensors, about = load(path, "training")
         for name, value in self._identity().items():
             if about[name] != value:
-                raise InputError(f"{path}: another {name} than asked for{_difference(about[name], value)}")
+                difference = _difference(about[name], value)
+                raise InputError(f"{path}: another {name} than asked for{difference}")
         for name in ("ordinary", "episode_reward", "bin_episodes"):
             setattr(self, name, tensors[name].numpy())
         self.bin_loss = tensors["bin_loss"].to(self.device)
@@ -284,104 +283,3 @@ def _difference(saved, asked) -> str:
         return f": {saved} there, {asked} here"
     names = [k for k in sorted(saved.keys() | asked.keys()) if saved.get(k) != asked.get(k)]
     return "; " + ", ".join(f"{k}: {saved.get(k)} there, {asked.get(k)} here" for k in names)
-
-
-def train(trainer: Trainer, out: str | Path, resume: bool = False, command: str = "") -> Path:
-    """Run a training to its end, with progress; returns the path of the best agent.
-
-    In the folder `out`:
-
-    | file | content |
-    | --- | --- |
-    | `best.safetensors` | the agent with the best validation so far: the result |
-    | `training.safetensors` | everything needed to go on, written at each validation |
-    | `training.csv` | a row for every 5000 environment steps: ordinary training episodes |
-    | `validation.csv` | a row for each greedy validation |
-
-    A run that was killed goes on with `resume=True`, and ends with the same weights as one that
-    was not. Ctrl-C saves, then raises `KeyboardInterrupt`.
-
-    Raises `InputError` if the folder holds a run and `resume` is False, or none and it is True.
-    """
-    out = Path(out)
-    saved = out / "training.safetensors"
-    if resume and not saved.exists():
-        raise InputError(f"{out}: no run to resume there; leave out --resume to start one")
-    if not resume and saved.exists():
-        raise InputError(f"{out}: holds a run already; add --resume, or choose another folder")
-    if resume:
-        trainer.restore(saved)
-    total = trainer.recipe.steps
-    progress = tqdm(total=total, initial=trainer.steps, unit="step", unit_scale=True)
-    with progress, _deferred_interrupt() as interrupted:
-        while not trainer.finished:
-            started, before = time.perf_counter(), trainer.steps
-            trainer.step()
-            trainer.seconds += time.perf_counter() - started
-            progress.update(min(trainer.steps, total) - min(before, total))
-            interval = trainer.recipe.validation_interval
-            if trainer.steps // interval > before // interval or trainer.finished:
-                _validate(trainer, out, command)
-                progress.set_postfix_str(_status(trainer))
-            if interrupted():
-                trainer.save(saved)
-                print(f"\nstopped after {trainer.steps} steps; to go on: add --resume", flush=True)
-                raise KeyboardInterrupt
-    return out / "best.safetensors"
-
-
-def _validate(trainer: Trainer, out: Path, command: str) -> None:
-    started = time.perf_counter()
-    is_best = trainer.validate()
-    trainer.seconds += time.perf_counter() - started
-    if is_best:
-        agent = trainer.agent
-        agent.training["command"] = command
-        save_agent(out / "best.safetensors", agent)
-    _write_csv(out / "training.csv", trainer.training_rows)
-    _write_csv(out / "validation.csv", trainer.validation_rows)
-    trainer.save(out / "training.safetensors")
-
-
-def _status(trainer: Trainer) -> str:
-    row = trainer.validation_rows[-1]
-    return (
-        f"landed {row['has_landed']:.1%}, collected and landed "
-        f"{row['collection_ratio_and_landed']:.1%}, time used {row['time_used']:.0%}"
-    )
-
-
-def _write_csv(path: Path, rows: list[dict]) -> None:
-    if not rows:
-        return
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
-    write_atomically(path, lambda temporary: temporary.write_text(text.getvalue()))
-
-
-@contextmanager
-def _deferred_interrupt() -> Iterator:
-    """Ctrl-C is only noted, so that a step is never cut in two; gives a function that says if.
-
-    A second Ctrl-C interrupts at once. Outside the main thread signals cannot be caught: there
-    Ctrl-C does not arrive either.
-    """
-    noted = threading.Event()
-
-    def note(signum, frame):
-        if noted.is_set():
-            raise KeyboardInterrupt
-        noted.set()
-        print("\nstopping after this step; Ctrl-C again stops at once", file=sys.stderr, flush=True)
-
-    if threading.current_thread() is not threading.main_thread():
-        yield noted.is_set
-        return
-    previous = signal.signal(signal.SIGINT, note)
-    try:
-        yield noted.is_set
-    finally:
-        signal.signal(signal.SIGINT, previous)

@@ -1,0 +1,58 @@
+"""A small city and quick recipes that several tests share."""
+
+from dataclasses import replace
+
+import matplotlib
+import numpy as np
+import pytest
+import torch
+
+from uavdh_lite.city import City
+from uavdh_lite.recipe import LITE, Recipe
+from uavdh_lite.scenario import Scenario
+
+matplotlib.use("Agg")
+torch.set_num_threads(1)
+
+CORRIDOR = """
+B B B B B
+B B B B B
+L . . . .
+B B B B B
+B B B B B
+"""
+
+
+@pytest.fixture
+def corridor() -> City:
+    """One street: land at its west end, devices anywhere else in it."""
+    return City.from_text("corridor", CORRIDOR)
+
+
+@pytest.fixture
+def corridor_scenario() -> Scenario:
+    return Scenario("corridor", "corridor", (1, 1), (5.0, 10.0), (14, 20))
+
+
+@pytest.fixture
+def quick() -> Recipe:
+    """`lite` with a small network and a short run."""
+    return replace(
+        LITE,
+        name="quick",
+        steps=4_000,
+        kernels=4,
+        kernel_size=3,
+        hidden=(32,),
+        batch_size=32,
+        environments=8,
+        replay_capacity=2_000,
+        replay_prefill=200,
+        validation_interval=1_000,
+        validation_episodes=50,
+    )
+
+
+@pytest.fixture
+def generator() -> np.random.Generator:
+    return np.random.default_rng(0)

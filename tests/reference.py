@@ -1,0 +1,157 @@
+"""The specification once more, as slow and plain as can be, for tests to compare with.
+
+One episode, one device, one slot at a time; plain floats in the channel, fractions in the
+shadow map. Cells are (row, col).
+"""
+
+import math
+from fractions import Fraction
+from functools import cache
+
+MOVES = [(-1, 0), (0, 1), (1, 0), (0, -1), (0, 0), (0, 0)]
+LAND = 5
+
+
+def reference_line_of_sight(buildings, device, uav) -> bool:
+    """Clip the segment between the centres to the open square of each building, exactly."""
+    half = Fraction(1, 2)
+    for row in range(min(device[0], uav[0]), max(device[0], uav[0]) + 1):
+        for col in range(min(device[1], uav[1]), max(device[1], uav[1]) + 1):
+            if not buildings[row][col]:
+                continue
+            # the points device + t (uav − device) in the square: enter < t < leave
+            enter, leave = Fraction(-1), Fraction(2)
+            for start, end, centre in ((device[0], uav[0], row), (device[1], uav[1], col)):
+                if start == end:
+                    continue  # then centre is the same: the loops stay between the two cells
+                bounds = [(centre + side - start) / (end - start) for side in (-half, half)]
+                enter, leave = max(enter, min(bounds)), min(leave, max(bounds))
+            if enter < leave and enter < 1 and leave > 0:
+                return False
+    return True
+
+
+def cached_line_of_sight(buildings):
+    """`reference_line_of_sight` over one city, each pair computed once."""
+    buildings = [[bool(cell) for cell in row] for row in buildings]
+    return cache(lambda device, uav: reference_line_of_sight(buildings, device, uav))
+
+
+def ray(start, end):
+    """The cells from start to end: at each step either the row or the column advances."""
+    row, col = start
+    dx, dy = abs(end[1] - col), -abs(end[0] - row)
+    err = dx + dy
+    cells = [(row, col)]
+    while (row, col) != tuple(end):
+        if 2 * err - dy > dx - 2 * err:
+            err += dy
+            col += 1 if end[1] > col else -1
+        else:
+            err += dx
+            row += 1 if end[0] > row else -1
+        cells.append((row, col))
+    return cells
+
+
+def reference_bresenham(buildings, device):
+    """What the rays from a device cell to every border cell meet before a building."""
+    size = len(buildings)
+    visible = set()
+    for row in range(size):
+        for col in range(size):
+            if row not in (0, size - 1) and col not in (0, size - 1):
+                continue
+            for cell in ray(device, (row, col)):
+                if buildings[cell[0]][cell[1]]:
+                    break
+                visible.add(cell)
+    return visible
+
+
+class ReferenceEpisode:
+    """One episode. `channel` only holds the constants; `sight(device, uav)` says LoS or not."""
+
+    def __init__(self, city, channel, sight, uav, time, devices, data):
+        self.size = len(city.landing)
+        self.landing, self.no_fly = city.landing, city.no_fly
+        self.channel, self.sight = channel, sight
+        self.row, self.col = uav
+        self.time = time
+        self.devices = list(devices)
+        self.left = list(data)
+        self.landed = False
+
+    @property
+    def ended(self) -> bool:
+        return self.landed or self.time == 0
+
+    def snr(self, device, before, after, slot, normal) -> float:
+        """SNR of a device cell in slot 1…δ on the way between two cells."""
+        channel = self.channel
+        edge = math.sqrt(2) * self.size * channel.cell_size_m / 2
+        transmit = 10 ** (channel.cell_edge_snr_db / 10) * edge**channel.path_loss_exponent_los
+
+        part = slot / channel.slots
+        rows = before[0] + part * (after[0] - before[0]) - device[0]
+        cols = before[1] + part * (after[1] - before[1]) - device[1]
+        ground = math.hypot(rows * channel.cell_size_m, cols * channel.cell_size_m)
+        distance = math.hypot(ground, channel.altitude_m)
+
+        if self.sight(device, before if 2 * slot < channel.slots else after):
+            exponent, variance = channel.path_loss_exponent_los, channel.fading_variance_los_db2
+        else:
+            exponent, variance = channel.path_loss_exponent_nlos, channel.fading_variance_nlos_db2
+        return transmit * distance**-exponent * 10 ** (math.sqrt(variance) * normal / 10)
+
+    def step(self, action, fading) -> dict:
+        """One step; `fading[slot][device]` is standard normal."""
+        slots = self.channel.slots
+        result = {
+            "reward": 0.0,
+            "terms": {"data": 0.0, "movement": 0.0, "safety": 0.0, "crash": 0.0},
+            "uploaded": [0.0] * slots,
+            "served": [-1] * slots,
+            "intervened": False,
+            "landed": False,
+            "crashed": False,
+        }
+        if self.ended:
+            return result
+
+        before = after = (self.row, self.col)
+        if action == LAND:
+            result["landed"] = bool(self.landing[self.row][self.col])
+            result["intervened"] = not result["landed"]
+        else:
+            row, col = self.row + MOVES[action][0], self.col + MOVES[action][1]
+            inside = 0 <= row < self.size and 0 <= col < self.size
+            if inside and not self.no_fly[row][col]:
+                after = (row, col)
+            else:
+                result["intervened"] = True
+        self.row, self.col = after
+        self.time -= 1
+        self.landed = result["landed"]
+        result["crashed"] = self.time == 0 and not self.landed
+
+        if not self.ended:
+            for slot in range(1, slots + 1):
+                best, best_snr = -1, -1.0
+                for index, device in enumerate(self.devices):
+                    snr = self.snr(device, before, after, slot, float(fading[slot - 1][index]))
+                    if self.left[index] > 0 and snr > best_snr:
+                        best, best_snr = index, snr
+                if best >= 0:
+                    amount = min(math.log2(1 + best_snr), self.left[best])
+                    self.left[best] -= amount
+                    result["served"][slot - 1] = best
+                    result["uploaded"][slot - 1] = amount
+
+        terms = result["terms"]
+        terms["data"] = 1.0 * sum(result["uploaded"])
+        terms["movement"] = 0.0 if result["landed"] else -0.2
+        terms["safety"] = -1.0 if result["intervened"] else 0.0
+        terms["crash"] = -150.0 if result["crashed"] else 0.0
+        result["reward"] = sum(terms.values())
+        return result

@@ -1,0 +1,329 @@
+"""The command line: `python -m uavdh_lite --help`."""
+
+import argparse
+import json
+import shlex
+import sys
+import typing
+from dataclasses import MISSING, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from uavdh_lite.errors import InputError
+from uavdh_lite.files import write_atomically
+from uavdh_lite.recipe import Recipe, find_recipe
+from uavdh_lite.scenario import Scenario, find_scenario
+
+# The paper's Table: one agent for each map, 1000 random scenarios each
+PAPER_RESULTS = {
+    "manhattan": {
+        "has_landed": 0.995,
+        "collection_ratio": 0.948,
+        "collection_ratio_and_landed": 0.946,
+    },
+    "open_field": {
+        "has_landed": 0.999,
+        "collection_ratio": 0.900,
+        "collection_ratio_and_landed": 0.899,
+    },
+}
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors take one line."""
+
+    def error(self, message: str) -> typing.NoReturn:
+        self.exit(2, f"{self.prog}: error: {message}\n")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; returns the exit status: 0, 1 for files, 2 for bad input, 130 for Ctrl-C."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    options = _parser().parse_args(arguments)
+    options.command_line = shlex.join(["python", "-m", "uavdh_lite", *arguments])
+    try:
+        options.run(options)
+    except InputError as error:
+        print(f"uavdh_lite: error: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"uavdh_lite: error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+def _parser() -> _Parser:
+    parser = _Parser("uavdh_lite", description="UAV data harvesting by deep reinforcement learning")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    demo = commands.add_parser("demo", help="evaluate the shipped agents and draw four flights")
+    _common(demo, _demo, episodes=True, out="demo.png")
+
+    train = commands.add_parser(
+        "train",
+        help="train an agent",
+        description="Train an agent. Options of scenario and recipe replace single values of the "
+        "named ones.",
+    )
+    train.add_argument("--scenario", default="manhattan", help="a preset's name (%(default)s)")
+    train.add_argument("--recipe", default="lite", help="paper or lite (%(default)s)")
+    train.add_argument("--out", help="folder of the run (runs/SCENARIO-RECIPE-SEED)")
+    train.add_argument("--resume", action="store_true", help="go on with the run in that folder")
+    train.add_argument(
+        "--threads", type=_positive, default=1, help="processor threads (%(default)s)"
+    )
+    _common(train, _train, seed_help="seed of weights, episodes and exploration")
+    _fields(train.add_argument_group("scenario"), Scenario)
+    _fields(train.add_argument_group("recipe"), Recipe)
+
+    evaluate = commands.add_parser("evaluate", help="fly an agent over many random scenarios")
+    _checkpoint(evaluate, required=True)
+    evaluate.add_argument("--json", metavar="FILE", help="write mean, low and high of each metric")
+    _common(evaluate, _evaluate, episodes=True)
+
+    fly = commands.add_parser(
+        "fly",
+        help="fly one scenario of your own and draw it",
+        description="Fly one scenario and draw it. What is not given is drawn at random.",
+    )
+    _checkpoint(fly, required=False)
+    fly.add_argument("--devices", nargs="+", type=_cell, metavar="ROW,COL", help="device cells")
+    fly.add_argument("--data", nargs="+", type=float, metavar="UNITS", help="data of each device")
+    fly.add_argument("--flying-time", type=int, metavar="N", help="units of time")
+    fly.add_argument("--start", type=_cell, metavar="ROW,COL", help="the UAV's first cell")
+    _common(fly, _fly, out="flight.png", seed_help="seed of the fading and of what is not given")
+
+    city = commands.add_parser("city", help="check a city's PNG and draw it")
+    city.add_argument("path", help="a PNG, or the name of a shipped city")
+    city.add_argument("--out", default="city.png", help="the figure (%(default)s)")
+    city.set_defaults(run=_city)
+    return parser
+
+
+def _common(parser, run, episodes=False, out=None, seed_help="seed of scenarios and fading"):
+    """Options that several commands share."""
+    parser.set_defaults(run=run)
+    parser.add_argument("--seed", type=_natural, default=0, help=f"{seed_help} (%(default)s)")
+    parser.add_argument("--device", default="cpu", help="cpu or cuda (%(default)s)")
+    if episodes:
+        parser.add_argument(
+            "--episodes", type=_positive, default=1000, help="random scenarios (%(default)s)"
+        )
+    if out:
+        parser.add_argument("--out", default=out, help="the figure (%(default)s)")
+
+
+def _checkpoint(parser, required: bool) -> None:
+    parser.add_argument(
+        "--checkpoint",
+        required=required,
+        default=None if required else "manhattan",
+        metavar="PATH",
+        help="a checkpoint file, or the name of a shipped agent"
+        + ("" if required else " (%(default)s)"),
+    )
+    parser.add_argument("--city", metavar="PATH", help="another city of the same size")
+
+
+def _fields(group, config: type) -> None:
+    """An option for each field of a dataclass that carries a help text."""
+    types = typing.get_type_hints(config)
+    for field in fields(config):
+        if "help" not in field.metadata:
+            continue
+        kind = types[field.name]
+        default = field.default if field.default is not MISSING else ""
+        if isinstance(default, tuple):
+            default = " ".join(map(str, default))
+        option = {"help": f"{field.metadata['help']} [{default}]", "default": argparse.SUPPRESS}
+        if kind is bool:
+            option["action"] = argparse.BooleanOptionalAction
+        elif typing.get_origin(kind) is tuple:
+            inner = typing.get_args(kind)
+            option |= {"type": inner[0], "nargs": "+" if inner[-1] is Ellipsis else len(inner)}
+            option["metavar"] = "N"
+        else:
+            option["type"] = kind if kind in (int, float, str) else _float_or_none
+            option["metavar"] = "N"
+        group.add_argument("--" + field.name.replace("_", "-"), **option)
+
+
+def _given(options: argparse.Namespace, config: type) -> dict:
+    """The fields of a dataclass for which an option was given."""
+    given = vars(options)
+    values = {
+        field.name: given[field.name]
+        for field in fields(config)
+        if "help" in field.metadata and field.name in given
+    }
+    return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+
+
+def _cell(text: str) -> tuple[int, int]:
+    try:
+        row, col = text.split(",")
+        return int(row), int(col)
+    except ValueError:
+        message = f"{text!r} is not a cell: write ROW,COL as in 3,12"
+        raise argparse.ArgumentTypeError(message) from None
+
+
+def _natural(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 0")
+    return int(text)
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 1")
+    return int(text)
+
+
+def _float_or_none(text: str) -> float | None:
+    return None if text == "none" else float(text)
+
+
+def _device(name: str) -> str:
+    import torch
+
+    if name not in ("cpu", "cuda"):
+        raise InputError(f"unknown device {name!r}: choose cpu or cuda")
+    if name == "cuda" and not torch.cuda.is_available():
+        raise InputError("no CUDA device: leave out --device, or install a CUDA build of torch")
+    return name
+
+
+def _train(options: argparse.Namespace) -> None:
+    import torch
+
+    from uavdh_lite.runs import train
+    from uavdh_lite.training import Trainer
+
+    scenario = replace(find_scenario(options.scenario), **_given(options, Scenario))
+    recipe = replace(find_recipe(options.recipe), **_given(options, Recipe))
+    out = options.out or f"runs/{scenario.name}-{recipe.name}-{options.seed}"
+    torch.set_num_threads(options.threads)
+    trainer = Trainer(scenario, recipe, options.seed, device=_device(options.device))
+    best = train(trainer, out, options.resume, options.command_line)
+    print(f"best agent: {best}\nto see it: python -m uavdh_lite evaluate --checkpoint {best}")
+
+
+def _evaluate(options: argparse.Namespace) -> None:
+    from uavdh_lite.environment import Environment
+    from uavdh_lite.evaluation import evaluate
+
+    agent = _agent(options)
+    flights = evaluate(
+        Environment(agent.city), agent, agent.scenario, options.episodes, options.seed
+    )
+    metrics = flights.metrics()
+    print(f"{agent.scenario.name}: {options.episodes} random scenarios, seed {options.seed}")
+    print(f"{'':<28}{'mean':>9}{'95 % interval':>22}")
+    for name, interval in metrics.items():
+        print(f"{name:<28}{interval.mean:>9.4f}{f'{interval.low:.4f} to {interval.high:.4f}':>22}")
+    if options.json:
+        values = {name: interval._asdict() for name, interval in metrics.items()}
+        text = json.dumps(values, indent=2)
+        write_atomically(options.json, lambda temporary: temporary.write_text(text + "\n"))
+
+
+def _agent(options: argparse.Namespace):
+    from uavdh_lite.checkpoint import load_agent
+    from uavdh_lite.city import City
+
+    agent = load_agent(options.checkpoint, _device(options.device))
+    return agent if options.city is None else agent.over(City.load(options.city))
+
+
+def _demo(options: argparse.Namespace) -> None:
+    from matplotlib.figure import Figure
+
+    from uavdh_lite.checkpoint import load_agent, shipped_agents
+    from uavdh_lite.environment import Environment
+    from uavdh_lite.evaluation import evaluate
+    from uavdh_lite.plotting import add_legend, draw_trajectory, save_figure
+
+    names = [name for name in PAPER_RESULTS if name in shipped_agents()]
+    drawn = []
+    for name in names:
+        agent = load_agent(name, _device(options.device))
+        environment = Environment(agent.city)
+        flights = evaluate(
+            environment, agent, agent.scenario, options.episodes, options.seed, record=True
+        )
+        metrics = flights.metrics()
+        print(f"{name}: {options.episodes} random scenarios, seed {options.seed}")
+        print(f"{'':<28}{'this agent':>12}{'95 % interval':>20}{'paper':>10}")
+        for metric, paper in PAPER_RESULTS[name].items():
+            mean, low, high = metrics[metric]
+            between = f"{low:.1%} to {high:.1%}"
+            print(f"{metric.replace('_', ' '):<28}{mean:>12.1%}{between:>20}{paper:>10.1%}")
+        print(f"{'flying time used':<28}{metrics['time_used'].mean:>12.1%}\n")
+        drawn += [(environment, flights, episode) for episode in range(4 // len(names))]
+
+    figure = Figure(figsize=(11, 13), layout="constrained")
+    for ax, (environment, flights, episode) in zip(figure.subplots(2, 2).flat, drawn, strict=False):
+        draw_trajectory(ax, environment, flights.trajectory(min(episode, options.episodes - 1)))
+        ax.set_title(f"{environment.city.name}, scenario {episode}")
+    add_legend(figure, max(flights.start.device_cells.shape[1] for _, flights, _ in drawn))
+    save_figure(figure, options.out)
+    print(f"Four of the flights are drawn in {options.out}.")
+    print("The maps are redrawn from the paper's text, its own were never published: the agents")
+    print("solve the same task, but not on the same streets.")
+
+
+def _fly(options: argparse.Namespace) -> None:
+    from matplotlib.figure import Figure
+
+    from uavdh_lite.environment import Environment
+    from uavdh_lite.evaluation import TEST, fly, stream
+    from uavdh_lite.plotting import add_legend, caption, draw_trajectory, save_figure
+    from uavdh_lite.scenario import place
+
+    agent = _agent(options)
+    city, scenario = agent.city, agent.scenario
+    generator = stream(TEST, options.seed)
+    drawn = scenario.sample(city, 1, generator)
+    used = np.flatnonzero(drawn.data_initial[0])
+    devices = options.devices or [divmod(int(c), city.size) for c in drawn.device_cells[0, used]]
+    data = options.data or generator.uniform(*scenario.data, len(devices)).tolist()
+    start = options.start or divmod(int(drawn.uav_cell[0]), city.size)
+    time = int(drawn.time_left[0]) if options.flying_time is None else options.flying_time
+    state = place(city, start, devices, data, time, scenario.max_devices)
+    environment = Environment(city)
+    trajectory = fly(environment, agent, state, generator, record=True).trajectory(0)
+
+    figure = Figure(figsize=(7, 8.5), layout="constrained")
+    draw_trajectory(figure.subplots(), environment, trajectory)
+    add_legend(figure, len(devices))
+    save_figure(figure, options.out)
+    print(f"{'landed' if trajectory.landed else 'crashed'}. {caption(trajectory)}. {options.out}")
+
+
+def _city(options: argparse.Namespace) -> None:
+    from matplotlib.figure import Figure
+
+    from uavdh_lite.city import City
+    from uavdh_lite.plotting import draw_city, save_figure
+
+    city = City.load(options.path)
+    farthest = city.landing_distance.max()
+    unreachable = int(((city.landing_distance < 0) & ~city.no_fly).sum())
+    print(f"{city.name}: {city.size} × {city.size} cells, valid")
+    print(f"{len(city.landing_cells)} landing cells, {len(city.flight_cells)} cells to fly over")
+    print(f"{len(city.device_cells)} cells for devices")
+    print(
+        f"at most {farthest} moves to a landing cell; {unreachable} flight cells have no way to one"
+    )
+    figure = Figure(figsize=(7, 7), layout="constrained")
+    draw_city(figure.subplots(), city)
+    save_figure(figure, options.out)
+    print(Path(options.out))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,218 @@
+"""The figures of the paper, each a function that draws on an Axes and returns it."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.patheffects import withStroke
+
+from uavdh_lite.city import City
+from uavdh_lite.environment import LAND, Environment
+from uavdh_lite.evaluation import Trajectory
+from uavdh_lite.files import write_atomically
+
+# Okabe and Ito's colours without black, which means "nothing left to collect", and three more.
+DEVICE_COLOURS = (
+    "#E69F00",
+    "#0072B2",
+    "#009E73",
+    "#CC79A7",
+    "#D55E00",
+    "#56B4E9",
+    "#8C6D1F",
+    "#5E4FA2",
+    "#A6761D",
+    "#1B9E77",
+)
+NO_FLY = {"facecolor": "none", "edgecolor": "#C1272D", "hatch": "////", "linewidth": 0}
+LANDING = {"facecolor": "#9DC3E6", "edgecolor": "#1F4E79", "hatch": "\\\\\\\\", "linewidth": 0}
+TALL = {"facecolor": "#4D4D4D", "linewidth": 0}
+LOW = {"facecolor": "#D9C9A3", "edgecolor": "#6B5B35", "hatch": "..", "linewidth": 0}
+SHADOW = 0.12  # darkness that one device's shadow adds
+
+
+def device_colour(device: int) -> str:
+    """The colour of a device, the same in every figure."""
+    return DEVICE_COLOURS[device % len(DEVICE_COLOURS)]
+
+
+def draw_city(ax: Axes, city: City, shadow_sum: np.ndarray | None = None) -> Axes:
+    """The city as a map, north up, a unit a cell, cell (row, col) centred at x = col, y = row.
+
+    Arguments:
+        shadow_sum: (M, M), for how many devices a cell lies in a building's shadow; see
+            `shadow_sum`. The more, the darker.
+    """
+    if shadow_sum is not None:
+        grey = 1 - np.minimum(SHADOW * shadow_sum, 0.6)
+        ax.imshow(grey, cmap="gray", vmin=0, vmax=1, interpolation="nearest", zorder=0)
+    tall = city.buildings & city.no_fly
+    for mask, style in (
+        (city.landing, LANDING),
+        (city.buildings & ~city.no_fly, LOW),
+        (tall, TALL),
+        (city.no_fly & ~tall, NO_FLY),
+    ):
+        cells = [Rectangle((col - 0.5, row - 0.5), 1, 1) for row, col in np.argwhere(mask)]
+        ax.add_collection(PatchCollection(cells, zorder=1, **style))
+    ax.set(xlim=(-0.5, city.size - 0.5), ylim=(city.size - 0.5, -0.5), aspect="equal")
+    step = max(1, round(city.size / 8))
+    ticks = np.arange(0, city.size, step)
+    ax.set(xticks=ticks, yticks=ticks, xlabel="column", ylabel="row")
+    if city.size <= 32:
+        ax.set_xticks(np.arange(0.5, city.size - 1), minor=True)
+        ax.set_yticks(np.arange(0.5, city.size - 1), minor=True)
+        ax.grid(which="minor", color="#DDDDDD", linewidth=0.4, zorder=0.5)
+    ax.tick_params(which="both", length=0, labelsize="small")
+    return ax
+
+
+def shadow_sum(environment: Environment, device_cells: np.ndarray) -> np.ndarray:
+    """For each cell, how many of these devices, (n,), a UAV there cannot see; (M, M) ints."""
+    hidden = ~environment.line_of_sight[device_cells]
+    return hidden.sum(axis=0).reshape((environment.city.size,) * 2)
+
+
+def draw_trajectory(ax: Axes, environment: Environment, trajectory: Trajectory) -> Axes:
+    """One flight in the paper's style, with its caption below.
+
+    Arrows and hover marks have the colour of the device that uploaded most in that step, black if
+    none did; the number beside a device is its data at the start. Arrows are drawn a little to the
+    right of the way, so that there and back differ; a hover mark grows with the time spent there.
+    """
+    city, start = environment.city, trajectory.start
+    used = np.flatnonzero(start.data_initial[0] > 0)
+    device_cells = start.device_cells[0]
+    draw_city(ax, city, shadow_sum(environment, device_cells[used]))
+
+    row, col = trajectory.uav_cell // city.size, trajectory.uav_cell % city.size
+    colours = np.array([_step_colour(trajectory, t) for t in range(len(trajectory.action))])
+    down, right = np.diff(row), np.diff(col)
+    moved = (down != 0) | (right != 0)
+    aside = 0.14  # of a cell, to the right of the direction of flight; y points south here
+    ax.quiver(
+        col[:-1][moved] - aside * down[moved],
+        row[:-1][moved] + aside * right[moved],
+        right[moved],
+        down[moved],
+        color=colours[moved],
+        angles="xy",
+        scale_units="xy",
+        scale=1,
+        units="xy",
+        width=0.13,
+        headwidth=3.2,
+        headlength=3.2,
+        headaxislength=3,
+        zorder=4,
+    )
+    hovered = ~moved & (trajectory.action != LAND) | trajectory.intervened
+    for cell in np.unique(trajectory.uav_cell[:-1][hovered]):
+        here = hovered & (trajectory.uav_cell[:-1] == cell)
+        for ring, colour in enumerate(dict.fromkeys(colours[here])):
+            count = (here & (colours == colour)).sum()
+            ax.plot(
+                cell % city.size,
+                cell // city.size,
+                "o",
+                mfc="none",
+                mec=colour,
+                zorder=5,
+                ms=5 + 3 * ring + 1.5 * np.sqrt(count),
+                mew=1.4,
+            )
+    for device in used:
+        x, y = device_cells[device] % city.size, device_cells[device] // city.size
+        ax.plot(x, y, "X", color=device_colour(device), mec="white", mew=0.8, ms=11, zorder=6)
+        ax.annotate(
+            f"{start.data_initial[0, device]:.0f}",
+            (x, y),
+            (7, 5),
+            textcoords="offset points",
+            fontsize="small",
+            fontweight="bold",
+            color=device_colour(device),
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
+            zorder=8,
+        )
+    ax.plot(col[0], row[0], "^", color="white", mec="black", ms=9, zorder=7)
+    if trajectory.landed:
+        ax.plot(col[-1], row[-1], "D", color="white", mec="black", ms=7, zorder=7)
+    else:
+        ax.plot(col[-1], row[-1], "*", color="#C1272D", mec="black", ms=13, zorder=7)
+    ax.set_xlabel(caption(trajectory))
+    ax.set_ylabel("")
+    return ax
+
+
+def _step_colour(trajectory: Trajectory, step: int) -> str:
+    uploaded = trajectory.data_left[step] - trajectory.data_left[step + 1]
+    return device_colour(uploaded.argmax()) if uploaded.max() > 0 else "black"
+
+
+def caption(trajectory: Trajectory) -> str:
+    """The paper's caption: time used/available; data collected/available."""
+    used, available = len(trajectory.action), trajectory.time_left[0]
+    data = trajectory.start.data_initial.sum()
+    collected = data - trajectory.data_left[-1].sum()
+    return f"Time {used}/{available}; data {collected:.1f}/{data:.1f}"
+
+
+def add_legend(figure: Figure, devices: int) -> None:
+    """The legend of trajectory figures, below all Axes, for so many devices."""
+
+    def mark(marker, label, **style):
+        return Line2D([], [], linestyle="none", marker=marker, label=label, **style)
+
+    handles = [
+        Patch(label="start and landing zone", **LANDING),
+        Patch(label="no-fly zone", **NO_FLY),
+        Patch(label="tall building", **TALL),
+        Patch(label="low building: may be flown over", **LOW),
+        Patch(label="shadow: no line of sight, darker for more devices", facecolor=str(1 - SHADOW)),
+        mark("^", "start", mfc="white", mec="black", ms=9),
+        mark("D", "landing", mfc="white", mec="black", ms=7),
+        mark("*", "crash", mfc="#C1272D", mec="black", ms=13),
+        mark("$→$", "moving, no upload", color="black", ms=12),
+        mark("o", "hovering", mfc="none", mec="black", mew=1.4, ms=8),
+    ]
+    handles += [
+        mark("X", f"device {k}, and flight while it is served", color=device_colour(k), ms=10)
+        for k in range(devices)
+    ]
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=3, fontsize="small", frameon=False
+    )
+
+
+def draw_curves(
+    ax: Axes, runs: list[dict[str, np.ndarray]], metric: str, label: str | None = None, **style
+) -> Axes:
+    """A training curve: the mean over runs and the range that holds 99 % of them, by steps.
+
+    Arguments:
+        runs: from `read_curve`, all with rows at the same steps. metric: a column's name.
+    """
+    values = np.stack([run[metric] for run in runs])
+    steps = runs[0]["steps"]
+    (line,) = ax.plot(steps, values.mean(axis=0), label=label, **style)
+    if len(runs) > 1:
+        low, high = np.quantile(values, [0.005, 0.995], axis=0)
+        ax.fill_between(steps, low, high, color=line.get_color(), alpha=0.2, linewidth=0)
+    ax.set(xlabel="environment steps", ylabel=metric.replace("_", " "))
+    return ax
+
+
+def read_curve(path: str | Path) -> dict[str, np.ndarray]:
+    """The columns of a `training.csv` or `validation.csv` by name; empty fields are NaN."""
+    table = np.genfromtxt(path, delimiter=",", names=True, ndmin=1)
+    return {name: table[name] for name in table.dtype.names}
+
+
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Write a figure to a file, atomically; the format follows the suffix."""
+    write_atomically(path, lambda temporary: figure.savefig(temporary, dpi=150))

@@ -1,0 +1,119 @@
+"""A training run in a folder: progress, CSV files, checkpoints, Ctrl-C and resume."""
+
+import csv
+import io
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tqdm.auto import tqdm
+
+from uavdh_lite.checkpoint import save_agent
+from uavdh_lite.errors import InputError
+from uavdh_lite.files import write_atomically
+from uavdh_lite.training import Trainer
+
+
+def train(trainer: Trainer, out: str | Path, resume: bool = False, command: str = "") -> Path:
+    """Run a training to its end, with progress; returns the path of the best agent.
+
+    In the folder `out`:
+
+    | file | content |
+    | --- | --- |
+    | `best.safetensors` | the agent with the best validation so far: the result |
+    | `training.safetensors` | everything needed to go on, written at each validation |
+    | `training.csv` | a row for every 5000 environment steps: ordinary training episodes |
+    | `validation.csv` | a row for each greedy validation |
+
+    A run that was killed goes on with `resume=True`, and ends with the same weights as one that
+    was not. Ctrl-C saves, then raises `KeyboardInterrupt`.
+
+    Raises `InputError` if the folder holds a run and `resume` is False, or none and it is True.
+    """
+    out = Path(out)
+    saved = out / "training.safetensors"
+    if resume and not saved.exists():
+        raise InputError(f"{out}: no run to resume there; leave out --resume to start one")
+    if not resume and saved.exists():
+        raise InputError(f"{out}: holds a run already; add --resume, or choose another folder")
+    if resume:
+        trainer.restore(saved)
+    total = trainer.recipe.steps
+    progress = tqdm(total=total, initial=trainer.steps, unit="step", unit_scale=True)
+    with progress, _deferred_interrupt() as interrupted:
+        while not trainer.finished:
+            started, before = time.perf_counter(), trainer.steps
+            trainer.step()
+            trainer.seconds += time.perf_counter() - started
+            progress.update(min(trainer.steps, total) - min(before, total))
+            interval = trainer.recipe.validation_interval
+            if trainer.steps // interval > before // interval or trainer.finished:
+                _validate(trainer, out, command)
+                progress.set_postfix_str(_status(trainer))
+            if interrupted():
+                trainer.save(saved)
+                print(f"\nstopped after {trainer.steps} steps; to go on: add --resume", flush=True)
+                raise KeyboardInterrupt
+    return out / "best.safetensors"
+
+
+def _validate(trainer: Trainer, out: Path, command: str) -> None:
+    started = time.perf_counter()
+    is_best = trainer.validate()
+    trainer.seconds += time.perf_counter() - started
+    if is_best:
+        agent = trainer.agent
+        agent.training["command"] = command
+        save_agent(out / "best.safetensors", agent)
+    _write_csv(out / "training.csv", trainer.training_rows)
+    _write_csv(out / "validation.csv", trainer.validation_rows)
+    trainer.save(out / "training.safetensors")
+
+
+def _status(trainer: Trainer) -> str:
+    row = trainer.validation_rows[-1]
+    return (
+        f"landed {row['has_landed']:.1%}, collected and landed "
+        f"{row['collection_ratio_and_landed']:.1%}, time used {row['time_used']:.0%}"
+    )
+
+
+def _write_csv(path: Path, rows: list[dict]) -> None:
+    if not rows:
+        return
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
+    write_atomically(path, lambda temporary: temporary.write_text(text.getvalue()))
+
+
+@contextmanager
+def _deferred_interrupt() -> Iterator[Callable[[], bool]]:
+    """Ctrl-C is only noted, so that a step is never cut in two; gives a function that says if.
+
+    A second Ctrl-C interrupts at once. Outside the main thread signals cannot be caught: there
+    Ctrl-C does not arrive either.
+    """
+    noted = threading.Event()
+
+    def note(signum, frame):
+        if noted.is_set():
+            raise KeyboardInterrupt
+        noted.set()
+        print("\nstopping after this step; Ctrl-C again stops at once", file=sys.stderr, flush=True)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield noted.is_set
+        return
+    previous = signal.signal(signal.SIGINT, note)
+    try:
+        yield noted.is_set
+    finally:
+        signal.signal(signal.SIGINT, previous)
