@@ -14,6 +14,7 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.plotting import read_curve
 from uavdh_lite.recipe import LITE, PAPER, Recipe, find_recipe
 from uavdh_lite.runs import train
+from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.training import BIN, Trainer
 
 
@@ -228,3 +229,21 @@ def test_impossible_recipes_name_the_field(field, value):
 def test_unknown_recipe_lists_the_known_ones():
     with pytest.raises(InputError, match="unknown recipe 'secret': choose one of paper, lite"):
         find_recipe("secret")
+
+
+@pytest.mark.parametrize("kind", ["centred", "non_centred", "global_local"])
+def test_every_observation_trains(kind, trainer):
+    own = trainer(observation=kind, local_size=5, pooling=1, strides=(1,), steps=400)
+    before = weights(own)
+    assert not torch.equal(run(own), before)
+
+
+def test_a_larger_city_trains_with_global_and_local_maps():
+    recipe = replace(
+        LITE, observation="global_local", steps=320, replay_prefill=160, validation_episodes=4
+    )
+    trainer = Trainer(SCENARIOS["harbour"], recipe, seed=0)
+    run(trainer)
+    assert trainer.updates > 0
+    trainer.validate()
+    assert 0 <= trainer.validation_rows[-1]["collection_ratio"] <= 1

@@ -76,7 +76,7 @@ class State:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What happened in one step of B episodes; all zero or False for an episode already over.
+    """What happened in one step of B episodes; nothing, for an episode already over.
 
     | field | shape | meaning |
     | --- | --- | --- |
@@ -113,9 +113,11 @@ class Rewards:
         """The terms of the reward by name, (B,) float32 each; their sum is the reward (eq. 9)."""
         return {
             "data": np.float32(self.data) * outcome.uploaded.sum(1),
-            "movement": np.float32(self.movement) * (outcome.flew & ~outcome.landed),
-            "safety": np.float32(self.safety) * outcome.intervened,
-            "crash": np.float32(self.crash) * outcome.crashed,
+            "movement": np.where(
+                outcome.flew & ~outcome.landed, np.float32(self.movement), np.float32(0)
+            ),
+            "safety": np.where(outcome.intervened, np.float32(self.safety), np.float32(0)),
+            "crash": np.where(outcome.crashed, np.float32(self.crash), np.float32(0)),
         }
 
     def __call__(self, outcome: Outcome) -> np.ndarray:

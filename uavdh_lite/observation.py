@@ -58,9 +58,11 @@ class Observation(nn.Module):
         self.before = (self.size - 1) // 2  # cells west and north of the city when not centred
         before, after = self.before, self.size - 1 - self.before
         in_place = _surround(layers, before, after)
-        wide = _surround(layers, self.size - 1, self.size - 1)
+        wide = _surround(layers, self.size - 1, self.size - 1).to(torch.uint8)
+        # The window that starts at (row, col) of the widened city has that cell in its middle.
+        windows = wide.unfold(1, self.width, 1).unfold(2, self.width, 1).permute(1, 2, 0, 3, 4)
         self.register_buffer("in_place", in_place, persistent=False)
-        self.register_buffer("wide", wide, persistent=False)
+        self.register_buffer("windows", windows.flatten(0, 1).contiguous(), persistent=False)
 
     def map_shapes(self) -> list[tuple[int, int, int]]:
         """The (channels, rows, columns) of each map."""
@@ -70,7 +72,7 @@ class Observation(nn.Module):
         return [(5 if self.kind == "centred" else 6, self.width, self.width)]
 
     def forward(self, state: State) -> tuple[list[Tensor], Tensor]:
-        device = self.wide.device
+        device = self.in_place.device
         uav = torch.from_numpy(state.uav_cell).to(device).long()
         devices = torch.from_numpy(state.device_cells).to(device).long()
         data = torch.from_numpy(np.stack([state.data_left, state.data_collected], axis=1))
@@ -87,12 +89,8 @@ class Observation(nn.Module):
 
     def centred_map(self, uav: Tensor, devices: Tensor, data: Tensor) -> Tensor:
         """All layers shifted so that the UAV's cell is in the middle; (B, 5, W, W)."""
-        row, col = uav // self.size, uav % self.size
-        # The window that starts at (row, col) of the city padded by M − 1 has the UAV in its
-        # middle; `unfold` makes a view of all M² windows without copying anything.
-        windows = self.wide.unfold(1, self.width, 1).unfold(2, self.width, 1)
-        city = windows.permute(1, 2, 0, 3, 4)[row, col]
-        shift_row, shift_col = self.size - 1 - row, self.size - 1 - col
+        city = self.windows.index_select(0, uav).float()
+        shift_row, shift_col = self.size - 1 - uav // self.size, self.size - 1 - uav % self.size
         return torch.cat([city, self._data_layers(devices, data, shift_row, shift_col)], 1)
 
     def in_place_map(self, uav: Tensor, devices: Tensor, data: Tensor) -> Tensor:

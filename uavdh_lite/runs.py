@@ -1,6 +1,7 @@
 """A training run in a folder: progress, CSV files, checkpoints, Ctrl-C and resume."""
 
 import csv
+import ctypes
 import io
 import signal
 import sys
@@ -43,6 +44,7 @@ def train(trainer: Trainer, out: str | Path, resume: bool = False, command: str 
         raise InputError(f"{out}: holds a run already; add --resume, or choose another folder")
     if resume:
         trainer.restore(saved)
+    keep_freed_memory()
     total = trainer.recipe.steps
     progress = tqdm(total=total, initial=trainer.steps, unit="step", unit_scale=True)
     with progress, _deferred_interrupt() as interrupted:
@@ -60,6 +62,19 @@ def train(trainer: Trainer, out: str | Path, resume: bool = False, command: str 
                 print(f"\nstopped after {trainer.steps} steps; to go on: add --resume", flush=True)
                 raise KeyboardInterrupt
     return out / "best.safetensors"
+
+
+def keep_freed_memory() -> None:
+    """Ask the C library to keep memory that is freed, for the whole process (Linux with glibc).
+
+    Otherwise it hands the megabytes of each minibatch's maps back to the system and fetches them
+    anew for the next, page by page: a fifth of the training time. Elsewhere this does nothing.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if mallopt is not None:
+        trim_threshold, mmap_threshold, limit = -1, -3, 1 << 30
+        mallopt(mmap_threshold, limit)
+        mallopt(trim_threshold, limit)
 
 
 def _validate(trainer: Trainer, out: Path, command: str) -> None:

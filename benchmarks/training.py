@@ -1,0 +1,76 @@
+"""Updates a second of the training loop, as a ratio to a bare loop on random tensors.
+
+    python benchmarks/training.py [--recipe lite] [--seconds 20]
+
+The bare loop makes the same DDQN update (network, minibatch, optimiser) on tensors that are there
+already; the training loop also flies, explores, stores, samples and builds the maps. They take
+turns, second by second, so that a noisy machine disturbs both alike.
+"""
+
+import argparse
+import time
+from dataclasses import replace
+
+import torch
+
+from uavdh_lite.recipe import find_recipe
+from uavdh_lite.runs import keep_freed_memory
+from uavdh_lite.scenario import SCENARIOS
+from uavdh_lite.training import Trainer
+
+
+def trainer(recipe) -> Trainer:
+    run = Trainer(SCENARIOS["manhattan"], recipe, seed=0)
+    while not run.updates:
+        run.step()
+    return run
+
+
+def bare_update(run: Trainer):
+    """A function that makes one update on random tensors."""
+    recipe = run.recipe
+    count = recipe.batch_size
+
+    def observation():
+        return [torch.rand(count, *shape) for shape in run.observation.map_shapes()], torch.rand(
+            count, 1
+        )
+
+    batch = (
+        observation(),
+        torch.randint(0, 6, (count,)),
+        torch.randn(count),
+        torch.full((count,), recipe.discount),
+        observation(),
+    )
+    return lambda: run.ddqn.update(*batch)
+
+
+def count(action, seconds: float) -> int:
+    done, started = 0, time.perf_counter()
+    while time.perf_counter() - started < seconds:
+        action()
+        done += 1
+    return done
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--recipe", default="lite")
+    parser.add_argument("--seconds", type=int, default=20, help="for each of the two")
+    options = parser.parse_args()
+    recipe = replace(find_recipe(options.recipe), replay_prefill=2_000)
+    keep_freed_memory()  # as `train` does
+    for threads in (1, 2):
+        torch.set_num_threads(threads)
+        loop, bare = trainer(recipe), bare_update(trainer(recipe))
+        updates = {"loop": 0, "bare": 0}
+        for _ in range(options.seconds):
+            updates["loop"] += count(loop.step, 1.0)
+            updates["bare"] += count(bare, 1.0)
+        speed = {name: number / options.seconds for name, number in updates.items()}
+        print(
+            f"{recipe.name}, {threads} threads: training loop {speed['loop']:.1f} updates/s, "
+            f"bare {speed['bare']:.1f}, ratio {speed['loop'] / speed['bare']:.2f}; "
+            f"{loop.replay.bytes_per_transition:.0f} bytes a transition"
+        )
