@@ -128,10 +128,12 @@ def draw_trajectory(ax: Axes, environment: Environment, trajectory: Trajectory) 
     for device in used:
         x, y = device_cells[device] % city.size, device_cells[device] // city.size
         ax.plot(x, y, "X", color=device_colour(device), mec="white", mew=0.8, ms=11, zorder=6)
+        left, below = x > city.size - 2, y < 1  # the number stays inside the map
         ax.annotate(
             f"{start.data_initial[0, device]:.0f}",
             (x, y),
-            (7, 5),
+            (-7 if left else 7, -13 if below else 5),
+            ha="right" if left else "left",
             textcoords="offset points",
             fontsize="small",
             fontweight="bold",

@@ -1,0 +1,233 @@
+"""What an agent is compared with: random, greedy-and-return, and a genie-aided search.
+
+Each is a policy: actions for a batch of states. None of them learns.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from uavdh_lite.environment import ACTIONS, HOVER, LAND, Environment, State, schedule
+
+
+@dataclass(frozen=True, eq=False)
+class Random:
+    """Every action equally likely."""
+
+    generator: np.random.Generator
+
+    def __call__(self, state: State) -> np.ndarray:
+        return self.generator.integers(0, len(ACTIONS), len(state))
+
+
+@dataclass(frozen=True, eq=False)
+class Greedy:
+    """Fly to the nearest device with data left; turn back when the time just suffices to land.
+
+    The nearest device is the one that takes the fewest moves; a device that stands where the UAV
+    may not fly is approached to the flight cell from which it is nearest in a straight line.
+    """
+
+    environment: Environment
+
+    def __call__(self, state: State) -> np.ndarray:
+        environment = self.environment
+        cells = np.arange(len(state))
+        goals = self._approach[state.device_cells]
+        moves = self._distance[state.uav_cell[:, None], goals].astype(float)
+        moves[state.data_left <= 0] = np.inf
+        nearest = moves.argmin(axis=1)
+        done = np.isinf(moves[cells, nearest])
+        action = self._towards[state.uav_cell, goals[cells, nearest]]
+        # What the action leads to must leave time to fly home and land.
+        after = environment.next_cell[state.uav_cell, action]
+        home = environment.city.landing_distance.ravel()
+        late = home[after] + 1 > state.time_left - 1
+        return np.where(done | late, self._home[state.uav_cell], action)
+
+    @cached_property
+    def _distance(self) -> np.ndarray:
+        """Moves between all pairs of cells, `[from, to]`, a large number where there is no way."""
+        return self._routes[0]
+
+    @cached_property
+    def _towards(self) -> np.ndarray:
+        """First action of a shortest way, `[from, to]`; hover where there is none to make."""
+        return self._routes[1]
+
+    @cached_property
+    def _routes(self) -> tuple[np.ndarray, np.ndarray]:
+        """All shortest ways at once, a move longer each round."""
+        environment = self.environment
+        count = environment.city.size**2
+        unreachable = np.iinfo(np.int16).max
+        distance = np.full((count, count), unreachable, np.int16)
+        towards = np.full((count, count), HOVER, np.int8)
+        reached = np.diag(~environment.city.no_fly.ravel())
+        distance[reached] = 0
+        moves = 0
+        while True:
+            moves += 1
+            new = np.zeros_like(reached)
+            for action in range(HOVER):
+                target = environment.next_cell[:, action]
+                step = reached[target] & ~reached & ~new
+                step &= ~environment.forbidden[:, [action]]
+                towards[step] = action
+                new |= step
+            if not new.any():
+                return distance, towards
+            distance[new] = moves
+            reached = reached | new
+
+    @cached_property
+    def _home(self) -> np.ndarray:
+        """First action of a shortest way to the landing zone and `land` in it; (M²,)."""
+        landing = self.environment.city.landing_cells
+        nearest = landing[self._distance[:, landing].argmin(axis=1)]
+        action = self._towards[np.arange(len(nearest)), nearest]
+        return np.where(self.environment.city.landing.ravel(), LAND, action)
+
+    @cached_property
+    def _approach(self) -> np.ndarray:
+        """For each cell the nearest cell that the UAV can fly to from the landing zone; (M²,)."""
+        city = self.environment.city
+        row, col = np.divmod(np.arange(city.size**2), city.size)
+        squared = (row[:, None] - row) ** 2 + (col[:, None] - col) ** 2
+        squared[:, city.landing_distance.ravel() < 0] = np.iinfo(squared.dtype).max
+        return squared.argmin(axis=1)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A planned flight: its actions, and the data it collects at the channel's mean rates."""
+
+    actions: np.ndarray
+    collected: float
+    value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Genie:
+    """A search over whole flights that knows where shadows lie and the channel's mean SNR.
+
+    It simulates every move with the mean SNR (fading 0 dB). For each step, cell and set of emptied
+    devices it keeps the `beam` candidates with the most data collected, and drops what cannot land
+    in time.
+    With `grow`, it searches again with four times the beam for as long as that finds a better
+    flight. With `time_cost` 0.2, the paper's movement reward, it maximises the return; with a small
+    one, the data collected.
+
+    As a policy it plans anew every `replan` steps, from what is really left.
+    """
+
+    environment: Environment
+    beam: int = 2
+    grow: bool = True
+    time_cost: float = 0.2
+    replan: int = 5
+
+    def plan(self, state: State, episode: int = 0) -> Plan:
+        """The best flight found for one episode of the batch."""
+        beam = self.beam
+        plan = self._search(state, episode, beam)
+        while self.grow:
+            beam *= 4
+            wider = self._search(state, episode, beam)
+            if wider.value <= plan.value + 1e-3:
+                break
+            plan = wider
+        return plan
+
+    def _search(self, state: State, episode: int, beam: int) -> Plan:
+        """One search with a beam of this width."""
+        city = self.environment.city
+        home = city.landing_distance.ravel()
+        next_cell, forbidden = self.environment.next_cell, self.environment.forbidden
+        snr_db = self._mean_snr_db(state.device_cells[episode])
+        total = state.data_left[episode].sum()
+        time_left = int(state.time_left[episode])
+
+        cell = state.uav_cell[[episode]].astype(int)
+        left = state.data_left[[episode]]
+        layers: list[tuple[np.ndarray, np.ndarray]] = []  # parent and action of each candidate
+        best_value, best_end = -np.inf, None
+        for step in range(time_left):
+            collected = total - left.sum(axis=1)
+            over_zone = np.flatnonzero(home[cell] == 0)
+            if len(over_zone):  # land now
+                end = over_zone[collected[over_zone].argmax()]
+                value = collected[end] - self.time_cost * step
+                if value > best_value:
+                    best_value, best_end = value, (step, end)
+            parent, action = np.divmod(np.arange(len(cell) * LAND), LAND)
+            target = next_cell[cell[parent], action].astype(int)
+            possible = ~forbidden[cell[parent], action]
+            possible &= (home[target] >= 0) & (home[target] + 1 <= time_left - step - 1)
+            # No flight can be better than to collect all by the time it is home.
+            possible &= total - self.time_cost * (step + 1 + home[target]) > best_value
+            parent, action, target = parent[possible], action[possible], target[possible]
+            if not len(parent):
+                break
+            _, _, after = schedule(snr_db[cell[parent], action], left[parent])
+            keep = _best(target, after, beam)
+            layers.append((parent[keep], action[keep]))
+            cell, left = target[keep], after[keep]
+        return self._trace(layers, best_end, best_value, time_left)
+
+    def _trace(self, layers, end, value: float, time_left: int) -> Plan:
+        """The actions that lead to the best end; hovering to the last if no landing is possible."""
+        if end is None:
+            return Plan(np.full(time_left, HOVER), 0.0, -np.inf)
+        step, candidate = end
+        actions = [LAND]
+        for parent, action in reversed(layers[:step]):
+            actions.append(action[candidate])
+            candidate = parent[candidate]
+        return Plan(np.array(actions[::-1]), float(value + self.time_cost * step), float(value))
+
+    def _mean_snr_db(self, device_cells: np.ndarray) -> np.ndarray:
+        """SNR without fading, `[cell, action, slot, device]`, dB, of all but landing."""
+        environment = self.environment
+        cells = np.repeat(np.arange(environment.city.size**2), LAND)
+        target = environment.next_cell[:, :LAND].ravel()
+        slots, devices = environment.channel.slots, len(device_cells)
+        quiet = np.zeros((len(cells), slots, devices), np.float32)
+        placed = np.broadcast_to(device_cells, (len(cells), devices))
+        return environment.snr_db(placed, cells, target, quiet).reshape(-1, LAND, slots, devices)
+
+    def __call__(self, state: State) -> np.ndarray:
+        actions = np.empty(len(state), int)
+        for episode in range(len(state)):
+            time_left = int(state.time_left[episode])
+            # An episode is recognised by its devices and their data at the start.
+            key = state.device_cells[episode].tobytes() + state.data_initial[episode].tobytes()
+            planned_at, plan = self._plans.get(key, (None, None))
+            age = None if planned_at is None else planned_at - time_left
+            if age is None or not 0 <= age < min(self.replan, len(plan)):
+                planned_at, plan, age = time_left, self.plan(state, episode).actions, 0
+                self._plans[key] = planned_at, plan
+            actions[episode] = plan[age]
+        return actions
+
+    @cached_property
+    def _plans(self) -> dict[bytes, tuple[int, np.ndarray]]:
+        """The plan in use for each episode, and the flying time left when it was made."""
+        return {}
+
+
+def _best(cell: np.ndarray, left: np.ndarray, beam: int) -> np.ndarray:
+    """Of the candidates with equal cell and emptied devices, the `beam` ones with least data left.
+
+    Equal candidates count once. Returns their indices.
+    """
+    place = cell << left.shape[1] | (left == 0) @ (1 << np.arange(left.shape[1]))
+    order = np.lexsort((*left.T, left.sum(axis=1), place))
+    place, left = place[order], left[order]
+    same = np.r_[False, place[1:] == place[:-1]]
+    equal = same & np.r_[False, (left[1:] == left[:-1]).all(axis=1)]
+    order, place = order[~equal], place[~equal]
+    first = np.r_[True, place[1:] != place[:-1]]
+    start = np.maximum.accumulate(np.where(first, np.arange(len(place)), 0))
+    return order[np.arange(len(place)) - start < beam]
