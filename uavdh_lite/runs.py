@@ -16,7 +16,7 @@ from tqdm.auto import tqdm
 from uavdh_lite.checkpoint import save_agent
 from uavdh_lite.errors import InputError
 from uavdh_lite.files import write_atomically
-from uavdh_lite.training import Trainer
+from uavdh_lite.training import BIN, Trainer
 
 
 def train(trainer: Trainer, out: str | Path, resume: bool = False, command: str = "") -> Path:
@@ -56,6 +56,7 @@ def train(trainer: Trainer, out: str | Path, resume: bool = False, command: str 
             interval = trainer.recipe.validation_interval
             if trainer.steps // interval > before // interval or trainer.finished:
                 _validate(trainer, out, command)
+            if trainer.steps // BIN > before // BIN or trainer.finished:
                 progress.set_postfix_str(_status(trainer))
             if interrupted():
                 trainer.save(saved)
@@ -91,10 +92,13 @@ def _validate(trainer: Trainer, out: Path, command: str) -> None:
 
 
 def _status(trainer: Trainer) -> str:
-    row = trainer.validation_rows[-1]
-    return (
-        f"landed {row['has_landed']:.1%}, collected and landed "
-        f"{row['collection_ratio_and_landed']:.1%}, time used {row['time_used']:.0%}"
+    """The newest metrics: of training episodes, and of the last greedy validation."""
+    rows = {"training": trainer.training_rows, "validation": trainer.validation_rows}
+    return "; ".join(
+        f"{name}: landed {row[-1]['has_landed']:.1%}, "
+        f"collected and landed {row[-1]['collection_ratio_and_landed']:.1%}"
+        for name, row in rows.items()
+        if row and row[-1]["has_landed"] is not None
     )
 
 
