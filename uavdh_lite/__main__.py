@@ -50,6 +50,9 @@ def main(arguments: list[str] | None = None) -> int:
     except OSError as error:
         print(f"uavdh_lite: error: {error}", file=sys.stderr)
         return 1
+    except MemoryError as error:
+        print(f"uavdh_lite: error: not enough memory: {error}", file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         return 130
     return 0
@@ -263,15 +266,17 @@ def _demo(options: argparse.Namespace) -> None:
             between = f"{low:.1%} to {high:.1%}"
             print(f"{metric.replace('_', ' '):<28}{mean:>12.1%}{between:>20}{paper:>10.1%}")
         print(f"{'flying time used':<28}{metrics['time_used'].mean:>12.1%}\n")
-        drawn += [(environment, flights, episode) for episode in range(4 // len(names))]
+        count = min(4 // len(names), options.episodes)
+        drawn += [(environment, flights, episode) for episode in range(count)]
 
     figure = Figure(figsize=(11, 13), layout="constrained")
-    for ax, (environment, flights, episode) in zip(figure.subplots(2, 2).flat, drawn, strict=False):
-        draw_trajectory(ax, environment, flights.trajectory(min(episode, options.episodes - 1)))
+    for place, (environment, flights, episode) in enumerate(drawn, start=1):
+        ax = figure.add_subplot(2, 2, place)
+        draw_trajectory(ax, environment, flights.trajectory(episode))
         ax.set_title(f"{environment.city.name}, scenario {episode}")
     add_legend(figure, max(flights.start.device_cells.shape[1] for _, flights, _ in drawn))
     save_figure(figure, options.out)
-    print(f"Four of the flights are drawn in {options.out}.")
+    print(f"The first {len(drawn)} flights are drawn in {options.out}.")
     print("The maps are redrawn from the paper's text, its own were never published: the agents")
     print("solve the same task, but not on the same streets.")
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavdh_lite.environment import Environment, Outcome, Rewards, State
+from uavdh_lite.errors import InputError
 from uavdh_lite.scenario import Scenario
 
 Policy = Callable[[State], np.ndarray]
@@ -19,6 +20,8 @@ TRAINING, VALIDATION, TEST = range(3)
 
 def stream(use: int, seed: int) -> np.random.Generator:
     """The random generator for one use (`TRAINING`, `VALIDATION` or `TEST`) and seed."""
+    if not 0 <= seed < 2**63:
+        raise InputError(f"seed {seed}: must be a whole number from 0 to 2**63 - 1")
     return np.random.default_rng([use, seed])
 
 

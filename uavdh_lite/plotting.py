@@ -12,6 +12,7 @@ from matplotlib.patheffects import withStroke
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import LAND, Environment
+from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Trajectory
 from uavdh_lite.files import write_atomically
 
@@ -216,5 +217,12 @@ def read_curve(path: str | Path) -> dict[str, np.ndarray]:
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure to a file, atomically; the format follows the suffix."""
+    """Write a figure to a file, atomically; the format follows the suffix.
+
+    Raises `InputError` if matplotlib has no format of that suffix.
+    """
+    formats = figure.canvas.get_supported_filetypes()
+    if Path(path).suffix.removeprefix(".").lower() not in formats:
+        known = ", ".join(sorted(formats))
+        raise InputError(f"{path}: no picture format has this suffix; choose one of {known}")
     write_atomically(path, lambda temporary: figure.savefig(temporary, dpi=150))

@@ -1,5 +1,6 @@
 """Recipes: everything that a training run depends on besides scenario and seed."""
 
+import math
 from dataclasses import asdict, dataclass, field
 
 from uavdh_lite.environment import Rewards
@@ -55,6 +56,9 @@ class Recipe:
     validation_episodes: int = _f(1000, "scenarios flown in each validation, always the same")
 
     def __post_init__(self):
+        for name, value in vars(self).items():
+            if isinstance(value, float):
+                self._require(name, math.isfinite(value), "a finite number")
         for name in (
             "steps",
             "kernels",

@@ -45,6 +45,11 @@ class Trainer:
         city: City | None = None,
         device: str = "cpu",
     ):
+        if recipe.exploring_starts and recipe.exploring_least_time > scenario.flying_time[1]:
+            raise InputError(
+                f"recipe {recipe.name}: exploring_least_time is {recipe.exploring_least_time}, "
+                f"more than the scenario's longest flying time, {scenario.flying_time[1]}"
+            )
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
         self.city = city if city is not None else City.load(scenario.city)
         self.device = torch.device(device)
