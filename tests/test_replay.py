@@ -75,6 +75,10 @@ def test_the_oldest_make_room_and_all_that_is_left_is_drawn(generator):
     assert set(batch.state.time_left % 100) == set(range(990 % 100, 1000 % 100 + 100)) - {0}
 
 
+def test_a_capacity_that_the_environments_do_not_divide_is_rounded_up():
+    assert len(filled(1000, environments=3, capacity=20)) == 21
+
+
 def test_the_state_after_an_end_belongs_to_the_new_episode(generator):
     replay = Replay(10, 1, 2)
     replay.add(states([1]), [5], [7.0], [True], states([0]))

@@ -1,29 +1,26 @@
 """The radio channel: log-distance path loss with shadow fading, LoS or NLoS (paper, eq. 1–4)."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from uavdh_lite.errors import InputError
-
-
-def _f(default: float, help: str):
-    return field(default=default, metadata={"help": help})
+from uavdh_lite.options import option
 
 
 @dataclass(frozen=True)
 class Channel:
     """The constants of the channel; the paper's values are the defaults."""
 
-    cell_size_m: float = _f(10.0, "side of a grid cell, m")
-    altitude_m: float = _f(10.0, "height of the UAV above the devices, m")
-    cell_edge_snr_db: float = _f(-15.0, "SNR at ground level from the centre to a corner, dB")
-    path_loss_exponent_los: float = _f(2.27, "path loss exponent with line of sight")
-    path_loss_exponent_nlos: float = _f(3.64, "path loss exponent without line of sight")
-    fading_variance_los_db2: float = _f(2.0, "variance of the shadow fading with LoS, dB²")
-    fading_variance_nlos_db2: float = _f(5.0, "variance of the shadow fading without LoS, dB²")
-    slots: int = _f(4, "communication slots in a mission slot, δ")
+    cell_size_m: float = option(10.0, "side of a grid cell, m")
+    altitude_m: float = option(10.0, "height of the UAV above the devices, m")
+    cell_edge_snr_db: float = option(-15.0, "SNR at ground level from the centre to a corner, dB")
+    path_loss_exponent_los: float = option(2.27, "path loss exponent with line of sight")
+    path_loss_exponent_nlos: float = option(3.64, "path loss exponent without line of sight")
+    fading_variance_los_db2: float = option(2.0, "variance of the shadow fading with LoS, dB²")
+    fading_variance_nlos_db2: float = option(5.0, "variance of the shadow fading without LoS, dB²")
+    slots: int = option(4, "communication slots in a mission slot, δ")
 
     def __post_init__(self):
         for name in ("cell_size_m", "altitude_m"):

@@ -5,13 +5,14 @@ its first axis. B is the batch size, K the number of device places, δ the commu
 mission slot, M the number of cells a side.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
 
 from uavdh_lite.channel import Channel, rate
 from uavdh_lite.city import City
+from uavdh_lite.options import option
 from uavdh_lite.shadowing import line_of_sight
 
 ACTIONS = ("north", "east", "south", "west", "hover", "land")
@@ -96,18 +97,14 @@ class Outcome:
     flew: np.ndarray
 
 
-def _f(default: float, help: str):
-    return field(default=default, metadata={"help": help})
-
-
 @dataclass(frozen=True)
 class Rewards:
     """The reward's constants; the defaults are the paper's (for the crash, the authors' code's)."""
 
-    data: float = _f(1.0, "reward for a data unit uploaded")
-    movement: float = _f(-0.2, "reward for every step that does not land, r_mov")
-    safety: float = _f(-1.0, "reward for an intervention of the safety controller, r_sc")
-    crash: float = _f(-150.0, "reward for running out of flying time in the air, r_crash")
+    data: float = option(1.0, "reward for a data unit uploaded")
+    movement: float = option(-0.2, "reward for every step that does not land, r_mov")
+    safety: float = option(-1.0, "reward for an intervention of the safety controller, r_sc")
+    crash: float = option(-150.0, "reward for running out of flying time, r_crash")
 
     def terms(self, outcome: Outcome) -> dict[str, np.ndarray]:
         """The terms of the reward by name, (B,) float32 each; their sum is the reward (eq. 9)."""

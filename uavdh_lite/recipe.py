@@ -1,14 +1,11 @@
 """Recipes: everything that a training run depends on besides scenario and seed."""
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 
 from uavdh_lite.environment import Rewards
 from uavdh_lite.errors import InputError
-
-
-def _f(default, help: str):
-    return field(default=default, metadata={"help": help})
+from uavdh_lite.options import option
 
 
 @dataclass(frozen=True)
@@ -19,41 +16,43 @@ class Recipe:
     """
 
     name: str
-    steps: int = _f(1_000_000, "environment steps in all, those of the prefill included")
+    steps: int = option(1_000_000, "environment steps in all, those of the prefill included")
     # What the network sees
-    observation: str = _f("centred", "maps: centred, non_centred or global_local")
-    data_scale: float = _f(1.0, "data on the maps is divided by this, data units")
-    time_scale: float = _f(1.0, "the flying time is divided by this, units of time")
-    pooling: int = _f(3, "global map: average over cells of this side (global_local only)")
-    local_size: int = _f(17, "local map: cells a side (global_local only)")
+    observation: str = option("centred", "maps: centred, non_centred or global_local")
+    data_scale: float = option(1.0, "data on the maps is divided by this, data units")
+    time_scale: float = option(1.0, "the flying time is divided by this, units of time")
+    pooling: int = option(3, "global map: average over cells of this side (global_local only)")
+    local_size: int = option(17, "local map: cells a side (global_local only)")
     # Network
-    kernels: int = _f(16, "kernels of each convolution")
-    kernel_size: int = _f(5, "side of a kernel, cells")
-    strides: tuple[int, ...] = _f((1, 1), "stride of each convolution")
-    hidden: tuple[int, ...] = _f((256, 256, 256), "units of each fully connected layer")
-    layer_norm: bool = _f(False, "LayerNorm in each fully connected layer, before its ReLU")
+    kernels: int = option(16, "kernels of each convolution")
+    kernel_size: int = option(5, "side of a kernel, cells")
+    strides: tuple[int, ...] = option((1, 1), "stride of each convolution")
+    hidden: tuple[int, ...] = option((256, 256, 256), "units of each fully connected layer")
+    layer_norm: bool = option(False, "LayerNorm in each fully connected layer, before its ReLU")
     # Learning
-    discount: float = _f(0.95, "discount factor γ")
-    return_steps: int = _f(1, "steps n over which rewards are summed before the target's Q-value")
-    target_update_rate: float = _f(0.005, "soft update rate τ of the target network")
-    learning_rate: float = _f(3e-5, "Adam's learning rate at the start")
-    learning_rate_end: float = _f(3e-5, "learning rate at the end; linear in between")
-    amsgrad: bool = _f(True, "Adam's amsgrad variant")
-    huber_delta: float | None = _f(None, "loss linear above this error; none: squared error")
-    batch_size: int = _f(128, "transitions in a minibatch")
+    discount: float = option(0.95, "discount factor γ")
+    return_steps: int = option(1, "steps n whose rewards are summed before the target's Q-value")
+    target_update_rate: float = option(0.005, "soft update rate τ of the target network")
+    learning_rate: float = option(3e-5, "Adam's learning rate at the start")
+    learning_rate_end: float = option(3e-5, "learning rate at the end; linear in between")
+    amsgrad: bool = option(True, "Adam's amsgrad variant")
+    huber_delta: float | None = option(None, "loss linear above this error; none: squared error")
+    batch_size: int = option(128, "transitions in a minibatch")
     # Experience
-    environments: int = _f(1, "episodes flown side by side; one update for each step of them all")
-    replay_capacity: int = _f(50_000, "transitions in the replay memory")
-    replay_prefill: int = _f(25_000, "transitions of a random policy before the first update")
-    temperature: float = _f(0.1, "temperature β of the softmax policy at the start")
-    temperature_end: float = _f(0.1, "temperature from the end of its decay on")
-    temperature_decay: float = _f(0.5, "share of the run over which the temperature decays, linear")
-    crash_reward: float = _f(-150.0, "reward for running out of flying time in the air, r_crash")
-    exploring_starts: float = _f(0.0, "share of episodes that start anywhere, already under way")
-    exploring_least_time: int = _f(5, "least flying time of such an episode, units of time")
+    environments: int = option(1, "episodes flown side by side; one update a step of them all")
+    replay_capacity: int = option(50_000, "transitions in the replay memory")
+    replay_prefill: int = option(25_000, "transitions of a random policy before the first update")
+    temperature: float = option(0.1, "temperature β of the softmax policy at the start")
+    temperature_end: float = option(0.1, "temperature from the end of its decay on")
+    temperature_decay: float = option(
+        0.5, "share of the run in which the temperature decays, linearly"
+    )
+    crash_reward: float = option(-150.0, "reward for running out of flying time, r_crash")
+    exploring_starts: float = option(0.0, "share of episodes that start under way, anywhere")
+    exploring_least_time: int = option(5, "least flying time of such an episode, units of time")
     # Validation: the agent kept is the one with the best collection ratio and landed in these
-    validation_interval: int = _f(50_000, "environment steps between greedy validations")
-    validation_episodes: int = _f(1000, "scenarios flown in each validation, always the same")
+    validation_interval: int = option(50_000, "environment steps between greedy validations")
+    validation_episodes: int = option(1000, "scenarios flown in each validation, always the same")
 
     def __post_init__(self):
         for name, value in vars(self).items():

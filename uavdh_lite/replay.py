@@ -31,15 +31,16 @@ class Batch:
 class Replay:
     """A ring buffer of the last `capacity` transitions of N environments stepped together.
 
-    It keeps N streams of states, so that each state is stored once and the reward over n steps is
-    summed when a transition is sampled. Combined experience replay (Zhang and Sutton, 2017): the
-    newest transition is in every minibatch; with N environments, the newest N are.
+    The capacity is rounded up to whole steps of all N. There are N streams of states, so that each
+    state is stored once and rewards over n steps are summed when a transition is sampled. Combined
+    experience replay (Zhang and Sutton, 2017): the newest transition is in every minibatch; with N
+    environments, the newest N are.
     """
 
     def __init__(self, capacity: int, environments: int, max_devices: int):
         if capacity < environments:
             raise InputError(f"replay of {capacity} transitions for {environments} environments")
-        steps = capacity // environments + 1  # one more: the newest state has no action yet
+        steps = -(-capacity // environments) + 1  # one more: the newest state has no action yet
         lead, devices = (steps, environments), (steps, environments, max_devices)
         self.state = State(
             np.zeros(lead, np.int16),

@@ -1,16 +1,13 @@
 """Scenarios: what is drawn at random for each episode, and the named presets."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import State
 from uavdh_lite.errors import InputError
-
-
-def _f(default, help: str):
-    return field(default=default, metadata={"help": help})
+from uavdh_lite.options import option
 
 
 @dataclass(frozen=True)
@@ -18,10 +15,10 @@ class Scenario:
     """The ranges from which an episode is drawn, both ends included."""
 
     name: str
-    city: str = _f("manhattan", "a shipped city's name, or the path of a PNG")
-    devices: tuple[int, int] = _f((2, 5), "least and most number of devices")
-    data: tuple[float, float] = _f((5.0, 20.0), "least and most data of a device, data units")
-    flying_time: tuple[int, int] = _f((35, 70), "least and most flying time, units of time")
+    city: str = option("manhattan", "a shipped city's name, or the path of a PNG")
+    devices: tuple[int, int] = option((2, 5), "least and most number of devices")
+    data: tuple[float, float] = option((5.0, 20.0), "least and most data of a device, data units")
+    flying_time: tuple[int, int] = option((35, 70), "least and most flying time, units of time")
 
     def __post_init__(self):
         for name, least in (("devices", 1), ("data", 0), ("flying_time", 1)):

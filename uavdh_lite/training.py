@@ -69,7 +69,7 @@ class Trainer:
         self.seconds = 0.0  # spent training, over all sessions
         self.training_rows: list[dict] = []
         self.validation_rows: list[dict] = []
-        # The episodes in the air: since when ordinary (not an exploring start), their reward so far
+        # Of the episodes in the air: whether it had an ordinary start, its reward so far
         self.ordinary = np.ones(recipe.environments, bool)
         self.episode_reward = np.zeros(recipe.environments)
         self._empty_bin()
