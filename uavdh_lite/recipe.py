@@ -48,6 +48,7 @@ class Recipe:
         0.5, "share of the run in which the temperature decays, linearly"
     )
     crash_reward: float = option(-150.0, "reward for running out of flying time, r_crash")
+    movement_reward: float = option(-0.2, "reward for every step that does not land, r_mov")
     exploring_starts: float = option(0.0, "share of episodes that start under way, anywhere")
     exploring_least_time: int = option(5, "least flying time of such an episode, units of time")
     # Validation: the agent kept is the one with the best collection ratio and landed in these
@@ -105,7 +106,7 @@ class Recipe:
     @property
     def rewards(self) -> Rewards:
         """The rewards that the agent learns from."""
-        return Rewards(crash=self.crash_reward)
+        return Rewards(crash=self.crash_reward, movement=self.movement_reward)
 
     def temperature_at(self, steps: int) -> float:
         """β after this many environment steps."""

@@ -255,8 +255,8 @@ class Trainer:
         """Go on from what `save` wrote; `InputError` if it is of another run."""
         tensors, about = load(path, "training")
         for name, value in self._identity().items():
-            if about[name] != value:
-                difference = _difference(about[name], value)
+            if about.get(name) != value:
+                difference = _difference(about.get(name), value)
                 raise InputError(f"{path}: another {name} than asked for{difference}")
         for name in ("ordinary", "episode_reward", "bin_episodes"):
             setattr(self, name, tensors[name].numpy())
