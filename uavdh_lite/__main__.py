@@ -82,6 +82,25 @@ def _parser() -> _Parser:
     _fields(train.add_argument_group("scenario"), Scenario)
     _fields(train.add_argument_group("recipe"), Recipe)
 
+    ablation = commands.add_parser(
+        "ablation",
+        help="train with and without something, over several seeds",
+        description="Train the variants of a study with several seeds, and draw their curves. "
+        "Interrupted, the same command goes on. Options of the recipe hold for all variants.",
+    )
+    ablation.add_argument(
+        "--study", default="centring", help="centring or deviations (%(default)s)"
+    )
+    ablation.add_argument("--scenario", default="manhattan", help="a preset's name (%(default)s)")
+    ablation.add_argument("--recipe", default="lite", help="paper or lite (%(default)s)")
+    ablation.add_argument("--seeds", type=_positive, default=3, help="runs a variant (%(default)s)")
+    ablation.add_argument("--jobs", type=_positive, default=1, help="runs at a time (%(default)s)")
+    ablation.add_argument("--backend", default="loky", help="loky or dask (%(default)s)")
+    ablation.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster (a local one)")
+    ablation.add_argument("--out", help="folder of the runs (runs/STUDY-SCENARIO-RECIPE)")
+    ablation.set_defaults(run=_ablation)
+    _fields(ablation.add_argument_group("recipe"), Recipe)
+
     evaluate = commands.add_parser("evaluate", help="fly an agent over many random scenarios")
     _checkpoint(evaluate, required=True)
     evaluate.add_argument("--json", metavar="FILE", help="write mean, low and high of each metric")
@@ -213,6 +232,46 @@ def _train(options: argparse.Namespace) -> None:
     trainer = Trainer(scenario, recipe, options.seed, device=_device(options.device))
     best = train(trainer, out, options.resume, options.command_line)
     print(f"best agent: {best}\nto see it: python -m uavdh_lite evaluate --checkpoint {best}")
+
+
+def _ablation(options: argparse.Namespace) -> None:
+    from matplotlib.figure import Figure
+
+    from uavdh_lite.ablation import STUDIES, run_study
+    from uavdh_lite.plotting import draw_curves, read_curve, save_figure
+
+    if options.study not in STUDIES:
+        raise InputError(f"unknown study {options.study!r}: choose one of {', '.join(STUDIES)}")
+    scenario = find_scenario(options.scenario)
+    recipe = replace(find_recipe(options.recipe), **_given(options, Recipe))
+    out = Path(options.out or f"runs/{options.study}-{scenario.name}-{recipe.name}")
+    folders = run_study(
+        scenario,
+        STUDIES[options.study](recipe),
+        options.seeds,
+        out,
+        options.jobs,
+        options.backend,
+        options.scheduler,
+        options.command_line,
+    )
+    print("collection ratio and landed at the end, validation scenarios, by seed:")
+    figure = Figure(figsize=(9, 4), layout="constrained")
+    axes = figure.subplots(1, 2)
+    for name, runs in folders.items():
+        ends = [read_curve(run / "validation.csv") for run in runs]
+        print(
+            f"{name:<28}"
+            + "".join(f"{end['collection_ratio_and_landed'][-1]:>9.4f}" for end in ends)
+        )
+        curves = [read_curve(run / "training.csv") for run in runs]
+        for ax, metric in zip(
+            axes, ("cumulative_reward", "collection_ratio_and_landed"), strict=True
+        ):
+            draw_curves(ax, curves, metric, label=name)
+    axes[0].legend()
+    save_figure(figure, out / "curves.png")
+    print(out / "curves.png")
 
 
 def _evaluate(options: argparse.Namespace) -> None:

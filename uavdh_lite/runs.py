@@ -18,8 +18,16 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.files import write_atomically
 from uavdh_lite.training import BIN, Trainer
 
+SAVED = "training.safetensors"
 
-def train(trainer: Trainer, out: str | Path, resume: bool = False, command: str = "") -> Path:
+
+def train(
+    trainer: Trainer,
+    out: str | Path,
+    resume: bool = False,
+    command: str = "",
+    show_progress: bool = True,
+) -> Path:
     """Run a training to its end, with progress; returns the path of the best agent.
 
     In the folder `out`:
@@ -37,7 +45,7 @@ def train(trainer: Trainer, out: str | Path, resume: bool = False, command: str 
     Raises `InputError` if the folder holds a run and `resume` is False, or none and it is True.
     """
     out = Path(out)
-    saved = out / "training.safetensors"
+    saved = out / SAVED
     if resume and not saved.exists():
         raise InputError(f"{out}: no run to resume there; leave out --resume to start one")
     if not resume and saved.exists():
@@ -46,7 +54,13 @@ def train(trainer: Trainer, out: str | Path, resume: bool = False, command: str 
         trainer.restore(saved)
     keep_freed_memory()
     total = trainer.recipe.steps
-    progress = tqdm(total=total, initial=trainer.steps, unit="step", unit_scale=True)
+    progress = tqdm(
+        total=total,
+        initial=trainer.steps,
+        unit="step",
+        unit_scale=True,
+        disable=not show_progress,
+    )
     with progress, _deferred_interrupt() as interrupted:
         while not trainer.finished:
             started, before = time.perf_counter(), trainer.steps
@@ -88,7 +102,7 @@ def _validate(trainer: Trainer, out: Path, command: str) -> None:
         save_agent(out / "best.safetensors", agent)
     _write_csv(out / "training.csv", trainer.training_rows)
     _write_csv(out / "validation.csv", trainer.validation_rows)
-    trainer.save(out / "training.safetensors")
+    trainer.save(out / SAVED)
 
 
 def _status(trainer: Trainer) -> str:
