@@ -48,6 +48,8 @@ def quick() -> Recipe:
         environments=8,
         replay_capacity=2_000,
         replay_prefill=200,
+        temperature_decay=0.5,
+        movement_reward=-0.2,
         validation_interval=1_000,
         validation_episodes=50,
     )
