@@ -97,5 +97,8 @@ def test_figures_are_saved_with_their_legend(figure, corridor, tmp_path):
     add_legend(figure, 1)
     save_figure(figure, tmp_path / "f.png")
     save_figure(figure, tmp_path / "f.pdf")
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert box.x0 >= 0 and box.x1 <= figure.bbox.x1  # nothing is cut off
     assert (tmp_path / "f.png").read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "f.pdf").read_bytes().startswith(b"%PDF")

@@ -361,7 +361,7 @@ def _fly(options: argparse.Namespace) -> None:
     environment = Environment(city)
     trajectory = fly(environment, agent, state, generator, record=True).trajectory(0)
 
-    figure = Figure(figsize=(7, 8.5), layout="constrained")
+    figure = Figure(figsize=(7, 9), layout="constrained")
     draw_trajectory(figure.subplots(), environment, trajectory)
     add_legend(figure, len(devices))
     save_figure(figure, options.out)

@@ -187,8 +187,9 @@ def add_legend(figure: Figure, devices: int) -> None:
         mark("X", f"device {k}, and flight while it is served", color=device_colour(k), ms=10)
         for k in range(devices)
     ]
+    columns = 3 if figure.get_figwidth() >= 9 else 2
     figure.legend(
-        handles=handles, loc="outside lower center", ncols=3, fontsize="small", frameon=False
+        handles=handles, loc="outside lower center", ncols=columns, fontsize="small", frameon=False
     )
 
 
