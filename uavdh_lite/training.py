@@ -66,7 +66,7 @@ class Trainer:
         self.ddqn = DDQN(network, optimiser, recipe.target_update_rate, recipe.huber_delta)
         self.replay = Replay(recipe.replay_capacity, recipe.environments, scenario.max_devices)
         self.steps = self.updates = 0
-        self.seconds = 0.0  # spent training, over all sessions
+        self.seconds = 0.0  # spent training, resumed parts included
         self.training_rows: list[dict] = []
         self.validation_rows: list[dict] = []
         # Of the episodes in the air: whether it had an ordinary start, its reward so far
