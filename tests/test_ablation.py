@@ -1,3 +1,4 @@
+import json
 import os
 import signal
 import subprocess
@@ -5,6 +6,7 @@ import sys
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
@@ -14,6 +16,7 @@ from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.errors import InputError
 from uavdh_lite.recipe import LITE, PAPER
 from uavdh_lite.runs import SAVED
+from uavdh_lite.tables import read_table
 
 SHORT = (
     "--steps 6400 --validation-interval 800 --validation-episodes 5 --kernels 2 --hidden 8 "
@@ -58,6 +61,20 @@ def test_the_grid_runs_with_a_table_and_curves(finished):
     agent = load_agent(out / "non_centred-1" / "best.safetensors")
     assert agent.recipe.observation == "non_centred" and agent.training["seed"] == 1
     assert agent.training["command"].startswith("python -m uavdh_lite ablation --seeds 2")
+
+
+def test_the_curves_of_all_runs_come_as_two_tables(finished):
+    out, _ = finished
+    for kind in ("training", "validation"):
+        table = read_table(out / f"{kind}.csv.gz")
+        assert list(table)[:3] == ["variant", "seed", "steps"]
+        own = (table["variant"] == "non_centred") & (table["seed"] == 1)
+        run = read_table(out / "non_centred-1" / f"{kind}.csv")
+        for name, column in run.items():
+            np.testing.assert_array_equal(table[name][own], column)
+    about = json.loads((out / "about.json").read_text())
+    assert set(about["runs"]) == {"centred-0", "centred-1", "non_centred-0", "non_centred-1"}
+    assert about["runs"]["centred-1"]["seed"] == 1 and about["runs"]["centred-1"]["seconds"] > 0
 
 
 def test_finished_runs_are_kept(finished):

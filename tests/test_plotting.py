@@ -17,11 +17,11 @@ from uavdh_lite.plotting import (
     draw_city,
     draw_curves,
     draw_trajectory,
-    read_curve,
     save_figure,
     shadow_sum,
 )
 from uavdh_lite.scenario import place
+from uavdh_lite.tables import read_table
 
 
 @pytest.fixture
@@ -80,7 +80,7 @@ def test_a_crash_is_marked(figure, corridor):
 
 def test_curves_show_the_mean_and_the_range_over_runs(figure, tmp_path):
     (tmp_path / "a.csv").write_text("steps,reward\n5000,1\n10000,\n15000,3\n")
-    run = read_curve(tmp_path / "a.csv")
+    run = read_table(tmp_path / "a.csv")
     assert run["steps"].tolist() == [5000, 10_000, 15_000] and np.isnan(run["reward"][1])
     runs = [{"steps": run["steps"], "reward": np.array([0.0, 1, 2]) + k} for k in (0, 1, 5)]
     ax = draw_curves(figure.subplots(), runs, "reward", label="centred")

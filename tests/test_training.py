@@ -11,10 +11,10 @@ import torch
 
 from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.errors import InputError
-from uavdh_lite.plotting import read_curve
 from uavdh_lite.recipe import LITE, PAPER, Recipe, find_recipe
 from uavdh_lite.runs import train
 from uavdh_lite.scenario import SCENARIOS
+from uavdh_lite.tables import read_table
 from uavdh_lite.training import BIN, Trainer
 
 
@@ -77,15 +77,16 @@ def test_files_of_a_run(trainer, tmp_path):
     done = trainer(steps=2 * BIN + 40)
     best = train(done, tmp_path / "run", command="python -m uavdh_lite train ...")
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
+        "about.json",
         "best.safetensors",
         "training.csv",
         "training.safetensors",
         "validation.csv",
     ]
-    curve = read_curve(tmp_path / "run" / "training.csv")
+    curve = read_table(tmp_path / "run" / "training.csv")
     assert curve["steps"].tolist() == [BIN, 2 * BIN]
     assert (curve["episodes"] > 0).all()
-    validation = read_curve(tmp_path / "run" / "validation.csv")
+    validation = read_table(tmp_path / "run" / "validation.csv")
     assert validation["steps"].tolist() == [*range(1000, 10_001, 1000), 10_040]
     agent = load_agent(best)
     about = agent.training
@@ -138,7 +139,7 @@ def assert_same_result(out, uninterrupted):
     for name, tensor in tensors.items():
         assert torch.equal(tensor, expected[name]), name
     for name in ("training.csv", "validation.csv"):
-        ours, theirs = read_curve(out / name), read_curve(uninterrupted / name)
+        ours, theirs = read_table(out / name), read_table(uninterrupted / name)
         for column in ours.keys() - {"seconds"}:
             assert np.array_equal(ours[column], theirs[column], equal_nan=True), column
 

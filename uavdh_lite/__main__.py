@@ -106,6 +106,23 @@ def _parser() -> _Parser:
     evaluate.add_argument("--json", metavar="FILE", help="write mean, low and high of each metric")
     _common(evaluate, _evaluate, episodes=True)
 
+    compare = commands.add_parser(
+        "compare",
+        help="an agent beside the planners on the same scenarios",
+        description="Fly an agent, the random and the greedy planner and the genie over the same "
+        "scenarios with the same fading, and write the metrics of every episode as a table.",
+    )
+    _checkpoint(compare, required=False)
+    compare.add_argument("--jobs", type=_positive, default=1, help="processes (%(default)s)")
+    compare.add_argument(
+        "--replan",
+        type=_positive,
+        default=5,
+        help="steps after which the genie plans anew (%(default)s); fewer take longer",
+    )
+    _common(compare, _compare, episodes=True)
+    compare.add_argument("--out", help="the table (comparison-SCENARIO.csv.gz), JSON beside it")
+
     fly = commands.add_parser(
         "fly",
         help="fly one scenario of your own and draw it",
@@ -237,8 +254,9 @@ def _train(options: argparse.Namespace) -> None:
 def _ablation(options: argparse.Namespace) -> None:
     from matplotlib.figure import Figure
 
-    from uavdh_lite.ablation import STUDIES, run_study
-    from uavdh_lite.plotting import draw_curves, read_curve, save_figure
+    from uavdh_lite.ablation import STUDIES, collect_curves, run_study
+    from uavdh_lite.plotting import draw_study, save_figure
+    from uavdh_lite.tables import read_table
 
     if options.study not in STUDIES:
         raise InputError(f"unknown study {options.study!r}: choose one of {', '.join(STUDIES)}")
@@ -255,21 +273,15 @@ def _ablation(options: argparse.Namespace) -> None:
         options.scheduler,
         options.command_line,
     )
+    training, validation = collect_curves(folders, out, options.command_line)
     print("collection ratio and landed at the end, validation scenarios, by seed:")
+    table = read_table(validation)
+    last = table["steps"] == table["steps"].max()
+    for name in folders:
+        ends = table["collection_ratio_and_landed"][last & (table["variant"] == name)]
+        print(f"{name:<28}" + "".join(f"{end:>9.4f}" for end in ends))
     figure = Figure(figsize=(9, 4), layout="constrained")
-    axes = figure.subplots(1, 2)
-    for name, runs in folders.items():
-        ends = [read_curve(run / "validation.csv") for run in runs]
-        print(
-            f"{name:<28}"
-            + "".join(f"{end['collection_ratio_and_landed'][-1]:>9.4f}" for end in ends)
-        )
-        curves = [read_curve(run / "training.csv") for run in runs]
-        for ax, metric in zip(
-            axes, ("cumulative_reward", "collection_ratio_and_landed"), strict=True
-        ):
-            draw_curves(ax, curves, metric, label=name)
-    axes[0].legend()
+    draw_study(figure, read_table(training))
     save_figure(figure, out / "curves.png")
     print(out / "curves.png")
 
@@ -291,6 +303,80 @@ def _evaluate(options: argparse.Namespace) -> None:
         values = {name: interval._asdict() for name, interval in metrics.items()}
         text = json.dumps(values, indent=2)
         write_atomically(options.json, lambda temporary: temporary.write_text(text + "\n"))
+
+
+def _compare(options: argparse.Namespace) -> None:
+    import time
+
+    from uavdh_lite.comparison import breakdown, compare, share
+    from uavdh_lite.environment import Environment
+    from uavdh_lite.evaluation import bootstrap_interval
+    from uavdh_lite.planners import Genie, Greedy, Random
+    from uavdh_lite.tables import provenance, write_json, write_table
+
+    agent = _agent(options)
+    environment = Environment(agent.city)
+    started = time.perf_counter()
+    results = compare(
+        environment,
+        agent.scenario,
+        {
+            "agent": lambda: agent,
+            "random": lambda: Random(np.random.default_rng(options.seed)),
+            "greedy": lambda: Greedy(environment),
+            "genie": lambda: Genie(environment, replan=options.replan),
+            "genie_data": lambda: Genie(environment, replan=options.replan, time_cost=0.01),
+        },
+        options.episodes,
+        options.seed,
+        options.jobs,
+    )
+    out = Path(options.out or f"comparison-{agent.scenario.name}.csv.gz")
+    write_table(
+        out,
+        [
+            {"policy": policy, "episode": episode} | {k: v[episode].item() for k, v in each.items()}
+            for policy, each in results.items()
+            for episode in range(options.episodes)
+        ],
+    )
+    about = {
+        "command": options.command_line,
+        "seed": options.seed,
+        "seconds": round(time.perf_counter() - started, 1),
+        "jobs": options.jobs,
+        **provenance(),
+        "agent": agent.training,
+    }
+    write_json(out.with_name(out.name.split(".")[0] + ".json"), about)
+
+    print(f"{agent.scenario.name}: {options.episodes} random scenarios, seed {options.seed}")
+    names = ("has_landed", "collection_ratio", "collection_ratio_and_landed", "cumulative_reward")
+    print(f"{'':<12}" + "".join(f"{name:>30}" for name in names))
+    for policy, each in results.items():
+        means = [bootstrap_interval(each[name]) for name in names]
+        print(f"{policy:<12}" + "".join(f"{_interval(mean):>30}" for mean in means))
+    for metric, reference in (
+        ("collection_ratio_and_landed", "genie_data"),
+        ("cumulative_reward", "genie"),
+    ):
+        part = share(results["agent"][metric], results[reference][metric])
+        print(f"agent's {metric} as a share of the {reference}'s: {_interval(part)}")
+    print("collection ratio and landed of the agent and the genie_data, by what was drawn:")
+    metric = "collection_ratio_and_landed"
+    for by in ("devices", "flying_time", "data"):
+        groups = [
+            breakdown(results[policy][metric], results[policy][by])
+            for policy in ("agent", "genie_data")
+        ]
+        for (label, count, ours), (_, _, theirs) in zip(*groups, strict=True):
+            print(f"{by:<12}{label:>18}{count:>6}{_interval(ours):>30}{_interval(theirs):>30}")
+    print(out)
+
+
+def _interval(interval) -> str:
+    mean, low, high = interval
+    return f"{mean:.4f} ({low:.4f} to {high:.4f})"
 
 
 def _agent(options: argparse.Namespace):

@@ -1,5 +1,7 @@
 """Ablations: the same training with one thing changed, over several seeds, side by side."""
 
+import csv
+import json
 import sys
 import threading
 from collections.abc import Iterator
@@ -15,6 +17,7 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.recipe import PAPER, Recipe
 from uavdh_lite.runs import SAVED, train
 from uavdh_lite.scenario import Scenario
+from uavdh_lite.tables import write_json, write_table
 from uavdh_lite.training import Trainer
 
 # Where `lite` departs from `paper` in learning, in the groups that only make sense together
@@ -91,6 +94,27 @@ def run_study(
         for folder in done:
             progress.write(f"finished: {folder}", file=sys.stderr)
     return {name: [folders[name, seed] for seed in range(seeds)] for name in variants}
+
+
+def collect_curves(folders: dict[str, list[Path]], out: Path, command: str) -> tuple[Path, Path]:
+    """Write the curves of a finished study as two tables; returns their paths.
+
+    `training.csv.gz` and `validation.csv.gz` have the rows of the runs' own files, with the columns
+    `variant` and `seed` before them. `about.json` has the command and each run's `about.json`.
+    """
+    runs = [(name, folder) for name, several in folders.items() for folder in several]
+    about = {folder.name: json.loads((folder / "about.json").read_text()) for _, folder in runs}
+    paths = []
+    for kind in ("training", "validation"):
+        rows = []
+        for name, folder in runs:
+            with open(folder / f"{kind}.csv", newline="") as file:
+                first = {"variant": name, "seed": about[folder.name]["seed"]}
+                rows += [first | row for row in csv.DictReader(file)]
+        paths.append(out / f"{kind}.csv.gz")
+        write_table(paths[-1], rows)
+    write_json(out / "about.json", {"command": command, "runs": about})
+    return tuple(paths)
 
 
 def _run(scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: str) -> Path:

@@ -199,7 +199,7 @@ def draw_curves(
     """A training curve: the mean over runs and the range that holds 99 % of them, by steps.
 
     Arguments:
-        runs: from `read_curve`, all with rows at the same steps. metric: a column's name.
+        runs: from `read_table`, all with rows at the same steps. metric: a column's name.
     """
     values = np.stack([run[metric] for run in runs])
     steps = runs[0]["steps"]
@@ -211,10 +211,22 @@ def draw_curves(
     return ax
 
 
-def read_curve(path: str | Path) -> dict[str, np.ndarray]:
-    """The columns of a `training.csv` or `validation.csv` by name; empty fields are NaN."""
-    table = np.genfromtxt(path, delimiter=",", names=True, ndmin=1)
-    return {name: table[name] for name in table.dtype.names}
+def draw_study(figure: Figure, table: dict[str, np.ndarray]) -> None:
+    """The training curves of a study's variants: cumulative reward, collected and landed.
+
+    Arguments:
+        table: from `read_table` of a study's `training.csv.gz`.
+    """
+    axes = figure.subplots(1, 2)
+    for ax, metric in zip(axes, ("cumulative_reward", "collection_ratio_and_landed"), strict=True):
+        for variant in dict.fromkeys(table["variant"].tolist()):
+            own = table["variant"] == variant
+            runs = [
+                {name: column[own & (table["seed"] == seed)] for name, column in table.items()}
+                for seed in np.unique(table["seed"][own])
+            ]
+            draw_curves(ax, runs, metric, label=variant.replace("_", " "))
+    axes[0].legend()
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:

@@ -1,8 +1,6 @@
 """A training run in a folder: progress, CSV files, checkpoints, Ctrl-C and resume."""
 
-import csv
 import ctypes
-import io
 import signal
 import sys
 import threading
@@ -15,7 +13,7 @@ from tqdm.auto import tqdm
 
 from uavdh_lite.checkpoint import save_agent
 from uavdh_lite.errors import InputError
-from uavdh_lite.files import write_atomically
+from uavdh_lite.tables import write_json, write_table
 from uavdh_lite.training import BIN, Trainer
 
 SAVED = "training.safetensors"
@@ -38,6 +36,7 @@ def train(
     | `training.safetensors` | everything needed to go on, written at each validation |
     | `training.csv` | a row for every 5000 environment steps: ordinary training episodes |
     | `validation.csv` | a row for each greedy validation |
+    | `about.json` | command, seed, seconds, machine, versions, the last validation |
 
     A run that was killed goes on with `resume=True`, and ends with the same weights as one that
     was not. Ctrl-C saves, then raises `KeyboardInterrupt`.
@@ -96,12 +95,14 @@ def _validate(trainer: Trainer, out: Path, command: str) -> None:
     started = time.perf_counter()
     is_best = trainer.validate()
     trainer.seconds += time.perf_counter() - started
+    agent = trainer.agent
+    agent.training["command"] = command
     if is_best:
-        agent = trainer.agent
-        agent.training["command"] = command
         save_agent(out / "best.safetensors", agent)
-    _write_csv(out / "training.csv", trainer.training_rows)
-    _write_csv(out / "validation.csv", trainer.validation_rows)
+    if trainer.training_rows:
+        write_table(out / "training.csv", trainer.training_rows)
+    write_table(out / "validation.csv", trainer.validation_rows)
+    write_json(out / "about.json", agent.training)
     trainer.save(out / SAVED)
 
 
@@ -114,17 +115,6 @@ def _status(trainer: Trainer) -> str:
         for name, row in rows.items()
         if row and row[-1]["has_landed"] is not None
     )
-
-
-def _write_csv(path: Path, rows: list[dict]) -> None:
-    if not rows:
-        return
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
-    write_atomically(path, lambda temporary: temporary.write_text(text.getvalue()))
 
 
 @contextmanager

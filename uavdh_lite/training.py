@@ -1,8 +1,6 @@
 """The training loop: collect, learn, validate; saved and restored whole."""
 
 import json
-import os
-import platform
 from dataclasses import asdict, fields
 from pathlib import Path
 
@@ -10,7 +8,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from uavdh_lite import __version__
 from uavdh_lite.agent import Agent, build
 from uavdh_lite.checkpoint import load, save
 from uavdh_lite.city import City
@@ -21,6 +18,7 @@ from uavdh_lite.evaluation import TRAINING, VALIDATION, evaluate, stream
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.replay import Batch, Replay
 from uavdh_lite.scenario import Scenario
+from uavdh_lite.tables import provenance
 
 BIN = 5000  # environment steps a row of training.csv, as in the paper's figure
 VALIDATION_SEED = 0
@@ -89,12 +87,8 @@ class Trainer:
             "steps": self.steps,
             "updates": self.updates,
             "seconds": round(self.seconds, 1),
-            "version": __version__,
-            "torch": torch.__version__,
-            "numpy": np.__version__,
             "device": str(self.device),
-            "threads": torch.get_num_threads(),
-            "machine": f"{os.cpu_count()}-core {platform.machine()}, {platform.system()}",
+            **provenance(),
             "validation": self.validation_rows[-1] if self.validation_rows else None,
         }
         parts = (self.ddqn.online, self.observation, self.recipe, self.scenario, self.city)
