@@ -1,0 +1,97 @@
+"""Make the notebooks from their scripts: scripts/NN_topic.py → NN_topic.ipynb with outputs.
+
+    python notebooks/execute.py          # those whose source changed since they were executed
+    python notebooks/execute.py 01 03    # these, whether they changed or not
+
+The scripts are the source (jupytext's percent format). A notebook keeps a hash of the source that
+it was executed from; the tests compare it, so that no outputs of another source are kept.
+"""
+
+import argparse
+import hashlib
+import sys
+from pathlib import Path
+
+import jupytext
+import nbformat
+from nbclient import NotebookClient
+
+from uavdh_lite.files import write_atomically
+
+HERE = Path(__file__).parent
+SECONDS = 300  # for one cell, at most
+
+
+def scripts() -> list[Path]:
+    return sorted((HERE / "scripts").glob("[0-9][0-9]_*.py"))
+
+
+def notebook_of(script: Path) -> Path:
+    return HERE / f"{script.stem}.ipynb"
+
+
+def source_hash(notebook: nbformat.NotebookNode) -> str:
+    """SHA-256 of the cells' types and sources."""
+    text = "\0".join(f"{cell.cell_type}\0{cell.source}" for cell in notebook.cells)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def from_script(script: Path) -> nbformat.NotebookNode:
+    """The notebook of a script, without outputs; its cells are numbered, so that ids are stable."""
+    notebook = jupytext.read(script)
+    for number, cell in enumerate(notebook.cells):
+        cell.id = f"cell-{number:02d}"
+    notebook.metadata = nbformat.NotebookNode(
+        kernelspec={"display_name": "Python 3", "language": "python", "name": "python3"},
+        language_info={"name": "python"},
+        jupytext={"formats": "ipynb,scripts//py:percent"},
+        uavdh_lite={"source_sha256": source_hash(notebook)},
+    )
+    return notebook
+
+
+def is_fresh(script: Path) -> bool:
+    """Whether the notebook was executed from the script as it is."""
+    path = notebook_of(script)
+    if not path.exists():
+        return False
+    kept = nbformat.read(path, as_version=4)
+    expected = from_script(script).metadata.uavdh_lite.source_sha256
+    return kept.metadata.get("uavdh_lite", {}).get("source_sha256") == expected
+
+
+def execute(script: Path) -> None:
+    """Execute the notebook from top to bottom on a fresh kernel, and write it with outputs."""
+    notebook = from_script(script)
+    NotebookClient(
+        notebook,
+        timeout=SECONDS,
+        kernel_name="python3",
+        record_timing=False,
+        store_widget_state=False,
+        resources={"metadata": {"path": str(HERE)}},
+    ).execute()
+    notebook.metadata.pop("widgets", None)
+    notebook.metadata.language_info = {"name": "python"}
+    nbformat.validate(notebook)
+    path = notebook_of(script)
+    write_atomically(path, lambda temporary: nbformat.write(notebook, temporary))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("numbers", nargs="*", metavar="NN", help="notebooks, by their number")
+    options = parser.parse_args()
+    known = {script.name[:2]: script for script in scripts()}
+    unknown = [number for number in options.numbers if number not in known]
+    if unknown:
+        parser.error(f"no notebook {', '.join(unknown)}: choose from {', '.join(known)}")
+    chosen = [known[number] for number in options.numbers]
+    for script in chosen or [one for one in known.values() if not is_fresh(one)]:
+        print(script.stem, file=sys.stderr)
+        execute(script)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,305 @@
+# %% [markdown]
+# # 1 · The city and the channel
+#
+# A UAV can only collect what the radio channel lets through. This notebook builds that channel,
+# number by number: how the signal fades with distance, what a building does to it, how much chance
+# is in it, and how many units of data arrive. At the end it answers a question that the agent of
+# the later notebooks has to learn: *where should the UAV be to serve a device?*
+
+# %%
+# %matplotlib inline
+import numpy as np
+from matplotlib.figure import Figure
+
+from uavdh_lite.city import City
+from uavdh_lite.environment import Environment
+from uavdh_lite.plotting import draw_city
+
+city = City.load("manhattan")
+environment = Environment(city)
+figure = Figure(figsize=(6.5, 6.5), layout="constrained")
+draw_city(figure.subplots(), city).set_title("the city of the paper's Manhattan scenario, redrawn")
+figure
+
+# %% [markdown]
+# | | |
+# | --- | --- |
+# | **What you'll do** | Take the city apart into layers, compute one link from the transmitter to the data unit, and map the rate over the whole city for a device |
+# | **What you'll learn** | Log-distance path loss with and without line of sight, the cell-edge SNR and the link budget behind it, shadow fading, and why the best place is not always the nearest |
+# | **What you'll need** | Logarithms, the normal distribution, a little numpy. 20 minutes to read, 10 seconds to run |
+#
+# ## 1.1 Three layers
+#
+# The city is a grid of 16×16 cells of 10 m. Each cell answers three yes-or-no questions, and each
+# question is a *layer*, a Boolean array:
+#
+# - May the UAV start and land here? (`landing`, hatched blue)
+# - May it *not* fly here? (`no_fly`; hatched red where it is open ground that may not be entered)
+# - Does a building here block radio links? (`buildings`)
+
+# %%
+for name in ("landing", "no_fly", "buildings"):
+    layer = getattr(city, name)
+    print(f"{name:<10} {layer.shape} {layer.dtype}, {layer.sum()} cells")
+
+# %% [markdown]
+# Buildings come in two heights. A tall one, dark grey in the figure, blocks the link *and* may not
+# be flown over, so it is in two layers. A low one, beige, only blocks the link.
+
+# %%
+print("tall buildings:", (city.buildings & city.no_fly).sum(), "cells")
+print("low buildings: ", (city.buildings & ~city.no_fly).sum(), "cells")
+print("devices may stand on", len(city.device_cells), "cells")
+
+# %% [markdown]
+# ## 1.2 Path loss: the signal thins out
+#
+# The ratio of received signal to noise, the SNR, falls with a power of the distance $d$ (paper,
+# eq. 3):
+#
+# $$\mathrm{SNR} = \frac{P}{\sigma^2}\, d^{-\alpha}\, 10^{\eta/10}
+# \qquad\text{or, in decibels,}\qquad
+# \mathrm{SNR_{dB}} = \Big(\frac{P}{\sigma^2}\Big)_{\mathrm{dB}} - 10\,\alpha \log_{10} d + \eta$$
+#
+# The *path loss exponent* $\alpha$ is larger when a building is in between. Each tenfold distance
+# costs $10\,\alpha$ dB:
+
+# %%
+channel = environment.channel
+for name in ("los", "nlos"):
+    exponent = getattr(channel, f"path_loss_exponent_{name}")
+    print(f"{name:>4}: exponent {exponent}, {10 * exponent:.1f} dB for each tenfold distance")
+
+# %% [markdown]
+# LoS is *line of sight*, NLoS *non-line of sight*. At 100 m, a building costs
+# $10\,(3.64 - 2.27)\log_{10} 100 = 27.4$ dB: the signal is 550 times weaker.
+#
+# ## 1.3 The link budget, number by number
+#
+# What is $P/\sigma^2$, transmit power over noise? The paper does not give it. It gives the
+# *cell-edge SNR*: −15 dB between the middle of the map and a device in its corner, at ground level,
+# with nothing in between. From this the rest follows. First the distance:
+
+# %%
+edge_m = np.sqrt(2) * city.size * channel.cell_size_m / 2
+print(f"from the middle to a corner: {edge_m:.1f} m")
+
+# %% [markdown]
+# The signal loses $10\,\alpha_{\mathrm{LoS}} \log_{10} d$ on the way. What arrives is −15 dB, so what
+# was sent is that much more:
+
+# %%
+loss_db = 10 * channel.path_loss_exponent_los * np.log10(edge_m)
+budget_db = channel.cell_edge_snr_db + loss_db
+print(f"{channel.cell_edge_snr_db} dB + {loss_db:.2f} dB = {budget_db:.2f} dB")
+assert np.isclose(budget_db, channel.transmit_snr_db(city.size))
+
+# %% [markdown]
+# The last line checks our sum against the library's `transmit_snr_db`, which is these two lines
+# again. The UAV flies 10 m high, so even straight above a device the distance is 10 m:
+
+# %%
+above_db = channel.mean_snr_db(np.float32(channel.altitude_m**2), True, city.size)
+print(f"straight above the device: {above_db:.2f} dB")
+
+# %% [markdown]
+# ## 1.4 From SNR to data
+#
+# In one communication slot a device can send (eq. 4)
+#
+# $$R = \log_2(1 + \mathrm{SNR})$$
+#
+# data units. An SNR of 0 dB, signal as strong as noise, gives exactly 1 unit:
+
+# %%
+from uavdh_lite.channel import rate
+
+for snr_db in (-15, 0, 10, above_db):
+    print(f"{snr_db:>6.1f} dB -> {rate(snr_db):.2f} data units a slot")
+
+# %% [markdown]
+# Now the same along a line away from the device, with and without line of sight:
+
+# %%
+ground_m = np.linspace(0, 160, 200)
+squared_m2 = np.float32(ground_m**2 + channel.altitude_m**2)
+figure = Figure(figsize=(9, 3.6), layout="constrained")
+left, right = figure.subplots(1, 2)
+for name, sight, style in (("LoS", True, "-"), ("NLoS", False, "--")):
+    snr_db = channel.mean_snr_db(squared_m2, sight, city.size)
+    left.plot(ground_m, snr_db, style, label=name)
+    right.plot(ground_m, rate(snr_db), style, label=name)
+left.set(xlabel="distance on the ground, m", ylabel="SNR without fading, dB")
+right.set(xlabel="distance on the ground, m", ylabel="data units a slot")
+left.legend()
+figure
+
+# %% [markdown]
+# The left plot is the channel, the right one is what the UAV lives on. Two things to take along:
+#
+# - **Near is everything.** Most data is to be had within two or three cells of the device.
+# - **A building ends the link.** Twenty metres behind a corner hardly anything arrives.
+#
+# ## 1.5 Shadow fading: the part that is luck
+#
+# Trees, signs and reflections make the signal stronger or weaker than the distance says. The model
+# adds a normal draw $\eta$, in dB, for every slot and device, with a variance of 2 dB² with line of
+# sight and 5 dB² without:
+
+# %%
+generator = np.random.default_rng(0)
+normal = generator.standard_normal(20_000)
+figure = Figure(figsize=(9, 3.4), layout="constrained")
+left, right = figure.subplots(1, 2)
+for name, sight in (("LoS", True), ("NLoS", False)):
+    left.hist(channel.fading_db(normal, sight), 60, density=True, histtype="step", label=name)
+snr_db = channel.mean_snr_db(np.float32(30.0**2), True, city.size)
+right.hist(rate(snr_db + channel.fading_db(normal, True)), 60, density=True, histtype="step")
+right.axvline(rate(snr_db), color="black", linestyle=":", label="without fading")
+right.legend()
+left.set(xlabel="shadow fading, dB", ylabel="density")
+right.set(xlabel="data units a slot, 30 m away, LoS", ylabel="density")
+left.legend()
+figure
+
+# %% [markdown]
+# A symmetric spread in dB is a lopsided spread in SNR. Does luck help or hurt on average? Compute
+# the mean rate with fading and the rate at the mean SNR in dB:
+
+# %%
+snr_db = channel.mean_snr_db(np.float32(30.0**2), True, city.size)
+with_fading = rate(snr_db + channel.fading_db(normal, True)).mean()
+print(f"without fading {rate(snr_db):.3f}, mean with fading {with_fading:.3f} data units")
+
+# %% [markdown]
+# A little more with fading, because the rate is a convex function of the SNR in dB at these values:
+# good luck gains more than bad luck loses. (This is Jensen's inequality.) The UAV cannot foresee the
+# draws, only where they are good on average.
+#
+# ## 1.6 Move the constants
+#
+# Change the exponents, the fading and the cell-edge SNR and see what arrives. Without a running
+# kernel you see the picture at the paper's values below.
+
+# %%
+from dataclasses import replace
+
+def draw_rates(alpha_los, alpha_nlos, sigma_db, edge_snr_db):
+    own = replace(channel, path_loss_exponent_los=alpha_los, path_loss_exponent_nlos=alpha_nlos,
+                  cell_edge_snr_db=edge_snr_db)
+    figure = Figure(figsize=(6, 3.4), layout="constrained")
+    ax = figure.subplots()
+    for name, sight in (("LoS", True), ("NLoS", False)):
+        snr_db = own.mean_snr_db(squared_m2, sight, city.size)
+        line, = ax.plot(ground_m, rate(snr_db), label=name)
+        ax.fill_between(ground_m, rate(snr_db - sigma_db), rate(snr_db + sigma_db), alpha=0.25)
+    ax.set(xlabel="distance on the ground, m", ylabel="data units a slot", ylim=(0, 6))
+    ax.legend()
+    return figure
+
+# %%
+import ipywidgets
+
+from uavdh_lite.widgets import explore
+
+slider = ipywidgets.FloatSlider
+explore(
+    draw_rates,
+    alpha_los=slider(value=2.27, min=1.5, max=4, step=0.01, description="α LoS"),
+    alpha_nlos=slider(value=3.64, min=2, max=6, step=0.01, description="α NLoS"),
+    sigma_db=slider(value=1.4, min=0, max=6, step=0.1, description="σ, dB"),
+    edge_snr_db=slider(value=-15, min=-30, max=10, step=1, description="edge SNR"),
+)
+
+# %%
+draw_rates(2.27, 3.64, 1.4, -15)
+
+# %% [markdown]
+# The bands show what one standard deviation of fading does. Did you notice that raising α LoS
+# *raises* the rate near the device? The cell-edge SNR is held, so a steeper loss means that more
+# must have been sent.
+#
+# ## 1.7 Where to serve a device
+#
+# The UAV moves from cell to cell, and the environment knows for every pair of cells whether they
+# see each other (the next notebook computes that). Put a device among the buildings and map the
+# rate that a UAV would get from hovering over each cell:
+
+# %%
+def rate_map(device):
+    rows, cols = np.indices((city.size, city.size))
+    ground = ((rows - device[0]) ** 2 + (cols - device[1]) ** 2) * channel.cell_size_m**2
+    squared = np.float32(ground + channel.altitude_m**2)
+    sight = environment.line_of_sight[device[0] * city.size + device[1]]
+    snr_db = channel.mean_snr_db(squared, sight.reshape(rows.shape), city.size)
+    return np.where(city.no_fly, np.nan, rate(snr_db))
+
+# %%
+device = (4, 7)
+rates = rate_map(device)
+figure = Figure(figsize=(7, 6), layout="constrained")
+ax = draw_city(figure.subplots(), city)
+picture = ax.imshow(rates, cmap="viridis", alpha=0.8, zorder=1.5)
+ax.plot(device[1], device[0], "X", color="white", mec="black", ms=12, zorder=6)
+figure.colorbar(picture, label="data units a slot, hovering")
+figure
+
+# %% [markdown]
+# The white cross marks the device; cells left uncoloured may not be flown over. The rate is not a disc: streets
+# in line with the device shine, cells behind a corner are dark even when they are close. Which
+# cells are best?
+
+# %%
+order = np.argsort(np.where(np.isnan(rates), -1, rates), axis=None)[::-1]
+for cell in order[:5]:
+    row, col = divmod(int(cell), city.size)
+    print(f"cell ({row}, {col}): {rates[row, col]:.2f} data units a slot")
+
+# %% [markdown]
+# A UAV gets four slots in each step. From the best cell a device with 15 data units is empty in two
+# steps; from the cells in the shadow, a few steps away, hardly anything comes in a whole flight.
+#
+# ## Recap
+#
+# - Three Boolean layers describe the city; everything else is computed from them.
+# - $\mathrm{SNR_{dB}}$ is the budget, less $10\alpha\log_{10} d$, plus luck. The budget follows from the
+#   cell-edge SNR.
+# - The rate is $\log_2(1+\mathrm{SNR})$: near and in sight is what counts.
+#
+# ## Exercises
+#
+# Write the function, then run the check below it.
+#
+# **1.** Up to which distance on the ground does the UAV get at least one data unit a slot, without
+# fading? Write `reach_m(sight)`, in metres, 0 if not even straight above the device. (One data unit
+# is an SNR of 0 dB.)
+
+# %%
+def reach_m(sight):
+    exponent = channel.path_loss_exponent_los if sight else channel.path_loss_exponent_nlos
+    distance_m = 10 ** (channel.transmit_snr_db(city.size) / (10 * exponent))
+    return np.sqrt(max(distance_m**2 - channel.altitude_m**2, 0))
+
+# %%
+squared = np.float32(reach_m(True) ** 2 + channel.altitude_m**2)
+assert np.isclose(rate(channel.mean_snr_db(squared, True, city.size)), 1, atol=1e-4)
+assert reach_m(False) == 0
+print(f"{reach_m(True):.1f} m in sight; behind a building never")
+
+# %% [markdown]
+# **2.** With the same cell-edge SNR, how does the budget change when the city has four times as many
+# cells a side? Predict it from the formula, then compare.
+
+# %%
+predicted_db = 10 * channel.path_loss_exponent_los * np.log10(4)
+computed_db = channel.transmit_snr_db(4 * city.size) - channel.transmit_snr_db(city.size)
+assert np.isclose(predicted_db, computed_db)
+print(f"{predicted_db:.2f} dB more")
+
+# %% [markdown]
+# ## Further reading
+#
+# - Bayerlein, Theile, Caccamo, Gesbert: *UAV Path Planning for Wireless Data Harvesting*, Globecom
+#   2020, section II.
+# - Goldsmith: *Wireless Communications*, chapter 2, on path loss and shadowing.
+# - The next notebook: **2 · Shadow ray tracing**, where the lines of sight come from.
