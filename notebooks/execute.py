@@ -56,7 +56,7 @@ def is_fresh(script: Path) -> bool:
     if not path.exists():
         return False
     kept = nbformat.read(path, as_version=4)
-    expected = from_script(script).metadata.uavdh_lite.source_sha256
+    expected = from_script(script).metadata["uavdh_lite"]["source_sha256"]
     return kept.metadata.get("uavdh_lite", {}).get("source_sha256") == expected
 
 
