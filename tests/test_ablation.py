@@ -20,7 +20,7 @@ from uavdh_lite.tables import read_table
 
 SHORT = (
     "--steps 6400 --validation-interval 800 --validation-episodes 5 --kernels 2 --hidden 8 "
-    "--batch-size 16 --replay-prefill 320 --replay-capacity 1000"
+    "--batch-size 32 --replay-prefill 320 --replay-capacity 1000"
 )
 
 
@@ -114,7 +114,7 @@ def test_each_deviation_is_undone_alone():
     assert variants.pop("all") == LITE
     assert variants["without_layer_norm"] == replace(LITE, layer_norm=False)
     assert variants["without_learning_rate"].learning_rate == PAPER.learning_rate
-    assert len(variants) == 9 and all(recipe != LITE for recipe in variants.values())
+    assert len(variants) == 11 and all(recipe != LITE for recipe in variants.values())
     assert deviations(PAPER) == {"all": PAPER}
     assert set(centring(LITE)) == {"centred", "non_centred"}
 

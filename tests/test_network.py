@@ -34,7 +34,18 @@ def test_shapes_of_the_paper_network_as_documented():
 def test_layer_norm_comes_before_each_hidden_relu_and_not_at_the_output():
     _, network = build(LITE, City.load("manhattan"))
     kinds = [type(layer).__name__ for layer in network.head]
-    assert kinds == ["Linear", "LayerNorm", "ReLU"] * 3 + ["Linear"]
+    assert kinds == ["Linear", "LayerNorm", "LeakyReLU"] * 3 + ["Linear"]
+
+
+def test_leaky_relus_pass_a_share_of_what_is_below_zero():
+    torch.manual_seed(0)
+    plain, leaky = (QNetwork([(5, 12, 12)], strides=(1,), leak=leak) for leak in (0.0, 0.1))
+    leaky.load_state_dict(plain.state_dict())
+    below = torch.full((1, 16, 8, 8), -2.0)
+    assert torch.equal(plain.convolutions[0][1](below), torch.zeros_like(below))
+    assert torch.allclose(leaky.convolutions[0][1](below), 0.1 * below)
+    maps, time = [torch.rand(1, 5, 12, 12)], torch.rand(1, 1)
+    assert not torch.equal(plain(maps, time), leaky(maps, time))
 
 
 def test_flying_time_and_every_map_matter():

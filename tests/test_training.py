@@ -41,6 +41,30 @@ def test_same_seed_same_weights_other_seed_other_weights(trainer):
     assert not torch.equal(first, other)
 
 
+def test_first_actions_of_exploring_starts_are_uniform(trainer):
+    own = trainer(temperature=1e-6, temperature_end=1e-6, exploring_starts=0.5, exploring_actions=3)
+    while not own.updates:
+        own.step()
+    exploring = ~own.ordinary
+    own.random_actions[:] = 3 * exploring
+    actions = np.array([own._explore(own.state) for _ in range(3)])
+    greedy = own.agent(own.state)
+    assert (actions[:, own.ordinary] == greedy[own.ordinary]).all()
+    assert (own.random_actions == 0).all()
+    assert (own._explore(own.state) == greedy).all()  # and after them it is the policy's turn
+    own.random_actions[:] = 600
+    actions = np.array([own._explore(own.state) for _ in range(600)])
+    counts = np.bincount(actions.ravel(), minlength=6) / actions.size
+    assert np.abs(counts - 1 / 6).max() < 0.03
+
+
+def test_exploring_starts_are_given_their_random_actions(trainer):
+    own = trainer(exploring_starts=0.5, exploring_actions=3)
+    own._starts(np.arange(8))
+    assert (own.random_actions == np.where(own.ordinary, 0, 3)).all()
+    assert own.ordinary.any() and not own.ordinary.all()
+
+
 def test_global_generators_are_neither_used_nor_changed(trainer):
     torch.manual_seed(1)
     before = torch.get_rng_state()
@@ -220,6 +244,8 @@ def test_recipe_round_trip():
         ("hidden", (256, 0)),
         ("data_scale", -1.0),
         ("exploring_starts", 2.0),
+        ("exploring_actions", -1),
+        ("leak", -0.1),
     ],
 )
 def test_impossible_recipes_name_the_field(field, value):

@@ -37,6 +37,7 @@ def build(recipe: Recipe, city: City) -> tuple[Observation, QNetwork]:
         recipe.strides,
         recipe.hidden,
         recipe.layer_norm,
+        recipe.leak,
     )
     return observation, network
 

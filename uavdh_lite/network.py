@@ -25,6 +25,7 @@ class QNetwork(nn.Module):
         map_shapes: (channels, rows, columns) of each map.
         strides: one stride for each convolution.
         layer_norm: normalise each hidden layer before its ReLU.
+        leak: slope of the ReLUs below 0; above 0 they are leaky ones.
     """
 
     def __init__(
@@ -35,8 +36,13 @@ class QNetwork(nn.Module):
         strides: tuple[int, ...] = (1, 1),
         hidden: tuple[int, ...] = (256, 256, 256),
         layer_norm: bool = False,
+        leak: float = 0.0,
     ):
         super().__init__()
+
+        def relu() -> nn.Module:
+            return nn.LeakyReLU(leak) if leak else nn.ReLU()
+
         self.convolutions = nn.ModuleList()
         width = 1  # the flying time
         for channels, rows, cols in map_shapes:
@@ -47,7 +53,7 @@ class QNetwork(nn.Module):
                         f"a map of {rows}×{cols} cells is too small for a convolution of "
                         f"{kernel_size}×{kernel_size}: take smaller kernels or strides"
                     )
-                layers += [nn.Conv2d(channels, kernels, kernel_size, stride), nn.ReLU()]
+                layers += [nn.Conv2d(channels, kernels, kernel_size, stride), relu()]
                 channels = kernels
                 rows, cols = ((side - kernel_size) // stride + 1 for side in (rows, cols))
             self.convolutions.append(nn.Sequential(*layers, nn.Flatten()))
@@ -57,7 +63,7 @@ class QNetwork(nn.Module):
             layers.append(nn.Linear(width, size))
             if layer_norm:
                 layers.append(nn.LayerNorm(size))
-            layers.append(nn.ReLU())
+            layers.append(relu())
             width = size
         self.head = nn.Sequential(*layers, nn.Linear(width, len(ACTIONS)))
 

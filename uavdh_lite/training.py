@@ -70,6 +70,8 @@ class Trainer:
         # Of the episodes in the air: whether it had an ordinary start, its reward so far
         self.ordinary = np.ones(recipe.environments, bool)
         self.episode_reward = np.zeros(recipe.environments)
+        # Actions that an exploring start still draws uniformly
+        self.random_actions = np.zeros(recipe.environments, int)
         self._empty_bin()
         self.state = self._starts(np.arange(recipe.environments))
 
@@ -118,13 +120,20 @@ class Trainer:
             self._close_bin()
 
     def _explore(self, state: State) -> np.ndarray:
-        """Actions of the softmax policy; uniform ones until the replay memory is prefilled."""
+        """Actions of the softmax policy; uniform ones until the replay memory is prefilled.
+
+        The first actions of exploring starts are uniform too: so all actions are tried everywhere,
+        also those that the policy has long given up.
+        """
         if len(self.replay) < self.recipe.replay_prefill:
             return self.generator.integers(0, len(ACTIONS), len(state))
         with torch.no_grad():
             q_values = self.ddqn.online(*self.observation(state))
-        temperature = self.recipe.temperature_at(self.steps)
-        return draw_actions(softmax_policy(q_values, temperature), self.generator)
+        probabilities = softmax_policy(q_values, self.recipe.temperature_at(self.steps))
+        at_random = self.random_actions > 0
+        probabilities[torch.from_numpy(at_random)] = 1 / len(ACTIONS)
+        self.random_actions[at_random] -= 1
+        return draw_actions(probabilities, self.generator)
 
     def _starts(self, places: np.ndarray) -> State:
         """New episodes for these environments, a share of them exploring starts."""
@@ -139,6 +148,7 @@ class Trainer:
                 ),
             )
         self.ordinary[places] = ~exploring
+        self.random_actions[places] = recipe.exploring_actions * exploring
         self.episode_reward[places] = 0
         return state
 
@@ -206,6 +216,7 @@ class Trainer:
         tensors = {
             "ordinary": torch.from_numpy(self.ordinary),
             "episode_reward": torch.from_numpy(self.episode_reward),
+            "random_actions": torch.from_numpy(self.random_actions),
             "bin_episodes": torch.from_numpy(self.bin_episodes),
             "bin_loss": self.bin_loss,
         }
@@ -252,7 +263,7 @@ class Trainer:
             if about.get(name) != value:
                 difference = _difference(about.get(name), value)
                 raise InputError(f"{path}: another {name} than asked for{difference}")
-        for name in ("ordinary", "episode_reward", "bin_episodes"):
+        for name in ("ordinary", "episode_reward", "random_actions", "bin_episodes"):
             setattr(self, name, tensors[name].numpy())
         self.bin_loss = tensors["bin_loss"].to(self.device)
         for part in ("online", "target"):

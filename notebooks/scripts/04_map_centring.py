@@ -1,0 +1,246 @@
+# %% [markdown]
+# # 4 · Map centring
+#
+# The agent does not get a list of coordinates. It gets a picture of the city, as a stack of layers,
+# and the paper's main idea is *how that picture is framed*: moved so that the UAV is always in the
+# middle. This notebook shows both frames, and why one of them is so much easier to learn from.
+
+# %%
+# %matplotlib inline
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+
+from uavdh_lite.city import City
+from uavdh_lite.observation import LAYERS, Observation
+from uavdh_lite.scenario import place
+
+city = City.load("manhattan")
+state = place(city, uav=(8, 4), devices=[(4, 7), (11, 11)], data=[15, 10], flying_time=50,
+              max_devices=5)
+centred, in_place = Observation(city, "centred"), Observation(city, "non_centred")
+
+# %%
+def show(maps, names):
+    figure = Figure(figsize=(3 * len(names), 3.3), layout="constrained")
+    for ax, layer, name in zip(figure.subplots(1, len(names)), maps[0], names):
+        ax.imshow(layer, cmap="magma_r", vmin=0, vmax=max(1, layer.max()))
+        ax.set(title=name, xticks=[], yticks=[])
+    return figure
+
+(maps,), time = centred(state)
+show(maps, LAYERS)
+
+# %% [markdown]
+# | | |
+# | --- | --- |
+# | **What you'll do** | Look through the agent's eyes, move the UAV and watch the frame move, count the weights that each frame costs, and look at the border |
+# | **What you'll learn** | What the five layers hold, why padding outside the city is a no-fly zone, and what a neuron after flattening means in either frame |
+# | **What you'll need** | Notebook 1; what a convolution and a fully connected layer are. 15 minutes to read, 10 seconds to run |
+#
+# ## 4.1 The layers
+#
+# The picture above is the whole input, but for one number, the remaining flying time:
+
+# %%
+print("map", tuple(maps.shape), "time", tuple(time.shape))
+
+# %% [markdown]
+# One episode, five layers, 31×31 cells. The first three are the city's own (notebook 1), the last two
+# say how much data each device still has, and how much has been collected from it. A device is one
+# bright cell.
+#
+# Why 31? The city has 16 cells a side. If the UAV is in one corner, the opposite corner is 15 cells
+# away, and that in every direction: $2 \cdot 16 - 1 = 31$. The whole city is always in the frame.
+#
+# What is outside the city? No landing zone, no building, no device, but a no-fly zone: the safety
+# controller treats the border as one, so the picture says the same.
+#
+# ## 4.2 Two frames
+#
+# The UAV is always in the middle of the centred map, so its position need not be told. In the
+# non-centred map the city stays where it is, and a sixth layer has a 1 where the UAV is:
+
+# %%
+(fixed,), _ = in_place(state)
+print("map", tuple(fixed.shape))
+show(fixed, (*LAYERS, "position"))
+
+# %% [markdown]
+# Move the UAV. In the left frame the world moves, in the right one the UAV does:
+
+# %%
+def both(row, col):
+    own = place(city, (row, col), [(4, 7), (11, 11)], [15, 10], 50, 5)
+    figure = Figure(figsize=(8, 4.2), layout="constrained")
+    for ax, observation, title in zip(
+        figure.subplots(1, 2), (centred, in_place), ("centred", "not centred")
+    ):
+        layers = observation(own)[0][0][0].numpy()
+        ax.imshow(_colours(layers), interpolation="nearest")
+        uav = (15, 15) if title == "centred" else (col + 7, row + 7)
+        ax.plot(*uav, "^", color="white", mec="black", ms=10)
+        ax.set(title=title, xticks=[], yticks=[])
+    return figure
+
+# %%
+def _colours(layers):
+    landing, no_fly, buildings, left = (layers[i, ..., None] for i in range(4))
+    picture = np.ones((*layers.shape[1:], 3))
+    for layer, colour in ((no_fly, (0.95, 0.8, 0.8)), (buildings, (0.3, 0.3, 0.3)),
+                          (landing, (0.6, 0.75, 0.9)), (left > 0, (0.9, 0.62, 0))):
+        picture = np.where(layer > 0, colour, picture)
+    return picture
+
+# %%
+import ipywidgets
+
+from uavdh_lite.widgets import explore
+
+cells = [(f"row {row}, column {col}", (row, col)) for row, col in
+         ((0, 0), (4, 0), (8, 4), (8, 7), (11, 8), (14, 8), (15, 15))]
+slider = ipywidgets.SelectionSlider(options=cells, index=2, description="UAV over")
+explore(lambda cell: both(*cell), cell=slider)
+
+# %%
+both(8, 4)
+
+# %% [markdown]
+# ## 4.3 What a neuron can know
+#
+# After the convolutions the picture is flattened: each place in it becomes an input of its own to the
+# first fully connected layer, with its own weights. Those weights are where the frames differ.
+#
+# - **Not centred**: a weight belongs to an *absolute* place, such as "a device at (4, 7)". Whether that
+#   is good news depends on where the UAV is, so the network must learn the combination of every
+#   device place with every UAV place: some 186 × 186 pairs.
+# - **Centred**: a weight belongs to a *relative* place, such as "a device three cells north". That is
+#   the same news wherever the UAV is, and it says directly which action is good. What is learned in
+#   one street holds in all.
+#
+# A small experiment makes this concrete. Let a *linear* model predict the direction to the nearest
+# device's column, east or west, from the data layer. Take 2000 random states for training and 2000
+# others for testing:
+
+# %%
+from uavdh_lite.scenario import SCENARIOS
+
+scenario = SCENARIOS["manhattan"]
+generator = np.random.default_rng(0)
+
+def examples(observation, count=2000):
+    state = scenario.sample_anywhere(city, count, generator, least_time=20)
+    state = state.with_rows(slice(None), _one_device(state))
+    (maps,), _ = observation(state)
+    label = np.sign(state.device_cells[:, 0] % 16 - state.uav_cell % 16)
+    inputs = torch.cat([maps[:, 3:4], maps[:, 5:]], 1).flatten(1)
+    return inputs[label != 0].numpy(), label[label != 0]
+
+# %%
+from dataclasses import replace
+
+def _one_device(state):
+    left = np.zeros_like(state.data_left)
+    left[:, 0] = 1
+    return replace(state, data_initial=left, data_left=left)
+
+# %%
+for name, observation in (("centred", centred), ("not centred", in_place)):
+    (x, y), (x_test, y_test) = examples(observation), examples(observation)
+    weights = np.linalg.lstsq(x.T @ x + np.eye(x.shape[1]), x.T @ y, rcond=None)[0]
+    print(f"{name:<12} {(np.sign(x_test @ weights) == y_test).mean():.1%} right")
+
+# %% [markdown]
+# Not a fair fight, and that is the point: from the centred map the answer is a weighted sum, one
+# weight a place. From the other it is a *product* of where the device is and where the UAV is, and a
+# sum of the two only guesses ("devices in the far east are mostly east of the UAV"). A deep network
+# can learn the product, but needs examples for it. The ablation of notebook 7 measures how many.
+#
+# ## 4.4 What it costs
+#
+# The centred map must show the whole city from any place, so it is four times as large. The library
+# gives the non-centred map the same size, so that both networks have the same shape and the
+# comparison is about the frame alone:
+
+# %%
+from uavdh_lite.agent import build
+from uavdh_lite.recipe import LITE, PAPER
+
+for recipe in (PAPER, LITE):
+    for kind in ("centred", "non_centred"):
+        _, network = build(replace(recipe, observation=kind), city)
+        count = sum(p.numel() for p in network.parameters())
+        print(f"{recipe.name:<6}{kind:<12}{count:>10,} weights")
+
+# %% [markdown]
+# The difference between the kinds is the sixth layer. The difference between the recipes is the
+# stride: `lite` lets its convolutions skip cells, and the flattened picture is much smaller.
+#
+# ## 4.5 At the border
+#
+# With the UAV in a corner, three quarters of the frame are outside. The no-fly layer tells the network
+# so. The UAV's own cell is in the middle of each layer, whatever happens:
+
+# %%
+corner = place(city, (0, 0), [(15, 13)], [10], 50, 5)
+(maps,), _ = centred(corner)
+print("landing zone under the UAV:", maps[0, 0, 15, 15].item())
+print("no-fly share of the frame:", f"{maps[0, 1].mean().item():.0%}")
+print("the far device is at", np.argwhere(maps[0, 3].numpy() > 0).tolist())
+
+# %% [markdown]
+# The device is at (30, 28) of the frame: 15 rows south and 13 columns east of the middle.
+#
+# ## 4.6 Larger cities: global and local maps
+#
+# At 50×50 cells the centred map has 99×99. The authors' later papers give the network two smaller maps
+# instead: the whole surroundings, averaged over blocks of cells, and the middle in full detail. The
+# library has that as the kind `global_local`:
+
+# %%
+metropolis = City.load("metropolis")
+for kind in ("centred", "global_local"):
+    shapes = Observation(metropolis, kind, pooling=3, local_size=17).map_shapes()
+    print(f"{kind:<13}", shapes, f"{sum(np.prod(s) for s in shapes):,} numbers")
+
+# %% [markdown]
+# ## Recap
+#
+# - The input is five layers and the flying time. Outside the city everything is no-fly zone.
+# - Centring turns absolute places into relative ones, which is what decides between actions.
+# - It costs a map of $2M - 1$ cells a side. For large cities, global and local maps cut that.
+#
+# ## Exercises
+#
+# **1.** Where in the centred frame is a device at `device` when the UAV is at `uav`? Write it.
+
+# %%
+def in_frame(device, uav, size=16):
+    return device[0] - uav[0] + size - 1, device[1] - uav[1] + size - 1
+
+# %%
+for uav, device in (((8, 4), (4, 7)), ((0, 0), (15, 13)), ((15, 15), (0, 2))):
+    (maps,), _ = centred(place(city, uav, [device], [10], 50, 5))
+    assert maps[0, 3][in_frame(device, uav)] == 10
+
+# %% [markdown]
+# **2.** Show that the city can be read back from the centred frame: cut out the 16×16 cells that are
+# the city, for any place of the UAV.
+
+# %%
+def city_in_frame(layer, uav, size=16):
+    row, col = size - 1 - uav[0], size - 1 - uav[1]
+    return layer[row : row + size, col : col + size]
+
+# %%
+(maps,), _ = centred(state)
+assert (city_in_frame(maps[0, 2].numpy(), (8, 4)) == city.buildings).all()
+assert (city_in_frame(maps[0, 1].numpy(), (8, 4)) == city.no_fly).all()
+
+# %% [markdown]
+# ## Further reading
+#
+# - Bayerlein et al., Globecom 2020, section III-C, and its Fig. 2.
+# - Theile et al.: *UAV Path Planning using Global and Local Map Information with Deep Reinforcement
+#   Learning*, ICAR 2021.
+# - **5 · DDQN**, where a network learns from these maps.
