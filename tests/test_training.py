@@ -137,7 +137,7 @@ OPTIONS = {
     "validation-episodes": 10,
     "kernels": 2,
     "hidden": 16,
-    "batch-size": 16,
+    "batch-size": 32,
     "replay-capacity": 2000,
     "replay-prefill": 320,
 }
@@ -203,7 +203,7 @@ def test_schedules():
     assert [recipe.temperature_at(s) for s in (0, 250, 500, 900)] == pytest.approx(
         [2.0, 1.05, 0.1, 0.1]
     )
-    assert recipe.learning_rate_at(500) == pytest.approx(1.5e-4)
+    assert recipe.learning_rate_at(500) == pytest.approx(3e-4)
     assert recipe.learning_rate_at(1000) == 0
     assert PAPER.temperature_at(0) == PAPER.temperature_at(10**6) == 0.1
 

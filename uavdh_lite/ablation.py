@@ -20,8 +20,8 @@ from uavdh_lite.scenario import Scenario
 from uavdh_lite.tables import write_json, write_table
 from uavdh_lite.training import Trainer
 
-# Where `lite` departs from `paper` in what is learned from an equal number of steps, in the groups that
-# only make sense together. Strides and environments are not here: undone, a run takes hours.
+# Where `lite` departs from `paper`, in groups that only make sense together. Strides and
+# environments are not here: with the paper's, as many steps would take hours.
 DEVIATIONS = {
     "input_scales": ("data_scale", "time_scale"),
     "layer_norm": ("layer_norm",),

@@ -1,0 +1,94 @@
+"""The notebooks' form: pairs, fresh outputs, the template. nbval runs what is in them."""
+
+import importlib.util
+import re
+from pathlib import Path
+from statistics import median
+
+import nbformat
+import pytest
+
+NOTEBOOKS = Path(__file__).parent.parent / "notebooks"
+SECTIONS = ("What you'll do", "What you'll learn", "What you'll need", "Recap", "Exercises")
+
+
+def _execute_module():
+    spec = importlib.util.spec_from_file_location("execute", NOTEBOOKS / "execute.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+execute = _execute_module()
+SCRIPTS = execute.scripts()
+
+
+@pytest.fixture(params=SCRIPTS, ids=lambda script: script.stem)
+def script(request):
+    return request.param
+
+
+@pytest.fixture
+def notebook(script):
+    return nbformat.read(execute.notebook_of(script), as_version=4)
+
+
+def code(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def text(notebook):
+    return "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
+
+
+def test_every_notebook_has_its_script():
+    names = {path.stem for path in NOTEBOOKS.glob("[0-9]*.ipynb")}
+    assert names == {path.stem for path in SCRIPTS} and names
+
+
+def test_the_notebook_was_executed_from_this_script(script, notebook):
+    expected = execute.from_script(script)
+    assert [cell.source for cell in notebook.cells] == [cell.source for cell in expected.cells]
+    assert execute.is_fresh(script), f"run: python notebooks/execute.py {script.stem[:2]}"
+
+
+def test_all_cells_ran_in_order_without_errors(notebook):
+    assert [cell.execution_count for cell in code(notebook)] == list(
+        range(1, len(code(notebook)) + 1)
+    )
+    kinds = {output.output_type for cell in code(notebook) for output in cell.outputs}
+    assert "error" not in kinds
+    streams = {
+        output.name
+        for cell in code(notebook)
+        for output in cell.outputs
+        if output.output_type == "stream"
+    }
+    assert "stderr" not in streams
+
+
+def test_a_changed_script_is_stale(script, tmp_path, monkeypatch):
+    changed = tmp_path / script.name
+    changed.write_text(script.read_text() + "\n# %%\n1 + 1\n")
+    monkeypatch.setattr(execute, "HERE", NOTEBOOKS)
+    assert not execute.is_fresh(changed)
+
+
+def test_template(notebook):
+    words = text(notebook)
+    assert notebook.cells[0].source.startswith("# ")
+    for section in SECTIONS:
+        assert section in words, section
+    assert re.search(r"\d+ minutes to read, \d+ seconds to run", words)
+    lengths = [len(cell.source.splitlines()) for cell in code(notebook)]
+    assert median(lengths) <= 6
+    assert sorted(lengths)[int(0.8 * len(lengths))] <= 12
+    assert any("image/png" in o.get("data", {}) for cell in code(notebook) for o in cell.outputs)
+
+
+def test_nothing_that_belongs_to_one_machine(script, notebook):
+    content = execute.notebook_of(script).read_text()
+    assert len(content) < 1_000_000
+    assert not re.search(r"/home/|/work/|/tmp/|/root/|C:\\\\", content)
+    assert "widgets" not in notebook.metadata
+    assert all("execution" not in cell.metadata for cell in notebook.cells)
