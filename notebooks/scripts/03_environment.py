@@ -1,0 +1,288 @@
+# %% [markdown]
+# # 3 · The environment
+#
+# Reinforcement learning needs a world to act in. Ours has a UAV, a battery, a few devices with data,
+# and a rule that says what an action earns. This notebook plays one episode by hand, opens up every
+# number in it, and ends with a thousand episodes at once.
+
+# %%
+# %matplotlib inline
+import numpy as np
+from matplotlib.figure import Figure
+
+from uavdh_lite.city import City
+from uavdh_lite.environment import ACTIONS, Environment, Rewards
+from uavdh_lite.evaluation import fly
+from uavdh_lite.planners import Greedy
+from uavdh_lite.plotting import add_legend, draw_trajectory
+from uavdh_lite.scenario import SCENARIOS, place
+
+environment = Environment(City.load("manhattan"))
+start = place(environment.city, uav=(1, 1), devices=[(4, 7), (8, 12)], data=[12, 8],
+              flying_time=45, max_devices=5)
+
+# %%
+def draw(trajectory, devices=2):
+    figure = Figure(figsize=(6, 7), layout="constrained")
+    draw_trajectory(figure.subplots(), environment, trajectory)
+    add_legend(figure, devices)
+    return figure
+
+generator = np.random.default_rng(0)
+flights = fly(environment, Greedy(environment), start, generator, record=True)
+draw(flights.trajectory(0))
+
+# %% [markdown]
+# | | |
+# | --- | --- |
+# | **What you'll do** | Fly an episode action by action, take each reward apart, provoke the safety controller, follow the devices' slots, fly with buttons, then step a thousand episodes at once |
+# | **What you'll learn** | The Markov decision process of the paper: state, actions, transition, reward, end; the scheduler; why an environment in arrays is fast |
+# | **What you'll need** | Notebooks 1 and 2. 25 minutes to read, 20 seconds to run |
+#
+# The flight above is by a simple planner that always goes to the nearest device with data left. We
+# shall do better and worse than it.
+#
+# ## 3.1 The state
+#
+# All that can change in an episode, and all that the agent may know, is in a few arrays. A cell is a
+# number, `row * 16 + column`:
+
+# %%
+for name, value in vars(start).items():
+    print(f"{name:<13} {value.tolist()}")
+
+# %% [markdown]
+# Every array has an outer list of length 1: this is a *batch* of one episode. There are five places for
+# devices; the three that this episode does not use hold no data. The agent never sees this list: it
+# sees the map of notebook 4, which is drawn from it.
+#
+# ## 3.2 Actions and one step
+#
+# There are six actions. Each costs one unit of flying time.
+
+# %%
+print(dict(enumerate(ACTIONS)))
+EAST, SOUTH = ACTIONS.index("east"), ACTIONS.index("south")
+
+def step(state, action):
+    fading = environment.draw_fading(state, generator)
+    return environment.transition(state, np.array([action]), fading)
+
+generator = np.random.default_rng(1)
+state, outcome = step(start, EAST)
+print("cell", divmod(int(state.uav_cell[0]), 16), "time left", state.time_left[0])
+
+# %% [markdown]
+# `transition` is a pure function: state, action and the luck of the draw in, new state and outcome
+# out. Nothing is hidden inside an object, so `start` is still what it was, and the same fading gives
+# the same step again. Mathematically, $s_{t+1} \sim p(\cdot \mid s_t, a_t)$ with the chance in one place.
+
+# %%
+print("start is unchanged:", divmod(int(start.uav_cell[0]), 16), start.time_left[0])
+
+# %% [markdown]
+# ## 3.3 What a step earns
+#
+# The reward (paper, eq. 9) is the sum of four terms: the data uploaded, a small price for every step, a
+# penalty when the safety controller has to step in, and a large one for running out of time.
+
+# %%
+rewards = Rewards()
+print(rewards)
+
+# %%
+state = start
+for action in 3 * [EAST] + 3 * [SOUTH] + 2 * [EAST]:
+    state, outcome = step(state, action)
+    terms = {name: round(float(value[0]), 2) for name, value in rewards.terms(outcome).items()}
+    print(f"{ACTIONS[action]:<6}", divmod(int(state.uav_cell[0]), 16), terms)
+
+# %% [markdown]
+# The first steps only cost. As the UAV comes into the device's street, data comes in. The agent's
+# problem is all here: pay now, earn later, and be home in time.
+#
+# ## 3.4 The safety controller
+#
+# From cell (1, 2), south is a tall building. The controller replaces the action by hovering. That costs a unit of time like any step, and 1 more in reward:
+
+# %%
+below = place(environment.city, (1, 2), [(4, 7)], [12], 45, 5)
+after, outcome = step(below, SOUTH)
+print("stayed at", divmod(int(after.uav_cell[0]), 16), "intervened:", outcome.intervened[0])
+print({name: round(float(value[0]), 2) for name, value in rewards.terms(outcome).items()})
+
+# %% [markdown]
+# Landing outside the landing zone is replaced the same way. There is no collision in this world, only
+# wasted time. The one disaster left is the last one: a flying time of 0 in the air.
+
+# %%
+late = place(environment.city, (8, 8), [(4, 7)], [12], 1, 5)
+after, outcome = step(late, EAST)
+print("crashed:", outcome.crashed[0], "reward", rewards(outcome)[0])
+
+# %% [markdown]
+# (−150 is from the authors' code. The recipe `lite` trains with a milder crash; notebook 6 shows why.)
+#
+# ## 3.5 Who may send: four slots a step
+#
+# While the UAV moves from one cell to the next there are four communication slots. In each, *one*
+# device sends: the one with the best SNR among those with data left (TDMA with a max-rate scheduler).
+# The fading is drawn anew for every slot and device, so luck can change who it is:
+
+# %%
+between = place(environment.city, (4, 8), [(4, 6), (4, 10), (6, 8)], [12, 12, 1.5], 30, 5)
+fading = environment.draw_fading(between, np.random.default_rng(19))
+after, outcome = environment.transition(between, np.array([ACTIONS.index("hover")]), fading)
+print("served  ", outcome.served[0].tolist())
+print("uploaded", outcome.uploaded[0].astype(float).round(2).tolist())
+print("left    ", after.data_left[0, :3].astype(float).round(2).tolist())
+
+# %% [markdown]
+# Three devices at the same distance: each slot goes to the luckiest. A device that is empty makes way,
+# and the last slot of a device carries only what is left.
+#
+# The UAV is a little further in every slot. Its SNR is computed from where it is in that slot, not
+# from where it started:
+
+# %%
+west = place(environment.city, (4, 8), [(4, 5)], [50], 30, 5)
+quiet = np.zeros_like(environment.draw_fading(west, generator))
+_, outcome = environment.transition(west, np.array([ACTIONS.index("west")]), quiet)
+print("approaching:", outcome.uploaded[0].astype(float).round(2).tolist())
+
+# %% [markdown]
+# ## 3.6 Fly it yourself
+#
+# Press the arrows. With a running kernel the buttons below move the UAV; the figure under them shows
+# the start.
+
+# %%
+import ipywidgets
+
+from uavdh_lite.widgets import png
+
+def draw_state(states):
+    history = [divmod(int(s.uav_cell[0]), 16) for s in states]
+    figure = Figure(figsize=(5.2, 5.2), layout="constrained")
+    ax = draw_city(figure.subplots(), environment.city)
+    ax.plot([c for _, c in history], [r for r, _ in history], "-", color="black", lw=1)
+    ax.plot(history[-1][1], history[-1][0], "^", color="white", mec="black", ms=11)
+    _mark_devices(ax, states[-1])
+    return figure
+
+# %%
+from uavdh_lite.plotting import device_colour, draw_city
+
+def _mark_devices(ax, state):
+    for device in np.flatnonzero(state.data_initial[0]):
+        row, col = divmod(int(state.device_cells[0, device]), 16)
+        ax.plot(col, row, "X", color=device_colour(device), mec="white", ms=12)
+        ax.annotate(f"{state.data_left[0, device]:.1f}", (col + 0.4, row - 0.4))
+    collected = state.collection_ratio[0]
+    ax.set_title(f"time left {state.time_left[0]}, collected {collected:.0%}"
+                 + (", landed" if state.landed[0] else ""))
+
+# %%
+states = [start]
+picture = ipywidgets.Image(value=png(draw_state(states)), format="png")
+
+def press(button):
+    if not states[-1].ended[0]:
+        states.append(step(states[-1], ACTIONS.index(button.description))[0])
+        picture.value = png(draw_state(states))
+
+buttons = [ipywidgets.Button(description=action) for action in ACTIONS]
+for button in buttons:
+    button.on_click(press)
+ipywidgets.VBox([ipywidgets.HBox(buttons), picture])
+
+# %%
+draw_state([start])
+
+# %% [markdown]
+# How much did you collect, and did you land? Beat these two on the same start:
+
+# %%
+from uavdh_lite.planners import Random
+
+for name, policy in (("random", Random(np.random.default_rng(0))), ("greedy", Greedy(environment))):
+    flights = fly(environment, policy, start, np.random.default_rng(0))
+    print(name, {key: round(float(value[0]), 2) for key, value in flights.records().items()})
+
+# %% [markdown]
+# The random policy ended its flight with its first action: in the landing zone, one action in six is a
+# landing. An agent that knows nothing yet flies like this.
+#
+# ## 3.7 A thousand at once
+#
+# One step of one episode is a handful of array operations, and almost all the time goes into calling
+# them. With a thousand episodes in the same arrays, the same calls do a thousand times the work:
+
+# %%
+import time
+
+def steps_per_second(batch, seconds=1.0):
+    scenario, generator = SCENARIOS["manhattan"], np.random.default_rng(0)
+    state = scenario.sample(environment.city, batch, generator)
+    steps, started = 0, time.perf_counter()
+    while time.perf_counter() - started < seconds:
+        action = generator.integers(0, 5, batch)
+        environment.transition(state, action, environment.draw_fading(state, generator))
+        steps += batch
+    return steps / seconds
+
+# %%
+batches = (1, 8, 64, 512, 4096)
+speed = [steps_per_second(batch) for batch in batches]
+figure = Figure(figsize=(5.5, 3.4), layout="constrained")
+ax = figure.subplots()
+ax.loglog(batches, speed, "o-")
+ax.set(xlabel="episodes in the batch", ylabel="steps a second")
+print(f"{speed[-1] / speed[0]:.0f} times as many steps a second as one by one")
+figure
+
+# %% [markdown]
+# That is why one core is enough for this project: flying is nearly free, and the time goes into
+# learning from it.
+#
+# ## Recap
+#
+# - The state is six arrays; a step is a pure function of state, action and fading.
+# - The reward pays for data and charges for time, interventions and crashes.
+# - In each of four slots the device with the best SNR sends, if it has data left.
+# - Arrays over episodes make the environment fast.
+#
+# ## Exercises
+#
+# **1.** The *return* of an episode is the sum of its rewards. Fly the greedy planner from `start` and
+# compute it from the trajectory. What would it be if nothing had been collected?
+
+# %%
+trajectory = fly(environment, Greedy(environment), start, np.random.default_rng(0), record=True)
+total = trajectory.trajectory(0).reward.sum()
+assert np.isclose(total, trajectory.cumulative_reward[0], atol=1e-3)
+print(f"{total:.2f}; without data {total - 20 * trajectory.end.collection_ratio[0]:.2f}")
+
+# %% [markdown]
+# **2.** Write a policy that hovers where it is until the time is just enough to fly home, if it starts
+# in the landing zone. (A policy gets a batch of states and returns a batch of actions.) What does it
+# collect over 200 scenarios?
+
+# %%
+def wait(state):
+    last = state.time_left == 1
+    return np.where(last, ACTIONS.index("land"), ACTIONS.index("hover"))
+
+# %%
+from uavdh_lite.evaluation import evaluate
+
+records = evaluate(environment, wait, SCENARIOS["manhattan"], 200, seed=0).records()
+assert records["has_landed"].all() and (records["time_used"] == 1).all()
+print(f"it collects {records['collection_ratio'].mean():.1%} by hovering at the start")
+
+# %% [markdown]
+# ## Further reading
+#
+# - Bayerlein et al., Globecom 2020, sections II and III.
+# - Sutton and Barto: *Reinforcement Learning*, chapter 3, on Markov decision processes.
+# - **4 · Map centring**, what the agent sees of all this.
