@@ -1,0 +1,158 @@
+# %% [markdown]
+# # 0 · First flight
+#
+# Two minutes to a flying agent. It was trained by this library, in minutes on one processor core, and
+# comes with it.
+
+# %%
+# %matplotlib inline
+import numpy as np
+from matplotlib.figure import Figure
+
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.environment import Environment
+from uavdh_lite.evaluation import evaluate, fly
+from uavdh_lite.plotting import add_legend, draw_trajectory
+from uavdh_lite.scenario import place
+
+agent = load_agent("manhattan")
+environment = Environment(agent.city)
+
+# %%
+def show(flights, episode=0):
+    trajectory = flights.trajectory(episode)
+    figure = Figure(figsize=(6.5, 8), layout="constrained")
+    draw_trajectory(figure.subplots(), environment, trajectory)
+    add_legend(figure, int((trajectory.start.data_initial > 0).sum()))
+    return figure
+
+flights = evaluate(environment, agent, agent.scenario, episodes=1, seed=6, record=True)
+show(flights)
+
+# %% [markdown]
+# | | |
+# | --- | --- |
+# | **What you'll do** | Fly a trained agent through one mission, read the picture, then set missions of your own |
+# | **What you'll learn** | What the task is, what the agent knows and does not know, how to read a flight |
+# | **What you'll need** | Python. 5 minutes to read, 10 seconds to run |
+#
+# ## 0.1 Reading the picture
+#
+# The map is a city seen from above, a cell is 10 m wide.
+#
+# - The white **triangle** is where the UAV starts, the **diamond** where it lands. Both are in the blue
+#   zones: only there it may.
+# - Each **cross** is a device on the ground; the number beside it is how much data it has to send.
+# - An **arrow** is one unit of flying time. Its colour says which device sent the most meanwhile, black
+#   means that none did. A **ring** is hovering.
+# - **Grey** cells lie in the radio shadow of buildings for one or more devices.
+#
+# Below the map: how long it flew of the time it had, and how much it collected. In numbers:
+
+# %%
+for name, values in flights.records().items():
+    print(f"{name:<28}{values[0]:.2f}")
+
+# %% [markdown]
+# `collection_ratio_and_landed` is the score to watch: the collected share of the data, or 0 if the UAV
+# ran out of time in the air.
+#
+# ## 0.2 One agent, any mission
+#
+# The same network flies with any number of devices (here up to five), wherever they stand, and with
+# any flying time. Nothing is retrained. Put three devices where you like:
+
+# %%
+def mission(devices, data, flying_time, start=(0, 0), seed=0):
+    state = place(agent.city, start, devices, data, flying_time, agent.scenario.max_devices)
+    return fly(environment, agent, state, np.random.default_rng(seed), record=True)
+
+show(mission(devices=[(4, 8), (11, 8), (7, 14)], data=[10, 15, 8], flying_time=60))
+
+# %% [markdown]
+# Now the same devices with half of the time:
+
+# %%
+show(mission(devices=[(4, 8), (11, 8), (7, 14)], data=[10, 15, 8], flying_time=30))
+
+# %% [markdown]
+# With less time the agent has to choose, and it must keep enough to land. Nobody told it the distance
+# home: it learned to read it from the map and the remaining time.
+#
+# Move the devices, their data and the time with the sliders (with a running kernel):
+
+# %%
+import ipywidgets
+
+from uavdh_lite.widgets import explore
+
+def own_mission(row, column, data, flying_time):
+    return show(mission([(row, column), (11, 8)], [data, 10], flying_time))
+
+def slider(name, value, low, high):
+    return ipywidgets.IntSlider(value=value, min=low, max=high, description=name,
+                                continuous_update=False)
+
+explore(own_mission, row=slider("row", 4, 0, 15), column=slider("column", 8, 0, 15),
+        data=slider("data", 10, 1, 20), flying_time=slider("time", 50, 10, 70))
+
+# %%
+own_mission(4, 8, 10, 50)
+
+# %% [markdown]
+# (A device cannot stand in a building or in the landing zone. If you put one there, the message says
+# so.)
+#
+# ## 0.3 How good is it?
+#
+# One flight proves nothing. Over 200 random missions that were never used in training:
+
+# %%
+flights = evaluate(environment, agent, agent.scenario, episodes=200, seed=0)
+for name in ("has_landed", "collection_ratio", "collection_ratio_and_landed"):
+    mean, low, high = flights.metrics()[name]
+    print(f"{name:<28}{mean:.1%}  (95 % interval {low:.1%} to {high:.1%})")
+
+# %% [markdown]
+# ## Recap
+#
+# - The task: collect as much as you can from devices on the ground, and land in time.
+# - One network does it for all missions on this map. It sees the map and the time, and no more.
+# - A claim about an agent is a mean over many missions, with an interval.
+#
+# ## Exercises
+#
+# **1.** How much time does the agent need to empty one device at (8, 1) with 15 data units, starting in
+# the corner (0, 0)? Find the shortest flying time with which it collects all and lands.
+
+# %%
+def collects_all(flying_time):
+    end = mission([(8, 1)], [15], flying_time).end
+    return bool(end.landed[0] and end.collection_ratio[0] > 0.999)
+
+# %%
+needed = next(time for time in range(5, 71) if collects_all(time))
+assert not collects_all(needed - 1)
+print(needed, "units of time")
+
+# %% [markdown]
+# The device is nine moves from the corner, there and back eighteen. The UAV need not go all the way: the
+# link reaches down the street.
+#
+# **2.** Does luck matter? Fly one mission with 20 seeds (only the fading differs) and print the least and
+# the most that is collected.
+
+# %%
+crowded = [(4, 8), (11, 8), (7, 14), (8, 1), (0, 12)]
+ratios = [mission(crowded, [20] * 5, 45, seed=seed).end.collection_ratio[0] for seed in range(20)]
+assert len(set(ratios)) > 1
+print(f"from {min(ratios):.0%} to {max(ratios):.0%}")
+
+# %% [markdown]
+# ## Further reading, and where to go from here
+#
+# - **1 · City and channel**: why it is so dark behind a corner.
+# - **3 · Environment**: fly it yourself with buttons.
+# - **4 · Map centring**: what the agent sees.
+# - Bayerlein, Theile, Caccamo, Gesbert: *UAV Path Planning for Wireless Data Harvesting: A Deep
+#   Reinforcement Learning Approach*, Globecom 2020, [arXiv 2007.00544](https://arxiv.org/abs/2007.00544).
