@@ -4,7 +4,8 @@
     python notebooks/execute.py 01 03    # these, whether they changed or not
 
 The scripts are the source (jupytext's percent format). A notebook keeps a hash of the source that
-it was executed from; the tests compare it, so that no outputs of another source are kept.
+it was executed from, and of the shipped agents and runs that it reads; the tests compare it, so
+that no outputs of another source are kept.
 """
 
 import argparse
@@ -31,9 +32,15 @@ def notebook_of(script: Path) -> Path:
 
 
 def source_hash(notebook: nbformat.NotebookNode) -> str:
-    """SHA-256 of the cells' types and sources."""
+    """SHA-256 of the cells' types and sources, and of the shipped results that they read."""
     text = "\0".join(f"{cell.cell_type}\0{cell.source}" for cell in notebook.cells)
-    return hashlib.sha256(text.encode()).hexdigest()
+    digest = hashlib.sha256(text.encode())
+    for sign, folder in (("load_agent", "checkpoints"), ("data/runs", "runs")):
+        if sign in text:
+            for path in sorted((HERE.parent / "data" / folder).rglob("*.*")):
+                if path.suffix != ".md":
+                    digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()
 
 
 def from_script(script: Path) -> nbformat.NotebookNode:
