@@ -198,6 +198,20 @@ def test_ctrl_c_saves_and_says_how_to_resume(tmp_path, uninterrupted):
     assert_same_result(tmp_path, uninterrupted)
 
 
+@pytest.mark.parametrize("steps", [800, 1920])
+def test_a_run_left_early_resumes_to_the_same_result(tmp_path, uninterrupted, steps):
+    """Before and after the first validation, at 1600 steps; 32 environments."""
+    left = subprocess.run(
+        command(tmp_path, "--stop-after", str(steps)), check=True, capture_output=True, text=True
+    )
+    assert f"left after {steps} steps; to go on: add --resume" in left.stdout
+    assert (
+        ("best agent" in left.stdout) == (tmp_path / "best.safetensors").exists() == (steps > 1600)
+    )
+    subprocess.run(command(tmp_path, "--resume"), check=True, capture_output=True)
+    assert_same_result(tmp_path, uninterrupted)
+
+
 def test_schedules():
     recipe = replace(LITE, steps=1000, temperature_decay=0.5)
     assert [recipe.temperature_at(s) for s in (0, 250, 500, 900)] == pytest.approx(

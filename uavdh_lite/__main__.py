@@ -76,6 +76,9 @@ def _parser() -> _Parser:
     train.add_argument("--out", help="folder of the run (runs/SCENARIO-RECIPE-SEED)")
     train.add_argument("--resume", action="store_true", help="go on with the run in that folder")
     train.add_argument(
+        "--stop-after", type=_positive, metavar="STEPS", help="leave the run after so many steps"
+    )
+    train.add_argument(
         "--threads", type=_positive, default=1, help="processor threads (%(default)s)"
     )
     _common(train, _train, seed_help="seed of weights, episodes and exploration")
@@ -247,7 +250,9 @@ def _train(options: argparse.Namespace) -> None:
     out = options.out or f"runs/{scenario.name}-{recipe.name}-{options.seed}"
     torch.set_num_threads(options.threads)
     trainer = Trainer(scenario, recipe, options.seed, device=_device(options.device))
-    best = train(trainer, out, options.resume, options.command_line)
+    best = train(trainer, out, options.resume, options.command_line, stop_after=options.stop_after)
+    if not best.exists():
+        return  # left before the first validation
     print(f"best agent: {best}\nto see it: python -m uavdh_lite evaluate --checkpoint {best}")
 
 

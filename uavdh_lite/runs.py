@@ -25,6 +25,7 @@ def train(
     resume: bool = False,
     command: str = "",
     show_progress: bool = True,
+    stop_after: int | None = None,
 ) -> Path:
     """Run a training to its end, with progress; returns the path of the best agent.
 
@@ -39,7 +40,8 @@ def train(
     | `about.json` | command, seed, seconds, machine, versions, the last validation |
 
     A run that was killed goes on with `resume=True`, and ends with the same weights as one that
-    was not. Ctrl-C saves, then raises `KeyboardInterrupt`.
+    was not. Ctrl-C saves, then raises `KeyboardInterrupt`. With `stop_after` the run is saved and
+    left after so many environment steps, if it has more.
 
     Raises `InputError` if the folder holds a run and `resume` is False, or none and it is True.
     """
@@ -53,6 +55,7 @@ def train(
         trainer.restore(saved)
     keep_freed_memory()
     total = trainer.recipe.steps
+    end = total if stop_after is None else min(total, stop_after)
     progress = tqdm(
         total=total,
         initial=trainer.steps,
@@ -61,7 +64,7 @@ def train(
         disable=not show_progress,
     )
     with progress, _deferred_interrupt() as interrupted:
-        while not trainer.finished:
+        while trainer.steps < end:
             started, before = time.perf_counter(), trainer.steps
             trainer.step()
             trainer.seconds += time.perf_counter() - started
@@ -75,6 +78,9 @@ def train(
                 trainer.save(saved)
                 print(f"\nstopped after {trainer.steps} steps; to go on: add --resume", flush=True)
                 raise KeyboardInterrupt
+        if not trainer.finished:
+            trainer.save(saved)
+            print(f"\nleft after {trainer.steps} steps; to go on: add --resume", flush=True)
     return out / "best.safetensors"
 
 
