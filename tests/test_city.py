@@ -80,7 +80,13 @@ def test_other_pixel_formats_of_the_same_colours_load(tmp_path, mode):
 
 @pytest.mark.parametrize(
     ("name", "size", "landing"),
-    [("manhattan", 16, 8), ("open_field", 16, 8), ("harbour", 32, 20), ("metropolis", 50, 24)],
+    [
+        ("manhattan", 16, 8),
+        ("open_field", 16, 8),
+        ("village", 8, 4),
+        ("harbour", 32, 20),
+        ("metropolis", 50, 24),
+    ],
 )
 def test_shipped_cities_are_valid_and_connected(name, size, landing):
     city = City.load(name)

@@ -117,7 +117,7 @@ def test_help_explains_every_field(capsys):
         ("train --seed 99999999999999999999", "seed 99999999999999999999: must be a whole number"),
         ("train --crash-reward nan", "crash_reward is nan, must be a finite number"),
         ("train --strides 0", "strides is (0,), must be numbers of at least 1"),
-        ("train --exploring-least-time 100", "exploring_least_time is 100, more than"),
+        ("train --exploring-spare-time -1", "exploring_spare_time is -1, must be 0 or above"),
         ("train --observation polar", "unknown observation 'polar'"),
         ("fly --out flight.doc", "flight.doc: no picture format has this suffix"),
         ("train --device tpu", "unknown device 'tpu'"),

@@ -74,12 +74,20 @@ def test_a_changed_script_is_stale(script, tmp_path, monkeypatch):
     assert not execute.is_fresh(changed)
 
 
+def test_the_first_code_cell_finds_the_library_anywhere(notebook):
+    """Where it is not installed, as on Colab: the same cell in all."""
+    first = nbformat.read(execute.notebook_of(SCRIPTS[0]), as_version=4)
+    assert code(notebook)[0].source == code(first)[0].source
+    assert "%pip install" in code(notebook)[0].source
+    assert code(notebook)[0].metadata.tags == ["remove-cell"]
+
+
 def test_template(notebook):
     words = text(notebook)
     assert notebook.cells[0].source.startswith("# ")
     for section in SECTIONS:
         assert section in words, section
-    assert re.search(r"\d+ minutes to read, \d+ seconds to run", words)
+    assert re.search(r"\d+ minutes to read, \d+ seconds to run; \d+ minutes of exercises", words)
     lengths = [len(cell.source.splitlines()) for cell in code(notebook)]
     assert median(lengths) <= 6
     assert sorted(lengths)[int(0.8 * len(lengths))] <= 12

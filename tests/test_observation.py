@@ -53,7 +53,7 @@ def test_centred_layers_cell_by_cell_by_hand(city):
 
 def batch(name="manhattan", count=200):
     city = City.load(name)
-    state = SCENARIOS[name].sample_anywhere(city, count, np.random.default_rng(3), least_time=5)
+    state = SCENARIOS[name].sample_anywhere(city, count, np.random.default_rng(3), spare_time=5)
     return city, state
 
 

@@ -11,7 +11,7 @@ import torch
 
 from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.errors import InputError
-from uavdh_lite.recipe import LITE, PAPER, Recipe, find_recipe
+from uavdh_lite.recipe import LITE, PAPER, RECIPES, Recipe, find_recipe
 from uavdh_lite.runs import train
 from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.tables import read_table
@@ -213,7 +213,15 @@ def test_a_run_left_early_resumes_to_the_same_result(tmp_path, uninterrupted, st
 
 
 def test_schedules():
-    recipe = replace(LITE, steps=1000, temperature_decay=0.5)
+    recipe = replace(
+        LITE,
+        steps=1000,
+        temperature_decay=0.5,
+        crash_reward=-10,
+        crash_reward_end=-60,
+        crash_reward_growth=0.5,
+    )
+    assert [recipe.rewards_at(s).crash for s in (0, 250, 500, 900)] == [-10, -35, -60, -60]
     assert [recipe.temperature_at(s) for s in (0, 250, 500, 900)] == pytest.approx(
         [2.0, 1.05, 0.1, 0.1]
     )
@@ -227,7 +235,8 @@ def test_the_paper_recipe_is_the_papers():
     assert (PAPER.replay_capacity, PAPER.replay_prefill, PAPER.batch_size) == (50_000, 25_000, 128)
     assert (PAPER.environments, PAPER.return_steps, PAPER.huber_delta) == (1, 1, None)
     assert (PAPER.strides, PAPER.hidden, PAPER.layer_norm) == ((1, 1), (256, 256, 256), False)
-    assert PAPER.amsgrad and PAPER.rewards.crash == -150
+    assert PAPER.rewards_at(0).crash == PAPER.rewards_at(PAPER.steps).crash == -150
+    assert PAPER.amsgrad
     assert PAPER.learning_rate_at(10**6) == 3e-5 and PAPER.exploring_starts == 0
 
 
@@ -241,7 +250,7 @@ def test_the_paper_recipe_runs(corridor, corridor_scenario):
 
 
 def test_recipe_round_trip():
-    for recipe in (PAPER, LITE):
+    for recipe in RECIPES.values():
         assert Recipe.from_json(recipe.as_json() | {"hidden": list(recipe.hidden)}) == recipe
 
 

@@ -72,7 +72,7 @@ def _parser() -> _Parser:
         "named ones.",
     )
     train.add_argument("--scenario", default="manhattan", help="a preset's name (%(default)s)")
-    train.add_argument("--recipe", default="lite", help="paper or lite (%(default)s)")
+    train.add_argument("--recipe", default="lite", help="paper, lite or small (%(default)s)")
     train.add_argument("--out", help="folder of the run (runs/SCENARIO-RECIPE-SEED)")
     train.add_argument("--resume", action="store_true", help="go on with the run in that folder")
     train.add_argument(
@@ -95,7 +95,7 @@ def _parser() -> _Parser:
         "--study", default="centring", help="centring or deviations (%(default)s)"
     )
     ablation.add_argument("--scenario", default="manhattan", help="a preset's name (%(default)s)")
-    ablation.add_argument("--recipe", default="lite", help="paper or lite (%(default)s)")
+    ablation.add_argument("--recipe", default="lite", help="paper, lite or small (%(default)s)")
     ablation.add_argument("--seeds", type=_positive, default=3, help="runs a variant (%(default)s)")
     ablation.add_argument("--jobs", type=_positive, default=1, help="runs at a time (%(default)s)")
     ablation.add_argument("--backend", default="loky", help="loky or dask (%(default)s)")

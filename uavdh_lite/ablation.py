@@ -30,7 +30,7 @@ DEVIATIONS = {
     "learning_rate": ("learning_rate", "learning_rate_end"),
     "huber_loss": ("huber_delta",),
     "temperature": ("temperature",),
-    "crash_reward": ("crash_reward",),
+    "crash_reward": ("crash_reward", "crash_reward_end"),
     "movement_reward": ("movement_reward",),
     "exploring_starts": ("exploring_starts",),
     "exploring_actions": ("exploring_actions",),

@@ -1,7 +1,7 @@
 """Recipes: everything that a training run depends on besides scenario and seed."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from uavdh_lite.environment import Rewards
 from uavdh_lite.errors import InputError
@@ -48,11 +48,13 @@ class Recipe:
     temperature_decay: float = option(
         0.5, "share of the run in which the temperature decays, linearly"
     )
-    crash_reward: float = option(-150.0, "reward for running out of flying time, r_crash")
+    crash_reward: float = option(-150.0, "reward for running out of time, r_crash, at the start")
+    crash_reward_end: float = option(-150.0, "r_crash from the end of its growth on")
+    crash_reward_growth: float = option(0.5, "share of the run in which r_crash changes, linearly")
     movement_reward: float = option(-0.2, "reward for every step that does not land, r_mov")
     exploring_starts: float = option(0.0, "share of episodes that start under way, anywhere")
     exploring_actions: int = option(0, "first actions of such an episode, drawn uniformly")
-    exploring_least_time: int = option(5, "least flying time of such an episode, units of time")
+    exploring_spare_time: int = option(5, "their least flying time beyond the way home")
     # Validation: the agent kept is the one with the best collection ratio and landed in these
     validation_interval: int = option(50_000, "environment steps between greedy validations")
     validation_episodes: int = option(1000, "scenarios flown in each validation, always the same")
@@ -72,7 +74,6 @@ class Recipe:
             "validation_interval",
             "validation_episodes",
             "pooling",
-            "exploring_least_time",
         ):
             self._require(name, getattr(self, name) >= 1, "at least 1")
         for name in (
@@ -84,11 +85,17 @@ class Recipe:
             "target_update_rate",
         ):
             self._require(name, getattr(self, name) > 0, "above 0")
-        for name in ("discount", "target_update_rate", "temperature_decay", "exploring_starts"):
+        for name in (
+            "discount",
+            "target_update_rate",
+            "temperature_decay",
+            "crash_reward_growth",
+            "exploring_starts",
+        ):
             self._require(name, 0 <= getattr(self, name) <= 1, "between 0 and 1")
         for name in ("strides", "hidden"):
             self._require(name, all(n >= 1 for n in getattr(self, name)), "numbers of at least 1")
-        for name in ("leak", "exploring_actions"):
+        for name in ("leak", "exploring_actions", "exploring_spare_time"):
             self._require(name, getattr(self, name) >= 0, "0 or above")
         self._require("learning_rate_end", self.learning_rate_end >= 0, "0 or above")
         self._require("huber_delta", self.huber_delta is None or self.huber_delta > 0, "above 0")
@@ -107,16 +114,16 @@ class Recipe:
         if not holds:
             raise InputError(f"recipe {self.name}: {name} is {getattr(self, name)}, must be {what}")
 
-    @property
-    def rewards(self) -> Rewards:
-        """The rewards that the agent learns from."""
-        return Rewards(crash=self.crash_reward, movement=self.movement_reward)
+    def rewards_at(self, steps: int) -> Rewards:
+        """The rewards that the agent learns from after this many environment steps."""
+        over = self.crash_reward_growth * self.steps
+        crash = _ramp(self.crash_reward, self.crash_reward_end, steps, over)
+        return Rewards(crash=crash, movement=self.movement_reward)
 
     def temperature_at(self, steps: int) -> float:
         """β after this many environment steps."""
-        return _ramp(
-            self.temperature, self.temperature_end, steps, self.temperature_decay * self.steps
-        )
+        over = self.temperature_decay * self.steps
+        return _ramp(self.temperature, self.temperature_end, steps, over)
 
     def learning_rate_at(self, steps: int) -> float:
         """The learning rate after this many environment steps."""
@@ -158,7 +165,9 @@ LITE = Recipe(
     replay_prefill=10_000,
     temperature=2.0,
     temperature_decay=0.25,
-    crash_reward=-40.0,
+    crash_reward=-10.0,
+    crash_reward_end=-60.0,
+    crash_reward_growth=0.75,
     movement_reward=-0.1,
     exploring_starts=0.5,
     exploring_actions=3,
@@ -178,14 +187,37 @@ LITE = Recipe(
 - `replay_capacity`: memory is cheap here, about 60 bytes a transition.
 - `temperature` 2 falling to 0.1 over the first quarter: explores while the Q-values are still
   wrong, and then flies what it has learned, since three-step returns are those of the policy flown.
-- `crash_reward` −40: with −150 the agent first learns to land at once, and stays there.
+- `crash_reward` −10, growing to −60 over three quarters: while a crash costs little the agent
+  learns to fly far, then to be home in time. With −150 it first learns to land at once, and stays
+  there; with a constant −40 it dares to fly far only late in the run.
 - `movement_reward` −0.1: with −0.2 the agent leaves distant devices that hold little.
 - `exploring_starts`: half of the episodes start in the middle, so that late states are seen early.
 - `exploring_actions`: their first three actions are random, so that every action is tried
   everywhere, also where the policy has settled on another.
 """
 
-RECIPES = {recipe.name: recipe for recipe in (PAPER, LITE)}
+SMALL = replace(
+    LITE,
+    name="small",
+    steps=48_000,
+    kernels=8,
+    kernel_size=3,
+    strides=(2, 2),
+    hidden=(128, 128),
+    learning_rate=2e-3,
+    batch_size=64,
+    environments=16,
+    replay_capacity=40_000,
+    replay_prefill=2_000,
+    temperature=1.0,
+    crash_reward=-5.0,
+    crash_reward_end=-20.0,
+    validation_interval=8_000,
+    validation_episodes=200,
+)
+"""`LITE` for the city `village`, a quarter of the others: half a minute, to learn how to train."""
+
+RECIPES = {recipe.name: recipe for recipe in (PAPER, LITE, SMALL)}
 
 
 def find_recipe(name: str) -> Recipe:

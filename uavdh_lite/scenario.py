@@ -64,22 +64,25 @@ class Scenario:
         )
 
     def sample_anywhere(
-        self, city: City, count: int, generator: np.random.Generator, least_time: int
+        self, city: City, count: int, generator: np.random.Generator, spare_time: int
     ) -> State:
         """Draw episodes that are already under way, for exploring starts in training.
 
-        As `sample`, but the UAV is over any cell from which it can land, has any flying time from
-        `least_time` (or what the way to the landing zone takes) to the scenario's most, and each
-        device has been emptied already with probability 1/2.
+        As `sample`, but the UAV is over any cell from which it can land, its flying time is uniform
+        from `spare_time` more than the way home and the landing take to the scenario's most, and
+        each device has been emptied already with probability 1/2.
         """
         state = self.sample(city, count, generator)
         distance = city.landing_distance.ravel()
         uav_cell = generator.choice(np.flatnonzero(distance >= 0), count)
-        time_left = generator.integers(least_time, self.flying_time[1], count, endpoint=True)
+        home = distance[uav_cell] + 1
+        most = np.maximum(self.flying_time[1], home)
+        least = np.minimum(home + spare_time, most)
+        time_left = generator.integers(least, most, count, np.int16, endpoint=True)
         emptied = generator.random(state.data_left.shape) < 0.5
         return State(
             uav_cell=uav_cell.astype(np.int16),
-            time_left=np.maximum(time_left, distance[uav_cell] + 1).astype(np.int16),
+            time_left=time_left,
             device_cells=state.device_cells,
             data_initial=state.data_initial,
             data_left=np.where(emptied, np.float32(0), state.data_left),
@@ -92,6 +95,7 @@ SCENARIOS = {
     for scenario in (
         Scenario("manhattan"),
         Scenario("open_field", "open_field", devices=(2, 2), data=(1.0, 25.0)),
+        Scenario("village", "village", devices=(1, 2), data=(5.0, 15.0), flying_time=(20, 35)),
         Scenario("harbour", "harbour", devices=(3, 10), flying_time=(50, 150)),
         Scenario("metropolis", "metropolis", devices=(3, 10), flying_time=(100, 250)),
     )

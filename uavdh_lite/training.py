@@ -43,11 +43,6 @@ class Trainer:
         city: City | None = None,
         device: str = "cpu",
     ):
-        if recipe.exploring_starts and recipe.exploring_least_time > scenario.flying_time[1]:
-            raise InputError(
-                f"recipe {recipe.name}: exploring_least_time is {recipe.exploring_least_time}, "
-                f"more than the scenario's longest flying time, {scenario.flying_time[1]}"
-            )
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
         self.city = city if city is not None else City.load(scenario.city)
         self.device = torch.device(device)
@@ -106,7 +101,7 @@ class Trainer:
         action = self._explore(state)
         fading = self.environment.draw_fading(state, self.generator)
         after, outcome = self.environment.transition(state, action, fading)
-        self.replay.add(state, action, recipe.rewards(outcome), after.ended, after)
+        self.replay.add(state, action, recipe.rewards_at(self.steps)(outcome), after.ended, after)
         self.episode_reward += Rewards()(outcome)
         ended = np.flatnonzero(after.ended)
         if len(ended):
@@ -144,7 +139,7 @@ class Trainer:
             state = state.with_rows(
                 exploring,
                 self.scenario.sample_anywhere(
-                    self.city, exploring.sum(), self.generator, recipe.exploring_least_time
+                    self.city, exploring.sum(), self.generator, recipe.exploring_spare_time
                 ),
             )
         self.ordinary[places] = ~exploring

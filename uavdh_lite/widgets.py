@@ -17,7 +17,8 @@ def explore(draw: Callable[..., Figure], **controls: ipywidgets.ValueWidget) -> 
     Arguments:
         draw: called with the value of each control by its name; returns a figure.
     """
-    picture, message = ipywidgets.Image(format="png"), ipywidgets.HTML()
+    picture = ipywidgets.Image(format="png", layout={"align_self": "flex-start"})
+    message = ipywidgets.HTML()
 
     def update(change=None):
         try:

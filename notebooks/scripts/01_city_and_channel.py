@@ -6,6 +6,18 @@
 # is in it, and how many units of data arrive. At the end it answers a question that the agent of
 # the later notebooks has to learn: *where should the UAV be to serve a device?*
 
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
+from glob import glob
+from importlib.metadata import distributions
+
+project = [path for path in ("..", ".", *glob("*")) if glob(f"{path}/uavdh_lite/city.py")]
+assert project, "the project's folder is not here: clone or upload it, then run this cell again"
+# %cd -q {project[0]}/notebooks
+if not any(distributions(name="uavdh_lite")):
+    print("installing uavdh_lite from its folder")
+    # %pip install -q .. ipywidgets
+
 # %%
 # %matplotlib inline
 import numpy as np
@@ -25,8 +37,8 @@ figure
 # | | |
 # | --- | --- |
 # | **What you'll do** | Take the city apart into layers, compute one link from the transmitter to the data unit, and map the rate over the whole city for a device |
-# | **What you'll learn** | Log-distance path loss with and without line of sight, the cell-edge SNR and the link budget behind it, shadow fading, and why the best place is not always the nearest |
-# | **What you'll need** | Logarithms, the normal distribution, a little numpy. 20 minutes to read, 10 seconds to run |
+# | **What you'll learn** | Log-distance path loss with and without line of sight, the cell-edge SNR and the link budget behind it, shadow fading, and why a place further away can be much better than a near one |
+# | **What you'll need** | Logarithms, the normal distribution, a little numpy. 30 minutes to read, 10 seconds to run; 15 minutes of exercises |
 #
 # ## 1.1 Three layers
 #
@@ -54,12 +66,18 @@ print("devices may stand on", len(city.device_cells), "cells")
 # %% [markdown]
 # ## 1.2 Path loss: the signal thins out
 #
+# Ratios of power span many powers of ten, so one writes them in *decibels*: $x_{\mathrm{dB}} = 10 \log_{10} x$.
+# Then 10 dB is ten times, 20 dB a hundred times, 3 dB about twice, and products become sums.
+#
 # The ratio of received signal to noise, the SNR, falls with a power of the distance $d$ (paper,
 # eq. 3):
 #
 # $$\mathrm{SNR} = \frac{P}{\sigma^2}\, d^{-\alpha}\, 10^{\eta/10}
 # \qquad\text{or, in decibels,}\qquad
 # \mathrm{SNR_{dB}} = \Big(\frac{P}{\sigma^2}\Big)_{\mathrm{dB}} - 10\,\alpha \log_{10} d + \eta$$
+#
+# Here $P$ is the power sent, $\sigma^2$ that of the noise, $d$ the distance in metres, and $\eta$ a random
+# number of decibels, the subject of section 1.5; until then it is 0.
 #
 # The *path loss exponent* $\alpha$ is larger when a building is in between. Each tenfold distance
 # costs $10\,\alpha$ dB:
@@ -78,7 +96,8 @@ for name in ("los", "nlos"):
 #
 # What is $P/\sigma^2$, transmit power over noise? The paper does not give it. It gives the
 # *cell-edge SNR*: −15 dB between the middle of the map and a device in its corner, at ground level,
-# with nothing in between. From this the rest follows. First the distance:
+# with nothing in between. (In mobile radio a *cell* is the area that one transmitter serves: here the
+# whole map, not a square of our grid.) From this the rest follows. First the distance:
 
 # %%
 edge_m = np.sqrt(2) * city.size * channel.cell_size_m / 2
@@ -95,7 +114,7 @@ print(f"{channel.cell_edge_snr_db} dB + {loss_db:.2f} dB = {budget_db:.2f} dB")
 assert np.isclose(budget_db, channel.transmit_snr_db(city.size))
 
 # %% [markdown]
-# The last line checks our sum against the library's `transmit_snr_db`, which is these two lines
+# That is the SNR one would have at a distance of 1 m. The last line checks our sum against the library's `transmit_snr_db`, which is these two lines
 # again. The UAV flies 10 m high, so even straight above a device the distance is 10 m:
 
 # %%
@@ -105,11 +124,12 @@ print(f"straight above the device: {above_db:.2f} dB")
 # %% [markdown]
 # ## 1.4 From SNR to data
 #
-# In one communication slot a device can send (eq. 4)
+# While the UAV makes one move, there are four communication *slots*. In one slot a device can send
+# (eq. 4)
 #
 # $$R = \log_2(1 + \mathrm{SNR})$$
 #
-# data units. An SNR of 0 dB, signal as strong as noise, gives exactly 1 unit:
+# data units. The unit is what a slot carries at an SNR of 0 dB, signal as strong as noise:
 
 # %%
 from uavdh_lite.channel import rate
@@ -137,12 +157,14 @@ figure
 # %% [markdown]
 # The left plot is the channel, the right one is what the UAV lives on. Two things to take along:
 #
-# - **Near is everything.** Most data is to be had within two or three cells of the device.
+# - **Near is fast.** Most data is to be had within two or three cells of the device. Far away in sight
+#   adds up, though: 100 m down a street brings a small fraction of a unit a slot, but slot after slot.
 # - **A building ends the link.** Twenty metres behind a corner hardly anything arrives.
 #
 # ## 1.5 Shadow fading: the part that is luck
 #
-# Trees, signs and reflections make the signal stronger or weaker than the distance says. The model
+# Despite its name, shadow fading has nothing to do with the radio shadows that buildings cast on the
+# map. Trees, signs and reflections make the signal stronger or weaker than the distance says. The model
 # adds a normal draw $\eta$, in dB, for every slot and device, with a variance of 2 dB² with line of
 # sight and 5 dB² without:
 
@@ -158,7 +180,7 @@ right.hist(rate(snr_db + channel.fading_db(normal, True)), 60, density=True, his
 right.axvline(rate(snr_db), color="black", linestyle=":", label="without fading")
 right.legend()
 left.set(xlabel="shadow fading, dB", ylabel="density")
-right.set(xlabel="data units a slot, 30 m away, LoS", ylabel="density")
+right.set(xlabel="data units a slot, 30 m in a straight line, LoS", ylabel="density")
 left.legend()
 figure
 
@@ -172,7 +194,7 @@ with_fading = rate(snr_db + channel.fading_db(normal, True)).mean()
 print(f"without fading {rate(snr_db):.3f}, mean with fading {with_fading:.3f} data units")
 
 # %% [markdown]
-# A little more with fading, because the rate is a convex function of the SNR in dB at these values:
+# A little more with fading, because the rate is a convex function of the SNR in dB:
 # good luck gains more than bad luck loses. (This is Jensen's inequality.) The UAV cannot foresee the
 # draws, only where they are good on average.
 #
@@ -184,15 +206,15 @@ print(f"without fading {rate(snr_db):.3f}, mean with fading {with_fading:.3f} da
 # %%
 from dataclasses import replace
 
-def draw_rates(alpha_los, alpha_nlos, sigma_db, edge_snr_db):
+def draw_rates(alpha_los, alpha_nlos, fading_los_db, fading_nlos_db, edge_snr_db):
     own = replace(channel, path_loss_exponent_los=alpha_los, path_loss_exponent_nlos=alpha_nlos,
                   cell_edge_snr_db=edge_snr_db)
     figure = Figure(figsize=(6, 3.4), layout="constrained")
     ax = figure.subplots()
-    for name, sight in (("LoS", True), ("NLoS", False)):
+    for name, sight, spread_db in (("LoS", True, fading_los_db), ("NLoS", False, fading_nlos_db)):
         snr_db = own.mean_snr_db(squared_m2, sight, city.size)
-        line, = ax.plot(ground_m, rate(snr_db), label=name)
-        ax.fill_between(ground_m, rate(snr_db - sigma_db), rate(snr_db + sigma_db), alpha=0.25)
+        ax.plot(ground_m, rate(snr_db), label=name)
+        ax.fill_between(ground_m, rate(snr_db - spread_db), rate(snr_db + spread_db), alpha=0.25)
     ax.set(xlabel="distance on the ground, m", ylabel="data units a slot", ylim=(0, 6))
     ax.legend()
     return figure
@@ -207,15 +229,16 @@ explore(
     draw_rates,
     alpha_los=slider(value=2.27, min=1.5, max=4, step=0.01, description="α LoS"),
     alpha_nlos=slider(value=3.64, min=2, max=6, step=0.01, description="α NLoS"),
-    sigma_db=slider(value=1.4, min=0, max=6, step=0.1, description="σ, dB"),
+    fading_los_db=slider(value=1.41, min=0, max=6, step=0.01, description="fading LoS"),
+    fading_nlos_db=slider(value=2.24, min=0, max=6, step=0.01, description="fading NLoS"),
     edge_snr_db=slider(value=-15, min=-30, max=10, step=1, description="edge SNR"),
 )
 
 # %%
-draw_rates(2.27, 3.64, 1.4, -15)
+draw_rates(2.27, 3.64, 1.41, 2.24, -15)
 
 # %% [markdown]
-# The bands show what one standard deviation of fading does. Did you notice that raising α LoS
+# The bands show what one standard deviation of fading does, √2 dB and √5 dB. Did you notice that raising α LoS
 # *raises* the rate near the device? The cell-edge SNR is held, so a steeper loss means that more
 # must have been sent.
 #
@@ -230,7 +253,8 @@ def rate_map(device):
     rows, cols = np.indices((city.size, city.size))
     ground = ((rows - device[0]) ** 2 + (cols - device[1]) ** 2) * channel.cell_size_m**2
     squared = np.float32(ground + channel.altitude_m**2)
-    sight = environment.line_of_sight[device[0] * city.size + device[1]]
+    number = device[0] * city.size + device[1]  # cells are numbered row by row
+    sight = environment.line_of_sight[number]
     snr_db = channel.mean_snr_db(squared, sight.reshape(rows.shape), city.size)
     return np.where(city.no_fly, np.nan, rate(snr_db))
 
@@ -256,8 +280,15 @@ for cell in order[:5]:
     print(f"cell ({row}, {col}): {rates[row, col]:.2f} data units a slot")
 
 # %% [markdown]
+# Here the best cell is the nearest. But compare two cells that are not:
+
+# %%
+for row, col, where in ((4, 4, "30 m down the street"), (5, 6, "next door, above a low building")):
+    print(f"cell ({row}, {col}): {rates[row, col]:.2f} data units a slot, {where}")
+
+# %% [markdown]
 # A UAV gets four slots in each step. From the best cell a device with 15 data units is empty in two
-# steps; from the cells in the shadow, a few steps away, hardly anything comes in a whole flight.
+# steps.
 #
 # ## Recap
 #
@@ -268,10 +299,11 @@ for cell in order[:5]:
 #
 # ## Exercises
 #
-# Write the function, then run the check below it.
+# Cover the cell below the question, write your own, and let the cell after it check it.
 #
 # **1.** Up to which distance on the ground does the UAV get at least one data unit a slot, without
-# fading? Write `reach_m(sight)`, in metres, 0 if not even straight above the device. (One data unit
+# fading? Write
+# `reach_m(sight)`, in metres, 0 if not even straight above the device. (One data unit
 # is an SNR of 0 dB.)
 
 # %%

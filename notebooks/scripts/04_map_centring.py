@@ -5,6 +5,18 @@
 # and the paper's main idea is *how that picture is framed*: moved so that the UAV is always in the
 # middle. This notebook shows both frames, and why one of them is so much easier to learn from.
 
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
+from glob import glob
+from importlib.metadata import distributions
+
+project = [path for path in ("..", ".", *glob("*")) if glob(f"{path}/uavdh_lite/city.py")]
+assert project, "the project's folder is not here: clone or upload it, then run this cell again"
+# %cd -q {project[0]}/notebooks
+if not any(distributions(name="uavdh_lite")):
+    print("installing uavdh_lite from its folder")
+    # %pip install -q .. ipywidgets
+
 # %%
 # %matplotlib inline
 import numpy as np
@@ -21,22 +33,24 @@ state = place(city, uav=(8, 4), devices=[(4, 7), (11, 11)], data=[15, 10], flyin
 centred, in_place = Observation(city, "centred"), Observation(city, "non_centred")
 
 # %%
-def show(maps, names):
+def show(layers, names):
     figure = Figure(figsize=(3 * len(names), 3.3), layout="constrained")
-    for ax, layer, name in zip(figure.subplots(1, len(names)), maps[0], names):
+    for ax, layer, name in zip(figure.subplots(1, len(names)), layers, names):
         ax.imshow(layer, cmap="magma_r", vmin=0, vmax=max(1, layer.max()))
+        if len(layers) == 5:
+            ax.plot(15, 15, "+", color="#0072B2", ms=11)  # the UAV
         ax.set(title=name, xticks=[], yticks=[])
     return figure
 
 (maps,), time = centred(state)
-show(maps, LAYERS)
+show(maps[0], LAYERS)
 
 # %% [markdown]
 # | | |
 # | --- | --- |
 # | **What you'll do** | Look through the agent's eyes, move the UAV and watch the frame move, count the weights that each frame costs, and look at the border |
 # | **What you'll learn** | What the five layers hold, why padding outside the city is a no-fly zone, and what a neuron after flattening means in either frame |
-# | **What you'll need** | Notebook 1; what a convolution and a fully connected layer are. 15 minutes to read, 10 seconds to run |
+# | **What you'll need** | Notebook 1; what a neural network is. 28 minutes to read, 10 seconds to run; 10 minutes of exercises |
 #
 # ## 4.1 The layers
 #
@@ -47,11 +61,13 @@ print("map", tuple(maps.shape), "time", tuple(time.shape))
 
 # %% [markdown]
 # One episode, five layers, 31×31 cells. The first three are the city's own (notebook 1), the last two
-# say how much data each device still has, and how much has been collected from it. A device is one
-# bright cell.
+# say how much data each device still has, and how much has been collected from it. Dark is large; a
+# device is one dark cell on pale ground, the darker the more data. "Data collected" is empty because
+# the flight has not begun. The blue cross is the middle of the frame, where the UAV is.
 #
 # Why 31? The city has 16 cells a side. If the UAV is in one corner, the opposite corner is 15 cells
-# away, and that in every direction: $2 \cdot 16 - 1 = 31$. The whole city is always in the frame.
+# away: 15 cells on either side and the UAV's own, $2 \cdot 15 + 1 = 31$. The whole city is always in the
+# frame.
 #
 # What is outside the city? No landing zone, no building, no device, but a no-fly zone: the safety
 # controller treats the border as one, so the picture says the same.
@@ -59,38 +75,41 @@ print("map", tuple(maps.shape), "time", tuple(time.shape))
 # ## 4.2 Two frames
 #
 # The UAV is always in the middle of the centred map, so its position need not be told. In the
-# non-centred map the city stays where it is, and a sixth layer has a 1 where the UAV is:
+# non-centred map the city stays where it is, and a sixth layer has a 1 where the UAV is. (It would fit
+# into 16×16 cells. The library gives it the same 31×31, so that the networks can be compared.)
 
 # %%
 (fixed,), _ = in_place(state)
 print("map", tuple(fixed.shape))
-show(fixed, (*LAYERS, "position"))
+show(fixed[0], (*LAYERS, "position"))
 
 # %% [markdown]
-# Move the UAV. In the left frame the world moves, in the right one the UAV does:
+# Move the UAV. In the upper frame the world moves, in the lower one the UAV does. Orange: a device;
+# blue: the landing zone; grey: a building; pink: a no-fly zone, or outside the city.
 
 # %%
-def both(row, col):
-    own = place(city, (row, col), [(4, 7), (11, 11)], [15, 10], 50, 5)
-    figure = Figure(figsize=(8, 4.2), layout="constrained")
-    for ax, observation, title in zip(
-        figure.subplots(1, 2), (centred, in_place), ("centred", "not centred")
-    ):
-        layers = observation(own)[0][0][0].numpy()
-        ax.imshow(_colours(layers), interpolation="nearest")
-        uav = (15, 15) if title == "centred" else (col + 7, row + 7)
-        ax.plot(*uav, "^", color="white", mec="black", ms=10)
-        ax.set(title=title, xticks=[], yticks=[])
-    return figure
-
-# %%
-def _colours(layers):
+def colours(layers):
     landing, no_fly, buildings, left = (layers[i, ..., None] for i in range(4))
     picture = np.ones((*layers.shape[1:], 3))
     for layer, colour in ((no_fly, (0.95, 0.8, 0.8)), (buildings, (0.3, 0.3, 0.3)),
                           (landing, (0.6, 0.75, 0.9)), (left > 0, (0.9, 0.62, 0))):
         picture = np.where(layer > 0, colour, picture)
     return picture
+
+def draw_frame(ax, observation, cell, uav, title):
+    (maps,), _ = observation(place(city, cell, [(4, 7), (11, 11)], [15, 10], 50, 5))
+    ax.imshow(colours(maps[0].numpy()), interpolation="nearest")
+    ax.plot(*uav, "^", color="white", mec="black", ms=9)
+    ax.set(title=title, xticks=[], yticks=[])
+
+# %%
+def both(*cells):
+    figure = Figure(figsize=(3.2 * len(cells), 6.6), layout="constrained")
+    for (upper, lower), (row, col) in zip(figure.subplots(2, len(cells), squeeze=False).T, cells):
+        draw_frame(upper, centred, (row, col), (15, 15), f"centred, UAV over ({row}, {col})")
+        # In the non-centred frame the city begins at (7, 7).
+        draw_frame(lower, in_place, (row, col), (col + 7, row + 7), "not centred")
+    return figure
 
 # %%
 import ipywidgets
@@ -100,26 +119,31 @@ from uavdh_lite.widgets import explore
 cells = [(f"row {row}, column {col}", (row, col)) for row, col in
          ((0, 0), (4, 0), (8, 4), (8, 7), (11, 8), (14, 8), (15, 15))]
 slider = ipywidgets.SelectionSlider(options=cells, index=2, description="UAV over")
-explore(lambda cell: both(*cell), cell=slider)
+explore(lambda cell: both(cell), cell=slider)
 
 # %%
-both(8, 4)
+both((0, 0), (8, 7), (15, 15))
 
 # %% [markdown]
 # ## 4.3 What a neuron can know
 #
-# After the convolutions the picture is flattened: each place in it becomes an input of its own to the
-# first fully connected layer, with its own weights. Those weights are where the frames differ.
+# A convolution slides one small pattern of weights over the picture, so it treats all places alike. A
+# fully connected layer has one weight for every input and every output. In between stands a step that
+# looks harmless: the picture is flattened into a list. Each place in it becomes an input of its own to the first
+# fully connected layer, with its own weights. Those weights are where the frames differ.
 #
 # - **Not centred**: a weight belongs to an *absolute* place, such as "a device at (4, 7)". Whether that
 #   is good news depends on where the UAV is, so the network must learn the combination of every
-#   device place with every UAV place: some 186 × 186 pairs.
+#   device place with every UAV place: 186 × 186 pairs (186 cells for devices and, by chance, as many
+#   over which the UAV may fly).
 # - **Centred**: a weight belongs to a *relative* place, such as "a device three cells north". That is
 #   the same news wherever the UAV is, and it says directly which action is good. What is learned in
 #   one street holds in all.
 #
 # A small experiment makes this concrete. Ask a *linear* model, one weight a place, whether a device is
-# within three cells of the UAV. Half of the examples are near, half are not, so guessing gives 50 %:
+# within three rows and three columns of the UAV. It gets the layer "data left" alone, without centring
+# also the position. Half of the examples are near, half are not, so guessing gives 50 %. First the
+# examples:
 
 # %%
 from dataclasses import replace
@@ -129,7 +153,7 @@ from uavdh_lite.scenario import SCENARIOS
 generator = np.random.default_rng(0)
 
 def one_device(count):
-    state = SCENARIOS["manhattan"].sample_anywhere(city, count, generator, least_time=20)
+    state = SCENARIOS["manhattan"].sample_anywhere(city, count, generator, spare_time=5)
     data = np.zeros_like(state.data_left)
     data[:, 0] = 1
     return replace(state, data_initial=data, data_left=data)
@@ -145,22 +169,38 @@ def examples(observation, count=20_000):
     inputs = torch.cat([maps[:, 3:4], maps[:, 5:]], 1).flatten(1).numpy()
     return inputs, np.repeat([1.0, -1.0], near.sum())
 
+# %% [markdown]
+# Then the model, fitted by least squares (with a small ridge, so that there is one solution), and tested on
+# new examples:
+
 # %%
+fitted = {}
 for name, observation in (("centred", centred), ("not centred", in_place)):
     (x, y), (x_test, y_test) = examples(observation), examples(observation)
     x, x_test = np.c_[x, np.ones(len(x))], np.c_[x_test, np.ones(len(x_test))]
     weights = np.linalg.solve(x.T @ x + np.eye(x.shape[1]), x.T @ y)
+    fitted[name] = weights[: 31 * 31].reshape(31, 31)
     print(f"{name:<12} {(np.sign(x_test @ weights) == y_test).mean():.1%} right")
 
+# %%
+figure = Figure(figsize=(8, 3.6), layout="constrained")
+for ax, (name, weights) in zip(figure.subplots(1, 2), fitted.items()):
+    most = abs(weights).max()
+    picture = ax.imshow(weights, cmap="RdBu_r", vmin=-most, vmax=most)
+    ax.set(title=f"weights of 'data left', {name}", xticks=[], yticks=[])
+    figure.colorbar(picture, ax=ax)
+figure
+
 # %% [markdown]
-# From the centred map the answer is a weighted sum: one weight a place, large in the middle. From the
-# other it depends on the device's place and the UAV's place *together*. A sum of one weight for each
-# cannot say that, however many examples it gets. A deep network can, but it has to learn it for every
+# From the centred map the answer is a weighted sum: the weights draw the square of three cells around the
+# middle. From the other it depends on the device's place and the UAV's place *together*. A sum of one
+# weight for each cannot say that, however many examples it gets; the little that is better than
+# guessing comes from the middle of the city, where both are more often near each other. A deep network can, but it has to learn it for every
 # pair of places. The ablation of notebook 7 measures what that costs.
 #
 # ## 4.4 What it costs
 #
-# The centred map must show the whole city from any place, so it is four times as large. The library
+# The centred map must show the whole city from any place: $31^2 / 16^2 = 3.75$ times as many cells. The library
 # gives the non-centred map the same size, so that both networks have the same shape and the
 # comparison is about the frame alone:
 
@@ -175,13 +215,13 @@ for recipe in (PAPER, LITE):
         print(f"{recipe.name:<6}{kind:<12}{count:>10,} weights")
 
 # %% [markdown]
-# The difference between the kinds is the sixth layer. The difference between the recipes is the
+# The difference between the kinds is the sixth layer: 16 kernels × 5 × 5 = 400 weights. The difference between the recipes is the
 # stride: `lite` lets its convolutions skip cells, and the flattened picture is much smaller.
 #
 # ## 4.5 At the border
 #
-# With the UAV in a corner, three quarters of the frame are outside. The no-fly layer tells the network
-# so. The UAV's own cell is in the middle of each layer, whatever happens:
+# Wherever the UAV is, $1 - 256/961 = 73\,\%$ of the frame lie outside the city; with the UAV in a corner
+# they lie on two sides. The no-fly layer has a 1 there, as in the city's own no-fly cells. The UAV's own cell is in the middle of each layer, whatever happens:
 
 # %%
 corner = place(city, (0, 0), [(15, 13)], [10], 50, 5)
@@ -196,8 +236,8 @@ print("the far device is at", np.argwhere(maps[0, 3].numpy() > 0).tolist())
 # ## 4.6 Larger cities: global and local maps
 #
 # At 50×50 cells the centred map has 99×99. The authors' later papers give the network two smaller maps
-# instead: the whole surroundings, averaged over blocks of cells, and the middle in full detail. The
-# library has that as the kind `global_local`:
+# instead: the whole surroundings, averaged over blocks of `pooling` cells a side, and the middle,
+# `local_size` cells a side, in full detail. The library has that as the kind `global_local`:
 
 # %%
 metropolis = City.load("metropolis")
@@ -209,7 +249,8 @@ for kind in ("centred", "global_local"):
 # ## Recap
 #
 # - The input is five layers and the flying time. Outside the city everything is no-fly zone.
-# - Centring turns absolute places into relative ones, which is what decides between actions.
+# - Centring turns absolute places into relative ones. We argue that these decide between actions;
+#   notebook 7 tests it.
 # - It costs a map of $2M - 1$ cells a side. For large cities, global and local maps cut that.
 #
 # ## Exercises
