@@ -45,7 +45,7 @@ def source_hash(notebook: nbformat.NotebookNode) -> str:
 
 def from_script(script: Path) -> nbformat.NotebookNode:
     """The notebook of a script, without outputs; its cells are numbered, so that ids are stable."""
-    notebook = jupytext.read(script)
+    notebook = jupytext.read(script, fmt="py:percent")
     for number, cell in enumerate(notebook.cells):
         cell.id = f"cell-{number:02d}"
     notebook.metadata = nbformat.NotebookNode(

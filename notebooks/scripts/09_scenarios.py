@@ -67,7 +67,9 @@ quarter = mission("open_field", DEVICES, [20, 5], 45, START)
 show("open_field", [equal, quarter], ["equal data", "a quarter at the far device"])
 
 # %% [markdown]
-# The same network, the same places, the same time. What changes is what the detour is worth. In numbers:
+# The same network, the same places, the same time. With equal data it serves the near device, then flies
+# up to the far one. With a quarter it turns back earlier, at column 9: five units come through from there.
+# In numbers:
 
 # %%
 for name, flights in (("equal", equal), ("quarter", quarter)):
@@ -91,6 +93,10 @@ flights = [mission("manhattan", PLACES[:k], [12] * k, 65, (0, 0)) for k in (4, 5
 show("manhattan", flights, ["four devices", "five devices"])
 
 # %% [markdown]
+# With two and three devices it flies east first; with four it goes down the west side, because the new
+# device stands there and on no way home; with five it adds a loop in the north. It is no optimum: four
+# devices take it less time than three, for which it flies to and fro in the middle.
+#
 # ## 9.3 A device in the no-fly zone
 #
 # A device may stand where the UAV must not fly. It has to be served from outside:
@@ -100,6 +106,9 @@ inside = mission("manhattan", [(11, 2), (4, 8)], [10, 10], 60, (0, 0))
 show("manhattan", [inside], ["one device in the no-fly zone"])
 
 # %% [markdown]
+# It went down the border of the city, was heard from the street beside the zone, and turned as soon as
+# the device was empty.
+#
 # ## 9.4 Too little time
 #
 # The same mission with less and less flying time:
@@ -122,6 +131,10 @@ ax.legend()
 figure
 
 # %% [markdown]
+# Within the times that it was trained on, it collects all, like the greedy planner. Below, nobody taught it:
+# at 30 it does better than greedy, at 18 it hardly leaves where greedy still brings home a quarter. An
+# agent is only as good as the missions it was trained on.
+#
 # ## 9.5 The same mission with other luck
 #
 # Only the fading differs. The agent sees it only through the data that is left, and reacts to that:
@@ -137,6 +150,9 @@ print(f"over 30 draws: collected {min(ratio):.1%} to {max(ratio):.1%}")
 print("landed:", sum(bool(m.end.landed[0]) for m in many), "of 30")
 
 # %% [markdown]
+# The two flights take the same streets and wait in different places. Over thirty draws luck changes the
+# data by a percent: a flight is some two hundred slots, and they average out.
+#
 # ## 9.6 Q-values along a flight
 #
 # The network says for each action what it expects to earn from here. Rewards that come later count less:
@@ -173,6 +189,9 @@ error = q.max(axis=1) - np.array(returns[::-1])
 print(f"mean error {error.mean():+.2f}, largest {np.abs(error).max():.2f}, of values up to {q.max():.1f}")
 
 # %% [markdown]
+# It expects a little too much on average, and is wrong by up to two data units. For choosing between
+# actions only their differences count.
+#
 # ## Recap
 #
 # - One policy answers to devices, data, time and luck, because all of them are in the state.
@@ -195,6 +214,9 @@ assert shares[20] > 0.9
 print(shares)
 
 # %% [markdown]
+# From 4 units on it empties the device. With 2 or 3 it leaves some of them: half a unit more is not worth
+# another step.
+#
 # **2.** Which step of the flight in 9.6 was the hardest to decide? (The smallest gap between the best and
 # the second-best action.)
 
@@ -205,6 +227,9 @@ hardest = int(gap.argmin())
 best, second = np.argsort(q[hardest])[:-3:-1]
 assert np.isclose(q[hardest, best] - q[hardest, second], gap[hardest])
 print(f"step {hardest}: {ACTIONS[best]} before {ACTIONS[second]} by {gap[hardest]:.3f}")
+
+# %% [markdown]
+# The hardest step need not be an important one: the gap is small, too, where two ways are equally good.
 
 # %% [markdown]
 # ## Further reading
