@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
@@ -11,7 +12,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 
 from uavdh_lite.city import City
-from uavdh_lite.environment import LAND, Environment
+from uavdh_lite.environment import LAND, Environment, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Trajectory
 from uavdh_lite.files import write_atomically
@@ -79,77 +80,97 @@ def shadow_sum(environment: Environment, device_cells: np.ndarray) -> np.ndarray
 
 
 def draw_trajectory(ax: Axes, environment: Environment, trajectory: Trajectory) -> Axes:
-    """One flight in the paper's style, with its caption below.
+    """One flight in the paper's style, over the city shaded by its devices, with its caption."""
+    start = trajectory.start
+    used = np.flatnonzero(start.data_initial[0] > 0)
+    draw_city(ax, environment.city, shadow_sum(environment, start.device_cells[0][used]))
+    draw_flight(ax, environment.city, trajectory)
+    ax.set_xlabel(caption(trajectory))
+    ax.set_ylabel("")
+    return ax
+
+
+def draw_flight(
+    ax: Axes, city: City, trajectory: Trajectory, steps: int | None = None
+) -> list[Artist]:
+    """What a flight adds to the map: its way, its devices, start and end; returns the artists.
 
     Arrows and hover marks have the colour of the device that uploaded most in that step, black if
     none did; the number beside a device is its data at the start. Arrows are drawn a little to the
     right of the way, so that there and back differ; a hover mark grows with the time spent there.
-    """
-    city, start = environment.city, trajectory.start
-    used = np.flatnonzero(start.data_initial[0] > 0)
-    device_cells = start.device_cells[0]
-    draw_city(ax, city, shadow_sum(environment, device_cells[used]))
 
-    row, col = trajectory.uav_cell // city.size, trajectory.uav_cell % city.size
-    colours = np.array([_step_colour(trajectory, t) for t in range(len(trajectory.action))])
+    Arguments:
+        steps: only so many steps of the flight, and the UAV where it then is; None for all.
+    """
+    total = len(trajectory.action)
+    steps = total if steps is None else min(steps, total)
+    row, col = np.divmod(trajectory.uav_cell[: steps + 1], city.size)
+    action, intervened = trajectory.action[:steps], trajectory.intervened[:steps]
+    colours = np.array([_step_colour(trajectory, t) for t in range(steps)], dtype=object)
     down, right = np.diff(row), np.diff(col)
     moved = (down != 0) | (right != 0)
-    aside = 0.14  # of a cell, to the right of the direction of flight; y points south here
-    ax.quiver(
-        col[:-1][moved] - aside * down[moved],
-        row[:-1][moved] + aside * right[moved],
-        right[moved],
-        down[moved],
-        color=colours[moved],
-        angles="xy",
-        scale_units="xy",
-        scale=1,
-        units="xy",
-        width=0.13,
-        headwidth=3.2,
-        headlength=3.2,
-        headaxislength=3,
-        zorder=4,
-    )
-    hovered = ~moved & (trajectory.action != LAND) | trajectory.intervened
-    for cell in np.unique(trajectory.uav_cell[:-1][hovered]):
-        here = hovered & (trajectory.uav_cell[:-1] == cell)
-        for ring, colour in enumerate(dict.fromkeys(colours[here])):
-            count = (here & (colours == colour)).sum()
-            ax.plot(
-                cell % city.size,
-                cell // city.size,
-                "o",
-                mfc="none",
-                mec=colour,
-                zorder=5,
-                ms=5 + 3 * ring + 1.5 * np.sqrt(count),
-                mew=1.4,
+    artists = []
+    if moved.any():
+        aside = 0.14  # of a cell, to the right of the direction of flight; y points south here
+        artists.append(
+            ax.quiver(
+                col[:-1][moved] - aside * down[moved],
+                row[:-1][moved] + aside * right[moved],
+                right[moved],
+                down[moved],
+                color=list(colours[moved]),
+                angles="xy",
+                scale_units="xy",
+                scale=1,
+                units="xy",
+                width=0.13,
+                headwidth=3.2,
+                headlength=3.2,
+                headaxislength=3,
+                zorder=4,
             )
-    for device in used:
-        x, y = device_cells[device] % city.size, device_cells[device] // city.size
-        ax.plot(x, y, "X", color=device_colour(device), mec="white", mew=0.8, ms=11, zorder=6)
-        left, below = x > city.size - 2, y < 1  # the number stays inside the map
-        ax.annotate(
-            f"{start.data_initial[0, device]:.0f}",
-            (x, y),
-            (-7 if left else 7, -13 if below else 5),
-            ha="right" if left else "left",
-            textcoords="offset points",
-            fontsize="small",
-            fontweight="bold",
-            color=device_colour(device),
-            path_effects=[withStroke(linewidth=2.5, foreground="white")],
-            zorder=8,
         )
-    ax.plot(col[0], row[0], "^", color="white", mec="black", ms=9, zorder=7)
-    if trajectory.landed:
-        ax.plot(col[-1], row[-1], "D", color="white", mec="black", ms=7, zorder=7)
+    hovered = ~moved & (action != LAND) | intervened
+    for cell in np.unique(trajectory.uav_cell[:steps][hovered]):
+        here = hovered & (trajectory.uav_cell[:steps] == cell)
+        y, x = divmod(int(cell), city.size)
+        for ring, colour in enumerate(dict.fromkeys(colours[here])):
+            size = 5 + 3 * ring + 1.5 * np.sqrt((here & (colours == colour)).sum())
+            artists += ax.plot(x, y, "o", mfc="none", mec=colour, zorder=5, ms=size, mew=1.4)
+    artists += _draw_devices(ax, city, trajectory.start)
+    artists += ax.plot(col[0], row[0], "^", color="white", mec="black", ms=9, zorder=7)
+    if steps < total:
+        artists += ax.plot(col[-1], row[-1], "o", color="white", mec="black", ms=9, zorder=7)
+    elif trajectory.landed:
+        artists += ax.plot(col[-1], row[-1], "D", color="white", mec="black", ms=7, zorder=7)
     else:
-        ax.plot(col[-1], row[-1], "*", color="#C1272D", mec="black", ms=13, zorder=7)
-    ax.set_xlabel(caption(trajectory))
-    ax.set_ylabel("")
-    return ax
+        artists += ax.plot(col[-1], row[-1], "*", color="#C1272D", mec="black", ms=13, zorder=7)
+    return artists
+
+
+def _draw_devices(ax: Axes, city: City, start: State) -> list[Artist]:
+    """The devices of an episode with their data at the start."""
+    artists = []
+    for device in np.flatnonzero(start.data_initial[0] > 0):
+        y, x = divmod(int(start.device_cells[0, device]), city.size)
+        colour = device_colour(device)
+        artists += ax.plot(x, y, "X", color=colour, mec="white", mew=0.8, ms=11, zorder=6)
+        left, below = x > city.size - 2, y < 1  # the number stays inside the map
+        artists.append(
+            ax.annotate(
+                f"{start.data_initial[0, device]:.0f}",
+                (x, y),
+                (-7 if left else 7, -13 if below else 5),
+                ha="right" if left else "left",
+                textcoords="offset points",
+                fontsize="small",
+                fontweight="bold",
+                color=colour,
+                path_effects=[withStroke(linewidth=2.5, foreground="white")],
+                zorder=8,
+            )
+        )
+    return artists
 
 
 def _step_colour(trajectory: Trajectory, step: int) -> str:

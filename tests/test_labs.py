@@ -1,0 +1,127 @@
+"""The labs, driven through their controls as a person would, without a browser."""
+
+import io
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from uavdh_lite.labs import MissionLab
+
+
+def pixels(widget):
+    return np.asarray(Image.open(io.BytesIO(widget.value)).convert("RGB")).astype(int)
+
+
+def click(lab, cell, place=0):
+    """A click on the middle of a cell, as the browser reports it."""
+    one = lab.maps[place]
+    x, y = one.ax.transData.transform((cell[1], cell[0]))
+    height = pixels(one.canvas.picture).shape[0]
+    lab.clicks[place]._handle_mouse_msg(None, {"dataX": x, "dataY": height - y}, [])
+
+
+@pytest.fixture
+def lab():
+    return MissionLab("manhattan")
+
+
+def test_the_first_picture(lab):
+    assert pixels(lab.maps[0].canvas.picture).shape == (440, 420, 3)
+    assert len(lab.views.children) == 2  # one map, the charts
+    assert "agent manhattan" in lab.numbers.value
+    assert lab.step.value == lab.step.max == lab.play.max > 0
+
+
+def test_clicks_add_move_and_remove_devices(lab):
+    before = lab.mission.devices
+    click(lab, (8, 8))
+    assert lab.mission.devices == (*before, (8, 8))
+    assert [slider.value for slider in lab.sliders.children] == list(lab.mission.data)
+    lab.click.value = "move"
+    click(lab, (8, 8))
+    assert "now click on its new place" in lab.message.value
+    click(lab, (7, 1))
+    assert lab.mission.devices == (*before, (7, 1))
+    lab.click.value = "remove"
+    click(lab, (7, 1))
+    assert lab.mission.devices == before and len(lab.sliders.children) == len(before)
+
+
+def test_a_click_sets_the_start(lab):
+    lab.click.value = "start"
+    click(lab, (8, 8))
+    assert lab.mission.start == (8, 8)
+    assert lab.flights["agent manhattan"].start.uav_cell[0] == 8 * 16 + 8
+
+
+def test_what_cannot_be_is_said_and_changes_nothing(lab):
+    mission, picture = lab.mission, lab.maps[0].canvas.picture.value
+    click(lab, (2, 2))
+    assert "stands on a building at (2, 2)" in lab.message.value
+    assert lab.mission is mission and lab.maps[0].canvas.picture.value == picture
+    lab.click.value = "remove"
+    click(lab, (15, 0))
+    assert "no device here" in lab.message.value and lab.mission is mission
+    lab.click.value = "add"
+    click(lab, (8, 8))
+    assert "device" not in lab.message.value and (8, 8) in lab.mission.devices
+
+
+def test_sliders_change_the_mission(lab):
+    lab.time.value = 12
+    assert lab.mission.flying_time == 12
+    assert lab.flights["agent manhattan"].start.time_left[0] == 12
+    lab.data[0].value = 2.5
+    assert lab.mission.data[0] == 2.5
+    lab.seed.value = 9
+    assert lab.mission.seed == 9
+    lab.draw.click()
+    assert lab.mission.seed == 9 and lab.mission.flying_time == lab.time.value
+
+
+def test_steps_show_more_and_more_of_the_flight(lab):
+    end = pixels(lab.maps[0].canvas.picture)
+    lab.step.value = 0
+    start = pixels(lab.maps[0].canvas.picture)
+    lab.step.value = lab.step.max // 2
+    middle = pixels(lab.maps[0].canvas.picture)
+    changed = [(abs(one - start).sum(2) > 0).sum() for one in (middle, end)]
+    assert 0 < changed[0] < changed[1]
+    trajectory = lab.flights["agent manhattan"].trajectory(0)
+    assert f"{trajectory.time_left[lab.step.value]} of" in lab.numbers.value
+
+
+def test_two_policies_meet_the_same_mission_and_fading(lab):
+    lab.other.value = "agent manhattan"  # the same twice is one flight
+    assert list(lab.flights) == ["agent manhattan"]
+    lab.other.value = "greedy"
+    assert list(lab.flights) == ["agent manhattan", "greedy"]
+    assert len(lab.views.children) == 3 and "greedy" in lab.numbers.value
+    first, second = (f.start for f in lab.flights.values())
+    assert first is second
+    click(lab, (8, 8), place=1)
+    assert (8, 8) in lab.mission.devices
+
+
+@pytest.mark.parametrize("city", ["village", "open_field", "harbour"])
+def test_every_city_flies(lab, city):
+    lab.city.value = city
+    assert lab.mission.city.name == city
+    assert lab.environment.city.name == city
+    assert set(lab.pilot.options) >= {"greedy", "genie", "random"}
+    assert len(lab.flights) == 1
+
+
+def test_scrubbing_costs_little_beside_a_whole_drawing(lab):
+    """A step redraws the flight alone: several times quicker than a mission drawn anew."""
+
+    def seconds(act):
+        started = time.perf_counter()
+        act()
+        return time.perf_counter() - started
+
+    steps = [seconds(lambda k=k: setattr(lab.step, "value", k)) for k in range(5)]
+    anew = [seconds(lab.draw.click) for _ in range(3)]
+    assert min(steps) < min(anew) / 2

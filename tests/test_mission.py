@@ -1,0 +1,76 @@
+"""Missions that a person sets."""
+
+import numpy as np
+import pytest
+
+from uavdh_lite.city import City
+from uavdh_lite.environment import Environment
+from uavdh_lite.errors import InputError
+from uavdh_lite.mission import Mission, pilots
+from uavdh_lite.scenario import SCENARIOS
+
+
+@pytest.fixture(scope="module")
+def environment():
+    return Environment(City.load("manhattan"))
+
+
+@pytest.fixture
+def mission(environment):
+    return Mission(environment.city, (0, 0), ((4, 4), (7, 9)), (10.0, 5.0), 40)
+
+
+def test_a_drawn_mission_is_the_scenarios(environment):
+    scenario = SCENARIOS["manhattan"]
+    drawn = Mission.draw(scenario, environment.city, 3)
+    state = scenario.sample(environment.city, 1, np.random.default_rng(3))
+    assert drawn.flying_time == state.time_left[0]
+    assert len(drawn.devices) == (state.data_initial > 0).sum()
+    assert drawn.data == pytest.approx(state.data_initial[state.data_initial > 0], abs=0.05)
+    assert (drawn.state.device_cells[0, : len(drawn.devices)]).tolist() == (
+        state.device_cells[0, : len(drawn.devices)].tolist()
+    )
+
+
+def test_changes_leave_the_mission_as_it_was(mission):
+    assert mission.add((8, 8), 3).devices == ((4, 4), (7, 9), (8, 8))
+    assert mission.add((8, 8), 3).data == (10.0, 5.0, 3)
+    assert mission.move(0, (8, 8)).devices == ((8, 8), (7, 9))
+    assert mission.remove(0).devices == ((7, 9),) and mission.remove(0).data == (5.0,)
+    assert mission.devices == ((4, 4), (7, 9))
+    assert mission.device_at((7, 9)) == 1 and mission.device_at((0, 5)) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: m.add((2, 2)), "device 2 stands on a building"),
+        (lambda m: m.add((0, 1)), "device 2 stands in the landing zone"),
+        (lambda m: m.add((4, 4)), "where another device stands"),
+        (lambda m: m.move(5, (8, 8)), "no device 5: there are 2"),
+        (lambda m: m.remove(0).remove(0), "0 devices: this scenario takes 1 to 5"),
+        (lambda m: m.add((8, 1)).add((8, 2)).add((8, 3)).add((8, 4)), "6 devices"),
+    ],
+)
+def test_what_cannot_be_flown_is_named(mission, change, message):
+    with pytest.raises(InputError, match=message):
+        change(mission)
+
+
+def test_pilots_of_a_city(environment):
+    assert list(pilots(environment)) == [
+        "agent manhattan",
+        "agent manhattan_early",
+        "greedy",
+        "genie",
+        "random",
+    ]
+    assert list(pilots(Environment(City.load("village")))) == ["greedy", "genie", "random"]
+
+
+@pytest.mark.parametrize("name", ["agent manhattan", "greedy", "genie", "random"])
+def test_a_flight_depends_on_mission_and_seed_alone(environment, mission, name):
+    maker = pilots(environment)[name]
+    first, second = (mission.fly(environment, maker(7)).trajectory(0) for _ in range(2))
+    assert (first.uav_cell == second.uav_cell).all()
+    assert (first.uploaded == second.uploaded).all()

@@ -1,0 +1,5 @@
+"""Interactive labs for notebooks and the web page: thin views over the library."""
+
+from uavdh_lite.labs.mission import MissionLab
+
+__all__ = ["MissionLab"]

@@ -1,0 +1,72 @@
+"""A figure drawn once and then only changed, shown as a picture that hears clicks and keys."""
+
+import io
+from collections.abc import Callable, Iterable
+
+import ipywidgets
+import numpy as np
+from ipyevents import Event
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+
+class Canvas:
+    """The picture of a figure: `draw_all` once, then `draw` the few artists that change.
+
+    | attribute | what |
+    | --- | --- |
+    | `figure` | the figure; what is added to it is drawn by `draw_all` |
+    | `picture` | the `ipywidgets.Image` to show |
+
+    Arguments:
+        alt: what the picture shows, in words.
+    """
+
+    def __init__(self, figure: Figure, alt: str):
+        self.figure = figure
+        self._canvas = FigureCanvasAgg(figure)
+        self._background = None
+        self.picture = ipywidgets.Image(
+            format="png", tooltip=alt, layout={"align_self": "flex-start"}
+        )
+
+    def draw_all(self) -> None:
+        """Draw the figure without changing artists and keep it as the background of `draw`."""
+        self._canvas.draw()
+        self._background = self._canvas.copy_from_bbox(self.figure.bbox)
+
+    def draw(self, changing: Iterable[tuple[Axes, Artist]] = ()) -> None:
+        """Show the background with these artists on top of it."""
+        if self._background is None:
+            self.draw_all()
+        self._canvas.restore_region(self._background)
+        for ax, artist in changing:
+            ax.draw_artist(artist)
+        rgb = np.asarray(self._canvas.buffer_rgba())[..., :3]
+        buffer = io.BytesIO()
+        Image.fromarray(rgb).save(buffer, format="PNG", compress_level=1)
+        self.picture.value = buffer.getvalue()
+
+    def on_click(self, handler: Callable[[Axes, float, float], None]) -> Event:
+        """Call `handler(ax, x, y)`, in data coordinates, for every click inside an Axes."""
+
+        def clicked(event):
+            height = self._canvas.get_width_height()[1]
+            pixel = event["dataX"], height - event["dataY"]
+            for ax in self.figure.axes:
+                if ax.bbox.contains(*pixel):
+                    handler(ax, *ax.transData.inverted().transform(pixel))
+
+        return self._watch(["click"], clicked)
+
+    def on_key(self, handler: Callable[[str], None]) -> Event:
+        """Call `handler(key)` for every key pressed while the mouse is over the picture."""
+        return self._watch(["keydown"], lambda event: handler(event["key"]))
+
+    def _watch(self, names: list[str], handler) -> Event:
+        event = Event(source=self.picture, watched_events=names, prevent_default_action=True)
+        event.on_dom_event(handler)
+        return event
