@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from uavdh_lite.labs import MissionLab
+from uavdh_lite.labs import MissionLab, ThinkLab
 
 
 def pixels(widget):
@@ -125,3 +125,41 @@ def test_scrubbing_costs_little_beside_a_whole_drawing(lab):
     steps = [seconds(lambda k=k: setattr(lab.step, "value", k)) for k in range(5)]
     anew = [seconds(lab.draw.click) for _ in range(3)]
     assert min(steps) < min(anew) / 2
+
+
+def bars(lab):
+    return [round(bar.get_width(), 4) for _, bar in lab.charts.changing]
+
+
+def test_thoughts_are_the_agents_at_each_step():
+    lab = ThinkLab("manhattan")
+    agent = lab.charts.agent
+    for step in (0, 5, lab.step.max):
+        lab.step.value = step
+        state = lab.charts.states[min(step, len(lab.charts.states) - 1)]
+        q = agent.q_values(state)[0]
+        assert bars(lab)[:6] == pytest.approx(q.tolist(), abs=1e-3)
+        assert sum(bars(lab)[6:]) == pytest.approx(1, abs=1e-3)
+
+
+def test_the_temperature_levels_the_policy_and_leaves_the_flight():
+    lab = ThinkLab("manhattan")
+    cold, flights, picture = bars(lab), lab.flights, lab.charts.canvas.picture.value
+    lab.temperature.value = 10
+    assert max(bars(lab)[6:]) < max(cold[6:]) and bars(lab)[:6] == cold[:6]
+    assert lab.flights is flights and lab.charts.canvas.picture.value != picture
+
+
+def test_a_planner_has_no_q_values():
+    lab = ThinkLab("manhattan")
+    lab.pilot.value = "greedy"
+    assert lab.charts.agent is None
+    assert "no Q-values" in lab.charts.bars.get_title(loc="left")
+    lab.step.value = 1
+    lab.pilot.value = "agent manhattan_early"
+    assert lab.charts.agent is not None
+
+
+def test_a_city_without_an_agent_says_so():
+    lab = ThinkLab("village")
+    assert lab.charts.agent is None and list(lab.flights) == ["greedy"]

@@ -1,5 +1,6 @@
 """Interactive labs for notebooks and the web page: thin views over the library."""
 
 from uavdh_lite.labs.mission import MissionLab
+from uavdh_lite.labs.think import ThinkLab
 
-__all__ = ["MissionLab"]
+__all__ = ["MissionLab", "ThinkLab"]

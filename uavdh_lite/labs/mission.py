@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from uavdh_lite.city import City, shipped_cities
 from uavdh_lite.environment import Environment, Rewards
 from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import Flights
+from uavdh_lite.evaluation import Flights, Policy
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.mission import Mission, pilots
 from uavdh_lite.plotting import device_colour, draw_city, draw_flight, shadow_sum
@@ -67,7 +67,7 @@ class Charts:
         figure.align_ylabels()
         self.canvas = Canvas(figure, "data left, slots and reward along the flight")
 
-    def set_flight(self, flights: Flights) -> None:
+    def set_flight(self, flights: Flights, policy: Policy) -> None:
         """Draw the whole flight; `show` marks a step in it."""
         trajectory = flights.trajectory(0)
         devices = np.flatnonzero(trajectory.start.data_initial[0] > 0)
@@ -149,7 +149,11 @@ class MissionLab(ipywidgets.VBox):
         self.data: list[ipywidgets.FloatSlider] = []
         self.sliders = ipywidgets.VBox()
         self.message, self.numbers = ipywidgets.HTML(), ipywidgets.HTML()
-        self.maps, self.charts, self.views = [Map(), Map()], Charts(), ipywidgets.HBox()
+        self.maps, self.charts, self.views = [Map(), Map()], self._side(), ipywidgets.HBox()
+
+    def _side(self):
+        """What stands beside the maps: `set_flight` for a new flight, `show` for a step of it."""
+        return Charts()
 
     def _controls(self) -> ipywidgets.Widget:
         flight = ipywidgets.HBox([self.play, self.step])
@@ -263,11 +267,11 @@ class MissionLab(ipywidgets.VBox):
             return
         names = [self.pilot.value] + [self.other.value] * (self.other.value != NONE)
         self.flights = {}
-        for place, name in zip(self.maps, names, strict=False):
-            policy = self.makers[name](self.mission.seed)
+        policies = {name: self.makers[name](self.mission.seed) for name in names}
+        for place, (name, policy) in zip(self.maps, policies.items(), strict=False):
             self.flights[name] = self.mission.fly(self.environment, policy)
             place.set_city(self.environment, self.mission, name)
-        self.charts.set_flight(self.flights[names[0]])
+        self.charts.set_flight(self.flights[names[0]], policies[names[0]])
         shown = [place.canvas.picture for place in self.maps[: len(self.flights)]]
         self.views.children = [*shown, self.charts.canvas.picture]
         last = max(int(flights.steps[0]) for flights in self.flights.values())
