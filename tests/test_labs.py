@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from uavdh_lite.labs import MissionLab, ThinkLab
+from uavdh_lite.environment import ACTIONS
+from uavdh_lite.labs import FlyLab, MissionLab, ThinkLab
 
 
 def pixels(widget):
@@ -163,3 +164,40 @@ def test_a_planner_has_no_q_values():
 def test_a_city_without_an_agent_says_so():
     lab = ThinkLab("village")
     assert lab.charts.agent is None and list(lab.flights) == ["greedy"]
+
+
+def test_flying_by_hand_with_buttons_and_keys():
+    lab = FlyLab("village", seed=3)
+    before = lab.map.canvas.picture.value
+    start = lab.flight.state.uav_cell[0]
+    lab.buttons[ACTIONS.index("south")].click()
+    assert lab.flight.state.uav_cell[0] == start + 8
+    lab.key_events._handle_mouse_msg(None, {"key": "ArrowUp"}, [])
+    assert lab.flight.state.uav_cell[0] == start
+    lab.key_events._handle_mouse_msg(None, {"key": "q"}, [])  # no such key: nothing happens
+    assert len(lab.flight.flights().history) == 2
+    assert lab.map.canvas.picture.value != before and lab.score.value == ""
+    lab.key_events._handle_mouse_msg(None, {"key": "Enter"}, [])
+    assert lab.flight.ended and "landed" in lab.message.value
+    assert all(name in lab.score.value for name in ("you", "greedy", "genie", "random"))
+    shown = lab.map.canvas.picture.value
+    lab.buttons[0].click()  # over is over
+    assert lab.map.canvas.picture.value == shown
+    lab.again.click()
+    assert not lab.flight.ended and lab.score.value == ""
+
+
+def test_the_safety_controller_speaks():
+    lab = FlyLab("village", seed=3)
+    for _ in range(9):
+        lab.buttons[ACTIONS.index("north")].click()
+    assert "north was refused" in lab.message.value
+    lab.seed.value = 4
+    assert "refused" not in lab.message.value
+
+
+def test_a_crash_is_called_one():
+    lab = FlyLab("village", seed=3)
+    while not lab.flight.ended:
+        lab.buttons[ACTIONS.index("hover")].click()
+    assert "crashed" in lab.message.value and "<td>no</td>" in lab.score.value

@@ -6,7 +6,7 @@ import pytest
 from uavdh_lite.city import City
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
-from uavdh_lite.mission import Mission, pilots
+from uavdh_lite.mission import HandFlight, Mission, pilots
 from uavdh_lite.scenario import SCENARIOS
 
 
@@ -74,3 +74,23 @@ def test_a_flight_depends_on_mission_and_seed_alone(environment, mission, name):
     first, second = (mission.fly(environment, maker(7)).trajectory(0) for _ in range(2))
     assert (first.uav_cell == second.uav_cell).all()
     assert (first.uploaded == second.uploaded).all()
+
+
+@pytest.mark.parametrize("name", ["agent manhattan", "agent manhattan_early"])
+def test_a_flight_by_hand_is_the_policys_with_the_same_actions(environment, mission, name):
+    flown = mission.fly(environment, pilots(environment)[name](0))
+    by_hand = HandFlight(environment, mission)
+    for action in flown.trajectory(0).action:
+        by_hand.step(int(action))
+    assert by_hand.ended
+    ours, theirs = by_hand.flights(), flown
+    for metric, values in theirs.records().items():
+        assert ours.records()[metric] == pytest.approx(values, rel=1e-5), metric
+    assert (ours.trajectory(0).uploaded == theirs.trajectory(0).uploaded).all()
+    with pytest.raises(InputError, match="this flight is over"):
+        by_hand.step(0)
+
+
+def test_a_flight_by_hand_can_be_looked_at_before_its_first_step(environment, mission):
+    trajectory = HandFlight(environment, mission).flights().trajectory(0)
+    assert trajectory.uav_cell.tolist() == [0] and len(trajectory.action) == 0

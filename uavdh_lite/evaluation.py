@@ -102,7 +102,7 @@ class Flights:
 
     def trajectory(self, episode: int) -> Trajectory:
         """One episode step by step; needs `record=True` in `fly`."""
-        if not self.history:
+        if len(self.history) < self.steps[episode]:
             raise ValueError("the steps were not kept: call fly(..., record=True)")
         steps = self.history[: self.steps[episode]]
         states = [state for state, _, _, _ in steps] + [self.end]

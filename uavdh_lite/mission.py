@@ -9,7 +9,7 @@ import numpy as np
 from uavdh_lite.agent import Agent
 from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import City
-from uavdh_lite.environment import Environment, State
+from uavdh_lite.environment import Environment, Outcome, Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Flights, Policy, fly
 from uavdh_lite.planners import Genie, Greedy, Random
@@ -106,6 +106,51 @@ class Mission:
     def _require(self, device: int) -> None:
         if not 0 <= device < len(self.devices):
             raise InputError(f"no device {device}: there are {len(self.devices)}")
+
+
+class HandFlight:
+    """A mission flown step by step, each action chosen when it is due.
+
+    It meets the same fading as any policy that flies the mission.
+
+    | attribute | meaning |
+    | --- | --- |
+    | `state` | where the flight is now, a batch of one |
+    | `ended` | whether it has landed or run out of time |
+    """
+
+    def __init__(self, environment: Environment, mission: Mission):
+        self.environment, self.mission = environment, mission
+        self.state = mission.state
+        self._generator = np.random.default_rng(mission.seed)
+        self._history: list[tuple[State, np.ndarray, Outcome, np.ndarray]] = []
+
+    @property
+    def ended(self) -> bool:
+        return bool(self.state.ended[0])
+
+    def step(self, action: int) -> Outcome:
+        """Take one action, an index into `ACTIONS`; `InputError` after the end."""
+        if self.ended:
+            raise InputError("this flight is over: start another one")
+        fading = self.environment.draw_fading(self.state, self._generator)
+        taken = np.array([action])
+        after, outcome = self.environment.transition(self.state, taken, fading)
+        self._history.append((self.state, taken, outcome, Rewards()(outcome)))
+        self.state = after
+        return outcome
+
+    def flights(self) -> Flights:
+        """What was flown so far."""
+        steps = len(self._history)
+        return Flights(
+            self.mission.state,
+            self.state,
+            np.array([sum(float(reward[0]) for *_, reward in self._history)], np.float32),
+            np.array([steps]),
+            np.array([sum(int(outcome.intervened[0]) for _, _, outcome, _ in self._history)]),
+            list(self._history),
+        )
 
 
 def pilots(environment: Environment) -> dict[str, Callable[[int], Policy]]:

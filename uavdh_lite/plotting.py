@@ -105,7 +105,8 @@ def draw_flight(
     total = len(trajectory.action)
     steps = total if steps is None else min(steps, total)
     row, col = np.divmod(trajectory.uav_cell[: steps + 1], city.size)
-    action, intervened = trajectory.action[:steps], trajectory.intervened[:steps]
+    action = trajectory.action[:steps]
+    intervened = trajectory.intervened[:steps].astype(bool)  # also of no steps at all
     colours = np.array([_step_colour(trajectory, t) for t in range(steps)], dtype=object)
     down, right = np.diff(row), np.diff(col)
     moved = (down != 0) | (right != 0)
@@ -139,7 +140,8 @@ def draw_flight(
             artists += ax.plot(x, y, "o", mfc="none", mec=colour, zorder=5, ms=size, mew=1.4)
     artists += _draw_devices(ax, city, trajectory.start)
     artists += ax.plot(col[0], row[0], "^", color="white", mec="black", ms=9, zorder=7)
-    if steps < total:
+    in_the_air = steps < total or (not trajectory.landed and trajectory.time_left[-1] > 0)
+    if in_the_air:
         artists += ax.plot(col[-1], row[-1], "o", color="white", mec="black", ms=9, zorder=7)
     elif trajectory.landed:
         artists += ax.plot(col[-1], row[-1], "D", color="white", mec="black", ms=7, zorder=7)

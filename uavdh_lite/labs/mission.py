@@ -23,7 +23,8 @@ TERMS = {"data": "#0072B2", "movement": "#999999", "safety": "#E69F00", "crash":
 
 
 @cache
-def _environment(city: str) -> Environment:
+def environment_of(city: str) -> Environment:
+    """The environment of a shipped city, made once."""
     return Environment(City.load(city))
 
 
@@ -49,8 +50,8 @@ class Map:
         self.ax.set(xlabel="", ylabel="", title=title)
         self.canvas.draw_all()
 
-    def show(self, flights: Flights, step: int) -> None:
-        """Draw so many steps of the flight."""
+    def show(self, flights: Flights, step: int | None = None) -> None:
+        """Draw the flight, or so many steps of it."""
         artists = draw_flight(self.ax, self.city, flights.trajectory(0), step)
         self.canvas.draw([(self.ax, artist) for artist in artists])
         for artist in artists:
@@ -182,7 +183,7 @@ class MissionLab(ipywidgets.VBox):
 
     def _set_city(self) -> None:
         """Start anew in the chosen city."""
-        self.environment = _environment(self.city.value)
+        self.environment = environment_of(self.city.value)
         self.makers = pilots(self.environment)
         self.scenario = SCENARIOS[self.city.value]
         with self._quiet():
