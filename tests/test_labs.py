@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from uavdh_lite.environment import ACTIONS
-from uavdh_lite.labs import FlyLab, MissionLab, ThinkLab
+from uavdh_lite.labs import ChannelLab, FlyLab, MissionLab, ThinkLab
 
 
 def pixels(widget):
@@ -201,3 +201,29 @@ def test_a_crash_is_called_one():
     while not lab.flight.ended:
         lab.buttons[ACTIONS.index("hover")].click()
     assert "crashed" in lab.message.value and "<td>no</td>" in lab.score.value
+
+
+def test_the_channel_lab_follows_clicks_and_sliders():
+    lab = ChannelLab("manhattan")
+
+    def click_map(cell):
+        x, y = lab.map.transData.transform((cell[1], cell[0]))
+        lab.clicks._handle_mouse_msg(None, {"dataX": x, "dataY": 440 - y}, [])
+
+    click_map((4, 7))
+    lab.click.value = "UAV"
+    click_map((4, 4))
+    assert (lab.device, lab.uav) == ((4, 7), (4, 4))
+    assert "line of sight" in lab.numbers.value and "0.652 data units" in lab.numbers.value
+    picture = lab.canvas.picture.value
+    click_map((7, 4))
+    assert "no line of sight" in lab.numbers.value
+    assert lab.canvas.picture.value != picture
+    blocked = lab.numbers.value
+    lab.constants["path_loss_exponent_nlos"].value = 5
+    assert lab.numbers.value != blocked
+    lab.constants["fading_nlos_db"].value = 3
+    assert "± 3.0 dB" in lab.numbers.value
+    assert len(lab.map.lines) == len(lab.curve.lines) == 0  # nothing piles up
+    lab.city.value = "village"
+    assert lab.uav == (0, 0)

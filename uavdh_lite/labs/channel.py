@@ -1,0 +1,157 @@
+"""Channel and shadow lab: one ray, the cells that it crosses, SNR and rate; and the constants."""
+
+from dataclasses import replace
+
+import ipywidgets
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from uavdh_lite.channel import Channel, rate
+from uavdh_lite.city import shipped_cities
+from uavdh_lite.labs.canvas import Canvas
+from uavdh_lite.labs.mission import environment_of
+from uavdh_lite.link import link, rate_map
+from uavdh_lite.plotting import draw_city
+
+CLEAR, BLOCKED = "#0072B2", "#D55E00"
+
+
+class ChannelLab(ipywidgets.VBox):
+    """Click to move the device or the UAV, and change the channel's constants.
+
+    Arguments:
+        city: the name of a shipped city to start with.
+    """
+
+    def __init__(self, city: str = "manhattan"):
+        self.city = ipywidgets.Dropdown(options=shipped_cities(), value=city, description="city")
+        self.click = ipywidgets.ToggleButtons(options=["device", "UAV"], description="click moves")
+        self.constants = {
+            "path_loss_exponent_los": _slider("α LoS", 2.27, 1.5, 4, 0.01),
+            "path_loss_exponent_nlos": _slider("α NLoS", 3.64, 2, 6, 0.01),
+            "fading_los_db": _slider("σ LoS, dB", 1.41, 0, 6, 0.01),
+            "fading_nlos_db": _slider("σ NLoS, dB", 2.24, 0, 6, 0.01),
+            "cell_edge_snr_db": _slider("edge SNR, dB", -15, -30, 10, 1),
+            "altitude_m": _slider("altitude, m", 10, 1, 100, 1),
+        }
+        self.numbers = ipywidgets.HTML()
+        figure = Figure(figsize=(8.6, 4.4), dpi=100)
+        self.map = figure.add_axes((0.03, 0.06, 0.45, 0.88))
+        self.curve = figure.add_axes((0.56, 0.12, 0.42, 0.8))
+        self.canvas = Canvas(figure, "rates over the city, the ray, and the rate by distance")
+        sliders = ipywidgets.VBox(list(self.constants.values()))
+        super().__init__(
+            [
+                ipywidgets.HBox([self.city, self.click]),
+                ipywidgets.HBox([self.canvas.picture, sliders]),
+                self.numbers,
+            ]
+        )
+        self.city.observe(lambda _: self._set_city(), "value")
+        for slider in self.constants.values():
+            slider.observe(lambda _: self._show(), "value")
+        self.clicks = self.canvas.on_click(self._clicked)
+        self._set_city()
+
+    @property
+    def channel(self) -> Channel:
+        """The channel that the sliders describe."""
+        values = {name: float(slider.value) for name, slider in self.constants.items()}
+        for kind in ("los", "nlos"):
+            values[f"fading_variance_{kind}_db2"] = values.pop(f"fading_{kind}_db") ** 2
+        return replace(Channel(), **values)
+
+    def _set_city(self) -> None:
+        """The chosen city, a device in its first free cell, the UAV in the landing zone."""
+        self.environment = environment_of(self.city.value)
+        city = self.environment.city
+        middle = len(city.device_cells) // 2
+        self.device = divmod(int(city.device_cells[middle]), city.size)
+        self.uav = divmod(int(city.landing_cells[0]), city.size)
+        self.map.clear()
+        draw_city(self.map, city).set(xlabel="", ylabel="")
+        self.rates = self.map.imshow(
+            np.zeros((city.size, city.size)), "viridis", alpha=0.75, zorder=1.5, animated=True
+        )
+        self.map.set_title("data units a slot, hovering", fontsize="medium")
+        self.curve.clear()
+        self.curve.set(xlabel="distance on the ground, m", ylabel="data units a slot")
+        self.curve.set(xlim=(0, 10 * city.size * 1.4), ylim=(0, 6))
+        self.canvas.draw_all()
+        self._show()
+
+    def _clicked(self, ax, x: float, y: float) -> None:
+        cell, size = (round(y), round(x)), self.environment.city.size
+        if ax is not self.map or not (0 <= cell[0] < size and 0 <= cell[1] < size):
+            return
+        if self.click.value == "device":
+            self.device = cell
+        else:
+            self.uav = cell
+        self._show()
+
+    def _show(self) -> None:
+        """Draw what changes: rates, ray, crossed cells, curves; and say the numbers."""
+        channel, city = self.channel, self.environment.city
+        found = link(city, channel, self.device, self.uav)
+        rates = rate_map(city, channel, self.environment.line_of_sight, self.device)
+        self.rates.set_data(np.where(city.no_fly, np.nan, rates))
+        self.rates.set_clim(0, max(rates.max(), 1e-6))
+        artists = [self.rates, *self._draw_ray(found), *self._draw_curves(channel, found)]
+        self.canvas.draw([(artist.axes, artist) for artist in artists])
+        for artist in artists[1:]:
+            artist.remove()
+        self.numbers.value = self._sentence(found)
+
+    def _draw_ray(self, found) -> list:
+        colour = CLEAR if found.line_of_sight else BLOCKED
+        artists = []
+        for row, col in found.crossed:
+            hit = (found.blocked_by == (row, col)).all(axis=1).any()
+            cell = Rectangle((col - 0.5, row - 0.5), 1, 1, fill=False, zorder=3)
+            cell.set(edgecolor=BLOCKED if hit else CLEAR, linewidth=2 if hit else 1)
+            artists.append(self.map.add_patch(cell))
+        (from_row, from_col), (to_row, to_col) = self.device, self.uav
+        artists += self.map.plot([from_col, to_col], [from_row, to_row], color=colour, zorder=4)
+        artists += self.map.plot(from_col, from_row, "X", color="white", mec="black", ms=11)
+        artists += self.map.plot(to_col, to_row, "^", color="white", mec="black", ms=11)
+        return artists
+
+    def _draw_curves(self, channel: Channel, found) -> list:
+        ground_m = np.linspace(0, self.curve.get_xlim()[1], 150)
+        squared, size = np.float32(ground_m**2 + channel.altitude_m**2), self.environment.city.size
+        artists = []
+        for sight, colour, label in ((True, CLEAR, "LoS"), (False, BLOCKED, "NLoS")):
+            snr_db = channel.mean_snr_db(squared, sight, size)
+            spread = channel.fading_db(1.0, sight)
+            low, high = rate(snr_db - spread), rate(snr_db + spread)
+            artists += self.curve.plot(ground_m, rate(snr_db), color=colour, label=label)
+            artists.append(
+                self.curve.fill_between(ground_m, low, high, color=colour, alpha=0.25, lw=0)
+            )
+        artists.append(self.curve.legend(loc="upper right"))
+        artists += self.curve.plot(found.ground_m, found.rate, "o", color="black", ms=8)
+        return artists
+
+    def _sentence(self, found) -> str:
+        sight = (
+            "line of sight"
+            if found.line_of_sight
+            else (f"no line of sight: {len(found.blocked_by)} cells with buildings in between")
+        )
+        return (
+            f"{found.distance_m:.1f} m through the air, {sight}; SNR {found.snr_db:.1f} dB "
+            f"(± {found.fading_db:.1f} dB fading); {found.rate:.3g} data units a slot"
+        )
+
+
+def _slider(name: str, value: float, low: float, high: float, step: float):
+    return ipywidgets.FloatSlider(
+        value=value,
+        min=low,
+        max=high,
+        step=step,
+        description=name,
+        style={"description_width": "100px"},
+    )
