@@ -1,5 +1,7 @@
 """The labs, driven through their controls as a person would, without a browser."""
 
+import base64
+import datetime
 import io
 import time
 
@@ -7,8 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from uavdh_lite.city import City
+from uavdh_lite.draft import Draft
 from uavdh_lite.environment import ACTIONS
-from uavdh_lite.labs import ChannelLab, FlyLab, MissionLab, ThinkLab
+from uavdh_lite.labs import ChannelLab, CityLab, FlyLab, MissionLab, ThinkLab
 
 
 def pixels(widget):
@@ -227,3 +231,61 @@ def test_the_channel_lab_follows_clicks_and_sliders():
     assert len(lab.map.lines) == len(lab.curve.lines) == 0  # nothing piles up
     lab.city.value = "village"
     assert lab.uav == (0, 0)
+
+
+def stroke(lab, cell, **event):
+    x, y = lab.ax.transData.transform((cell[1], cell[0]))
+    event = {"type": "mousedown", "dataX": x, "dataY": 460 - y} | event
+    lab.clicks._handle_mouse_msg(None, event, [])
+
+
+def test_painting_a_city_says_at_once_what_it_lacks():
+    lab = CityLab("village")
+    lab.size.value = 6
+    lab.blank.click()
+    assert lab.draft.size == 6
+    assert "no start and landing zone" in lab.message.value and lab.fly.disabled
+    lab.brush.value = "landing zone"
+    picture = lab.canvas.picture.value
+    stroke(lab, (0, 0))
+    assert "landing" not in lab.message.value and not lab.fly.disabled
+    assert lab.canvas.picture.value != picture
+    lab.brush.value = "tall building"
+    stroke(lab, (3, 3))
+    stroke(lab, (3, 4), type="mousemove", buttons=1)  # drawn over, button down
+    stroke(lab, (5, 5), type="mousemove", buttons=0)
+    assert np.argwhere(lab.draft.buildings).tolist() == [[3, 3], [3, 4]]
+
+
+def test_planners_fly_in_a_painted_city_and_it_can_be_taken_home():
+    lab = CityLab("village")
+    for pilot in ("greedy", "genie"):
+        lab.pilot.value = pilot
+        lab.fly.click()
+        assert len(lab.views.children) == 2 and "color" in lab.message.value
+    assert "train --city my_city.png --devices 1 3" in lab.take_home.value
+    coded = lab.take_home.value.split("base64,")[1].split('"')[0]
+    assert (Draft.from_png(base64.b64decode(coded)).kinds == lab.draft.kinds).all()
+    stroke(lab, (7, 7))
+    assert len(lab.views.children) == 1  # the flight was in another city
+
+
+def test_uploads_are_taken_or_refused_with_a_reason():
+    lab = CityLab("village")
+
+    def upload(data):
+        lab.upload.value = [
+            {
+                "name": "x.png",
+                "type": "image/png",
+                "size": len(data),
+                "content": memoryview(data),
+                "last_modified": datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC),
+            }
+        ]
+
+    upload(Draft(City.load("open_field").kinds).png())
+    assert lab.draft.size == 16 and "<b" not in lab.message.value
+    upload(b"nonsense <script>")
+    assert "not a readable PNG" in lab.message.value and "<script>" not in lab.message.value
+    assert lab.draft.size == 16

@@ -1,8 +1,9 @@
 """Interactive labs for notebooks and the web page: thin views over the library."""
 
 from uavdh_lite.labs.channel import ChannelLab
+from uavdh_lite.labs.city import CityLab
 from uavdh_lite.labs.fly import FlyLab
 from uavdh_lite.labs.mission import MissionLab
 from uavdh_lite.labs.think import ThinkLab
 
-__all__ = ["ChannelLab", "FlyLab", "MissionLab", "ThinkLab"]
+__all__ = ["ChannelLab", "CityLab", "FlyLab", "MissionLab", "ThinkLab"]

@@ -52,15 +52,24 @@ class Canvas:
 
     def on_click(self, handler: Callable[[Axes, float, float], None]) -> Event:
         """Call `handler(ax, x, y)`, in data coordinates, for every click inside an Axes."""
+        return self._watch(["click"], lambda event: self._locate(event, handler))
 
-        def clicked(event):
-            height = self._canvas.get_width_height()[1]
-            pixel = event["dataX"], height - event["dataY"]
-            for ax in self.figure.axes:
-                if ax.bbox.contains(*pixel):
-                    handler(ax, *ax.transData.inverted().transform(pixel))
+    def on_drag(self, handler: Callable[[Axes, float, float], None]) -> Event:
+        """As `on_click`, and also for every place that the mouse is drawn over, button down."""
 
-        return self._watch(["click"], clicked)
+        def drawn(event):
+            if event.get("type") != "mousemove" or event.get("buttons") == 1:
+                self._locate(event, handler)
+
+        return self._watch(["mousedown", "mousemove"], drawn)
+
+    def _locate(self, event: dict, handler: Callable[[Axes, float, float], None]) -> None:
+        """Call the handler with the Axes and the place in it that a mouse event is at."""
+        height = self._canvas.get_width_height()[1]
+        pixel = event["dataX"], height - event["dataY"]
+        for ax in self.figure.axes:
+            if ax.bbox.contains(*pixel):
+                handler(ax, *ax.transData.inverted().transform(pixel))
 
     def on_key(self, handler: Callable[[str], None]) -> Event:
         """Call `handler(key)` for every key pressed while the mouse is over the picture."""
