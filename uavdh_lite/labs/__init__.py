@@ -5,5 +5,6 @@ from uavdh_lite.labs.city import CityLab
 from uavdh_lite.labs.fly import FlyLab
 from uavdh_lite.labs.mission import MissionLab
 from uavdh_lite.labs.think import ThinkLab
+from uavdh_lite.labs.training import TrainingLab
 
-__all__ = ["ChannelLab", "CityLab", "FlyLab", "MissionLab", "ThinkLab"]
+__all__ = ["ChannelLab", "CityLab", "FlyLab", "MissionLab", "ThinkLab", "TrainingLab"]

@@ -1,0 +1,90 @@
+"""Training live: in the background, with pause, and with errors shown."""
+
+import time
+from dataclasses import replace
+
+import pytest
+import torch
+
+from uavdh_lite.labs import TrainingLab
+from uavdh_lite.recipe import find_recipe
+
+TINY = replace(
+    find_recipe("small"),
+    steps=1600,
+    kernels=2,
+    hidden=(16,),
+    batch_size=32,
+    replay_capacity=1000,
+    replay_prefill=160,
+    validation_interval=400,
+    validation_episodes=10,
+)
+
+
+def wait(lab):
+    lab._thread.join(60)
+    assert not lab._thread.is_alive()
+
+
+@pytest.fixture
+def finished():
+    lab = TrainingLab("village", TINY)
+    lab.start.click()
+    wait(lab)
+    return lab
+
+
+def test_a_run_shows_curves_and_a_flight(finished):
+    assert finished.progress.value == 1600 and "finished" in finished.status.value
+    rows = finished.trainer.validation_rows
+    assert [row["steps"] for row in rows] == [0, 400, 800, 1200, 1600]
+    drawn = finished.ax.lines[0].get_xdata()
+    assert list(drawn) == [0, 400, 800, 1200, 1600]
+    assert finished.map.canvas.picture.value
+    assert finished.start.disabled and not finished.anew.disabled
+
+
+def test_pausing_changes_nothing_of_the_result(finished):
+    lab = TrainingLab("village", TINY)
+    lab.start.click()
+    while not lab.trainer.updates:
+        time.sleep(0.001)
+    lab.pause.click()
+    steps = lab.trainer.steps
+    assert 0 < steps < 1600 and "paused" in lab.status.value and not lab.start.disabled
+    lab.start.click()
+    wait(lab)
+    ours, theirs = (one.trainer.ddqn.online.state_dict() for one in (lab, finished))
+    assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
+
+
+def test_knobs_are_taken_and_held_while_a_run_is_on(finished):
+    assert finished.knobs["temperature"].disabled
+    finished.anew.click()
+    assert not finished.knobs["temperature"].disabled and finished.progress.value == 0
+    finished.knobs["return_steps"].value = 1
+    finished.start.click()
+    wait(finished)
+    assert finished.trainer.recipe.return_steps == 1
+
+
+def test_errors_are_shown():
+    lab = TrainingLab("village", TINY)
+    lab.knobs["temperature"].value = -1
+    lab.start.click()
+    assert "temperature is -1.0, must be above 0" in lab.status.value
+    lab.knobs["temperature"].value = 1
+    lab.trainer = lab._new()
+    lab.trainer.step = lambda: 1 / 0
+    lab.start.click()
+    wait(lab)
+    assert "ZeroDivisionError" in lab.status.value and lab.pause.disabled
+
+
+def test_the_kernel_stays_free(finished):
+    """While a run is on, other code runs: the call returns before the training ends."""
+    finished.anew.click()
+    finished.start.click()
+    assert finished._thread.is_alive() and not finished.trainer.finished
+    finished.pause.click()

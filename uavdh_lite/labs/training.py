@@ -1,0 +1,172 @@
+"""Training live: start, watch, pause and go on, while the notebook stays free for other cells."""
+
+import html
+import threading
+import time
+from dataclasses import replace
+
+import ipywidgets
+from matplotlib.figure import Figure
+
+from uavdh_lite.errors import InputError
+from uavdh_lite.labs.canvas import Canvas
+from uavdh_lite.labs.mission import Map
+from uavdh_lite.mission import Mission
+from uavdh_lite.recipe import Recipe, find_recipe
+from uavdh_lite.scenario import find_scenario
+from uavdh_lite.training import Trainer
+
+CURVES = {
+    "has_landed": ("landed", "#999999"),
+    "collection_ratio": ("collected", "#E69F00"),
+    "collection_ratio_and_landed": ("collected and landed", "#0072B2"),
+}
+REFRESH = 0.3  # seconds between two looks at the progress
+
+
+class TrainingLab(ipywidgets.VBox):
+    """A small training in the background; its curves, and a flight of the agent as it is.
+
+    Arguments:
+        scenario, recipe: names of presets; `recipe` may also be a `Recipe`.
+    """
+
+    def __init__(self, scenario: str = "village", recipe: str | Recipe = "small"):
+        self.scenario = find_scenario(scenario)
+        self.recipe = find_recipe(recipe) if isinstance(recipe, str) else recipe
+        number, wide = ipywidgets.FloatText, {"description_width": "140px"}
+        self.knobs = {
+            "crash_reward": number(
+                self.recipe.crash_reward, description="crash reward", style=wide
+            ),
+            "crash_reward_end": number(
+                self.recipe.crash_reward_end, description="crash reward, end", style=wide
+            ),
+            "temperature": number(self.recipe.temperature, description="temperature", style=wide),
+            "return_steps": ipywidgets.BoundedIntText(
+                self.recipe.return_steps, min=1, max=20, description="return steps", style=wide
+            ),
+        }
+        self.seed = ipywidgets.BoundedIntText(description="seed", min=0, max=10**6, style=wide)
+        self.start = ipywidgets.Button(description="start", icon="play", button_style="primary")
+        self.pause = ipywidgets.Button(description="pause", icon="pause", disabled=True)
+        self.anew = ipywidgets.Button(description="start anew", icon="undo", disabled=True)
+        self.progress = ipywidgets.IntProgress(min=0, max=self.recipe.steps, description="steps")
+        self.status = ipywidgets.HTML()
+        figure = Figure(figsize=(5.2, 4.2), dpi=100)
+        self.ax = figure.add_axes((0.12, 0.13, 0.86, 0.84))
+        self.curves, self.map = Canvas(figure, "validation metrics by environment steps"), Map()
+        super().__init__(
+            [
+                ipywidgets.HBox(
+                    [
+                        ipywidgets.VBox(list(self.knobs.values())),
+                        ipywidgets.VBox([self.seed, self.progress]),
+                    ]
+                ),
+                ipywidgets.HBox([self.start, self.pause, self.anew]),
+                self.status,
+                ipywidgets.HBox([self.curves.picture, self.map.canvas.picture]),
+            ]
+        )
+        self.start.on_click(lambda _: self.run())
+        self.pause.on_click(lambda _: self.stop())
+        self.anew.on_click(lambda _: self.reset())
+        self.trainer: Trainer | None = None
+        self._thread: threading.Thread | None = None
+        self._stop = threading.Event()
+        self.reset()
+
+    def run(self) -> None:
+        """Start, or go on after a pause, in a thread of its own."""
+        if self._thread is not None and self._thread.is_alive():
+            return
+        try:
+            self.trainer = self.trainer or self._new()
+        except InputError as error:
+            self._say(str(error), error=True)
+            return
+        self._stop.clear()
+        self._set_running(True)
+        self._thread = threading.Thread(target=self._train, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Pause after the step in progress; `run` goes on as if nothing had been."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def reset(self) -> None:
+        """Forget the run, so that the knobs can be turned."""
+        self.stop()
+        self.trainer, self.progress.value = None, 0
+        self._draw_curves()
+        self._set_running(False)
+        self._say("turn the knobs, then start")
+
+    def _new(self) -> Trainer:
+        changes = {name: knob.value for name, knob in self.knobs.items()}
+        trainer = Trainer(self.scenario, replace(self.recipe, **changes), self.seed.value)
+        self.mission = Mission.draw(self.scenario, trainer.city, 0)
+        trainer.validate()
+        return trainer
+
+    def _train(self) -> None:
+        """The thread: train until paused or done; an exception is shown."""
+        trainer, looked = self.trainer, 0.0
+        interval = trainer.recipe.validation_interval
+        try:
+            self._show_agent()
+            while not trainer.finished and not self._stop.is_set():
+                before, started = trainer.steps, time.perf_counter()
+                trainer.step()
+                trainer.seconds += time.perf_counter() - started
+                if trainer.steps // interval > before // interval or trainer.finished:
+                    trainer.validate()
+                    self._show_agent()
+                if time.perf_counter() - looked > REFRESH:
+                    looked = time.perf_counter()
+                    self.progress.value = trainer.steps
+            self.progress.value = min(trainer.steps, trainer.recipe.steps)
+            self._say("finished" if trainer.finished else "paused: start goes on")
+        except Exception as error:  # whatever it is, the reader must see it
+            self._say(f"{type(error).__name__}: {error}", error=True)
+        finally:
+            self._set_running(False)
+
+    def _set_running(self, running: bool) -> None:
+        done = self.trainer is not None and self.trainer.finished
+        self.start.disabled, self.pause.disabled = running or done, not running
+        self.anew.disabled = running or self.trainer is None
+        for knob in (*self.knobs.values(), self.seed):
+            knob.disabled = self.trainer is not None
+
+    def _show_agent(self) -> None:
+        """The curves so far, and a flight of the agent as it is now."""
+        self._draw_curves()
+        trainer = self.trainer
+        flights = self.mission.fly(trainer.environment, trainer.agent)
+        self.map.set_city(trainer.environment, self.mission, "the agent now, one mission")
+        self.map.show(flights)
+        row = trainer.validation_rows[-1]
+        self._say(
+            f"after {trainer.steps:,} steps, {trainer.updates:,} updates, {trainer.seconds:.0f} s: "
+            f"landed {row['has_landed']:.0%}, "
+            f"collected and landed {row['collection_ratio_and_landed']:.0%}"
+        )
+
+    def _draw_curves(self) -> None:
+        self.ax.clear()
+        rows = self.trainer.validation_rows if self.trainer else []
+        for metric, (label, colour) in CURVES.items():
+            steps = [row["steps"] for row in rows]
+            self.ax.plot(steps, [row[metric] for row in rows], "o-", color=colour, label=label)
+        self.ax.set(xlim=(0, self.recipe.steps), ylim=(-0.03, 1.03), xlabel="environment steps")
+        self.ax.legend(loc="lower right", fontsize="small")
+        self.curves.draw_all()
+        self.curves.draw()
+
+    def _say(self, text: str, error: bool = False) -> None:
+        colour = "#C1272D" if error else "inherit"
+        self.status.value = f'<span role="status" style="color:{colour}">{html.escape(text)}</span>'
