@@ -54,7 +54,7 @@ class TrainingLab(ipywidgets.VBox):
         self.progress = ipywidgets.IntProgress(min=0, max=self.recipe.steps, description="steps")
         self.status = ipywidgets.HTML()
         figure = Figure(figsize=(5.2, 4.2), dpi=100)
-        self.ax = figure.add_axes((0.12, 0.13, 0.86, 0.84))
+        self.ax = figure.add_axes((0.12, 0.13, 0.83, 0.84))
         self.curves, self.map = Canvas(figure, "validation metrics by environment steps"), Map()
         super().__init__(
             [
