@@ -88,7 +88,7 @@ def test_template(notebook):
     for section in SECTIONS:
         assert section in words, section
     assert re.search(r"\d+ minutes to read, \d+ seconds to run; \d+ minutes of exercises", words)
-    lengths = [len(cell.source.splitlines()) for cell in code(notebook)]
+    lengths = [len(cell.source.splitlines()) for cell in code(notebook)[1:]]
     assert median(lengths) <= 6
     assert sorted(lengths)[int(0.8 * len(lengths))] <= 12
     assert any("image/png" in o.get("data", {}) for cell in code(notebook) for o in cell.outputs)

@@ -3,7 +3,7 @@
 #
 # The agent does not get a list of coordinates. It gets a picture of the city, as a stack of layers,
 # and the paper's main idea is *how that picture is framed*: moved so that the UAV is always in the
-# middle. This notebook shows both frames, and why one of them is so much easier to learn from.
+# middle. This notebook shows both frames, and why one of them is easier to learn from.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -27,6 +27,7 @@ from uavdh_lite.city import City
 from uavdh_lite.observation import LAYERS, Observation
 from uavdh_lite.scenario import place
 
+# %%
 city = City.load("manhattan")
 state = place(city, uav=(8, 4), devices=[(4, 7), (11, 11)], data=[15, 10], flying_time=50,
               max_devices=5)
@@ -96,6 +97,7 @@ def colours(layers):
         picture = np.where(layer > 0, colour, picture)
     return picture
 
+# %%
 def draw_frame(ax, observation, cell, uav, title):
     (maps,), _ = observation(place(city, cell, [(4, 7), (11, 11)], [15, 10], 50, 5))
     ax.imshow(colours(maps[0].numpy()), interpolation="nearest")
