@@ -69,7 +69,8 @@ def test_trajectory_has_an_arrow_for_each_move_in_the_served_devices_colour(figu
     assert to_rgba("black") in expected and to_rgba(DEVICE_COLOURS[0]) in expected
     markers = [line.get_marker() for line in ax.lines]
     assert markers == ["o", "X", "^", "D"]  # hover, device, start, landing
-    assert ax.get_xlabel() == caption(trajectory) == "Time 6/9; data 1.5/1.5"
+    assert caption(trajectory) == "Time 6/9; data 1.5/1.5"
+    assert ax.get_xlabel() == f"column\n{caption(trajectory)}"
 
 
 def test_a_crash_is_marked(figure, corridor):

@@ -85,8 +85,7 @@ def draw_trajectory(ax: Axes, environment: Environment, trajectory: Trajectory) 
     used = np.flatnonzero(start.data_initial[0] > 0)
     draw_city(ax, environment.city, shadow_sum(environment, start.device_cells[0][used]))
     draw_flight(ax, environment.city, trajectory)
-    ax.set_xlabel(caption(trajectory))
-    ax.set_ylabel("")
+    ax.set_xlabel(f"column\n{caption(trajectory)}")
     return ax
 
 
