@@ -1,0 +1,169 @@
+# %% [markdown]
+# # 10 · Labs
+#
+# The library's interactive labs in one place: fly missions of your own, look into the agent's head, fly
+# against it, bend the channel, train, and build a city.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
+from glob import glob
+from importlib.metadata import distributions
+
+project = [path for path in ("..", ".", *glob("*")) if glob(f"{path}/uavdh_lite/city.py")]
+assert project, "the project's folder is not here: clone or upload it, then run this cell again"
+# %cd -q {project[0]}/notebooks
+if not any(distributions(name="uavdh_lite")):
+    print("installing uavdh_lite from its folder")
+    # %pip install -q .. ipywidgets
+
+# %%
+# %matplotlib inline
+import numpy as np
+from IPython.display import Image, display
+
+from uavdh_lite.labs import ChannelLab, CityLab, FlyLab, MissionLab, ThinkLab, TrainingLab
+
+def pictures(*canvases):
+    """The labs as they stand, for readers without a kernel."""
+    for canvas in canvases:
+        display(Image(canvas.picture.value))
+
+# %%
+lab = MissionLab("manhattan")
+lab.other.value = "greedy"
+pictures(lab.maps[0].canvas, lab.maps[1].canvas, lab.charts.canvas)
+
+# %% [markdown]
+# | | |
+# | --- | --- |
+# | **What you'll do** | Use six labs with mouse and keyboard |
+# | **What you'll learn** | Nothing new: here you try what the other notebooks explain |
+# | **What you'll need** | A running kernel, notebook 0; for each lab the notebook that is named. 10 minutes to read, 20 seconds to run; 10 minutes of exercises |
+#
+# ## 10.1 Mission lab (notebook 0)
+#
+# Choose what a click does: add a device, move one (a click on it, then one on its new place), remove one, or
+# set where the UAV starts. Sliders set the data and the flying time. A second policy flies the same mission
+# with the same fading beside the first. *step* scrubs along time, the play button flies.
+#
+# Above: the agent and the greedy planner on one mission; on the right, for the agent, the data left, which
+# device has each slot, and the terms of the reward.
+
+# %%
+lab
+
+# %% [markdown]
+# ## 10.2 Watch it think (notebooks 4 and 5)
+#
+# At every step the six Q-values, the softmax policy at a temperature of your choice, the five layers that
+# the network sees, and two more pictures. *Saliency* is gradient times input, summed over the layers: which
+# cells the decision hangs on. *Largest Q-value* asks what the mission would be worth if the UAV were
+# elsewhere, all else equal.
+
+# %%
+think = ThinkLab("manhattan")
+think.step.value = 12
+pictures(think.maps[0].canvas, think.charts.canvas)
+
+# %%
+think
+
+# %% [markdown]
+# ## 10.3 Fly it yourself (notebook 3)
+#
+# Buttons, or the arrow keys while the mouse is over the map. At the end everybody else flies your mission
+# with the same fading. Landing is yours to remember.
+
+# %%
+game = FlyLab("manhattan", seed=3)
+pictures(game.map.canvas)
+
+# %%
+game
+
+# %% [markdown]
+# ## 10.4 Channel and shadow (notebooks 1 and 2)
+#
+# Move the device and the UAV. The squares are the cells that the ray crosses, thick and orange where a
+# building blocks it. Colours are the rate that a UAV would get when hovering over each cell.
+
+# %%
+link = ChannelLab("manhattan")
+pictures(link.canvas)
+
+# %%
+link
+
+# %% [markdown]
+# ## 10.5 Training live (notebook 6)
+#
+# Half a minute for the village. The run is in the background: other cells go on working, and *pause* stops
+# it after the step in progress. Try a crash reward of −1 from start to end.
+
+# %%
+training = TrainingLab("village")
+training
+
+# %% [markdown]
+# ## 10.6 City editor
+#
+# Paint with the mouse down. What the city still lacks is said at once. Planners fly in it; the shipped agents
+# know only their own cities, and the line below the map says how to train one for yours.
+
+# %%
+city = CityLab("village")
+city.fly.click()
+pictures(city.canvas, city.map.canvas)
+
+# %%
+city
+
+# %% [markdown]
+# ## Recap
+#
+# - The labs hold no logic: all that they show comes from `uavdh_lite`, and the other notebooks say how.
+#
+# ## Exercises
+#
+# **1.** Find a mission in which the greedy planner collects more than the agent, with the mouse or by
+# searching. By searching:
+
+# %%
+from uavdh_lite.labs.mission import environment_of
+from uavdh_lite.mission import Mission, pilots
+from uavdh_lite.scenario import find_scenario
+
+environment, scenario = environment_of("manhattan"), find_scenario("manhattan")
+
+def collected(mission, name):
+    end = mission.fly(environment, pilots(environment)[name](mission.seed)).end
+    return float(end.collection_ratio[0] * end.landed[0])
+
+# %%
+missions = [Mission.draw(scenario, environment.city, seed) for seed in range(40)]
+lead = [collected(m, "greedy") - collected(m, "agent manhattan") for m in missions]
+worst = int(np.argmax(lead))
+assert lead[worst] > 0
+print(f"mission {worst}: greedy collects {lead[worst]:.0%} more; agent ahead in {sum(x < 0 for x in lead)} of 40")
+
+# %% [markdown]
+# **2.** In the channel lab: how high must the UAV fly until a device straight below sends less than one data
+# unit a slot? Check your answer with the channel:
+
+# %%
+from dataclasses import replace
+
+from uavdh_lite.channel import Channel
+from uavdh_lite.link import link as link_of
+
+heights = np.arange(1, 101)
+rates = [link_of(environment.city, replace(Channel(), altitude_m=float(h)), (4, 7), (4, 7)).rate for h in heights]
+highest = int(heights[np.array(rates) >= 1].max())
+assert rates[highest - 1] >= 1 > rates[highest]
+print(f"up to {highest} m")
+
+# %% [markdown]
+# ## Further reading
+#
+# - `uavdh_lite/labs`: six modules of one or two hundred lines; `Canvas` shows how a figure is drawn once and
+#   then only changed.
