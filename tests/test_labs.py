@@ -33,7 +33,7 @@ def lab():
 
 
 def test_the_first_picture(lab):
-    assert pixels(lab.maps[0].canvas.picture).shape == (440, 420, 3)
+    assert pixels(lab.maps[0].canvas.picture).shape == (420, 400, 3)
     assert len(lab.views.children) == 2  # one map, the charts
     assert "agent manhattan" in lab.numbers.value
     assert lab.step.value == lab.step.max == lab.play.max > 0

@@ -138,6 +138,29 @@ def _parser() -> _Parser:
     fly.add_argument("--start", type=_cell, metavar="ROW,COL", help="the UAV's first cell")
     _common(fly, _fly, out="flight.png", seed_help="seed of the fading and of what is not given")
 
+    app = commands.add_parser(
+        "app",
+        help="the interactive labs as a web page on this machine",
+        description="Serve the interactive labs on 127.0.0.1 with Voilà, until Ctrl-C.",
+    )
+    app.add_argument(
+        "--port", type=_positive, default=8866, help="the next free one if taken (%(default)s)"
+    )
+    app.add_argument("--sessions", type=_positive, default=8, help="people at a time (%(default)s)")
+    app.add_argument(
+        "--idle-seconds",
+        type=_positive,
+        default=1200,
+        help="a session unused for so long is ended (%(default)s)",
+    )
+    app.add_argument(
+        "--browser",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="open the page in a browser",
+    )
+    app.set_defaults(run=_app)
+
     city = commands.add_parser("city", help="check a city's PNG and draw it")
     city.add_argument("path", help="a PNG, or the name of a shipped city")
     city.add_argument("--out", default="city.png", help="the figure (%(default)s)")
@@ -457,6 +480,16 @@ def _fly(options: argparse.Namespace) -> None:
     add_legend(figure, len(devices))
     save_figure(figure, options.out)
     print(f"{'landed' if trajectory.landed else 'crashed'}. {caption(trajectory)}. {options.out}")
+
+
+def _app(options: argparse.Namespace) -> None:
+    try:
+        from uavdh_lite.app.server import serve
+    except ModuleNotFoundError as error:
+        if error.name != "voila":
+            raise
+        raise InputError("Voilà is not installed: pip install 'uavdh-lite[app]'") from None
+    serve(options.port, options.sessions, options.idle_seconds, options.browser)
 
 
 def _city(options: argparse.Namespace) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import joblib
 import numpy as np
+from tqdm.auto import tqdm
 
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import TEST, Flights, Interval, Policy, bootstrap_interval, fly, stream
@@ -42,8 +43,11 @@ def compare(
         for name, part in tasks
     )
     results: dict[str, list[Columns]] = {name: [] for name in policies}
-    for (name, _), columns in zip(tasks, parts, strict=True):
-        results[name].append(columns)
+    with tqdm(total=episodes * len(policies), unit="episode") as progress:
+        for (name, part), columns in zip(tasks, parts, strict=True):
+            results[name].append(columns)
+            progress.set_description(name, refresh=False)
+            progress.update(part.stop - part.start)
     return {
         name: {key: np.concatenate([one[key] for one in several]) for key in several[0]}
         for name, several in results.items()

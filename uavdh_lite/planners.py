@@ -101,11 +101,15 @@ class Greedy:
 
 @dataclass(frozen=True)
 class Plan:
-    """A planned flight: its actions, and the data it collects at the channel's mean rates."""
+    """A planned flight: its actions, and the data it collects at the channel's mean rates.
+
+    `value` is what the planner maximises; `beam` the width of the search that found the flight.
+    """
 
     actions: np.ndarray
     collected: float
     value: float
+    beam: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,26 +119,26 @@ class Genie:
     It simulates every move with the mean SNR (fading 0 dB). For each step, cell and set of emptied
     devices it keeps the `beam` candidates with the most data collected, and drops what cannot land
     in time.
-    With `grow`, it searches again with four times the beam for as long as that finds a better
-    flight. With `time_cost` 0.2, the paper's movement reward, it maximises the return; with a small
-    one, the data collected.
+    With `grow`, it searches again with four times the beam, for as long as that finds a better
+    flight and the beam is not above `widest`: memory and time grow with it. With `time_cost` 0.2,
+    the paper's movement reward, it maximises the return; with a small one, the data collected.
 
-    As a policy it plans anew every `replan` steps, from what is really left.
+    As a policy it plans anew every `replan` steps, from what is really left, with the beam that the
+    episode's first plan needed.
     """
 
     environment: Environment
     beam: int = 2
     grow: bool = True
+    widest: int = 128
     time_cost: float = 0.2
     replan: int = 5
 
     def plan(self, state: State, episode: int = 0) -> Plan:
         """The best flight found for one episode of the batch."""
-        beam = self.beam
-        plan = self._search(state, episode, beam)
-        while self.grow:
-            beam *= 4
-            wider = self._search(state, episode, beam)
+        plan = self._search(state, episode, self.beam)
+        while self.grow and plan.beam * 4 <= self.widest:
+            wider = self._search(state, episode, plan.beam * 4)
             if wider.value <= plan.value + 1e-3:
                 break
             plan = wider
@@ -174,18 +178,20 @@ class Genie:
             keep = _best(target, after, beam)
             layers.append((parent[keep], action[keep]))
             cell, left = target[keep], after[keep]
-        return self._trace(layers, best_end, best_value, time_left)
+        if best_end is None:  # no landing is possible
+            return Plan(np.full(time_left, HOVER), 0.0, -np.inf, beam)
+        actions = self._trace(layers, best_end)
+        collected = best_value + self.time_cost * best_end[0]
+        return Plan(actions, float(collected), float(best_value), beam)
 
-    def _trace(self, layers, end, value: float, time_left: int) -> Plan:
-        """The actions that lead to the best end; hovering to the last if no landing is possible."""
-        if end is None:
-            return Plan(np.full(time_left, HOVER), 0.0, -np.inf)
+    def _trace(self, layers, end: tuple[int, int]) -> np.ndarray:
+        """The actions that lead to a candidate, given as (step, index), and landing."""
         step, candidate = end
         actions = [LAND]
         for parent, action in reversed(layers[:step]):
             actions.append(action[candidate])
             candidate = parent[candidate]
-        return Plan(np.array(actions[::-1]), float(value + self.time_cost * step), float(value))
+        return np.array(actions[::-1])
 
     def _mean_snr_db(self, device_cells: np.ndarray) -> np.ndarray:
         """SNR without fading, `[cell, action, slot, device]`, dB, of all but landing."""
@@ -203,16 +209,18 @@ class Genie:
             time_left = int(state.time_left[episode])
             # An episode is recognised by its devices and their data at the start.
             key = state.device_cells[episode].tobytes() + state.data_initial[episode].tobytes()
-            planned_at, plan = self._plans.get(key, (None, None))
-            age = None if planned_at is None else planned_at - time_left
-            if age is None or not 0 <= age < min(self.replan, len(plan)):
-                planned_at, plan, age = time_left, self.plan(state, episode).actions, 0
-                self._plans[key] = planned_at, plan
-            actions[episode] = plan[age]
+            planned_at, plan = self._plans.get(key, (-1, None))
+            age = planned_at - time_left
+            if plan is None or age < 0:  # an episode not seen before, or begun again
+                planned_at, plan = time_left, self.plan(state, episode)
+            elif age >= min(self.replan, len(plan.actions)):
+                planned_at, plan = time_left, self._search(state, episode, plan.beam)
+            self._plans[key] = planned_at, plan
+            actions[episode] = plan.actions[planned_at - time_left]
         return actions
 
     @cached_property
-    def _plans(self) -> dict[bytes, tuple[int, np.ndarray]]:
+    def _plans(self) -> dict[bytes, tuple[int, Plan]]:
         """The plan in use for each episode, and the flying time left when it was made."""
         return {}
 

@@ -20,18 +20,14 @@ class Canvas:
     | --- | --- |
     | `figure` | the figure; what is added to it is drawn by `draw_all` |
     | `picture` | the `ipywidgets.Image` to show |
-
-    Arguments:
-        alt: what the picture shows, in words.
     """
 
-    def __init__(self, figure: Figure, alt: str):
+    def __init__(self, figure: Figure):
         self.figure = figure
         self._canvas = FigureCanvasAgg(figure)
         self._background = None
-        self.picture = ipywidgets.Image(
-            format="png", tooltip=alt, layout={"align_self": "flex-start"}
-        )
+        # No tooltip: an Image with one cannot be shown, its view has no element to set it on
+        self.picture = ipywidgets.Image(format="png", layout={"align_self": "flex-start"})
 
     def draw_all(self) -> None:
         """Draw the figure without changing artists and keep it as the background of `draw`."""

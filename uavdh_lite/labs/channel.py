@@ -11,6 +11,7 @@ from uavdh_lite.channel import Channel, rate
 from uavdh_lite.city import shipped_cities
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.labs.mission import environment_of
+from uavdh_lite.labs.picker import CellPicker
 from uavdh_lite.link import link, rate_map
 from uavdh_lite.plotting import draw_city
 
@@ -35,15 +36,16 @@ class ChannelLab(ipywidgets.VBox):
             "cell_edge_snr_db": _slider("edge SNR, dB", -15, -30, 10, 1),
             "altitude_m": _slider("altitude, m", 10, 1, 100, 1),
         }
+        self.picker = CellPicker(self.clicked)
         self.numbers = ipywidgets.HTML()
         figure = Figure(figsize=(8.6, 4.4), dpi=100)
         self.map = figure.add_axes((0.03, 0.06, 0.45, 0.88))
         self.curve = figure.add_axes((0.56, 0.12, 0.42, 0.8))
-        self.canvas = Canvas(figure, "rates over the city, the ray, and the rate by distance")
+        self.canvas = Canvas(figure)
         sliders = ipywidgets.VBox(list(self.constants.values()))
         super().__init__(
             [
-                ipywidgets.HBox([self.city, self.click]),
+                ipywidgets.HBox([self.city, self.click, self.picker]),
                 ipywidgets.HBox([self.canvas.picture, sliders]),
                 self.numbers,
             ]
@@ -82,8 +84,13 @@ class ChannelLab(ipywidgets.VBox):
         self._show()
 
     def _clicked(self, ax, x: float, y: float) -> None:
-        cell, size = (round(y), round(x)), self.environment.city.size
-        if ax is not self.map or not (0 <= cell[0] < size and 0 <= cell[1] < size):
+        if ax is self.map:
+            self.clicked((round(y), round(x)))
+
+    def clicked(self, cell: tuple[int, int]) -> None:
+        """A click on a cell, (row, column), moves what `click` says; one outside does nothing."""
+        size = self.environment.city.size
+        if not (0 <= cell[0] < size and 0 <= cell[1] < size):
             return
         if self.click.value == "device":
             self.device = cell

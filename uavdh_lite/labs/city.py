@@ -13,6 +13,7 @@ from uavdh_lite.environment import Environment
 from uavdh_lite.errors import CityError, InputError
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.labs.mission import Map
+from uavdh_lite.labs.picker import CellPicker
 from uavdh_lite.mission import Mission, pilots
 from uavdh_lite.plotting import draw_city
 from uavdh_lite.scenario import Scenario
@@ -34,21 +35,23 @@ class CityLab(ipywidgets.VBox):
         self.base = ipywidgets.Dropdown(options=shipped_cities(), value=city, description="from")
         self.size = ipywidgets.BoundedIntText(value=12, min=4, max=40, description="size")
         self.blank = ipywidgets.Button(description="blank city", icon="square-o")
-        self.upload = ipywidgets.FileUpload(accept=".png", multiple=False, description="PNG")
+        self.upload = ipywidgets.FileUpload(accept=".png", multiple=False, description="upload PNG")
         self.brush = ipywidgets.ToggleButtons(
             options=list(BRUSHES), value="tall building", description="paint"
         )
         self.pilot = ipywidgets.Dropdown(options=["greedy", "genie"], description="planner")
-        self.fly = ipywidgets.Button(description="fly a random mission", icon="plane")
+        self.fly = ipywidgets.Button(description="fly", icon="plane", tooltip="a random mission")
+        self.picker = CellPicker(self.paint)
         self.message, self.take_home = ipywidgets.HTML(), ipywidgets.HTML()
         figure = Figure(figsize=(4.6, 4.6), dpi=100)
         self.ax = figure.add_axes((0.07, 0.05, 0.92, 0.93))
-        self.canvas, self.map = Canvas(figure, "the city that you paint"), Map()
+        self.canvas, self.map = Canvas(figure), Map()
         self.views = ipywidgets.HBox([self.canvas.picture])
         super().__init__(
             [
                 ipywidgets.HBox([self.base, self.size, self.blank, self.upload]),
                 self.brush,
+                self.picker,
                 self.message,
                 self.views,
                 ipywidgets.HBox([self.pilot, self.fly]),

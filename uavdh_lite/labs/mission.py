@@ -14,11 +14,13 @@ from uavdh_lite.environment import Environment, Rewards
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Flights, Policy
 from uavdh_lite.labs.canvas import Canvas
+from uavdh_lite.labs.picker import CellPicker
 from uavdh_lite.mission import Mission, pilots
 from uavdh_lite.plotting import device_colour, draw_city, draw_flight, shadow_sum
 from uavdh_lite.scenario import SCENARIOS
 
 NONE = "none"
+WIDE = {"description_width": "80px"}  # room for the labels of controls
 TERMS = {"data": "#0072B2", "movement": "#999999", "safety": "#E69F00", "crash": "#D55E00"}
 
 
@@ -32,9 +34,9 @@ class Map:
     """The map of one policy's flight; the city is drawn once, the flight at every step."""
 
     def __init__(self):
-        figure = Figure(figsize=(4.2, 4.4), dpi=100)
+        figure = Figure(figsize=(4.0, 4.2), dpi=100)
         self.ax = figure.add_axes((0.06, 0.06, 0.93, 0.88))
-        self.canvas = Canvas(figure, "map of the city with the flight")
+        self.canvas = Canvas(figure)
         self._drawn = None
 
     def set_city(self, environment: Environment, mission: Mission, title: str) -> None:
@@ -62,11 +64,11 @@ class Charts:
     """What happens along one flight: data left, who is served in each slot, the reward's terms."""
 
     def __init__(self):
-        figure = Figure(figsize=(4.0, 4.4), dpi=100)
+        figure = Figure(figsize=(4.0, 4.2), dpi=100)
         self.axes = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 3))
         figure.subplots_adjust(0.14, 0.1, 0.98, 0.98, hspace=0.1)
         figure.align_ylabels()
-        self.canvas = Canvas(figure, "data left, slots and reward along the flight")
+        self.canvas = Canvas(figure)
 
     def set_flight(self, flights: Flights, policy: Policy) -> None:
         """Draw the whole flight; `show` marks a step in it."""
@@ -124,11 +126,10 @@ class MissionLab(ipywidgets.VBox):
         self._listen()
 
     def _build(self) -> None:
-        wide = {"description_width": "80px"}
         dropdown = ipywidgets.Dropdown
-        self.city = dropdown(options=shipped_cities(), description="city", style=wide)
-        self.pilot = dropdown(description="policy", style=wide)
-        self.other = dropdown(description="beside it", style=wide)
+        self.city = dropdown(options=shipped_cities(), description="city", style=WIDE)
+        self.pilot = dropdown(description="policy", style=WIDE)
+        self.other = dropdown(description="beside it", style=WIDE)
         self.click = ipywidgets.ToggleButtons(
             options=["add", "move", "remove", "start"],
             description="click to",
@@ -140,13 +141,14 @@ class MissionLab(ipywidgets.VBox):
             ],
             style={"button_width": "70px", "description_width": "80px"},
         )
-        self.time = ipywidgets.IntSlider(description="flying time", min=1, max=70, style=wide)
+        self.picker = CellPicker(self.clicked)
+        self.time = ipywidgets.IntSlider(description="flying time", min=1, max=70, style=WIDE)
         self.seed = ipywidgets.BoundedIntText(
-            description="fading seed", min=0, max=10**6, style=wide
+            description="fading seed", min=0, max=10**6, style=WIDE
         )
         self.draw = ipywidgets.Button(description="random mission", icon="random")
         self.play = ipywidgets.Play(interval=150, description="fly")
-        self.step = ipywidgets.IntSlider(description="step", style=wide)
+        self.step = ipywidgets.IntSlider(description="step", style=WIDE)
         self.data: list[ipywidgets.FloatSlider] = []
         self.sliders = ipywidgets.VBox()
         self.message, self.numbers = ipywidgets.HTML(), ipywidgets.HTML()
@@ -162,7 +164,7 @@ class MissionLab(ipywidgets.VBox):
         return ipywidgets.HBox(
             [
                 box([self.city, self.pilot, self.other, self.draw]),
-                box([self.click, self.time, self.seed, flight]),
+                box([self.click, self.picker, self.time, self.seed, flight]),
                 self.sliders,
             ]
         )
@@ -278,7 +280,7 @@ class MissionLab(ipywidgets.VBox):
         last = max(int(flights.steps[0]) for flights in self.flights.values())
         with self._quiet():
             self.step.max = self.play.max = last
-            self.step.value = last
+            self.step.value = self.play.value = last
         self._show()
 
     def _show(self) -> None:

@@ -11,7 +11,7 @@ from uavdh_lite.environment import ACTIONS
 from uavdh_lite.evaluation import Flights, Policy
 from uavdh_lite.explain import saliency, step_states, value_map
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.mission import MissionLab
+from uavdh_lite.labs.mission import WIDE, MissionLab
 from uavdh_lite.observation import LAYERS
 
 CHOSEN, OTHER = "#0072B2", "#BBBBBB"
@@ -21,13 +21,13 @@ class Thoughts:
     """What an agent computes along one flight; nothing for a policy without Q-values."""
 
     def __init__(self):
-        figure = Figure(figsize=(8.2, 4.4), dpi=100)
+        figure = Figure(figsize=(8.1, 4.2), dpi=100)
         grid = figure.add_gridspec(
             2, 6, left=0.08, right=0.99, top=0.92, bottom=0.08, wspace=0.1, hspace=0.3
         )
         self.bars, self.chances = (figure.add_subplot(grid[row, :2]) for row in (0, 1))
         self.pictures = [figure.add_subplot(grid[k // 4, 2 + k % 4]) for k in range(7)]
-        self.canvas = Canvas(figure, "Q-values, action probabilities, input layers and saliency")
+        self.canvas = Canvas(figure)
         self.temperature = 0.1
         self.agent: Agent | None = None
 
@@ -108,7 +108,7 @@ class ThinkLab(MissionLab):
 
     def _controls(self) -> ipywidgets.Widget:
         self.temperature = ipywidgets.FloatLogSlider(
-            value=0.1, base=10, min=-2, max=1, description="temperature"
+            value=0.1, base=10, min=-2, max=1, description="temperature", style=WIDE
         )
         self.temperature.observe(lambda change: self._set_temperature(change.new), "value")
         controls = super()._controls()

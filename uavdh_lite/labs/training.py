@@ -55,7 +55,8 @@ class TrainingLab(ipywidgets.VBox):
         self.status = ipywidgets.HTML()
         figure = Figure(figsize=(5.2, 4.2), dpi=100)
         self.ax = figure.add_axes((0.12, 0.13, 0.83, 0.84))
-        self.curves, self.map = Canvas(figure, "validation metrics by environment steps"), Map()
+        self.curves, self.map = Canvas(figure), Map()
+        self.views = ipywidgets.HBox()
         super().__init__(
             [
                 ipywidgets.HBox(
@@ -66,7 +67,7 @@ class TrainingLab(ipywidgets.VBox):
                 ),
                 ipywidgets.HBox([self.start, self.pause, self.anew]),
                 self.status,
-                ipywidgets.HBox([self.curves.picture, self.map.canvas.picture]),
+                self.views,
             ]
         )
         self.start.on_click(lambda _: self.run())
@@ -101,6 +102,7 @@ class TrainingLab(ipywidgets.VBox):
         """Forget the run, so that the knobs can be turned."""
         self.stop()
         self.trainer, self.progress.value = None, 0
+        self.views.children = [self.curves.picture]
         self._draw_curves()
         self._set_running(False)
         self._say("turn the knobs, then start")
@@ -149,6 +151,7 @@ class TrainingLab(ipywidgets.VBox):
         flights = self.mission.fly(trainer.environment, trainer.agent)
         self.map.set_city(trainer.environment, self.mission, "the agent now, one mission")
         self.map.show(flights)
+        self.views.children = [self.curves.picture, self.map.canvas.picture]
         row = trainer.validation_rows[-1]
         self._say(
             f"after {trainer.steps:,} steps, {trainer.updates:,} updates, {trainer.seconds:.0f} s: "

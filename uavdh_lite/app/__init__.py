@@ -1,0 +1,1 @@
+"""The labs as a web page: `python -m uavdh_lite app`."""

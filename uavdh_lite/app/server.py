@@ -1,0 +1,111 @@
+"""A Voilà server of the labs: on this machine only, for so many people, without idle kernels."""
+
+import os
+import sys
+from pathlib import Path
+
+import tornado.web
+from tornado.ioloop import IOLoop
+from voila.app import Voila
+from voila.tornado.handler import TornadoVoilaHandler
+
+FOLDER = Path(__file__).parent
+# Others that are installed, of JupyterLab or Notebook, may want a newer JupyterLab than Voilà's
+EXTENSIONS = [
+    "@voila-dashboards/widgets-manager8",
+    "@jupyter-widgets/jupyterlab-manager",
+    "ipyevents",
+]
+CULL_EVERY = 15  # seconds between two looks for idle sessions
+WEBSOCKET_BYTES = 2_000_000  # the longest message from a browser
+
+FULL = """<!doctype html><html lang="en"><head><meta charset="utf-8">
+<title>All places are taken</title><meta http-equiv="refresh" content="20"></head>
+<body style="font-family: sans-serif; margin: 4em">
+<h1>All places are taken</h1>
+<p>{sessions} people use the labs now, and this machine serves no more at a time. A place is free as
+soon as one of them closes the page, or leaves it alone for {minutes} minutes.</p>
+<p>This page tries again every 20 seconds.</p></body></html>
+"""
+
+
+class LabsHandler(TornadoVoilaHandler):
+    """The page with a session of its own, or a friendly 503 if there are too many."""
+
+    async def get(self, path=None):
+        server = self.settings["voila"]
+        if path:
+            raise tornado.web.HTTPError(404)
+        if server.sessions >= server.most_sessions:
+            self.set_status(503)
+            self.set_header("Retry-After", "20")
+            self.finish(
+                FULL.format(sessions=server.most_sessions, minutes=server.idle_seconds // 60)
+            )
+            return
+        await super().get(path)
+
+
+class LabsServer(Voila):
+    """Voilà with a limit on sessions; each is a kernel, and one more is kept ready."""
+
+    name = "voila"
+    most_sessions = 8
+    idle_seconds = 1200
+
+    @property
+    def sessions(self) -> int:
+        """Kernels that somebody uses."""
+        waiting = self.kernel_manager.get_pool_size(self.kernel_manager.notebook_path)
+        return len(self.kernel_manager.list_kernel_ids()) - waiting
+
+    def init_handlers(self) -> list:
+        *others, (pattern, _, options) = super().init_handlers()
+        return [*others, (pattern, LabsHandler, options)]
+
+
+def serve(port: int, most_sessions: int, idle_seconds: int, open_browser: bool) -> None:
+    """Serve the labs on 127.0.0.1 until interrupted.
+
+    Arguments:
+        port: the next free one if it is taken.
+        most_sessions: people at a time; each has a Python process.
+        idle_seconds: a session unused for so long is ended.
+        open_browser: open the page in this machine's browser.
+    """
+    # Voilà looks for templates in Jupyter's folders. One thread a session, so that they share.
+    paths = [str(FOLDER), os.environ.get("JUPYTER_PATH", "")]
+    os.environ["JUPYTER_PATH"] = os.pathsep.join(filter(None, paths))
+    os.environ["OMP_NUM_THREADS"] = "1"
+    server = LabsServer.instance(
+        ip="127.0.0.1",
+        port=port,
+        notebook_path=str(FOLDER / "labs.ipynb"),
+        open_browser=open_browser,
+        config_file_paths=[],
+        log_level="ERROR",
+        tornado_settings={
+            "allow_remote_access": False,
+            "websocket_max_message_size": WEBSOCKET_BYTES,
+        },
+    )
+    server.most_sessions, server.idle_seconds = most_sessions, idle_seconds
+    server.config.VoilaConfiguration.update(
+        template="uavdh_lite",
+        preheat_kernel=True,
+        default_pool_size=1,
+        allow_template_override="NO",
+        allow_theme_override="NO",
+        file_allowlist=[],
+        extension_allowlist=EXTENSIONS,
+    )
+    server.config.MappingKernelManager.update(
+        cull_idle_timeout=idle_seconds,
+        cull_interval=min(CULL_EVERY, idle_seconds),
+        cull_connected=True,
+    )
+    server.initialize([])
+    IOLoop.current().add_callback(
+        lambda: print(f"labs: {server.connection_url} (Ctrl-C ends it)", file=sys.stderr)
+    )
+    server.start()

@@ -1,0 +1,63 @@
+"""All labs on one page, a tab each; a lab is made when its tab is first opened."""
+
+import ipywidgets
+
+from uavdh_lite.labs.channel import ChannelLab
+from uavdh_lite.labs.city import CityLab
+from uavdh_lite.labs.fly import FlyLab
+from uavdh_lite.labs.mission import MissionLab
+from uavdh_lite.labs.think import ThinkLab
+from uavdh_lite.labs.training import TrainingLab
+
+LABS = {
+    "Mission": (
+        MissionLab,
+        "A UAV collects data from devices and must land in time. Set the mission, choose who flies "
+        "it, and move <i>step</i> to see what happened when.",
+    ),
+    "Watch it think": (
+        ThinkLab,
+        "At each step of a flight: the Q-value of each action, the probabilities that the softmax "
+        "policy makes of them, the layers that the network sees, and the cells that decide.",
+    ),
+    "Fly it yourself": (
+        FlyLab,
+        "Collect as much as you can and land in time. Then see how the agent and the planners do "
+        "on the same mission with the same fading.",
+    ),
+    "Channel": (
+        ChannelLab,
+        "How much data a slot carries between a device and the UAV, and what buildings in between "
+        "do to it.",
+    ),
+    "Training": (
+        TrainingLab,
+        "A small agent learns a small city in half a minute. Turn a knob, start anew, compare.",
+    ),
+    "City": (
+        CityLab,
+        "Paint a city of your own and let the planners fly in it.",
+    ),
+}
+
+
+class Labs(ipywidgets.Tab):
+    """The labs of the web page; `made` holds those opened so far, by title."""
+
+    def __init__(self):
+        self.made: dict[str, ipywidgets.Widget] = {}
+        pages = [
+            ipywidgets.VBox([ipywidgets.HTML(f"<p>{introduction}</p>")])
+            for _, introduction in LABS.values()
+        ]
+        super().__init__(pages, titles=list(LABS))
+        self.observe(lambda change: self._open(change.new), "selected_index")
+        self.selected_index = 0
+        self._open(0)
+
+    def _open(self, index: int) -> None:
+        title = list(LABS)[index]
+        if title not in self.made:
+            self.made[title] = LABS[title][0]()
+            page = self.children[index]
+            page.children = [*page.children, self.made[title]]
