@@ -23,8 +23,8 @@ FULL = """<!doctype html><html lang="en"><head><meta charset="utf-8">
 <title>All places are taken</title><meta http-equiv="refresh" content="20"></head>
 <body style="font-family: sans-serif; margin: 4em">
 <h1>All places are taken</h1>
-<p>{sessions} people use the labs now, and this machine serves no more at a time. A place is free as
-soon as one of them closes the page, or leaves it alone for {minutes} minutes.</p>
+<p>This machine serves {sessions} at a time, and all are in use. A place is free as soon as somebody
+closes the page, or leaves it alone for {minutes} minutes.</p>
 <p>This page tries again every 20 seconds.</p></body></html>
 """
 
@@ -43,6 +43,7 @@ class LabsHandler(TornadoVoilaHandler):
                 FULL.format(sessions=server.most_sessions, minutes=server.idle_seconds // 60)
             )
             return
+        _ = self.xsrf_token  # sets the cookie without which the page may not end its session
         await super().get(path)
 
 
