@@ -191,15 +191,15 @@ def test_what_the_agent_thinks_changes_from_step_to_step(page):
     thoughts = lab.locator("img:visible").nth(1)
     last = thoughts.get_attribute("src")
     lab.get_by_role("slider", name="step").focus()
-    for _ in range(4):
+    for _ in range(7):
         page.keyboard.press("PageDown")
     until(page, lambda: thoughts.get_attribute("src") != last)
+    shoot(page, "think")
     now = thoughts.get_attribute("src")
     lab.get_by_role("slider", name="temperature").focus()
     page.keyboard.press("End")
     until(page, lambda: thoughts.get_attribute("src") != now)
     assert size(thoughts)[0] > 700 and fits(page)
-    shoot(page, "think")
 
 
 def test_flying_by_keys_ends_with_a_score(page):
