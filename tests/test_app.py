@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from PIL import Image
+from PIL import Image, ImageChops
 from playwright.sync_api import expect, sync_playwright
 from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 from tornado.ioloop import IOLoop
@@ -96,9 +96,13 @@ def open_lab(page, title):
 
 
 def shoot(page, name):
-    """Keep a picture for people to look at."""
+    """Keep a picture for people to look at, without the empty part below."""
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=SCREENSHOTS / f"{name}.png")
+    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    bottom = ImageChops.invert(picture).getbbox()[3]
+    picture.crop((0, 0, picture.width, bottom)).quantize(128).save(
+        SCREENSHOTS / f"{name}.png", optimize=True
+    )
 
 
 def size(picture):
@@ -193,7 +197,9 @@ def test_what_the_agent_thinks_changes_from_step_to_step(page):
     lab.get_by_role("slider", name="step").focus()
     for _ in range(7):
         page.keyboard.press("PageDown")
-    until(page, lambda: thoughts.get_attribute("src") != last)
+    step = lab.get_by_role("slider", name="step").get_attribute("aria-valuenow")
+    until(page, lambda: table(lab)[0]["time left"] == f"{64 - int(float(step))} of 64")
+    assert thoughts.get_attribute("src") != last
     shoot(page, "think")
     now = thoughts.get_attribute("src")
     lab.get_by_role("slider", name="temperature").focus()
@@ -213,10 +219,17 @@ def test_flying_by_keys_ends_with_a_score(page):
     lab.get_by_role("button", name="north").click()
     expect(lab).to_contain_text(f"{left - 2} units of time left")
     lab.locator("img:visible").first.hover()
+    east, south, west, north = ("ArrowRight", "ArrowDown", "ArrowLeft", "ArrowUp")
+    there = [east] * 2 + [south] * 2 + [east] * 3
+    back = [west] * 3 + [north] * 2 + [west] * 2
+    for number, key in enumerate([*there, "Space", "Space", *back], start=3):
+        page.keyboard.press(key)
+        expect(lab).to_contain_text(f"{left - number} units of time left")
     page.keyboard.press("Enter")
     expect(lab).to_contain_text("genie")
-    for name in ("you", "greedy", "random"):
-        expect(lab).to_contain_text(name)
+    scores = [row.locator("td").all_inner_texts() for row in lab.locator("tr").all()]
+    assert [row[0] for row in scores[1:]] == ["you", "greedy", "genie", "random"]
+    assert scores[1][1] == "yes" and float(scores[1][2].rstrip("%")) > 50
     assert fits(page)
     shoot(page, "fly")
 
@@ -243,10 +256,10 @@ def test_a_training_runs_pauses_and_goes_on(page):
     expect(status).to_contain_text("after 8,0")  # the first validation after the start's
     lab.get_by_role("button", name="pause").click()
     expect(status).to_contain_text("paused")
-    shoot(page, "training")
     expect(lab.get_by_label("temperature")).to_be_disabled()
     lab.get_by_role("button", name=re.compile(r"start$")).click()
-    expect(status).to_contain_text("after 16,0")
+    expect(status).to_contain_text("after 24,0")
+    shoot(page, "training")
     lab.get_by_role("button", name="pause").click()
     expect(status).to_contain_text("paused")
     lab.get_by_role("button", name="start anew").click()

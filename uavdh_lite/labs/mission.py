@@ -265,7 +265,6 @@ class MissionLab(ipywidgets.VBox):
 
     def _set_mission(self, mission: Mission) -> None:
         self.mission, self._picked = mission, None
-        self._say("")
         with self._quiet():
             self.time.value, self.seed.value = mission.flying_time, mission.seed
             self._set_sliders()
@@ -295,6 +294,7 @@ class MissionLab(ipywidgets.VBox):
         """Fly the mission with the chosen policies and show it from its end."""
         if self._silent:
             return
+        self._say("")
         names = [self.pilot.value] + [self.other.value] * (self.other.value != NONE)
         self.flights = {}
         policies = {name: self.makers[name](self.mission.seed) for name in names}
