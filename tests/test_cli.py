@@ -157,3 +157,11 @@ def test_importing_the_library_stays_light():
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     ).stdout
     assert "'matplotlib'" not in loaded and "'ipywidgets'" not in loaded
+
+
+def test_the_page_says_what_to_install(monkeypatch, capsys):
+    monkeypatch.delitem(sys.modules, "uavdh_lite.app.server", raising=False)
+    monkeypatch.setitem(sys.modules, "voila", None)
+    monkeypatch.setitem(sys.modules, "voila.app", None)
+    assert main(["app"]) == 2
+    assert "pip install 'uavdh-lite[app]'" in capsys.readouterr().err

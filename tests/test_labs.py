@@ -12,7 +12,7 @@ from PIL import Image
 from uavdh_lite.city import City
 from uavdh_lite.draft import Draft
 from uavdh_lite.environment import ACTIONS
-from uavdh_lite.labs import ChannelLab, CityLab, FlyLab, MissionLab, ThinkLab
+from uavdh_lite.labs import ChannelLab, CityLab, FlyLab, Labs, MissionLab, ThinkLab
 
 
 def pixels(widget):
@@ -289,3 +289,35 @@ def test_uploads_are_taken_or_refused_with_a_reason():
     upload(b"nonsense <script>")
     assert "not a readable PNG" in lab.message.value and "<script>" not in lab.message.value
     assert lab.draft.size == 16
+
+
+def pick(lab, row, column):
+    """A click by numbers instead of the mouse."""
+    lab.picker.row.value, lab.picker.column.value = row, column
+    lab.picker.button.click()
+
+
+def test_cells_can_be_picked_by_numbers(lab):
+    before = lab.mission.devices
+    pick(lab, 8, 8)
+    assert lab.mission.devices == (*before, (8, 8))
+    channel = ChannelLab("village")
+    pick(channel, 2, 5)
+    assert channel.device == (2, 5)
+    pick(channel, 2, 50)  # outside
+    assert channel.device == (2, 5)
+    city = CityLab("village")
+    pick(city, 7, 7)
+    assert city.draft.buildings[7, 7]
+
+
+def test_the_page_makes_each_lab_when_it_is_opened():
+    labs = Labs()
+    assert list(labs.made) == ["Mission"]
+    for index, title in enumerate(labs.titles):
+        labs.selected_index = index
+        assert len(labs.children[index].children) == 2
+        assert labs.children[index].children[1] is labs.made[title]
+    mission = labs.made["Mission"]
+    labs.selected_index = 0
+    assert labs.made["Mission"] is mission

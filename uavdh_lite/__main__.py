@@ -146,7 +146,12 @@ def _parser() -> _Parser:
     app.add_argument(
         "--port", type=_positive, default=8866, help="the next free one if taken (%(default)s)"
     )
-    app.add_argument("--sessions", type=_positive, default=8, help="people at a time (%(default)s)")
+    app.add_argument(
+        "--sessions",
+        type=_positive,
+        default=8,
+        help="people at a time, each with a process of about 350 MB (%(default)s)",
+    )
     app.add_argument(
         "--idle-seconds",
         type=_positive,
@@ -486,7 +491,7 @@ def _app(options: argparse.Namespace) -> None:
     try:
         from uavdh_lite.app.server import serve
     except ModuleNotFoundError as error:
-        if error.name != "voila":
+        if error.name.split(".")[0] not in ("voila", "tornado"):
             raise
         raise InputError("Voilà is not installed: pip install 'uavdh-lite[app]'") from None
     serve(options.port, options.sessions, options.idle_seconds, options.browser)

@@ -17,7 +17,7 @@ EXTENSIONS = [
     "ipyevents",
 ]
 CULL_EVERY = 15  # seconds between two looks for idle sessions
-WEBSOCKET_BYTES = 2_000_000  # the longest message from a browser
+WEBSOCKET_BYTES = 16_000_000  # a longer message, such as a huge upload, is cut off
 
 FULL = """<!doctype html><html lang="en"><head><meta charset="utf-8">
 <title>All places are taken</title><meta http-equiv="refresh" content="20"></head>

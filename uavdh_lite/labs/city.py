@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from uavdh_lite.city import City, shipped_cities
-from uavdh_lite.draft import BRUSHES, Draft
+from uavdh_lite.draft import BRUSHES, UPLOAD_BYTES, Draft
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import CityError, InputError
 from uavdh_lite.labs.canvas import Canvas
@@ -35,7 +35,12 @@ class CityLab(ipywidgets.VBox):
         self.base = ipywidgets.Dropdown(options=shipped_cities(), value=city, description="from")
         self.size = ipywidgets.BoundedIntText(value=12, min=4, max=40, description="size")
         self.blank = ipywidgets.Button(description="blank city", icon="square-o")
-        self.upload = ipywidgets.FileUpload(accept=".png", multiple=False, description="upload PNG")
+        self.upload = ipywidgets.FileUpload(
+            accept=".png",
+            multiple=False,
+            description="upload PNG",
+            tooltip=f"one pixel a cell, at most {UPLOAD_BYTES // 1000} kB",
+        )
         self.brush = ipywidgets.ToggleButtons(
             options=list(BRUSHES), value="tall building", description="paint"
         )
