@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -135,3 +136,23 @@ def test_genie_without_a_way_home_in_time_hovers(small):
     start = place(small.city, (3, 3), [(2, 0)], [5.0], 3, 2)
     plan = Genie(small).plan(start)
     assert plan.actions.tolist() == [HOVER] * 3 and plan.value == -np.inf
+
+
+def test_the_beam_grows_once_an_episode_and_never_beyond_the_widest(small, monkeypatch):
+    """A first plan that ever wider beams improve: 2, 8, 32, and the next would be too wide."""
+    beams, search = [], Genie._search
+
+    def improving(self, state, episode, beam):
+        beams.append(beam)
+        plan = search(self, state, episode, beam)
+        return replace(plan, value=float(beam))
+
+    monkeypatch.setattr(Genie, "_search", improving)
+    start = place(small.city, (0, 0), [(2, 3)], [20.0], 14, 2)
+    genie = Genie(small, widest=32, replan=4)
+    flights = fly(small, genie, start, np.random.default_rng(0))
+    assert flights.end.landed[0]
+    assert beams[:3] == [2, 8, 32] and len(beams) > 3
+    assert set(beams[3:]) == {32}
+    fly(small, genie, start, np.random.default_rng(0))  # begun again: planned from the start
+    assert beams.count(2) == 2
