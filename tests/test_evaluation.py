@@ -10,7 +10,9 @@ from uavdh_lite.evaluation import (
     bootstrap_interval,
     evaluate,
     fly,
+    mean_interval,
     stream,
+    wilson_interval,
 )
 from uavdh_lite.scenario import SCENARIOS, place
 
@@ -128,3 +130,17 @@ def test_bootstrap_interval_covers_the_truth_about_95_times_in_100(generator):
 
 def test_bootstrap_interval_of_equal_values_is_a_point():
     assert bootstrap_interval(np.ones(20)) == (1, 1, 1)
+
+
+def test_wilson_interval_of_three_crashes_in_a_thousand():
+    """The values that tables and other programs give."""
+    landed = np.r_[np.zeros(3), np.ones(997)]
+    assert wilson_interval(landed) == pytest.approx((0.997, 0.99122, 0.99898), abs=1e-5)
+    assert wilson_interval(np.ones(1000)) == pytest.approx((1, 0.99617, 1), abs=1e-5)
+    assert wilson_interval(np.zeros(10)) == pytest.approx((0, 0, 0.27753), abs=1e-5)
+
+
+def test_shares_get_wilsons_interval_and_other_means_the_bootstraps(generator):
+    ones, others = np.ones(50), generator.random(50)
+    assert mean_interval(ones) == wilson_interval(ones)
+    assert mean_interval(others) == bootstrap_interval(others)

@@ -343,7 +343,7 @@ def _compare(options: argparse.Namespace) -> None:
 
     from uavdh_lite.comparison import breakdown, compare, share
     from uavdh_lite.environment import Environment
-    from uavdh_lite.evaluation import bootstrap_interval
+    from uavdh_lite.evaluation import mean_interval
     from uavdh_lite.planners import Genie, Greedy, Random
     from uavdh_lite.tables import provenance, write_json, write_table
 
@@ -387,7 +387,7 @@ def _compare(options: argparse.Namespace) -> None:
     names = ("has_landed", "collection_ratio", "collection_ratio_and_landed", "cumulative_reward")
     print(f"{'':<12}" + "".join(f"{name:>30}" for name in names))
     for policy, each in results.items():
-        means = [bootstrap_interval(each[name]) for name in names]
+        means = [mean_interval(each[name]) for name in names]
         print(f"{policy:<12}" + "".join(f"{_interval(mean):>30}" for mean in means))
     for metric, reference in (
         ("collection_ratio_and_landed", "genie_data"),

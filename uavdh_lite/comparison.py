@@ -8,7 +8,7 @@ import numpy as np
 from tqdm.auto import tqdm
 
 from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import TEST, Flights, Interval, Policy, bootstrap_interval, fly, stream
+from uavdh_lite.evaluation import TEST, Flights, Interval, Policy, fly, mean_interval, stream
 from uavdh_lite.scenario import Scenario
 
 Columns = dict[str, np.ndarray]
@@ -110,4 +110,4 @@ def breakdown(
             (f"{by[place == group].min():.4g} to {by[place == group].max():.4g}", place == group)
             for group in np.unique(place)
         ]
-    return [(label, int(own.sum()), bootstrap_interval(values[own])) for label, own in members]
+    return [(label, int(own.sum()), mean_interval(values[own])) for label, own in members]
