@@ -100,9 +100,7 @@ def shoot(page, name):
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
     picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
     bottom = ImageChops.invert(picture).getbbox()[3]
-    picture.crop((0, 0, picture.width, bottom)).quantize(128).save(
-        SCREENSHOTS / f"{name}.png", optimize=True
-    )
+    picture.crop((0, 0, picture.width, bottom)).save(SCREENSHOTS / f"{name}.png", optimize=True)
 
 
 def size(picture):

@@ -1,8 +1,9 @@
 # %% [markdown]
 # # 5 · DDQN
 #
-# The agent acts by *Q-values*: for each action, the reward that it expects from here to the end of the flight. This
-# notebook goes from a table of 36 such numbers to the paper's network of 2.3 million weights, and measures on the
+# DDQN is short for *double deep Q-network*: Q-learning with a network ("deep"), and with two copies of it
+# ("double"). The agent acts by *Q-values*: for each action, the reward to come if it takes this action now and the
+# best ones afterwards, later rewards counted less. This notebook goes from a table of 36 such numbers to the paper's network of 2.3 million weights, and measures on the
 # way what each part of the method is good for.
 
 # %% tags=["remove-cell"]
@@ -52,7 +53,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Learn a table of Q-values, replace it by a network, compare three ways to use a memory, measure the maximisation bias, slow down the targets, turn the temperature, and open the paper's network |
 # | **What you'll learn** | Q-learning, function approximation, combined experience replay, double Q-learning, soft targets, the softmax policy |
-# | **What you'll need** | Notebooks 3 and 4; means, variances, gradients. 30 minutes to read, 30 seconds to run; 10 minutes of exercises |
+# | **What you'll need** | Notebooks 3 and 4; means, variances, gradients, the idea of a neural network. 30 minutes to read, 30 seconds to run; 10 minutes of exercises |
 #
 # Above: 500 test missions of the shipped agent, what its network expects at the start and what the flight then
 # earns. Section 5.5 comes back to it.
@@ -60,7 +61,8 @@ figure
 # ## 5.1 Q-learning in a table
 #
 # We begin in a street of six cells. The landing zone is cell 0. A device in cell 5 holds 10 data units, all of which
-# are uploaded when the UAV gets there. The flying time is unlimited, the rewards are the paper's.
+# are uploaded when the UAV gets there. The flying time is unlimited, the rewards are the paper's: 1 for a data unit,
+# −0.2 for each step, −1 more for an action that is refused, such as landing outside the zone.
 
 # %%
 WEST, EAST, LAND = range(3)
@@ -82,8 +84,10 @@ def step(cell, full, action, device=5, end=5):
 # $$Q(s,a) \leftarrow Q(s,a) + \alpha\,\big(y - Q(s,a)\big), \qquad y = r + \gamma \max_{a'} Q(s',a')$$
 #
 # The library has no code for tables and needs none. A table is a linear layer whose input is 1 for the present state
-# and 0 for all others. The gradient of $(Q - y)^2$ is $2\,(Q - y)$, so gradient descent at the rate $\alpha/2$ is
-# the rule. `DDQN` also has a target network (5.4); with $\tau = 1$ it always equals the first one.
+# and 0 for all others. With $y$ taken as a number (it is not differentiated, though it depends on $Q$) the gradient of
+# $(Q - y)^2$ is $2\,(Q - y)$, so gradient descent at the rate $\alpha/2$ is the rule. `DDQN` keeps two copies of the
+# Q-values: *online*, which learns, and *target*, which follows it at a rate $\tau$ and helps to compute $y$. Sections
+# 5.4 and 5.6 say why. With $\tau = 1$ the copies are equal, and this is plain Q-learning.
 
 # %%
 from uavdh_lite.ddqn import DDQN, ddqn_target, draw_actions, softmax_policy
@@ -119,13 +123,15 @@ for title, part in (("data waiting", q[:, 6:]), ("data collected", q[:, :6])):
 
 # %% [markdown]
 # While the data waits, "east" is best everywhere, also in the landing zone, where "land" would end the episode with
-# nothing. (In cell 5 the UAV hits the end of the street, stays and collects.) Afterwards "west" is best until cell
-# 0, and there "land". Nobody flew like that: the actions were random. The target has the maximum in it and not the
-# action flown next, so the best policy is learned from any flights. This is called *off-policy*, and it allows
+# nothing. (In cell 5 the UAV hits the end of the street, stays and collects; "land" is refused there, but collects
+# too.) Check one: "east" in cell 4 earns 10 − 0.2 now, then $0.95 \cdot (-0.90)$, the best of cell 5 without data,
+# together 8.94. Afterwards "west" is best until cell 0, and there "land". Nobody flew like that: states and actions
+# were random. The target has the maximum in it and not the action flown next, so the best policy is learned from any
+# steps, as long as every action is tried in every state again and again. This is called *off-policy*, and it allows
 # learning from a memory.
 #
-# Is the table right? If the Bellman equation holds in all 36 places, it is the only solution. The equation's right
-# side is the library's target function, with the same Q-values in both of its roles:
+# Is the table right? It is if the Bellman equation holds in all 36 places: with $\gamma < 1$ it has only one
+# solution. Its right side is the library's target function, with the same Q-values as online and as target:
 
 # %%
 cell, full, action = np.indices((6, 2, 3)).reshape(3, -1)
@@ -157,7 +163,7 @@ cell, full, device, action = np.indices((12, 2, 12, 3)).reshape(4, -1)
 after, left, reward, discount = step(cell, full == 1, action, device, end=11)
 ALL = (*tensors(action, reward, discount), *map(torch.from_numpy, (cell, full, device, after, left)))
 best, following = torch.zeros(288, 3), (after * 2 + left) * 12 + device
-for _ in range(300):
+for _ in range(300):  # value iteration
     best = ddqn_target(ALL[1], ALL[2], best[following], best[following]).view(288, 3)
 
 # %% [markdown]
@@ -194,7 +200,7 @@ for known, new, _ in networks:
 print(f"guessing: {(best > best.amax(1, keepdim=True) - 1e-4).float().mean():.0%}")
 
 # %% [markdown]
-# Each of the three seeds has other known places. The network is nearly as good in new places as in known ones, where
+# Each of the three seeds knows a different five places. The network is nearly as good in new places as in known ones, where
 # a table would have to guess, one in three. It owes that to inputs that are *relative*, like the centred map of
 # notebook 4. The price: an update of a table changes one value, an update of a network all of them, and with them
 # the next targets. Much of what follows is there to keep that in check.
@@ -272,13 +278,14 @@ figure
 # %% [markdown]
 # Lines are means over the 20 streets, bands two standard errors.
 #
-# - **Nothing changes.** Replay needs less than half the steps of the newest step alone. Combined is a little ahead
-#   of plain at first, while the memory holds mostly random flights; later they are alike.
-# - **A way opens, memory of 500.** Old steps are soon overwritten. Combined replay recovers a little sooner than
-#   plain.
+# - **Nothing changes.** Replay needs less than half the steps of the newest step alone (and learns from four rows
+#   a step, not one). Combined is a little ahead of plain at first, while the memory holds mostly random flights;
+#   later they are alike.
+# - **A way opens, memory of 500.** Old steps are soon overwritten. Combined replay recovers sooner than plain.
 # - **A way opens, memory of 20,000.** Of four rows drawn from more than 5000 steps, on average less than one is new,
 #   and the old ones say that the street ends in cell 4. Plain replay has not recovered after 1500 steps, combined
-#   replay in part. Here learning without a memory is best.
+#   replay in part. Here, after the first few hundred steps, learning without a memory is best. (It is the same
+#   curve as in the middle: without a memory, its size does not matter.)
 #
 # So combined replay gains little by itself. It is a remedy for a memory that is too large, and Zhang and Sutton
 # present it as that. And the paper's memory? It holds 50,000 steps, and an update draws 128: a new step waits 390
@@ -288,7 +295,7 @@ figure
 # ## 5.4 The maximisation bias
 #
 # Q-values are estimates and have errors. The maximum of several estimates is, on average, too high. Take actions
-# that are all worth 0, and estimates with errors of standard deviation 1:
+# that are all worth the same, as they seem to be early in training, say 0, and estimates with errors of standard deviation 1:
 
 # %%
 torch.manual_seed(0)
@@ -301,8 +308,10 @@ for actions in (2, 6, 20):
 # %% [markdown]
 # The maximum asks the same estimates two questions: which action is best, and what is it worth? *Double* Q-learning
 # puts the second one to other estimates. If their errors are independent, they know nothing of the luck by which the
-# action was chosen, and the bias is gone. In the paper (eq. 10) the *online* network $\theta$ chooses and the
-# *target* network $\bar\theta$ judges; in the library that is two lines, the ones that made the figures above:
+# action was chosen, and the bias *upwards* is gone. (Where one action really is better, the judge is sometimes asked
+# about a wrong one, and double is a little too low.) In the paper (eq. 10) the *online* network, with weights
+# $\theta$, chooses and the *target* network, with weights $\bar\theta$, judges; in the library that is two lines,
+# the ones that made the numbers above:
 #
 # $$y = r + \gamma\, Q_{\bar\theta}\big(s', \arg\max_{a'} Q_\theta(s', a')\big)$$
 
@@ -314,11 +323,12 @@ print("".join(inspect.getsourcelines(ddqn_target)[0][-2:]))
 # %% [markdown]
 # Does learning average the errors away? In state A the UAV can land, which is worth 0, or fly on to state B. There,
 # each of six actions ends the episode with a random reward of mean −0.2 and standard deviation 1. So flying on is
-# worth $0.95 \cdot (-0.2) = -0.19$. Three learners with $\alpha = 0.1$, 100 repetitions of each side by side:
+# worth $0.95 \cdot (-0.2) = -0.19$. Four learners with $\alpha = 0.1$, 100 repetitions of each side by side:
 #
 # - *single*: Q-learning as in 5.1.
+# - *slow target*: one table, and the maximum of a target table that follows slowly ($\tau = 0.005$, section 5.6).
+# - *DDQN*: the same, but the table chooses and the slow target judges.
 # - *double*: two tables, each the other's judge; a coin decides which of them learns from a step.
-# - *DDQN*: one table, and as its judge a target table that follows slowly ($\tau = 0.005$, section 5.6).
 
 # %%
 N = 100
@@ -336,27 +346,40 @@ def flying_on(*learners, steps=1500, seed=0):
     return np.array(values)
 
 # %%
+def flying_on_slow_target(steps=1500, seed=0):
+    generator, q, target, values = np.random.default_rng(seed), np.zeros((2, N, 6)), np.zeros((2, N, 6)), []
+    for _ in range(steps):
+        action, reward = generator.integers(0, 6, N), generator.normal(-0.2, 1, N)
+        q[0, :, EAST] += 0.1 * (0.95 * target[1].max(1) - q[0, :, EAST])  # the target chooses and judges
+        q[1, np.arange(N), action] += 0.1 * (reward - q[1, np.arange(N), action])
+        target += 0.005 * (q - target)
+        values.append(q[0, :, EAST].copy())
+    return np.array(values)
+
+# %%
 first, second, single, ddqn = (q_table(2 * N, 0.1, 2 * N, tau, 6) for tau in (0.0, 0.0, 1.0, 0.005))
 first.target, second.target = second.online, first.online
-learned = {"single": flying_on(single), "double": flying_on(first, second), "DDQN": flying_on(ddqn)}
+learned = {"single": flying_on(single), "slow target": flying_on_slow_target(),
+           "DDQN": flying_on(ddqn), "double": flying_on(first, second)}
 
 # %%
 figure = Figure(figsize=(6.5, 3.6), layout="constrained")
 ax = figure.subplots()
-for (name, values), style in zip(learned.items(), (":", "--", "-")):
+for (name, values), style in zip(learned.items(), (":", "-.", "-", "--")):
     ax.plot(values.mean(1), style, label=name)
     last = values[-500:].mean(0)
-    print(f"{name:<7}{last.mean():+.3f} ± {2 * last.std() / np.sqrt(N):.3f} in the last 500 updates")
+    print(f"{name:<12}{last.mean():+.3f} ± {2 * last.std() / np.sqrt(N):.3f} in the last 500 updates")
 ax.axhline(-0.19, color="black", lw=1, label="true value")
-ax.set(xlabel="updates", ylabel="Q-value of flying on from A")
-ax.legend()
+ax.set(xlabel="updates", ylabel="Q-value of flying on from A", ylim=(-0.23, 0.23))
+ax.legend(ncols=3, loc="upper right")
 figure
 
 # %% [markdown]
 # (Means over the repetitions, ± two standard errors.) Q-learning believes that flying on is worth more than landing,
-# and more updates do not cure it: with a constant $\alpha$ the errors never vanish. Two tables get it right. DDQN is
-# in between: its judge is an older copy of the same table, so their errors are related. It removes most of the bias
-# and needs no second learner.
+# and more updates do not cure it: with a constant $\alpha$ the errors never vanish. A slow target is calmer, so its
+# maximum is less too high: that alone removes half of the bias. To let it judge what the table has chosen removes
+# another quarter; not all, since the judge is an older copy of the same table, and their errors are related. Two
+# tables get it right, but need a second learner.
 #
 # ## 5.5 What the shipped agent expects, and what it earns
 #
@@ -372,8 +395,10 @@ print(f"standard deviation of the difference: {(expected - earned).std():.2f}")
 assert abs((expected - earned).mean()) < 0.05 * earned.mean()
 
 # %% [markdown]
-# On average the agent earns what it expects, to within 5 %. Single flights differ by much more, since the fading is
-# luck and the network not exact. So no bias of note is left. That double estimation is the reason, this does not
+# On average the agent earns what it expects, to within 5 %. Single flights differ by more, since the network is not
+# exact. (The point far to the left is a flight that pushed against a building again and again and came home with
+# nothing: a greedy policy is deterministic, and where the network is wrong it may stay. Notebook 8 looks at such
+# failures.) So no bias of note is left. That double estimation is the reason, this does not
 # show: it would take an agent trained without.
 #
 # ## 5.6 Soft targets
@@ -448,7 +473,7 @@ def draw_policy(temperature):
     left.set(ylim=(0, 1), ylabel="probability", title=f"one state, β = {temperature:.2g}")
     right.semilogx(betas, taken)
     right.axvline(temperature, color="black", linestyle=":")
-    right.set(xlabel="temperature β", ylim=(0, 1), title="the best action, mean over all states")
+    right.set(xlabel="temperature β", ylabel="probability", ylim=(0, 1), title="the best action, mean over all states")
     return figure
 
 # %%
@@ -479,6 +504,7 @@ from uavdh_lite.recipe import PAPER
 
 observation, network = build(PAPER, agent.city)
 (maps,), time = observation(flights.start[:1])
+print(f"input   {tuple(maps.shape)}, and the flying time")
 for layer in network.convolutions[0]:
     maps = layer(maps)
     print(f"{type(layer).__name__:<8}{tuple(maps.shape)}")
@@ -490,15 +516,15 @@ for layer in network.head:
 print(f"{sum(p.numel() for p in network.parameters()):,} weights in all")
 
 # %% [markdown]
-# Nearly all weights, 94 %, are in the first fully connected layer, which takes the 8464 numbers of the flattened
-# maps and the flying time. The last layer gives the six Q-values.
+# Kernels are 5×5; the two convolutions have 8432 weights. Nearly all weights, 94 %, are in the first fully connected
+# layer, which takes the 8464 numbers of the flattened maps and the flying time. The last layer gives the six Q-values.
 #
 # ## Recap
 #
 # - Q-learning moves Q-values towards $r + \gamma \max Q$ of the next state, whatever policy has flown.
 # - A network carries over to new states, if its inputs make them similar to known ones.
 # - Replay uses steps several times. Combined replay costs nothing and helps when a large memory is out of date.
-# - The maximum of noisy estimates is too high. An independent judge removes the bias, an older copy most of it.
+# - The maximum of noisy estimates is too high. A slow target removes half of the bias, as a judge most of it.
 # - Soft targets are calm and late. The softmax policy explores where gaps are small beside $\beta$.
 #
 # ## Exercises
@@ -519,7 +545,7 @@ for gap in (0.5, 2.0):
 # %% [markdown]
 # **2.** Let the judge's errors have the correlation $\rho$ with the chooser's. What is the bias with six actions, if
 # the maximum alone has 1.267? Predict it, then measure it. (Such a judge is $\rho$ times the chooser, plus errors of
-# its own.)
+# its own of size $\sqrt{1-\rho^2}$, so that its standard deviation is 1 again.)
 
 # %%
 def predicted_bias(rho):

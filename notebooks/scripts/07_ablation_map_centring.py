@@ -51,8 +51,9 @@ figure
 #
 # ## 7.1 The set-up
 #
-# Six training runs: two kinds of map, three seeds each. All else is equal: recipe, number of steps, the
-# training scenarios of a seed, the validation scenarios. One command ran them:
+# Six training runs: two kinds of map, three seeds each. All else is equal: the recipe, the number of steps,
+# the validation missions, and the distribution that training missions are drawn from (the draws themselves
+# part as soon as the policies differ). One command ran them:
 
 # %%
 about = json.loads((STUDY / "about.json").read_text())
@@ -85,9 +86,13 @@ for name, recipe in centring(LITE).items():
 # %% [markdown]
 # ## 7.2 The paper's figure
 #
-# The first figure above is the paper's: the cumulative reward, and the data collected and landed, of the
-# training episodes in bins of 5000 steps; the line is the mean over the seeds, the band holds 99 % of them.
-# With three seeds that band is simply the range from the worst to the best.
+# The first figure above has the form of the paper's: the cumulative reward, and the data collected and
+# landed, of the training episodes in bins of 5000 steps; the line is the mean over the seeds, the band the
+# range of the three. (The reward's axis is cut at −60.)
+#
+# Left, the centred agent first does *worse*. It already flies far and crashes, which costs 150 each time,
+# while the other still stays near its start: the two failures of notebook 6. Right, in data brought home,
+# it is ahead from the beginning. Two measures, two stories.
 #
 # Training episodes still explore. The greedy validations are cleaner:
 
@@ -128,15 +133,16 @@ for quality in (0.8, 0.9, 0.95):
         print(f"{quality:.0%}  {variant:<14}", [steps_to(variant, seed, quality) for seed in range(3)])
 
 # %% [markdown]
-# With the centred map the agent needs about 60 % of the steps. At the end half a point is left between
-# the means, and the seeds overlap: this recipe gets a good agent out of either map. That is *not* what the paper's figure shows, where the
-# non-centred agent stays far behind. The recipes differ in many things; one that should matter here is
+# With the centred map the agent needs 60 to 75 % of the steps (validations are 100,000 steps apart, so this
+# is coarse). Towards the end it is ahead by about a point in most validations; in the last one half a point
+# is left between the means, and the seeds overlap: this recipe gets a good agent out of either map. That is
+# *not* what the paper's figure shows, where the non-centred agent stays far behind. The recipes differ in many things; one that should matter here is
 # that ours starts half of its training episodes anywhere in the city (`exploring_starts`), so that the
 # network sees every place from the beginning. Which of the differences it is, these runs do not say.
 #
 # ## 7.3 Small and live
 #
-# The same ablation in a village of 8×8 cells, one seed, fifteen seconds a run:
+# The same ablation in a village of 8×8 cells, one seed, under half a minute a run:
 
 # %%
 from uavdh_lite.recipe import find_recipe
@@ -162,15 +168,15 @@ ax.legend()
 figure
 
 # %% [markdown]
-# In a run this short the gap is wide at its end, and looks like the paper's. That is what a curve cannot
+# In a run this short the gap is wide at its end, as in the paper's figure. That is what a curve cannot
 # tell when it is cut off: whether one agent is better, or only sooner.
 #
 # ## 7.4 What the evidence shows, and what it does not
 #
 # | question | answered? |
 # | --- | --- |
-# | Does the agent learn faster with the centred map, in this city, with this recipe? | Yes: three seeds, no overlap while they learn |
-# | Is the agent better in the end? | Not shown: half a point between the means of three seeds, which overlap |
+# | Does the agent learn faster with the centred map, in this city, with this recipe? | Yes: up to 800,000 steps no run of one kind crosses one of the other |
+# | Is the agent better in the end? | Open: from 1,600,000 steps on ahead in four validations of five, by about a point; three seeds are too few |
 # | Is the paper's larger gap wrong? | No: it was measured with another recipe and other maps |
 # | Is the recipe fair to both? | Not quite: it was tuned with the centred map |
 # | Is it the centring, or the missing position layer? | Not separated: centring also removes the layer that holds the position |
@@ -182,8 +188,8 @@ figure
 # %% [markdown]
 # ## Recap
 #
-# - Same recipe, same steps, same scenarios, several seeds: then a difference means something.
-# - Here the centred map saves two fifths of the steps; at the end no difference is shown.
+# - Same recipe, same steps, missions drawn alike, several seeds: then a difference means something.
+# - Here the centred map saves a quarter to two fifths of the steps; what is left at the end is small.
 # - A band over three seeds is a range. It is not a confidence interval.
 #
 # ## Exercises
@@ -200,8 +206,8 @@ chance = 2 / comb(6, 3)
 print({variant: np.round(values, 2).tolist() for variant, values in early.items()}, f"{chance:.0%}")
 
 # %% [markdown]
-# So order alone, with three seeds, never gives more than 90 % confidence. What convinces is the size of
-# the gap beside the spread between seeds.
+# So with three seeds a random order as extreme as this has a chance of 10 %: order alone cannot convince.
+# What does is the size of the gap beside the spread between seeds.
 #
 # **2.** Compute that ratio, gap over the larger standard deviation between seeds, after 300,000 steps and
 # at the end. Of which of the two differences are you sure?
@@ -218,8 +224,13 @@ for name, at in (("300,000 steps", 2), ("the end", -1)):
     print(f"{name}: gap {gap_over_spread(at)[0]:.3f}, {gap_over_spread(at)[1]:.1f} standard deviations")
 
 # %% [markdown]
-# **3.** Design the ablation that separates *centring* from *the missing position layer*: which third kind
-# of map would you train? (A centred map with the position as a further input, for example.)
+# Of the first one can be sure. Of the second not: it is of the order of the spread, which itself is known
+# from three runs only.
+#
+# **3.** The non-centred network has a layer more, because without it it could not know where it is. But a
+# single 1 among 961 cells may be hard to read. Design the ablation that separates *centring* from *how the
+# position is given*. (One answer: a third kind, not centred, with the position as two numbers beside the
+# flying time. If it is as fast as the centred map, the frame was not what mattered.)
 #
 # ## Further reading
 #
