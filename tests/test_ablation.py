@@ -133,3 +133,12 @@ def test_unknown_backend_study_and_scheduler(corridor_scenario, quick, tmp_path,
         )
     assert main(["ablation", "--study", "weather"]) == 2
     assert "unknown study 'weather': choose one of centring, deviations" in capsys.readouterr().err
+    assert main(["ablation", "--variants", "centred", "sideways"]) == 2
+    assert "unknown variant 'sideways': choose from centred, non_centred" in capsys.readouterr().err
+
+
+def test_a_part_of_a_study_is_the_same_runs(finished, tmp_path):
+    run(tmp_path, "--variants", "non_centred")
+    assert sorted(path.name for path in tmp_path.glob("*-*")) == ["non_centred-0", "non_centred-1"]
+    ours, theirs = (weights(out / "non_centred-1") for out in (tmp_path, finished[0]))
+    assert all(torch.equal(ours[key], theirs[key]) for key in theirs)

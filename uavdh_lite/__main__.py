@@ -94,6 +94,9 @@ def _parser() -> _Parser:
     ablation.add_argument(
         "--study", default="centring", help="centring or deviations (%(default)s)"
     )
+    ablation.add_argument(
+        "--variants", nargs="+", metavar="NAME", help="run only these of the study (all)"
+    )
     ablation.add_argument("--scenario", default="manhattan", help="a preset's name (%(default)s)")
     ablation.add_argument("--recipe", default="lite", help="paper, lite or small (%(default)s)")
     ablation.add_argument("--seeds", type=_positive, default=3, help="runs a variant (%(default)s)")
@@ -296,9 +299,13 @@ def _ablation(options: argparse.Namespace) -> None:
     scenario = find_scenario(options.scenario)
     recipe = replace(find_recipe(options.recipe), **_given(options, Recipe))
     out = Path(options.out or f"runs/{options.study}-{scenario.name}-{recipe.name}")
+    variants = STUDIES[options.study](recipe)
+    for name in options.variants or ():
+        if name not in variants:
+            raise InputError(f"unknown variant {name!r}: choose from {', '.join(variants)}")
     folders = run_study(
         scenario,
-        STUDIES[options.study](recipe),
+        {name: variants[name] for name in options.variants or variants},
         options.seeds,
         out,
         options.jobs,
