@@ -76,6 +76,7 @@ def execute(script: Path) -> None:
         kernel_name="python3",
         record_timing=False,
         store_widget_state=False,
+        coalesce_streams=True,  # what one cell prints is one output
         resources={"metadata": {"path": str(HERE)}},
     ).execute()
     notebook.metadata.pop("widgets", None)
