@@ -109,7 +109,7 @@ def size(picture):
 
 
 def click_cell(picture, row, col, cells=16):
-    """Click a cell on a map of the mission lab; its axes' place is that of `labs.mission.Map`."""
+    """Click a cell on a map of the mission lab; its axes' place is that of `labs.views.Map`."""
     width, height = size(picture)
     side = min(0.93 * width, 0.88 * height)
     left = 0.06 * width + (0.93 * width - side) / 2

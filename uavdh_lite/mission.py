@@ -18,6 +18,12 @@ from uavdh_lite.scenario import Scenario, place
 Cell = tuple[int, int]
 
 
+@cache
+def environment_of(city: str) -> Environment:
+    """The environment of a shipped city, made once."""
+    return Environment(City.load(city))
+
+
 @dataclass(frozen=True, eq=False)
 class Mission:
     """One episode: start, devices and their data, flying time, and the seed of the fading.

@@ -137,8 +137,7 @@ city
 # searching. By searching:
 
 # %%
-from uavdh_lite.labs.mission import environment_of
-from uavdh_lite.mission import Mission, pilots
+from uavdh_lite.mission import Mission, environment_of, pilots
 from uavdh_lite.scenario import find_scenario
 
 environment, scenario = environment_of("manhattan"), find_scenario("manhattan")

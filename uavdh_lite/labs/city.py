@@ -12,8 +12,8 @@ from uavdh_lite.draft import BRUSHES, UPLOAD_BYTES, Draft
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import CityError, InputError
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.mission import Map
 from uavdh_lite.labs.picker import CellPicker
+from uavdh_lite.labs.views import Map
 from uavdh_lite.mission import Mission, pilots
 from uavdh_lite.plotting import draw_city
 from uavdh_lite.scenario import Scenario

@@ -6,8 +6,8 @@ import ipywidgets
 
 from uavdh_lite.city import shipped_cities
 from uavdh_lite.environment import ACTIONS
-from uavdh_lite.labs.mission import Map, environment_of
-from uavdh_lite.mission import HandFlight, Mission, pilots
+from uavdh_lite.labs.views import Map
+from uavdh_lite.mission import HandFlight, Mission, environment_of, pilots
 from uavdh_lite.scenario import SCENARIOS
 
 KEYS = {

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from uavdh_lite.errors import InputError
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.mission import Map
+from uavdh_lite.labs.views import Map
 from uavdh_lite.mission import Mission
 from uavdh_lite.recipe import Recipe, find_recipe
 from uavdh_lite.scenario import find_scenario

@@ -1,0 +1,118 @@
+"""What the labs draw: the map of a flight, and charts of what happens along it."""
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from uavdh_lite.environment import Environment, Rewards
+from uavdh_lite.evaluation import Flights, Policy
+from uavdh_lite.labs.canvas import Canvas
+from uavdh_lite.mission import Mission
+from uavdh_lite.plotting import device_colour, draw_city, draw_flight, shadow_sum
+
+# Terms of the reward; colours that are no device's
+TERMS = {"data": "#332288", "movement": "#BBBBBB", "safety": "#DDCC77", "crash": "#882255"}
+
+
+class Map:
+    """The map of one policy's flight; the city is drawn once, the flight at every step."""
+
+    def __init__(self):
+        figure = Figure(figsize=(4.0, 4.2), dpi=100)
+        self.ax = figure.add_axes((0.06, 0.06, 0.93, 0.88))
+        self.canvas = Canvas(figure)
+        self._drawn = None
+
+    def set_city(self, environment: Environment, mission: Mission, title: str) -> None:
+        """Draw the city with the shadows of the mission's devices, unless it is drawn already."""
+        drawn = environment.city.fingerprint, mission.devices, title
+        if drawn == self._drawn:
+            return
+        self._drawn = drawn
+        self.ax.clear()
+        self.city = environment.city
+        cells = np.array([row * self.city.size + col for row, col in mission.devices])
+        draw_city(self.ax, self.city, shadow_sum(environment, cells))
+        self.ax.set(xlabel="", ylabel="", title=title)
+        self.canvas.draw_all()
+
+    def show(self, flights: Flights, step: int | None = None) -> None:
+        """Draw the flight, or so many steps of it."""
+        artists = draw_flight(self.ax, self.city, flights.trajectory(0), step)
+        self.canvas.draw([(self.ax, artist) for artist in artists])
+        for artist in artists:
+            artist.remove()
+
+
+class Charts:
+    """What happens along one flight: data left, who is served in each slot, the reward's terms.
+
+    The axes are drawn anew only when a flight does not fit them.
+    """
+
+    def __init__(self):
+        figure = Figure(figsize=(4.0, 4.2), dpi=100)
+        self.axes = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 3))
+        figure.subplots_adjust(0.14, 0.1, 0.98, 0.98, hspace=0.1)
+        figure.align_ylabels()
+        self.canvas = Canvas(figure)
+        for ax, name in zip(self.axes, ("data left", "device served", "reward"), strict=True):
+            ax.set_ylabel(name)
+        reward = self.axes[-1]
+        reward.set_xlabel("step")
+        terms = [Patch(color=colour, label=name) for name, colour in TERMS.items()]
+        reward.legend(handles=terms, fontsize="x-small", ncols=4, loc="upper right")
+        self.cursors = [ax.axvline(0, color="black", lw=0.8, animated=True) for ax in self.axes]
+        self._artists, self._limits = [], None
+
+    def set_flight(self, flights: Flights, policy: Policy) -> None:
+        """Draw the whole flight; `show` marks a step in it."""
+        trajectory = flights.trajectory(0)
+        devices = np.flatnonzero(trajectory.start.data_initial[0] > 0)
+        outcomes = [outcome for _, _, outcome, _ in flights.history[: flights.steps[0]]]
+        terms = [{k: v[0] for k, v in Rewards().terms(outcome).items()} for outcome in outcomes]
+        for artist in self._artists:
+            artist.remove()
+        left, slots, reward = self.axes
+        limits = (
+            _ceil(len(terms), 10),
+            _ceil(trajectory.data_left[0].max(), 5),
+            devices.max(),
+            _ceil(max(term["data"] for term in terms) + 0.1, 3),
+        )
+        if limits != self._limits:
+            self._limits = limits
+            left.set(xlim=(0, limits[0]), ylim=(0, 1.05 * limits[1]))
+            slots.set(yticks=range(limits[2] + 1), ylim=(limits[2] + 0.5, -0.5))
+            reward.set(ylim=(-2, 1.3 * limits[3]))
+            self.canvas.draw_all()
+        self._artists = [
+            *(
+                left.plot(trajectory.data_left[:, k], color=device_colour(k), animated=True)[0]
+                for k in devices
+            ),
+            self._draw_slots(slots, trajectory.served),
+            *(
+                reward.stairs(values, fill=True, color=TERMS[name], animated=True)
+                for name in TERMS
+                if any(values := [term[name] for term in terms])
+            ),
+        ]
+
+    def _draw_slots(self, ax, served: np.ndarray):
+        step, slot = np.nonzero(served >= 0)
+        device = served[step, slot]
+        colours = [device_colour(each) for each in device]
+        when = step + (slot + 0.5) / served.shape[1]
+        return ax.scatter(when, device, c=colours, s=5, marker="s", animated=True)
+
+    def show(self, step: int) -> None:
+        """Mark a step."""
+        for cursor in self.cursors:
+            cursor.set_xdata([step, step])
+        self.canvas.draw([(artist.axes, artist) for artist in (*self._artists, *self.cursors)])
+
+
+def _ceil(value: float, step: int) -> int:
+    """The least multiple of `step` that is not below the value."""
+    return int(np.ceil(value / step) * step)
