@@ -260,7 +260,7 @@ def test_a_training_runs_pauses_and_goes_on(page):
     shoot(page, "training")
     lab.get_by_role("button", name="pause").click()
     expect(status).to_contain_text("paused")
-    lab.get_by_role("button", name="start anew").click()
+    lab.get_by_role("button", name="new run").click()
     expect(lab.get_by_label("temperature")).to_be_enabled()
     assert fits(page)
 

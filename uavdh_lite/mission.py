@@ -171,7 +171,8 @@ def pilots(environment: Environment) -> dict[str, Callable[[int], Policy]]:
     greedy = Greedy(environment)
     makers["greedy"] = lambda seed: greedy
     makers["genie"] = lambda seed: Genie(environment)
-    makers["random"] = lambda seed: Random(np.random.default_rng(seed))
+    # A stream of its own: the fading is drawn from the seed alone
+    makers["random"] = lambda seed: Random(np.random.default_rng([seed, 1]))
     return makers
 
 

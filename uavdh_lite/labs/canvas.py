@@ -50,12 +50,28 @@ class Canvas:
         """Call `handler(ax, x, y)`, in data coordinates, for every click inside an Axes."""
         return self._watch(["click"], lambda event: self._locate(event, handler))
 
-    def on_drag(self, handler: Callable[[Axes, float, float], None]) -> Event:
-        """As `on_click`, and also for every place that the mouse is drawn over, button down."""
+    def on_drag(self, handler: Callable[[Axes, list[tuple[float, float]]], None]) -> Event:
+        """Call `handler(ax, points)` for what the mouse is drawn over, button down.
+
+        Points are (x, y) in data coordinates, at most half a unit apart from the last event's on:
+        browsers report a fast mouse only now and then.
+        """
+        last = None
+
+        def located(ax, x, y):
+            nonlocal last
+            start = (x, y) if last is None else last
+            steps = int(2 * max(abs(x - start[0]), abs(y - start[1]))) + 2
+            last = x, y
+            handler(ax, np.linspace(start, (x, y), steps).tolist())
 
         def drawn(event):
-            if event.get("type") != "mousemove" or event.get("buttons") == 1:
-                self._locate(event, handler)
+            nonlocal last
+            if event.get("type") != "mousemove":
+                last = None
+            elif event.get("buttons") != 1:
+                return
+            self._locate(event, located)
 
         return self._watch(["mousedown", "mousemove"], drawn)
 

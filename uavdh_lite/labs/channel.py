@@ -69,6 +69,7 @@ class ChannelLab(ipywidgets.VBox):
         self.environment = environment_of(self.city.value)
         city = self.environment.city
         middle = len(city.device_cells) // 2
+        self.picker.row.max = self.picker.column.max = city.size - 1
         self.device = divmod(int(city.device_cells[middle]), city.size)
         self.uav = divmod(int(city.landing_cells[0]), city.size)
         self.map.clear()
@@ -79,8 +80,8 @@ class ChannelLab(ipywidgets.VBox):
         self.map.set_title("data units a slot, hovering", fontsize="medium")
         self.curve.clear()
         self.curve.set(xlabel="distance on the ground, m", ylabel="data units a slot")
-        self.curve.set(xlim=(0, 10 * city.size * 1.4), ylim=(0, 6))
-        self.canvas.draw_all()
+        self.curve.set(xlim=(0, 10 * city.size * 1.4))
+        self.most = 0
         self._show()
 
     def _clicked(self, ax, x: float, y: float) -> None:
@@ -103,13 +104,24 @@ class ChannelLab(ipywidgets.VBox):
         channel, city = self.channel, self.environment.city
         found = link(city, channel, self.device, self.uav)
         rates = rate_map(city, channel, self.environment.line_of_sight, self.device)
+        most = rates[~city.no_fly].max()
         self.rates.set_data(np.where(city.no_fly, np.nan, rates))
-        self.rates.set_clim(0, max(rates.max(), 1e-6))
+        self.rates.set_clim(0, max(most, 1e-6))
         artists = [self.rates, *self._draw_ray(found), *self._draw_curves(channel, found)]
+        top = max(line.get_ydata().max() for line in self.curve.lines)
+        if not top <= self.most <= 2 * top + 1:  # the curves have left the axes, or shrunk in them
+            self.most = np.ceil(1.2 * top)
+            self.curve.set_ylim(0, self.most)
+            self.map.set_title("data units a slot, hovering", fontsize="medium")
+            for artist in artists:
+                artist.set_animated(True)
+            self.canvas.draw_all()
         self.canvas.draw([(artist.axes, artist) for artist in artists])
         for artist in artists[1:]:
             artist.remove()
-        self.numbers.value = self._sentence(found)
+        self.numbers.value = (
+            f"{self._sentence(found)}; in the brightest cell {most:.3g}. {self._warning()}"
+        )
 
     def _draw_ray(self, found) -> list:
         colour = CLEAR if found.line_of_sight else BLOCKED
@@ -141,12 +153,23 @@ class ChannelLab(ipywidgets.VBox):
         artists += self.curve.plot(found.ground_m, found.rate, "o", color="black", ms=8)
         return artists
 
+    def _warning(self) -> str:
+        """What no mission would allow, but the formulas do."""
+        city = self.environment.city
+        wrong = [
+            text
+            for text, cell, forbidden in (
+                ("devices do not stand on buildings", self.device, city.buildings),
+                ("the UAV may not fly here", self.uav, city.no_fly),
+            )
+            if forbidden[cell]
+        ]
+        return f"(In a mission: {', '.join(wrong)}.)" if wrong else ""
+
     def _sentence(self, found) -> str:
-        sight = (
-            "line of sight"
-            if found.line_of_sight
-            else (f"no line of sight: {len(found.blocked_by)} cells with buildings in between")
-        )
+        count = len(found.blocked_by)
+        cells = "a building in 1 cell" if count == 1 else f"buildings in {count} cells"
+        sight = "line of sight" if found.line_of_sight else f"no line of sight: {cells}"
         return (
             f"{found.distance_m:.1f} m through the air, {sight}; SNR {found.snr_db:.1f} dB "
             f"(± {found.fading_db:.1f} dB fading); {found.rate:.3g} data units a slot"

@@ -18,6 +18,7 @@ from uavdh_lite.mission import Mission, pilots
 from uavdh_lite.plotting import draw_city
 from uavdh_lite.scenario import Scenario
 
+LARGEST = 50  # cells a side; planners take minutes in larger cities
 COMMAND = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
 
 
@@ -32,8 +33,12 @@ class CityLab(ipywidgets.VBox):
     """
 
     def __init__(self, city: str = "village"):
-        self.base = ipywidgets.Dropdown(options=shipped_cities(), value=city, description="from")
-        self.size = ipywidgets.BoundedIntText(value=12, min=4, max=40, description="size")
+        self.base = ipywidgets.Dropdown(
+            options=[("", None), *((name, name) for name in shipped_cities())], description="from"
+        )
+        self.size = ipywidgets.BoundedIntText(
+            value=12, min=4, max=LARGEST, description="blank size"
+        )
         self.blank = ipywidgets.Button(description="blank city", icon="square-o")
         self.upload = ipywidgets.FileUpload(
             accept=".png",
@@ -47,7 +52,8 @@ class CityLab(ipywidgets.VBox):
         self.pilot = ipywidgets.Dropdown(options=["greedy", "genie"], description="planner")
         self.fly = ipywidgets.Button(description="fly", icon="plane", tooltip="a random mission")
         self.picker = CellPicker(self.paint)
-        self.message, self.take_home = ipywidgets.HTML(), ipywidgets.HTML()
+        self.message = ipywidgets.HTML(layout={"min_height": "28px"})
+        self.result, self.take_home = ipywidgets.HTML(), ipywidgets.HTML()
         figure = Figure(figsize=(4.6, 4.6), dpi=100)
         self.ax = figure.add_axes((0.07, 0.05, 0.92, 0.93))
         self.canvas, self.map = Canvas(figure), Map()
@@ -59,25 +65,34 @@ class CityLab(ipywidgets.VBox):
                 self.picker,
                 self.message,
                 self.views,
-                ipywidgets.HBox([self.pilot, self.fly]),
+                ipywidgets.HBox([self.pilot, self.fly, self.result]),
                 self.take_home,
             ]
         )
-        self.base.observe(lambda change: self._take(City.load(change.new).kinds), "value")
+        self.base.observe(lambda change: self._load(change.new), "value")
         self.blank.on_click(lambda _: self._take(Draft.blank(self.size.value).kinds))
         self.upload.observe(lambda change: self._read(change.new), "value")
         self.fly.on_click(lambda _: self._fly())
-        self.clicks = self.canvas.on_drag(lambda ax, x, y: self.paint((round(y), round(x))))
+        self.clicks = self.canvas.on_drag(
+            lambda ax, points: self.paint(*((round(y), round(x)) for x, y in points))
+        )
         self._missions = 0
-        self._take(City.load(city).kinds)
+        self.base.value = city
 
-    def paint(self, cell: tuple[int, int]) -> None:
-        """One stroke of the brush on a cell."""
-        if self.draft.paint(cell, self.brush.value):
+    def paint(self, *cells: tuple[int, int]) -> None:
+        """One stroke of the brush on these cells."""
+        if any([self.draft.paint(cell, self.brush.value) for cell in cells]):
+            self.base.value = None  # so that the city can be chosen again
             self._show()
 
-    def _take(self, kinds: np.ndarray) -> None:
+    def _load(self, name: str | None) -> None:
+        if name is not None:
+            self._take(City.load(name).kinds, name)
+
+    def _take(self, kinds: np.ndarray, name: str | None = None) -> None:
         self.draft = Draft(kinds)
+        self.base.value = name
+        self.picker.row.max = self.picker.column.max = self.draft.size - 1
         self._show()
 
     def _read(self, files) -> None:
@@ -85,29 +100,37 @@ class CityLab(ipywidgets.VBox):
         if not files:
             return
         try:
-            self._take(Draft.from_png(bytes(files[0]["content"])).kinds)
+            kinds = Draft.from_png(bytes(files[0]["content"])).kinds
+            if len(kinds) > LARGEST:
+                raise CityError(f"{len(kinds)} cells a side: this editor takes {LARGEST}")
+            self._take(kinds)
         except CityError as error:
-            self._say(str(error))
+            name = html.escape(str(files[0]["name"]))
+            self._say(str(error).replace("upload.png", name))
+        self.upload.value = ()  # so that the same file can be uploaded again
 
     def _show(self) -> None:
         self.ax.clear()
         draw_city(self.ax, self.draft).set(xlabel="", ylabel="")
         self.canvas.draw_all()
         self.canvas.draw()
-        self.views.children = [self.canvas.picture]
+        self.views.children, self.result.value = [self.canvas.picture], ""
+        link = base64.b64encode(self.draft.png()).decode()
+        save = (
+            '<a style="color:#0645AD;text-decoration:underline" download="my_city.png" '
+            f'href="data:image/png;base64,{link}">save as PNG</a>'
+        )
         try:
             city = self.draft.city()
         except CityError as error:
             self._say(str(error))
-            self.fly.disabled, self.take_home.value = True, ""
+            self.fly.disabled, self.take_home.value = True, save
             return
         self._say("")
         self.fly.disabled = False
-        link = base64.b64encode(self.draft.png()).decode()
         most = min(3, len(city.device_cells))
         self.take_home.value = (
-            f'<a download="my_city.png" href="data:image/png;base64,{link}">save as PNG</a>; '
-            "the shipped agents know only their own cities. To train one for this: "
+            f"{save}; the shipped agents know only their own cities. To train one for this: "
             f"<code>{html.escape(COMMAND.format(devices=f'1 {most}'))}</code>"
         )
 
@@ -120,11 +143,18 @@ class CityLab(ipywidgets.VBox):
             scenario = Scenario("my_city", devices=(1, most), flying_time=time)
             environment = Environment(city)
             mission = Mission.draw(scenario, city, self._missions)
+            self.result.value = f"{self.pilot.value} is planning …"
             flights = mission.fly(environment, pilots(environment)[self.pilot.value](0))
         except InputError as error:
             self._say(str(error))
             return
         self._missions += 1
+        end, start = flights.end, flights.start
+        self.result.value = (
+            f"{'landed' if end.landed[0] else 'crashed'} after {flights.steps[0]} of "
+            f"{start.time_left[0]} units of time, {end.data_collected.sum():.1f} of "
+            f"{start.data_initial.sum():.1f} data units collected"
+        )
         self.map.set_city(environment, mission, self.pilot.value)
         self.map.show(flights)
         self.views.children = [self.canvas.picture, self.map.canvas.picture]

@@ -6,7 +6,8 @@ import ipywidgets
 
 from uavdh_lite.city import shipped_cities
 from uavdh_lite.environment import ACTIONS
-from uavdh_lite.labs.views import Map
+from uavdh_lite.evaluation import Flights
+from uavdh_lite.labs.views import Map, legend
 from uavdh_lite.mission import HandFlight, Mission, environment_of, pilots
 from uavdh_lite.scenario import SCENARIOS
 
@@ -41,7 +42,10 @@ class FlyLab(ipywidgets.VBox):
         ]
         self.message, self.score = ipywidgets.HTML(), ipywidgets.HTML()
         self.map = Map()
-        hint = "With the mouse over the map: arrow keys, space to hover, Enter to land."
+        hint = (
+            "With the mouse over the map, which then takes all keys: arrow keys, space to hover, "
+            "Enter to land."
+        )
         super().__init__(
             [
                 ipywidgets.HBox([self.city, self.seed, self.again]),
@@ -50,6 +54,7 @@ class FlyLab(ipywidgets.VBox):
                 self.message,
                 self.map.canvas.picture,
                 self.score,
+                legend(),
             ]
         )
         for number, button in enumerate(self.buttons):
@@ -81,7 +86,7 @@ class FlyLab(ipywidgets.VBox):
         refused = f"{ACTIONS[action]} was refused: the UAV hovered instead, at a price of 1"
         self._show(refused if outcome.intervened[0] else "")
         if self.flight.ended:
-            self.score.value = self._table()
+            self._fly_others()
 
     def _show(self, message: str) -> None:
         state = self.flight.state
@@ -96,17 +101,20 @@ class FlyLab(ipywidgets.VBox):
         text = html.escape(f"{now}; data left: {left}")
         self.message.value = f'<span role="status">{text}<br><b>{html.escape(message)}</b></span>'
 
-    def _table(self) -> str:
-        """Your result and, on the same mission with the same fading, the others'."""
-        mission = self.flight.mission
-        results = {"you": self.flight.flights()}
+    def _fly_others(self) -> None:
+        """Show your result, then one by one the others' of the same mission and fading."""
+        mission, results = self.flight.mission, {"you": self.flight.flights()}
         for name, maker in pilots(self.environment).items():
+            self.score.value = self._table(results) + f"<p>{html.escape(name)} is flying …</p>"
             results[name] = mission.fly(self.environment, maker(mission.seed))
+        self.score.value = self._table(results)
+
+    def _table(self, results: dict[str, Flights]) -> str:
         rows = [("", "landed", "collected", "steps", "return")]
         rows += [
             (
                 name,
-                "yes" if flights.end.landed[0] else "no",
+                "yes" if flights.end.landed[0] else "crashed",
                 f"{flights.end.collection_ratio[0]:.0%}",
                 str(flights.steps[0]),
                 f"{flights.cumulative_reward[0]:.2f}",

@@ -32,7 +32,8 @@ LABS = {
     ),
     "Training": (
         TrainingLab,
-        "A small agent learns a small city in half a minute. Turn a knob, start anew, compare.",
+        "A small agent learns a small city in half a minute. Turn a knob, begin a new run, and "
+        "compare with the dotted curves of the last.",
     ),
     "City": (
         CityLab,

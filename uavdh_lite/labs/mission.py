@@ -9,11 +9,13 @@ import ipywidgets
 from uavdh_lite.city import shipped_cities
 from uavdh_lite.errors import InputError
 from uavdh_lite.labs.picker import CellPicker
-from uavdh_lite.labs.views import Charts, Map
+from uavdh_lite.labs.views import Charts, Map, legend
 from uavdh_lite.mission import Mission, environment_of, pilots
+from uavdh_lite.plotting import device_colour
 from uavdh_lite.scenario import SCENARIOS
 
 NONE = "none"
+WRAP = {"flex_flow": "row wrap"}  # what does not fit beside goes below
 WIDE = {"description_width": "85px"}  # room for the labels of controls
 
 
@@ -31,7 +33,7 @@ class MissionLab(ipywidgets.VBox):
         self._build()
         self.city.value = city
         self._set_city()
-        super().__init__([self._controls(), self.message, self.views, self.numbers])
+        super().__init__([self._controls(), self.message, self.views, self.numbers, legend()])
         self._listen()
 
     def _build(self) -> None:
@@ -51,7 +53,9 @@ class MissionLab(ipywidgets.VBox):
             style={"button_width": "70px", "description_width": "80px"},
         )
         self.picker = CellPicker(self.clicked)
-        self.time = ipywidgets.IntSlider(description="flying time", min=1, max=70, style=WIDE)
+        self.time = ipywidgets.IntSlider(
+            description="flying time", min=1, max=70, style=WIDE, continuous_update=False
+        )
         self.seed = ipywidgets.BoundedIntText(
             description="fading seed", min=0, max=10**6, style=WIDE
         )
@@ -60,8 +64,13 @@ class MissionLab(ipywidgets.VBox):
         self.step = ipywidgets.IntSlider(description="step", style=WIDE)
         self.data: list[ipywidgets.FloatSlider] = []
         self.sliders = ipywidgets.VBox()
-        self.message, self.numbers = ipywidgets.HTML(), ipywidgets.HTML()
-        self.maps, self.charts, self.views = [Map(), Map()], self._side(), ipywidgets.HBox()
+        self.message = ipywidgets.HTML(layout={"min_height": "28px"})
+        self.numbers = ipywidgets.HTML()
+        self.maps, self.charts, self.views = (
+            [Map(), Map()],
+            self._side(),
+            ipywidgets.HBox(layout=WRAP),
+        )
 
     def _side(self):
         """What stands beside the maps: `set_flight` for a new flight, `show` for a step of it."""
@@ -75,12 +84,14 @@ class MissionLab(ipywidgets.VBox):
                 box([self.city, self.pilot, self.other, self.draw]),
                 box([self.click, self.picker, self.time, self.seed, flight]),
                 self.sliders,
-            ]
+            ],
+            layout=WRAP,
         )
 
     def _listen(self) -> None:
         ipywidgets.jslink((self.play, "value"), (self.step, "value"))
         self.city.observe(lambda _: self._set_city(), "value")
+        self.click.observe(lambda _: self._pick(None), "value")
         self.draw.on_click(lambda _: self._random())
         for control in (self.pilot, self.other):
             control.observe(lambda _: self._fly(), "value")
@@ -134,6 +145,10 @@ class MissionLab(ipywidgets.VBox):
             picked, self._picked = self._picked, None
             self._attempt(lambda: self.mission.move(picked, cell))
 
+    def _pick(self, device: int | None) -> None:
+        """Remember the device that a second click will move."""
+        self._picked = device
+
     def _attempt(self, change) -> None:
         """Make a change, or say why it cannot be."""
         if self._silent:
@@ -157,9 +172,11 @@ class MissionLab(ipywidgets.VBox):
         most = self.scenario.data[1]
         while len(self.data) < len(self.mission.devices):
             number = len(self.data)
+            square = f'<span style="color:{device_colour(number)}">■</span>'
             slider = ipywidgets.FloatSlider(
-                min=0.5, step=0.5, description=f"data of {number}", continuous_update=False
+                min=0.5, step=0.5, description=f"{square} data of {number}", continuous_update=False
             )
+            slider.description_allow_html = True
             slider.observe(lambda change, k=number: self._change_data(k, change.new), "value")
             self.data.append(slider)
         shown = self.data[: len(self.mission.devices)]
@@ -176,17 +193,19 @@ class MissionLab(ipywidgets.VBox):
         """Fly the mission with the chosen policies and show it from its end."""
         if self._silent:
             return
-        self._say("")
+        self.play.playing = False
         names = [self.pilot.value] + [self.other.value] * (self.other.value != NONE)
+        self._say(f"{' and '.join(names)}: planning …" if "genie" in names else "")
         self.flights = {}
         policies = {name: self.makers[name](self.mission.seed) for name in names}
         for place, (name, policy) in zip(self.maps, policies.items(), strict=False):
             self.flights[name] = self.mission.fly(self.environment, policy)
             place.set_city(self.environment, self.mission, name)
-        self.charts.set_flight(self.flights[names[0]], policies[names[0]])
+        last = max(int(flights.steps[0]) for flights in self.flights.values())
+        self.charts.set_flight(names[0], self.flights[names[0]], policies[names[0]], last)
+        self._say("the same policy twice flies the same way" if len(names) > len(policies) else "")
         shown = [place.canvas.picture for place in self.maps[: len(self.flights)]]
         self.views.children = [*shown, self.charts.canvas.picture]
-        last = max(int(flights.steps[0]) for flights in self.flights.values())
         with self._quiet():
             self.step.max = self.play.max = last
             self.step.value = self.play.value = last
@@ -203,7 +222,7 @@ class MissionLab(ipywidgets.VBox):
 
     def _table(self) -> str:
         """The numbers of the paper's caption, at the step and at the end."""
-        head = ("policy", "time left", "data collected", "landed", "flying time used", "return")
+        head = ("policy", "time left", "data collected", "at the end", "time used", "return")
         rows = [head]
         for name, flights in self.flights.items():
             trajectory = flights.trajectory(0)
@@ -215,7 +234,7 @@ class MissionLab(ipywidgets.VBox):
                     name,
                     f"{trajectory.time_left[step]} of {trajectory.time_left[0]}",
                     f"{collected:.1f} of {total:.1f}",
-                    "yes" if trajectory.landed else "no",
+                    "landed" if trajectory.landed else "crashed",
                     f"{len(trajectory.action)} of {trajectory.time_left[0]}",
                     f"{flights.cumulative_reward[0]:.2f}",
                 )

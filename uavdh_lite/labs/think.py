@@ -14,6 +14,7 @@ from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.labs.mission import WIDE, MissionLab
 from uavdh_lite.observation import LAYERS
 
+NO_AGENT = "Choose an agent as the policy; they come with manhattan and open_field."
 CHOSEN, OTHER = "#0072B2", "#BBBBBB"
 
 
@@ -31,13 +32,14 @@ class Thoughts:
         self.temperature = 0.1
         self.agent: Agent | None = None
 
-    def set_flight(self, flights: Flights, policy: Policy) -> None:
+    def set_flight(self, name: str, flights: Flights, policy: Policy, last: int) -> None:
         """Compute the Q-values of the whole flight and draw all that stays."""
         self.agent = policy if isinstance(policy, Agent) else None
         for ax in self.canvas.figure.axes:
             ax.clear()
+            ax.axis("on" if self.agent else "off")
         if self.agent is None:
-            self.bars.set_title("this policy has no Q-values: choose an agent", loc="left")
+            self.bars.text(0, 0.5, f"{name} has no Q-values. {NO_AGENT}")
             self.canvas.draw_all()
             return
         self.states = [state for state, *_ in flights.history[: flights.steps[0]]]

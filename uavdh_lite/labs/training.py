@@ -50,7 +50,12 @@ class TrainingLab(ipywidgets.VBox):
         self.seed = ipywidgets.BoundedIntText(description="seed", min=0, max=10**6, style=wide)
         self.start = ipywidgets.Button(description="start", icon="play", button_style="primary")
         self.pause = ipywidgets.Button(description="pause", icon="pause", disabled=True)
-        self.anew = ipywidgets.Button(description="start anew", icon="undo", disabled=True)
+        self.anew = ipywidgets.Button(
+            description="new run",
+            icon="undo",
+            disabled=True,
+            tooltip="forget this run, keep its curve",
+        )
         self.progress = ipywidgets.IntProgress(min=0, max=self.recipe.steps, description="steps")
         self.status = ipywidgets.HTML()
         figure = Figure(figsize=(5.2, 4.2), dpi=100)
@@ -74,6 +79,7 @@ class TrainingLab(ipywidgets.VBox):
         self.pause.on_click(lambda _: self.stop())
         self.anew.on_click(lambda _: self.reset())
         self.trainer: Trainer | None = None
+        self.previous: list[dict] = []  # the validations of the run before
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
         self.reset()
@@ -88,6 +94,7 @@ class TrainingLab(ipywidgets.VBox):
             self._say(str(error), error=True)
             return
         self._stop.clear()
+        self._say("starting …")
         self._set_running(True)
         self._thread = threading.Thread(target=self._train, daemon=True)
         self._thread.start()
@@ -101,6 +108,8 @@ class TrainingLab(ipywidgets.VBox):
     def reset(self) -> None:
         """Forget the run, so that the knobs can be turned."""
         self.stop()
+        if self.trainer is not None:
+            self.previous = self.trainer.validation_rows
         self.trainer, self.progress.value = None, 0
         self.views.children = [self.curves.picture]
         self._draw_curves()
@@ -131,7 +140,7 @@ class TrainingLab(ipywidgets.VBox):
                     looked = time.perf_counter()
                     self.progress.value = trainer.steps
             self.progress.value = min(trainer.steps, trainer.recipe.steps)
-            self._say("finished" if trainer.finished else "paused: start goes on")
+            self._say(f"{'finished' if trainer.finished else 'paused'}: {self._result()}")
         except Exception as error:  # whatever it is, the reader must see it
             self._say(f"{type(error).__name__}: {error}", error=True)
         finally:
@@ -152,8 +161,12 @@ class TrainingLab(ipywidgets.VBox):
         self.map.set_city(trainer.environment, self.mission, "the agent now, one mission")
         self.map.show(flights)
         self.views.children = [self.curves.picture, self.map.canvas.picture]
-        row = trainer.validation_rows[-1]
-        self._say(
+        self._say(self._result())
+
+    def _result(self) -> str:
+        """How far the run is, and its last validation."""
+        trainer, row = self.trainer, self.trainer.validation_rows[-1]
+        return (
             f"after {trainer.steps:,} steps, {trainer.updates:,} updates, {trainer.seconds:.0f} s: "
             f"landed {row['has_landed']:.0%}, "
             f"collected and landed {row['collection_ratio_and_landed']:.0%}"
@@ -165,6 +178,9 @@ class TrainingLab(ipywidgets.VBox):
         for metric, (label, colour) in CURVES.items():
             steps = [row["steps"] for row in rows]
             self.ax.plot(steps, [row[metric] for row in rows], "o-", color=colour, label=label)
+            before = [(row["steps"], row[metric]) for row in self.previous]
+            if before:
+                self.ax.plot(*zip(*before, strict=True), ":", color=colour, alpha=0.6)
         self.ax.set(xlim=(0, self.recipe.steps), ylim=(-0.03, 1.03), xlabel="environment steps")
         self.ax.legend(loc="lower right", fontsize="small")
         self.curves.draw_all()

@@ -1,17 +1,28 @@
 """What the labs draw: the map of a flight, and charts of what happens along it."""
 
+import ipywidgets
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from uavdh_lite.environment import Environment, Rewards
 from uavdh_lite.evaluation import Flights, Policy
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.mission import Mission
-from uavdh_lite.plotting import device_colour, draw_city, draw_flight, shadow_sum
+from uavdh_lite.plotting import add_legend, device_colour, draw_city, draw_flight, shadow_sum
 
 # Terms of the reward; colours that are no device's
 TERMS = {"data": "#332288", "movement": "#BBBBBB", "safety": "#DDCC77", "crash": "#882255"}
+
+
+def legend() -> ipywidgets.Image:
+    """A picture of what the signs on the maps mean; devices have colours of their own."""
+    figure = Figure(figsize=(9.5, 1.1), dpi=100)
+    add_legend(figure, 0)
+    canvas = Canvas(figure)
+    canvas.draw()
+    return canvas.picture
 
 
 class Map:
@@ -53,20 +64,22 @@ class Charts:
     def __init__(self):
         figure = Figure(figsize=(4.0, 4.2), dpi=100)
         self.axes = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 3))
-        figure.subplots_adjust(0.14, 0.1, 0.98, 0.98, hspace=0.1)
+        figure.subplots_adjust(0.14, 0.1, 0.96, 0.94, hspace=0.1)
+        self.title = figure.suptitle("", fontsize="medium")
         figure.align_ylabels()
         self.canvas = Canvas(figure)
         for ax, name in zip(self.axes, ("data left", "device served", "reward"), strict=True):
             ax.set_ylabel(name)
         reward = self.axes[-1]
         reward.set_xlabel("step")
+        reward.xaxis.set_major_locator(MaxNLocator(integer=True))
         terms = [Patch(color=colour, label=name) for name, colour in TERMS.items()]
         reward.legend(handles=terms, fontsize="x-small", ncols=4, loc="upper right")
         self.cursors = [ax.axvline(0, color="black", lw=0.8, animated=True) for ax in self.axes]
         self._artists, self._limits = [], None
 
-    def set_flight(self, flights: Flights, policy: Policy) -> None:
-        """Draw the whole flight; `show` marks a step in it."""
+    def set_flight(self, name: str, flights: Flights, policy: Policy, last: int) -> None:
+        """Draw a policy's whole flight; `show` marks a step in it, of `last` at most."""
         trajectory = flights.trajectory(0)
         devices = np.flatnonzero(trajectory.start.data_initial[0] > 0)
         outcomes = [outcome for _, _, outcome, _ in flights.history[: flights.steps[0]]]
@@ -75,16 +88,18 @@ class Charts:
             artist.remove()
         left, slots, reward = self.axes
         limits = (
-            _ceil(len(terms), 10),
+            name,
+            _ceil(last, 10),
             _ceil(trajectory.data_left[0].max(), 5),
             devices.max(),
             _ceil(max(term["data"] for term in terms) + 0.1, 3),
         )
         if limits != self._limits:
             self._limits = limits
-            left.set(xlim=(0, limits[0]), ylim=(0, 1.05 * limits[1]))
-            slots.set(yticks=range(limits[2] + 1), ylim=(limits[2] + 0.5, -0.5))
-            reward.set(ylim=(-2, 1.3 * limits[3]))
+            self.title.set_text(name)
+            left.set(xlim=(0, limits[1]), ylim=(0, 1.05 * limits[2]))
+            slots.set(yticks=range(limits[3] + 1), ylim=(limits[3] + 0.5, -0.5))
+            reward.set(ylim=(-2, 1.3 * limits[4]))
             self.canvas.draw_all()
         self._artists = [
             *(
@@ -92,6 +107,11 @@ class Charts:
                 for k in devices
             ),
             self._draw_slots(slots, trajectory.served),
+            *(
+                reward.text(len(terms), -1.9, f"{term['crash']:g}", ha="right", animated=True)
+                for term in terms
+                if term["crash"]
+            ),
             *(
                 reward.stairs(values, fill=True, color=TERMS[name], animated=True)
                 for name in TERMS
