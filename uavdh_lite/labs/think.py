@@ -22,7 +22,7 @@ class Thoughts:
     """What an agent computes along one flight; nothing for a policy without Q-values."""
 
     def __init__(self):
-        figure = Figure(figsize=(8.1, 4.2), dpi=100)
+        figure = Figure(figsize=(7.9, 4.2), dpi=100)
         grid = figure.add_gridspec(
             2, 6, left=0.08, right=0.99, top=0.92, bottom=0.08, wspace=0.1, hspace=0.3
         )
