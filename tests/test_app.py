@@ -70,7 +70,7 @@ def browser():
 @pytest.fixture
 def page(browser, server):
     """The page with its first lab; whatever it asks for comes from the server."""
-    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page = browser.new_page(viewport={"width": 1280, "height": 1000})
     page.set_default_timeout(WAIT)
     expect.set_options(timeout=WAIT)
     outside, errors = [], []
@@ -98,7 +98,7 @@ def open_lab(page, title):
 def shoot(page, name):
     """Keep a picture for people to look at, without the empty part below."""
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-    picture = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert("RGB")
+    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
     bottom = ImageChops.invert(picture).getbbox()[3]
     picture.crop((0, 0, picture.width, bottom)).save(SCREENSHOTS / f"{name}.png", optimize=True)
 
