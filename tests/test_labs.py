@@ -288,6 +288,13 @@ def test_uploads_are_taken_or_refused_with_a_reason():
     assert lab.draft.size == 16 and "<b" not in lab.message.value
     upload(b"nonsense <script>")
     assert "not a readable PNG" in lab.message.value and "<script>" not in lab.message.value
+    assert "x.png" in lab.message.value and lab.upload.value == ()
+    upload(Draft.blank(60).png())  # no city, and larger than the editor
+    assert lab.draft.size == 16
+    large = Draft.blank(60)
+    large.paint((0, 0), "landing zone")
+    upload(large.png())
+    assert "60 cells a side: this editor takes 50" in lab.message.value
     assert lab.draft.size == 16
 
 
@@ -302,6 +309,9 @@ def test_cells_can_be_picked_by_numbers(lab):
     pick(lab, 8, 8)
     assert lab.mission.devices == (*before, (8, 8))
     channel = ChannelLab("village")
+    assert "In a mission" not in channel.numbers.value
+    pick(channel, 1, 4)
+    assert "devices do not stand on buildings" in channel.numbers.value
     pick(channel, 2, 5)
     assert channel.device == (2, 5)
     pick(channel, 50, 5)  # outside: the last row
