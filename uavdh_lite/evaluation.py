@@ -195,9 +195,10 @@ def wilson_interval(values: np.ndarray) -> Interval:
     99.6 % of all do.
     """
     count, share, z = len(values), float(values.mean()), 1.959964
-    middle = (share + z**2 / (2 * count)) / (1 + z**2 / count)
-    half = z * np.sqrt(share * (1 - share) / count + z**2 / (4 * count**2)) / (1 + z**2 / count)
-    return Interval(share, max(float(middle - half), 0.0), min(float(middle + half), 1.0))
+    middle = share + z**2 / (2 * count)
+    half = z * np.sqrt(share * (1 - share) / count + z**2 / (4 * count**2))
+    low, high = (np.array([middle - half, middle + half]) / (1 + z**2 / count)).clip(0, 1)
+    return Interval(share, float(low), float(high))
 
 
 def bootstrap_interval(values: np.ndarray, resamples: int = 2000) -> Interval:

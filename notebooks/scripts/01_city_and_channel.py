@@ -249,18 +249,15 @@ draw_rates(2.27, 3.64, 1.41, 2.24, -15)
 # rate that a UAV would get from hovering over each cell:
 
 # %%
-def rate_map(device):
-    rows, cols = np.indices((city.size, city.size))
-    ground = ((rows - device[0]) ** 2 + (cols - device[1]) ** 2) * channel.cell_size_m**2
-    squared = np.float32(ground + channel.altitude_m**2)
-    number = device[0] * city.size + device[1]  # cells are numbered row by row
-    sight = environment.line_of_sight[number]
-    snr_db = channel.mean_snr_db(squared, sight.reshape(rows.shape), city.size)
-    return np.where(city.no_fly, np.nan, rate(snr_db))
+import inspect
+
+from uavdh_lite.link import rate_map
+
+print("".join(inspect.getsourcelines(rate_map)[0][-5:]))
 
 # %%
 device = (4, 7)
-rates = rate_map(device)
+rates = np.where(city.no_fly, np.nan, rate_map(city, channel, environment.line_of_sight, device))
 figure = Figure(figsize=(7, 6), layout="constrained")
 ax = draw_city(figure.subplots(), city)
 picture = ax.imshow(rates, cmap="viridis", alpha=0.8, zorder=1.5)

@@ -50,7 +50,6 @@ class LabsHandler(TornadoVoilaHandler):
 class LabsServer(Voila):
     """Voilà with a limit on sessions; each is a kernel, and one more is kept ready."""
 
-    name = "voila"
     most_sessions = 8
     idle_seconds = 1200
 

@@ -112,7 +112,6 @@ class ChannelLab(ipywidgets.VBox):
         if not top <= self.most <= 2 * top + 1:  # the curves have left the axes, or shrunk in them
             self.most = np.ceil(1.2 * top)
             self.curve.set_ylim(0, self.most)
-            self.map.set_title("data units a slot, hovering", fontsize="medium")
             for artist in artists:
                 artist.set_animated(True)
             self.canvas.draw_all()

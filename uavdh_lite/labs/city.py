@@ -12,6 +12,7 @@ from uavdh_lite.draft import BRUSHES, UPLOAD_BYTES, Draft
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import CityError, InputError
 from uavdh_lite.labs.canvas import Canvas
+from uavdh_lite.labs.markup import status
 from uavdh_lite.labs.picker import CellPicker
 from uavdh_lite.labs.views import Map
 from uavdh_lite.mission import Mission, pilots
@@ -105,8 +106,7 @@ class CityLab(ipywidgets.VBox):
                 raise CityError(f"{len(kinds)} cells a side: this editor takes {LARGEST}")
             self._take(kinds)
         except CityError as error:
-            name = html.escape(str(files[0]["name"]))
-            self._say(str(error).replace("upload.png", name))
+            self._say(str(error).replace("upload.png", files[0]["name"]))
         self.upload.value = ()  # so that the same file can be uploaded again
 
     def _show(self) -> None:
@@ -160,4 +160,4 @@ class CityLab(ipywidgets.VBox):
         self.views.children = [self.canvas.picture, self.map.canvas.picture]
 
     def _say(self, text: str) -> None:
-        self.message.value = f'<span role="status" style="color:#C1272D">{html.escape(text)}</span>'
+        self.message.value = status(text)

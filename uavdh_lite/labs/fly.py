@@ -7,6 +7,7 @@ import ipywidgets
 from uavdh_lite.city import shipped_cities
 from uavdh_lite.environment import ACTIONS
 from uavdh_lite.evaluation import Flights
+from uavdh_lite.labs.markup import table
 from uavdh_lite.labs.views import Map, legend
 from uavdh_lite.mission import HandFlight, Mission, environment_of, pilots
 from uavdh_lite.scenario import SCENARIOS
@@ -121,5 +122,4 @@ class FlyLab(ipywidgets.VBox):
             )
             for name, flights in results.items()
         ]
-        cells = "</td></tr><tr><td>".join("</td><td>".join(map(html.escape, r)) for r in rows)
-        return f"<table><tr><td>{cells}</td></tr></table>"
+        return table(rows)

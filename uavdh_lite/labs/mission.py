@@ -1,6 +1,5 @@
 """Mission lab: set a mission by clicks and sliders, fly it with any policy, scrub along time."""
 
-import html
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -8,6 +7,7 @@ import ipywidgets
 
 from uavdh_lite.city import shipped_cities
 from uavdh_lite.errors import InputError
+from uavdh_lite.labs.markup import status, table
 from uavdh_lite.labs.picker import CellPicker
 from uavdh_lite.labs.views import Charts, Map, legend
 from uavdh_lite.mission import Mission, environment_of, pilots
@@ -66,11 +66,8 @@ class MissionLab(ipywidgets.VBox):
         self.sliders = ipywidgets.VBox()
         self.message = ipywidgets.HTML(layout={"min_height": "28px"})
         self.numbers = ipywidgets.HTML()
-        self.maps, self.charts, self.views = (
-            [Map(), Map()],
-            self._side(),
-            ipywidgets.HBox(layout=WRAP),
-        )
+        self.maps, self.charts = [Map(), Map()], self._side()
+        self.views = ipywidgets.HBox(layout=WRAP)
 
     def _side(self):
         """What stands beside the maps: `set_flight` for a new flight, `show` for a step of it."""
@@ -239,11 +236,10 @@ class MissionLab(ipywidgets.VBox):
                     f"{flights.cumulative_reward[0]:.2f}",
                 )
             )
-        cells = "</td></tr><tr><td>".join("</td><td>".join(map(html.escape, r)) for r in rows)
-        return f'<table class="uavdh-numbers"><tr><td>{cells}</td></tr></table>'
+        return table(rows)
 
     def _say(self, text: str) -> None:
-        self.message.value = f'<span role="status" style="color:#C1272D">{html.escape(text)}</span>'
+        self.message.value = status(text)
 
     @contextmanager
     def _quiet(self):

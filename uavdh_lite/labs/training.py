@@ -1,6 +1,5 @@
 """Training live: start, watch, pause and go on, while the notebook stays free for other cells."""
 
-import html
 import threading
 import time
 from dataclasses import replace
@@ -10,6 +9,7 @@ from matplotlib.figure import Figure
 
 from uavdh_lite.errors import InputError
 from uavdh_lite.labs.canvas import Canvas
+from uavdh_lite.labs.markup import ERROR, status
 from uavdh_lite.labs.views import Map
 from uavdh_lite.mission import Mission
 from uavdh_lite.recipe import Recipe, find_recipe
@@ -187,5 +187,4 @@ class TrainingLab(ipywidgets.VBox):
         self.curves.draw()
 
     def _say(self, text: str, error: bool = False) -> None:
-        colour = "#C1272D" if error else "inherit"
-        self.status.value = f'<span role="status" style="color:{colour}">{html.escape(text)}</span>'
+        self.status.value = status(text, ERROR if error else "inherit")
