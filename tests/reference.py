@@ -13,8 +13,22 @@ LAND = 5
 
 
 def reference_line_of_sight(buildings, device, uav) -> bool:
-    """Clip the segment between the centres to the open square of each building, exactly."""
+    """Clip the segment between the centres to the open square of each building, exactly.
+
+    And look at every corner of the grid that the segment goes through: are both cells beside its
+    way buildings?
+    """
     half = Fraction(1, 2)
+    height, width = uav[0] - device[0], uav[1] - device[1]
+    for corner in range(abs(height)) if width else ():
+        row = device[0] + (corner + half) * (1 if height > 0 else -1)
+        col = device[1] + (row - device[0]) / height * width
+        if (col - half).denominator == 1:
+            around = {(int(row + r), int(col + c)) for r in (-half, half) for c in (-half, half)}
+            way = 1 if (height > 0) == (width > 0) else -1
+            beside = [c for c in around if (c[0] - row) * (c[1] - col) * way < 0]
+            if all(buildings[r][c] for r, c in beside):
+                return False
     for row in range(min(device[0], uav[0]), max(device[0], uav[0]) + 1):
         for col in range(min(device[1], uav[1]), max(device[1], uav[1]) + 1):
             if not buildings[row][col]:

@@ -65,20 +65,27 @@ def both(buildings, first, second):
     return answer
 
 
-@pytest.mark.parametrize("text", [".#. ... ...", "... #.. ...", ".#. #.. ..."])
-def test_touching_a_corner_or_passing_a_diagonal_gap_does_not_block(text):
+@pytest.mark.parametrize("text", [".#. ... ...", "... #.. ...", ".#. ..# ..."])
+def test_touching_a_corner_does_not_block(text):
     assert both(grid(text), (0, 0), (1, 1))
     assert both(grid(text), (0, 0), (2, 2))
 
 
-def test_a_staircase_of_diagonal_gaps_does_not_block_but_a_building_on_the_diagonal_does():
-    assert both(grid(".#.. #.#. .#.# ..#."), (0, 0), (3, 3))
+def test_two_diagonal_buildings_leave_no_gap_at_their_corner():
+    gap = grid(".#.. #... .... ....")
+    assert not both(gap, (0, 0), (1, 1)) and not both(gap, (0, 0), (3, 3))
+    assert not both(gap[:, ::-1], (0, 3), (3, 0))
+    assert both(grid(".#.. ..#. .... ...."), (0, 0), (3, 3))  # at two corners, on two sides
+
+
+def test_a_building_on_the_diagonal_blocks():
     assert not both(grid(".... .#.. .... ...."), (0, 0), (3, 3))
 
 
 def test_the_corner_in_the_middle_of_a_slanted_segment():
     # from (0, 0) to (3, 1) the segment passes through the corner of the four cells in the middle
-    assert both(grid(".... .#.. #... ...."), (0, 0), (3, 1))
+    assert not both(grid(".... .#.. #... ...."), (0, 0), (3, 1))
+    assert both(grid(".... .#.. .... ...."), (0, 0), (3, 1))
     assert not both(grid(".... #... .... ...."), (0, 0), (3, 1))
     assert not both(grid(".... .... .#.. ...."), (0, 0), (3, 1))
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from uavdh_lite.channel import Channel, rate
 from uavdh_lite.city import City
-from uavdh_lite.shadowing import crossed_cells
+from uavdh_lite.shadowing import crossed_cells, passed_corners
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Link:
     | --- | --- |
     | `ground_m`, `distance_m` | distance on the ground and through the air, m |
     | `crossed` | (n, 2), the cells that the ray crosses, from the device on |
-    | `blocked_by` | (m, 2), those of them that are buildings: the link is NLoS if there are any |
+    | `blocked_by` | (m, 2), the buildings that block it: the link is NLoS if there are any |
     | `snr_db`, `rate` | mean SNR, dB, and data units a slot at it |
     | `fading_db` | standard deviation of the shadow fading, dB |
     """
@@ -37,8 +37,12 @@ class Link:
 
 def link(city: City, channel: Channel, device: tuple[int, int], uav: tuple[int, int]) -> Link:
     """The link between a device and a UAV in these cells, (row, column)."""
-    crossed = crossed_cells(uav[0] - device[0], uav[1] - device[1]) + np.array(device)
+    rows, cols = uav[0] - device[0], uav[1] - device[1]
+    crossed = crossed_cells(rows, cols) + np.array(device)
+    corners = passed_corners(rows, cols) + np.array(device)
+    closed = city.buildings[corners[..., 0], corners[..., 1]].all(axis=1)
     blocked_by = crossed[city.buildings[crossed[:, 0], crossed[:, 1]]]
+    blocked_by = np.concatenate([blocked_by, corners[closed].reshape(-1, 2)])
     ground_m = float(np.hypot(uav[0] - device[0], uav[1] - device[1])) * channel.cell_size_m
     distance_m = float(np.hypot(ground_m, channel.altitude_m))
     sight = len(blocked_by) == 0

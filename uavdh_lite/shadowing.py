@@ -1,5 +1,7 @@
 """Shadow maps: which pairs of cells see each other, and which have a building between them."""
 
+import math
+
 import numpy as np
 
 from uavdh_lite.errors import InputError
@@ -13,8 +15,9 @@ def line_of_sight(buildings: np.ndarray, method: str = "exact") -> np.ndarray:
     Arguments:
         buildings: (M, M) bool, the cells that block links.
         method: `"exact"`: blocked if the straight segment between the two cell centres crosses
-            the open interior of a building cell. Touching a corner or an edge does not block, nor
-            does passing exactly between two diagonal buildings. Symmetric.
+            the open interior of a building cell, or passes exactly between two diagonal buildings
+            through their shared corner. Otherwise touching a corner or an edge does not block.
+            Symmetric.
             `"bresenham"`: the fan of rays of the authors' code, for comparison. Not symmetric.
 
     Returns: (M, M, M, M) bool, `[device_row, device_col, uav_row, uav_col]`, True for line of
@@ -45,17 +48,41 @@ def crossed_cells(rows: int, cols: int) -> np.ndarray:
     return np.argwhere(crossed) + np.array([r[0, 0], c[0, 0]])
 
 
+def passed_corners(rows: int, cols: int) -> np.ndarray:
+    """The pairs of cells between which the segment passes through a corner; (n, 2, 2) ints.
+
+    The segment from (0, 0) to (rows, cols) leaves one cell there and enters the one diagonally
+    opposite; of the four cells at the corner, the pair is the other two. With rows and cols divided
+    by their greatest common divisor there are as many such corners as it says if both are odd, and
+    none otherwise.
+    """
+    common = max(math.gcd(rows, cols), 1)
+    step = np.array([rows, cols]) // common
+    if not (step % 2 == 1).all():
+        return np.empty((0, 2, 2), int)
+    corners = (2 * np.arange(common) + 1)[:, None, None] * step  # doubled, to be whole numbers
+    aside = np.sign(step) * np.array([(1, -1), (-1, 1)])
+    return (corners + aside) // 2
+
+
 def _exact(buildings: np.ndarray) -> np.ndarray:
-    """All pairs at once for each displacement: the crossed cells depend on nothing else."""
+    """All pairs at once for each displacement: what the ray meets depends on nothing else."""
     size = len(buildings)
     sight = np.empty((size, size, size, size), bool)
     cells = np.arange(size)
     for rows in range(size):
         for cols in range(-size + 1, size):
             height, width, left = size - rows, size - abs(cols), max(-cols, 0)
+
+            def met(cell, height=height, width=width, left=left):
+                r, c = cell
+                return buildings[r : r + height, left + c : left + c + width]
+
             blocked = np.zeros((height, width), bool)
-            for r, c in crossed_cells(rows, cols):
-                blocked |= buildings[r : r + height, left + c : left + c + width]
+            for cell in crossed_cells(rows, cols):
+                blocked |= met(cell)
+            for one, other in passed_corners(rows, cols):
+                blocked |= met(one) & met(other)
             r, c = cells[:height, None], cells[None, left : left + width]
             sight[r, c, r + rows, c + cols] = ~blocked
             sight[r + rows, c + cols, r, c] = ~blocked
