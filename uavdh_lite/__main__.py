@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from uavdh_lite.challenge.commands import add_commands
 from uavdh_lite.errors import InputError
 from uavdh_lite.files import write_atomically
 from uavdh_lite.recipe import Recipe, find_recipe
@@ -140,6 +141,8 @@ def _parser() -> _Parser:
     fly.add_argument("--flying-time", type=int, metavar="N", help="units of time")
     fly.add_argument("--start", type=_cell, metavar="ROW,COL", help="the UAV's first cell")
     _common(fly, _fly, out="flight.png", seed_help="seed of the fading and of what is not given")
+
+    add_commands(commands)
 
     app = commands.add_parser(
         "app",

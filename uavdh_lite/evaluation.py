@@ -15,11 +15,11 @@ Policy = Callable[[State], np.ndarray]
 
 # Each use of random numbers has a stream of its own, so that no scenario or fading of a test is
 # ever one of training or validation, whatever the seeds.
-TRAINING, VALIDATION, TEST = range(3)
+TRAINING, VALIDATION, TEST, CHALLENGE = range(4)
 
 
 def stream(use: int, seed: int) -> np.random.Generator:
-    """The random generator for one use (`TRAINING`, `VALIDATION` or `TEST`) and seed."""
+    """The random generator for one use, such as `TRAINING`, and seed."""
     if not 0 <= seed < 2**63:
         raise InputError(f"seed {seed}: must be a whole number from 0 to 2**63 - 1")
     return np.random.default_rng([use, seed])

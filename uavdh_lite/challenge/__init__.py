@@ -1,0 +1,1 @@
+"""A challenge for a class: hidden scenarios, isolated submissions, a leaderboard."""
