@@ -5,7 +5,8 @@
 
 The scripts are the source (jupytext's percent format). A notebook keeps a hash of the source that
 it was executed from, and of the shipped agents and runs that it reads; the tests compare it, so
-that no outputs of another source are kept.
+that no outputs of another source are kept. The exercises, scripts/exercises/NN_topic.py, become
+solutions/NN_topic/NN_topic.ipynb, and from these exercises/NN_topic/NN_topic.ipynb for students.
 """
 
 import argparse
@@ -15,6 +16,7 @@ from pathlib import Path
 
 import jupytext
 import nbformat
+from assignments import mark_cells, release
 from nbclient import NotebookClient
 
 from uavdh_lite.files import write_atomically
@@ -24,11 +26,21 @@ SECONDS = 300  # for one cell, at most
 
 
 def scripts() -> list[Path]:
+    """Of the tutorials."""
     return sorted((HERE / "scripts").glob("[0-9][0-9]_*.py"))
 
 
+def exercise_scripts() -> list[Path]:
+    return sorted((HERE / "scripts" / "exercises").glob("[0-9][0-9]_*.py"))
+
+
+def is_exercise(script: Path) -> bool:
+    return script.parent.name == "exercises"
+
+
 def notebook_of(script: Path) -> Path:
-    return HERE / f"{script.stem}.ipynb"
+    folder = HERE / "solutions" / script.stem if is_exercise(script) else HERE
+    return folder / f"{script.stem}.ipynb"
 
 
 def source_hash(notebook: nbformat.NotebookNode) -> str:
@@ -51,9 +63,12 @@ def from_script(script: Path) -> nbformat.NotebookNode:
     notebook.metadata = nbformat.NotebookNode(
         kernelspec={"display_name": "Python 3", "language": "python", "name": "python3"},
         language_info={"name": "python"},
-        jupytext={"formats": "ipynb,scripts//py:percent"},
         uavdh_lite={"source_sha256": source_hash(notebook)},
     )
+    if is_exercise(script):  # not paired: students' copies must not find the solutions
+        mark_cells(notebook)
+    else:
+        notebook.metadata.jupytext = {"formats": "ipynb,scripts//py:percent"}
     return notebook
 
 
@@ -65,6 +80,14 @@ def is_fresh(script: Path) -> bool:
     kept = nbformat.read(path, as_version=4)
     expected = from_script(script).metadata["uavdh_lite"]["source_sha256"]
     return kept.metadata.get("uavdh_lite", {}).get("source_sha256") == expected
+
+
+def _keep_pages(notebook: nbformat.NotebookNode) -> None:
+    """Of a widget that is also a page, such as a quiz, keep the page: it reads without a kernel."""
+    for cell in notebook.cells:
+        for output in cell.get("outputs", ()):
+            if "text/html" in output.get("data", {}):
+                output.data.pop("application/vnd.jupyter.widget-view+json", None)
 
 
 def execute(script: Path) -> None:
@@ -80,9 +103,11 @@ def execute(script: Path) -> None:
         resources={"metadata": {"path": str(HERE)}},
     ).execute()
     notebook.metadata.pop("widgets", None)
+    _keep_pages(notebook)
     notebook.metadata.language_info = {"name": "python"}
     nbformat.validate(notebook)
     path = notebook_of(script)
+    path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, lambda temporary: nbformat.write(notebook, temporary))
 
 
@@ -90,14 +115,20 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("numbers", nargs="*", metavar="NN", help="notebooks, by their number")
     options = parser.parse_args()
-    known = {script.name[:2]: script for script in scripts()}
+    known: dict[str, list[Path]] = {}
+    for script in scripts() + exercise_scripts():
+        known.setdefault(script.name[:2], []).append(script)
     unknown = [number for number in options.numbers if number not in known]
     if unknown:
         parser.error(f"no notebook {', '.join(unknown)}: choose from {', '.join(known)}")
-    chosen = [known[number] for number in options.numbers]
-    for script in chosen or [one for one in known.values() if not is_fresh(one)]:
-        print(script.stem, file=sys.stderr)
+    every = [script for pair in known.values() for script in pair]
+    chosen = [script for number in options.numbers for script in known[number]]
+    chosen = chosen or [script for script in every if not is_fresh(script)]
+    for script in chosen:
+        print(notebook_of(script).relative_to(HERE), file=sys.stderr)
         execute(script)
+    if assignments := [script.stem for script in chosen if is_exercise(script)]:
+        release(assignments, HERE / "exercises")
     return 0
 
 

@@ -1,10 +1,10 @@
 """The notebooks' form: pairs, fresh outputs, the template. nbval runs what is in them."""
 
-import importlib.util
 import re
 from pathlib import Path
 from statistics import median
 
+import execute
 import nbformat
 import pytest
 
@@ -12,19 +12,16 @@ NOTEBOOKS = Path(__file__).parent.parent / "notebooks"
 SECTIONS = ("What you'll do", "What you'll learn", "What you'll need", "Recap", "Exercises")
 
 
-def _execute_module():
-    spec = importlib.util.spec_from_file_location("execute", NOTEBOOKS / "execute.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-execute = _execute_module()
 SCRIPTS = execute.scripts()
 
 
 @pytest.fixture(params=SCRIPTS, ids=lambda script: script.stem)
 def script(request):
+    return request.param
+
+
+@pytest.fixture(params=execute.exercise_scripts(), ids=lambda script: f"solution-{script.stem}")
+def exercises(request):
     return request.param
 
 
@@ -52,19 +49,30 @@ def test_the_notebook_was_executed_from_this_script(script, notebook):
     assert execute.is_fresh(script), f"run: python notebooks/execute.py {script.stem[:2]}"
 
 
+def ran_without_errors(notebook):
+    cells = code(notebook)
+    assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
+    outputs = [output for cell in cells for output in cell.outputs]
+    assert "error" not in {output.output_type for output in outputs}
+    assert "stderr" not in {o.name for o in outputs if o.output_type == "stream"}
+
+
 def test_all_cells_ran_in_order_without_errors(notebook):
-    assert [cell.execution_count for cell in code(notebook)] == list(
-        range(1, len(code(notebook)) + 1)
-    )
-    kinds = {output.output_type for cell in code(notebook) for output in cell.outputs}
-    assert "error" not in kinds
-    streams = {
-        output.name
-        for cell in code(notebook)
-        for output in cell.outputs
-        if output.output_type == "stream"
-    }
-    assert "stderr" not in streams
+    ran_without_errors(notebook)
+
+
+def test_solutions_were_executed_from_their_scripts(exercises):
+    notebook = nbformat.read(execute.notebook_of(exercises), as_version=4)
+    expected = execute.from_script(exercises)
+    assert [cell.source for cell in notebook.cells] == [cell.source for cell in expected.cells]
+    assert execute.is_fresh(exercises), f"run: python notebooks/execute.py {exercises.stem[:2]}"
+    ran_without_errors(notebook)
+    checked = [cell for cell in code(notebook) if cell.source.startswith("checks.")]
+    assert all("right." in cell.outputs[-1].text for cell in checked) and len(checked) >= 2
+
+
+def test_tutorials_and_exercises_have_the_same_names():
+    assert [s.name for s in execute.exercise_scripts()] == [s.name for s in SCRIPTS]
 
 
 def test_a_changed_script_is_stale(script, tmp_path, monkeypatch):

@@ -90,7 +90,12 @@ def mission(devices, data, flying_time, start=(0, 0), seed=0):
 show(mission(devices=[(4, 8), (11, 8), (7, 14)], data=[10, 15, 8], flying_time=60))
 
 # %% [markdown]
-# Now the same devices with half of the time:
+# Now the same devices with half of the time. Predict before you run the cell after this one:
+
+# %%
+from uavdh_lite.quiz import Quiz
+
+Quiz("half_the_time")
 
 # %%
 show(mission(devices=[(4, 8), (11, 8), (7, 14)], data=[10, 15, 8], flying_time=30))

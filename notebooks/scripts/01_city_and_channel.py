@@ -138,7 +138,15 @@ for snr_db in (-15, 0, 10, above_db):
     print(f"{snr_db:>6.1f} dB -> {rate(snr_db):.2f} data units a slot")
 
 # %% [markdown]
-# Now the same along a line away from the device, with and without line of sight:
+# A prediction first:
+
+# %%
+from uavdh_lite.quiz import Quiz
+
+Quiz("behind_a_corner")
+
+# %% [markdown]
+# Now the rate along a line away from the device, with and without line of sight:
 
 # %%
 ground_m = np.linspace(0, 160, 200)
@@ -185,8 +193,13 @@ left.legend()
 figure
 
 # %% [markdown]
-# A symmetric spread in dB is a lopsided spread in SNR. Does luck help or hurt on average? Compute
-# the mean rate with fading and the rate at the mean SNR in dB:
+# A symmetric spread in dB is a lopsided spread in SNR. Does luck help or hurt on average?
+
+# %%
+Quiz("luck_on_average")
+
+# %% [markdown]
+# Compute the mean rate with fading and the rate at the mean SNR in dB:
 
 # %%
 snr_db = channel.mean_snr_db(np.float32(30.0**2), True, city.size)

@@ -101,7 +101,13 @@ print("\n".join(lines[-4:]))
 
 # %% [markdown]
 # ### At the corners
-#
+
+# %%
+from uavdh_lite.quiz import Quiz
+
+Quiz("touching_a_corner")
+
+# %% [markdown]
 # A diagonal ray passes exactly through corners. Touching is not crossing: with `<` and not `<=`, the
 # cells that it only touches stay out.
 
@@ -110,9 +116,10 @@ print(crossed_cells(3, 3).tolist())
 draw_ray(3, 3)
 
 # %% [markdown]
-# So a ray may slip between two buildings that touch at a corner. That is a decision, and a careful
-# reader may take the other one; what matters is that it is *one* decision, and the same in both
-# directions. If the device sees the UAV, the UAV sees the device:
+# One case needs a rule of its own. Two buildings touch at a corner, and a ray goes exactly through it: it
+# crosses neither, but walls that meet leave no gap. Such a pair blocks the ray; `passed_corners` lists the
+# pairs. A careful reader may decide otherwise; what matters is that it is *one* decision, and the same in
+# both directions. If the device sees the UAV, the UAV sees the device:
 
 # %%
 pairs = sight.reshape(256, 256)
@@ -196,6 +203,9 @@ figure
 # It steps from cell to cell and picks the nearest to the line, so it skips cells that the line
 # crosses only a little. Rays go from the device to each cell of the border, and a cell counts as seen
 # if some ray reaches it before it meets a building.
+
+# %%
+Quiz("both_ways")
 
 # %%
 fan = line_of_sight(city.buildings, "bresenham")

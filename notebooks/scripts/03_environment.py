@@ -117,6 +117,14 @@ for action in 3 * [EAST] + 3 * [SOUTH] + 2 * [EAST]:
 #
 # ## 3.4 The safety controller
 #
+# What does the city do with a move that it does not allow?
+
+# %%
+from uavdh_lite.quiz import Quiz
+
+Quiz("off_the_grid")
+
+# %% [markdown]
 # From cell (1, 2), south is a tall building. The controller replaces the action by hovering. That costs a unit of time like any step, and 1 more in reward:
 
 # %%
@@ -128,6 +136,9 @@ print({name: round(float(value[0]), 2) for name, value in rewards.terms(outcome)
 # %% [markdown]
 # Landing outside the landing zone is replaced the same way. There is no collision in this world, only
 # wasted time. The one disaster left is the last one: a flying time of 0 in the air.
+
+# %%
+Quiz("the_last_step")
 
 # %%
 late = place(environment.city, (8, 8), [(4, 7)], [12], 1, 5)

@@ -65,7 +65,13 @@ print("map", tuple(maps.shape), "time", tuple(time.shape))
 # say how much data each device still has, and how much has been collected from it. Dark is large; a
 # device is one dark cell on pale ground, the darker the more data. "Data collected" is empty because
 # the flight has not begun. The blue cross is the middle of the frame, where the UAV is.
-#
+
+# %%
+from uavdh_lite.quiz import Quiz
+
+Quiz("frame_size")
+
+# %% [markdown]
 # Why 31? The city has 16 cells a side. If the UAV is in one corner, the opposite corner is 15 cells
 # away: 15 cells on either side and the UAV's own, $2 \cdot 15 + 1 = 31$. The whole city is always in the
 # frame.
@@ -146,6 +152,9 @@ both((0, 0), (8, 7), (15, 15))
 # within three rows and three columns of the UAV. It gets the layer "data left" alone, without centring
 # also the position. Half of the examples are near, half are not, so guessing gives 50 %. First the
 # examples:
+
+# %%
+Quiz("linear_model")
 
 # %%
 from dataclasses import replace

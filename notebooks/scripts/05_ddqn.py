@@ -294,8 +294,16 @@ figure
 #
 # ## 5.4 The maximisation bias
 #
-# Q-values are estimates and have errors. The maximum of several estimates is, on average, too high. Take actions
-# that are all worth the same, as they seem to be early in training, say 0, and estimates with errors of standard deviation 1:
+# Q-values are estimates and have errors. What does that do to their maximum?
+
+# %%
+from uavdh_lite.quiz import Quiz
+
+Quiz("whose_maximum")
+
+# %% [markdown]
+# Take actions that are all worth the same, as they seem to be early in training, say 0, and estimates with
+# errors of standard deviation 1. The maximum of several estimates is, on average, too high:
 
 # %%
 torch.manual_seed(0)
@@ -450,7 +458,13 @@ for tau, runs in sorted({**by_rate, 0.1: networks}.items()):
 # $$\pi(a \mid s) = \frac{\exp(Q(s,a)/\beta)}{\sum_{a'} \exp(Q(s,a')/\beta)}$$
 #
 # Two actions' probabilities have the ratio $\exp\big((Q(s,a) - Q(s,a'))/\beta\big)$: what counts is the *gap*
-# between Q-values in units of $\beta$. Heat the shipped agent, in many states along its flights, and in the one
+# between Q-values in units of $\beta$.
+
+# %%
+Quiz("cold_policy")
+
+# %% [markdown]
+# Heat the shipped agent, in many states along its flights, and in the one
 # among them with the median gap between the best two actions:
 
 # %%

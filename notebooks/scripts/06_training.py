@@ -191,7 +191,13 @@ for start in (50_000, 200_000, 450_000, 1_900_000):
 
 # %% [markdown]
 # ## 6.4 Two ways to fail
-#
+
+# %%
+from uavdh_lite.quiz import Quiz
+
+Quiz("huge_penalty")
+
+# %% [markdown]
 # **The agent that crashes.** Data is worth a few points a step, and the crash comes at the very end. With
 # a small penalty the agent accepts it. **The lazy agent.** With a large penalty, little exploration and
 # errors that are squared, the fear of the crash drowns all else: the agent finds that landing at once is

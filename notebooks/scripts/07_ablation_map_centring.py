@@ -173,6 +173,14 @@ figure
 #
 # ## 7.4 What the evidence shows, and what it does not
 #
+# There are three seeds of each kind. How far does that carry?
+
+# %%
+from uavdh_lite.quiz import Quiz
+
+Quiz("three_seeds")
+
+# %% [markdown]
 # | question | answered? |
 # | --- | --- |
 # | Does the agent learn faster with the centred map, in this city, with this recipe? | Yes: up to 800,000 steps no run of one kind crosses one of the other |

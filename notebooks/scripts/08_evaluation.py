@@ -102,6 +102,14 @@ for city, results in cities.items():
 # The paper's maps were never published, so this compares like with similar, not like with like: both
 # are solutions of the same kind of task.
 #
+# The table's intervals are of two kinds. A question about the first row:
+
+# %%
+from uavdh_lite.quiz import Quiz
+
+Quiz("all_landed")
+
+# %% [markdown]
 # Shares of ones, such as *has landed*, have Wilson's interval: of three crashes in a thousand the method
 # below would say that there may as well be none. All else has the bootstrap's.
 #

@@ -61,6 +61,11 @@ def show(city, missions, titles, height=6.8):
 # agent that serves the small device in passing):
 
 # %%
+from uavdh_lite.quiz import Quiz
+
+Quiz("one_quarter")
+
+# %%
 DEVICES, START = [(6, 3), (10, 12)], (14, 1)
 equal = mission("open_field", DEVICES, [20, 20], 45, START)
 quarter = mission("open_field", DEVICES, [20, 5], 45, START)

@@ -1,0 +1,82 @@
+# %% [markdown]
+# # Exercises 1 · The city and the channel
+#
+# They go with notebook `01_city_and_channel`. You need logarithms, the normal distribution and a little numpy.
+#
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it: it says whether the
+# answer is right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for example
+# `checks.rate_from_snr.hint()` in a cell of your own gives the first, again gives the next.
+
+# %%
+# %matplotlib inline
+import numpy as np
+
+from uavdh_lite import checks
+from uavdh_lite.channel import Channel
+
+channel = Channel()
+
+# %% [markdown]
+# ## 1.1 · Rate from SNR (1 point, 5 minutes)
+#
+# In a communication slot the link carries $\log_2(1 + \mathrm{SNR})$ data units. The SNR in this formula is a ratio of
+# powers; you are given it in decibels, and maybe a whole array of them.
+
+# %%
+def rate(snr_db):
+    """Data units in one slot at this SNR in dB; a number or an array."""
+    ### BEGIN SOLUTION
+    return np.log2(1 + 10 ** (snr_db / 10))
+    ### END SOLUTION
+
+# %%
+checks.rate_from_snr(rate)
+
+# %% [markdown]
+# ## 1.2 · Where the two path losses cross (2 points, 8 minutes)
+#
+# Over a distance of $d$ metres the path loss is $10\,\alpha \log_{10} d$ decibels, with $\alpha_\mathrm{LoS} = 2.27$ in
+# sight and $\alpha_\mathrm{NLoS} = 3.64$ behind a building (`channel.path_loss_exponent_los`, `..._nlos`).
+#
+# A device stands behind a building. At which distance would a device *in sight* have the same path loss? Write
+# `same_loss_m`. Then: at which distance do both losses cross, that is, are equal at the same distance? Return that number
+# in `crossover_m`. (The UAV flies 10 m above the devices. So does it ever get there?)
+
+# %%
+def same_loss_m(nlos_distance_m):
+    """The distance in sight, m, with the path loss that a blocked link has at this distance, m."""
+    ### BEGIN SOLUTION
+    return nlos_distance_m ** (channel.path_loss_exponent_nlos / channel.path_loss_exponent_los)
+    ### END SOLUTION
+
+
+def crossover_m():
+    """The distance at which a blocked link and one in sight have the same path loss, m."""
+    ### BEGIN SOLUTION
+    return 1.0
+    ### END SOLUTION
+
+# %%
+checks.path_loss_crossover((same_loss_m, crossover_m))
+
+# %% [markdown]
+# ## 1.3 · What fading does to the mean rate (2 points, 10 minutes)
+#
+# Shadow fading adds a normal random number of decibels, with mean 0, to the SNR in every slot. Is the mean rate then
+# the rate at the mean SNR? Estimate it by simulation: `draws` slots, each with its own fading of variance
+# `variance_db2`, drawn from `generator`, a `numpy.random.Generator`.
+
+# %%
+def mean_rate(snr_db, variance_db2, draws, generator):
+    """The mean of the rate over the fading, data units a slot."""
+    ### BEGIN SOLUTION
+    fading_db = generator.normal(0, np.sqrt(variance_db2), draws)
+    return rate(snr_db + fading_db).mean()
+    ### END SOLUTION
+
+# %%
+checks.mean_rate(mean_rate)
+
+# %% [markdown]
+# Below about 0 dB the curve of the rate bends upwards, so that lucky draws gain more than unlucky ones lose: fading
+# helps. Far above 0 dB the rate is almost a straight line in decibels, and fading changes nothing.

@@ -1,0 +1,113 @@
+# %% [markdown]
+# # Exercises 2 · Shadow ray tracing
+#
+# They go with notebook `02_shadow_ray_tracing`. You need the equation of a line, loops and Boolean arrays.
+#
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it: it says whether the
+# answer is right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for example
+# `checks.crosses.hint()` in a cell of your own gives the first, again gives the next.
+
+# %%
+# %matplotlib inline
+import numpy as np
+
+from uavdh_lite import checks
+from uavdh_lite.city import City
+from uavdh_lite.shadowing import crossed_cells, line_of_sight
+
+# %% [markdown]
+# ## 2.1 · Does the ray cross the cell? (1 point, 8 minutes)
+#
+# A cell is a pair `(row, col)` of whole numbers. It is a square of side 1; its centre has these two numbers as
+# coordinates, and its *open interior* is the square without its edges and corners. Write a function that says whether
+# the straight segment between the centres of the cells `start` and `end` crosses the open interior of `cell`.
+#
+# The cells `start` and `end` themselves count as crossed. They may also be the same cell: then the segment is one
+# point. The rays can be long (a hundred cells) and go in any direction. Write it yourself, without `crossed_cells`,
+# and so that no rounding can spoil it.
+
+# %%
+def crosses(start, end, cell):
+    """Whether the segment from start to end crosses the open interior of the cell: True or False."""
+    ### BEGIN SOLUTION
+    rows, cols = end[0] - start[0], end[1] - start[1]
+    r, c = cell[0] - start[0], cell[1] - start[1]
+    between = min(rows, 0) <= r <= max(rows, 0) and min(cols, 0) <= c <= max(cols, 0)
+    if rows == cols == 0:
+        return between
+    return between and 2 * abs(rows * c - cols * r) < abs(rows) + abs(cols)
+    ### END SOLUTION
+
+# %%
+checks.crosses(crosses)
+
+# %% [markdown]
+# ## 2.2 · A shadow map from scratch (3 points, 25 minutes)
+#
+# A city has M×M cells; `buildings` is a Boolean array (M, M), indexed `[row, col]`. A device stands in the cell
+# `device`, a pair `(row, col)`, never in a building. For each cell, is the link between the device and a UAV over the
+# middle of that cell blocked? Give back a new Boolean array (M, M), True where it is, with this rule:
+#
+# - The link is blocked if the straight segment between the two cell centres crosses the open interior of a building's
+#   cell. The two cells at its ends count like all others, so that a UAV over a building is always in shadow.
+# - A segment that only touches a building at a corner is not blocked by it.
+# - But if it passes exactly through the corner that two diagonally adjacent buildings share, *between* them, it is
+#   blocked: at such a corner four cells meet, the segment goes from one to the opposite one, and both others are
+#   buildings.
+#
+# Use `crossed_cells(rows, cols)`: the cells whose open interior the segment from (0, 0) to `(rows, cols)` crosses,
+# both ends included, as an array (n, 2) of rows and columns, each relative to (0, 0) and maybe negative. They are
+# sorted by row, then by column, which is not always the order along the ray. The rest is yours: neither `line_of_sight`
+# nor `passed_corners` may be used.
+
+# %%
+print(crossed_cells(3, 1).tolist())
+print(crossed_cells(2, -2).tolist())
+
+# %%
+def shadow_map(buildings, device):
+    """Where the link to the device is blocked; (M, M) bool, indexed [row, col]."""
+    ### BEGIN SOLUTION
+    shadow = np.zeros(buildings.shape, bool)
+    for row, col in np.ndindex(buildings.shape):
+        crossed = {(device[0] + r, device[1] + c)
+                   for r, c in crossed_cells(row - device[0], col - device[1]).tolist()}
+        blocked = any(buildings[cell] for cell in crossed)
+        for r, c in crossed:
+            for side in (-1, 1):
+                if (r + 1, c + side) in crossed:
+                    blocked |= buildings[r, c + side] and buildings[r + 1, c]
+        shadow[row, col] = blocked
+    return shadow
+    ### END SOLUTION
+
+# %%
+checks.shadow_map(shadow_map)
+
+# %% [markdown]
+# ## 2.3 · How asymmetric is a table? (2 points, 10 minutes)
+#
+# `line_of_sight(buildings, method)` gives a Boolean array of shape (M, M, M, M), indexed
+# `[device_row, device_col, uav_row, uav_col]`: True if a device in the first cell and a UAV over the second see each
+# other. Take an *unordered pair* of two different cells, A and B. It is asymmetric if it matters which of the two holds
+# the device: "device in A, UAV over B" is True and "device in B, UAV over A" is False, or the other way round.
+#
+# Of all unordered pairs of different cells, which share is asymmetric? Write a function that takes such an array, for
+# any M > 1 and from whatever method, and gives the share, a number from 0 to 1.
+
+# %%
+def asymmetric_share(sight):
+    """The share of the unordered pairs of different cells whose line of sight depends on the direction."""
+    ### BEGIN SOLUTION
+    cells = len(sight) ** 2
+    pairs = sight.reshape(cells, cells)
+    return (pairs != pairs.T).sum() / (cells * (cells - 1))
+    ### END SOLUTION
+
+# %%
+checks.asymmetric_share(asymmetric_share)
+
+# %% [markdown]
+# Try yours on the city of the tutorial, `City.load("manhattan").buildings`, with the methods `"exact"` and
+# `"bresenham"`: the first must give 0, and a share above 0 is a sure sign that a method is not exact. But 0 is no
+# proof: a rule can be symmetric and wrong.

@@ -1,0 +1,144 @@
+# %% [markdown]
+# # Exercises 3 · The environment
+#
+# They go with notebook `03_environment`. You need arithmetic, Boolean arrays and a little numpy.
+#
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it: it says whether the
+# answer is right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for example
+# `checks.tdma_slot.hint()` in a cell of your own gives the first, again gives the next.
+
+# %%
+# %matplotlib inline
+import numpy as np
+
+from uavdh_lite import checks
+from uavdh_lite.channel import rate
+
+# %% [markdown]
+# ## 3.1 · Who gets the slot? (1 point, 8 minutes)
+#
+# In a communication slot one device sends: of those that have data left, the one with the highest SNR. It uploads as
+# much as the slot carries, `rate(snr_db)` data units, but no more than it has left. There are K ≥ 1 devices.
+#
+# - `snr_db`: array (K,), the SNR of each device in this slot, in dB; often negative, no two are equal
+# - `data_left`: array (K,), the data units that each device has left, 0 or more
+#
+# Give back two numbers: the device that is served, an index from 0 to K − 1, and the data units that it uploads. If no
+# device has data left, give back −1 and 0. Leave the two arrays as they are.
+
+# %%
+def slot(snr_db, data_left):
+    """The device that has the slot (-1 for none) and the data units it uploads."""
+    ### BEGIN SOLUTION
+    if not (data_left > 0).any():
+        return -1, 0.0
+    device = int(np.where(data_left > 0, snr_db, -np.inf).argmax())
+    return device, min(rate(snr_db[device]), data_left[device])
+    ### END SOLUTION
+
+# %%
+checks.tdma_slot(slot)
+
+# %% [markdown]
+# ## 3.2 · Rewards by hand (2 points, 12 minutes)
+#
+# Two short flights, each with one device. The constants: 1 for each data unit uploaded; −0.2 for each step, unless it
+# lands; −1 if the safety controller intervenes; −150 if the flying time runs out without a landing (this one from the
+# authors' code, the others from the paper). All that apply to a step are added. The column "the link could carry" says how many data units could go up in the four
+# slots of the step; a device cannot upload more than it has left. In the step that ends an episode, be it a landing
+# or a crash, nothing is uploaded.
+#
+# **Flight A.** At the start the device has 4.0 data units.
+#
+# | step | time left before it | action | what happens | the link could carry |
+# | --- | --- | --- | --- | --- |
+# | 1 | 6 | south | flies south | 0.0 |
+# | 2 | 5 | east | there is a tall building: hovers instead | 0.5 |
+# | 3 | 4 | south | flies south | 2.5 |
+# | 4 | 3 | hover | hovers | 2.5 |
+# | 5 | 2 | west | flies west, to the landing zone | 0.5 |
+# | 6 | 1 | land | lands | 2.0 |
+#
+# **Flight B.** At the start the device has 6.0 data units.
+#
+# | step | time left before it | action | what happens | the link could carry |
+# | --- | --- | --- | --- | --- |
+# | 1 | 3 | north | flies north | 1.8 |
+# | 2 | 2 | land | not in the landing zone: hovers instead | 1.0 |
+# | 3 | 1 | land | not in the landing zone: hovers instead | 1.5 |
+#
+# Work out the reward of each step with pencil and paper. Give back two lists: six numbers for flight A, three for
+# flight B.
+
+# %%
+def rewards_by_hand():
+    """The rewards of the steps of flight A and of flight B: two lists of numbers."""
+    ### BEGIN SOLUTION
+    return [-0.2, -0.7, 2.3, 0.8, -0.2, 0], [1.6, -0.2, -151.2]
+    ### END SOLUTION
+
+# %%
+checks.rewards_by_hand(rewards_by_hand)
+
+# %% [markdown]
+# ## 3.3 · The reward of a batch (2 points, 8 minutes)
+#
+# Now one step of B episodes at once, without a loop. The constants are the same: 1 for each data unit uploaded; −0.2
+# for the step, unless it lands; −1 if the safety controller intervenes; −150 for a crash. All that apply are added. You
+# are given arrays that say what happened:
+#
+# - `uploaded`: (B, 4) numbers, the data units uploaded in each of the four slots; 0 in a step that ends its episode
+# - `intervened`: (B,) Booleans, whether the safety controller intervened
+# - `landed`: (B,) Booleans, whether the UAV landed in this step
+# - `crashed`: (B,) Booleans, whether the flying time ran out in this step without a landing
+#
+# Give back the rewards of the B episodes, an array (B,). Leave the arrays as they are. B can be any number from 1 on.
+
+# %%
+def reward(uploaded, intervened, landed, crashed):
+    """The reward of this step for each episode; (B,)."""
+    ### BEGIN SOLUTION
+    return uploaded.sum(1) - 0.2 * ~landed - 1.0 * intervened - 150.0 * crashed
+    ### END SOLUTION
+
+# %%
+checks.reward(reward)
+
+# %% [markdown]
+# ## 3.4 · The safety controller (3 points, 15 minutes)
+#
+# The UAV is over the cell `cell`, a pair `(row, col)`, in a city with M×M cells, and wants to take the action
+# `action`, a number: 0 north (row − 1), 1 east (col + 1), 2 south (row + 1), 3 west (col − 1), 4 hover, 5 land. The
+# safety controller replaces the action by hovering
+#
+# - if it is a move that leaves the grid or enters a cell in which the UAV may not fly;
+# - if it is `land`, and the UAV is not over the landing zone.
+#
+# Hovering and landing stay in the cell. The city has the number M, `city.size`, and three Boolean layers (M, M),
+# indexed `[row, col]`:
+#
+# - `city.landing`: the landing zone
+# - `city.no_fly`: where the UAV may not fly, no-fly zones and tall buildings
+# - `city.buildings`: what blocks radio links, tall and low buildings; low ones may be flown over
+#
+# Give back two things: the cell in which the UAV is after the step, a pair `(row, col)`, and whether the controller
+# intervened, `True` or `False`.
+
+# %%
+def safe_step(city, cell, action):
+    """The cell after the step, (row, col), and whether the safety controller intervened."""
+    ### BEGIN SOLUTION
+    if action == 4:
+        return cell, False
+    if action == 5:
+        return cell, not city.landing[cell]
+    row = cell[0] + (-1, 0, 1, 0)[action]
+    col = cell[1] + (0, 1, 0, -1)[action]
+    inside = 0 <= row < city.size and 0 <= col < city.size
+    if not inside or city.no_fly[row, col]:
+        return cell, True
+    return (row, col), False
+    ### END SOLUTION
+
+# %%
+checks.safe_step(safe_step)

@@ -1,0 +1,136 @@
+# %% [markdown]
+# # Exercises 6 · Training
+#
+# They go with notebook `06_training`. You need the n-step target of its section 6.5, the curves and the recipe.
+#
+# Write your answer where a cell raises `NotImplementedError` (or where `None` stands for it), then run the cell below
+# it: it says whether the answer is right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for
+# example `checks.n_step_return.hint()` in a cell of your own gives the first, again gives the next.
+
+# %%
+# %matplotlib inline
+from dataclasses import replace
+
+from uavdh_lite import checks
+from uavdh_lite.recipe import SMALL
+
+# %% [markdown]
+# ## 6.1 · The n-step return (2 points, 12 minutes)
+#
+# A memory holds $T$ consecutive steps of one UAV. Compute the target for the first state, $s_0$, over up to $n$ steps:
+#
+# $$y = r_0 + \gamma r_1 + \dots + \gamma^{m-1} r_{m-1} + \gamma^m V(s_m)$$
+#
+# - `rewards`: array of $T$ floats; `rewards[k]` is $r_k$, earned in the step from $s_k$ to $s_{k+1}$
+# - `terminals`: array of $T$ bools; `terminals[k]` says whether that step ended the episode. What is stored after it belongs
+#   to the next episode
+# - `values`: array of $T + 1$ floats; `values[k]` is $V(s_k)$, what the state $s_k$ is worth
+# - `n`: whole number, at least 1; `discount`: $\gamma$
+#
+# Here $m = n$, or $m = T$ if fewer than $n$ steps are stored. If one of these $m$ steps is terminal, the sum ends with the
+# reward of the first such step, and no value is added. Give back the number $y$; leave the arrays as they are.
+
+# %%
+def n_step(rewards, terminals, values, n, discount):
+    """The target of the first state over up to n steps."""
+    ### BEGIN SOLUTION
+    total, factor = 0.0, 1.0
+    steps = min(n, len(rewards))
+    for k in range(steps):
+        total += factor * rewards[k]
+        factor *= discount
+        if terminals[k]:
+            return total
+    return total + factor * values[steps]
+    ### END SOLUTION
+
+# %%
+checks.n_step_return(n_step)
+
+# %% [markdown]
+# ## 6.2 · What is wrong with this agent? (1 point, 8 minutes)
+#
+# A greedy validation gives three shares between 0 and 1, each a mean over many missions: `landed`, `collection_ratio`
+# (collected data over all data, landed or not) and `time_used` (flying time used over flying time given). Here are nine of
+# them, from training runs on the Manhattan city: one of the whole recipe `lite`, the others with one part of it replaced
+# by the paper's (`data/runs/deviations-manhattan`; early is after 100,000 steps, all others after 300,000):
+
+# %%
+runs = {  # landed, collection ratio, time used
+    "whole recipe": (0.986, 0.919, 0.770),
+    "one-step returns, early": (0.615, 0.410, 0.880),
+    "paper's crash reward, seed 1": (1.0, 0.005, 0.021),
+    "paper's crash reward, seed 0": (1.0, 0.218, 0.732),
+    "no exploring starts, early": (0.779, 0.751, 0.667),
+    "no layer norm, early": (1.0, 0.137, 0.196),
+    "paper's learning rate": (0.986, 0.530, 0.730),
+    "paper's crash reward, seed 2": (0.847, 0.024, 0.170),
+    "one-step returns, late": (0.976, 0.888, 0.891),
+}
+
+# %% [markdown]
+# Write a function that names what is wrong. The agent
+#
+# 1. `"crashes"` if fewer than 90 % of its missions land;
+# 2. otherwise it is `"good"` if it collects at least 80 %;
+# 3. otherwise it is `"lazy"` if it uses less than 25 % of the flying time;
+# 4. otherwise it `"wanders"`: it flies about, and comes home with little.
+
+# %%
+def diagnose(landed, collection_ratio, time_used):
+    """One of "crashes", "good", "lazy" and "wanders"."""
+    ### BEGIN SOLUTION
+    if landed < 0.9:
+        return "crashes"
+    if collection_ratio >= 0.8:
+        return "good"
+    return "lazy" if time_used < 0.25 else "wanders"
+    ### END SOLUTION
+
+# %%
+checks.diagnosis(diagnose)
+
+# %%
+for name, shares in runs.items():
+    print(f"{name:<30}{diagnose(*shares)}")
+
+# %% [markdown]
+# The paper's crash reward, −150 from the start, gives three different failures with three seeds, and none of them is
+# good in so short a training.
+
+# %% [markdown]
+# ## 6.3 · Mend a lazy agent (4 points, 20 minutes)
+#
+# This is the lazy recipe of the notebook, for the village. Its agent lands in every mission, but at once: it uses 4 % of
+# its flying time and collects nothing.
+
+# %%
+lazy = replace(SMALL, name="lazy", steps=20_000, crash_reward=-150.0, crash_reward_end=-150.0, huber_delta=None,
+               temperature=0.1, exploring_starts=0.0)
+
+# %% [markdown]
+# Mend it: give a recipe, made by `replace(lazy, ...)`, that trains an agent with at least 40 % collected and landed. It may
+# be changed in these settings only:
+#
+# - `steps`: at most 24,000
+# - `crash_reward_end`: at most −40, so that a crash really costs something at the end; `crash_reward`, the price at the
+#   start, is free, but not above 0
+# - `crash_reward_growth`, `huber_delta`, `temperature`, `temperature_end`, `temperature_decay`, `exploring_starts`,
+#   `exploring_actions`
+#
+# So it is not enough to give back the price of a crash that the recipe `small` has at the end, −20.
+# The check trains your recipe with seed 0 and flies the agent, as it is at the end, greedily through 500 test missions of
+# the village. That takes up to half a minute.
+
+# %%
+mended = None  # replace None by replace(lazy, ...)
+### BEGIN SOLUTION
+mended = replace(lazy, name="mended", steps=24_000, crash_reward=-2.0, crash_reward_end=-40.0, huber_delta=10.0,
+                 temperature=1.0)
+### END SOLUTION
+
+# %%
+checks.mended_recipe(mended)
+
+# %% [markdown]
+# One seed decides here, to save time. How would you find out whether your recipe is better than another?

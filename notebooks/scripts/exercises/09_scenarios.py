@@ -1,0 +1,138 @@
+# %% [markdown]
+# # Exercises 9 · Scenarios
+#
+# They go with notebook `09_scenarios`. You need loops and a queue for 9.1; for 9.2 notebooks `04_map_centring` and
+# `08_evaluation`, and patience.
+#
+# Write your answer where a cell raises `NotImplementedError` or says `None`, then run the cell below it: it says whether
+# the answer is right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for example
+# `checks.reachable.hint()` in a cell of your own gives the first, again gives the next.
+
+# %%
+# %matplotlib inline
+from collections import deque
+
+import numpy as np
+
+from uavdh_lite import checks
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.city import City
+from uavdh_lite.environment import Environment
+from uavdh_lite.evaluation import evaluate
+from uavdh_lite.planners import Greedy
+
+# %% [markdown]
+# ## 9.1 · The way home (2 points, 15 minutes)
+#
+# How many moves does the UAV need from each cell to the nearest landing cell? A move goes one cell to the north (row − 1),
+# east (column + 1), south or west; off the grid there is nothing. The UAV may enter every cell that is not in
+# `city.no_fly`, also landing cells of either zone; `city.buildings` block radio links, and the tall ones of them
+# are in `city.no_fly` as well. All of `city.landing`, `city.no_fly` and `city.buildings` are (M, M) Boolean arrays, indexed
+# `[row, column]`; `city.size` is M.
+#
+# Return an (M, M) array of ints: 0 over the landing zone, −1 in no-fly cells and wherever no landing cell can be reached.
+# Write the search (breadth first) yourself, without `city.landing_distance`.
+
+# %%
+def reachable(city):
+    """Moves from each cell to the nearest landing cell, (M, M) ints; -1 where there is no way."""
+    ### BEGIN SOLUTION
+    distance = np.where(city.landing, 0, -1)
+    queue = deque((int(row), int(col)) for row, col in np.argwhere(city.landing))
+    while queue:
+        row, col = queue.popleft()
+        for r, c in ((row - 1, col), (row, col + 1), (row + 1, col), (row, col - 1)):
+            on_grid = 0 <= r < city.size and 0 <= c < city.size
+            if on_grid and not city.no_fly[r, c] and distance[r, c] < 0:
+                distance[r, c] = distance[row, col] + 1
+                queue.append((r, c))
+    return distance
+    ### END SOLUTION
+
+# %%
+checks.reachable(reachable)
+
+# %% [markdown]
+# ## 9.2 · A city that defeats the agent (4 points, 30 minutes)
+#
+# The network of the agent `manhattan` can be asked about any city of 16×16 cells: it sees that city's maps. It was trained
+# in one. Draw a city in which it does badly although the missions there are possible. The city is a text of 16 rows of 16
+# signs:
+#
+# | sign | cell |
+# | --- | --- |
+# | `.` | free |
+# | `L` | start and landing zone (at least one) |
+# | `N` | no-fly zone |
+# | `B` | building that may not be flown over |
+# | `b` | building that may be flown over; it still blocks the radio link |
+#
+# It has to meet all of these conditions, on 100 fixed missions of the agent's own scenario (2 to 5 devices, 5 to 20 data
+# units each, 35 to 70 steps of flying time):
+#
+# - it is a valid city, and from every cell that the UAV may enter there is a way to the landing zone;
+# - the greedy planner lands in all missions and collects at least 90 % of the data, on average;
+# - the agent's mean CRAL (collected and landed) is at least 30 points below that of the greedy planner.
+#
+# `trial(text)` flies other missions of the same kind, to practise. The first city is the one that the agent knows.
+
+# %%
+agent = load_agent("manhattan")
+
+def trial(text, missions=100, seed=0):
+    city = City.from_text("mine", text)
+    environment = Environment(city)
+    for name, policy in (("greedy", Greedy(environment)), ("agent", agent.over(city))):
+        metrics = evaluate(environment, policy, agent.scenario, missions, seed).metrics()
+        print(f"{name:<8}landed {metrics['has_landed'].mean:6.1%}   collected "
+              f"{metrics['collection_ratio'].mean:6.1%}   CRAL {metrics['collection_ratio_and_landed'].mean:6.1%}")
+
+home = """
+LL..............
+LL..............
+..BB.BB..BB.BB..
+..BB.BB..BB.BB..
+................
+..BB.bb..BB.BB..
+..BB.bb..BB.BB..
+................
+................
+..BB.BB..bb.BB..
+.NNNNBB..bb.BB..
+.NNNN...........
+.NBBNBB..BB.BB..
+.NBBNBB..BB.BB..
+.NNNN.........LL
+..............LL
+"""
+trial(home)
+
+# %%
+text = None  # replace None by your city
+### BEGIN SOLUTION
+text = """
+..............LL
+..............LL
+..BB.BB..BB.BB..
+..BB.BB..BB.BB..
+................
+..BB.bb..BB.BB..
+..BB.bb..BB.BB..
+................
+................
+..BB.BB..bb.BB..
+.NNNNBB..bb.BB..
+.NNNN...........
+.NBBNBB..BB.BB..
+.NBBNBB..BB.BB..
+.NNNN...........
+LL..............
+"""
+### END SOLUTION
+
+# %%
+checks.defeat(text)
+
+# %% [markdown]
+# An agent that was trained in one city may have learned much about that city and little about cities. Which of
+# the layers that it sees does it use? An answer needs many cities, in training and in the test.

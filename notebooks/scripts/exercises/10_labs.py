@@ -1,0 +1,85 @@
+# %% [markdown]
+# # Exercises 10 · Labs
+#
+# They go with notebook `10_labs`. You need loops, and the labs to look at what you find.
+#
+# Write your answer where a cell raises `NotImplementedError` or says `None`, then run the cell below it: it says whether
+# the answer is right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for example
+# `checks.failure_seed.hint()` in a cell of your own gives the first, again gives the next.
+
+# %%
+# %matplotlib inline
+import numpy as np
+
+from uavdh_lite import checks
+from uavdh_lite.link import rate_map
+from uavdh_lite.mission import Mission, environment_of, pilots
+from uavdh_lite.scenario import find_scenario
+
+environment, scenario = environment_of("manhattan"), find_scenario("manhattan")
+
+# %% [markdown]
+# ## 10.1 · Find a failure (2 points, 15 minutes)
+#
+# `Mission.draw(scenario, environment.city, seed)` draws a random mission of the city `manhattan`: equal seeds, equal
+# missions. `mission.fly(environment, policy)` flies it with the fading of the same seed and gives the flights (a batch of
+# one); `.end` is the last state, with `collection_ratio` and `landed`, an array of one element each. The policies are
+# `pilots(environment)["greedy"](seed)` and `pilots(environment)["agent manhattan"](seed)`.
+#
+# The score of a flight, in points, is 100 × collection ratio if it has landed, else 0. Find a seed from 0 to 9,999 whose
+# mission the agent flies with at least 25 points less than the greedy planner. It is best found by a program; most
+# missions are harmless, so let it stop at the first hit.
+
+# %%
+seed = None  # replace None by the seed, or by what finds it
+### BEGIN SOLUTION
+makers = pilots(environment)
+for candidate in range(10_000):
+    mission = Mission.draw(scenario, environment.city, candidate)
+    points = {}
+    for name in ("greedy", "agent manhattan"):
+        end = mission.fly(environment, makers[name](candidate)).end
+        points[name] = 100 * float(end.collection_ratio[0] * end.landed[0])
+    if points["greedy"] - points["agent manhattan"] >= 25:
+        seed = candidate
+        break
+### END SOLUTION
+
+# %%
+checks.failure_seed(seed)
+
+# %% [markdown]
+# Look at the mission: set it in the mission lab (notebook `10_labs`), with *greedy* beside the agent. `mission.start`,
+# `mission.devices`, `mission.data` and `mission.flying_time` say what to set. What goes wrong, and at which step?
+
+# %% [markdown]
+# ## 10.2 · The worst place for a device (3 points, 15 minutes)
+#
+# Where in the city must a device stand so that it is heard worst, however well the UAV chooses where to hover? For
+# each cell on which a device may stand (`environment.city.device_cells`, numbers `row * M + column`) take the *best* mean
+# rate over all cells that the UAV can reach, that is, those with `environment.city.landing_distance >= 0`, an (M, M) array.
+# Return the device cell for which this best rate is lowest, as `(row, column)`; if there are several, any of them.
+#
+# `rate_map(city, channel, line_of_sight, device)` gives the mean rate (fading 0) at every UAV cell, (M, M), for a device
+# in the cell `(row, column)`; `environment.city`, `environment.channel` and `environment.line_of_sight` are its other
+# arguments. The function is tried in other cities too.
+
+# %%
+def worst_device_cell(environment):
+    """(row, column) of the device cell with the lowest best mean rate."""
+    ### BEGIN SOLUTION
+    city = environment.city
+    can_reach = city.landing_distance >= 0
+    best = {}
+    for number in city.device_cells:
+        device = divmod(int(number), city.size)
+        rates = rate_map(city, environment.channel, environment.line_of_sight, device)
+        best[device] = rates[can_reach].max()
+    return min(best, key=best.get)
+    ### END SOLUTION
+
+# %%
+checks.worst_device_cell(worst_device_cell)
+
+# %% [markdown]
+# In the channel lab, put the device there and move the UAV around it.

@@ -1,0 +1,40 @@
+"""Wrong answers to the exercises of notebook 1, and what the message must say of each."""
+
+import numpy as np
+
+MISTAKES = {
+    "rate_from_snr": [
+        (lambda snr_db: np.log2(1 + snr_db), "decibels"),
+        (lambda snr_db: np.log(1 + 10 ** (snr_db / 10)), "natural logarithm"),
+        (lambda snr_db: np.log2(1 + 10 ** (float(snr_db) / 10)), "stops with TypeError"),
+        (lambda snr_db: np.log2(10 ** (snr_db / 10)), "negative below 0 dB"),
+    ],
+    "path_loss_crossover": [
+        ((lambda d: d ** (2.27 / 3.64), lambda: 1.0), "wrong way round"),
+        ((lambda d: d * 3.64 / 2.27, lambda: 1.0), "exponent"),
+        ((lambda d: d ** (3.64 / 2.27), lambda: 10.0), "both losses must be equal"),
+        ((lambda d: d ** (3.64 / 2.27), lambda: None), "is there a `return`"),
+    ],
+    "mean_rate": [
+        (
+            lambda snr, var, n, g: np.log2(1 + 10 ** ((snr + g.normal(0, var, n)) / 10)).mean(),
+            "root of the variance",
+        ),
+        (
+            lambda snr, var, n, g: np.log2(
+                1 + 10 ** ((snr + g.normal(0, var**0.5, n).mean()) / 10)
+            ),
+            "average the rates",
+        ),
+        (
+            lambda snr, var, n, g: np.log2(1 + 10 ** ((snr + g.normal(0, var**0.5, n)) / 10)),
+            "you give back an array",
+        ),
+        (
+            lambda snr, var, n, g: np.log2(
+                1 + 10 ** ((snr + np.random.default_rng().normal(0, var**0.5, n)) / 10)
+            ).mean(),
+            "generator that is passed in",
+        ),
+    ],
+}

@@ -1,0 +1,229 @@
+"""Wrong answers to the exercises of notebook 5, and what the message must say of each."""
+
+import numpy as np
+import torch
+
+
+def _softmax(q, dim=1):
+    powers = torch.exp(q)
+    return powers / powers.sum(dim, keepdim=True)
+
+
+def _top_of_all(q, beta):
+    powers = torch.exp((q - q.max()) / beta)
+    return powers / powers.sum(1, keepdim=True)
+
+
+def _scales_in_place(q, beta):
+    q /= beta
+    return torch.softmax(q, 1)
+
+
+class _Base:
+    def __init__(self, capacity):
+        self.capacity, self.places, self.count = capacity, [None] * capacity, 0
+
+    def add(self, item):
+        self.places[self.count % self.capacity] = item
+        self.count += 1
+
+    def stored(self):
+        return self.places[: self.count]
+
+    def sample(self, size, generator):
+        stored = self.stored()
+        rest = generator.integers(0, len(stored), size - 1)
+        return [self.places[(self.count - 1) % self.capacity], *(stored[k] for k in rest)]
+
+
+class Plain(_Base):
+    def sample(self, size, generator):
+        stored = self.stored()
+        return [stored[k] for k in generator.integers(0, len(stored), size)]
+
+
+class NewestAtTheEnd(_Base):
+    def sample(self, size, generator):
+        stored = self.stored()
+        return [stored[-1], *(stored[k] for k in generator.integers(0, len(stored), size - 1))]
+
+
+class NextPlace(_Base):
+    def sample(self, size, generator):
+        stored = self.stored()
+        newest = stored[self.count % self.capacity if self.count >= self.capacity else -1]
+        return [newest, *(stored[k] for k in generator.integers(0, len(stored), size - 1))]
+
+
+class Unfilled(_Base):
+    def stored(self):
+        return self.places
+
+
+class Grows(_Base):
+    def __init__(self, capacity):
+        self.places = []
+
+    def add(self, item):
+        self.places.append(item)
+
+    def sample(self, size, generator):
+        rest = generator.integers(0, len(self.places), size - 1)
+        return [self.places[-1], *(self.places[k] for k in rest)]
+
+
+class OverwritesTheNewest(Grows):
+    def __init__(self, capacity):
+        super().__init__(capacity)
+        self.capacity = capacity
+
+    def add(self, item):
+        if len(self.places) == self.capacity:
+            self.places.pop()
+        self.places.append(item)
+
+
+class OneTooMany(_Base):
+    def sample(self, size, generator):
+        return super().sample(size + 1, generator)
+
+
+class WithoutReplacement(_Base):
+    def sample(self, size, generator):
+        stored = self.stored()
+        order = generator.permutation(len(stored))[: size - 1]
+        return [self.places[(self.count - 1) % self.capacity], *(stored[k] for k in order)]
+
+
+class LastPlaceNever(_Base):
+    def sample(self, size, generator):
+        stored = self.stored()
+        rest = generator.integers(0, max(len(stored) - 1, 1), size - 1)
+        return [self.places[(self.count - 1) % self.capacity], *(stored[k] for k in rest)]
+
+
+class OwnChance(_Base):
+    def sample(self, size, generator):
+        return super().sample(size, np.random.default_rng())
+
+
+class Arrays(_Base):
+    def sample(self, size, generator):
+        newest = self.places[(self.count - 1) % self.capacity]
+        return [newest, *generator.choice(self.stored(), size - 1)]
+
+
+class Unwritten(_Base):
+    def sample(self, size, generator):
+        raise NotImplementedError
+
+
+class Skewed(_Base):
+    def sample(self, size, generator):
+        stored = self.stored()
+        rest = (generator.random(size - 1) ** 2 * len(stored)).astype(int)
+        return [self.places[(self.count - 1) % self.capacity], *(stored[k] for k in rest)]
+
+
+def _value(chooser, judge):
+    return judge.gather(1, chooser.argmax(1, keepdim=True)).squeeze(1)
+
+
+def _rebinds(target, online, rate):
+    for t, o in zip(target, online, strict=True):
+        t = (1 - rate) * t + rate * o
+
+
+def _new_in_list(target, online, rate):
+    for k in range(len(target)):
+        target[k] = (1 - rate) * target[k] + rate * online[k]
+
+
+def _swapped(target, online, rate):
+    for t, o in zip(target, online, strict=True):
+        t.mul_(rate).add_((1 - rate) * o)
+
+
+def _shrinks_online(target, online, rate):
+    for t, o in zip(target, online, strict=True):
+        t.mul_(1 - rate).add_(o.mul_(rate))
+
+
+def _adds(target, online, rate):
+    for t, o in zip(target, online, strict=True):
+        t += rate * o
+
+
+def _copies(target, online, rate):
+    for t, o in zip(target, online, strict=True):
+        t.copy_(o)
+
+
+def _first_only(target, online, rate):
+    for t, o in zip(target, online, strict=True):
+        t.lerp_(o, rate)
+        return target
+
+
+def _unwritten(target, online, rate):
+    raise NotImplementedError
+
+
+MISTAKES = {
+    "stable_policy": [
+        (lambda q, beta: _softmax(q / beta), "It overflows"),
+        (lambda q, beta: _softmax(q * beta), "multiply by the temperature"),
+        (lambda q, beta: _softmax(q / beta, 0), "over the batch"),
+        (lambda q, beta: torch.exp(q / beta) / torch.exp(q / beta).sum(), "whole batch"),
+        (lambda q, beta: (torch.exp(q) / beta) / (torch.exp(q) / beta).sum(1, True), "no effect"),
+        (_top_of_all, "Subtract the maximum of each row"),
+        (_scales_in_place, "in place"),
+        (lambda q, beta: torch.log_softmax(q / beta, 1), "logarithms"),
+        (lambda q, beta: torch.softmax(q / beta, 1).tolist(), "torch tensor is expected"),
+    ],
+    "ring_buffer": [
+        (Plain, "newest item is not in every sample"),
+        (NewestAtTheEnd, "ring is full and begins again"),
+        (NextPlace, "to be overwritten next"),
+        (Unfilled, "nothing was stored in"),
+        (Grows, "the ring grows"),
+        (OverwritesTheNewest, "must overwrite the oldest, and no other"),
+        (OneTooMany, "the newest counts as one of them"),
+        (WithoutReplacement, "may come more than once"),
+        (LastPlaceNever, "upper end"),
+        (OwnChance, "generator that is passed in"),
+        (Arrays, "generator.choice makes arrays"),
+        (Unwritten, "sample is not written yet"),
+        (Skewed, "not equally likely"),
+        (_Base(3), "without brackets"),
+    ],
+    "double_target": [
+        (lambda r, t, d, online, target: r + d * ~t * target.amax(1), "plain DQN"),
+        (lambda r, t, d, online, target: r + d * ~t * _value(target, online), "swapped"),
+        (lambda r, t, d, online, target: r + d * _value(online, target), "not masked"),
+        (lambda r, t, d, online, target: r + d * ~t * online.amax(1), "also chooses"),
+        (lambda r, t, d, online, target: r + d * t * _value(online, target), "wrong way round"),
+        (lambda r, t, d, online, target: (r + d * _value(online, target)) * ~t, "reward is lost"),
+        (
+            lambda r, t, d, online, target: (
+                r + d * ~t * target.gather(1, online.argmax(1, keepdim=True))
+            ),
+            r"\(B, B\) matrix",
+        ),
+        (lambda r, t, d, online, target: r + d * ~t * online.argmax(1), "number of the best"),
+        (
+            lambda r, t, d, online, target: r + d * (1 - t) * _value(online, target),
+            "stops with RuntimeError: Subtraction",
+        ),
+    ],
+    "soft_update_in_place": [
+        (_rebinds, "only gives a new tensor the name"),
+        (_new_in_list, "list has new tensors"),
+        (_swapped, "swapped"),
+        (_shrinks_online, "online weights have changed"),
+        (_adds, "grow and grow"),
+        (_copies, "only the share τ"),
+        (_first_only, "Of 3 tensors 1 are updated"),
+        (_unwritten, "not written yet"),
+    ],
+}

@@ -1,0 +1,145 @@
+"""Wrong answers to the exercises of notebook 8, and what the message must say of each."""
+
+import math
+
+import numpy as np
+
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.planners import Genie, Greedy
+
+
+def normal_interval(successes, trials):
+    p = successes / trials
+    half = 1.96 * math.sqrt(p * (1 - p) / trials)
+    return p - half, p + half
+
+
+def clipped_interval(successes, trials):
+    low, high = normal_interval(successes, trials)
+    return max(low, 0), min(high, 1)
+
+
+def one_error(successes, trials):
+    p, n = successes / trials, trials
+    half = math.sqrt(p * (1 - p) / n + 1 / (4 * n * n))
+    return (p + 1 / (2 * n) - half) / (1 + 1 / n), (p + 1 / (2 * n) + half) / (1 + 1 / n)
+
+
+def no_denominator(successes, trials):
+    p, n = successes / trials, trials
+    half = 1.96 * math.sqrt(p * (1 - p) / n + 1.96**2 / (4 * n * n))
+    return p + 1.96**2 / (2 * n) - half, p + 1.96**2 / (2 * n) + half
+
+
+def add_variances(a, b):
+    half = 1.96 * math.sqrt(np.var(a, ddof=1) / len(a) + np.var(b, ddof=1) / len(b))
+    return np.mean(a) - np.mean(b), np.mean(a) - np.mean(b) - half, np.mean(a) - np.mean(b) + half
+
+
+def no_standard_error(a, b):
+    d = a - b
+    return d.mean(), d.mean() - 1.96 * np.std(d, ddof=1), d.mean() + 1.96 * np.std(d, ddof=1)
+
+
+def by_n(a, b):
+    d = a - b
+    half = 1.96 * d.std() / len(d) ** 0.5
+    return d.mean(), d.mean() - half, d.mean() + half
+
+
+def other_sign(a, b):
+    d = b - a
+    half = 1.96 * d.std(ddof=1) / len(d) ** 0.5
+    return d.mean(), d.mean() - half, d.mean() + half
+
+
+def in_place(a, b):
+    a -= b
+    half = 1.96 * a.std(ddof=1) / len(a) ** 0.5
+    return a.mean(), a.mean() - half, a.mean() + half
+
+
+def half_width(a, b):
+    d = a - b
+    return d.mean(), 1.96 * d.std(ddof=1) / len(d) ** 0.5
+
+
+def never_home(environment, state):
+    """Greedy's moves, without its way home."""
+    action = Greedy(environment)(state)
+    return np.where(action == 5, 4, action)
+
+
+def straight_ahead(environment, state):
+    """To the first device as the crow flies, whatever is in between; home by greedy."""
+    row, col = np.divmod(state.device_cells[:, 0].astype(int), 16)
+    r, c = np.divmod(state.uav_cell.astype(int), 16)
+    action = np.select([r > row, r < row, c > col, c < col], [0, 2, 3, 1], 4)
+    home = environment.city.landing_distance.ravel()[state.uav_cell]
+    return np.where(state.time_left > home + 3, action, Greedy(environment)(state))
+
+
+def in_between(environment, state):
+    return Greedy(environment)(state) + 0.0
+
+
+def first_only(environment, state):
+    return int(Greedy(environment)(state)[0])
+
+
+def counted_from_one(environment, state):
+    return Greedy(environment)(state) + 1
+
+
+def hidden_genie(environment, state):
+    return Genie(environment)(state)
+
+
+def hidden_agent(environment, state):
+    return load_agent("manhattan")(state)
+
+
+def broken(environment, state):
+    return state.position
+
+
+def straight_home(environment, state):
+    return np.full(len(state), 5)
+
+
+MISTAKES = {
+    "wilson": [
+        (normal_interval, "normal approximation"),
+        (clipped_interval, "cut off at 0 and 1"),
+        (one_error, "z = 1"),
+        (no_denominator, r"1 \+ z²/n is missing"),
+        (lambda k, n: (0.9, 1.0), "expected"),
+    ],
+    "episodes_needed": [
+        (lambda s, h: math.ceil(1.96 * s / h), "square is missing"),
+        (lambda s, h: math.ceil((s / h) ** 2), "1.96 is missing"),
+        (lambda s, h: int((1.96 * s / h) ** 2), "round up"),
+        (lambda s, h: math.ceil((1.96 * s / (h / 2)) ** 2), "halve it again"),
+        (lambda s, h: np.ceil((1.96 * s / h) ** 2), "no int"),
+    ],
+    "lead": [
+        (add_variances, "unpaired"),
+        (no_standard_error, "standard error"),
+        (by_n, "ddof=1"),
+        (other_sign, "sign"),
+        (in_place, "changes its arguments"),
+        (half_width, "not mean and half width"),
+    ],
+    "policy": [
+        (lambda environment, state: Greedy(environment)(state), "same flights as greedy's"),
+        (never_home, "crashed in 300 of 300"),
+        (straight_ahead, "safety controller refused"),
+        (straight_home, "behind greedy"),
+        (in_between, "whole numbers"),
+        (first_only, r"the shape \(\)"),
+        (counted_from_one, "no action 6"),
+        (hidden_genie, "Genie is not allowed"),
+        (hidden_agent, "Agent is not allowed"),
+        (broken, "^broken stops with AttributeError"),
+    ],
+}

@@ -1,0 +1,126 @@
+"""Wrong answers to the exercises of notebook 4, and what the message must say of each."""
+
+import numpy as np
+
+
+def cell(change, check=True, last=0, first=0):
+    def answer(place, uav, size):
+        found = tuple(change(p, u, size) for p, u in zip(place, uav, strict=True))
+        inside = all(first <= k < size + last for k in found)
+        return found if inside or not check else None
+
+    return answer
+
+
+def back(p, u, m):
+    return p + u - m + 1
+
+
+def forgets_return(place, uav, size):
+    cell(back)(place, uav, size)
+
+
+def centred(shift=0, sign=1, fill=None, dtype=None):
+    """Write the layer into a map cell by cell."""
+
+    def answer(layer, uav, outside):
+        size = len(layer)
+        value = outside if fill is None else fill
+        result = np.full((2 * size - 1, 2 * size - 1), value, dtype or layer.dtype)
+        for row, col in np.ndindex(layer.shape):
+            place = [
+                size - 1 + sign * (one - u) + shift for one, u in zip((row, col), uav, strict=True)
+            ]
+            if all(0 <= one < 2 * size - 1 for one in place):
+                result[tuple(place)] = layer[row, col]
+        return result
+
+    return answer
+
+
+def opposite_shift(layer, uav, outside):
+    size = len(layer)
+    result = np.full((2 * size - 1, 2 * size - 1), outside, layer.dtype)
+    result[uav[0] : uav[0] + size, uav[1] : uav[1] + size] = layer
+    return result
+
+
+def swapped(layer, uav, outside):
+    return centred()(layer, uav[::-1], outside)
+
+
+def integers(layer, uav, outside):
+    result = np.full((2 * len(layer) - 1,) * 2, 0) + (layer.dtype == bool) * outside
+    if layer.dtype == bool:
+        return centred()(layer, uav, outside)
+    return centred(dtype=result.dtype)(layer, uav, outside)
+
+
+def wrapping(layer, uav, outside):
+    size = len(layer)
+    result = np.full((2 * size - 1, 2 * size - 1), outside, layer.dtype)
+    for row, col in np.ndindex(result.shape):
+        one, other = row + uav[0] - size + 1, col + uav[1] - size + 1
+        result[row, col] = layer[one % size, other % size]
+    return result
+
+
+def erases(layer, uav, outside):
+    result = centred()(layer, uav, outside)
+    layer[:] = 0
+    return result
+
+
+def count(bias=1, time=1, outputs=6, whole_map=True, rest=True, layers_again=False, pad=False):
+    def answer(layers, size, kernels, kernel_size, strides, hidden):
+        side = 2 * size - 1 if whole_map else size
+        channels, total = layers, 0
+        for stride in strides:
+            total += kernels * (channels * kernel_size * kernel_size + bias)
+            fits = side if pad else side - kernel_size + 1
+            side = -(-fits // stride) if rest else fits // stride
+            channels = layers if layers_again else kernels
+        inputs = kernels * side * side + time
+        for neurons in hidden:
+            total += (inputs + bias) * neurons
+            inputs = neurons
+        return total + (inputs + bias) * outputs
+
+    return answer
+
+
+MISTAKES = {
+    "city_cell": [
+        (cell(back, check=False), "no negative row or column|end at M"),
+        (cell(lambda p, u, m: p - u + m - 1), "the other direction"),
+        (cell(lambda p, u, m: p + u - m), "off by one"),
+        (cell(lambda p, u, m: u - p + m - 1), "wrong way"),
+        (cell(back, last=1), "end at M"),
+        (cell(back, first=1), "Row 0 and column 0"),
+        (cell(back, last=-1), "last row is M − 1"),
+        (forgets_return, "Is a `return` missing"),
+        (lambda place, uav, size: -1, "as a pair"),
+    ],
+    "centre": [
+        (opposite_shift, "wrong way"),
+        (centred(shift=1), "one cell too far south-east"),
+        (centred(shift=-1), "one cell too far north-west"),
+        (centred(fill=0), "value `outside`"),
+        (swapped, "Rows and columns are swapped"),
+        (integers, "whole numbers where the layer has fractions"),
+        (wrapping, "goes round at the border"),
+        (erases, "changes the layer"),
+        (centred(sign=-1), "the place .* of the map .* must be"),
+        (lambda layer, uav, outside: np.pad(layer, len(layer) - 1), "2M − 1 cells a side"),
+    ],
+    "network_weights": [
+        (count(bias=0), "biases are missing"),
+        (count(time=0), "flying time is missing"),
+        (count(outputs=0), "output layer is missing"),
+        (count(whole_map=False), "2M − 1 cells a side, not M"),
+        (count(rest=False), "round down, and add the 1 after that"),
+        (count(layers_again=True), "as many layers as the first has kernels"),
+        (count(pad=True), "you keep them"),
+        (lambda *case: 2_308_854, "gives 2308854, expected"),
+    ],
+}

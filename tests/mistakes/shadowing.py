@@ -1,0 +1,127 @@
+"""Wrong answers to the exercises of notebook 2, and what the message must say of each."""
+
+import numpy as np
+
+from uavdh_lite.shadowing import crossed_cells
+
+
+def inside(start, end, cell):
+    return all(min(a, b) <= x <= max(a, b) for a, b, x in zip(start, end, cell, strict=True))
+
+
+def doubled_distance(start, end, cell):
+    rows, cols = end[0] - start[0], end[1] - start[1]
+    return 2 * abs(rows * (cell[1] - start[1]) - cols * (cell[0] - start[0])), abs(rows) + abs(cols)
+
+
+def touching(start, end, cell):
+    distance, limit = doubled_distance(start, end, cell)
+    return inside(start, end, cell) and distance <= limit
+
+
+def infinite(start, end, cell):
+    if start == end:
+        return cell == start
+    distance, limit = doubled_distance(start, end, cell)
+    return distance < limit
+
+
+def no_single_point(start, end, cell):
+    distance, limit = doubled_distance(start, end, cell)
+    return inside(start, end, cell) and distance < limit
+
+
+def sampled(start, end, cell):
+    share = np.linspace(0, 1, 200)
+    rows = np.rint(start[0] + share * (end[0] - start[0]))
+    cols = np.rint(start[1] + share * (end[1] - start[1]))
+    return bool(((rows == cell[0]) & (cols == cell[1])).any())
+
+
+def slope(start, end, cell):
+    steepness = (end[0] - start[0]) / (end[1] - start[1])
+    return abs(cell[0] - start[0] - steepness * (cell[1] - start[1])) < 0.5
+
+
+def south_east_only(start, end, cell):
+    if start == end:
+        return cell == start
+    distance, limit = doubled_distance(start, end, cell)
+    ordered = start[0] <= cell[0] <= end[0] or start[0] >= cell[0] >= end[0]
+    return ordered and start[1] <= cell[1] <= end[1] and distance < limit
+
+
+def shadow(buildings, device, corners="both", ends=True, moved=True):
+    result = np.zeros_like(buildings)
+    for row, col in np.ndindex(buildings.shape):
+        rows, cols = row - device[0], col - device[1]
+        cells = [tuple(cell) for cell in crossed_cells(rows, cols).tolist()]
+        if moved:
+            cells = [(r + device[0], c + device[1]) for r, c in cells]
+        looked_at = [c for c in cells if ends or c not in ((row, col), tuple(device))]
+        result[row, col] = any(buildings[cell] for cell in looked_at)
+        for a in cells:
+            for b in cells:
+                if abs(a[0] - b[0]) == 1 and abs(a[1] - b[1]) == 1 and corners:
+                    beside = [buildings[a[0], b[1]], buildings[b[0], a[1]]]
+                    result[row, col] |= all(beside) if corners == "both" else any(beside)
+    return result
+
+
+def shifted_device(buildings, device):
+    result = shadow(buildings, device)
+    result[device] = True
+    return result
+
+
+def loses_buildings(buildings, device):
+    result = shadow(buildings, device)
+    buildings |= result
+    return result
+
+
+def square(sight):
+    return sight.reshape(len(sight) ** 2, -1)
+
+
+def different(sight):
+    return (square(sight) != square(sight).T).sum()
+
+
+MISTAKES = {
+    "crosses": [
+        (touching, "touches that cell at a corner"),
+        (infinite, "beyond the end of the segment"),
+        (sampled, "sampled along the ray step over"),
+        (inside, "Not all cells of the rectangle"),
+        (slope, "divide by zero"),
+        (no_single_point, "Both ends are the same point"),
+        (south_east_only, "The other way round"),
+        (lambda start, end, cell: crossed_cells(1, 1), "One truth value"),
+    ],
+    "shadow_map": [
+        (lambda b, d: shadow(b, d).T, "Rows and columns are swapped"),
+        (lambda b, d: ~shadow(b, d), "where there is line of sight"),
+        (lambda b, d: shadow(b, d, corners=""), "two diagonal buildings share still get through"),
+        (lambda b, d: shadow(b, d, corners="any"), "it takes both"),
+        (lambda b, d: shadow(b, d, ends=False), "UAV over a building sees through"),
+        (shifted_device, "device's own cell is dark"),
+        (lambda b, d: shadow(b, d, corners="", moved=False), r"counts from \(0, 0\)"),
+        (lambda b, d: shadow(b, d).astype(int), "array of Booleans"),
+        (lambda b, d: shadow(b, d).ravel(), "one entry for each cell"),
+        (loses_buildings, "changes the array `buildings`"),
+        (lambda b, d: np.zeros_like(b), "is hidden: the ray crosses the building"),
+    ],
+    "asymmetric_share": [
+        (lambda s: (square(s) != square(s).T).mean(), "with itself"),
+        (
+            lambda s: different(s) / (len(s) ** 2 * (len(s) ** 2 - 1) / 2),
+            "each asymmetric pair twice",
+        ),
+        (lambda s: np.triu(square(s) != square(s).T).mean(), "half the share or less"),
+        (lambda s: (s != s.T).sum() / (len(s) ** 2 * (len(s) ** 2 - 1)), "reverses them all"),
+        (lambda s: (s != s.T).mean(), "reverses all four axes"),
+        (lambda s: square(s) != square(s).T, "One number is expected"),
+        (lambda s: different(s) // 2, "divide by the number of all pairs"),
+    ],
+}
