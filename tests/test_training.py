@@ -103,6 +103,7 @@ def test_files_of_a_run(trainer, tmp_path):
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
         "about.json",
         "best.safetensors",
+        "lock",
         "training.csv",
         "training.safetensors",
         "validation.csv",

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from uavdh_lite.challenge.commands import add_commands
-from uavdh_lite.errors import InputError
+from uavdh_lite.errors import InputError, TrainingDiverged
 from uavdh_lite.files import write_atomically
 from uavdh_lite.recipe import Recipe, find_recipe
 from uavdh_lite.scenario import Scenario, find_scenario
@@ -39,7 +39,10 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command; returns the exit status: 0, 1 for files, 2 for bad input, 130 for Ctrl-C."""
+    """Run one command; returns the exit status.
+
+    0; 1 for files or a training that diverged; 2 for bad input; 130 for Ctrl-C.
+    """
     arguments = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(arguments)
     options.command_line = shlex.join(["python", "-m", "uavdh_lite", *arguments])
@@ -48,7 +51,7 @@ def main(arguments: list[str] | None = None) -> int:
     except InputError as error:
         print(f"uavdh_lite: error: {error}", file=sys.stderr)
         return 2
-    except OSError as error:
+    except (OSError, TrainingDiverged) as error:
         print(f"uavdh_lite: error: {error}", file=sys.stderr)
         return 1
     except MemoryError as error:
@@ -81,6 +84,9 @@ def _parser() -> _Parser:
     )
     train.add_argument(
         "--threads", type=_positive, default=1, help="processor threads (%(default)s)"
+    )
+    train.add_argument(
+        "--tensorboard", action="store_true", help="write event files for TensorBoard, too"
     )
     _common(train, _train, seed_help="seed of weights, episodes and exploration")
     _fields(train.add_argument_group("scenario"), Scenario)
@@ -284,7 +290,14 @@ def _train(options: argparse.Namespace) -> None:
     out = options.out or f"runs/{scenario.name}-{recipe.name}-{options.seed}"
     torch.set_num_threads(options.threads)
     trainer = Trainer(scenario, recipe, options.seed, device=_device(options.device))
-    best = train(trainer, out, options.resume, options.command_line, stop_after=options.stop_after)
+    best = train(
+        trainer,
+        out,
+        options.resume,
+        options.command_line,
+        stop_after=options.stop_after,
+        tensorboard=options.tensorboard,
+    )
     if not best.exists():
         return  # left before the first validation
     print(f"best agent: {best}\nto see it: python -m uavdh_lite evaluate --checkpoint {best}")

@@ -11,3 +11,7 @@ class CityError(InputError):
 
 class CheckpointError(InputError):
     """A checkpoint file that is damaged, foreign, or does not fit its use."""
+
+
+class TrainingDiverged(ArithmeticError):
+    """The loss or a weight of a training run is not a number any more."""

@@ -54,13 +54,13 @@ QUESTIONS = {
             ),
             Choice(
                 "It lowers the rate",
-                "That would be so if the rate bent downwards in decibels. At a low SNR it bends "
-                "upwards.",
+                "That would be so if the rate bent downwards in decibels. It bends upwards, most "
+                "at 0 dB.",
             ),
             Choice(
                 "It raises the rate a little",
-                "At a low SNR the rate bends upwards in decibels, so that luck gains more than bad "
-                "luck loses.",
+                "In decibels the rate bends upwards, most at 0 dB, so that luck gains more than "
+                "bad luck loses.",
                 right=True,
             ),
         ),

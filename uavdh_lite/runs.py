@@ -6,14 +6,16 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
+from filelock import FileLock, Timeout
 from tqdm.auto import tqdm
 
 from uavdh_lite.checkpoint import save_agent
-from uavdh_lite.errors import InputError
+from uavdh_lite.errors import InputError, TrainingDiverged
 from uavdh_lite.tables import write_json, write_table
+from uavdh_lite.tensorboard import Board
 from uavdh_lite.training import BIN, Trainer
 
 SAVED = "training.safetensors"
@@ -26,6 +28,7 @@ def train(
     command: str = "",
     show_progress: bool = True,
     stop_after: int | None = None,
+    tensorboard: bool = False,
 ) -> Path:
     """Run a training to its end, with progress; returns the path of the best agent.
 
@@ -38,14 +41,37 @@ def train(
     | `training.csv` | a row for every 5000 environment steps: ordinary training episodes |
     | `validation.csv` | a row for each greedy validation |
     | `about.json` | command, seed, seconds, machine, versions, the last validation |
+    | `tensorboard/` | with `tensorboard`, the rows of both tables as event files |
+    | `lock` | held while the run is going on, so that no other one writes here |
 
     A run that was killed goes on with `resume=True`, and ends with the same weights as one that
     was not. Ctrl-C saves, then raises `KeyboardInterrupt`. With `stop_after` the run is saved and
     left after so many environment steps, if it has more.
 
-    Raises `InputError` if the folder holds a run and `resume` is False, or none and it is True.
+    Raises `InputError` if the folder holds a run and `resume` is False, or none and it is True, or
+    if another process is training there; `TrainingDiverged` if the loss or a weight is not finite
+    any more, with the files as they were at the last validation.
     """
     out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        with FileLock(out / "lock", timeout=0):
+            return _train(trainer, out, resume, command, show_progress, stop_after, tensorboard)
+    except Timeout:
+        raise InputError(
+            f"{out}: another process is training there; choose another folder"
+        ) from None
+
+
+def _train(
+    trainer: Trainer,
+    out: Path,
+    resume: bool,
+    command: str,
+    show_progress: bool,
+    stop_after: int | None,
+    tensorboard: bool,
+) -> Path:
     saved = out / SAVED
     if resume and not saved.exists():
         raise InputError(f"{out}: no run to resume there; leave out --resume to start one")
@@ -63,17 +89,24 @@ def train(
         unit_scale=True,
         disable=not show_progress,
     )
-    with progress, _deferred_interrupt() as interrupted:
+    board = Board(out / "tensorboard", trainer) if tensorboard else nullcontext()
+    with progress, board, _deferred_interrupt() as interrupted:
         while trainer.steps < end:
             started, before = time.perf_counter(), trainer.steps
             trainer.step()
             trainer.seconds += time.perf_counter() - started
             progress.update(min(trainer.steps, total) - min(before, total))
             interval = trainer.recipe.validation_interval
-            if trainer.steps // interval > before // interval or trainer.finished:
+            validates = trainer.steps // interval > before // interval or trainer.finished
+            reports = trainer.steps // BIN > before // BIN or trainer.finished
+            if validates or reports or interrupted():
+                _require_finite(trainer, out)
+            if validates:
                 _validate(trainer, out, command)
-            if trainer.steps // BIN > before // BIN or trainer.finished:
+            if reports:
                 progress.set_postfix_str(_status(trainer))
+            if tensorboard and (validates or reports):
+                board.write()
             if interrupted():
                 trainer.save(saved)
                 print(f"\nstopped after {trainer.steps} steps; to go on: add --resume", flush=True)
@@ -82,6 +115,16 @@ def train(
             trainer.save(saved)
             print(f"\nleft after {trainer.steps} steps; to go on: add --resume", flush=True)
     return out / "best.safetensors"
+
+
+def _require_finite(trainer: Trainer, out: Path) -> None:
+    if not trainer.is_finite():
+        kept = out / SAVED
+        state = f"the last good state is {kept}" if kept.exists() else "nothing was saved yet"
+        raise TrainingDiverged(
+            f"the loss or a weight is not finite after {trainer.steps} steps: {state}. "
+            "Start anew with a lower learning rate or smaller rewards"
+        )
 
 
 def keep_freed_memory() -> None:

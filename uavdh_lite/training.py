@@ -95,6 +95,11 @@ class Trainer:
     def finished(self) -> bool:
         return self.steps >= self.recipe.steps
 
+    def is_finite(self) -> bool:
+        """Whether the loss and all weights are numbers still."""
+        parts = [self.bin_loss, *self.ddqn.online.parameters()]
+        return all(bool(torch.isfinite(part).all()) for part in parts)
+
     def step(self) -> None:
         """One step of all environments, and one update once the replay memory is prefilled."""
         recipe, state = self.recipe, self.state

@@ -1,0 +1,199 @@
+"""The Gymnasium environments: the checkers pass, and both are the library's simulator."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+import uavdh_lite.gym
+from uavdh_lite.city import City
+from uavdh_lite.environment import LAND, NORTH, Rewards
+from uavdh_lite.errors import InputError
+from uavdh_lite.scenario import SCENARIOS, place
+
+ID = "uavdh_lite/DataHarvesting-v0"
+
+
+@pytest.mark.parametrize("observation", ["centred", "non_centred", "global_local"])
+def test_checker(observation):
+    options = {"observation": observation, "scenario": "manhattan"}
+    check_env(gymnasium.make(ID, **options).unwrapped, skip_render_check=True)
+    check_env(gymnasium.make(ID, scenario="village", render_mode="rgb_array").unwrapped)
+
+
+def test_same_seed_same_episode():
+    runs = []
+    for _ in range(2):
+        env = gymnasium.make(ID, scenario="village")
+        steps = [env.reset(seed=3)]
+        generator = np.random.default_rng(0)
+        for _ in range(12):
+            steps.append(env.step(int(generator.integers(0, 5))))
+        runs.append(steps)
+    assert data_equivalence(runs[0], runs[1], exact=True)
+    assert not data_equivalence(runs[0][0], env.reset(seed=4), exact=True)
+
+
+def start(time_left=10, uav=(0, 0)):
+    return place(City.load("village"), uav, [(4, 1)], [5.0], time_left, 2)
+
+
+def test_a_landing_ends_the_episode_without_a_crash():
+    env = gymnasium.make(ID, scenario="village")
+    env.reset(options={"start": start()})
+    observation, reward, terminated, truncated, info = env.step(LAND)
+    assert (reward, terminated, truncated) == (0.0, True, False)
+    assert info["has_landed"] and info["collection_ratio_and_landed"] == 0
+    assert observation["time"][0] == pytest.approx(9 / 35)
+    with pytest.raises(gymnasium.error.ResetNeeded, match="over"):
+        env.unwrapped.step(LAND)
+
+
+def test_running_out_of_time_is_a_termination_and_costs():
+    env = gymnasium.make(ID, scenario="village", rewards=Rewards(crash=-7.0))
+    env.reset(options={"start": start(time_left=1)})
+    _, reward, terminated, truncated, info = env.step(NORTH)  # off the grid
+    assert reward == pytest.approx(-0.2 - 1 - 7)
+    assert terminated and not truncated and info["safety_intervention"]
+
+
+def test_bad_input_is_named():
+    env = gymnasium.make(ID, scenario="village").unwrapped
+    with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):
+        env.step(0)
+    env.reset(seed=0)
+    for action in (6, -1, 1.5, "north"):
+        with pytest.raises(InputError, match="whole number from 0 to 5"):
+            env.step(action)
+    with pytest.raises(InputError, match="choose one of human, rgb_array"):
+        uavdh_lite.gym.DataHarvesting(render_mode="ansi")
+    two = SCENARIOS["village"].sample(City.load("village"), 2, np.random.default_rng(0))
+    with pytest.raises(InputError, match="expected a State of one"):
+        env.reset(options={"start": two})
+    with pytest.raises(InputError, match="unknown scenario"):
+        uavdh_lite.gym.DataHarvesting("nowhere")
+
+
+def test_picture_shows_the_flight():
+    env = gymnasium.make(ID, scenario="village", render_mode="rgb_array")
+    env.reset(seed=0, options={"start": start()})
+    before = env.render()
+    env.step(1)
+    after = env.render()
+    assert before.shape == after.shape == (640, 600, 3) and before.dtype == np.uint8
+    assert (before != after).any()
+
+
+def test_window(monkeypatch):
+    import matplotlib.pyplot as plt
+
+    paused = []
+    monkeypatch.setattr(plt, "pause", paused.append)
+    env = gymnasium.make(ID, scenario="village", render_mode="human")
+    env.reset(seed=0)
+    env.step(1)
+    assert len(paused) == 2 and len(plt.get_fignums()) == 1 and env.render() is None
+    env.close()
+    assert not plt.get_fignums()
+
+
+def vector(num_envs=8, **options):
+    return gymnasium.make_vec(
+        ID, num_envs, vectorization_mode="vector_entry_point", scenario="village", **options
+    )
+
+
+def test_vector_spaces_and_shapes():
+    envs = vector()
+    observation, _ = envs.reset(seed=0)
+    assert envs.observation_space.contains(observation)
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    sync = gymnasium.make_vec(ID, 8, vectorization_mode="sync", scenario="village")
+    assert sync.single_observation_space == envs.single_observation_space
+    assert sync.observation_space == envs.observation_space
+    assert sync.action_space == envs.action_space
+    with pytest.raises(InputError, match="must be 8 whole numbers"):
+        envs.step(np.full(8, 6))
+    with pytest.raises(InputError, match="expected 8"):
+        envs.reset(options={"start": start()})
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        vector().unwrapped.step(np.zeros(8, int))
+
+
+def test_vector_steps_are_those_of_the_single_environment_without_fading(monkeypatch):
+    """The same starts and no fading: equal transitions, ended episodes included."""
+    from uavdh_lite.environment import Environment
+
+    def quiet(self, state, generator):
+        return np.zeros((len(state), 4, state.device_cells.shape[1]), np.float32)
+
+    monkeypatch.setattr(Environment, "draw_fading", quiet)
+    city, scenario = City.load("village"), SCENARIOS["village"]
+    starts = scenario.sample(city, 16, np.random.default_rng(1))
+    envs = vector(16)
+    envs.reset(seed=0, options={"start": starts})
+    singles = [gymnasium.make(ID, scenario="village").unwrapped for _ in range(16)]
+    for k, env in enumerate(singles):
+        env.reset(options={"start": starts[[k]]})
+    generator = np.random.default_rng(2)
+    over = np.zeros(16, bool)
+    for _ in range(36):
+        actions = generator.integers(0, 6, 16)
+        observation, reward, terminated, truncated, infos = envs.step(actions)
+        assert not truncated.any() and envs.observation_space.contains(observation)
+        for k in np.flatnonzero(~over):
+            own = singles[k].step(int(actions[k]))
+            assert own[1] == pytest.approx(reward[k]) and own[2] == terminated[k]
+            if terminated[k]:
+                assert infos["_final_obs"][k] and infos["_final_info"][k]
+                assert data_equivalence(infos["final_obs"][k], own[0])
+                told = {name: infos["final_info"][name][k] for name in own[4]}
+                assert told == own[4]
+                assert infos["time_left"][k] > 0 and not infos["has_landed"][k]
+            else:
+                assert data_equivalence({n: a[k] for n, a in observation.items()}, own[0])
+                assert {name: infos[name][k] for name in own[4]} == own[4]
+        over |= terminated
+    assert over.all()
+
+
+def test_no_step_of_the_vector_environment_is_a_dummy():
+    """After an end, the next step takes its action: the new episode's time goes down."""
+    envs = vector(4)
+    envs.reset(seed=0)
+    _, _, terminated, _, infos = envs.step(np.full(4, LAND))
+    assert terminated.all()
+    before = infos["time_left"]
+    _, reward, _, _, infos = envs.step(np.full(4, 4))
+    assert (infos["time_left"] == before - 1).all() and (reward != 0).all()
+
+
+def test_vector_keys_are_those_of_gymnasium_s_own():
+    sync = SyncVectorEnv(
+        [lambda: gymnasium.make(ID, scenario="village")] * 4,
+        autoreset_mode=AutoresetMode.SAME_STEP,
+    )
+    envs = vector(4)
+    infos = []
+    for one in (sync, envs):
+        one.reset(seed=0)
+        infos.append(one.step(np.full(4, LAND))[4])
+    assert set(infos[0]) == set(infos[1])
+    assert set(infos[0]["final_info"]) == set(infos[1]["final_info"])
+    for mine, theirs in ((infos[1], infos[0]),):
+        assert all(
+            data_equivalence(m, t)
+            for m, t in zip(mine["_final_obs"], theirs["_final_obs"], strict=True)
+        )
+
+
+def test_vector_seeds_and_pictures():
+    runs = []
+    for _ in range(2):
+        envs = vector(3, render_mode="rgb_array")
+        envs.reset(seed=5)
+        runs.append([envs.step(np.array([1, 2, 4])) for _ in range(5)])
+    assert data_equivalence(runs[0], runs[1], exact=True)
+    pictures = envs.render()
+    assert len(pictures) == 3 and pictures[0].shape == (640, 600, 3)

@@ -1,0 +1,395 @@
+"""The environment for Gymnasium: single and vectorised, over the same simulator."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from uavdh_lite.city import City
+from uavdh_lite.environment import ACTIONS, Environment, Outcome, Rewards, State
+from uavdh_lite.errors import InputError
+from uavdh_lite.evaluation import Flights
+from uavdh_lite.observation import Observation
+from uavdh_lite.scenario import Scenario, find_scenario
+
+FRAMES_PER_SECOND = 8
+
+
+class _Simulator:
+    """What the single and the vectorised environment share: B episodes and their observations."""
+
+    def __init__(self, scenario: str | Scenario, observation: str, rewards: Rewards):
+        self.scenario = find_scenario(scenario) if isinstance(scenario, str) else scenario
+        city = City.load(self.scenario.city)
+        self.environment = Environment(city)
+        self.rewards = rewards
+        self._observation = Observation(
+            city, observation, self.scenario.data[1], self.scenario.flying_time[1]
+        )
+        shapes = self._observation.map_shapes()
+        self._names = ("map",) if len(shapes) == 1 else ("global_map", "local_map")
+        self.space = spaces.Dict(
+            {
+                **{
+                    name: spaces.Box(0.0, 1.0, shape, np.float32)
+                    for name, shape in zip(self._names, shapes, strict=True)
+                },
+                "time": spaces.Box(0.0, 1.0, (1,), np.float32),
+            }
+        )
+
+    def starts(self, count: int, generator: np.random.Generator) -> State:
+        return self.scenario.sample(self.environment.city, count, generator)
+
+    def step(self, state: State, action: np.ndarray, generator) -> tuple[State, Outcome]:
+        fading = self.environment.draw_fading(state, generator)
+        return self.environment.transition(state, action, fading)
+
+    def observe(self, state: State) -> dict[str, np.ndarray]:
+        """(B, ...) arrays by name."""
+        maps, time = self._observation(state)
+        arrays = {name: one.numpy() for name, one in zip(self._names, maps, strict=True)}
+        return {**arrays, "time": time.numpy()}
+
+    @staticmethod
+    def info(state: State, outcome: Outcome | None = None) -> dict[str, np.ndarray]:
+        """What is told beside the observation; (B,) arrays."""
+        ratio = state.collection_ratio.astype(np.float64)
+        return {
+            "collection_ratio": ratio,
+            "collection_ratio_and_landed": ratio * state.landed,
+            "has_landed": state.landed.copy(),
+            "time_left": state.time_left.astype(np.int64),
+            "safety_intervention": (
+                np.zeros(len(state), bool) if outcome is None else outcome.intervened
+            ),
+        }
+
+
+class DataHarvesting(gymnasium.Env):
+    """
+    ## Description
+
+    A UAV flies over a city for a limited time and collects data from IoT devices on the ground.
+    Buildings block radio links, tall ones also the way; some zones may not be entered; and it must
+    land in time. This is the problem of Bayerlein, Theile, Caccamo and Gesbert, "UAV Path Planning
+    for Wireless Data Harvesting: A Deep Reinforcement Learning Approach", Globecom 2020.
+
+    ## Action Space
+
+    `Discrete(6)`. Every action takes one unit of flying time.
+
+    | number | action |
+    | --- | --- |
+    | 0 | north, one row up |
+    | 1 | east, one column to the right |
+    | 2 | south |
+    | 3 | west |
+    | 4 | hover |
+    | 5 | land |
+
+    A move off the grid or into a no-fly cell, and a landing outside the landing zone, are replaced
+    by hovering (the safety controller).
+
+    ## Observation Space
+
+    A `Dict` of float32 arrays between 0 and 1. M is the number of cells a side, W = 2M − 1.
+
+    | key | shape | what |
+    | --- | --- | --- |
+    | `map` | (5, W, W), non-centred (6, W, W) | landing zone, no-fly zone, buildings, data left and data collected over the scenario's most data, (position) |
+    | `global_map`, `local_map` | | instead of `map` with `observation="global_local"` |
+    | `time` | (1,) | remaining flying time over the scenario's longest |
+
+    ## Rewards
+
+    1 for each data unit collected, −0.2 for each step that does not land, −1 when the safety
+    controller intervenes, −150 for running out of flying time in the air: the `Rewards` of the paper.
+
+    ## Starting State
+
+    Number, places and data of the devices, the start cell and the flying time are drawn anew from
+    the scenario's ranges. `reset(options={"start": state})` takes a `State` of one episode instead,
+    for example from `uavdh_lite.scenario.place`.
+
+    ## Episode End
+
+    Terminated: the UAV lands, or its flying time reaches 0. Never truncated: the flying time is part
+    of the task, and of the observation.
+
+    ## Arguments
+
+    | name | default | what |
+    | --- | --- | --- |
+    | `scenario` | `"manhattan"` | a preset's name, or a `Scenario` |
+    | `observation` | `"centred"` | `centred`, `non_centred` or `global_local` |
+    | `rewards` | `Rewards()` | the reward's constants |
+    | `render_mode` | `None` | `rgb_array`, or `human` for a window |
+
+    ```python
+    >>> import gymnasium, uavdh_lite.gym
+    >>> env = gymnasium.make("uavdh_lite/DataHarvesting-v0", scenario="village")
+    >>> observation, info = env.reset(seed=0)
+    >>> observation["map"].shape
+    (5, 15, 15)
+
+    ```
+
+    ## Vectorised environment
+
+    `gymnasium.make_vec("uavdh_lite/DataHarvesting-v0", num_envs=64,
+    vectorization_mode="vector_entry_point")` gives `DataHarvestingVector`, which steps all
+    episodes at once.
+
+    ## Version History
+
+    * v0: first version
+    """  # noqa: E501
+
+    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": FRAMES_PER_SECOND}  # noqa: RUF012
+
+    def __init__(
+        self,
+        scenario: str | Scenario = "manhattan",
+        observation: str = "centred",
+        rewards: Rewards = Rewards(),  # noqa: B008 (frozen)
+        render_mode: str | None = None,
+    ):
+        _check_mode(render_mode, self.metadata)
+        self._simulator = _Simulator(scenario, observation, rewards)
+        self.observation_space = self._simulator.space
+        self.action_space = spaces.Discrete(len(ACTIONS))
+        self.render_mode = render_mode
+        self._state: State | None = None
+        self._history: list = []
+        self._window = None
+
+    @property
+    def state(self) -> State:
+        """The simulator's own state, a batch of one."""
+        if self._state is None:
+            raise gymnasium.error.ResetNeeded("call reset() first")
+        return self._state
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        super().reset(seed=seed)
+        start = (options or {}).get("start")
+        if start is None:
+            start = self._simulator.starts(1, self.np_random)
+        elif len(start) != 1:
+            raise InputError(f"start of {len(start)} episodes: expected a State of one")
+        self._start = self._state = start
+        self._history = []
+        self._show()
+        return self._first(self._simulator.observe(start)), self._first(self._simulator.info(start))
+
+    def step(self, action: int) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
+        state = self.state
+        if state.ended[0]:
+            raise gymnasium.error.ResetNeeded("the episode is over: call reset()")
+        if not self.action_space.contains(action):
+            raise InputError(f"action {action!r}: must be a whole number from 0 to 5")
+        taken = np.array([action])
+        self._state, outcome = self._simulator.step(state, taken, self.np_random)
+        reward = self._simulator.rewards(outcome)
+        self._history.append((state, taken, outcome, reward))
+        self._show()
+        return (
+            self._first(self._simulator.observe(self._state)),
+            float(reward[0]),
+            bool(self._state.ended[0]),
+            False,
+            self._first(self._simulator.info(self._state, outcome)),
+        )
+
+    @staticmethod
+    def _first(arrays: dict[str, np.ndarray]) -> dict[str, Any]:
+        return {name: array[0] for name, array in arrays.items()}
+
+    def render(self) -> np.ndarray | None:
+        """The flight so far: an (height, width, 3) uint8 picture, or None in a window."""
+        if self.render_mode != "rgb_array":
+            return None
+        figure = self._figure(Figure(figsize=(6, 6.4), layout="constrained"))
+        return _pixels(figure)
+
+    def _figure(self, figure: Figure) -> Figure:
+        from uavdh_lite.plotting import draw_trajectory
+
+        reward = sum(float(reward[0]) for *_, reward in self._history)
+        interventions = sum(int(outcome.intervened[0]) for _, _, outcome, _ in self._history)
+        flights = Flights(
+            self._start,
+            self.state,
+            np.array([reward], np.float32),
+            np.array([len(self._history)]),
+            np.array([interventions]),
+            list(self._history),
+        )
+        draw_trajectory(figure.subplots(), self._simulator.environment, flights.trajectory(0))
+        return figure
+
+    def _show(self) -> None:
+        """In the mode `human`, draw the flight in its window."""
+        if self.render_mode != "human":
+            return
+        import matplotlib.pyplot as plt
+
+        if self._window is None:
+            self._window = plt.figure(figsize=(6, 6.4), layout="constrained")
+        self._window.clear()
+        self._figure(self._window)
+        self._window.canvas.draw_idle()
+        self._window.canvas.flush_events()
+        plt.pause(1 / FRAMES_PER_SECOND)
+
+    def close(self) -> None:
+        if self._window is not None:
+            import matplotlib.pyplot as plt
+
+            plt.close(self._window)
+            self._window = None
+
+
+class DataHarvestingVector(VectorEnv):
+    """`DataHarvesting` for N episodes at once, without a loop over them.
+
+    An episode that ends is replaced in the same step (`AutoresetMode.SAME_STEP`): the observation
+    of that step is the new episode's first, `infos["final_obs"]` holds the old one's last and
+    `infos["final_info"]` what was told of it, both at the places where `infos["_final_obs"]` is
+    True. So every step is a real transition of every episode; there is no dummy one to leave out.
+
+    Scenarios and fading of all episodes come from one generator, seeded at `reset`. The arguments
+    are those of `DataHarvesting`.
+    """
+
+    metadata = {  # noqa: RUF012
+        "render_modes": ["rgb_array"],
+        "render_fps": FRAMES_PER_SECOND,
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scenario: str | Scenario = "manhattan",
+        observation: str = "centred",
+        rewards: Rewards = Rewards(),  # noqa: B008 (frozen)
+        render_mode: str | None = None,
+    ):
+        _check_mode(render_mode, self.metadata)
+        self._simulator = _Simulator(scenario, observation, rewards)
+        self.num_envs = num_envs
+        self.render_mode = render_mode
+        self.single_observation_space = self._simulator.space
+        self.single_action_space = spaces.Discrete(len(ACTIONS))
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._state: State | None = None
+
+    @property
+    def state(self) -> State:
+        """The simulator's own state, a batch of N."""
+        if self._state is None:
+            raise gymnasium.error.ResetNeeded("call reset() first")
+        return self._state
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        super().reset(seed=seed)
+        start = (options or {}).get("start")
+        if start is None:
+            start = self._simulator.starts(self.num_envs, self.np_random)
+        elif len(start) != self.num_envs:
+            raise InputError(f"start of {len(start)} episodes: expected {self.num_envs}")
+        self._state = start
+        return self._simulator.observe(start), self._masked(self._simulator.info(start))
+
+    def step(
+        self, actions: np.ndarray
+    ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        actions = np.asarray(actions)
+        if not self.action_space.contains(actions):
+            raise InputError(
+                f"actions {actions!r}: must be {self.num_envs} whole numbers from 0 to 5"
+            )
+        state, outcome = self._simulator.step(self.state, actions, self.np_random)
+        reward = self._simulator.rewards(outcome).astype(np.float64)
+        terminated = state.ended.copy()
+        info = self._simulator.info(state, outcome)
+        ended = np.flatnonzero(terminated)
+        final = {}
+        if len(ended):
+            final = self._final(state[ended], info, terminated)
+            state = state.with_rows(ended, self._simulator.starts(len(ended), self.np_random))
+            begun = self._simulator.info(state)
+            info = {name: np.where(terminated, begun[name], info[name]) for name in info}
+        self._state = state
+        truncated = np.zeros(self.num_envs, bool)
+        infos = {**self._masked(info), **final}
+        return self._simulator.observe(state), reward, terminated, truncated, infos
+
+    def _final(self, last: State, info: dict, terminated: np.ndarray) -> dict[str, Any]:
+        """The last observation and info of the ended episodes, at their places."""
+        observations = np.full(self.num_envs, None, object)
+        arrays = self._simulator.observe(last)
+        for place, index in enumerate(np.flatnonzero(terminated)):
+            observations[index] = {name: array[place] for name, array in arrays.items()}
+        told = {
+            name: np.where(terminated, array, 0).astype(array.dtype) for name, array in info.items()
+        }
+        return {
+            "final_obs": observations,
+            "_final_obs": terminated.copy(),
+            "final_info": {**told, **{f"_{name}": terminated.copy() for name in told}},
+            "_final_info": terminated.copy(),
+        }
+
+    def _masked(self, info: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """With the masks that Gymnasium keeps beside each entry: here all are there."""
+        everywhere = np.ones(self.num_envs, bool)
+        return {**info, **{f"_{name}": everywhere.copy() for name in info}}
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """A picture of each episode's state, (height, width, 3) uint8."""
+        if self.render_mode is None:
+            return None
+        from uavdh_lite.plotting import draw_trajectory
+
+        pictures = []
+        for index in range(self.num_envs):
+            one = self.state[[index]]
+            none = np.zeros(1)
+            flights = Flights(one, one, none, np.zeros(1, int), np.zeros(1, int), [])
+            figure = Figure(figsize=(6, 6.4), layout="constrained")
+            draw_trajectory(figure.subplots(), self._simulator.environment, flights.trajectory(0))
+            pictures.append(_pixels(figure))
+        return tuple(pictures)
+
+
+def _check_mode(render_mode: str | None, metadata: dict) -> None:
+    if render_mode is not None and render_mode not in metadata["render_modes"]:
+        raise InputError(
+            f"render_mode {render_mode!r}: choose one of {', '.join(metadata['render_modes'])}"
+        )
+
+
+def _pixels(figure: Figure) -> np.ndarray:
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+
+gymnasium.register(
+    id="uavdh_lite/DataHarvesting-v0",
+    entry_point="uavdh_lite.gym:DataHarvesting",
+    vector_entry_point="uavdh_lite.gym:DataHarvestingVector",
+)

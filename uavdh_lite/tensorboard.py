@@ -1,0 +1,54 @@
+"""A run's curves as TensorBoard event files, by the writer that comes with torch."""
+
+from pathlib import Path
+from types import TracebackType
+
+from uavdh_lite.errors import InputError
+from uavdh_lite.training import Trainer
+
+
+class Board:
+    """Writes the rows of a run's two tables as they come: `with Board(folder, trainer) as board`.
+
+    Each number is a scalar named like its column, `training/has_landed`, at the environment steps
+    of its row. A run that is resumed goes on with the same curves: what it had written beyond the
+    state it goes on from is struck out.
+
+    Raises `InputError` if TensorBoard is not installed.
+    """
+
+    def __init__(self, folder: Path, trainer: Trainer):
+        try:
+            from torch.utils.tensorboard import SummaryWriter
+        except ImportError as error:
+            raise InputError("TensorBoard is not installed: pip install tensorboard") from error
+        self._writer = SummaryWriter(str(folder), purge_step=trainer.steps + 1)
+        self._trainer = trainer
+        self._written = {name: len(rows) for name, rows in self._tables().items()}
+
+    def _tables(self) -> dict[str, list[dict]]:
+        return {
+            "training": self._trainer.training_rows,
+            "validation": self._trainer.validation_rows,
+        }
+
+    def write(self) -> None:
+        """Write the rows that are new since the last call."""
+        for name, rows in self._tables().items():
+            for row in rows[self._written[name] :]:
+                for column, value in row.items():
+                    if column != "steps" and value is not None:
+                        self._writer.add_scalar(f"{name}/{column}", value, row["steps"])
+            self._written[name] = len(rows)
+        self._writer.flush()
+
+    def __enter__(self) -> "Board":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._writer.close()
