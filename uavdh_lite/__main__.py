@@ -145,6 +145,8 @@ def _parser() -> _Parser:
     fly.add_argument("--devices", nargs="+", type=_cell, metavar="ROW,COL", help="device cells")
     fly.add_argument("--data", nargs="+", type=float, metavar="UNITS", help="data of each device")
     fly.add_argument("--flying-time", type=int, metavar="N", help="units of time")
+    fly.add_argument("--mission", metavar="FILE", help="fly the mission of this file instead")
+    fly.add_argument("--save-mission", metavar="FILE", help="write the mission to a file, to share")
     fly.add_argument("--start", type=_cell, metavar="ROW,COL", help="the UAV's first cell")
     _common(fly, _fly, out="flight.png", seed_help="seed of the fading and of what is not given")
 
@@ -486,28 +488,49 @@ def _fly(options: argparse.Namespace) -> None:
     from matplotlib.figure import Figure
 
     from uavdh_lite.environment import Environment
-    from uavdh_lite.evaluation import TEST, fly, stream
+    from uavdh_lite.mission import Mission
+    from uavdh_lite.mission_file import load_mission, save_mission
     from uavdh_lite.plotting import add_legend, caption, draw_trajectory, save_figure
-    from uavdh_lite.scenario import place
 
     agent = _agent(options)
-    city, scenario = agent.city, agent.scenario
-    generator = stream(TEST, options.seed)
-    drawn = scenario.sample(city, 1, generator)
-    used = np.flatnonzero(drawn.data_initial[0])
-    devices = options.devices or [divmod(int(c), city.size) for c in drawn.device_cells[0, used]]
-    data = options.data or generator.uniform(*scenario.data, len(devices)).tolist()
-    start = options.start or divmod(int(drawn.uav_cell[0]), city.size)
-    time = int(drawn.time_left[0]) if options.flying_time is None else options.flying_time
-    state = place(city, start, devices, data, time, scenario.max_devices)
-    environment = Environment(city)
-    trajectory = fly(environment, agent, state, generator, record=True).trajectory(0)
+    if options.mission:
+        mission = load_mission(options.mission)
+        agent = (
+            agent
+            if agent.city.fingerprint == mission.city.fingerprint
+            else agent.over(mission.city)
+        )
+    else:
+        mission = Mission.draw(agent.scenario, agent.city, options.seed)
+        devices = tuple(options.devices or mission.devices)
+        data = tuple(options.data or _data_for(devices, mission, agent.scenario, options.seed))
+        mission = replace(
+            mission,
+            start=options.start or mission.start,
+            devices=devices,
+            data=data,
+            flying_time=(
+                mission.flying_time if options.flying_time is None else options.flying_time
+            ),
+        )
+    if options.save_mission:
+        save_mission(options.save_mission, mission)
+    environment = Environment(mission.city)
+    trajectory = mission.fly(environment, agent).trajectory(0)
 
     figure = Figure(figsize=(7, 9), layout="constrained")
     draw_trajectory(figure.subplots(), environment, trajectory)
-    add_legend(figure, len(devices))
+    add_legend(figure, len(mission.devices))
     save_figure(figure, options.out)
     print(f"{'landed' if trajectory.landed else 'crashed'}. {caption(trajectory)}. {options.out}")
+
+
+def _data_for(devices, mission, scenario: Scenario, seed: int) -> list[float]:
+    """The mission's own data, or random amounts if there are not as many devices."""
+    if len(devices) == len(mission.data):
+        return list(mission.data)
+    generator = np.random.default_rng([seed, 2])  # the fading has the seed alone
+    return generator.uniform(*scenario.data, len(devices)).round(1).tolist()
 
 
 def _app(options: argparse.Namespace) -> None:

@@ -130,6 +130,11 @@ class City:
         """SHA-256 of the layers: equal for equal cities, whatever their names."""
         return hashlib.sha256(bytes([self.size]) + self.kinds.tobytes()).hexdigest()
 
+    @property
+    def text(self) -> str:
+        """The city drawn with the signs of `KINDS`, a line a row; `City.from_text` reads it."""
+        return "\n".join("".join(SIGNS[kind] for kind in row) for row in self.kinds)
+
     @classmethod
     def from_kinds(cls, name: str, kinds: np.ndarray) -> "City":
         """The city with these kinds of cells, (M, M) indices into `KINDS`."""
