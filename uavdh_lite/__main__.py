@@ -150,6 +150,16 @@ def _parser() -> _Parser:
     fly.add_argument("--start", type=_cell, metavar="ROW,COL", help="the UAV's first cell")
     _common(fly, _fly, out="flight.png", seed_help="seed of the fading and of what is not given")
 
+    export = commands.add_parser(
+        "export",
+        help="an agent's network as an ONNX file",
+        description="Write an agent's network as an ONNX file, once it is checked that ONNX "
+        "Runtime decides as the agent does.",
+    )
+    _checkpoint(export, required=True)
+    export.add_argument("--out", default="agent.onnx", help="the file (%(default)s)")
+    export.set_defaults(run=_export, device="cpu")
+
     add_commands(commands)
 
     app = commands.add_parser(
@@ -531,6 +541,13 @@ def _data_for(devices, mission, scenario: Scenario, seed: int) -> list[float]:
         return list(mission.data)
     generator = np.random.default_rng([seed, 2])  # the fading has the seed alone
     return generator.uniform(*scenario.data, len(devices)).round(1).tolist()
+
+
+def _export(options: argparse.Namespace) -> None:
+    from uavdh_lite.export import export_onnx
+
+    error = export_onnx(_agent(options), options.out)
+    print(f"{options.out}: decides as the agent; Q-values differ by at most {error:.1g}")
 
 
 def _app(options: argparse.Namespace) -> None:

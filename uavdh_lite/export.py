@@ -1,0 +1,89 @@
+"""An agent's network as an ONNX file, for runtimes without torch."""
+
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from uavdh_lite.agent import Agent
+from uavdh_lite.environment import ACTIONS
+from uavdh_lite.errors import InputError
+from uavdh_lite.files import write_atomically
+from uavdh_lite.scenario import Scenario
+
+TOLERANCE = 1e-3  # of a Q-value, in data units
+
+
+def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
+    """Write the network, and check that it decides as the agent does; returns the largest error.
+
+    | input or output | shape | what |
+    | --- | --- | --- |
+    | `map`, or `global_map` and `local_map` | (B, C, rows, columns) float32 | as `Observation` makes them |
+    | `time` | (B, 1) float32 | remaining flying time over the recipe's `time_scale` |
+    | `q_values` | (B, 6) float32 | in the order of `ACTIONS` |
+
+    The file's metadata has the order of the actions, the scales, city and scenario as JSON. ONNX
+    Runtime and the agent are asked about random states under way; both must choose the same action
+    wherever the best two differ by more than `TOLERANCE`. Otherwise nothing is written.
+
+    Raises `InputError` if onnx, onnxscript or onnxruntime is missing, or the two do not agree.
+    """  # noqa: E501
+    try:
+        import onnx
+        import onnxruntime
+        import onnxscript  # noqa: F401 (torch's exporter needs it)
+    except ImportError as error:
+        raise InputError(f"{error.name} is not installed: pip install 'uavdh-lite[onnx]'") from None
+
+    generator = np.random.default_rng(0)
+    some = agent.scenario.sample_anywhere(agent.city, states, generator, spare_time=0)
+    with torch.no_grad():
+        maps, time = agent.observation(some)
+    names = ["map"] if len(maps) == 1 else ["global_map", "local_map"]
+    batch = torch.export.Dim("batch")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of torch's exporter, about its own parts
+        program = torch.onnx.export(
+            agent.network.eval(),
+            ([one[:2] for one in maps], time[:2]),
+            input_names=[*names, "time"],
+            output_names=["q_values"],
+            dynamic_shapes=([{0: batch}] * len(maps), {0: batch}),
+            dynamo=True,
+            verbose=False,
+        )
+    model = program.model_proto
+    onnx.helper.set_model_props(model, {"uavdh_lite": json.dumps(_about(agent))})
+
+    session = onnxruntime.InferenceSession(
+        model.SerializeToString(), providers=["CPUExecutionProvider"]
+    )
+    inputs = {name: one.numpy() for name, one in zip(names, maps, strict=True)}
+    (answered,) = session.run(["q_values"], {**inputs, "time": time.numpy()})
+    expected = agent.q_values(some).numpy()
+    error = float(np.abs(answered - expected).max())
+    best_two = np.sort(expected, axis=1)[:, -2:]
+    clear = best_two[:, 1] - best_two[:, 0] > TOLERANCE
+    agree = answered.argmax(1) == expected.argmax(1)
+    if error > TOLERANCE or not agree[clear].all():
+        raise InputError(
+            f"{path}: not written, ONNX Runtime decides otherwise in {(~agree).sum()} of {states} "
+            f"states; Q-values differ by up to {error:.2g}"
+        )
+    write_atomically(path, lambda temporary: temporary.write_bytes(model.SerializeToString()))
+    return error
+
+
+def _about(agent: Agent) -> dict:
+    scenario: Scenario = agent.scenario
+    return {
+        "actions": ACTIONS,
+        "observation": agent.recipe.observation,
+        "data_scale": agent.recipe.data_scale,
+        "time_scale": agent.recipe.time_scale,
+        "city": {"name": agent.city.name, "rows": agent.city.text.split()},
+        "scenario": scenario.name,
+    }
