@@ -120,6 +120,7 @@ def test_each_deviation_is_undone_alone():
 
 
 def test_unknown_backend_study_and_scheduler(corridor_scenario, quick, tmp_path, capsys):
+    quick = replace(quick, steps=5000)
     with pytest.raises(InputError, match="unknown backend 'mpi': choose loky or dask"):
         run_study(corridor_scenario, {"all": quick}, 1, tmp_path, backend="mpi")
     with pytest.raises(InputError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
@@ -135,6 +136,12 @@ def test_unknown_backend_study_and_scheduler(corridor_scenario, quick, tmp_path,
     assert "unknown study 'weather': choose one of centring, deviations" in capsys.readouterr().err
     assert main(["ablation", "--variants", "centred", "sideways"]) == 2
     assert "unknown variant 'sideways': choose from centred, non_centred" in capsys.readouterr().err
+
+
+def test_runs_too_short_for_a_curve_are_refused_before_they_run(tmp_path, capsys):
+    assert main(["ablation", "--steps", "4000", "--out", str(tmp_path / "a")]) == 2
+    assert "runs of 4000 steps: a study's curves need 5000 at least" in capsys.readouterr().err
+    assert not (tmp_path / "a").exists()
 
 
 def test_a_part_of_a_study_is_the_same_runs(finished, tmp_path):

@@ -3,6 +3,7 @@ import os
 import pickle
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -166,3 +167,19 @@ def test_written_files_have_the_usual_permissions(tmp_path):
     write_atomically(tmp_path / "a", lambda temporary: temporary.write_text("x"))
     (tmp_path / "b").write_text("x")
     assert (tmp_path / "a").stat().st_mode == (tmp_path / "b").stat().st_mode
+
+
+def test_a_checkpoint_of_an_older_format_still_decides_as_it_did():
+    """`tests/data/format1.safetensors` was written by the first version of the library."""
+    agent = load_agent(Path(__file__).parent / "data" / "format1.safetensors")
+    state = agent.scenario.sample(agent.city, 3, np.random.default_rng(0))
+    expected = [[-0.0950597, 0.2940438, 0.1925371], [-0.1017702, 0.3038139, 0.1961779]]
+    assert agent.q_values(state)[:2, :3].numpy() == pytest.approx(np.array(expected), abs=1e-6)
+    assert agent.recipe.crash_reward == agent.recipe.crash_reward_end == -40
+
+
+def test_an_older_agent_is_saved_in_the_new_format(tmp_path):
+    agent = load_agent(Path(__file__).parent / "data" / "format1.safetensors")
+    save_agent(tmp_path / "a.safetensors", agent)
+    again = load_agent(tmp_path / "a.safetensors")
+    assert again.recipe == agent.recipe and again.training == agent.training

@@ -197,3 +197,20 @@ def test_vector_seeds_and_pictures():
     assert data_equivalence(runs[0], runs[1], exact=True)
     pictures = envs.render()
     assert len(pictures) == 3 and pictures[0].shape == (640, 600, 3)
+
+
+def test_a_policy_of_observations_is_evaluated_as_ours_are():
+    from uavdh_lite.environment import Environment
+    from uavdh_lite.evaluation import evaluate
+
+    env = gymnasium.make(ID, scenario="village")
+    environment, scenario = Environment(City.load("village")), SCENARIOS["village"]
+    seen = []
+
+    def land(batch):
+        seen.append({name: array.shape for name, array in batch.items()})
+        return np.full(len(batch["time"]), LAND)
+
+    flights = evaluate(environment, uavdh_lite.gym.as_policy(env, land), scenario, 20, seed=0)
+    assert flights.end.landed.all() and (flights.steps == 1).all()
+    assert seen == [{"map": (20, 5, 15, 15), "time": (20, 1)}]

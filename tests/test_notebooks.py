@@ -72,7 +72,9 @@ def test_solutions_were_executed_from_their_scripts(exercises):
 
 
 def test_tutorials_and_exercises_have_the_same_names():
-    assert [s.name for s in execute.exercise_scripts()] == [s.name for s in SCRIPTS]
+    """All but the one about other libraries, whose few exercises are in the tutorial."""
+    tutorials = [s.name for s in SCRIPTS if s.name != "11_gymnasium.py"]
+    assert [s.name for s in execute.exercise_scripts()] == tutorials
 
 
 def test_a_changed_script_is_stale(script, tmp_path, monkeypatch):

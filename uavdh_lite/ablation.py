@@ -18,7 +18,7 @@ from uavdh_lite.recipe import PAPER, Recipe
 from uavdh_lite.runs import SAVED, train
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.tables import write_json, write_table
-from uavdh_lite.training import Trainer
+from uavdh_lite.training import BIN, Trainer
 
 # Where `lite` departs from `paper`, in groups that only make sense together. Strides and
 # environments are not here: with the paper's, as many steps would take hours.
@@ -78,8 +78,12 @@ def run_study(
         scheduler: the address of the Dask cluster's scheduler, such as `tcp://node1:8786`; None
             starts a cluster of `jobs` workers on this machine.
 
-    Raises `InputError` for an unknown backend, or one that is not installed.
+    Raises `InputError` for an unknown backend, or one that is not installed, and for runs that are
+    too short for a curve.
     """
+    for recipe in variants.values():
+        if recipe.steps < BIN:
+            raise InputError(f"runs of {recipe.steps} steps: a study's curves need {BIN} at least")
     out = Path(out).absolute()
     grid = [(name, seed) for seed in range(seeds) for name in variants]
     folders = {(name, seed): out / f"{name}-{seed}" for name, seed in grid}
@@ -117,7 +121,7 @@ def collect_curves(folders: dict[str, list[Path]], out: Path, command: str) -> t
         paths.append(out / f"{kind}.csv.gz")
         write_table(paths[-1], rows)
     write_json(out / "about.json", {"command": command, "runs": about})
-    return tuple(paths)
+    return paths[0], paths[1]
 
 
 def _run(scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: str) -> Path:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import State
@@ -53,7 +53,7 @@ class Agent:
     | `training` | seed, environment steps, validation metrics, command, versions |
     """
 
-    network: QNetwork
+    network: nn.Module
     observation: Observation
     recipe: Recipe
     scenario: Scenario

@@ -4,6 +4,7 @@ import hashlib
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -17,7 +18,7 @@ from uavdh_lite.files import data_folder, write_atomically
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
 
-FORMAT = 1
+FORMAT = 2
 
 
 def save(path: str | Path, kind: str, tensors: dict[str, Tensor], about: dict) -> None:
@@ -53,12 +54,25 @@ def load(path: str | Path, kind: str) -> tuple[dict[str, Tensor], dict]:
     if metadata.get("sha256") != _digest(metadata["uavdh_lite"], tensors):
         raise CheckpointError(f"{path}: damaged, its checksum is wrong; copy or train it again")
     about = json.loads(metadata["uavdh_lite"])
-    if about.pop("format") != FORMAT:
+    if about["format"] > FORMAT:
         raise CheckpointError(f"{path}: made by a newer uavdh_lite; update it")
+    _upgrade(about)
+    del about["format"]
     found = about.pop("kind")
     if found != kind:
         raise CheckpointError(f"{path}: holds a checkpoint of kind {found!r}, expected {kind!r}")
     return tensors, about
+
+
+def _upgrade(about: dict) -> None:
+    """Turn the values of an older format into those of this one, in place.
+
+    Format 1 had recipes with a constant crash reward, and with a field that only training used.
+    """
+    if about["format"] == 1 and "recipe" in about:
+        recipe = about["recipe"]
+        recipe.pop("exploring_least_time", None)
+        recipe.setdefault("crash_reward_end", recipe["crash_reward"])
 
 
 def _digest(header: str, tensors: dict[str, Tensor]) -> str:
@@ -110,7 +124,8 @@ def load_agent(path: str | Path, device: str = "cpu") -> Agent:
 
 def scenario_from_json(values: dict) -> Scenario:
     """The scenario with these fields; lists become tuples."""
-    return Scenario(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+    fields: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+    return Scenario(**fields)
 
 
 def shipped_agents() -> list[str]:

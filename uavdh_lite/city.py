@@ -192,6 +192,8 @@ def _read_kinds(path: Path) -> np.ndarray:
                 raise CityError(
                     f"{path}: {height} × {width} pixels, at most {MAX_SIZE} a side are possible"
                 )
+            image.verify()  # the checksums, which reading the pixels leaves out; needs a new start
+        with Image.open(path, formats=["PNG"]) as image:
             pixels = np.asarray(image.convert("RGBA"))
     except FileNotFoundError:
         raise CityError(f"{path}: no such file") from None

@@ -119,7 +119,8 @@ class Rewards:
 
     def __call__(self, outcome: Outcome) -> np.ndarray:
         """The reward of each episode's step; (B,) float32."""
-        return sum(self.terms(outcome).values())
+        first, *others = self.terms(outcome).values()
+        return sum(others, start=first)
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,6 +55,7 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
             dynamo=True,
             verbose=False,
         )
+    assert program is not None  # as always with dynamo=True
     model = program.model_proto
     onnx.helper.set_model_props(model, {"uavdh_lite": json.dumps(_about(agent))})
 
@@ -64,17 +65,17 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
     inputs = {name: one.numpy() for name, one in zip(names, maps, strict=True)}
     (answered,) = session.run(["q_values"], {**inputs, "time": time.numpy()})
     expected = agent.q_values(some).numpy()
-    error = float(np.abs(answered - expected).max())
+    largest = float(np.abs(answered - expected).max())
     best_two = np.sort(expected, axis=1)[:, -2:]
     clear = best_two[:, 1] - best_two[:, 0] > TOLERANCE
     agree = answered.argmax(1) == expected.argmax(1)
-    if error > TOLERANCE or not agree[clear].all():
+    if largest > TOLERANCE or not agree[clear].all():
         raise InputError(
             f"{path}: not written, ONNX Runtime decides otherwise in {(~agree).sum()} of {states} "
-            f"states; Q-values differ by up to {error:.2g}"
+            f"states; Q-values differ by up to {largest:.2g}"
         )
     write_atomically(path, lambda temporary: temporary.write_bytes(model.SerializeToString()))
-    return error
+    return largest
 
 
 def _about(agent: Agent) -> dict:

@@ -14,7 +14,7 @@ def data_folder() -> Path:
     return inside if inside.is_dir() else _PACKAGE.parent / "data"
 
 
-def write_atomically(path: str | Path, write: Callable[[Path], None]) -> None:
+def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
     """Call `write(temporary)` and rename the temporary file to `path` once it is complete.
 
     A reader of `path` sees the old file or the new one, never a part. If anything fails (a full

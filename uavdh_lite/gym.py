@@ -1,5 +1,6 @@
 """The environment for Gymnasium: single and vectorised, over the same simulator."""
 
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
@@ -13,10 +14,11 @@ from matplotlib.figure import Figure
 from uavdh_lite.city import City
 from uavdh_lite.environment import ACTIONS, Environment, Outcome, Rewards, State
 from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import Flights
+from uavdh_lite.evaluation import Flights, Policy
 from uavdh_lite.observation import Observation
 from uavdh_lite.scenario import Scenario, find_scenario
 
+ID = "uavdh_lite/DataHarvesting-v0"
 FRAMES_PER_SECOND = 8
 
 
@@ -167,7 +169,7 @@ class DataHarvesting(gymnasium.Env):
         self.render_mode = render_mode
         self._state: State | None = None
         self._history: list = []
-        self._window = None
+        self._window: Figure | None = None
 
     @property
     def state(self) -> State:
@@ -375,6 +377,22 @@ class DataHarvestingVector(VectorEnv):
         return tuple(pictures)
 
 
+def as_policy(
+    env: gymnasium.Env | VectorEnv, predict: Callable[[dict[str, np.ndarray]], np.ndarray]
+) -> Policy:
+    """A policy of this library from a function of this environment's observations.
+
+    So agents of other libraries can be evaluated as ours are. For Stable-Baselines3:
+    `as_policy(env, lambda batch: model.predict(batch, deterministic=True)[0])`.
+
+    Arguments:
+        predict: takes a batch of observations, (B, ...) arrays by name; gives (B,) actions.
+    """
+    own: Any = env.unwrapped  # a DataHarvesting or a DataHarvestingVector
+    simulator: _Simulator = own._simulator
+    return lambda state: np.asarray(predict(simulator.observe(state)))
+
+
 def _check_mode(render_mode: str | None, metadata: dict) -> None:
     if render_mode is not None and render_mode not in metadata["render_modes"]:
         raise InputError(
@@ -389,7 +407,7 @@ def _pixels(figure: Figure) -> np.ndarray:
 
 
 gymnasium.register(
-    id="uavdh_lite/DataHarvesting-v0",
+    id=ID,
     entry_point="uavdh_lite.gym:DataHarvesting",
     vector_entry_point="uavdh_lite.gym:DataHarvestingVector",
 )

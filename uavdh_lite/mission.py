@@ -164,12 +164,16 @@ def pilots(environment: Environment) -> dict[str, Callable[[int], Policy]]:
 
     The shipped agents know only the city that they were trained in; the planners know any.
     """
-    makers: dict[str, Callable[[int], Policy]] = {}
-    for name in shipped_agents():
-        if _shipped(name).city.fingerprint == environment.city.fingerprint:
-            makers[f"agent {name}"] = lambda seed, name=name: _shipped(name)
-    greedy = Greedy(environment)
-    makers["greedy"] = lambda seed: greedy
+
+    def always(policy: Policy) -> Callable[[int], Policy]:
+        return lambda seed: policy
+
+    makers = {
+        f"agent {name}": always(_shipped(name))
+        for name in shipped_agents()
+        if _shipped(name).city.fingerprint == environment.city.fingerprint
+    }
+    makers["greedy"] = always(Greedy(environment))
     makers["genie"] = lambda seed: Genie(environment)
     # A stream of its own: the fading is drawn from the seed alone
     makers["random"] = lambda seed: Random(np.random.default_rng([seed, 1]))

@@ -34,6 +34,9 @@ class Observation(nn.Module):
     `state_dict`, because checkpoints keep the city itself.
     """  # noqa: E501
 
+    in_place: Tensor
+    windows: Tensor
+
     def __init__(
         self,
         city: City,

@@ -1,6 +1,7 @@
 """The figures of the paper, each a function that draws on an Axes and returns it."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -30,14 +31,20 @@ DEVICE_COLOURS = (
     "#A6761D",
     "#1B9E77",
 )
-NO_FLY = {"facecolor": "none", "edgecolor": "#C1272D", "hatch": "////", "linewidth": 0}
-LANDING = {"facecolor": "#9DC3E6", "edgecolor": "#1F4E79", "hatch": "\\\\\\\\", "linewidth": 0}
-TALL = {"facecolor": "#4D4D4D", "linewidth": 0}
-LOW = {"facecolor": "#D9C9A3", "edgecolor": "#6B5B35", "hatch": "..", "linewidth": 0}
+Style = dict[str, Any]  # a patch's keyword arguments
+NO_FLY: Style = {"facecolor": "none", "edgecolor": "#C1272D", "hatch": "////", "linewidth": 0}
+LANDING: Style = {
+    "facecolor": "#9DC3E6",
+    "edgecolor": "#1F4E79",
+    "hatch": "\\\\\\\\",
+    "linewidth": 0,
+}
+TALL: Style = {"facecolor": "#4D4D4D", "linewidth": 0}
+LOW: Style = {"facecolor": "#D9C9A3", "edgecolor": "#6B5B35", "hatch": "..", "linewidth": 0}
 SHADOW = 0.12  # darkness that one device's shadow adds
 
 
-def device_colour(device: int) -> str:
+def device_colour(device: int | np.integer) -> str:
     """The colour of a device, the same in every figure."""
     return DEVICE_COLOURS[device % len(DEVICE_COLOURS)]
 
@@ -109,7 +116,7 @@ def draw_flight(
     colours = np.array([_step_colour(trajectory, t) for t in range(steps)], dtype=object)
     down, right = np.diff(row), np.diff(col)
     moved = (down != 0) | (right != 0)
-    artists = []
+    artists: list[Artist] = []
     if moved.any():
         aside = 0.14  # of a cell, to the right of the direction of flight; y points south here
         artists.append(
@@ -151,7 +158,7 @@ def draw_flight(
 
 def _draw_devices(ax: Axes, city: City, start: State) -> list[Artist]:
     """The devices of an episode with their data at the start."""
-    artists = []
+    artists: list[Artist] = []
     for device in np.flatnonzero(start.data_initial[0] > 0):
         y, x = divmod(int(start.device_cells[0, device]), city.size)
         colour = device_colour(device)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 from uavdh_lite.environment import Rewards
 from uavdh_lite.errors import InputError
@@ -136,7 +137,10 @@ class Recipe:
     @classmethod
     def from_json(cls, values: dict) -> "Recipe":
         """The recipe with these fields; lists become tuples."""
-        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+        fields: dict[str, Any] = {
+            k: tuple(v) if isinstance(v, list) else v for k, v in values.items()
+        }
+        return cls(**fields)
 
 
 def _ramp(start: float, end: float, step: float, over: float) -> float:

@@ -89,8 +89,8 @@ def _train(
         unit_scale=True,
         disable=not show_progress,
     )
-    board = Board(out / "tensorboard", trainer) if tensorboard else nullcontext()
-    with progress, board, _deferred_interrupt() as interrupted:
+    board = Board(out / "tensorboard", trainer) if tensorboard else None
+    with progress, board or nullcontext(), _deferred_interrupt() as interrupted:
         while trainer.steps < end:
             started, before = time.perf_counter(), trainer.steps
             trainer.step()
@@ -105,7 +105,7 @@ def _train(
                 _validate(trainer, out, command)
             if reports:
                 progress.set_postfix_str(_status(trainer))
-            if tensorboard and (validates or reports):
+            if board and (validates or reports):
                 board.write()
             if interrupted():
                 trainer.save(saved)

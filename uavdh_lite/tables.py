@@ -6,6 +6,7 @@ import io
 import json
 import os
 import platform
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ import torch
 from uavdh_lite import __version__
 from uavdh_lite.errors import InputError
 from uavdh_lite.files import write_atomically
+
+LARGEST = 200_000_000  # bytes of a table, unpacked
 
 
 def write_table(path: str | Path, rows: list[dict]) -> None:
@@ -40,9 +43,12 @@ def read_table(path: str | Path) -> dict[str, np.ndarray]:
     content = Path(path).read_bytes()
     try:
         if Path(path).suffix == ".gz":
-            content = gzip.decompress(content)
+            with gzip.open(io.BytesIO(content)) as file:
+                content = file.read(LARGEST + 1)
+        if len(content) > LARGEST:
+            raise InputError(f"{path}: larger than {LARGEST} bytes: no table of ours is")
         rows = list(csv.reader(io.StringIO(content.decode()), strict=True))
-    except (OSError, EOFError, UnicodeDecodeError, csv.Error) as error:
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: not a table ({error})") from None
     if not rows or any(len(row) != len(rows[0]) for row in rows):
         raise InputError(f"{path}: not a table: its rows are of unequal length")

@@ -152,6 +152,9 @@ for name in ("has_landed", "collection_ratio", "collection_ratio_and_landed"):
 #
 # ## Exercises
 #
+# A few with their answers. More, to write yourself, with checks and hints, are in
+# [`exercises/00_first_flight`](exercises/00_first_flight/00_first_flight.ipynb).
+#
 # **1.** How much time does the agent need to empty one device at (8, 1) with 15 data units, starting in
 # the corner (0, 0)? Find the shortest flying time with which it collects all and lands.
 

@@ -309,6 +309,9 @@ for row, col, where in ((4, 4, "30 m down the street"), (5, 6, "next door, above
 #
 # ## Exercises
 #
+# A few with their answers. More, to write yourself, with checks and hints, are in
+# [`exercises/01_city_and_channel`](exercises/01_city_and_channel/01_city_and_channel.ipynb).
+#
 # Cover the cell below the question, write your own, and let the cell after it check it.
 #
 # **1.** Up to which distance on the ground does the UAV get at least one data unit a slot, without

@@ -276,6 +276,9 @@ figure
 #
 # ## Exercises
 #
+# A few with their answers. More, to write yourself, with checks and hints, are in
+# [`exercises/02_shadow_ray_tracing`](exercises/02_shadow_ray_tracing/02_shadow_ray_tracing.ipynb).
+#
 # **1.** How many cells does the segment from (0, 0) to $(R, C)$ cross if $R$ and $C$ have no common
 # divisor? Find the formula from a few cases. (Odd and even are different; try both odd.)
 

@@ -146,6 +146,8 @@ after, outcome = step(late, EAST)
 print("crashed:", outcome.crashed[0], "reward", rewards(outcome)[0])
 
 # %% [markdown]
+# Nothing is uploaded in the step that ends an episode, be it a landing or a crash.
+#
 # (−150 is from the authors' code. Our recipe `lite` trains with a milder crash and half the price of a
 # step, `recipe.py`; notebook 6 shows why. All rewards printed here are the paper's.)
 #
@@ -292,6 +294,9 @@ figure
 # - Arrays over episodes make the environment fast.
 #
 # ## Exercises
+#
+# A few with their answers. More, to write yourself, with checks and hints, are in
+# [`exercises/03_environment`](exercises/03_environment/03_environment.ipynb).
 #
 # **1.** The *return* of an episode is the sum of its rewards (not discounted here; training weighs later
 # rewards less, notebook 5). Fly the greedy planner from `start` and compute it from the trajectory. What

@@ -266,6 +266,9 @@ for kind in ("centred", "global_local"):
 #
 # ## Exercises
 #
+# A few with their answers. More, to write yourself, with checks and hints, are in
+# [`exercises/04_map_centring`](exercises/04_map_centring/04_map_centring.ipynb).
+#
 # **1.** Where in the centred frame is a device at `device` when the UAV is at `uav`? Write it.
 
 # %%

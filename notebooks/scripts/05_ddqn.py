@@ -543,6 +543,9 @@ print(f"{sum(p.numel() for p in network.parameters()):,} weights in all")
 #
 # ## Exercises
 #
+# A few with their answers. More, to write yourself, with checks and hints, are in
+# [`exercises/05_ddqn`](exercises/05_ddqn/05_ddqn.ipynb).
+#
 # **1.** One action is worth `gap` more than each of the five others. At which temperature is it taken 99 times in
 # 100?
 

@@ -296,6 +296,9 @@ for name, flown in flights.items():
 #
 # ## Exercises
 #
+# A few with their answers. More, to write yourself, with checks and hints, are in
+# [`exercises/06_training`](exercises/06_training/06_training.ipynb).
+#
 # **1.** An update uses 128 transitions, and there are 32 environments and one update for each step of
 # all. How often is a transition used, on average, before it is forgotten? And with the paper's numbers?
 

@@ -202,6 +202,9 @@ Quiz("three_seeds")
 #
 # ## Exercises
 #
+# A few with their answers. More, to write yourself, with checks and hints, are in
+# [`exercises/07_ablation_map_centring`](exercises/07_ablation_map_centring/07_ablation_map_centring.ipynb).
+#
 # **1.** After 300,000 steps all three centred runs are above all three of the others. If the kind made no
 # difference, how likely were such an order (in either direction)?
 

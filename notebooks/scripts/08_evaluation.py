@@ -291,6 +291,9 @@ print(f"to show half a point, paired: {needed:.0f} missions")
 #
 # ## Exercises
 #
+# A few with their answers. More, to write yourself, with checks and hints, are in
+# [`exercises/08_evaluation`](exercises/08_evaluation/08_evaluation.ipynb).
+#
 # **1.** All of 1000 missions landed. With which confidence can you say that at least 99.7 % of all missions
 # do? (If the true share were 99.7 %, how likely were 1000 landings in a row?)
 

@@ -205,6 +205,9 @@ print(f"mean error {error.mean():+.2f}, largest {np.abs(error).max():.2f}, of va
 #
 # ## Exercises
 #
+# A few with their answers. More, to write yourself, with checks and hints, are in
+# [`exercises/09_scenarios`](exercises/09_scenarios/09_scenarios.ipynb).
+#
 # **1.** How much must the far device of 9.1 hold for the agent to serve it? Print the collected share of it
 # for 1 to 20 data units.
 

@@ -133,6 +133,9 @@ city
 #
 # ## Exercises
 #
+# A few with their answers. More, to write yourself, with checks and hints, are in
+# [`exercises/10_labs`](exercises/10_labs/10_labs.ipynb).
+#
 # **1.** Find a mission in which the greedy planner collects more than the agent, with the mouse or by
 # searching. By searching:
 

@@ -12,13 +12,31 @@ MISTAKES = {
     "path_loss_crossover": [
         ((lambda d: d ** (2.27 / 3.64), lambda: 1.0), "wrong way round"),
         ((lambda d: d * 3.64 / 2.27, lambda: 1.0), "exponent"),
-        ((lambda d: d ** (3.64 / 2.27), lambda: 10.0), "both losses must be equal"),
+        ((lambda d: (d**2 + 100) ** (1.82 / 2.27), lambda: 1.0), "add the altitude"),
+        ((lambda d: d ** (3.64 / 2.27), lambda: 10.0), "At 10 m the loss is 22.7 dB in sight"),
+        ((lambda d: d ** (3.64 / 2.27), lambda: 0), "a distance above 0 m"),
         ((lambda d: d ** (3.64 / 2.27), lambda: None), "is there a `return`"),
     ],
     "mean_rate": [
         (
             lambda snr, var, n, g: np.log2(1 + 10 ** ((snr + g.normal(0, var, n)) / 10)).mean(),
             "root of the variance",
+        ),
+        (
+            lambda snr, var, n, g: (
+                np.log2(1 + 10 ** (snr / 10)) + g.normal(0, var**0.5, n)
+            ).mean(),
+            "add the fading to the rate",
+        ),
+        (
+            lambda snr, var, n, g: np.median(
+                np.log2(1 + 10 ** ((snr + g.normal(0, var**0.5, n)) / 10))
+            ),
+            "median",
+        ),
+        (
+            lambda snr, var, n, g: np.log2(1 + 10 ** ((snr + g.normal(0, var**0.5)) / 10)),
+            "simulate `draws` slots",
         ),
         (
             lambda snr, var, n, g: np.log2(

@@ -19,6 +19,11 @@ def _scales_in_place(q, beta):
     return torch.softmax(q, 1)
 
 
+def _shifted(q, beta, top, dim=1):
+    powers = torch.exp((q - top) / beta)
+    return powers / (powers.sum(dim, keepdim=True) if dim is not None else powers.sum())
+
+
 class _Base:
     def __init__(self, capacity):
         self.capacity, self.places, self.count = capacity, [None] * capacity, 0
@@ -58,6 +63,31 @@ class NextPlace(_Base):
 class Unfilled(_Base):
     def stored(self):
         return self.places
+
+
+class UpToTheCapacity(_Base):
+    def __init__(self, capacity):
+        self.capacity, self.places, self.count = capacity, [], 0
+
+    def add(self, item):
+        self.places[self.count % self.capacity : self.count % self.capacity + 1] = [item]
+        self.count += 1
+
+    def sample(self, size, generator):
+        rest = generator.integers(0, self.capacity, size - 1)
+        return [self.places[(self.count - 1) % self.capacity], *(self.places[k] for k in rest)]
+
+
+class AssignsToAnEmptyList(UpToTheCapacity):
+    def add(self, item):
+        self.places[self.count % self.capacity] = item
+
+
+class NoReplacement(_Base):
+    def sample(self, size, generator):
+        stored = self.stored()
+        rest = generator.choice(len(stored), size - 1, replace=False)
+        return [self.places[(self.count - 1) % self.capacity], *(stored[k] for k in rest)]
 
 
 class Grows(_Base):
@@ -134,6 +164,10 @@ def _rebinds(target, online, rate):
         t = (1 - rate) * t + rate * o
 
 
+def _returns(target, online, rate):
+    return [(1 - rate) * t + rate * o for t, o in zip(target, online, strict=True)]
+
+
 def _new_in_list(target, online, rate):
     for k in range(len(target)):
         target[k] = (1 - rate) * target[k] + rate * online[k]
@@ -165,9 +199,43 @@ def _first_only(target, online, rate):
         return target
 
 
-def _unwritten(target, online, rate):
+def _unwritten(*arguments):
     raise NotImplementedError
 
+
+def _double(r, t, d, online, target):
+    return r + d * ~t * _value(online, target)
+
+
+WRONG_TARGETS = [
+    (lambda r, t, d, online, target: r + d * target.amax(1), "what the wrong function gives"),
+    (lambda r, t, d, online, target: r + d * ~t * target.amax(1), "plain DQN"),
+    (
+        lambda r, t, d, online, target: r + d * target[:, online.argmax(1)],
+        "in place of the colon",
+    ),
+    (
+        lambda r, t, d, online, target: r + d * target[online.argmax(1)],
+        "takes rows",
+    ),
+    (lambda r, t, d, online, target: r + d * online, "pick the best action's first"),
+    (lambda r, t, d, online, target: r + d * ~t * _value(target, online), "swapped"),
+    (lambda r, t, d, online, target: r + d * _value(online, target), "not masked"),
+    (lambda r, t, d, online, target: r + d * ~t * online.amax(1), "also chooses"),
+    (lambda r, t, d, online, target: r + d * t * _value(online, target), "wrong way round"),
+    (lambda r, t, d, online, target: (r + d * _value(online, target)) * ~t, "reward is lost"),
+    (
+        lambda r, t, d, online, target: (
+            r + d * ~t * target.gather(1, online.argmax(1, keepdim=True))
+        ),
+        r"\(B, B\) matrix",
+    ),
+    (lambda r, t, d, online, target: r + d * ~t * online.argmax(1), "number of the best"),
+    (
+        lambda r, t, d, online, target: r + d * (1 - t) * _value(online, target),
+        "stops with RuntimeError: Subtraction",
+    ),
+]
 
 MISTAKES = {
     "stable_policy": [
@@ -176,6 +244,14 @@ MISTAKES = {
         (lambda q, beta: _softmax(q / beta, 0), "over the batch"),
         (lambda q, beta: torch.exp(q / beta) / torch.exp(q / beta).sum(), "whole batch"),
         (lambda q, beta: (torch.exp(q) / beta) / (torch.exp(q) / beta).sum(1, True), "no effect"),
+        (lambda q, beta: _shifted(q, beta, q.amin(1, True)), "smaller than the maximum"),
+        (lambda q, beta: _shifted(q, beta, q.mean(1, True)), "smaller than the maximum"),
+        (lambda q, beta: _shifted(q, beta, q.amax(1, True), None), "sum of the whole batch"),
+        (lambda q, beta: _shifted(q, beta, q.amax(1, True), 0), "over the batch"),
+        (lambda q, beta: _shifted(q, beta, q.amax(0)), "maximum over the states, dim=0"),
+        (lambda q, beta: _shifted(q, beta, q.max(1, keepdim=True)), "take `.values`"),
+        (lambda q, beta: _shifted(q, beta, q.amax(1)), r"keepdim=True makes \(B, 1\)"),
+        (lambda q, beta: torch.exp((q - q.amax(1, True)) / beta), "row does not sum to 1"),
         (_top_of_all, "Subtract the maximum of each row"),
         (_scales_in_place, "in place"),
         (lambda q, beta: torch.log_softmax(q / beta, 1), "logarithms"),
@@ -186,6 +262,9 @@ MISTAKES = {
         (NewestAtTheEnd, "ring is full and begins again"),
         (NextPlace, "to be overwritten next"),
         (Unfilled, "nothing was stored in"),
+        (UpToTheCapacity, "only 1 of 5 places are filled"),
+        (AssignsToAnEmptyList, "only the places that were appended"),
+        (NoReplacement, "items may repeat"),
         (Grows, "the ring grows"),
         (OverwritesTheNewest, "must overwrite the oldest, and no other"),
         (OneTooMany, "the newest counts as one of them"),
@@ -198,26 +277,30 @@ MISTAKES = {
         (_Base(3), "without brackets"),
     ],
     "double_target": [
-        (lambda r, t, d, online, target: r + d * ~t * target.amax(1), "plain DQN"),
-        (lambda r, t, d, online, target: r + d * ~t * _value(target, online), "swapped"),
-        (lambda r, t, d, online, target: r + d * _value(online, target), "not masked"),
-        (lambda r, t, d, online, target: r + d * ~t * online.amax(1), "also chooses"),
-        (lambda r, t, d, online, target: r + d * t * _value(online, target), "wrong way round"),
-        (lambda r, t, d, online, target: (r + d * _value(online, target)) * ~t, "reward is lost"),
-        (
-            lambda r, t, d, online, target: (
-                r + d * ~t * target.gather(1, online.argmax(1, keepdim=True))
-            ),
-            r"\(B, B\) matrix",
+        *(((function, [2.8, -0.2]), message) for function, message in WRONG_TARGETS),
+        *(
+            ((_double, by_hand), f"^by_hand: {message}")
+            for by_hand, message in (
+                ([6.4, 4.3], "That is what the wrong function gives"),
+                ([6.4, -0.2], "You take the largest Q-value of the target"),
+                ([5.5, -0.2], "You take the value from the online network"),
+                ([3.7, -0.2], "The networks are swapped"),
+                ([2.8, 1.6], "Terminal transitions are not masked"),
+                ([2.8, 0], "At the terminal transitions the reward is lost"),
+                ([3, -0.2], "The discount is missing"),
+                ([1.9, -0.2], "You add the number of the best action"),
+                ([2.8, 7], "not yet right in the second row"),
+                ([9, 7], "not yet right in the first and second row"),
+            )
         ),
-        (lambda r, t, d, online, target: r + d * ~t * online.argmax(1), "number of the best"),
-        (
-            lambda r, t, d, online, target: r + d * (1 - t) * _value(online, target),
-            "stops with RuntimeError: Subtraction",
-        ),
+        ((_double, [2.8]), "a list of two numbers"),
+        ((_double, "2.8"), "a list of two numbers"),
+        ((_unwritten, [2.8, -0.2]), "not written yet"),
+        (_double, "Hand over both"),
     ],
     "soft_update_in_place": [
         (_rebinds, "only gives a new tensor the name"),
+        (_returns, "Nothing reads what you return"),
         (_new_in_list, "list has new tensors"),
         (_swapped, "swapped"),
         (_shrinks_online, "online weights have changed"),

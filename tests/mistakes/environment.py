@@ -38,7 +38,33 @@ def in_place(snr_db, data_left):
     return device, amount
 
 
-FLIGHT_A = [-0.2, -0.7, 2.3, 0.8, -0.2, 0.0]
+def nobody(snr_db, data_left):
+    device, amount = int(snr_db.argmax()), 0.0
+    if data_left[device] == 0:
+        return -1, amount
+    return device, min(to_rate(snr_db[device]), data_left[device])
+
+
+def filtered_index(snr_db, data_left):
+    if not data_left.any():
+        return -1, 0.0
+    device = int(snr_db[data_left > 0].argmax())
+    return device, min(to_rate(snr_db[device]), data_left[device])
+
+
+def largest_upload(snr_db, data_left):
+    if not data_left.any():
+        return -1, 0.0
+    uploads = np.minimum(to_rate(snr_db), data_left)
+    return int(uploads.argmax()), uploads.max()
+
+
+def most_data(snr_db, data_left):
+    device = int(data_left.argmax())
+    return (device, min(to_rate(snr_db[device]), data_left.max())) if data_left.any() else (-1, 0)
+
+
+FLIGHT_A = [-0.2, -0.7, 2.3, 0.8, 0.3, 0.0]
 FLIGHT_B = [1.6, -0.2, -151.2]
 
 
@@ -92,6 +118,25 @@ def controller(wraps=False, buildings=False, clips=False, land=True, flag=True, 
     return answer
 
 
+def transposed(no_fly=False, landing=False):
+    def answer(city, cell, action):
+        if action >= 4:
+            return cell, action == 5 and not city.landing[cell[::-1] if landing else cell]
+        row, col = cell[0] + MOVES[action][0], cell[1] + MOVES[action][1]
+        if not (0 <= row < city.size and 0 <= col < city.size):
+            return cell, True
+        blocked = city.no_fly[(col, row) if no_fly else (row, col)]
+        return (cell if blocked else (row, col)), blocked
+
+    return answer
+
+
+def tilde(city, cell, action):
+    if action == 5:
+        return cell, ~int(city.landing[cell])
+    return controller()(city, cell, action)
+
+
 def unchecked(city, cell, action):
     row, col = cell[0] + MOVES[action][0], cell[1] + MOVES[action][1]
     if action == 5:
@@ -114,6 +159,10 @@ MISTAKES = {
         (lambda snr, left: slot(snr, left, limit=lambda r, d: r), "uploads more than it has"),
         (lambda snr, left: slot(snr, left, serves_nobody=True), "nobody may send"),
         (filtered, "counts only the devices with data left"),
+        (filtered_index, "index counts the filtered array"),
+        (nobody, "the next best device sends"),
+        (largest_upload, "largest upload"),
+        (most_data, "most data"),
         (lambda snr, left: slot(snr, left, empty=0.0), "0 dB, which is better than a negative"),
         (lambda snr, left: slot(snr, left, limit=lambda r, d: d), "no more than the rate"),
         (in_place, "changes the arrays"),
@@ -123,7 +172,11 @@ MISTAKES = {
         (flights(a=(2, 0.3)), "A, step 2.*its penalty is missing"),
         (flights(a=(2, -0.5)), "A, step 2.*The 0.2 for the step is missing"),
         (flights(a=(4, 2.3)), "A, step 4.*has only 1 left"),
-        (flights(a=(5, 0.3)), "A, step 5.*has only 0 left"),
+        (flights(a=(5, -0.2)), "A, step 5.*data uploaded is missing"),
+        (flights(a=(6, 2.0)), "A, step 6.*nothing is uploaded"),
+        (flights(a=(2, 0.5 - 0.2 - 1 - 0.2)), "A, step 2: -0.9 is not right"),
+        (lambda: (np.cumsum(FLIGHT_A), FLIGHT_B), "A: these are the sums"),
+        (lambda: (FLIGHT_A, list(np.cumsum(FLIGHT_B))), "B: these are the sums"),
         (flights(a=(6, -0.2)), "A, step 6.*lands does not pay"),
         (flights(a=(6, -150)), "A, step 6.*no crash"),
         (flights(b=(3, -149.7)), "B, step 3.*nothing is uploaded"),
@@ -149,6 +202,9 @@ MISTAKES = {
         (controller(land=False), "not in the landing zone"),
         (controller(flag=False), "so say True"),
         (controller(stay=False), "hovers instead"),
+        (transposed(no_fly=True), r"look up city.no_fly\[col, row\]"),
+        (transposed(landing=True), r"look up city.landing\[col, row\]"),
+        (tilde, "yours is -[12].*write `not`"),
         (south_up, "North is one row up"),
         (stays_means_intervened, "Hovering is always allowed"),
         (lambda city, cell, action: cell, "give back the cell and whether"),

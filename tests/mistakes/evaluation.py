@@ -1,6 +1,7 @@
 """Wrong answers to the exercises of notebook 8, and what the message must say of each."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,6 +32,16 @@ def no_denominator(successes, trials):
     return p + 1.96**2 / (2 * n) - half, p + 1.96**2 / (2 * n) + half
 
 
+def on_a_grid(successes, trials):
+    p = successes / trials
+    inside = [
+        q / 1000
+        for q in range(1001)
+        if abs(p - q / 1000) <= 1.96 * math.sqrt(q / 1000 * (1 - q / 1000) / trials)
+    ]
+    return min(inside), max(inside)
+
+
 def add_variances(a, b):
     half = 1.96 * math.sqrt(np.var(a, ddof=1) / len(a) + np.var(b, ddof=1) / len(b))
     return np.mean(a) - np.mean(b), np.mean(a) - np.mean(b) - half, np.mean(a) - np.mean(b) + half
@@ -47,10 +58,18 @@ def by_n(a, b):
     return d.mean(), d.mean() - half, d.mean() + half
 
 
-def other_sign(a, b):
-    d = b - a
-    half = 1.96 * d.std(ddof=1) / len(d) ** 0.5
+def mean_in_the_middle(a, b):
+    mean, low, high = lead_of(a - b)
+    return low, mean, high
+
+
+def lead_of(d, n=None):
+    half = 1.96 * d.std(ddof=1) / math.sqrt(n or len(d))
     return d.mean(), d.mean() - half, d.mean() + half
+
+
+def middle_of_differences(a, b):
+    return np.mean(a - b), np.percentile(a - b, 2.5), np.percentile(a - b, 97.5)
 
 
 def in_place(a, b):
@@ -62,6 +81,20 @@ def in_place(a, b):
 def half_width(a, b):
     d = a - b
     return d.mean(), 1.96 * d.std(ddof=1) / len(d) ** 0.5
+
+
+def skipping(least):
+    def without_leftovers(environment, state):
+        worth = np.where(state.data_left < least, 0, state.data_left)
+        return Greedy(environment)(replace(state, data_left=worth))
+
+    return without_leftovers
+
+
+def sometimes_idle(environment, state):
+    """Greedy, but it waits for a step in some missions."""
+    action = Greedy(environment)(state)
+    return np.where((state.time_left == 34) & (state.device_cells[:, 0] == 100), 4, action)
 
 
 def never_home(environment, state):
@@ -112,6 +145,7 @@ MISTAKES = {
         (normal_interval, "normal approximation"),
         (clipped_interval, "cut off at 0 and 1"),
         (one_error, "z = 1"),
+        (on_a_grid, "grid of shares"),
         (no_denominator, r"1 \+ z²/n is missing"),
         (lambda k, n: (0.9, 1.0), "expected"),
     ],
@@ -120,13 +154,19 @@ MISTAKES = {
         (lambda s, h: math.ceil((s / h) ** 2), "1.96 is missing"),
         (lambda s, h: int((1.96 * s / h) ** 2), "round up"),
         (lambda s, h: math.ceil((1.96 * s / (h / 2)) ** 2), "halve it again"),
+        (lambda s, h: int((1.96 * s / h) ** 2) + 1, "you add one there"),
+        (lambda s, h: math.ceil((1.645 * s / h) ** 2), "90 %"),
         (lambda s, h: np.ceil((1.96 * s / h) ** 2), "no int"),
     ],
     "lead": [
         (add_variances, "unpaired"),
         (no_standard_error, "standard error"),
         (by_n, "ddof=1"),
-        (other_sign, "sign"),
+        (lambda a, b: lead_of(b - a), "sign"),
+        (lambda a, b: lead_of(abs(a - b)), "size of each difference"),
+        (lambda a, b: lead_of(a - b, len(a) - 1), "root of n − 1"),
+        (mean_in_the_middle, "order is"),
+        (middle_of_differences, "quantiles of the differences"),
         (in_place, "changes its arguments"),
         (half_width, "not mean and half width"),
     ],
@@ -134,7 +174,11 @@ MISTAKES = {
         (lambda environment, state: Greedy(environment)(state), "same flights as greedy's"),
         (never_home, "crashed in 300 of 300"),
         (straight_ahead, "safety controller refused"),
-        (straight_home, "behind greedy"),
+        (straight_home, "It is behind greedy: `ways"),
+        (skipping(2), "less than the 0.4"),
+        (skipping(4), "less than the 0.4"),
+        (skipping(0.5), "ahead of greedy, but the interval holds 0"),
+        (sometimes_idle, "behind greedy, but the interval holds 0"),
         (in_between, "whole numbers"),
         (first_only, r"the shape \(\)"),
         (counted_from_one, "no action 6"),

@@ -41,18 +41,18 @@ MISTAKES = {
         (["north"], "the map ends there"),
         (["east"] * 3 + ["land"], "outside the landing zone"),
         (OUT_AND_BACK, "last action must be `land`"),
-        ([*OUT_AND_BACK, "land"], "only 5.* of the data.*8 units of time are not used"),
+        ([*OUT_AND_BACK, "land"], "only 5.* of the data.*5 of 21 units of time are not used"),
         ([*OUT_AND_BACK, *["south"] * 4, *["hover"] * 8], "flying time ran out"),
         ([*OUT_AND_BACK, "land", "south"], "Put `land` last"),
         (
             ["south"] * 4
-            + ["hover"] * 4
+            + ["hover"] * 2
             + ["north"] * 4
             + ["east"] * 5
-            + ["hover"] * 2
+            + ["hover"]
             + ["west"] * 4
             + ["land"],
-            "only 7.*7.5 of 15 at the device .0, 7.",
+            "only 7.*8.9 of 15 at the device .0, 7.",
         ),
     ],
 }

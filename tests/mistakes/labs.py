@@ -7,11 +7,11 @@ from uavdh_lite.mission import Mission, environment_of, pilots
 from uavdh_lite.scenario import find_scenario
 
 
-def leads(count):
-    """Greedy's lead over the agent in the first missions, points; whatever agent is shipped."""
+def leads(seeds):
+    """Greedy's lead over the agent in these missions, points; whatever agent is shipped."""
     environment = environment_of("manhattan")
     policies = pilots(environment)
-    for seed in range(count):
+    for seed in seeds:
         mission = Mission.draw(find_scenario("manhattan"), environment.city, seed)
         share = {}
         for name in ("greedy", "agent manhattan"):
@@ -20,11 +20,27 @@ def leads(count):
         yield seed, 100 * (share["greedy"] - share["agent manhattan"])
 
 
-SMALL_LEAD = next(seed for seed, lead in leads(100) if 0 <= lead < 25)
-BEHIND = next((seed for seed, lead in leads(60) if lead < 0), None)
+SMALL_LEAD = next(seed for seed, lead in leads(range(100, 200)) if 0 <= lead < 40)
+BEHIND = next((seed for seed, lead in leads(range(100, 160)) if lead < 0), None)
 
 
-def choose(environment, *, cells=None, mask=None, best=np.max, last=min):
+def place_in_list(environment):
+    """The index of the worst device cell taken for its number."""
+    row, col = choose(environment)
+    index = list(environment.city.device_cells).index(row * environment.city.size + col)
+    return divmod(index, environment.city.size)
+
+
+def in_the_notebooks_city(_):
+    return choose(environment_of("manhattan"))
+
+
+def size_of_manhattan(environment):
+    row, col = choose(environment)
+    return divmod(row * environment.city.size + col, environment_of("manhattan").city.size)
+
+
+def choose(environment, *, cells=None, mask=None, best=np.max, last=min, turn=1):
     """The cell that a choice of device cells, UAV cells and measures leads to."""
     city = environment.city
     cells = city.device_cells if cells is None else cells
@@ -32,18 +48,19 @@ def choose(environment, *, cells=None, mask=None, best=np.max, last=min):
     value = {}
     for number in cells:
         device = int(number) // city.size, int(number) % city.size
-        rates = rate_map(city, environment.channel, environment.line_of_sight, device)
+        rates = rate_map(city, environment.channel, environment.line_of_sight, device[::turn])
         value[device] = float(best(rates[mask]))
     return last(value, key=value.get)
 
 
 MISTAKES = {
     "failure_seed": [
-        (SMALL_LEAD, "25 are asked for"),
+        (SMALL_LEAD, "40 are asked for"),
         (3.0, "whole number"),
         ([1, 2, 3], "one seed"),
         (10_000, "out of range"),
         (-1, "out of range"),
+        (31, "from 100 to 9,999"),
         *([(BEHIND, "the agent is ahead")] if BEHIND is not None else []),
     ],
     "worst_device_cell": [
@@ -51,12 +68,20 @@ MISTAKES = {
         (lambda e: choose(e, best=np.mean), r"lowest \*mean\*"),
         (
             lambda e: choose(e, mask=np.ones((e.city.size,) * 2, bool)),
-            "also where it cannot get to",
+            "but the UAV cannot get there",
         ),
         (lambda e: choose(e, mask=~e.city.no_fly), "walled in"),
-        (lambda e: choose(e, last=max), r"\*best\* places for a device"),
+        (lambda e: choose(e, last=max), "the highest best rate"),
+        (lambda e: choose(e, best=np.min), r"at the \*worst\* UAV cell"),
+        (lambda e: choose(e, best=np.min, last=max), "heard with"),
+        (lambda e: choose(e, turn=-1), "hand to rate_map"),
+        (lambda e: choose(e, turn=-1)[::-1], "hand to rate_map"),
+        (lambda e: choose(e, mask=e.city.landing_distance > 0), "over the landing zone"),
+        (in_the_notebooks_city, "not the notebook's own"),
+        (size_of_manhattan, "that your function is given"),
+        (place_in_list, "an index into city.device_cells"),
         (lambda e: choose(e)[::-1], "wrong way round"),
         (lambda e: choose(e)[0] * e.city.size + choose(e)[1], r"\(row, column\)"),
-        (lambda e: (11, 2), "heard with|no device can stand|no cell"),
+        (lambda e: (11, 2), r"You give \(11, 2\) in each"),
     ],
 }

@@ -26,7 +26,7 @@ def centred(shift=0, sign=1, fill=None, dtype=None):
     def answer(layer, uav, outside):
         size = len(layer)
         value = outside if fill is None else fill
-        result = np.full((2 * size - 1, 2 * size - 1), value, dtype or layer.dtype)
+        result = np.full((2 * size - 1, 2 * size - 1), value, dtype or float)
         for row, col in np.ndindex(layer.shape):
             place = [
                 size - 1 + sign * (one - u) + shift for one, u in zip((row, col), uav, strict=True)
@@ -40,7 +40,7 @@ def centred(shift=0, sign=1, fill=None, dtype=None):
 
 def opposite_shift(layer, uav, outside):
     size = len(layer)
-    result = np.full((2 * size - 1, 2 * size - 1), outside, layer.dtype)
+    result = np.full((2 * size - 1, 2 * size - 1), outside, float)
     result[uav[0] : uav[0] + size, uav[1] : uav[1] + size] = layer
     return result
 
@@ -49,11 +49,15 @@ def swapped(layer, uav, outside):
     return centred()(layer, uav[::-1], outside)
 
 
-def integers(layer, uav, outside):
-    result = np.full((2 * len(layer) - 1,) * 2, 0) + (layer.dtype == bool) * outside
-    if layer.dtype == bool:
-        return centred()(layer, uav, outside)
-    return centred(dtype=result.dtype)(layer, uav, outside)
+def of_the_layers_type(layer, uav, outside):
+    return centred(dtype=layer.dtype)(layer, uav, outside)
+
+
+def slice_too_late(layer, uav, outside):
+    size = len(layer)
+    result = np.full((2 * size - 1, 2 * size - 1), outside, float)
+    result[size - uav[0] : 2 * size - uav[0], size - uav[1] : 2 * size - uav[1]] = layer
+    return result
 
 
 def wrapping(layer, uav, outside):
@@ -71,20 +75,32 @@ def erases(layer, uav, outside):
     return result
 
 
-def count(bias=1, time=1, outputs=6, whole_map=True, rest=True, layers_again=False, pad=False):
+def count(
+    bias=1,
+    time=1,
+    outputs=6,
+    whole_map=True,
+    rest=True,
+    layers_again=False,
+    pad=False,
+    up=False,
+    flat=False,
+    layer_bias=False,
+    last_bias=1,
+):
     def answer(layers, size, kernels, kernel_size, strides, hidden):
         side = 2 * size - 1 if whole_map else size
         channels, total = layers, 0
         for stride in strides:
-            total += kernels * (channels * kernel_size * kernel_size + bias)
+            total += kernels * channels * kernel_size**2 + (1 if layer_bias else kernels * bias)
             fits = side if pad else side - kernel_size + 1
-            side = -(-fits // stride) if rest else fits // stride
+            side = -(-(fits + up * (stride - 1)) // stride) if rest else fits // stride
             channels = layers if layers_again else kernels
-        inputs = kernels * side * side + time
+        inputs = (1 if flat else kernels) * side * side + time
         for neurons in hidden:
-            total += (inputs + bias) * neurons
+            total += inputs * neurons + (1 if layer_bias else neurons * bias)
             inputs = neurons
-        return total + (inputs + bias) * outputs
+        return total + inputs * outputs + (1 if layer_bias else outputs * bias * last_bias)
 
     return answer
 
@@ -107,7 +123,9 @@ MISTAKES = {
         (centred(shift=-1), "one cell too far north-west"),
         (centred(fill=0), "value `outside`"),
         (swapped, "Rows and columns are swapped"),
-        (integers, "whole numbers where the layer has fractions"),
+        (of_the_layers_type, "outside. may be any number.*map of floats"),
+        (slice_too_late, "ValueError.*begins in row M − 1 − uav"),
+        (centred(dtype=int), "whole numbers where the layer has fractions"),
         (wrapping, "goes round at the border"),
         (erases, "changes the layer"),
         (centred(sign=-1), "the place .* of the map .* must be"),
@@ -121,6 +139,10 @@ MISTAKES = {
         (count(rest=False), "round down, and add the 1 after that"),
         (count(layers_again=True), "as many layers as the first has kernels"),
         (count(pad=True), "you keep them"),
+        (count(up=True), "round down, then add 1"),
+        (count(flat=True), "not side² alone"),
+        (count(layer_bias=True), "a bias of its own; yours count one a layer"),
+        (count(last_bias=0), "biases of the output"),
         (lambda *case: 2_308_854, "gives 2308854, expected"),
     ],
 }

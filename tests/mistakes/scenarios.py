@@ -31,6 +31,22 @@ FOUR = [(-1, 0), (1, 0), (0, -1), (0, 1)]
 EIGHT = [*FOUR, (-1, -1), (-1, 1), (1, -1), (1, 1)]
 
 
+def caught(city):
+    """Breadth first; off the grid only an IndexError counts."""
+    distance = np.where(city.landing, 0, -1)
+    queue = [tuple(cell) for cell in np.argwhere(city.landing)]
+    for row, col in queue:
+        for down, right in FOUR:
+            r, c = row + down, col + right
+            try:
+                if distance[r, c] < 0 and not city.no_fly[r, c]:
+                    distance[r, c] = distance[row, col] + 1
+                    queue.append((r, c))
+            except IndexError:
+                continue
+    return distance
+
+
 def depth_first(city):
     distance = np.where(city.landing, 0, -1)
     stack = [tuple(cell) for cell in np.argwhere(city.landing)]
@@ -53,9 +69,9 @@ def marked(value):
     return reachable
 
 
-def drawn(size, **cells):
-    """A city of free cells, with other signs in some: r0c3="L"."""
-    rows = [["."] * size for _ in range(size)]
+def painted(text, **cells):
+    """The city with other signs in some cells: r0c3="L"."""
+    rows = [list(row) for row in text.split()]
     for cell, sign in cells.items():
         row, col = cell[1:].split("c")
         rows[int(row)][int(col)] = sign
@@ -63,9 +79,11 @@ def drawn(size, **cells):
 
 
 HOME = "\n".join("".join(".NbLB"[kind] for kind in row) for row in City.load("manhattan").kinds)
-ISLAND = drawn(16, r0c0="L", r5c4="N", r5c6="N", r4c5="N", r6c5="N")
-# A wall between the landing zone and the city, its gap at the far end: the ways are too long
-LONG = drawn(16, r0c0="L", **{f"r1c{c}": "B" for c in range(15)})
+NOWHERE = HOME.replace("L", ".")
+EMPTY = "\n".join(["." * 16] * 16)
+ISLAND = painted(HOME, r14c0="N", r15c1="N")
+# One landing cell and a wall below it, its gap at the far end: the ways are too long
+LONG = painted(NOWHERE, r0c0="L", **{f"r2c{c}": "N" for c in (0, 1, 4, 7, 8, 11, 14)})
 
 MISTAKES = {
     "reachable": [
@@ -73,6 +91,7 @@ MISTAKES = {
         (lambda city: flooded(city, city.no_fly & False, FOUR), "through no-fly cells"),
         (lambda city: flooded(city, city.no_fly | city.buildings, FOUR), "Low buildings"),
         (lambda city: flooded(city, city.no_fly, FOUR, check=False), "joined at its edges"),
+        (caught, "without an IndexError"),
         (marked(0), "as if they were landing zone"),
         (marked(99), "must have −1; you give 99"),
         (depth_first, "There is a shorter way"),
@@ -81,12 +100,15 @@ MISTAKES = {
         (lambda city: flooded(city, city.no_fly, FOUR) * 1.0, "make it an int array"),
     ],
     "defeat": [
-        (HOME, "The agent is too good: .* points behind"),
-        (drawn(8, r0c0="L"), "8 × 8 cells"),
-        (drawn(16), "no valid city.*no start and landing zone"),
-        (drawn(16, r0c0="X"), "no valid city.*'X' is none of"),
-        (ISLAND, "from 1 of the cells .* row 5, column 5"),
-        (LONG, "planner collects .* points less"),
+        (HOME, "The agent is too good.*0 cells changed.* points behind"),
+        ("", "has 0 rows"),
+        (HOME[:-17], "has 15 rows of signs; it must have 16"),
+        (HOME.replace("LL", "LLL", 1), "Row 0 .* has 17 signs"),
+        (NOWHERE, "put an L"),
+        (painted(HOME, r4c4="X"), "no valid city: row 4, column 4: 'X' is none of"),
+        (painted(EMPTY, r0c0="L"), r"in \d+ of its 256 cells; at most 16"),
+        (ISLAND, "from 1 of the cells .* row 15, column 0"),
+        (LONG, "The greedy planner's CRAL is"),
         (City.load("manhattan"), "as one text"),
     ],
 }

@@ -1,5 +1,7 @@
 """Wrong answers to the exercises of notebook 2, and what the message must say of each."""
 
+from itertools import pairwise, product
+
 import numpy as np
 
 from uavdh_lite.shadowing import crossed_cells
@@ -17,6 +19,29 @@ def doubled_distance(start, end, cell):
 def touching(start, end, cell):
     distance, limit = doubled_distance(start, end, cell)
     return inside(start, end, cell) and distance <= limit
+
+
+def without_factor(start, end, cell):
+    distance, limit = doubled_distance(start, end, cell)
+    return cell == start if start == end else inside(start, end, cell) and distance < 2 * limit
+
+
+def sum_of_signs(start, end, cell):
+    distance, _ = doubled_distance(start, end, cell)
+    limit = abs(sum(end) - sum(start))
+    return cell == start if start == end else inside(start, end, cell) and distance < limit
+
+
+def down_right(start, end, cell):
+    (rows, cols), (r, c) = np.subtract(end, start), np.subtract(cell, start)
+    near = 2 * abs(rows * c - cols * r) < abs(rows) + abs(cols) or start == end
+    return bool(0 <= r <= rows and 0 <= c <= cols and near)
+
+
+def not_shifted(start, end, cell):
+    (rows, cols), (r, c) = np.subtract(end, start), cell
+    near = 2 * abs(rows * c - cols * r) < abs(rows) + abs(cols)
+    return cell == start if start == end else bool(inside(start, end, cell) and near)
 
 
 def infinite(start, end, cell):
@@ -60,11 +85,11 @@ def shadow(buildings, device, corners="both", ends=True, moved=True):
             cells = [(r + device[0], c + device[1]) for r, c in cells]
         looked_at = [c for c in cells if ends or c not in ((row, col), tuple(device))]
         result[row, col] = any(buildings[cell] for cell in looked_at)
-        for a in cells:
-            for b in cells:
-                if abs(a[0] - b[0]) == 1 and abs(a[1] - b[1]) == 1 and corners:
-                    beside = [buildings[a[0], b[1]], buildings[b[0], a[1]]]
-                    result[row, col] |= all(beside) if corners == "both" else any(beside)
+        pairs = pairwise(cells) if corners == "sorted" else product(cells, cells)
+        for a, b in pairs if corners != "45°" or abs(rows) == abs(cols) else ():
+            if abs(a[0] - b[0]) == 1 and abs(a[1] - b[1]) == 1 and corners:
+                beside = [buildings[a[0], b[1]], buildings[b[0], a[1]]]
+                result[row, col] |= any(beside) if corners == "any" else all(beside)
     return result
 
 
@@ -88,9 +113,26 @@ def different(sight):
     return (square(sight) != square(sight).T).sum()
 
 
+def one_way(sight, ordered):
+    cells = [divmod(k, len(sight)) for k in range(len(sight) ** 2)]
+    pairs = [(a, b) for a, b in product(cells, cells) if ordered(a, b)]
+    return sum(sight[a + b] and not sight[b + a] for a, b in pairs) / len(pairs)
+
+
+def south_east(sight):
+    count = 0
+    for i, j, k, m in np.ndindex(sight.shape):
+        count += i < k and j < m and sight[i, j, k, m] != sight[k, m, i, j]
+    return count / (len(sight) ** 2 * (len(sight) ** 2 - 1) / 2)
+
+
 MISTAKES = {
     "crosses": [
         (touching, "touches that cell at a corner"),
+        (without_factor, "forget the factor 2"),
+        (sum_of_signs, "is not .R. .* negative"),
+        (down_right, "C = -3.*A ray may go up or left"),
+        (not_shifted, "measure all cells from start"),
         (infinite, "beyond the end of the segment"),
         (sampled, "sampled along the ray step over"),
         (inside, "Not all cells of the rectangle"),
@@ -102,7 +144,9 @@ MISTAKES = {
     "shadow_map": [
         (lambda b, d: shadow(b, d).T, "Rows and columns are swapped"),
         (lambda b, d: ~shadow(b, d), "where there is line of sight"),
-        (lambda b, d: shadow(b, d, corners=""), "two diagonal buildings share still get through"),
+        (lambda b, d: shadow(b, d, corners=""), "through the corner that the buildings"),
+        (lambda b, d: shadow(b, d, corners="45°"), "rays of any slope"),
+        (lambda b, d: shadow(b, d, corners="sorted"), "not sorted along the ray"),
         (lambda b, d: shadow(b, d, corners="any"), "it takes both"),
         (lambda b, d: shadow(b, d, ends=False), "UAV over a building sees through"),
         (shifted_device, "device's own cell is dark"),
@@ -123,5 +167,10 @@ MISTAKES = {
         (lambda s: (s != s.T).mean(), "reverses all four axes"),
         (lambda s: square(s) != square(s).T, "One number is expected"),
         (lambda s: different(s) // 2, "divide by the number of all pairs"),
+        (lambda s: one_way(s, lambda i, j: i < j), "one direction only"),
+        (lambda s: one_way(s, lambda i, j: i > j), "one direction only"),
+        (south_east, "above .and. to the left"),
+        (lambda s: s.mean(), "not what is seen"),
+        (lambda s: different(s) / len(s) ** 3, "One of its asymmetric pairs: a device in"),
     ],
 }

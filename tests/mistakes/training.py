@@ -80,46 +80,64 @@ def _backwards_in_place(rewards, terminals, values, n, discount):
     return values[0]
 
 
-def _good_first(landed, ratio, used):
-    if ratio >= 0.8:
-        return "good"
-    if landed < 0.9:
-        return "crashes"
-    return "lazy" if used < 0.25 else "wanders"
+def _whole_memory(rewards, terminals, values, n, discount):
+    total = _loses_nothing(rewards, terminals, min(n, len(rewards)), discount)
+    m = min(n, len(rewards))
+    return total if terminals.any() else total + discount**m * values[m]
 
 
-def _lazy_first(landed, ratio, used):
-    if used < 0.25:
-        return "lazy"
-    if landed < 0.9:
-        return "crashes"
-    return "good" if ratio >= 0.8 else "wanders"
+def _asks_the_last(own_power):
+    def answer(rewards, terminals, values, n, discount):
+        m = min(n, len(rewards))
+        total, factor = 0, 1
+        for k in range(m):
+            total += factor * rewards[k]
+            factor *= discount
+            if terminals[k]:
+                break
+        if not terminals[m - 1]:
+            total += (factor if own_power else discount**m) * values[m]
+        return total
+
+    return answer
 
 
-def _lazy_before_good(landed, ratio, used):
-    if landed < 0.9:
-        return "crashes"
-    if used < 0.25:
-        return "lazy"
-    return "good" if ratio >= 0.8 else "wanders"
+def _loses_nothing(rewards, terminals, m, discount):
+    total = 0
+    for k in range(m):
+        total += discount**k * rewards[k]
+        if terminals[k]:
+            break
+    return total
+
+
+def _in_order(*order, landed_least=0.9, ratio=lambda landed, ratio: ratio >= 0.8):
+    """Ask in this order; the first that holds counts."""
+
+    def answer(landed, collected, used):
+        asked = {
+            "crashes": landed < landed_least,
+            "good": ratio(landed, collected),
+            "lazy": used < 0.25,
+        }
+        return next((name for name in order if asked[name]), "wanders")
+
+    return answer
+
+
+RULES = ("lazy", "crashes", "good")
 
 
 def _percent(landed, ratio, used):
-    if landed < 90:
-        return "crashes"
-    return "good" if ratio >= 80 else "lazy" if used < 25 else "wanders"
+    if used < 25:
+        return "lazy"
+    return "crashes" if landed < 90 else "good" if ratio >= 80 else "wanders"
 
 
-def _inclusive(landed, ratio, used):
-    if landed <= 0.9:
-        return "crashes"
-    return "good" if ratio >= 0.8 else "lazy" if used < 0.25 else "wanders"
-
-
-def _product(landed, ratio, used):
-    if landed < 0.9:
-        return "crashes"
-    return "good" if landed * ratio >= 0.8 else "lazy" if used < 0.25 else "wanders"
+def _confused(landed, ratio, used):
+    if used < 0.25:
+        return "wanders"
+    return "crashes" if landed < 0.9 else "good" if ratio >= 0.8 else "lazy"
 
 
 LAZY = replace(
@@ -143,28 +161,22 @@ MISTAKES = {
         (_not_discounted, "not discounted"),
         (_needs_n_steps, "IndexError where fewer than n"),
         (_power_n, "that of the steps that there are"),
+        (_whole_memory, "only a terminal among the m steps"),
+        (_asks_the_last(own_power=False), "only whether the last of the m steps"),
+        (_asks_the_last(own_power=True), "only whether the last of the m steps"),
         (_backwards_in_place, "changes the arrays"),
     ],
     "diagnosis": [
-        (_good_first, "collects much but crashes is not good"),
-        (_lazy_first, "ask for the time first"),
-        (_lazy_before_good, "good, not lazy"),
+        (_in_order("lazy", "good", "crashes"), "collects much but crashes is not good"),
+        (_in_order("good", "lazy", "crashes"), "first for what it collects"),
+        (_in_order("crashes", "lazy", "good"), "for the landings first"),
+        (_in_order("crashes", "good", "lazy"), "for the time last"),
         (_percent, "not percentages"),
-        (_inclusive, "Exactly 90 %"),
-        (_product, "not its product"),
-        (
-            lambda landed, ratio, used: (
-                "crashes"
-                if landed < 0.9
-                else "good"
-                if ratio >= 0.8
-                else "wanders"
-                if used < 0.25
-                else "lazy"
-            ),
-            "confused",
-        ),
-        (lambda landed, ratio, used: landed >= 0.9, "expected one of crashes, good"),
+        (_in_order(*RULES, landed_least=0.9 + 1e-9), "Exactly 90 %"),
+        (_in_order(*RULES, ratio=lambda landed, ratio: ratio > 0.8), "Exactly 80 %"),
+        (_in_order(*RULES, ratio=lambda landed, ratio: landed * ratio >= 0.8), "not its product"),
+        (_confused, "confused"),
+        (lambda landed, ratio, used: landed >= 0.9, "expected one of lazy, crashes"),
     ],
     "mended_recipe": [
         (LAZY, "unchanged"),
@@ -176,6 +188,10 @@ MISTAKES = {
         (
             replace(LAZY, steps=2_400, huber_delta=10.0),
             "costs 150 from the very start.*2,400 steps only",
+        ),
+        (
+            replace(LAZY, steps=2_400, crash_reward=-5.0, huber_delta=10.0),
+            "costs 150 at the end .crash_reward_end.*40 are enough",
         ),
     ],
 }

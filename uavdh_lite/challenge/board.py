@@ -15,7 +15,7 @@ from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import City
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import CHALLENGE, Flights, Policy, evaluate
+from uavdh_lite.evaluation import CHALLENGE, Flights, Interval, Policy, evaluate
 from uavdh_lite.files import write_atomically
 from uavdh_lite.planners import Genie, Greedy, Random
 from uavdh_lite.scenario import find_scenario
@@ -72,9 +72,9 @@ class Score:
     sha256: str | None
     when: str
     seconds: float
-    has_landed: tuple[float, float, float] | None = None
-    cral: tuple[float, float, float] | None = None
-    cumulative_reward: tuple[float, float, float] | None = None
+    has_landed: Interval | None = None
+    cral: Interval | None = None
+    cumulative_reward: Interval | None = None
     failed: str | None = None
 
 
@@ -122,9 +122,9 @@ def score(
     return replace(
         blank,
         seconds=round(time.perf_counter() - started, 1),
-        has_landed=tuple(metrics["has_landed"]),
-        cral=tuple(metrics["collection_ratio_and_landed"]),
-        cumulative_reward=tuple(metrics["cumulative_reward"]),
+        has_landed=metrics["has_landed"],
+        cral=metrics["collection_ratio_and_landed"],
+        cumulative_reward=metrics["cumulative_reward"],
     )
 
 

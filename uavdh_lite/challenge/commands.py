@@ -66,6 +66,7 @@ def _score(options: argparse.Namespace) -> None:
         if result.failed:
             print(f"{result.name:<24}failed: {result.failed}")
         else:
+            assert result.cral and result.has_landed and result.cumulative_reward
             (cral, low, high), landed = result.cral, result.has_landed[0]
             print(
                 f"{result.name:<24}collected and landed {cral:.1%} ({low:.1%} to {high:.1%}), "

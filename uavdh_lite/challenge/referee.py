@@ -56,11 +56,13 @@ class Submission:
             cwd=self._folder.name,
             env=_environment(),
         )
+        assert self._process.stdin and self._process.stdout  # both are pipes
+        self._to, self._from = self._process.stdin, self._process.stdout
         self._watched = psutil.Process(self._process.pid)
         self._deadline = time.monotonic() + self.seconds
         self._thread = ThreadPoolExecutor(1)
         try:
-            self._wait(self._thread.submit(receive, self._process.stdout))
+            self._wait(self._thread.submit(receive, self._from))
         except SubmissionFailed:
             self.__exit__(None, None, None)
             raise
@@ -75,9 +77,9 @@ class Submission:
         _kill(self._watched)
         self._process.wait()
         self._thread.shutdown()  # its read has ended with the process
-        self._process.stdout.close()
+        self._from.close()
         with suppress(OSError):  # what was not sent any more
-            self._process.stdin.close()
+            self._to.close()
         self._stderr.close()
         self._folder.cleanup()
 
@@ -98,8 +100,8 @@ class Submission:
         return action
 
     def _ask(self, state: State) -> dict[str, np.ndarray]:
-        send(self._process.stdin, **{f.name: getattr(state, f.name) for f in fields(State)})
-        return receive(self._process.stdout)
+        send(self._to, **{f.name: getattr(state, f.name) for f in fields(State)})
+        return receive(self._from)
 
     def _wait(self, future: Future) -> dict[str, np.ndarray]:
         """The answer, unless the process exceeds a limit or ends before."""

@@ -2,7 +2,7 @@
 
 import io
 import struct
-from typing import BinaryIO
+from typing import IO, Any
 
 import numpy as np
 
@@ -10,15 +10,16 @@ _LENGTH = struct.Struct("<Q")
 LARGEST = 64 * 2**20  # bytes; a batch of states takes far less
 
 
-def send(pipe: BinaryIO, **arrays: np.ndarray) -> None:
+def send(pipe: IO[bytes], **arrays: np.ndarray) -> None:
     """Write one message; blocks until the other side reads it."""
     buffer = io.BytesIO()
-    np.savez(buffer, **arrays)
+    named: dict[str, Any] = arrays  # none is called as an option of savez
+    np.savez(buffer, **named)
     pipe.write(_LENGTH.pack(buffer.tell()) + buffer.getvalue())
     pipe.flush()
 
 
-def receive(pipe: BinaryIO) -> dict[str, np.ndarray]:
+def receive(pipe: IO[bytes]) -> dict[str, np.ndarray]:
     """Read one message; raises EOFError at the end, ValueError for anything that is not one."""
     (length,) = _LENGTH.unpack(_exactly(pipe, _LENGTH.size))
     if length > LARGEST:
@@ -32,7 +33,7 @@ def receive(pipe: BinaryIO) -> dict[str, np.ndarray]:
         raise ValueError(f"not a message: {error}") from error
 
 
-def _exactly(pipe: BinaryIO, length: int) -> bytes:
+def _exactly(pipe: IO[bytes], length: int) -> bytes:
     data = pipe.read(length)
     if len(data) < length:
         raise EOFError("the other side has gone")

@@ -3,11 +3,12 @@
 import functools
 from itertools import combinations
 from math import comb
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
 
-from uavdh_lite.checks.exercise import CheckFailed, compare, exercise, expect, guarded, show
+from uavdh_lite.checks.exercise import CheckFailed, close, compare, exercise, expect, guarded, show
 from uavdh_lite.files import data_folder
 from uavdh_lite.tables import read_table
 
@@ -44,13 +45,20 @@ def _draw_recorded(ax):
     for kind, values in curves(table).items():
         lines = ax.plot(_steps(table), values.T, ".-", color=KINDS[kind], linewidth=0.9)
         lines[0].set_label(kind)
-    ax.set(xlabel="environment steps", ylabel="collected and landed, greedy", ylim=(0.5, 1))
+    at = _steps(table)[_at(table, 300_000)]
+    ax.axvline(at, color="grey", linestyle=":", label=f"{at:,.0f} steps")
+    ax.set(xlabel="environment steps", ylabel="collected and landed, greedy", ylim=(0, 1))
     ax.legend()
 
 
 def _solved_steps_to(steps, values, threshold):
-    reached = np.flatnonzero(np.asarray(values) >= threshold)
-    return steps[reached[0]] if len(reached) else None
+    return _after_the_last(np.asarray(values) < threshold, steps)
+
+
+def _after_the_last(below, steps):
+    """The steps after the last place where it is true, None if there are none."""
+    first = len(below) - int(np.argmax(below[::-1])) if below.any() else 0
+    return steps[first] if first < len(steps) else None
 
 
 def _draw_steps_to(ax):
@@ -64,51 +72,33 @@ def _draw_steps_to(ax):
             ax.plot([at, at], [0, threshold], "k:")
             ax.text(at, 0.03, f" {at:,.0f}", rotation=90, fontsize=8)
     ax.set(xlabel="environment steps", ylabel="collected and landed, greedy", ylim=(0, 1))
-    ax.set_title("one recorded run, three thresholds")
+    ax.set_title("the first recorded non-centred run, three thresholds")
 
 
-def _settled(steps, values, threshold):
-    """The validation from which on the curve stays at or above the threshold."""
-    below = np.flatnonzero(np.asarray(values) < threshold)
-    first = below[-1] + 1 if len(below) else 0
-    return steps[first] if first < len(steps) else None
+def _first(steps, values, threshold):
+    reached = np.flatnonzero(values >= threshold)
+    return steps[reached[0]] if len(reached) else None
 
 
 def _last(steps, values, threshold):
-    reached = np.flatnonzero(np.asarray(values) >= threshold)
-    return steps[reached[-1]] if len(reached) else None
-
-
-def _strict(steps, values, threshold):
-    above = np.flatnonzero(np.asarray(values) > threshold)
-    return steps[above[0]] if len(above) else None
-
-
-def _index(steps, values, threshold):
-    reached = np.flatnonzero(np.asarray(values) >= threshold)
-    return int(reached[0]) if len(reached) else None
-
-
-def _sorted(steps, values, threshold):
-    at = np.searchsorted(values, threshold)
-    return steps[at] if at < len(steps) else None
-
-
-def _at_the_best(steps, values, threshold):
-    best = np.argmax(values)
-    return steps[best] if values[best] >= threshold else None
+    return _first(steps[::-1], values[::-1], threshold)
 
 
 STEPS_TO_MISTAKES = {
     "That is the position in the list, not the number of environment steps: look it up in "
-    "`steps`.": _index,
-    "That is the last validation at or above the threshold; asked for is the first.": _last,
-    "That is the validation from which on the curve stays above the threshold. Asked for is the "
-    "first one at all, even if the curve falls below again later.": _settled,
-    "A value that equals the threshold has reached it: compare with >=, not with >.": _strict,
-    "A search by halving (np.searchsorted) needs sorted values, but a training curve goes up and "
-    "down: look at one validation after the other.": _sorted,
-    "That is where the curve is highest, not where it first reaches the threshold.": (_at_the_best),
+    "`steps`.": lambda steps, values, threshold: _solved_steps_to(
+        np.arange(len(steps)), values, threshold
+    ),
+    "That is the first validation at or above the threshold, but the curve falls below it again. "
+    "Asked for is from where on it stays.": _first,
+    "That is the last validation at or above the threshold: asked for is the first of those from "
+    "which on it stays.": _last,
+    "That is the last validation below the threshold; asked for is the one after it.": (
+        lambda steps, values, threshold: _last(steps, -values, -threshold + 1e-9)
+    ),
+    "A value that equals the threshold has reached it: it is below only if it is smaller.": (
+        lambda steps, values, threshold: _after_the_last(values <= threshold, steps)
+    ),
 }
 
 
@@ -116,40 +106,48 @@ STEPS_TO_MISTAKES = {
     "7.1",
     "How many steps to a threshold",
     points=1,
-    minutes=6,
+    minutes=8,
     hints=(
-        "Which validations are at or above the threshold? Of those, take the first; and think of "
-        "what to do if there is none.",
-        "Go through zip(steps, values) and return the steps at the first value >= threshold. "
-        "After the loop nothing was found: return None.",
+        "At which validations is the curve below the threshold? The one after the last of them is "
+        "asked for. And if there is none below, or if it is the last of all?",
+        "Go from the end backwards, through zip(steps[::-1], values[::-1]), and keep the steps of "
+        "each value that is at least threshold, until one is below. If you kept none: None.",
     ),
     figure=_draw_steps_to,
 )
 def steps_to(answer) -> None:
-    """`steps_to(steps, values, threshold)`: the steps of the first validation, or None."""
+    """`steps_to(steps, values, threshold)`: the steps from which on it stays there, or None."""
     written = getattr(answer, "__wrapped__", answer)
     expect(callable(written), "Hand over the function itself, not what it gives back.")
 
     @functools.wraps(written)
     def boxed(*arguments):
-        return (written(*arguments),)  # None is a right answer here
+        try:
+            return (written(*arguments),)  # None is a right answer here
+        except IndexError as error:
+            _, values, threshold = arguments
+            case = "no value is below it" if (values >= threshold).all() else "the last is below it"
+            raise CheckFailed(
+                f"For the values {values.tolist()} and the threshold {threshold} your function "
+                f"stops with IndexError: {error}. Perhaps you look for a place that there is not, "
+                f"when {case}."
+            ) from error
 
     ask = guarded(boxed)
     steps = np.arange(1, 9) * 50_000
     rises = np.array([0.1, 0.35, 0.6, 0.75, 0.5, 0.8, 0.9, 0.85])
     generator = np.random.default_rng(7)
-    cases = [(steps, rises, 0.6), (steps, rises, 0.7), (steps, rises, 0.05), (steps, rises, 0.9)]
-    cases += [(steps, generator.random(8).round(1), 0.6) for _ in range(20)]
+    cases = [(steps, rises, 0.6), (steps, rises, 0.7), (steps, rises, 0.05), (steps, rises, 0.88)]
+    cases += [(steps, generator.uniform(0.4, 1, 8).round(1), 0.6) for _ in range(20)]
 
     never = ask(steps, rises, 0.95)[0]
     if never is not None:
-        value = show(never.item() if isinstance(never, np.generic) else never)
         why = "Return None where the curve never reaches the threshold"
         if never == steps[0] or (never == 0 and not isinstance(never, bool)):
             why += "; np.argmax of a condition that is nowhere true is 0, the first place"
         elif never == steps[-1]:
             why += "; the last validation would say that it reached it there"
-        raise CheckFailed(f"{why}. You give {value}.")
+        raise CheckFailed(f"{why}. You give {_plain(never)}.")
 
     given = [ask(s.copy(), v.copy(), t)[0] for s, v, t in cases]
     right = [_solved_steps_to(*case) for case in cases]
@@ -162,21 +160,32 @@ def steps_to(answer) -> None:
         if all(_same(given[k], mistake(*cases[k])) for k in wrong):
             raise CheckFailed(message)
     k = wrong[0]
-    if given[k] is not None and np.ndim(given[k]) == 0 and given[k] not in steps:
+    other = [given[j] for j in wrong if given[j] is not None and given[j] not in steps]
+    if other and np.ndim(other[0]) == 0:
         raise CheckFailed(
-            f"{show(given[k])} is none of the validations {steps.tolist()}: nothing was measured "
+            f"{show(other[0])} is none of the validations {steps.tolist()}: nothing was measured "
             "there. Return an element of `steps`, without interpolation."
         )
     raise CheckFailed(
         f"For the values {cases[k][1].tolist()} and the threshold {cases[k][2]} you give "
-        f"{show(given[k])}, expected {show(int(right[k])) if right[k] is not None else None}."
+        f"{_plain(given[k])}, expected {_plain(right[k])}."
     )
+
+
+def _plain(value) -> str:
+    return show(value.item() if isinstance(value, np.generic) else value)
 
 
 def _same(one, other) -> bool:
     if one is None or other is None:
         return one is other
     return np.ndim(one) == 0 and not isinstance(one, str) and float(one) == float(other)
+
+
+def _share(a, b, split=np.abs, seen=np.abs, statistic=np.mean, size=None) -> float:
+    """The p-value; arguments make mistakes: no absolute value, other statistics or splits."""
+    observed = statistic(a) - statistic(b)
+    return float(np.mean(split(_differences(a, b, statistic, size)) >= seen(observed) - 1e-9))
 
 
 def _differences(a, b, statistic=np.mean, size=None) -> np.ndarray:
@@ -191,11 +200,6 @@ def _differences(a, b, statistic=np.mean, size=None) -> np.ndarray:
     )
 
 
-def _solved_p(a, b) -> float:
-    observed = np.mean(a) - np.mean(b)
-    return float(np.mean(np.abs(_differences(a, b)) >= abs(observed) - 1e-9))
-
-
 def _draw_permutation(ax):
     a, b = (values[:, values.shape[1] // 3] for values in curves(recorded()).values())
     splits, observed = _differences(a, b), np.mean(a) - np.mean(b)
@@ -203,52 +207,65 @@ def _draw_permutation(ax):
     for side in (-observed, observed):
         ax.axvline(side, color="#D55E00")
     ax.set(xlabel="difference of the two means, each split", ylabel="number of splits")
-    ax.set_title(f"a third into the recorded runs: p = {_solved_p(a, b):.3f}")
+    groups = "; ".join(
+        f"{name} = {', '.join(f'{value:.3g}' for value in values)}"
+        for name, values in (("a", a), ("b", b))
+    )
+    title = f"a third into the recorded runs: p = {_share(a, b):.4g}\n{groups}"
+    ax.set_title(title, fontsize="medium")
 
 
-def _drawn_p(a, b):
-    return float(np.mean(_differences(a, b) >= np.mean(a) - np.mean(b) - 1e-9))
+def _splits(a, b) -> int:
+    return comb(len(a) + len(b), len(a))
 
 
+def _one_sided(a, b) -> float:
+    return _share(a, b, np.positive, np.positive)
+
+
+DOUBLED = (
+    "You double a one-sided share. That is right only for equally large groups, and only in the "
+    "direction of the observed difference: count the splits with an absolute difference at least "
+    "as large."
+)
 PERMUTATION_MISTAKES = {
     "That is one-sided: it counts only splits in which the first group is ahead as far. Without a "
     "direction fixed beforehand the other direction counts too: take the absolute value of both "
-    "differences.": _drawn_p,
+    "differences.": _one_sided,
     "That is one-sided: the other direction counts too, so take the absolute value of both "
-    "differences.": lambda a, b: float(
-        np.mean(_differences(a, b) <= np.mean(a) - np.mean(b) + 1e-9)
-    ),
+    "differences.": lambda a, b: _one_sided(b, a),
     "That is one-sided: the absolute value of the observed difference is taken, but not that of "
-    "the splits' differences.": lambda a, b: float(
-        np.mean(_differences(a, b) >= abs(np.mean(a) - np.mean(b)) - 1e-9)
-    ),
-    "Doubling the one-sided share is right only if both groups are equally large: count the splits "
-    "with an absolute difference at least as large.": lambda a, b: (
-        2 * min(_drawn_p(a, b), _drawn_p(b, a))
-    ),
+    "the splits' differences.": lambda a, b: _share(a, b, np.positive),
+    "The absolute value of the splits' differences is taken, but not that of the observed one, "
+    "which may be negative.": lambda a, b: _share(a, b, seen=np.positive),
+    DOUBLED: lambda a, b: 2 * min(_one_sided(a, b), _one_sided(b, a)),
+    DOUBLED + " A share is never above 1.": lambda a, b: 2 * _one_sided(a, b),
+    DOUBLED + " Cutting off at 1 does not mend it.": lambda a, b: min(1, 2 * _one_sided(a, b)),
     "Splits with exactly the observed difference are left out, and the observed split is one of "
     "them, so that your p can be 0. Count differences *at least* as large (>=, with 1e-9 for "
     "rounding).": lambda a, b: float(
         np.mean(np.abs(_differences(a, b)) > abs(np.mean(a) - np.mean(b)) + 1e-9)
     ),
-    "That is the number of splits. Divide by how many splits there are.": lambda a, b: float(
-        np.sum(np.abs(_differences(a, b)) >= abs(np.mean(a) - np.mean(b)) - 1e-9)
+    "You leave out the observed split. It is one of all splits, and counts as large.": (
+        lambda a, b: (_share(a, b) * _splits(a, b) - 1) / (_splits(a, b) - 1)
     ),
+    "You count all splits, but not the observed one among those as large.": (
+        lambda a, b: _share(a, b) - 1 / _splits(a, b)
+    ),
+    "That is the number of splits. Divide by how many splits there are.": (
+        lambda a, b: _share(a, b) * _splits(a, b)
+    ),
+    "That is in percent. Return the share itself, from 0 to 1.": lambda a, b: 100 * _share(a, b),
     "That is the share of the splits with a *smaller* difference, 1 − p: the p-value is the share "
-    "with one at least as large.": lambda a, b: 1 - _solved_p(a, b),
+    "with one at least as large.": lambda a, b: 1 - _share(a, b),
     "You compare the sums of the groups. With groups of different size take the means.": (
-        lambda a, b: float(
-            np.mean(np.abs(_differences(a, b, np.sum)) >= abs(np.sum(a) - np.sum(b)) - 1e-9)
-        )
+        lambda a, b: _share(a, b, statistic=np.sum)
     ),
-    "You compare medians; the task asks for the difference of the means.": lambda a, b: float(
-        np.mean(np.abs(_differences(a, b, np.median)) >= abs(np.median(a) - np.median(b)) - 1e-9)
+    "You compare medians; the task asks for the difference of the means.": (
+        lambda a, b: _share(a, b, statistic=np.median)
     ),
-    "Your first group is always half of all values. It must be as large as a.": lambda a, b: float(
-        np.mean(
-            np.abs(_differences(a, b, size=(len(a) + len(b)) // 2))
-            >= abs(np.mean(a) - np.mean(b)) - 1e-9
-        )
+    "Your first group is always half of all values. It must be as large as a.": (
+        lambda a, b: _share(a, b, size=(len(a) + len(b)) // 2)
     ),
 }
 
@@ -257,7 +274,7 @@ PERMUTATION_MISTAKES = {
     "7.2",
     "A p-value for a few seeds",
     points=2,
-    minutes=12,
+    minutes=15,
     hints=(
         "If the kind made no difference, every way to deal the values out to the two groups would "
         "be as likely as the one that you saw. How many of them differ as much?",
@@ -271,27 +288,50 @@ def permutation_p(answer) -> None:
     """`permutation_p(a, b)`: exact and two-sided, of the difference of the means."""
     expect(callable(answer), "Hand over the function itself, not what it gives back.")
     generator = np.random.default_rng(72)
-    cases = [([0.9, 0.92, 0.94], [0.8, 0.82, 0.85]), ([0.1, 0.2, 0.3], [0.4, 0.5, 0.6])]
-    cases += [([1.0, 2.0], [2.0, 4.0, 9.0]), ([3.0, 3.5, 8.0, 1.0], [2.0, 2.5])]
+    cases = [((0.9, 0.92, 0.94), (0.8, 0.82, 0.85)), ((0.1, 0.2, 0.3), (0.4, 0.5, 0.6))]
+    cases += [((1.0, 2.0), (2.0, 4.0, 9.0)), ((3.0, 3.5, 8.0, 1.0), (2.0, 2.5))]
+    cases += [((0.5, 0.1), (0.4, 0.9, 0.2))]  # ties, which rounding breaks
+    cases += [((1.0, 1.0, 6.0), (2.0, 8.0))]  # equal values, which count as two
     cases += [
-        (generator.normal(0.3, 1, first).round(2).tolist(), generator.normal(0, 1, second).tolist())
-        for first, second in ((3, 3), (2, 4), (4, 3), (3, 2), (3, 5))
+        tuple(tuple(generator.normal(0, 1, n).round(2).tolist()) for n in sizes)
+        for sizes in ((3, 3), (2, 4), (4, 3), (3, 2), (3, 5))
     ]
 
+    @functools.wraps(answer)
+    @functools.cache
     def ask(a, b):
-        return answer(np.array(a), np.array(b))
+        value = answer(np.array(a), np.array(b))
+        expect(isinstance(value, Real), f"Return a number, not {show(value)}.")
+        return value
 
-    functools.update_wrapper(ask, answer)
-    expect(
-        ask([0.2, 0.1, 0.7], [0.3, 0.5]) == ask([0.2, 0.1, 0.7], [0.3, 0.5]),
-        "Twice the same values give two different results: go through all splits instead of "
-        "drawing some at random.",
-    )
-    compare(ask, _solved_p, cases, PERMUTATION_MISTAKES)
-    expect(
-        np.isclose(ask([1.0, 1.0], [1.0, 1.0, 1.0]), 1),
-        "If all values are equal no split says anything: p must be 1 there.",
-    )
+    def exact(a, b):  # the same values as whole numbers, so that all means are exact
+        factor = 100 * len(a) * len(b)
+        return tuple(tuple(float(round(x * factor)) for x in own) for own in (a, b))
+
+    def only_if(holds):
+        """A mistake that is known by when it happens: the answer itself then, else nothing."""
+        return lambda a, b: ask(a, b) if holds(a, b) else ()
+
+    mistakes = {
+        "Rounding: with whole numbers your function is right, but sums of decimals differ in their "
+        "last digits, so that differences that should be equal are not. Count a split if its "
+        "difference is at least the observed one − 1e-9.": only_if(
+            lambda *_: all(close(ask(*exact(*case)), _share(*exact(*case))) for case in cases)
+        ),
+        "You are wrong where two values are equal, which count as two: deal out the positions, "
+        "range(len(a) + len(b)), not the values. `x not in chosen` drops every value equal to a "
+        "chosen one.": only_if(lambda a, b: len({*a, *b}) < len(a) + len(b)),
+        **PERMUTATION_MISTAKES,
+        "That is no share of the splits: it is not a multiple of 1 / their number. Go through all "
+        "of them, each once, instead of drawing some at random or taking a formula.": only_if(
+            lambda *_: (
+                not all(
+                    close(count := ask(*case) * _splits(*case), np.round(count)) for case in cases
+                )
+            )
+        ),
+    }
+    compare(ask, _share, cases, mistakes)
 
 
 def _at(table: dict[str, np.ndarray], steps: float) -> int:
@@ -304,40 +344,30 @@ def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool, str]]:
     runs = curves(table)
     yes, no = runs["centred"], runs["non_centred"]
     at = _at(table, 300_000)
-    gap = abs(yes[:, -1].mean() - no[:, -1].mean())
-    spread = max(yes[:, -1].std(ddof=1), no[:, -1].std(ddof=1))
+    gap = abs(yes[:, at].mean() - no[:, at].mean())
+    spread = max(yes[:, at].std(ddof=1), no[:, at].std(ddof=1))
     fall = max(-np.diff(one, axis=1).min() for one in runs.values())
-    least = (1 + (len(yes) == len(no))) / comb(len(yes) + len(no), len(yes))
     return {
         "early": (
             bool(yes[:, at].min() > no[:, at].max()),
-            f"There the lowest centred run has {yes[:, at].min():.3f}, the highest of the others "
-            f"{no[:, at].max():.3f}.",
+            f"There the lowest centred run has {yes[:, at].min():.4g}, the highest of the others "
+            f"{no[:, at].max():.4g}.",
         ),
         "spread": (
             bool(gap > spread),
-            f"At the last validation the means differ by {gap:.4f}, and the larger standard "
-            f"deviation between seeds (ddof=1) is {spread:.4f}.",
+            f"There the means differ by {gap:.4g}, and the larger standard deviation is "
+            f"{spread:.4g}.",
         ),
         "swap": (
             bool(no[:, -1].max() > yes[:, -1].min()),
-            f"At the end the best non-centred run has {no[:, -1].max():.4f}, the worst centred one "
-            f"{yes[:, -1].min():.4f}: one pair is enough.",
+            f"At the end the best non-centred run has {no[:, -1].max():.4g}, the worst centred one "
+            f"{yes[:, -1].min():.4g}.",
         ),
-        "steady": (
-            bool(fall <= 0.05),
-            f"The largest fall from one validation to the next, over all runs, is {fall:.3f}. Look "
-            "at every run, not at the means.",
-        ),
-        "possible": (
-            least < 0.05,
-            f"With {len(yes)} and {len(no)} seeds the smallest p that the test can give is "
-            f"{least:.3f}, whatever the values are.",
-        ),
+        "steady": (bool(fall <= 0.05), f"The largest fall of a run is {fall:.4g}."),
         "best": (
             True,
-            "The largest of several values is never below the last of them. That is why reporting "
-            "the best validation flatters every run.",
+            "The largest of several values is never below the last. That is why reporting the best "
+            "validation flatters every run.",
         ),
         "equal": (
             False,
@@ -346,13 +376,12 @@ def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool, str]]:
         ),
         "missions": (
             False,
-            "More missions measure *these* networks more exactly. How far another training run "
-            "would come out elsewhere is seen only in more runs.",
+            "More missions measure these networks more exactly. How another training run would "
+            "come out is seen only in more runs.",
         ),
         "any_city": (
             False,
-            "One city was flown. That it holds in another one does not follow from any number of "
-            "runs in this one; it has to be tried.",
+            "In another city it has to be tried: no number of runs in this one shows it.",
         ),
     }
 
@@ -361,32 +390,52 @@ def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool, str]]:
     "7.3",
     "What the recorded runs show",
     points=3,
-    minutes=15,
+    minutes=20,
     hints=(
-        "Six of the nine statements are about numbers in the table: compute them. The other three "
-        "say that something follows. Ask of those what one would have to vary to know.",
-        "Put each kind's curves into an array with one row a seed. Then `early` is "
-        "min of one against max of the other, `steady` is np.diff along the steps of every run, "
-        "and `possible` is the smallest share of splits that can be as extreme as the observed "
-        "one.",
+        "Five of the eight statements are about numbers in the table: compute them. The other "
+        "three say that something follows. Ask of those what one would have to vary to know.",
+        "Put each kind's curves into an array with one row a seed. `early`: min of one against max "
+        "of the other. `steady`: np.diff along the steps of every run, not of the means. "
+        "`smallest_p`: how many splits have the largest absolute difference, if the groups do not "
+        "overlap at all? `equal`: what would few seeds show if there *were* a small difference?",
     ),
     figure=_draw_recorded,
 )
 def ablation_reading(answer) -> None:
-    """A dict that says of each statement whether it is True or False."""
-    expect(isinstance(answer, dict), "Hand over the dict of all statements.")
-    right = truths(recorded())
-    missing = [name for name in right if answer.get(name) is None]
-    if missing:
-        raise CheckFailed(f"No answer yet for {', '.join(missing)}.")
-    unknown = [str(name) for name in answer if name not in right]
-    expect(not unknown, f"There is no statement {', '.join(unknown)}.")
+    """A dict that says of each statement whether it is True or False, and the smallest p."""
+    expect(isinstance(answer, dict), "Hand over the dict of all answers.")
+    table = recorded()
+    right, sizes = truths(table), [len(values) for values in curves(table).values()]
+    names = [*right, "smallest_p"]
+    missing = [name for name in names if answer.get(name) is None]
+    expect(not missing, f"No answer yet for {', '.join(missing)}.")
+    unknown = [str(name) for name in answer if name not in names]
+    expect(not unknown, f"There is no {', '.join(unknown)}.")
     for name in right:
         expect(
             isinstance(answer[name], bool | np.bool_),
             f"`{name}` is {show(answer[name])}: answer True or False.",
         )
+    p, one = answer["smallest_p"], 1 / comb(sum(sizes), sizes[0])
+    expect(
+        isinstance(p, Real) and not isinstance(p, bool),
+        f"`smallest_p` is {show(p)}: answer a number.",
+    )
+    least = one * (1 + (sizes[0] == sizes[1]))  # equal groups have a mirrored split
     wrong = [name for name, (true, _) in right.items() if bool(answer[name]) != true]
+    why = ""
+    if abs(p - least) > 1e-6:
+        wrong.append("smallest_p")
+        if p <= 0:
+            why = " The observed split is one of the splits, so p is never 0."
+        elif abs(p - one) <= 1e-6:
+            why = (
+                " Your `smallest_p` is one-sided: between equally large groups, the split with the "
+                "groups exchanged has the same absolute difference."
+            )
     if wrong:
-        why = " ".join(f"`{name}`: {right[name][1]}" for name in wrong)
-        raise CheckFailed(f"Wrong are {len(wrong)} of {len(right)}. {why}")
+        listed = ", ".join(f"`{name}`" for name in wrong)
+        raise CheckFailed(f"Wrong: {listed} ({len(wrong)} of {len(names)}).{why}")
+    for name, (true, reason) in right.items():
+        print(f"{name}: {true}. {reason}")
+    print(f"smallest_p: {least:.4g}, whatever the values are.")

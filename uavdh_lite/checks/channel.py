@@ -4,7 +4,7 @@ import numpy as np
 
 from uavdh_lite.channel import Channel
 from uavdh_lite.channel import rate as solved_rate
-from uavdh_lite.checks.exercise import CheckFailed, close, compare, exercise, expect, guarded
+from uavdh_lite.checks.exercise import close, compare, exercise, expect, guarded, show
 
 CHANNEL = Channel()
 
@@ -24,7 +24,8 @@ def _draw_rate(ax):
     hints=(
         "The rate is log2(1 + SNR), where the SNR is a plain ratio of powers. What is 0 dB as a "
         "ratio? And 10 dB?",
-        "First turn decibels into a ratio, 10 ** (snr_db / 10), then take np.log2 of 1 plus it.",
+        "10 dB more is ten times the power, so the decibels belong in an exponent. Which number is "
+        "raised to it? The 1 is added to the ratio, and numpy has the logarithm to base 2.",
     ),
     figure=_draw_rate,
 )
@@ -33,9 +34,8 @@ def rate_from_snr(rate) -> None:
     mistakes = {
         "The SNR is given in decibels, but the 1 is added to a plain ratio: convert it first, "
         "10 ** (snr_db / 10).": lambda snr_db: np.log2(1 + snr_db),
-        "That is the natural logarithm. Data units are bits: take np.log2.": (
-            lambda snr_db: np.log(1 + 10 ** (snr_db / 10))
-        ),
+        "That is the natural logarithm, which counts the data in another unit. The formula has the "
+        "logarithm to base 2, np.log2.": (lambda snr_db: np.log(1 + 10 ** (snr_db / 10))),
         "Power ratios have 10 dB a factor of ten: divide by 10, not by 20 (that is for "
         "amplitudes).": lambda snr_db: np.log2(1 + 10 ** (snr_db / 20)),
         "The 1 of log2(1 + SNR) is missing: without it the rate is negative below 0 dB.": (
@@ -74,12 +74,12 @@ def _draw_crossover(ax):
     "1.2",
     "Where the two path losses cross",
     points=2,
-    minutes=8,
+    minutes=10,
     hints=(
         "The path loss in dB is 10 α log10(d). Set the loss with α_LoS at the unknown distance "
         "equal to the one with α_NLoS at the given distance.",
-        "10 α_LoS log10(x) = 10 α_NLoS log10(d) means log10(x) = (α_NLoS / α_LoS) log10(d). What "
-        "power of d is x? And for which d is x = d?",
+        "Solve for the logarithm of the unknown distance. A factor in front of a logarithm is a "
+        "power inside of it. For the crossing: which distance does such a power leave as it is?",
     ),
     figure=_draw_crossover,
 )
@@ -99,12 +99,20 @@ def path_loss_crossover(answer) -> None:
         "That is the loss in dB, not a distance: solve for the distance.": (
             lambda d: 10 * nlos * np.log10(d)
         ),
+        "You add the altitude of 10 m, but d is the length of the whole link already, through the "
+        "air: take it as it is.": lambda d: np.hypot(d, 10) ** (nlos / los),
     }
     compare(same_loss_m, _same_loss_distance, [(20.0,), (2.0,), (55.0,)], mistakes)
+    distance = crossover_m()
     expect(
-        close(crossover_m(), 1.0),
-        f"crossover_m is {crossover_m()}: there both losses must be equal, same_loss_m(d) == d. "
-        "Try distances around a metre.",
+        np.ndim(distance) == 0 and not isinstance(distance, str) and distance > 0,
+        f"crossover_m must give back a distance above 0 m; yours is {show(distance)}.",
+    )
+    losses = [show(float(10 * exponent * np.log10(distance))) for exponent in (los, nlos)]
+    expect(
+        close(distance, 1.0),
+        f"At {show(distance)} m the loss is {losses[0]} dB in sight and {losses[1]} dB behind a "
+        "building. At crossover_m both losses must be equal.",
     )
 
 
@@ -126,8 +134,8 @@ def _draw_mean_rate(ax):
     hints=(
         "Draw many SNRs around the mean, turn each into a rate, and average the rates: in that "
         "order.",
-        "generator.normal(mean, std, draws) wants the standard deviation, the root of the "
-        "variance. Average rate(snr_db + fading), not the SNR.",
+        "Does generator.normal want a variance? The fading belongs to the SNR, while that is still "
+        "in dB. One rate for each draw, and the mean comes last.",
     ),
     figure=_draw_mean_rate,
 )
@@ -151,26 +159,29 @@ def mean_rate(answer) -> None:
         close(ask(3.0, 0.0), solved_rate(3.0), 1e-3),
         "Without fading (variance 0) the mean rate is the rate at the mean SNR, and yours is not.",
     )
-    high, wide = ask(-8.0, 30.0), expected(-8.0, 30.0)
-    if close(high, expected(-8.0, 900.0), 0.04):
-        raise CheckFailed(
-            "The fading is far too strong: the standard deviation is the root of the variance, "
-            "and np.random wants the standard deviation."
-        )
-    if close(high, solved_rate(-8.0), 0.02):
-        raise CheckFailed(
-            "That is the rate at the mean SNR: average the rates, not the SNRs. The logarithm of "
-            "a mean is not the mean of the logarithms."
-        )
-    linear = np.log2(1 + 10 ** (-0.8) * np.exp(30 * (np.log(10) / 10) ** 2 / 2))
-    if close(high, linear, 0.04):
-        raise CheckFailed(
-            "You average the SNR as a ratio and then take one logarithm: take the rate of every "
-            "draw, then the mean."
-        )
+    mean, wide = ask(-8.0, 30.0), expected(-8.0, 30.0)
+    fading_db = np.random.default_rng(0).normal(0, np.sqrt(30), draws)
+    rates, too_wide = (solved_rate(-8.0 + f * fading_db) for f in (1, np.sqrt(30)))
+    mistakes = {
+        "The fading is far too strong: generator.normal wants the standard deviation, the root of "
+        "the variance.": too_wide.mean(),
+        "That is the rate at the mean SNR: average the rates, not the SNRs. The logarithm of a "
+        "mean is not the mean of the logarithms.": solved_rate(-8.0 + fading_db.mean()),
+        "You add the fading to the rate. It is in dB: add it to the SNR, then compute the rate.": (
+            (solved_rate(-8.0) + fading_db).mean()
+        ),
+        "That is the median of the rates. The mean is asked for.": np.median(rates),
+        "You average the SNR as a ratio and then take one logarithm: take the rate of every draw, "
+        "then the mean.": solved_rate(-8.0 + 10 * np.log10((10 ** (fading_db / 10)).mean())),
+        "That is the rate in a single slot: simulate `draws` slots, each with fading of its own.": (
+            rates[0]
+        ),
+    }
+    for message, value in mistakes.items():
+        expect(not close(mean, value, 1e-6), message)
     expect(
-        close(high, wide, 0.03),
-        f"At −8 dB with a variance of 30 dB² the mean rate is {wide:.3f}; you give {high:.3f}.",
+        close(mean, wide, 0.03),
+        f"At −8 dB with a variance of 30 dB² the mean rate is {wide:.4g}; you give {mean:.4g}.",
     )
     expect(
         ask(0.0, 5.0, 1) == ask(0.0, 5.0, 1) != ask(0.0, 5.0, 2),

@@ -6,13 +6,17 @@ from collections import Counter
 import numpy as np
 import torch
 
-from uavdh_lite.checks.exercise import CheckFailed, close, compare, exercise, expect, show
+from uavdh_lite.checks.exercise import CheckFailed, close, compare, exercise, expect, guarded, show
 from uavdh_lite.ddqn import ddqn_target, softmax_policy
 from uavdh_lite.environment import ACTIONS
 
 
-def _with_tensors(answer):
-    """A function of tensors as one of arrays: gets a copy of each, gives back an array."""
+def _with_tensors(answer, slips):
+    """A function of tensors as one of arrays: gets a copy of each, gives back an array.
+
+    Arguments:
+        slips: what to say of an error, by a part of its own message.
+    """
 
     @functools.wraps(answer)
     def call(*arguments):
@@ -24,7 +28,9 @@ def _with_tensors(answer):
                 raise
             cause = error.__cause__  # without all the tensors in the message
             name = getattr(answer, "__name__", "your function")
-            raise CheckFailed(f"{name} stops with {type(cause).__name__}: {cause}") from cause
+            known = [slip for part, slip in slips.items() if part in str(cause)]
+            text = f"{name} stops with {type(cause).__name__}: {cause}"
+            raise CheckFailed(" ".join([text.rstrip(".") + ".", *known])) from cause
         for before, after in zip(arguments, given, strict=True):
             expect(
                 not isinstance(before, np.ndarray)
@@ -45,12 +51,7 @@ def _softmax(q_values, temperature):
     return softmax_policy(torch.tensor(q_values), temperature).numpy()
 
 
-def _naive_softmax(q_values, temperature, axis=1):
-    powers = np.exp(q_values / np.float32(temperature))
-    return powers / powers.sum(axis, keepdims=True)
-
-
-def _shifted_softmax(q_values, temperature, top):
+def _naive_softmax(q_values, temperature, top=0):
     powers = np.exp((q_values - top) / np.float32(temperature))
     return powers / powers.sum(1, keepdims=True)
 
@@ -71,38 +72,59 @@ def _draw_policy(ax):
     "5.1",
     "A softmax that does not overflow",
     points=2,
-    minutes=8,
+    minutes=12,
     hints=(
         "exp(10 000) is infinite. But the probabilities depend on the gaps between a state's "
         "Q-values only: what may you subtract from all of them?",
-        "Subtract from each row its own maximum, q_values.amax(dim=1, keepdim=True), divide by "
-        "the temperature, take torch.exp, and divide by the sum over dim=1, again with keepdim.",
+        "A factor that all exponentials of a row share cancels when you divide by their sum; "
+        "exp(−c/β) is such a factor, and makes exp((Q − c)/β) of exp(Q/β). Which c, another one in "
+        "each row, leaves no exponent above 0, and one that is exactly 0?",
     ),
     figure=_draw_policy,
 )
 def stable_policy(answer) -> None:
     """`policy(q_values, temperature)`: the softmax policy (eq. 12), (B, 6), for any Q-values."""
     expect(callable(answer), "Hand over the function itself: its name, without brackets behind it.")
-    policy = _with_tensors(answer)
+    slips = {
+        "return_types": "Along a dimension, max gives two things, the values and where they are: "
+        "take `.values`, or use amax.",
+        "must match the size": "A sum or maximum of each row goes with the rows only as a column: "
+        "keepdim=True makes (B, 1) of (B,).",
+    }
+    policy = _with_tensors(answer, slips)
     generator = np.random.default_rng(0)
     few = generator.integers(-8, 9, (2, 6)).astype(np.float32) / 4
     square = generator.integers(-8, 9, (6, 6)).astype(np.float32) / 4
+    with np.errstate(all="ignore"):
+        given = policy(few, 0.5)
+    if given.shape == few.shape and not close(given.sum(1), np.ones(2)):
+        expect(
+            not close(given.sum(0), np.ones(6)),
+            "You normalise over the batch: each column sums to 1, and states get into each other's "
+            "way. Sum over the actions, dim=1, so that each row does.",
+        )
+        expect(
+            not close(given.sum(), 1),
+            "You divide by the sum of the whole batch. Each state has a policy of its own: sum "
+            "over dim=1, with keepdim=True.",
+        )
+        off = given / _softmax(few, 0.5)
+        expect(
+            not close(off, np.repeat(off[:, :1], 6, 1), 1e-3),
+            "These are the exponentials, in the right ratios, but a row does not sum to 1: divide "
+            "them by their sum over the actions.",
+        )
     mistakes = {
+        "You subtract each action's maximum over the states, dim=0. That changes the gaps within a "
+        "row: subtract from each row its own maximum, dim=1.": (
+            lambda q, b: _naive_softmax(q, b, q.max(0))
+        ),
         "You multiply by the temperature instead of dividing by it: a cold policy, with a small "
         "β, must be the sharper one.": lambda q, b: _naive_softmax(q, 1 / b),
-        "You normalise over the batch: each column sums to 1, and states get into each other's "
-        "way. Sum over the actions, dim=1, so that each row does.": (
-            lambda q, b: _naive_softmax(q, b, axis=0)
-        ),
-        "You divide by the sum of the whole batch. Each state has a policy of its own: sum over "
-        "dim=1, with keepdim=True.": lambda q, b: _naive_softmax(q, b, axis=None),
         "The temperature has no effect. Inside of exp it matters; a factor in front of it "
         "cancels when you divide by the sum.": lambda q, b: _naive_softmax(q, 1.0),
         "The sign is wrong: the action with the largest Q-value must be the likeliest.": (
             lambda q, b: _naive_softmax(-q, b)
-        ),
-        "These are the exponentials; divide them by their sum over the actions.": (
-            lambda q, b: np.exp(q / np.float32(b))
         ),
         "These are shares of the Q-values themselves. Take the exponential first.": (
             lambda q, b: q / b / (q / b).sum(1, keepdims=True)
@@ -120,11 +142,11 @@ def stable_policy(answer) -> None:
     overflows = {
         "You subtract the largest Q-value of the whole batch, and in a state whose values lie far "
         "below it all exponentials become 0. Subtract the maximum of each row.": (
-            lambda q, b: _shifted_softmax(q, b, q.max())
+            lambda q, b: _naive_softmax(q, b, q.max())
         ),
-        "You subtract the mean of each row. Where the best action lies far above it, exp still "
-        "overflows: subtract the maximum.": (
-            lambda q, b: _shifted_softmax(q, b, q.mean(1, keepdims=True))
+        "You subtract something smaller than the maximum of each row. Where the best action lies "
+        "far above it, exp still overflows.": (
+            lambda q, b: _naive_softmax(q, b, q.mean(1, keepdims=True))
         ),
         "It overflows: exp of 1000 / 0.1 is infinite, and infinity over infinity is nan. Subtract "
         "the state's largest Q-value before you take exp; that changes no probability.": (
@@ -166,14 +188,25 @@ class _Tested:
         except NotImplementedError:
             raise CheckFailed(f"{what.split('(')[0]} is not written yet.") from None
         except Exception as error:
-            raise CheckFailed(
-                f"{what}{self._when()} stops with {type(error).__name__}: {error}"
-            ) from error
+            text = f"{what}{self._when()} stops with {type(error).__name__}: {error}"
+            raise CheckFailed(f"{text}. {self._why(what, error)}".strip()) from error
+
+    def _why(self, what: str, error: Exception) -> str:
+        """What is probably wrong if a method stops with this error."""
+        stored = len(self.numbers)
+        if isinstance(error, IndexError) and what.startswith("add"):
+            return "A list has only the places that were appended, or made in __init__."
+        if isinstance(error, IndexError) and stored < self.capacity:
+            return f"So far only {stored} of {self.capacity} places are filled: draw from those."
+        if "larger" in str(error):
+            return "A sample may be larger than the number of items stored: items may repeat."
+        return ""
 
     def _when(self) -> str:
         if not self.numbers:
             return ""
-        return f" after {len(self.numbers)} items, with capacity {self.capacity},"
+        items = "1 item" if len(self.numbers) == 1 else f"{len(self.numbers)} items"
+        return f" after {items}, with capacity {self.capacity},"
 
     def add(self, count: int) -> None:
         for _ in range(count):
@@ -229,12 +262,12 @@ def _draw_ring(ax):
         drawn = Counter(n for _ in range(1000) for n in ring.sample(4, generator))
         heights = [drawn[n] / 1000 for n in range(12)]
         label = f"after {added} items"
-        ax.bar(np.arange(12) + shift, heights, 0.4, color=colour, label=label)
+        ax.bar(np.arange(1, 13) + shift, heights, 0.4, color=colour, label=label)
     ax.set(
-        xlabel="item, in the order in which they were added",
+        xlabel="number of the item, 1 for the first added",
         ylabel="times in a sample of 4, mean",
         title="capacity 5",
-        xticks=range(12),
+        xticks=range(1, 13),
     )
     ax.legend()
 
@@ -243,13 +276,13 @@ def _draw_ring(ax):
     "5.2",
     "A ring buffer with combined replay",
     points=3,
-    minutes=15,
+    minutes=20,
     hints=(
         "Keep two things apart: how many places are filled, and where the newest item is. "
         "The places are used in a circle: which operator takes the last one back to the first?",
-        "add: the next place is (newest + 1) % capacity; append while the list is shorter than "
-        "the capacity, else overwrite. sample: the newest, then size − 1 places from "
-        "generator.integers(0, len(items), size - 1).",
+        "The remainder of a division by the capacity runs in such a circle. While the memory is "
+        "not full, only the places filled so far may be drawn; draw places, not items. And of the "
+        "size items one is the newest, drawn or not.",
     ),
     figure=_draw_ring,
 )
@@ -377,17 +410,32 @@ def _judged(reward, terminal, discount, chooser, judge, masked=True):
     return reward + discount * value * (~terminal if masked else 1)
 
 
+BY_HAND = (  # the table of exercise 5.3, as the arguments of `target`
+    np.float32([1, -0.2]),
+    np.array([False, True]),
+    0.9,
+    np.float32([[2, 5, 3], [1, 0, 4]]),
+    np.float32([[4, 2, 6], [3, 5, 2]]),
+)
+
+
 def _draw_target(ax):
-    reward, terminal, _, online, target = _transitions(5, seed=4)
-    terminal = np.arange(5) == 2
-    places = np.arange(5)
-    double = _target(reward, terminal, 0.95, online, target)
-    ax.bar(places - 0.2, reward, 0.4, color="0.7", label="reward")
-    ax.bar(places + 0.2, double, 0.4, label="target y")
-    names = ["terminal" if ended else "under way" for ended in terminal]
+    reward, terminal, _, online, target = BY_HAND
+    places, names = np.arange(2), []
+    wrong = reward + 0.9 * target.max(1)
+    double = _target(*BY_HAND)
+    for shift, values, label, colour in (
+        (-0.2, wrong, "the wrong function's target", "0.7"),
+        (0.2, double, "target y", "C0"),
+    ):
+        ax.bar_label(ax.bar(places + shift, values, 0.4, color=colour, label=label), fmt="%.4g")
+    for k in places:
+        first = f"r = {reward[k]:g}, {'terminal' if terminal[k] else 'not terminal'}"
+        names.append(f"{first}\nonline {online[k].tolist()}\ntarget {target[k].tolist()}")
     ax.axhline(0, color="black", linewidth=0.8)
     ax.set_xticks(places, names)
-    ax.set(xlabel="transition", ylabel="reward, target (data units)", title="γ = 0.95")
+    ax.margins(y=0.1)
+    ax.set(ylabel="target, data units", title="the two transitions of the table, γ = 0.9")
     ax.legend()
 
 
@@ -406,19 +454,30 @@ def _transitions(size: int, seed: int) -> tuple:
     "5.3",
     "The double-DQN target",
     points=2,
-    minutes=10,
+    minutes=12,
     hints=(
         "One network is asked which action is best in the next state, the other what that action "
         "is worth. And what is a next state worth after the episode has ended?",
-        "best = online_next.argmax(dim=1, keepdim=True); target_next.gather(1, best).squeeze(1) "
-        "is its worth; multiply that by the discount and by ~terminal, and add the reward.",
+        "The wrong function lets one network do both. argmax says which action is best; with the "
+        "number of that action in each row, look up its worth. And a Boolean counts as 0 or 1 in a "
+        "product: which of the two terms falls away at the end?",
     ),
     figure=_draw_target,
 )
 def double_target(answer) -> None:
-    """`target(reward, terminal, discount, online_next, target_next)`: y, (B,) (eq. 10)."""
+    """`target(reward, terminal, discount, online_next, target_next)`: y, (B,) (eq. 10); by hand."""
+    expect(
+        isinstance(answer, tuple) and len(answer) == 2,
+        "Hand over both, the function and your two numbers: ((target, by_hand)).",
+    )
+    answer, by_hand = answer
     expect(callable(answer), "Hand over the function itself: its name, without brackets behind it.")
+    answer = guarded(answer)
     mistakes = {
+        "That is what the wrong function gives: one network both chooses and judges, and a value "
+        "is added after the end of an episode.": (
+            lambda r, t, d, online, target: _judged(r, t, d, target, target, masked=False)
+        ),
         "You take the largest Q-value of the target network: that is the target of plain DQN, "
         "with its bias. The online network must choose the action.": (
             lambda r, t, d, online, target: _judged(r, t, d, target, target)
@@ -453,18 +512,25 @@ def double_target(answer) -> None:
             0 * r, t, d, online, target
         ),
         "You add the number of the best action (that is what argmax gives), not its Q-value: look "
-        "it up in target_next, with gather.": (
-            lambda r, t, d, online, target: r + d * online.argmax(1) * ~t
-        ),
+        "it up in target_next.": (lambda r, t, d, online, target: r + d * online.argmax(1) * ~t),
     }
-    target = _with_tensors(answer)
+    slips = {
+        "must match the size": "One of them is for each transition, (B,), the other has a number "
+        "for each action, (B, 6): pick the best action's first. A single index, target_next[best], "
+        "takes rows.",
+        "out of bounds": "The first index is the row, the transition; the second the action.",
+        "could not be broadcast": "As many rows as columns are needed: torch.arange(B), with B the "
+        "number of transitions.",
+    }
+    _expect_by_hand(by_hand, mistakes)
+    target = _with_tensors(answer, slips)
     cases = [_transitions(size, seed) for seed, size in enumerate((4, 6, 32))]
     shape = target(*cases[0]).shape
     expect(
         shape != (4, 4),
-        "You give back a (B, B) matrix. Either a column (B, 1) was added to a row (B,): after "
-        "gather, squeeze(1) makes a row of it. Or target_next[:, best] has looked up every "
-        "action in every state.",
+        "You give back a (B, B) matrix. Either target_next[:, best] looks up every action in every "
+        "state: torch.arange(B) in place of the colon takes one from each row. Or a column (B, 1) "
+        "was added to a row (B,): it needs squeeze(1).",
     )
     expect(
         shape != (4, 6),
@@ -472,6 +538,23 @@ def double_target(answer) -> None:
         "each transition, (B,).",
     )
     compare(target, _target, cases, mistakes)
+
+
+def _expect_by_hand(by_hand, mistakes) -> None:
+    try:
+        given = np.array(by_hand, float)
+    except (TypeError, ValueError):
+        given = np.zeros(0)
+    expect(given.shape == (2,), "by_hand is a list of two numbers, the y of each row of the table.")
+    right = _target(*BY_HAND)
+    wrong = [k for k in range(2) if not close(given[k], right[k])]
+    if not wrong:
+        return
+    for message, mistake in mistakes.items():
+        if close(given, mistake(*BY_HAND)):
+            raise CheckFailed(f"by_hand: {message}")
+    rows = " and ".join(("first", "second")[k] for k in wrong)
+    raise CheckFailed(f"by_hand: not yet right in the {rows} row of the table.")
 
 
 RATE = 0.25
@@ -501,8 +584,9 @@ def _draw_soft_update(ax):
     hints=(
         "In a loop, `t = …` only gives a new tensor the name t. The tensor that the network "
         "holds stays as it was. Which operations of torch change a tensor itself?",
-        "For each pair from zip(target, online): t.mul_(1 - rate).add_(rate * o), or "
-        "t.lerp_(o, rate), or t.copy_(…). Their names end in an underscore.",
+        "Their names end in an underscore: mul_, add_, copy_, lerp_ and others. Go through both "
+        "lists together, shrink the target tensor, add the online tensor's share to it, and mind "
+        "that the online tensor itself is not changed on the way.",
     ),
     figure=_draw_soft_update,
 )
@@ -513,7 +597,7 @@ def soft_update_in_place(answer) -> None:
     update = getattr(answer, "__wrapped__", answer)
     target, online = _weights(0), _weights(1)
     tensors, before, kept = list(target), _copies(target), _copies(online)
-    _run(update, target, online, RATE)
+    returned = _run(update, target, online, RATE)
     expect(
         len(online) == len(kept) and all(map(torch.equal, online, kept)),
         "The online weights have changed. They only give: the target follows them.",
@@ -521,6 +605,11 @@ def soft_update_in_place(answer) -> None:
     after = _copies(tensors)
     expected = [(1 - RATE) * old + RATE * new for old, new in zip(before, kept, strict=True)]
     if not _equal(after, expected):
+        expect(
+            not (_equal(after, before) and isinstance(returned, list | tuple)),
+            "The target weights are as they were. Nothing reads what you return: change the "
+            "tensors themselves, in place (lerp_, mul_, copy_).",
+        )
         _name_what_is_wrong(target, tensors, before, kept, expected)
     for rate in (1.0, 0.0, 0.005):
         expected = [(1 - rate) * t + rate * o for t, o in zip(tensors, online, strict=True)]
@@ -579,8 +668,8 @@ def _name_what_is_wrong(target, tensors, before, online, expected) -> None:
         f"Of {len(right)} tensors {sum(right)} are updated. Is the `return` inside the loop?",
     )
     raise CheckFailed(
-        f"With τ = {RATE} a target weight of {before[0][0]:.3f} and an online weight of "
-        f"{online[0][0]:.3f} give {after[0][0]:.3f}, expected {expected[0][0]:.3f}."
+        f"With τ = {RATE} a target weight of {before[0][0]:.4g} and an online weight of "
+        f"{online[0][0]:.4g} give {after[0][0]:.4g}, expected {expected[0][0]:.4g}."
     )
 
 
@@ -597,9 +686,9 @@ def _equal(some, others) -> bool:
     return all(close(a.detach(), b, 1e-6) for a, b in zip(some, others, strict=True))
 
 
-def _run(update, target, online, rate) -> None:
+def _run(update, target, online, rate):
     try:
-        update(target, online, rate)
+        return update(target, online, rate)
     except NotImplementedError:
         raise CheckFailed("soft_update is not written yet.") from None
     except Exception as error:

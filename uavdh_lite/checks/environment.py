@@ -21,24 +21,25 @@ from uavdh_lite.environment import (
 
 
 def _slot(snr_db, data_left):
-    """The device that gets the slot and what it uploads, from the library's scheduler."""
+    """The device that gets the slot and what it uploads, from the library's scheduler; (2,)."""
     served, uploaded, _ = schedule(snr_db[None, None], data_left[None])
-    return int(served[0, 0]), float(uploaded[0, 0])
+    return np.array([served[0, 0], uploaded[0, 0]], float)
 
 
 def _draw_slot(ax):
-    generator = np.random.default_rng(5)
-    left = np.array([5.0, 4.0, 6.0])
-    amounts = np.zeros((12, 3))
-    for slot in range(12):
-        device, amount = _slot(generator.normal((4, 5, 1), 3), left)
-        if device >= 0:
-            amounts[slot, device] = amount
-            left[device] -= amount
-    for device, colour in enumerate(("#E69F00", "#0072B2", "#009E73")):
-        ax.bar(np.arange(1, 13), amounts[:, device], color=colour, label=f"device {device}")
-    ax.set(xlabel="slot", ylabel="uploaded, data units", xticks=range(1, 13))
-    ax.set_title("three devices, new SNRs in each slot")
+    snr_db = np.array([(4, 9, -2), (8, 6, 1), (5, 7, 3), (2, 8, 4), (-3, 9, -6), (6, 1, 2)], float)
+    left, labels = np.array([4.0, 5.0, 3.0]), []
+    colours = ("#E69F00", "#0072B2", "#009E73")
+    for slot, snrs in enumerate(snr_db):
+        device, amount = _slot(snrs, left)
+        labels.append("\n".join(f"{s:g} dB, {d:.2g}" for s, d in zip(snrs, left, strict=True)))
+        ax.bar(slot, amount, color=colours[int(device)])
+        left[int(device)] -= amount
+    for device, colour in enumerate(colours):
+        ax.bar(0, 0, color=colour, label=f"device {device}")
+    ax.set_xticks(range(len(labels)), labels, fontsize="small")
+    ax.set(xlabel="a slot each: SNR and data left before it, of devices 0, 1, 2")
+    ax.set(ylabel="uploaded, data units")
     ax.legend()
 
 
@@ -46,12 +47,13 @@ def _draw_slot(ax):
     "3.1",
     "Who gets the slot?",
     points=1,
-    minutes=8,
+    minutes=12,
     hints=(
         "First rule out the devices without data. Then the best of the rest, by its number among "
         "all devices. Then two limits on what it uploads.",
-        "np.where(data_left > 0, snr_db, -np.inf) keeps the numbering; argmax gives the device; it "
-        "uploads min(rate(its SNR), its data left). If nobody has data left: -1 and 0.",
+        "Let the empty devices stay in the array, with an SNR that never wins: then all numbers "
+        "stay right. (Would 0 dB do?) What if all are empty? The winner uploads the smaller of "
+        "two amounts.",
     ),
     figure=_draw_slot,
 )
@@ -72,7 +74,7 @@ def tdma_slot(answer) -> None:
             "Your function changes the arrays that it is given. It only says what is uploaded: "
             "take a copy if you need to change something.",
         )
-        return result
+        return np.array(result, float)
 
     ask.__name__ = getattr(answer, "__name__", "your function")
 
@@ -85,19 +87,19 @@ def tdma_slot(answer) -> None:
         expect(
             device == -1 and uploaded == 0,
             f"{text(snr_db, left)} nobody may send: device -1, 0 data units. You give "
-            f"({device}, {uploaded}).",
+            f"({device:g}, {uploaded:.4g}).",
         )
 
     def case(*arguments):
         return tuple(np.array(values, float) for values in arguments)
 
     def among_the_rest(snr_db, left):
-        device = int(snr_db[left > 0].argmax())
-        return device, min(rate(snr_db[left > 0][device]), left[left > 0][device])
+        snr_db, left = snr_db[left > 0], left[left > 0]
+        return one(lambda snr, left: snr, limited)(snr_db, left)
 
-    def zeroed(snr_db, left):
-        device = int((snr_db * (left > 0)).argmax())
-        return device, min(rate(snr_db[device]), left[device])
+    def nobody_if_empty(snr_db, left):
+        device = int(snr_db.argmax())
+        return (device, limited(snr_db[device], left[device])) if left[device] else (-1, 0)
 
     def one(choice, amount):
         def mistake(snr_db, left):
@@ -113,6 +115,8 @@ def tdma_slot(answer) -> None:
         return min(rate(snr_db), left)
 
     mistakes = {
+        "If the device with the best SNR is empty, nobody sends in yours: the next best device "
+        "sends, of those with data left.": nobody_if_empty,
         "You serve a device that has nothing left: the slot goes to the best of those with data "
         "left.": one(lambda snr, left: snr, limited),
         "The device uploads more than it has: it is the smaller of the rate and the data left.": (
@@ -131,8 +135,13 @@ def tdma_slot(answer) -> None:
         ),
         "Your number counts only the devices with data left. Count all of them: the result is an "
         "index into snr_db.": among_the_rest,
+        "Your index counts the filtered array, the devices with data left, but you use it in the "
+        "full arrays.": one(lambda snr, left: snr[left > 0], limited),
         "An SNR times 0 is 0 dB, which is better than a negative SNR: an empty device must get "
-        "−infinity instead.": zeroed,
+        "−infinity instead.": one(lambda snr, left: snr * (left > 0), limited),
+        "The slot goes to the device with the largest upload, but the rule is the best SNR.": (
+            one(lambda snr, left: np.minimum(rate(snr), left), limited)
+        ),
         "The slot goes to the device with the most data, but the rule is the best SNR.": (
             one(lambda snr, left: left, limited)
         ),
@@ -157,19 +166,24 @@ def tdma_slot(answer) -> None:
 
 
 FLIGHTS = {
-    # name: data left at the start, has it landed, and for each step what the link could carry in
-    # it, and whether the safety controller intervened
-    "A": (4.0, True, ((0.0, False), (0.5, True), (2.5, False), (2.5, False), (0.5, False), (2, 0))),
-    "B": (6.0, False, ((1.8, False), (1.0, True), (1.5, True))),
+    # name: data left at the start by device, has it landed, and for each step what the link could
+    # carry in it, from which device, and whether the safety controller intervened
+    "A": (
+        (4.0, 3.0),
+        True,
+        ((0.0, 0, 0), (0.5, 0, 1), (2.5, 0, 0), (2.5, 0, 0), (0.5, 1, 0), (2.0, 1, 0)),
+    ),
+    "B": ((6.0,), False, ((1.8, 0, 0), (1.0, 0, 1), (1.5, 0, 1))),
 }
 
 
 def _flown(name):
     """The terms of the reward, (steps,) each, and what the uploads and what is left would be."""
     left, landed, steps = FLIGHTS[name]
-    carried, intervened = np.array(steps, float).T
+    carried, device, intervened = np.array(steps, float).T
     last = np.arange(len(steps)) == len(steps) - 1
-    before = left - np.minimum(np.cumsum(carried) - carried, left)
+    earlier = np.tri(len(steps), k=-1) * (device == device[:, None])  # [step, step before it]
+    before = np.maximum(np.take(left, device.astype(int)) - earlier @ carried, 0)
     uploaded = np.where(last, 0, np.minimum(carried, before))
     outcome = Outcome(
         served=np.zeros((len(steps), 1), np.int8),
@@ -200,13 +214,13 @@ def _draw_by_hand(ax):
     "3.2",
     "Rewards by hand",
     points=2,
-    minutes=12,
+    minutes=14,
     hints=(
         "Ask four questions of each step. What was uploaded? Did it land? Did the controller "
         "intervene? Did the time run out without a landing? More than one term may apply.",
-        "Keep an account of the data left, because a step uploads no more than that, and the step "
-        "that ends a flight uploads nothing. Only a landing is free of the 0.2, and the last step "
-        "of flight B has three terms.",
+        "Keep an account of each device's data left, because a step uploads no more than that, and "
+        "the step that ends a flight uploads nothing. Only a landing is free of the 0.2, and the "
+        "last step of flight B has three terms.",
     ),
     figure=_draw_by_hand,
 )
@@ -223,11 +237,18 @@ def rewards_by_hand(answer) -> None:
             len(numbers) == steps,
             f"Flight {name} has {steps} steps, your list has {len(numbers)} numbers.",
         )
+        expect(
+            not close(numbers, np.cumsum(sum(_flown(name)[0].values()))),
+            f"Flight {name}: these are the sums of the rewards so far. The reward of each step by "
+            "itself is asked for.",
+        )
         for step, number in enumerate(numbers):
             if number is None or number is ...:
                 raise CheckFailed(f"Flight {name}, step {step + 1} has no number yet.")
             reason = _why_not(name, step, number)
-            expect(not reason, f"Flight {name}, step {step + 1}: {number} is not right. {reason}")
+            expect(
+                not reason, f"Flight {name}, step {step + 1}: {show(number)} is not right. {reason}"
+            )
 
 
 def _why_not(name, step, number):
@@ -322,8 +343,8 @@ def _draw_reward(ax):
     hints=(
         "A Boolean array counts as 0 and 1 in a product, so each term is a number times an array. "
         "Along which axis are the four slots?",
-        "uploaded.sum(1) is one number for each episode. The price of the step applies where "
-        "~landed, whatever else happened; the other two where intervened, where crashed.",
+        "Sum the uploads over the second axis. Then ask of each of the three prices which array "
+        "says where it is due; for one of them the array says where it is not.",
     ),
     figure=_draw_reward,
 )
@@ -528,12 +549,13 @@ REASONS = {
     "3.4",
     "The safety controller",
     points=3,
-    minutes=15,
+    minutes=20,
     hints=(
         "Four kinds of actions: hovering is always allowed, landing is a matter of one layer, and "
         "a move needs two questions about its target, in the right order.",
-        "Ask whether the target is in the grid, 0 <= row < city.size and the same for col, before "
-        "you look it up in city.no_fly. If it is forbidden, give back the old cell and True.",
+        "Work out the target's row and column. Ask first whether they are in the grid, from 0 to "
+        "M − 1, and only then what city.no_fly says of them. Twice no: the UAV stays in its old "
+        "cell, and that counts as an intervention.",
     ),
     figure=_draw_safe_step,
 )
@@ -562,6 +584,12 @@ def safe_step(answer) -> None:
             f"{call}: give back the cell and whether the controller intervened, `return (row, "
             f"col), intervened`. Yours is {show(result)}.",
         )
+        expect(
+            result[1] in (0, 1),
+            f"{call}: whether the controller intervened must be True or False; yours is "
+            f"{show(result[1])}. If you wrote ~, write `not`: in Python ~True is −2 and ~False is "
+            "−1, and both count as True.",
+        )
         return tuple(int(number) for number in result[0]), bool(result[1])
 
     for city in (PLAIN, SMALL, _Town.load("village")):
@@ -573,6 +601,12 @@ def safe_step(answer) -> None:
                 said, flag = ask(city, cell, action)
                 right, intervened = _safe_step(city, cell, action)
                 call = f"In a city of {city.size}×{city.size} cells, from {cell}, {ACTIONS[action]}"
+                if city is SMALL:
+                    call = (
+                        f"In the city of hint 3 (safe_step.hint(3)), from {cell}, {ACTIONS[action]}"
+                    )
+                if (said, flag) != (right, intervened):
+                    _expect_row_first(ask)
                 expect(
                     said == right,
                     f"{call} leads to {said} in yours, and should to {right}. "
@@ -583,6 +617,25 @@ def safe_step(answer) -> None:
                     f"{call}: the cell is right, but you say {flag}, not {intervened}. "
                     f"{flag_wrong}",
                 )
+
+
+def _expect_row_first(ask):
+    """No layer is looked up as [col, row]; with the right order or other mistakes all is well."""
+    cells = list(map(tuple, np.argwhere(~SMALL.no_fly).tolist()))
+    inside = [
+        (cell, action, (col, row))
+        for cell, action in itertools.product(cells, range(4))
+        for row, col in [np.add(cell, MOVES[action]).tolist()]
+        if min(row, col) >= 0 and max(row, col) < SMALL.size
+    ]
+    for layer, looked_up in (
+        ("no_fly", [ask(SMALL, c, a)[1] == SMALL.no_fly[place] for c, a, place in inside]),
+        ("landing", [ask(SMALL, c, LAND)[1] != SMALL.landing[c[::-1]] for c in cells]),
+    ):
+        expect(
+            not all(looked_up),
+            f"You look up city.{layer}[col, row]. The row comes first: city.{layer}[row, col].",
+        )
 
 
 def _inner_first(city, cells):
@@ -596,7 +649,7 @@ def _why_not_there(city, cell, action, said, flag):
     kind, target = _kind(city, cell, action), np.add(cell, MOVES[action]).tolist()
     reason = REASONS[kind][0]
     if kind == "move" and said == cell and flag and {0, city.size - 1} & set(target):
-        return f"Rows and columns go from 0 to {city.size - 1}, these two included."
+        return f"Rows and columns go from 0 to {city.size - 1}, so that cell is in the grid."
     if kind == "edge" and city.size - 1 in np.abs(np.subtract(said, cell)):
         return "The UAV must not come back on the opposite side: it hovers instead."
     if kind == "edge" and -1 in target:

@@ -31,7 +31,7 @@ def _draw_city_cell(ax):
     "4.1",
     "From the map back to the city",
     points=1,
-    minutes=6,
+    minutes=8,
     hints=(
         "Which cell of the city is in the middle of the map? Then count from the middle.",
         "The UAV's cell is in the middle of the map, (M − 1, M − 1). So the city's row is "
@@ -158,7 +158,7 @@ def _draw_centre(ax):
     "4.2",
     "Centre a layer",
     points=2,
-    minutes=12,
+    minutes=14,
     hints=(
         "Begin with a map that has the value `outside` everywhere. Where does the city's corner "
         "(0, 0) come to lie if the UAV's cell is in the middle?",
@@ -173,7 +173,15 @@ def centre(answer) -> None:
 
     def ask(layer, uav, outside):
         copy = np.array(layer)
-        result = answer(copy, uav, outside)
+        try:
+            result = answer(copy, uav, outside)
+        except CheckFailed as failed:
+            if "broadcast" not in str(failed):
+                raise
+            raise CheckFailed(
+                f"{failed} The layer does not fit where you put it: the UAV's cell goes to M − 1, "
+                "so the city begins in row M − 1 − uav[0], and reaches M cells further."
+            ) from None
         expect(
             (copy == layer).all(),
             "Your function changes the layer that it is given: make a new array for the map.",
@@ -207,6 +215,12 @@ def centre(answer) -> None:
         return layer[np.ix_(rows % len(layer), cols % len(layer))]
 
     mistakes = {
+        "A layer of Booleans has a map of Booleans in yours, and `outside` may be any number. Make "
+        "a map of floats: np.full(shape, outside, float), or layer.astype(float) first.": (
+            lambda layer, uav, outside: _centre(
+                layer, uav, bool(outside) if layer.dtype == bool else outside
+            )
+        ),
         "The shift goes the wrong way: with the UAV in the north-west corner, the city must lie in "
         "the south-east of the map.": moved(lambda u, m: -u),
         "The shift goes the wrong way: where the UAV is further north, the city lies further "
@@ -239,12 +253,8 @@ def centre(answer) -> None:
         "The city goes round at the border in yours: beyond its last row comes `outside`, not "
         "its first row. (A negative index takes cells from the other end.)": wrapped,
         "Your map has whole numbers where the layer has fractions: np.full takes its dtype from "
-        "the number that it is given. Make it np.full(shape, outside, layer.dtype).": (
+        "the number that it is given. Make it np.full(shape, outside, float).": (
             lambda layer, uav, outside: np.trunc(_centre(layer, uav, outside))
-        ),
-        "Your map has True and False where the layer has numbers: np.full takes its dtype from "
-        "the value that it is given. Make it np.full(shape, outside, layer.dtype).": (
-            lambda layer, uav, outside: _centre(layer, uav, outside) != 0
         ),
     }
     generator = np.random.default_rng(6)
@@ -258,7 +268,7 @@ def centre(answer) -> None:
     numbers = [(small, uav, 0.0) for uav in np.ndindex(3, 3)]
     numbers += [(generator.random((6, 6)).round(3), (1, 4), 7.0)]
     numbers += [(generator.random((7, 7)).round(3) * 9, (5, 2), 1)]
-    layers = [(generator.random((8, 8)) < 0.4, (6, 3), outside) for outside in (False, True)]
+    layers = [(generator.random((8, 8)) < 0.4, (6, 3), outside) for outside in (False, True, 0.5)]
     cases = numbers + layers
     try:
         compare(ask, _centre, cases, mistakes)
@@ -287,45 +297,54 @@ def _first_wrong_place(layer, uav, outside, given):
 def _weights(layers, size, kernels, kernel_size, strides, hidden, **wrong):
     """The weights of the network; `wrong` makes mistakes in it."""
     side, channels, total = wrong.get("side", 2 * size - 1), layers, 0
+    kernel_biases, biases = (wrong.get(one, lambda n: n) for one in ("kernel_biases", "biases"))
     for stride in strides:
         total += channels * kernels * kernel_size ** wrong.get("dimensions", 2)
-        total += kernels * wrong.get("kernel_biases", 1)
+        total += kernel_biases(kernels)
         side = wrong.get("step", lambda w, k, s: (w - k) // s + 1)(side, kernel_size, stride)
         channels = wrong.get("channels", kernels)
-    width = channels * side * side + wrong.get("time", 1)
+    width = wrong.get("flat", channels) * side * side + wrong.get("time", 1)
     for out in (*hidden, *wrong.get("outputs", (len(ACTIONS),))):
-        total += width * out + out * wrong.get("biases", 1)
+        total += width * out + biases(out)
         width = out
     return total
 
 
 def _draw_weights(ax):
-    from torch import device
+    from torch import nn, zeros
 
     from uavdh_lite.network import QNetwork
 
-    sizes = np.arange(8, 33, 3)
-    with device("meta"):  # networks of shapes alone
-        for strides, style in (((1, 1), "o-"), ((2, 1), "^-"), ((2, 2), "s-")):
-            counts = [
-                sum(
-                    p.numel()
-                    for p in QNetwork([(5, 2 * s - 1, 2 * s - 1)], strides=strides).parameters()
-                )
-                for s in sizes.tolist()
-            ]
-            ax.semilogy(sizes, counts, style, label=f"strides {strides}")
-    ax.set(xlabel="cells a side of the city, M", ylabel="weights", xticks=sizes)
-    ax.set_title("5 layers, 16 kernels of 5×5, 3 hidden layers of 256")
-    ax.grid(alpha=0.3, which="both")
-    ax.legend()
+    size, rows = 16, []
+    network = QNetwork([(5, 2 * size - 1, 2 * size - 1)])
+    for module in network.modules():
+        if isinstance(module, nn.Conv2d | nn.Linear):
+            module.register_forward_hook(
+                lambda module, given, got: rows.append((module, given[0].shape[1:], got.shape[1:]))
+            )
+    network([zeros(1, 5, 2 * size - 1, 2 * size - 1)], zeros(1, 1))
+    names = {nn.Conv2d: "convolution, 16 kernels of 5×5", nn.Linear: "fully connected"}
+    cells = [
+        [names[type(module)], *("×".join(map(str, shape)) for shape in shapes)]
+        for module, *shapes in rows
+    ]
+    table = ax.table(
+        cells,
+        colLabels=["part", "gets", "gives"],
+        loc="center",
+        cellLoc="center",
+        colWidths=(0.5, 0.25, 0.25),
+    )
+    table.scale(1, 1.6)
+    ax.axis("off")
+    ax.set_title(f"shapes in the paper's network, M = {size}")
 
 
 @exercise(
     "4.3",
     "How many weights?",
     points=3,
-    minutes=15,
+    minutes=25,
     hints=(
         "Follow the shape of the map through the network, as in a table: layers and side before "
         "and after each convolution, then the length of the list, then layer by layer. Each kernel "
@@ -342,15 +361,30 @@ def network_weights(answer) -> None:
     def variant(**wrong):
         return lambda *case: _weights(*case, **wrong)
 
-    mistakes = {
-        "The biases are missing: each kernel and each neuron has one.": (
-            variant(kernel_biases=0, biases=0)
+    def none(count):
+        return 0
+
+    def one(count):
+        return 1
+
+    biases = (
+        (none, "The biases{} are missing: each {} has one."),
+        (one, "Each {1} has a bias of its own; yours count{0} one a layer only."),
+    )
+    mistakes = {}
+    for wrong, message in biases:
+        for of, each, parts in (
+            ("", "kernel and each neuron", ("kernel_biases", "biases")),
+            (" of the fully connected layers", "neuron", ("biases",)),
+            (" of the convolutions", "kernel", ("kernel_biases",)),
+        ):
+            mistakes[message.format(of, each)] = variant(**dict.fromkeys(parts, wrong))
+    mistakes |= {
+        "The biases of the output are missing: its 6 neurons have one each too.": (
+            lambda *case: _weights(*case) - len(ACTIONS)
         ),
-        "The biases of the fully connected layers are missing: each neuron has one.": (
-            variant(biases=0)
-        ),
-        "The biases of the convolutions are missing: each kernel has one.": (
-            variant(kernel_biases=0)
+        "The list has the numbers of all kernels, kernels · side², not side² alone.": (
+            variant(flat=1)
         ),
         "The flying time is missing: it is appended to the flattened map as one more input.": (
             variant(time=0)
@@ -360,10 +394,17 @@ def network_weights(answer) -> None:
         "The output layer has 5 values in yours, but there are 6 actions: hovering and landing "
         "count too.": variant(outputs=(5,)),
         "The map has 2M − 1 cells a side, not M.": lambda *case: _weights(*case, side=case[1]),
-        "The map has 2M − 1 cells a side, not 2M.": lambda *c: _weights(*c, side=2 * c[1]),
+        "Divide (side − kernel_size) by the stride and round down, then add 1: a kernel that does "
+        "not fit any more is left out. Yours rounds up.": (
+            variant(step=lambda w, k, s: -(-(w - k) // s) + 1)
+        ),
         "Without padding a convolution loses kernel_size − 1 cells a side: you keep them.": (
             variant(step=lambda w, k, s: -(-w // s))
         ),
+        "There is no padding: a convolution loses kernel_size − 1 cells a side, with a stride it "
+        "loses more.": variant(step=lambda w, k, s: (w + 2 * (k // 2) - k) // s + 1),
+        "Each convolution makes the map smaller: without padding a kernel fits at (side − "
+        "kernel_size) // stride + 1 places a side.": variant(step=lambda w, k, s: w),
         "Without padding a convolution loses kernel_size − 1 cells a side: you only divide by the "
         "stride.": variant(step=lambda w, k, s: w // s),
         "A convolution leaves (side − kernel_size) // stride + 1 cells: the + 1 is missing.": (
@@ -372,14 +413,11 @@ def network_weights(answer) -> None:
         "The strides have no effect in yours: with stride s only each s-th place counts.": (
             variant(step=lambda w, k, s: w - k + 1)
         ),
-        "Divide (side − kernel_size) by the stride and round down, then add 1: a kernel that does "
-        "not fit any more is left out. Yours rounds up.": (
-            variant(step=lambda w, k, s: -(-(w - k) // s) + 1)
-        ),
         "Divide side − kernel_size by the stride and round down, and add the 1 after that: you "
         "divide too late.": variant(step=lambda w, k, s: (w - k + 1) // s),
         "Divide side − kernel_size by the stride and round down (//), so that the side is a whole "
         "number.": variant(step=lambda w, k, s: (w - k) / s + 1),
+        "The map has 2M − 1 cells a side, not 2M.": lambda *c: _weights(*c, side=2 * c[1]),
         "A kernel is kernel_size × kernel_size weights for each layer that it sees, not "
         "kernel_size.": variant(dimensions=1),
         "The second convolution sees as many layers as the first has kernels, not the layers of "
@@ -402,6 +440,7 @@ def network_weights(answer) -> None:
     }
     paper = (5, 16, 16, 5, (1, 1), (256, 256, 256))
     cases = [paper, (6, 16, 12, 5, (2, 1), (256, 256)), (4, 13, 8, 4, (3, 2), (64, 32))]
+    cases += [(3, 12, 9, 3, (3,), (20,))]  # a remainder of 2 with the stride 3
     generator = np.random.default_rng(1)
     for convolutions, hidden in itertools.product((1, 2, 3), (1, 2)):
         layers, size = int(generator.integers(2, 7)), int(generator.integers(14, 24))

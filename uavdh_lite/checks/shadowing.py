@@ -33,6 +33,24 @@ def _touches(start, end, cell):
     )
 
 
+def _within(start, end, cell, formula):
+    """Whether the cell is in the rectangle and the formula of R, C, r, c holds."""
+    (rows, cols), (r, c) = (np.subtract(one, start).tolist() for one in (end, cell))
+    inside = min(rows, 0) <= r <= max(rows, 0) and min(cols, 0) <= c <= max(cols, 0)
+    return inside and formula(rows, cols, r, c)
+
+
+FORMULAS = {
+    "You forget the factor 2: it is twice |R·c − C·r| that must be below |R| + |C|.": (
+        lambda rows, cols, r, c: abs(rows * c - cols * r) < abs(rows) + abs(cols)
+    ),
+    "|R + C| is not |R| + |C|: on the way up or left R or C is negative, and they cancel.": (
+        lambda rows, cols, r, c: 2 * abs(rows * c - cols * r) < abs(rows + cols)
+    ),
+    "R·c − C·r may be negative: take its absolute value.": (
+        lambda rows, cols, r, c: 2 * (rows * c - cols * r) < abs(rows) + abs(cols)
+    ),
+}
 TOUCHING = (
     "The segment only touches that cell at a corner, which is not crossing its open interior. "
     "Compare with < instead of <=, and in whole numbers: rounded ones cannot tell touching from "
@@ -41,7 +59,8 @@ TOUCHING = (
 RAYS = (
     # what is asked, what to say of it, and the (start, end, cell) that ask it
     (
-        "The segment begins and ends in the middle of a cell, so it crosses these two cells too.",
+        "The segment begins and ends in the middle of a cell, so it crosses these two cells too. "
+        "Are rows and columns measured from start?",
         [((2, 3), (4, 8), (2, 3)), ((2, 3), (4, 8), (4, 8)), ((5, 5), (5, 2), (5, 2))],
     ),
     (
@@ -68,6 +87,15 @@ RAYS = (
         "That cell is on the line, but beyond the end of the segment: only cells in the rectangle "
         "between the two ends can be crossed.",
         [((2, 2), (4, 4), (6, 6)), ((3, 5), (3, 8), (3, 1)), ((5, 5), (7, 9), (3, 1))],
+    ),
+    (
+        "Up and left R and C are negative: do comparisons and sums take care of their signs?",
+        [
+            (start, end, cell)
+            for start, end in (((4, 5), (1, 3)), ((4, 2), (2, 5)), ((1, 5), (3, 2)))
+            for cell in np.ndindex(6, 7)
+            if _crosses(start, end, cell) or not _touches(start, end, cell)
+        ],
     ),
     (
         TOUCHING,
@@ -98,13 +126,13 @@ RAYS = (
     "2.1",
     "Does the ray cross the cell?",
     points=1,
-    minutes=8,
+    minutes=10,
     hints=(
-        "Two things must hold: the cell lies in the rectangle between the two ends, and its "
-        "centre is near enough to the line. Measure rows and columns from the start.",
-        "With (R, C) from start to end and (r, c) from start to the cell: it is crossed if r is "
-        "between 0 and R, c between 0 and C, and 2·|R·c − C·r| < |R| + |C|. If R = C = 0 there "
-        "is one cell only.",
+        "The tutorial's segment begins at (0, 0): move yours there. Which numbers may then be "
+        "negative, and what is the rectangle? What does the condition say if R = C = 0?",
+        "(R, C) is end minus start, (r, c) is cell minus start, by rows and columns. The rectangle "
+        "is min(R, 0) <= r <= max(R, 0), and the same with c and C. If R = C = 0 it is one cell, "
+        "and the condition, 0 < 0, must not be asked.",
     ),
     figure=_draw_crosses,
 )
@@ -127,28 +155,34 @@ def crosses(answer) -> None:
         )
         return bool(value)
 
-    def verify(start, end, cell, message, either_way):
-        said, right = ask(start, end, cell), _crosses(start, end, cell)
-        if said == right:
-            return
-        if either_way and start != end and ask(end, start, cell) == right:
-            message = (
-                f"The other way round, from {end} to {start}, yours is right. Neither end comes "
-                "first, and a displacement may be negative: is there a `min`, `max` or `abs` "
-                "missing?"
-            )
-        raise CheckFailed(
-            f"From {start} to {end} and the cell {cell} it is {right}, you say {said}. {message}"
-        )
-
-    for number, (message, cases) in enumerate(RAYS):
-        for case in cases:
-            verify(*case, message, number < 5)
-    generator = np.random.default_rng(2)
-    for _ in range(300):
-        case = [tuple(cell) for cell in generator.integers(0, 9, (3, 2)).tolist()]
+    cases = [
+        (case, message, k < 6) for k, (message, several) in enumerate(RAYS) for case in several
+    ]
+    for drawn in np.random.default_rng(2).integers(0, 9, (300, 3, 2)).tolist():
+        case = tuple(tuple(cell) for cell in drawn)
         touching = not _crosses(*case) and _touches(*case)
-        verify(*case, TOUCHING if touching else "Draw it on squared paper.", not touching)
+        cases.append((case, TOUCHING if touching else "Draw it on squared paper.", not touching))
+    wrong = [one for one in cases if ask(*one[0]) != _crosses(*one[0])]
+    if not wrong:
+        return
+    for message, formula in FORMULAS.items():
+        moving = [case for case, *_ in cases if case[0] != case[1]]
+        if all(ask(*case) == _within(*case, formula) for case in moving):
+            raise CheckFailed(message)
+    (start, end, cell), message, either_way = wrong[0]
+    (rows, cols), (r, c) = (np.subtract(one, start).tolist() for one in (end, cell))
+    right = _crosses(start, end, cell)
+    if either_way and any(start) and ask((0, 0), (rows, cols), (r, c)) == right:
+        message = "Moved so that it starts at (0, 0), yours is right: measure all cells from start."
+    elif either_way and start != end and ask(end, start, cell) == right:
+        message = (
+            f"The other way round, from {end} to {start}, yours is right. A ray may go up or left: "
+            "is there a `min`, `max` or `abs` missing?"
+        )
+    raise CheckFailed(
+        f"From {start} to {end}, that is, R = {rows} and C = {cols}, and the cell {cell} it is "
+        f"{right}, you say {not right}. {message}"
+    )
 
 
 def _blocked(buildings, device, cell, diagonal=True, touching=False, ends=True):
@@ -237,7 +271,7 @@ def _draw_shadow(ax):
     "2.2",
     "A shadow map from scratch",
     points=3,
-    minutes=25,
+    minutes=35,
     hints=(
         "For each cell of the city, list the cells that its ray crosses, and move them to where "
         "the device is. A ray goes through a corner where two crossed cells touch diagonally.",
@@ -259,8 +293,6 @@ def shadow_map(answer) -> None:
         "Rows and columns are swapped: the device is given as (row, col), not as (x, y).": (
             lambda b, d: _shadow_map(b.T, d).T
         ),
-        "Rays through the corner that two diagonal buildings share still get through: such a pair "
-        "blocks.": lambda b, d: _shadow_map(b, d, diagonal=False),
         "You block each ray that touches a building at a corner. One building there is only "
         "touched; it takes both, on either side of the ray.": (
             lambda b, d: _shadow_map(b, d, touching=True)
@@ -310,9 +342,14 @@ def shadow_map(answer) -> None:
     cell = tuple(np.argwhere(given[wrong[0]] != solved[wrong[0]])[0].tolist())
     where = [tuple(one) for one in np.argwhere(buildings).tolist()]
     reason = _blocked(buildings, device, cell) or "the ray crosses no building"
+    corner = (
+        " The crossed cells are not sorted along the ray, and rays of any slope pass through "
+        "corners, not those at 45° alone."
+    )
     raise CheckFailed(
         f"With the device at {device} and buildings at {where}, a UAV over {cell} is "
         f"{'hidden' if solved[wrong[0]][cell] else 'seen'}: {reason}. Yours says the opposite."
+        f"{corner if 'corner' in reason else ''}"
     )
 
 
@@ -338,7 +375,7 @@ def _draw_asymmetric(ax):
     "2.3",
     "How asymmetric is a table?",
     points=2,
-    minutes=10,
+    minutes=12,
     hints=(
         "Make the table a square matrix, one row and one column for each cell. Where does it "
         "differ from its transpose? How many unordered pairs are there?",
@@ -355,6 +392,12 @@ def asymmetric_share(answer) -> None:
 
     def differing(sight):
         return (matrix(sight) != matrix(sight).T).sum()
+
+    def southeast(sight):
+        """Whether the pairs whose first cell is above and left of the second are asymmetric."""
+        rows, cols, other_rows, other_cols = np.indices(sight.shape)
+        chosen = (rows < other_rows) & (cols < other_cols)
+        return (sight != sight.transpose(2, 3, 0, 1))[chosen]
 
     def pairs(sight):
         return len(sight) ** 2 * (len(sight) ** 2 - 1) / 2
@@ -389,6 +432,22 @@ def asymmetric_share(answer) -> None:
         "You swap row and column within each cell: swap the two cells, transpose(2, 3, 0, 1).": (
             lambda s: (s != s.transpose(1, 0, 3, 2)).sum() / 2 / pairs(s)
         ),
+        "You count one direction only: a pair is asymmetric too if the first cell does not see the "
+        "second, but the second sees the first.": (
+            lambda s: np.triu(matrix(s) & ~matrix(s).T).sum() / pairs(s)
+        ),
+        "You count one direction only: a pair is asymmetric too if the first cell sees the second, "
+        "but the second does not see the first.": (
+            lambda s: np.tril(matrix(s) & ~matrix(s).T).sum() / pairs(s)
+        ),
+        "You take only pairs of which one cell is above *and* to the left of the other. Number the "
+        "cells, row · M + col, and take all with number 1 < number 2.": (
+            lambda s: southeast(s).sum() / pairs(s)
+        ),
+        "You take only pairs of which one cell is above *and* to the left of the other, also to "
+        "divide by: number the cells, and take all with number 1 < number 2.": (
+            lambda s: southeast(s).mean()
+        ),
     }
     buildings = np.random.default_rng(3).random((7, 7)) < 0.25
     generator = np.random.default_rng(7)
@@ -404,11 +463,22 @@ def asymmetric_share(answer) -> None:
     expect(
         close(answer(np.ones((3,) * 4, bool)), 0.0),
         "Where all cells see each other, no pair depends on the direction: the share is 0, and "
-        "yours is not.",
+        "yours is not. Asked for is not what is seen, but what differs.",
     )
 
     def ask(sight):
         return answer(sight.copy())
 
     ask.__name__ = getattr(answer, "__name__", "your function")
-    compare(ask, _asymmetric_share, [(table,) for table in tables], mistakes)
+    try:
+        compare(ask, _asymmetric_share, [(table,) for table in tables], mistakes)
+    except CheckFailed as failed:
+        sight = next((one for one in tables if not close(ask(one), _asymmetric_share(one))), None)
+        if "<array" not in str(failed) or not _asymmetric_share(sight):
+            raise
+        pair = np.argwhere(sight & ~sight.transpose(2, 3, 0, 1))[0].tolist()
+        a, b = tuple(pair[:2]), tuple(pair[2:])
+        raise CheckFailed(
+            f"{failed} One of its asymmetric pairs: a device in {a} is seen from {b}, but a device "
+            f"in {b} is not seen from {a}."
+        ) from None

@@ -33,10 +33,12 @@ def rate(snr_db):
 checks.rate_from_snr(rate)
 
 # %% [markdown]
-# ## 1.2 · Where the two path losses cross (2 points, 8 minutes)
+# ## 1.2 · Where the two path losses cross (2 points, 10 minutes)
 #
 # Over a distance of $d$ metres the path loss is $10\,\alpha \log_{10} d$ decibels, with $\alpha_\mathrm{LoS} = 2.27$ in
 # sight and $\alpha_\mathrm{NLoS} = 3.64$ behind a building (`channel.path_loss_exponent_los`, `..._nlos`).
+#
+# ($d$ is the length of the whole link, through the air; nothing is to be added to it.)
 #
 # A device stands behind a building. At which distance would a device *in sight* have the same path loss? Write
 # `same_loss_m`. Then: at which distance do both losses cross, that is, are equal at the same distance? Return that number
@@ -63,8 +65,8 @@ checks.path_loss_crossover((same_loss_m, crossover_m))
 # ## 1.3 · What fading does to the mean rate (2 points, 10 minutes)
 #
 # Shadow fading adds a normal random number of decibels, with mean 0, to the SNR in every slot. Is the mean rate then
-# the rate at the mean SNR? Estimate it by simulation: `draws` slots, each with its own fading of variance
-# `variance_db2`, drawn from `generator`, a `numpy.random.Generator`.
+# the rate at the mean SNR in dB, `snr_db`? Estimate it by simulation: `draws` slots, each with its own fading of
+# variance `variance_db2` in dB², drawn from `generator`, a `numpy.random.Generator`.
 
 # %%
 def mean_rate(snr_db, variance_db2, draws, generator):
@@ -78,5 +80,6 @@ def mean_rate(snr_db, variance_db2, draws, generator):
 checks.mean_rate(mean_rate)
 
 # %% [markdown]
-# Below about 0 dB the curve of the rate bends upwards, so that lucky draws gain more than unlucky ones lose: fading
-# helps. Far above 0 dB the rate is almost a straight line in decibels, and fading changes nothing.
+# In decibels the rate bends upwards everywhere, most at 0 dB, so that lucky draws gain more than unlucky ones lose:
+# fading helps. Far above 0 dB the rate is almost a straight line, and fading changes next to nothing; far below, it
+# changes little data, but a large share of it.

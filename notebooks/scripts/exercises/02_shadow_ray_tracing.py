@@ -16,15 +16,20 @@ from uavdh_lite.city import City
 from uavdh_lite.shadowing import crossed_cells, line_of_sight
 
 # %% [markdown]
-# ## 2.1 · Does the ray cross the cell? (1 point, 8 minutes)
+# ## 2.1 · Does the ray cross the cell? (1 point, 10 minutes)
 #
 # A cell is a pair `(row, col)` of whole numbers. It is a square of side 1; its centre has these two numbers as
 # coordinates, and its *open interior* is the square without its edges and corners. Write a function that says whether
 # the straight segment between the centres of the cells `start` and `end` crosses the open interior of `cell`.
 #
-# The cells `start` and `end` themselves count as crossed. They may also be the same cell: then the segment is one
-# point. The rays can be long (a hundred cells) and go in any direction. Write it yourself, without `crossed_cells`,
-# and so that no rounding can spoil it.
+# The tutorial has the condition for a segment from (0, 0) to $(R, C)$: a cell $(r, c)$ in the rectangle between these two
+# cells is crossed exactly if
+#
+# $$2\,|R\,c - C\,r| < |R| + |C|.$$
+#
+# Make it a function of any `start`, `end` and `cell`. The cells `start` and `end` themselves count as crossed. They may
+# also be the same cell: then the segment is one point. The rays can be long (a hundred cells) and go in any direction.
+# Try to do without `crossed_cells`, that is the point of the exercise, and so that no rounding can spoil it.
 
 # %%
 def crosses(start, end, cell):
@@ -42,7 +47,7 @@ def crosses(start, end, cell):
 checks.crosses(crosses)
 
 # %% [markdown]
-# ## 2.2 · A shadow map from scratch (3 points, 25 minutes)
+# ## 2.2 · A shadow map from scratch (3 points, 35 minutes)
 #
 # A city has M×M cells; `buildings` is a Boolean array (M, M), indexed `[row, col]`. A device stands in the cell
 # `device`, a pair `(row, col)`, never in a building. For each cell, is the link between the device and a UAV over the
@@ -57,12 +62,12 @@ checks.crosses(crosses)
 #
 # Use `crossed_cells(rows, cols)`: the cells whose open interior the segment from (0, 0) to `(rows, cols)` crosses,
 # both ends included, as an array (n, 2) of rows and columns, each relative to (0, 0) and maybe negative. They are
-# sorted by row, then by column, which is not always the order along the ray. The rest is yours: neither `line_of_sight`
-# nor `passed_corners` may be used.
+# sorted by row, then by column, which is not always the order along the ray. The rest is yours: try to do without
+# `line_of_sight` and `passed_corners`, that is the point of the exercise.
 
 # %%
 print(crossed_cells(3, 1).tolist())
-print(crossed_cells(2, -2).tolist())
+print(crossed_cells(1, -3).tolist())
 
 # %%
 def shadow_map(buildings, device):
@@ -85,7 +90,7 @@ def shadow_map(buildings, device):
 checks.shadow_map(shadow_map)
 
 # %% [markdown]
-# ## 2.3 · How asymmetric is a table? (2 points, 10 minutes)
+# ## 2.3 · How asymmetric is a table? (2 points, 12 minutes)
 #
 # `line_of_sight(buildings, method)` gives a Boolean array of shape (M, M, M, M), indexed
 # `[device_row, device_col, uav_row, uav_col]`: True if a device in the first cell and a UAV over the second see each

@@ -15,7 +15,7 @@ from uavdh_lite import checks
 from uavdh_lite.channel import rate
 
 # %% [markdown]
-# ## 3.1 · Who gets the slot? (1 point, 8 minutes)
+# ## 3.1 · Who gets the slot? (1 point, 12 minutes)
 #
 # In a communication slot one device sends: of those that have data left, the one with the highest SNR. It uploads as
 # much as the slot carries, `rate(snr_db)` data units, but no more than it has left. There are K ≥ 1 devices.
@@ -40,26 +40,27 @@ def slot(snr_db, data_left):
 checks.tdma_slot(slot)
 
 # %% [markdown]
-# ## 3.2 · Rewards by hand (2 points, 12 minutes)
+# ## 3.2 · Rewards by hand (2 points, 14 minutes)
 #
-# Two short flights, each with one device. The constants: 1 for each data unit uploaded; −0.2 for each step, unless it
-# lands; −1 if the safety controller intervenes; −150 if the flying time runs out without a landing (this one from the
-# authors' code, the others from the paper). All that apply to a step are added. The column "the link could carry" says how many data units could go up in the four
-# slots of the step; a device cannot upload more than it has left. In the step that ends an episode, be it a landing
-# or a crash, nothing is uploaded.
+# Two short flights, the first with two devices, the second with one. The constants: 1 for each data unit uploaded; −0.2
+# for each step, unless it lands; −1 if the safety controller intervenes; −150 if the flying time runs out without a
+# landing (this one from the authors' code, the others from the paper). All that apply to a step are added. The column
+# "the link could carry" says how many data units could go up in the four slots of the step, and from which device; a
+# device cannot upload more than it has left. In the step that ends an episode, be it a landing or a crash, nothing is
+# uploaded.
 #
-# **Flight A.** At the start the device has 4.0 data units.
+# **Flight A.** At the start device 0 has 4.0 data units and device 1 has 3.0.
 #
 # | step | time left before it | action | what happens | the link could carry |
 # | --- | --- | --- | --- | --- |
-# | 1 | 6 | south | flies south | 0.0 |
-# | 2 | 5 | east | there is a tall building: hovers instead | 0.5 |
-# | 3 | 4 | south | flies south | 2.5 |
-# | 4 | 3 | hover | hovers | 2.5 |
-# | 5 | 2 | west | flies west, to the landing zone | 0.5 |
-# | 6 | 1 | land | lands | 2.0 |
+# | 1 | 6 | south | flies south | 0.0 (device 0) |
+# | 2 | 5 | east | there is a tall building: hovers instead | 0.5 (device 0) |
+# | 3 | 4 | south | flies south | 2.5 (device 0) |
+# | 4 | 3 | hover | hovers | 2.5 (device 0) |
+# | 5 | 2 | west | flies west, to the landing zone | 0.5 (device 1) |
+# | 6 | 1 | land | lands | 2.0 (device 1) |
 #
-# **Flight B.** At the start the device has 6.0 data units.
+# **Flight B.** At the start its device has 6.0 data units.
 #
 # | step | time left before it | action | what happens | the link could carry |
 # | --- | --- | --- | --- | --- |
@@ -74,7 +75,7 @@ checks.tdma_slot(slot)
 def rewards_by_hand():
     """The rewards of the steps of flight A and of flight B: two lists of numbers."""
     ### BEGIN SOLUTION
-    return [-0.2, -0.7, 2.3, 0.8, -0.2, 0], [1.6, -0.2, -151.2]
+    return [-0.2, -0.7, 2.3, 0.8, 0.3, 0], [1.6, -0.2, -151.2]
     ### END SOLUTION
 
 # %%
@@ -83,9 +84,9 @@ checks.rewards_by_hand(rewards_by_hand)
 # %% [markdown]
 # ## 3.3 · The reward of a batch (2 points, 8 minutes)
 #
-# Now one step of B episodes at once, without a loop. The constants are the same: 1 for each data unit uploaded; −0.2
-# for the step, unless it lands; −1 if the safety controller intervenes; −150 for a crash. All that apply are added. You
-# are given arrays that say what happened:
+# Now one step of B episodes at once. Try to do without a loop: that is the point of the exercise. The constants are the
+# same: 1 for each data unit uploaded; −0.2 for the step, unless it lands; −1 if the safety controller intervenes; −150
+# for a crash. All that apply are added. You are given arrays that say what happened:
 #
 # - `uploaded`: (B, 4) numbers, the data units uploaded in each of the four slots; 0 in a step that ends its episode
 # - `intervened`: (B,) Booleans, whether the safety controller intervened
@@ -105,7 +106,7 @@ def reward(uploaded, intervened, landed, crashed):
 checks.reward(reward)
 
 # %% [markdown]
-# ## 3.4 · The safety controller (3 points, 15 minutes)
+# ## 3.4 · The safety controller (3 points, 20 minutes)
 #
 # The UAV is over the cell `cell`, a pair `(row, col)`, in a city with M×M cells, and wants to take the action
 # `action`, a number: 0 north (row − 1), 1 east (col + 1), 2 south (row + 1), 3 west (col − 1), 4 hover, 5 land. The

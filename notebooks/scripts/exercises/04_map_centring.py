@@ -15,7 +15,7 @@ import numpy as np
 from uavdh_lite import checks
 
 # %% [markdown]
-# ## 4.1 · From the map back to the city (1 point, 6 minutes)
+# ## 4.1 · From the map back to the city (1 point, 8 minutes)
 #
 # The tutorial asked where a cell of the city appears in the centred map. Now the way back. A city has M×M cells, and
 # its centred map has (2M − 1)×(2M − 1) places; rows and columns of both are counted from 0. The cell over which the
@@ -41,9 +41,10 @@ def city_cell(place, uav, size):
 checks.city_cell(city_cell)
 
 # %% [markdown]
-# ## 4.2 · Centre a layer (2 points, 12 minutes)
+# ## 4.2 · Centre a layer (2 points, 14 minutes)
 #
-# Now the whole map, for one layer and one UAV. Use numpy as you like, but not the library's `Observation`.
+# Now the whole map, for one layer and one UAV. Use numpy as you like, but try to do without the
+# library's `Observation`, that is the point of the exercise.
 #
 # - `layer`: an array (M, M) of numbers or Booleans, indexed `[row, col]`
 # - `uav`: a pair `(row, col)`, the cell over which the UAV is
@@ -51,14 +52,14 @@ checks.city_cell(city_cell)
 #   other number
 #
 # Give back the centred map, a new array (2M − 1, 2M − 1): the layer, shifted so that the UAV's cell is in the middle,
-# and `outside` everywhere else. Fractions in the layer (there may be 7.5 data units left) must survive.
+# and `outside` everywhere else. Fractions must survive, in the layer (there may be 7.5 data units left) and in `outside`.
 
 # %%
 def centre(layer, uav, outside):
     """The centred map of this layer, (2M − 1, 2M − 1)."""
     ### BEGIN SOLUTION
     size = len(layer)
-    centred = np.full((2 * size - 1, 2 * size - 1), outside, layer.dtype)
+    centred = np.full((2 * size - 1, 2 * size - 1), outside, float)
     row, col = size - 1 - uav[0], size - 1 - uav[1]
     centred[row : row + size, col : col + size] = layer
     return centred
@@ -68,7 +69,7 @@ def centre(layer, uav, outside):
 checks.centre(centre)
 
 # %% [markdown]
-# ## 4.3 · How many weights? (3 points, 15 minutes)
+# ## 4.3 · How many weights? (3 points, 25 minutes)
 #
 # The Q-network takes the centred map of a city with M×M cells, and the flying time that is left. It gives one Q-value
 # for each of the six actions. Its parts, in order:
@@ -90,7 +91,15 @@ checks.centre(centre)
 # - `strides`: one stride for each convolution, `(1, 1)` in the paper; may have any length from 1 on
 # - `hidden`: the neurons of each hidden layer, `(256, 256, 256)` in the paper; any length from 1 on
 #
-# Compute it with plain arithmetic, without torch. For the paper's network in a city with M = 16 it is 2,308,854.
+# An example, counted by hand: M = 2, so that the map has 3×3 cells, and 2 layers. One convolution has 3 kernels of
+# 2×2 cells, with stride 1. Each of them sees both layers, so it has 2 · 2 · 2 = 8 weights and a bias: 3 · 9 = 27
+# numbers. A kernel fits at 2×2 places and makes one layer of 2×2 of them, so there are 3 layers of 2×2. As a list these
+# are 12 numbers, 13 with the flying time. A hidden layer of 4 neurons has 4 · (13 + 1) = 56 numbers, the output
+# 6 · (4 + 1) = 30. That makes 27 + 56 + 30 = 113 for `weights(2, 2, 3, 2, (1,), (4,))`. A second convolution
+# would see these 3 layers, not the 2 of the map.
+#
+# Try to do it with plain arithmetic, without torch, that is the point of the exercise. For the paper's network in a city
+# with M = 16 it is 2,308,854.
 
 # %%
 def weights(layers, size, kernels, kernel_size, strides, hidden):

@@ -14,7 +14,7 @@ import torch
 from uavdh_lite import checks
 
 # %% [markdown]
-# ## 5.1 · A softmax that does not overflow (2 points, 8 minutes)
+# ## 5.1 · A softmax that does not overflow (2 points, 12 minutes)
 #
 # The softmax policy takes action $a$ in state $s$ with the probability
 #
@@ -25,8 +25,13 @@ from uavdh_lite import checks
 # shape; leave `q_values` as it is.
 #
 # The Q-values may be near 1000 or −1000 and the temperature may be 0.1, also with very different values in different
-# rows of a batch. A float32 overflows above $\exp(88)$. Use `torch.exp`, and neither `torch.softmax` nor its relatives:
-# they solve the problem in the way that you are to find.
+# rows of a batch. A float32 overflows above $\exp(88)$. Use `torch.exp`, and try to do without `torch.softmax` and its
+# relatives: they solve the problem in the way that you are to find, and that is the point of the exercise.
+#
+# A reminder: `x.amax(dim=1)` is the largest number of each row of `x`. For `x` = `[[1., 5.], [3., 2.]]` it is `[5., 3.]`,
+# of shape `(2,)`. With `keepdim=True` the dimension stays, with length 1: `x.amax(dim=1, keepdim=True)` is
+# `[[5.], [3.]]`, a column of shape `(2, 1)`, and in a sum or a quotient with `x` each row meets its own number. `x.sum`
+# takes the same arguments.
 
 # %%
 def policy(q_values, temperature):
@@ -41,19 +46,19 @@ def policy(q_values, temperature):
 checks.stable_policy(policy)
 
 # %% [markdown]
-# ## 5.2 · A ring buffer with combined replay (3 points, 15 minutes)
+# ## 5.2 · A ring buffer with combined replay (3 points, 20 minutes)
 #
 # Write a replay memory. It stores the last `capacity` items; a sample of it always has the newest item.
 #
 # - `Ring(capacity)`: an empty memory for `capacity` ≥ 1 items.
-# - `add(item)`: stores an item. Is the memory full, it takes the place of the oldest one.
+# - `add(item)`: stores an item. If the memory is full, it takes the place of the oldest one.
 # - `sample(size, generator)`: a list of `size` ≥ 1 items in any order. One is the newest. Each of the other `size` − 1 is
 #   drawn from *all* stored items, the newest included, all equally likely and independent of each other, so that an item
 #   may come more than once. `generator` is a `numpy.random.Generator`; all chance must come from it, for example by
 #   `generator.integers(0, n, count)`: `count` whole numbers from 0 to `n` − 1. `sample` is never called on an empty memory.
 #
-# An item is a tuple of any content; give back the very tuples that were added. Adding must not get slower when the memory
-# is large: do not shift all items by a place.
+# An item is a tuple of any content; give back the very tuples that were added. Adding should not get slower when the
+# memory is large: try to do without shifting all items by a place (as `pop(0)` does), that is the point of a ring.
 
 # %%
 class Ring:
@@ -87,9 +92,10 @@ class Ring:
 checks.ring_buffer(Ring)
 
 # %% [markdown]
-# ## 5.3 · The double-DQN target (2 points, 10 minutes)
+# ## 5.3 · The double-DQN target (2 points, 12 minutes)
 #
-# Compute the targets $y$ of a minibatch of $B$ transitions from a state to the next state $s'$:
+# The function below is wrong in two ways. Mend it. It is to compute the targets $y$ of a minibatch of $B$ transitions
+# from a state to the next state $s'$:
 #
 # - `reward`: $(B,)$ floats, the reward $r$ of the transition
 # - `terminal`: $(B,)$ bools, whether the episode ended with it; there is no next state then, and the Q-values given for it
@@ -100,19 +106,44 @@ checks.ring_buffer(Ring)
 # $$y = r + \gamma\, Q_{\bar\theta}\big(s', \arg\max_{a'} Q_\theta(s', a')\big)$$
 #
 # where $\theta$ are the weights of the online and $\bar\theta$ those of the target network. At a terminal transition
-# $y = r$. Give back a new tensor of shape $(B,)$, without a loop and without the library's own function.
+# $y = r$. This is the wrong function:
+#
+# ```python
+# def target(reward, terminal, discount, online_next, target_next):
+#     value = target_next.amax(dim=1)
+#     return reward + discount * value
+# ```
+#
+# First compute the right target of each of these two transitions by hand, with $\gamma = 0.9$ and, to be short, three
+# actions: `by_hand`, a list of the two numbers. What does the wrong function give for both?
+#
+# | $r$ | terminal | Q-values of $s'$, online | Q-values of $s'$, target | $y$ |
+# | --- | --- | --- | --- | --- |
+# | 1.0 | no | 2.0, 5.0, 3.0 | 4.0, 2.0, 6.0 | ? |
+# | −0.2 | yes | 1.0, 0.0, 4.0 | 3.0, 5.0, 2.0 | ? |
+#
+# Then write the right function. It gives back a new tensor of shape $(B,)$. Try to do without a loop and without the
+# library's own function: that is the point of the exercise. The opposite of a Boolean tensor is `~terminal`; `1 - terminal`
+# is an error. In a product True counts as 1 and False as 0. To take one entry from each row of a tensor `x` of shape $(B, 6)$, index
+# it with two tensors of length $B$, the rows and the columns: `x[torch.arange(B), columns]` has the entries
+# `x[0, columns[0]]`, `x[1, columns[1]]` and so on; its shape is $(B,)$.
 
 # %%
+# Replace the line below by the two numbers: by_hand = [..., ...]
+### BEGIN SOLUTION
+by_hand = [1.0 + 0.9 * 2.0, -0.2]
+### END SOLUTION
+
 def target(reward, terminal, discount, online_next, target_next):
     """The double-DQN target of each transition, (B,)."""
     ### BEGIN SOLUTION
-    best = online_next.argmax(dim=1, keepdim=True)
-    value = target_next.gather(1, best).squeeze(1)
+    best = online_next.argmax(dim=1)
+    value = target_next[torch.arange(len(best)), best]
     return reward + discount * ~terminal * value
     ### END SOLUTION
 
 # %%
-checks.double_target(target)
+checks.double_target((target, by_hand))
 
 # %% [markdown]
 # The library has no `terminal` here: its memory hands over a discount for each transition, which is 0 where the episode
