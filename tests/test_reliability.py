@@ -43,23 +43,25 @@ def run(arguments, **options):
 
 
 def test_two_runs_in_one_folder(tmp_path):
-    first = subprocess.Popen(command(tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    while not (tmp_path / "training.safetensors").exists():
-        assert first.poll() is None
-        time.sleep(0.005)
-    second = run(command(tmp_path, "--resume"))
-    assert second.returncode == 2
-    assert "another process is training there; choose another folder" in second.stderr
-    first.communicate(timeout=120)
-    assert first.returncode == 0
+    endless = command(tmp_path, "--steps", "100000000")
+    with subprocess.Popen(endless, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as first:
+        try:
+            while not (tmp_path / "training.safetensors").exists():
+                assert first.poll() is None
+                time.sleep(0.005)
+            second = run(command(tmp_path, "--resume"))
+            assert second.returncode == 2 and first.poll() is None
+            assert "another process is training there; choose another folder" in second.stderr
+        finally:
+            first.kill()
 
 
 def test_the_lock_of_a_killed_run_does_not_stay(tmp_path):
-    first = subprocess.Popen(command(tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    while not (tmp_path / "training.safetensors").exists():
-        time.sleep(0.005)
-    first.kill()
-    first.communicate()
+    with subprocess.Popen(command(tmp_path), stderr=subprocess.DEVNULL) as first:
+        while not (tmp_path / "training.safetensors").exists():
+            assert first.poll() is None
+            time.sleep(0.005)
+        first.kill()
     assert run(command(tmp_path, "--resume")).returncode == 0
 
 
