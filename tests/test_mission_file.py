@@ -82,9 +82,25 @@ def test_the_schema_is_one_and_the_files_follow_it(mission, tmp_path):
 def test_what_is_wrong_is_named(mission, tmp_path, change, message):
     path = tmp_path / "m.json"
     save_mission(path, mission)
-    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+    values = json.loads(path.read_text())
+    del values["sha256"]
+    path.write_text(json.dumps({**values, **change}))
     with pytest.raises(InputError, match=rf"m\.json: .*{message}"):
         load_mission(path)
+
+
+def test_a_changed_file_is_noticed_and_an_edited_one_is_read(mission, tmp_path):
+    path = tmp_path / "m.json"
+    save_mission(path, mission)
+    values = {**json.loads(path.read_text()), "flying_time": 25}
+    path.write_text(json.dumps(values))
+    with pytest.raises(
+        InputError, match=r"m\.json: changed since it was saved.*take that entry out"
+    ):
+        load_mission(path)
+    del values["sha256"]
+    path.write_text(json.dumps(values))
+    assert load_mission(path).flying_time == 25
 
 
 @pytest.mark.parametrize(

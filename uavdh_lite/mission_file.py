@@ -1,9 +1,11 @@
 """Missions as JSON files, to keep, share and replay an exact episode, its fading included.
 
 `schemas/mission.schema.json` describes the format. The city is in the file, so that the episode
-stays the same wherever and whenever it is flown.
+stays the same wherever and whenever it is flown, and a checksum, which shows damage. Who edits a
+file by hand takes the entry `sha256` out.
 """
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -35,7 +37,7 @@ def save_mission(path: str | Path, mission: Mission) -> None:
         "seed": mission.seed,
         "max_devices": mission.max_devices,
     }
-    text = json.dumps(values, indent=2) + "\n"
+    text = json.dumps({**values, "sha256": _digest(values)}, indent=2) + "\n"
     write_atomically(path, lambda temporary: temporary.write_text(text))
 
 
@@ -50,6 +52,12 @@ def load_mission(path: str | Path) -> Mission:
         raise InputError(f"{path}: not a JSON file: {error}") from None
     try:
         _check(values)
+        expected = values.pop("sha256", None)
+        if expected not in (None, _digest(values)):
+            raise InputError(
+                "changed since it was saved: its sha256 is another; if you meant to edit it, take "
+                "that entry out"
+            )
         city = City.from_text(values["city"]["name"], "\n".join(values["city"]["rows"]))
         return Mission(
             city,
@@ -62,6 +70,10 @@ def load_mission(path: str | Path) -> Mission:
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def _digest(values: dict) -> str:
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def _no_number(name: str) -> float:
