@@ -5,7 +5,7 @@ from pathlib import Path
 
 project = html_title = "uavdh_lite"
 extensions = ["myst_nb"]
-include_patterns = ["index.md", "[0-9][0-9]_*.ipynb"]
+include_patterns = ["index.md", "[0-9][0-9]_*.ipynb", "exercises/*/*.ipynb"]
 myst_enable_extensions = ["amsmath", "dollarmath"]
 nb_execution_mode = "off"
 
