@@ -33,8 +33,9 @@ def course(tmp_path_factory):
     """A course with one assignment, and what nbgrader made of four submissions to it."""
     root = tmp_path_factory.mktemp("course")
     shutil.copy(NOTEBOOKS / "nbgrader_config.py", root)
-    shutil.copytree(NOTEBOOKS / "solutions" / ASSIGNMENT, root / "solutions" / ASSIGNMENT)
-    nbgrader(root, "generate_assignment", ASSIGNMENT)
+    for folder in ("solutions", "exercises"):
+        shutil.copytree(NOTEBOOKS / folder / ASSIGNMENT, root / folder / ASSIGNMENT)
+    nbgrader(root, "generate_assignment", "--force", ASSIGNMENT)
     file = f"{ASSIGNMENT}/{ASSIGNMENT}.ipynb"
     submit(root, "full", nbformat.read(root / "solutions" / file, as_version=4))
     for student, answers in SUBMISSIONS.items():
@@ -46,14 +47,15 @@ def course(tmp_path_factory):
         submit(root, student, notebook)
     nbgrader(root, "autograde", ASSIGNMENT)
     nbgrader(root, "generate_feedback", ASSIGNMENT)
+    nbgrader(root, "export")
     return root
 
 
-def nbgrader(root, command, assignment):
+def nbgrader(root, *command):
     path = assignments.path_with_commands()
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "HOME": str(root), "PATH": path}
     done = subprocess.run(
-        [sys.executable, "-m", "nbgrader", command, assignment],
+        [sys.executable, "-m", "nbgrader", *command],
         cwd=root,
         env=environment,
         capture_output=True,
@@ -86,6 +88,21 @@ def test_autograde(course, student, points):
         names = {number: f"check-{number.replace('.', '-')}" for number in points}
         assert grades == {names[number]: value for number, value in points.items()}
         assert submission.max_score == 5 and not submission.needs_manual_grade
+
+
+def test_the_commands_are_those_of_the_guide(course):
+    guide = (NOTEBOOKS / "TEACHING.md").read_text()
+    for command in ("generate_assignment --force", "autograde", "generate_feedback"):
+        assert f"nbgrader {command} {ASSIGNMENT}" in guide
+    file = f"exercises/{ASSIGNMENT}/{ASSIGNMENT}.ipynb"
+    assert (course / file).read_bytes() == (NOTEBOOKS / file).read_bytes()
+    grades = (course / "grades.csv").read_text().splitlines()
+    assert sorted(line.split(",")[3] for line in grades[1:]) == [
+        "blank",
+        "full",
+        "mixed",
+        "partial",
+    ]
 
 
 def test_feedback_says_what_is_wrong(course):
