@@ -13,6 +13,7 @@ import numpy as np
 from uavdh_lite.challenge.commands import add_commands
 from uavdh_lite.errors import InputError, TrainingDiverged
 from uavdh_lite.files import write_atomically
+from uavdh_lite.options import positive
 from uavdh_lite.recipe import Recipe, find_recipe
 from uavdh_lite.scenario import Scenario, find_scenario
 
@@ -80,10 +81,10 @@ def _parser() -> _Parser:
     train.add_argument("--out", help="folder of the run (runs/SCENARIO-RECIPE-SEED)")
     train.add_argument("--resume", action="store_true", help="go on with the run in that folder")
     train.add_argument(
-        "--stop-after", type=_positive, metavar="STEPS", help="leave the run after so many steps"
+        "--stop-after", type=positive, metavar="STEPS", help="leave the run after so many steps"
     )
     train.add_argument(
-        "--threads", type=_positive, default=1, help="processor threads (%(default)s)"
+        "--threads", type=positive, default=1, help="processor threads (%(default)s)"
     )
     train.add_argument(
         "--tensorboard", action="store_true", help="write event files for TensorBoard, too"
@@ -106,8 +107,8 @@ def _parser() -> _Parser:
     )
     ablation.add_argument("--scenario", default="manhattan", help="a preset's name (%(default)s)")
     ablation.add_argument("--recipe", default="lite", help="paper, lite or small (%(default)s)")
-    ablation.add_argument("--seeds", type=_positive, default=3, help="runs a variant (%(default)s)")
-    ablation.add_argument("--jobs", type=_positive, default=1, help="runs at a time (%(default)s)")
+    ablation.add_argument("--seeds", type=positive, default=3, help="runs a variant (%(default)s)")
+    ablation.add_argument("--jobs", type=positive, default=1, help="runs at a time (%(default)s)")
     ablation.add_argument("--backend", default="loky", help="loky or dask (%(default)s)")
     ablation.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster (a local one)")
     ablation.add_argument("--out", help="folder of the runs (runs/STUDY-SCENARIO-RECIPE)")
@@ -126,10 +127,10 @@ def _parser() -> _Parser:
         "scenarios with the same fading, and write the metrics of every episode as a table.",
     )
     _checkpoint(compare, required=False)
-    compare.add_argument("--jobs", type=_positive, default=1, help="processes (%(default)s)")
+    compare.add_argument("--jobs", type=positive, default=1, help="processes (%(default)s)")
     compare.add_argument(
         "--replan",
-        type=_positive,
+        type=positive,
         default=5,
         help="steps after which the genie plans anew (%(default)s); fewer take longer",
     )
@@ -168,17 +169,17 @@ def _parser() -> _Parser:
         description="Serve the interactive labs on 127.0.0.1 with Voilà, until Ctrl-C.",
     )
     app.add_argument(
-        "--port", type=_positive, default=8866, help="the next free one if taken (%(default)s)"
+        "--port", type=positive, default=8866, help="the next free one if taken (%(default)s)"
     )
     app.add_argument(
         "--sessions",
-        type=_positive,
+        type=positive,
         default=8,
         help="people at a time, each with a process of about 350 MB (%(default)s)",
     )
     app.add_argument(
         "--idle-seconds",
-        type=_positive,
+        type=positive,
         default=1200,
         help="a session unused for so long is ended (%(default)s)",
     )
@@ -204,7 +205,7 @@ def _common(parser, run, episodes=False, out=None, seed_help="seed of scenarios 
     parser.add_argument("--device", default="cpu", help="cpu or cuda (%(default)s)")
     if episodes:
         parser.add_argument(
-            "--episodes", type=_positive, default=1000, help="random scenarios (%(default)s)"
+            "--episodes", type=positive, default=1000, help="random scenarios (%(default)s)"
         )
     if out:
         parser.add_argument("--out", default=out, help="the figure (%(default)s)")
@@ -268,12 +269,6 @@ def _cell(text: str) -> tuple[int, int]:
 def _natural(text: str) -> int:
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 0")
-    return int(text)
-
-
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 1")
     return int(text)
 
 

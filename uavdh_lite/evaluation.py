@@ -79,6 +79,18 @@ class Flights:
     safety_interventions: np.ndarray
     history: list[tuple[State, np.ndarray, Outcome, np.ndarray]]
 
+    @classmethod
+    def of_steps(cls, start: State, end: State, history: list) -> "Flights":
+        """One episode that was flown step by step, maybe not to its end, from its `history`."""
+        return cls(
+            start,
+            end,
+            np.array([sum(float(reward[0]) for *_, reward in history)], np.float32),
+            np.array([len(history)]),
+            np.array([sum(int(outcome.intervened[0]) for _, _, outcome, _ in history)]),
+            list(history),
+        )
+
     def records(self) -> dict[str, np.ndarray]:
         """The metrics of each episode by name; (N,) float64 each.
 

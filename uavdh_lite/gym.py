@@ -225,16 +225,7 @@ class DataHarvesting(gymnasium.Env):
     def _figure(self, figure: Figure) -> Figure:
         from uavdh_lite.plotting import draw_trajectory
 
-        reward = sum(float(reward[0]) for *_, reward in self._history)
-        interventions = sum(int(outcome.intervened[0]) for _, _, outcome, _ in self._history)
-        flights = Flights(
-            self._start,
-            self.state,
-            np.array([reward], np.float32),
-            np.array([len(self._history)]),
-            np.array([interventions]),
-            list(self._history),
-        )
+        flights = Flights.of_steps(self._start, self.state, self._history)
         draw_trajectory(figure.subplots(), self._simulator.environment, flights.trajectory(0))
         return figure
 
@@ -369,8 +360,7 @@ class DataHarvestingVector(VectorEnv):
         pictures = []
         for index in range(self.num_envs):
             one = self.state[[index]]
-            none = np.zeros(1)
-            flights = Flights(one, one, none, np.zeros(1, int), np.zeros(1, int), [])
+            flights = Flights.of_steps(one, one, [])
             figure = Figure(figsize=(6, 6.4), layout="constrained")
             draw_trajectory(figure.subplots(), self._simulator.environment, flights.trajectory(0))
             pictures.append(_pixels(figure))

@@ -148,15 +148,7 @@ class HandFlight:
 
     def flights(self) -> Flights:
         """What was flown so far."""
-        steps = len(self._history)
-        return Flights(
-            self.mission.state,
-            self.state,
-            np.array([sum(float(reward[0]) for *_, reward in self._history)], np.float32),
-            np.array([steps]),
-            np.array([sum(int(outcome.intervened[0]) for _, _, outcome, _ in self._history)]),
-            list(self._history),
-        )
+        return Flights.of_steps(self.mission.state, self.state, self._history)
 
 
 def pilots(environment: Environment) -> dict[str, Callable[[int], Policy]]:

@@ -14,8 +14,8 @@ from jsonschema.exceptions import best_match
 
 from uavdh_lite.city import City
 from uavdh_lite.errors import InputError
-from uavdh_lite.files import write_atomically
 from uavdh_lite.mission import Mission
+from uavdh_lite.tables import write_json
 
 FORMAT, VERSION = "uavdh_lite mission", 1
 SCHEMA = Path(__file__).parent / "schemas" / "mission.schema.json"
@@ -37,8 +37,7 @@ def save_mission(path: str | Path, mission: Mission) -> None:
         "seed": mission.seed,
         "max_devices": mission.max_devices,
     }
-    text = json.dumps({**values, "sha256": _digest(values)}, indent=2) + "\n"
-    write_atomically(path, lambda temporary: temporary.write_text(text))
+    write_json(path, {**values, "sha256": _digest(values)})
 
 
 def load_mission(path: str | Path) -> Mission:

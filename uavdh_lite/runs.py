@@ -99,7 +99,8 @@ def _train(
             interval = trainer.recipe.validation_interval
             validates = trainer.steps // interval > before // interval or trainer.finished
             reports = trainer.steps // BIN > before // BIN or trainer.finished
-            if validates or reports or interrupted():
+            stops = interrupted()  # one look a step: nothing is saved that was not checked
+            if validates or reports or stops:
                 _require_finite(trainer, out)
             if validates:
                 _validate(trainer, out, command)
@@ -107,7 +108,7 @@ def _train(
                 progress.set_postfix_str(_status(trainer))
             if board and (validates or reports):
                 board.write()
-            if interrupted():
+            if stops:
                 trainer.save(saved)
                 print(f"\nstopped after {trainer.steps} steps; to go on: add --resume", flush=True)
                 raise KeyboardInterrupt

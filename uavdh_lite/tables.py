@@ -79,4 +79,4 @@ def provenance() -> dict:
 def write_json(path: str | Path, values: dict) -> None:
     """Write JSON for people to read."""
     text = json.dumps(values, indent=2, ensure_ascii=False) + "\n"
-    write_atomically(path, lambda temporary: temporary.write_text(text))
+    write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))

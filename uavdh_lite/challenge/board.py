@@ -16,9 +16,9 @@ from uavdh_lite.city import City
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import CHALLENGE, Flights, Interval, Policy, evaluate
-from uavdh_lite.files import write_atomically
 from uavdh_lite.planners import Genie, Greedy, Random
 from uavdh_lite.scenario import find_scenario
+from uavdh_lite.tables import write_json
 
 PRACTICE_SEED = 0
 
@@ -50,7 +50,7 @@ class Challenge:
     def save(self, path: Path) -> None:
         if path.exists():
             raise InputError(f"{path} exists: its scenarios would be lost; take another name")
-        _write(path, asdict(self))
+        write_json(path, asdict(self))
 
     @classmethod
     def load(cls, path: Path) -> "Challenge":
@@ -159,7 +159,7 @@ class Leaderboard:
             board["scores"][score.name] = asdict(score)
         else:
             board["failures"].append(asdict(score))
-        _write(self.path, board)
+        write_json(self.path, board)
 
     def table(self) -> str:
         """The board as a Markdown table, best collection ratio and landed first."""
@@ -192,14 +192,9 @@ def _percent(interval) -> str:
 
 def _read(path: Path) -> dict:
     try:
-        values = json.loads(path.read_text())
+        values = json.loads(path.read_text(encoding="utf-8"))
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise InputError(f"{path}: not JSON: {error}") from error
     if not isinstance(values, dict):
         raise InputError(f"{path}: expected a JSON object")
     return values
-
-
-def _write(path: Path, values: dict) -> None:
-    text = json.dumps(values, indent=2) + "\n"
-    write_atomically(path, lambda temporary: temporary.write_text(text))

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from uavdh_lite.errors import InputError
+from uavdh_lite.options import positive
 
 
 def add_commands(commands) -> None:
@@ -17,7 +18,7 @@ def add_commands(commands) -> None:
     new = challenge.add_parser("new", help="draw hidden scenarios, and keep them in a file")
     new.add_argument("file", type=Path, help="the secret: do not hand it out")
     new.add_argument("--scenario", default="manhattan", help="a preset's name (%(default)s)")
-    new.add_argument("--episodes", type=_positive, default=1000, help="number (%(default)s)")
+    new.add_argument("--episodes", type=positive, default=1000, help="number (%(default)s)")
     new.set_defaults(run=_new)
 
     score = challenge.add_parser(
@@ -41,12 +42,6 @@ def add_commands(commands) -> None:
     show = challenge.add_parser("show", help="print a leaderboard")
     show.add_argument("leaderboard", type=Path)
     show.set_defaults(run=_show)
-
-
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number above 0")
-    return int(text)
 
 
 def _new(options: argparse.Namespace) -> None:
