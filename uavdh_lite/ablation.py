@@ -27,12 +27,13 @@ DEVIATIONS = {
     "layer_norm": ("layer_norm",),
     "leaky_relus": ("leak",),
     "return_steps": ("return_steps",),
+    "target_update_rate": ("target_update_rate",),
     "learning_rate": ("learning_rate", "learning_rate_end"),
     "huber_loss": ("huber_delta",),
     "temperature": ("temperature",),
     "crash_reward": ("crash_reward", "crash_reward_end"),
     "movement_reward": ("movement_reward",),
-    "exploring_starts": ("exploring_starts",),
+    "exploring_starts": ("exploring_starts", "exploring_starts_end"),
     "exploring_actions": ("exploring_actions",),
 }
 
