@@ -176,7 +176,6 @@ def test_a_checkpoint_of_an_older_format_still_decides_as_it_did():
     expected = [[-0.0950597, 0.2940438, 0.1925371], [-0.1017702, 0.3038139, 0.1961779]]
     assert agent.q_values(state)[:2, :3].numpy() == pytest.approx(np.array(expected), abs=1e-6)
     assert agent.recipe.crash_reward == agent.recipe.crash_reward_end == -40
-    assert agent.recipe.exploring_starts == agent.recipe.exploring_starts_end
 
 
 def test_an_older_agent_is_saved_in_the_new_format(tmp_path):

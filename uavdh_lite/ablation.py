@@ -33,7 +33,7 @@ DEVIATIONS = {
     "temperature": ("temperature",),
     "crash_reward": ("crash_reward", "crash_reward_end"),
     "movement_reward": ("movement_reward",),
-    "exploring_starts": ("exploring_starts", "exploring_starts_end"),
+    "exploring_starts": ("exploring_starts",),
     "exploring_actions": ("exploring_actions",),
 }
 

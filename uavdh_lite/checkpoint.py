@@ -18,7 +18,7 @@ from uavdh_lite.files import data_folder, write_atomically
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
 
-FORMAT = 3
+FORMAT = 2
 
 
 def save(path: str | Path, kind: str, tensors: dict[str, Tensor], about: dict) -> None:
@@ -67,17 +67,12 @@ def load(path: str | Path, kind: str) -> tuple[dict[str, Tensor], dict]:
 def _upgrade(about: dict) -> None:
     """Turn the values of an older format into those of this one, in place.
 
-    Format 1 had recipes with a constant crash reward, and with a field that only training used;
-    formats 1 and 2 a constant share of exploring starts.
+    Format 1 had recipes with a constant crash reward, and with a field that only training used.
     """
-    recipe = about.get("recipe")
-    if recipe is None:
-        return
-    if about["format"] < 2:
+    if about["format"] == 1 and "recipe" in about:
+        recipe = about["recipe"]
         recipe.pop("exploring_least_time", None)
         recipe.setdefault("crash_reward_end", recipe["crash_reward"])
-    if about["format"] < 3:
-        recipe.setdefault("exploring_starts_end", recipe["exploring_starts"])
 
 
 def _digest(header: str, tensors: dict[str, Tensor]) -> str:

@@ -53,9 +53,10 @@ class Recipe:
     crash_reward_end: float = option(-150.0, "r_crash from the end of its growth on")
     crash_reward_growth: float = option(0.5, "share of the run in which r_crash changes, linearly")
     movement_reward: float = option(-0.2, "reward for every step that does not land, r_mov")
-    exploring_starts: float = option(0.0, "share of episodes that start anywhere, at the start")
-    exploring_starts_end: float = option(0.0, "that share from the end of its decay on")
-    exploring_starts_decay: float = option(0.5, "share of the run in which it decays, linearly")
+    exploring_starts: float = option(0.0, "share of episodes that start under way, anywhere")
+    exploring_starts_decay: float | None = option(
+        None, "share of the run in which that falls to 0, linearly; none: it does not fall"
+    )
     exploring_actions: int = option(0, "first actions of such an episode, drawn uniformly")
     exploring_spare_time: int = option(5, "their least flying time beyond the way home")
     # Validation: the agent kept is the one with the best collection ratio and landed in these
@@ -94,14 +95,16 @@ class Recipe:
             "temperature_decay",
             "crash_reward_growth",
             "exploring_starts",
-            "exploring_starts_end",
-            "exploring_starts_decay",
         ):
             self._require(name, 0 <= getattr(self, name) <= 1, "between 0 and 1")
         for name in ("strides", "hidden"):
             self._require(name, all(n >= 1 for n in getattr(self, name)), "numbers of at least 1")
         for name in ("leak", "exploring_actions", "exploring_spare_time"):
             self._require(name, getattr(self, name) >= 0, "0 or above")
+        decay = self.exploring_starts_decay
+        self._require(
+            "exploring_starts_decay", decay is None or 0 <= decay <= 1, "between 0 and 1, or none"
+        )
         self._require("learning_rate_end", self.learning_rate_end >= 0, "0 or above")
         self._require("huber_delta", self.huber_delta is None or self.huber_delta > 0, "above 0")
         self._require(
@@ -132,8 +135,9 @@ class Recipe:
 
     def exploring_starts_at(self, steps: int) -> float:
         """The share of exploring starts after this many environment steps."""
-        over = self.exploring_starts_decay * self.steps
-        return _ramp(self.exploring_starts, self.exploring_starts_end, steps, over)
+        if self.exploring_starts_decay is None:
+            return self.exploring_starts
+        return _ramp(self.exploring_starts, 0.0, steps, self.exploring_starts_decay * self.steps)
 
     def learning_rate_at(self, steps: int) -> float:
         """The learning rate after this many environment steps."""
@@ -184,6 +188,7 @@ LITE = Recipe(
     crash_reward_growth=0.75,
     movement_reward=-0.1,
     exploring_starts=0.5,
+    exploring_starts_decay=0.5,
     exploring_actions=3,
     validation_interval=100_000,
 )
@@ -231,7 +236,7 @@ SMALL = replace(
     temperature=1.0,
     crash_reward=-5.0,
     crash_reward_end=-20.0,
-    exploring_starts_end=0.5,
+    exploring_starts_decay=None,
     validation_interval=8_000,
     validation_episodes=200,
 )
