@@ -221,16 +221,11 @@ def test_schedules():
         crash_reward=-10,
         crash_reward_end=-60,
         crash_reward_growth=0.5,
-        exploring_starts=0.5,
-        exploring_starts_decay=0.5,
     )
     assert [recipe.rewards_at(s).crash for s in (0, 250, 500, 900)] == [-10, -35, -60, -60]
     assert [recipe.temperature_at(s) for s in (0, 250, 500, 900)] == pytest.approx(
         [2.0, 1.05, 0.1, 0.1]
     )
-    assert [recipe.exploring_starts_at(s) for s in (0, 250, 500, 900)] == [0.5, 0.25, 0, 0]
-    lasting = replace(recipe, exploring_starts_decay=None)
-    assert lasting.exploring_starts_at(0) == lasting.exploring_starts_at(1000) == 0.5
     assert recipe.learning_rate_at(500) == pytest.approx(3e-4)
     assert recipe.learning_rate_at(1000) == 0
     assert PAPER.temperature_at(0) == PAPER.temperature_at(10**6) == 0.1
@@ -273,7 +268,6 @@ def test_recipe_round_trip():
         ("hidden", (256, 0)),
         ("data_scale", -1.0),
         ("exploring_starts", 2.0),
-        ("exploring_starts_decay", 1.5),
         ("exploring_actions", -1),
         ("leak", -0.1),
     ],

@@ -27,7 +27,6 @@ DEVIATIONS = {
     "layer_norm": ("layer_norm",),
     "leaky_relus": ("leak",),
     "return_steps": ("return_steps",),
-    "target_update_rate": ("target_update_rate",),
     "learning_rate": ("learning_rate", "learning_rate_end"),
     "huber_loss": ("huber_delta",),
     "temperature": ("temperature",),

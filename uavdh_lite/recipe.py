@@ -54,9 +54,6 @@ class Recipe:
     crash_reward_growth: float = option(0.5, "share of the run in which r_crash changes, linearly")
     movement_reward: float = option(-0.2, "reward for every step that does not land, r_mov")
     exploring_starts: float = option(0.0, "share of episodes that start under way, anywhere")
-    exploring_starts_decay: float | None = option(
-        None, "share of the run in which that falls to 0, linearly; none: it does not fall"
-    )
     exploring_actions: int = option(0, "first actions of such an episode, drawn uniformly")
     exploring_spare_time: int = option(5, "their least flying time beyond the way home")
     # Validation: the agent kept is the one with the best collection ratio and landed in these
@@ -101,10 +98,6 @@ class Recipe:
             self._require(name, all(n >= 1 for n in getattr(self, name)), "numbers of at least 1")
         for name in ("leak", "exploring_actions", "exploring_spare_time"):
             self._require(name, getattr(self, name) >= 0, "0 or above")
-        decay = self.exploring_starts_decay
-        self._require(
-            "exploring_starts_decay", decay is None or 0 <= decay <= 1, "between 0 and 1, or none"
-        )
         self._require("learning_rate_end", self.learning_rate_end >= 0, "0 or above")
         self._require("huber_delta", self.huber_delta is None or self.huber_delta > 0, "above 0")
         self._require(
@@ -132,12 +125,6 @@ class Recipe:
         """β after this many environment steps."""
         over = self.temperature_decay * self.steps
         return _ramp(self.temperature, self.temperature_end, steps, over)
-
-    def exploring_starts_at(self, steps: int) -> float:
-        """The share of exploring starts after this many environment steps."""
-        if self.exploring_starts_decay is None:
-            return self.exploring_starts
-        return _ramp(self.exploring_starts, 0.0, steps, self.exploring_starts_decay * self.steps)
 
     def learning_rate_at(self, steps: int) -> float:
         """The learning rate after this many environment steps."""
@@ -173,7 +160,6 @@ LITE = Recipe(
     layer_norm=True,
     leak=0.1,
     return_steps=3,
-    target_update_rate=0.01,
     learning_rate=6e-4,
     learning_rate_end=0.0,
     amsgrad=False,
@@ -184,11 +170,10 @@ LITE = Recipe(
     temperature=2.0,
     temperature_decay=0.25,
     crash_reward=-10.0,
-    crash_reward_end=-100.0,
+    crash_reward_end=-60.0,
     crash_reward_growth=0.75,
     movement_reward=-0.1,
     exploring_starts=0.5,
-    exploring_starts_decay=0.5,
     exploring_actions=3,
     validation_interval=100_000,
 )
@@ -199,9 +184,6 @@ LITE = Recipe(
 - `layer_norm`: keeps the hidden layers' scale steady while the targets move.
 - `leak`: with plain ReLUs most of the convolutions' kernels fall silent and stay so.
 - `return_steps` 3: rewards reach earlier states in a third of the updates.
-- `target_update_rate` 0.01: the target network follows the online one within about 100 updates, not
-  200, so that rewards reach earlier states sooner. With 0.03 still sooner, but less steadily: the
-  slow target is an average, and long runs need it.
 - `learning_rate` twenty times the paper's, falling to 0: fast at first, settled at the end.
 - `huber_delta` 10: crashes no longer drown the small differences that decide between actions.
 - `environments` 32 with one update for each step of all: each transition is used 4 times, not 128.
@@ -209,13 +191,11 @@ LITE = Recipe(
 - `replay_capacity`: memory is cheap here, about 60 bytes a transition.
 - `temperature` 2 falling to 0.1 over the first quarter: explores while the Q-values are still
   wrong, and then flies what it has learned, since three-step returns are those of the policy flown.
-- `crash_reward` −10, growing to −100 over three quarters: while a crash costs little the agent
+- `crash_reward` −10, growing to −60 over three quarters: while a crash costs little the agent
   learns to fly far, then to be home in time. With −150 it first learns to land at once, and stays
-  there. With −60 at the end a crash can pay: 25 steps ahead it weighs 0.95²⁵ · 60 = 17, less than
-  the data of a device.
+  there; with a constant −40 it dares to fly far only late in the run.
 - `movement_reward` −0.1: with −0.2 the agent leaves distant devices that hold little.
-- `exploring_starts`: half of the episodes start in the middle, so that late states are seen early;
-  ever fewer, and none from half of the run on, when the agent learns from missions alone.
+- `exploring_starts`: half of the episodes start in the middle, so that late states are seen early.
 - `exploring_actions`: their first three actions are random, so that every action is tried
   everywhere, also where the policy has settled on another.
 """
@@ -228,7 +208,6 @@ SMALL = replace(
     kernel_size=3,
     strides=(2, 2),
     hidden=(128, 128),
-    target_update_rate=0.005,
     learning_rate=2e-3,
     batch_size=64,
     environments=16,
@@ -237,7 +216,6 @@ SMALL = replace(
     temperature=1.0,
     crash_reward=-5.0,
     crash_reward_end=-20.0,
-    exploring_starts_decay=None,
     validation_interval=8_000,
     validation_episodes=200,
 )

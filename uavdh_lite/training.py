@@ -139,7 +139,7 @@ class Trainer:
         """New episodes for these environments, a share of them exploring starts."""
         recipe, count = self.recipe, len(places)
         state = self.scenario.sample(self.city, count, self.generator)
-        exploring = self.generator.random(count) < recipe.exploring_starts_at(self.steps)
+        exploring = self.generator.random(count) < recipe.exploring_starts
         if exploring.any():
             state = state.with_rows(
                 exploring,
