@@ -392,8 +392,8 @@ figure
 # ## 5.5 What the shipped agent expects, and what it earns
 #
 # An agent with such a bias expects more than it gets. In the figure at the top each point is a mission: the largest
-# Q-value at its start, and the sum of its rewards, that of step $t$ times $\gamma^t$. The rewards are those at the
-# end of training, which are not the paper's:
+# Q-value at its start, and the sum of its rewards, that of step $t$ times $\gamma^t$. The rewards are those that it
+# learned from when it was kept, which are not quite the paper's:
 
 # %%
 print(own_rewards)
@@ -404,9 +404,7 @@ assert abs((expected - earned).mean()) < 0.05 * earned.mean()
 
 # %% [markdown]
 # On average the agent earns what it expects, to within 5 %. Single flights differ by more, since the network is not
-# exact. (The point far to the left is a flight that pushed against a building again and again and came home with
-# nothing: a greedy policy is deterministic, and where the network is wrong it may stay. Notebook 8 looks at such
-# failures.) So no bias of note is left. That double estimation is the reason, this does not
+# exact. (Notebook 8 looks at those that go wrong.) So no bias of note is left. That double estimation is the reason, this does not
 # show: it would take an agent trained without.
 #
 # ## 5.6 Soft targets

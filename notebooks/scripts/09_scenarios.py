@@ -72,8 +72,9 @@ quarter = mission("open_field", DEVICES, [20, 5], 45, START)
 show("open_field", [equal, quarter], ["equal data", "a quarter at the far device"])
 
 # %% [markdown]
-# The same network, the same places, the same time. With equal data it serves the near device, then flies
-# up to the far one. With a quarter it turns back earlier, at column 9: five units come through from there.
+# The same network, the same places, the same time. With equal data it flies up to the far device, and
+# serves the near one on the way there and on the way back. With a quarter it empties the near device first, and
+# turns back at column 10: five units come through from there.
 # In numbers:
 
 # %%
@@ -99,8 +100,8 @@ show("manhattan", flights, ["four devices", "five devices"])
 
 # %% [markdown]
 # With two and three devices it flies east first; with four it goes down the west side, because the new
-# device stands there and on no way home; with five it adds a loop in the north. It is no optimum: four
-# devices take it less time than three, for which it flies to and fro in the middle.
+# device stands there and on no way home; with five it adds a loop in the north. It is no optimum: with four
+# devices it flies to and fro in the middle and in the east, takes longer than with five, and yet leaves some data.
 #
 # ## 9.3 A device in the no-fly zone
 #
@@ -111,8 +112,9 @@ inside = mission("manhattan", [(11, 2), (4, 8)], [10, 10], 60, (0, 0))
 show("manhattan", [inside], ["one device in the no-fly zone"])
 
 # %% [markdown]
-# It went down the border of the city, was heard from the street beside the zone, and turned as soon as
-# the device was empty.
+# It served the other device on its way, heard this one from the street that ends at the zone, and went home when
+# it was empty. Once nothing is left to collect it dawdles, and lands with its last unit of time: to hover costs
+# little in the reward that it was trained with, and all its Q-values are nearly equal then.
 #
 # ## 9.4 Too little time
 #
@@ -136,9 +138,9 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Within the times that it was trained on, it collects all, like the greedy planner. Below, nobody taught it:
-# at 30 it does better than greedy, at 18 it hardly leaves where greedy still brings home a quarter. An
-# agent is only as good as the missions it was trained on.
+# Within the times that it was trained on, it collects all, like the greedy planner. Below, nobody taught it: at 34
+# it leaves a seventh of the data where greedy leaves nothing, at 30 it does better than greedy, and at 14 it brings
+# home nothing at all where greedy still finds a tenth. In between it does about as well.
 #
 # ## 9.5 The same mission with other luck
 #
@@ -155,8 +157,9 @@ print(f"over 30 draws: collected {min(ratio):.1%} to {max(ratio):.1%}")
 print("landed:", sum(bool(m.end.landed[0]) for m in many), "of 30")
 
 # %% [markdown]
-# The two flights take the same streets and wait in different places. Over thirty draws luck changes the
-# data by a percent: a flight is some two hundred slots, and they average out.
+# The two flights soon part and serve the devices in different orders: a little more or less data left at one of
+# them may tip a decision. Over thirty draws luck changes what is collected by some percent at most: a flight is some
+# two hundred slots, and they average out.
 #
 # ## 9.6 Q-values along a flight
 #
@@ -194,8 +197,8 @@ error = q.max(axis=1) - np.array(returns[::-1])
 print(f"mean error {error.mean():+.2f}, largest {np.abs(error).max():.2f}, of values up to {q.max():.1f}")
 
 # %% [markdown]
-# It expects a little too much on average, and is wrong by up to two data units. For choosing between
-# actions only their differences count.
+# It is about right on average, and wrong by up to one or two data units. For choosing between actions only
+# their differences count.
 #
 # ## Recap
 #
@@ -222,8 +225,8 @@ assert shares[20] > 0.9
 print(shares)
 
 # %% [markdown]
-# From 4 units on it empties the device. With 2 or 3 it leaves some of them: half a unit more is not worth
-# another step.
+# Even for a single unit it comes near enough: there is time for it, and a step costs a tenth of a unit in the
+# reward that it was trained with.
 #
 # **2.** Which step of the flight in 9.6 was the hardest to decide? (The smallest gap between the best and
 # the second-best action.)
