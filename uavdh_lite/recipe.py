@@ -191,9 +191,9 @@ LITE = Recipe(
 - `replay_capacity`: memory is cheap here, about 60 bytes a transition.
 - `temperature` 2 falling to 0.1 over the first quarter: explores while the Q-values are still
   wrong, and then flies what it has learned, since three-step returns are those of the policy flown.
-- `crash_reward` −10, growing to the paper's −150 over the run: while a crash costs little the agent
-  learns to fly far, then to be home in time. With −150 from the start it first learns to land at
-  once, and stays there. With −60 at the end a crash can pay: 25 steps ahead it weighs
+- `crash_reward` −10, growing to the −150 of `PAPER` over the run: while a crash costs little the
+  agent learns to fly far, then to be home in time. With −150 from the start it first learns to
+  land at once, and stays there. With −60 at the end a crash can pay: 25 steps ahead it weighs
   0.95²⁵ · 60 = 17, less than the data of a device.
 - `movement_reward` −0.1: with −0.2 the agent leaves distant devices that hold little.
 - `exploring_starts`: half of the episodes start in the middle, so that late states are seen early.
