@@ -185,6 +185,7 @@ LITE = Recipe(
 - `leak`: with plain ReLUs most of the convolutions' kernels fall silent and stay so.
 - `return_steps` 3: rewards reach earlier states in a third of the updates.
 - `learning_rate` twenty times the paper's, falling to 0: fast at first, settled at the end.
+- `amsgrad` off: it is the authors' code's, not the paper's, and makes no difference here.
 - `huber_delta` 10: crashes no longer drown the small differences that decide between actions.
 - `environments` 32 with one update for each step of all: each transition is used 4 times, not 128.
   Flying costs little beside an update, and fresh experience teaches more than old.

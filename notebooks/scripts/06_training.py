@@ -88,14 +88,14 @@ for name, value in LITE.as_json().items():
 
 # %% [markdown]
 # The left column trains for more than a day on a laptop, the right one for about 20 minutes (the shipped
-# agents took twice its steps). The docstring of `LITE` in `recipe.py` gives the reason for each line. Four of
+# agents took two to four times its steps). The docstring of `LITE` in `recipe.py` gives the reason for each line. Four of
 # them are needed below:
 #
 # - `huber_delta`: the loss is the squared error up to this error and grows linearly beyond it, so that a
 #   crash does not drown all else. `None`: squared throughout.
 # - `exploring_starts`: this share of the episodes begins under way, anywhere.
 # - `crash_reward`, `crash_reward_growth`: what a crash costs at first, and over which share of the run that
-#   grows to `crash_reward_end`, which is the paper's −150 in both.
+#   grows to `crash_reward_end`, which is −150 in both.
 # - `return_steps`: how many rewards are summed before the target's Q-value takes over (6.5).
 #
 # ## 6.2 Train one now

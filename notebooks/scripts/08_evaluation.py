@@ -149,7 +149,7 @@ for city, results in cities.items():
 #   those of the paper's on its own maps. A learner has to be very good to be worth its training, and a paper
 #   without such a baseline does not show that it is.
 # - `greedy` collects much but its *return* is lower than its share of data suggests: it flies to the last
-#   unit of data whatever that costs in time.
+#   unit of data whatever that costs in time. On the open field the agent collects less and has the higher return.
 # - On the open field the `genie` of highest return collects *less* than `genie_data`. What is best depends
 #   on what is asked for. The agent was trained with a reward, and judged by data: two different questions.
 #

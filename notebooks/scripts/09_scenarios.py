@@ -74,7 +74,7 @@ show("open_field", [equal, quarter], ["equal data", "a quarter at the far device
 # %% [markdown]
 # The same network, the same places, the same time. With equal data it flies up to the far device, and
 # serves the near one on the way there and on the way back. With a quarter it empties the near device first, and
-# turns back at column 10: five units come through from there.
+# turns back at column 8: five units come through from there.
 # In numbers:
 
 # %%
@@ -226,7 +226,8 @@ print(shares)
 
 # %% [markdown]
 # Even for a single unit it comes near enough: there is time for it, and a step costs a tenth of a unit in the
-# reward that it was trained with.
+# reward that it was trained with. Not so for two units, of which it leaves some: it is learned, not computed, and
+# nothing makes it steady in the amount.
 #
 # **2.** Which step of the flight in 9.6 was the hardest to decide? (The smallest gap between the best and
 # the second-best action.)
