@@ -54,7 +54,6 @@ def quick() -> Recipe:
         movement_reward=-0.2,
         crash_reward=-40.0,
         crash_reward_end=-40.0,
-        exploring_actions=0,
         validation_interval=1_000,
         validation_episodes=50,
     )

@@ -1,3 +1,4 @@
+import copy
 import os
 import signal
 import subprocess
@@ -41,28 +42,43 @@ def test_same_seed_same_weights_other_seed_other_weights(trainer):
     assert not torch.equal(first, other)
 
 
-def test_first_actions_of_exploring_starts_are_uniform(trainer):
-    own = trainer(temperature=1e-6, temperature_end=1e-6, exploring_starts=0.5, exploring_actions=3)
-    while not own.updates:
+def test_two_threads_train_the_same_weights(trainer, corridor, corridor_scenario, quick):
+    two = Trainer(corridor_scenario, quick, 0, corridor, threads=2)
+    assert torch.equal(run(two), run(trainer()))
+    assert two.updates > 400
+
+
+def test_an_error_beside_the_updates_arrives(corridor, corridor_scenario, quick):
+    broken = Trainer(corridor_scenario, quick, 0, corridor, threads=2)
+    broken.environment = None
+    with pytest.raises(AttributeError):
+        broken.step()
+
+
+def test_updates_take_the_minibatch_of_the_step_before(trainer):
+    """Its targets come from the weights before the last update, by the equations."""
+    own = trainer()
+    while own.updates < 3:
         own.step()
-    exploring = ~own.ordinary
-    own.random_actions[:] = 3 * exploring
-    actions = np.array([own._explore(own.state) for _ in range(3)])
-    greedy = own.agent(own.state)
-    assert (actions[:, own.ordinary] == greedy[own.ordinary]).all()
-    assert (own.random_actions == 0).all()
-    assert (own._explore(own.state) == greedy).all()  # and after them it is the policy's turn
-    own.random_actions[:] = 600
-    actions = np.array([own._explore(own.state) for _ in range(600)])
-    counts = np.bincount(actions.ravel(), minlength=6) / actions.size
-    assert np.abs(counts - 1 / 6).max() < 0.03
+    before, minibatch = weights(own), own.minibatch
+    sampled = []
+    sample = own.replay.sample
+    own.replay.sample = lambda *arguments: sampled.append(sample(*arguments)) or sampled[-1]
+    networks = [copy.deepcopy(part) for part in (own.ddqn.online, own.ddqn.target)]
+    own.step()
+    assert own.minibatch is not minibatch and not torch.equal(weights(own), before)
+    (batch,) = sampled
+    q_online, q_target = (part(*own.observation(batch.next_state)) for part in networks)
+    for row in range(0, len(batch.action), 5):
+        best = int(q_online[row].argmax())
+        y = float(batch.reward[row]) + float(batch.discount[row]) * float(q_target[row, best])
+        assert float(own.minibatch.y[row]) == pytest.approx(y, rel=1e-5, abs=1e-5)
 
 
-def test_exploring_starts_are_given_their_random_actions(trainer):
-    own = trainer(exploring_starts=0.5, exploring_actions=3)
-    own._starts(np.arange(8))
-    assert (own.random_actions == np.where(own.ordinary, 0, 3)).all()
-    assert own.ordinary.any() and not own.ordinary.all()
+def test_a_share_of_the_episodes_starts_under_way(trainer):
+    own = trainer(exploring_starts=0.5, environments=32)
+    own._starts(np.arange(32))
+    assert 4 < own.ordinary.sum() < 28
 
 
 def test_global_generators_are_neither_used_nor_changed(trainer):
@@ -246,7 +262,7 @@ def test_the_paper_recipe_runs(corridor, corridor_scenario):
     trainer = Trainer(corridor_scenario, recipe, 0, corridor)
     before = weights(trainer)
     run(trainer)
-    assert trainer.updates == 21  # one a step from the prefill on
+    assert trainer.updates == 20  # one a step, from the one after the prefill on
     assert not torch.equal(weights(trainer), before)
 
 
@@ -268,7 +284,6 @@ def test_recipe_round_trip():
         ("hidden", (256, 0)),
         ("data_scale", -1.0),
         ("exploring_starts", 2.0),
-        ("exploring_actions", -1),
         ("leak", -0.1),
     ],
 )

@@ -84,7 +84,11 @@ def _parser() -> _Parser:
         "--stop-after", type=positive, metavar="STEPS", help="leave the run after so many steps"
     )
     train.add_argument(
-        "--threads", type=positive, default=1, help="processor threads (%(default)s)"
+        "--threads",
+        type=int,
+        choices=(1, 2),
+        default=2,
+        help="2: one flies while the other learns, with the same result (%(default)s)",
     )
     train.add_argument(
         "--tensorboard", action="store_true", help="write event files for TensorBoard, too"
@@ -295,8 +299,9 @@ def _train(options: argparse.Namespace) -> None:
     scenario = replace(find_scenario(options.scenario), **_given(options, Scenario))
     recipe = replace(find_recipe(options.recipe), **_given(options, Recipe))
     out = options.out or f"runs/{scenario.name}-{recipe.name}-{options.seed}"
-    torch.set_num_threads(options.threads)
-    trainer = Trainer(scenario, recipe, options.seed, device=_device(options.device))
+    torch.set_num_threads(1)
+    device = _device(options.device)
+    trainer = Trainer(scenario, recipe, options.seed, device=device, threads=options.threads)
     best = train(
         trainer,
         out,

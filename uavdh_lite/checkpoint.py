@@ -18,7 +18,7 @@ from uavdh_lite.files import data_folder, write_atomically
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
 
-FORMAT = 2
+FORMAT = 3
 
 
 def save(path: str | Path, kind: str, tensors: dict[str, Tensor], about: dict) -> None:
@@ -67,12 +67,14 @@ def load(path: str | Path, kind: str) -> tuple[dict[str, Tensor], dict]:
 def _upgrade(about: dict) -> None:
     """Turn the values of an older format into those of this one, in place.
 
-    Format 1 had recipes with a constant crash reward, and with a field that only training used.
+    Their recipes had fields more, which only training used; in format 1 the crash reward was
+    constant.
     """
-    if about["format"] == 1 and "recipe" in about:
+    if "recipe" in about:
         recipe = about["recipe"]
-        recipe.pop("exploring_least_time", None)
         recipe.setdefault("crash_reward_end", recipe["crash_reward"])
+        for name in ("exploring_least_time", "exploring_actions"):
+            recipe.pop(name, None)
 
 
 def _digest(header: str, tensors: dict[str, Tensor]) -> str:

@@ -54,7 +54,6 @@ class Recipe:
     crash_reward_growth: float = option(0.5, "share of the run in which r_crash changes, linearly")
     movement_reward: float = option(-0.2, "reward for every step that does not land, r_mov")
     exploring_starts: float = option(0.0, "share of episodes that start under way, anywhere")
-    exploring_actions: int = option(0, "first actions of such an episode, drawn uniformly")
     exploring_spare_time: int = option(5, "their least flying time beyond the way home")
     # Validation: the agent kept is the one with the best collection ratio and landed in these
     validation_interval: int = option(50_000, "environment steps between greedy validations")
@@ -96,7 +95,7 @@ class Recipe:
             self._require(name, 0 <= getattr(self, name) <= 1, "between 0 and 1")
         for name in ("strides", "hidden"):
             self._require(name, all(n >= 1 for n in getattr(self, name)), "numbers of at least 1")
-        for name in ("leak", "exploring_actions", "exploring_spare_time"):
+        for name in ("leak", "exploring_spare_time"):
             self._require(name, getattr(self, name) >= 0, "0 or above")
         self._require("learning_rate_end", self.learning_rate_end >= 0, "0 or above")
         self._require("huber_delta", self.huber_delta is None or self.huber_delta > 0, "above 0")
@@ -163,7 +162,6 @@ LITE = Recipe(
     learning_rate=6e-4,
     learning_rate_end=0.0,
     amsgrad=False,
-    huber_delta=10.0,
     environments=32,
     replay_capacity=200_000,
     replay_prefill=10_000,
@@ -174,7 +172,6 @@ LITE = Recipe(
     crash_reward_growth=1.0,
     movement_reward=-0.1,
     exploring_starts=0.5,
-    exploring_actions=3,
     validation_interval=100_000,
 )
 """The same algorithm, made to learn within minutes on a CPU. Each deviation and its reason:
@@ -186,7 +183,6 @@ LITE = Recipe(
 - `return_steps` 3: rewards reach earlier states in a third of the updates.
 - `learning_rate` twenty times the paper's, falling to 0: fast at first, settled at the end.
 - `amsgrad` off: it is the authors' code's, not the paper's, and makes no difference here.
-- `huber_delta` 10: crashes no longer drown the small differences that decide between actions.
 - `environments` 32 with one update for each step of all: each transition is used 4 times, not 128.
   Flying costs little beside an update, and fresh experience teaches more than old.
 - `replay_capacity`: memory is cheap here, about 60 bytes a transition.
@@ -198,8 +194,6 @@ LITE = Recipe(
   0.95²⁵ · 60 = 17, less than the data of a device.
 - `movement_reward` −0.1: with −0.2 the agent leaves distant devices that hold little.
 - `exploring_starts`: half of the episodes start in the middle, so that late states are seen early.
-- `exploring_actions`: their first three actions are random, so that every action is tried
-  everywhere, also where the policy has settled on another.
 """
 
 SMALL = replace(

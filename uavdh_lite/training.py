@@ -1,7 +1,9 @@
 """The training loop: collect, learn, validate; saved and restored whole."""
 
+import copy
 import json
-from dataclasses import asdict, fields
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +13,12 @@ from torch import Tensor
 from uavdh_lite.agent import Agent, build
 from uavdh_lite.checkpoint import load, save
 from uavdh_lite.city import City
-from uavdh_lite.ddqn import DDQN, draw_actions, softmax_policy
+from uavdh_lite.ddqn import DDQN, Networks, draw_actions, softmax_policy
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import TRAINING, VALIDATION, evaluate, stream
 from uavdh_lite.recipe import Recipe
-from uavdh_lite.replay import Batch, Replay
+from uavdh_lite.replay import Replay
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.tables import provenance
 
@@ -24,15 +26,25 @@ BIN = 5000  # environment steps a row of training.csv, as in the paper's figure
 VALIDATION_SEED = 0
 
 
+@dataclass(frozen=True)
+class Minibatch:
+    """What an update learns from: B states, the action taken in each, (B,), and its target y."""
+
+    state: State
+    action: Tensor
+    y: Tensor
+
+
 class Trainer:
     """One training run, step by step; `runs.train` runs it with files and progress.
 
-    It is deterministic: the same scenario, city, recipe, seed, device and number of threads give
-    the same weights on one machine.
+    It is deterministic: the same scenario, city, recipe, seed and device give the same weights on
+    one machine.
 
     Arguments:
         city: the city to fly over; the scenario's own if None.
         device: `cpu` or `cuda`.
+        threads: 1, or 2 to fly beside the updates; the weights are the same.
     """
 
     def __init__(
@@ -42,10 +54,11 @@ class Trainer:
         seed: int,
         city: City | None = None,
         device: str = "cpu",
+        threads: int = 1,
     ):
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
         self.city = city if city is not None else City.load(scenario.city)
-        self.device = torch.device(device)
+        self.device, self.threads = torch.device(device), threads
         self.environment = Environment(self.city)
         self.generator = stream(TRAINING, seed)
         with torch.random.fork_rng(devices=[]):
@@ -57,6 +70,8 @@ class Trainer:
             network.parameters(), recipe.learning_rate, amsgrad=recipe.amsgrad, fused=True
         )
         self.ddqn = DDQN(network, optimiser, recipe.target_update_rate, recipe.huber_delta)
+        self._behind = Networks(copy.deepcopy(network))  # as they were before the update at work
+        self._aside: Executor = ThreadPoolExecutor(1) if threads == 2 else _AtOnce()
         self.replay = Replay(recipe.replay_capacity, recipe.environments, scenario.max_devices)
         self.steps = self.updates = 0
         self.seconds = 0.0  # spent training, resumed parts included
@@ -65,8 +80,7 @@ class Trainer:
         # Of the episodes in the air: whether it had an ordinary start, its reward so far
         self.ordinary = np.ones(recipe.environments, bool)
         self.episode_reward = np.zeros(recipe.environments)
-        # Actions that an exploring start still draws uniformly
-        self.random_actions = np.zeros(recipe.environments, int)
+        self.minibatch: Minibatch | None = None  # for the next update
         self._empty_bin()
         self.state = self._starts(np.arange(recipe.environments))
 
@@ -86,6 +100,7 @@ class Trainer:
             "seconds": round(self.seconds, 1),
             "device": str(self.device),
             **provenance(),
+            "threads": self.threads,
             "validation": self.validation_rows[-1] if self.validation_rows else None,
         }
         parts = (self.ddqn.online, self.observation, self.recipe, self.scenario, self.city)
@@ -101,7 +116,23 @@ class Trainer:
         return all(bool(torch.isfinite(part).all()) for part in parts)
 
     def step(self) -> None:
-        """One step of all environments, and one update once the replay memory is prefilled."""
+        """One step of all environments and, once the replay memory is prefilled, one update.
+
+        The update takes the minibatch that the step before prepared. So flying, sampling and the
+        targets need nothing of it, and a second thread can do them meanwhile. They use the weights
+        from before the update, also when there is one thread: the results are the same.
+        """
+        learning_rate, minibatch = self.recipe.learning_rate_at(self.steps), self.minibatch
+        self._behind.copy_from(self.ddqn)
+        ahead = self._aside.submit(self._fly_and_prepare)
+        if minibatch is not None:
+            self._learn(minibatch, learning_rate)
+        self.minibatch = ahead.result()
+        if self.steps // BIN > (self.steps - self.recipe.environments) // BIN:
+            self._close_bin()
+
+    def _fly_and_prepare(self) -> Minibatch | None:
+        """One step of all environments; then a minibatch, if the replay memory is prefilled."""
         recipe, state = self.recipe, self.state
         action = self._explore(state)
         fading = self.environment.draw_fading(state, self.generator)
@@ -114,26 +145,35 @@ class Trainer:
             after = after.with_rows(ended, self._starts(ended))
         self.state = after
         self.steps += recipe.environments
-        if len(self.replay) >= recipe.replay_prefill:
-            self._learn()
-        if self.steps // BIN > (self.steps - recipe.environments) // BIN:
-            self._close_bin()
+        return self._prepare() if len(self.replay) >= recipe.replay_prefill else None
 
     def _explore(self, state: State) -> np.ndarray:
-        """Actions of the softmax policy; uniform ones until the replay memory is prefilled.
-
-        The first actions of exploring starts are uniform too: so all actions are tried everywhere,
-        also those that the policy has long given up.
-        """
+        """Actions of the softmax policy; uniform ones until the replay memory is prefilled."""
         if len(self.replay) < self.recipe.replay_prefill:
             return self.generator.integers(0, len(ACTIONS), len(state))
         with torch.no_grad():
-            q_values = self.ddqn.online(*self.observation(state))
+            q_values = self._behind.online(*self.observation(state))
         probabilities = softmax_policy(q_values, self.recipe.temperature_at(self.steps))
-        at_random = self.random_actions > 0
-        probabilities[torch.from_numpy(at_random)] = 1 / len(ACTIONS)
-        self.random_actions[at_random] -= 1
         return draw_actions(probabilities, self.generator)
+
+    def _prepare(self) -> Minibatch:
+        recipe = self.recipe
+        batch = self.replay.sample(
+            recipe.batch_size, self.generator, recipe.discount, recipe.return_steps
+        )
+        reward, discount = (
+            torch.from_numpy(array).to(self.device) for array in (batch.reward, batch.discount)
+        )
+        y = self._behind.targets(reward, discount, self.observation(batch.next_state))
+        return Minibatch(batch.state, torch.from_numpy(batch.action).to(self.device), y)
+
+    def _learn(self, minibatch: Minibatch, learning_rate: float) -> None:
+        for group in self.ddqn.optimiser.param_groups:
+            group["lr"] = learning_rate
+        observation = self.observation(minibatch.state)
+        self.bin_loss += self.ddqn.descend(observation, minibatch.action, minibatch.y)
+        self.bin_updates += 1
+        self.updates += 1
 
     def _starts(self, places: np.ndarray) -> State:
         """New episodes for these environments, a share of them exploring starts."""
@@ -148,28 +188,8 @@ class Trainer:
                 ),
             )
         self.ordinary[places] = ~exploring
-        self.random_actions[places] = recipe.exploring_actions * exploring
         self.episode_reward[places] = 0
         return state
-
-    def _learn(self) -> None:
-        recipe = self.recipe
-        for group in self.ddqn.optimiser.param_groups:
-            group["lr"] = recipe.learning_rate_at(self.steps)
-        batch = self.replay.sample(
-            recipe.batch_size, self.generator, recipe.discount, recipe.return_steps
-        )
-        self.bin_loss += self.ddqn.update(*self._to_device(batch))
-        self.bin_updates += 1
-        self.updates += 1
-
-    def _to_device(self, batch: Batch) -> tuple:
-        action, reward, discount = (
-            torch.from_numpy(array).to(self.device)
-            for array in (batch.action, batch.reward, batch.discount)
-        )
-        state, next_state = self.observation(batch.state), self.observation(batch.next_state)
-        return state, action, reward, discount, next_state
 
     def _account(self, end: State, places: np.ndarray) -> None:
         """Add ended episodes to the bin; only ordinary ones, so that the figures compare."""
@@ -216,7 +236,6 @@ class Trainer:
         tensors = {
             "ordinary": torch.from_numpy(self.ordinary),
             "episode_reward": torch.from_numpy(self.episode_reward),
-            "random_actions": torch.from_numpy(self.random_actions),
             "bin_episodes": torch.from_numpy(self.bin_episodes),
             "bin_loss": self.bin_loss,
         }
@@ -227,8 +246,10 @@ class Trainer:
             tensors |= {f"optimiser.{index}.{name}": value for name, value in moments.items()}
         for name, array in self.replay.arrays().items():
             tensors[f"replay.{name}"] = torch.from_numpy(array)
-        for field in fields(State):
-            tensors[f"state.{field.name}"] = torch.from_numpy(getattr(self.state, field.name))
+        tensors |= _tensors("state.", self.state)
+        if self.minibatch is not None:
+            tensors |= _tensors("minibatch.state.", self.minibatch.state)
+            tensors |= {"minibatch.action": self.minibatch.action, "minibatch.y": self.minibatch.y}
         about = self._identity() | {
             "generator": self.generator.bit_generator.state,
             "replay": [self.replay.head, self.replay.filled],
@@ -263,7 +284,7 @@ class Trainer:
             if about.get(name) != value:
                 difference = _difference(about.get(name), value)
                 raise InputError(f"{path}: another {name} than asked for{difference}")
-        for name in ("ordinary", "episode_reward", "random_actions", "bin_episodes"):
+        for name in ("ordinary", "episode_reward", "bin_episodes"):
             setattr(self, name, tensors[name].numpy())
         self.bin_loss = tensors["bin_loss"].to(self.device)
         for part in ("online", "target"):
@@ -276,15 +297,35 @@ class Trainer:
         self.ddqn.optimiser.load_state_dict({"state": moments, "param_groups": groups})
         for name, array in self.replay.arrays().items():
             array[:] = tensors[f"replay.{name}"].numpy()
-        self.state = State(**{k: v.numpy() for k, v in _under("state.", tensors).items()})
+        self.state = _state("state.", tensors)
+        if "minibatch.y" in tensors:
+            action, y = (tensors[f"minibatch.{name}"].to(self.device) for name in ("action", "y"))
+            self.minibatch = Minibatch(_state("minibatch.state.", tensors), action, y)
         self.generator.bit_generator.state = about["generator"]
         self.replay.head, self.replay.filled = about["replay"]
         for name, value in about["counters"].items():
             setattr(self, name, value)
 
 
+class _AtOnce(Executor):
+    """An executor that does the work at once, in the calling thread."""
+
+    def submit(self, function, /, *arguments, **options) -> Future:
+        done: Future = Future()
+        done.set_result(function(*arguments, **options))
+        return done
+
+
 def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
     return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+
+
+def _tensors(prefix: str, state: State) -> dict[str, Tensor]:
+    return {prefix + f.name: torch.from_numpy(getattr(state, f.name)) for f in fields(State)}
+
+
+def _state(prefix: str, tensors: dict[str, Tensor]) -> State:
+    return State(**{name: value.numpy() for name, value in _under(prefix, tensors).items()})
 
 
 def _difference(saved, asked) -> str:
