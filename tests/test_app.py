@@ -172,11 +172,13 @@ def test_keys_move_sliders_place_devices_and_scrub(page):
     page.keyboard.press("ArrowLeft")
     until(page, lambda: table(lab)[0]["time left"].endswith(f"of {given - 1}"))
 
+    before = collected(lab)[1]
     lab.get_by_role("spinbutton", name="row").fill("8")
     lab.get_by_role("spinbutton", name="column").fill("8")
     lab.get_by_role("spinbutton", name="column").press("Tab")
     page.keyboard.press("Enter")
     expect(lab.get_by_role("slider", name="data of 2")).to_be_visible()
+    until(page, lambda: collected(lab)[1] > before)  # the slider comes first, then the flight
 
     end = table(lab)[0]["time left"]
     step = lab.get_by_role("slider", name="step")

@@ -169,13 +169,20 @@ def test_written_files_have_the_usual_permissions(tmp_path):
     assert (tmp_path / "a").stat().st_mode == (tmp_path / "b").stat().st_mode
 
 
-def test_a_checkpoint_of_an_older_format_still_decides_as_it_did():
-    """`tests/data/format1.safetensors` was written by the first version of the library."""
-    agent = load_agent(Path(__file__).parent / "data" / "format1.safetensors")
+OLDER = {  # by format: Q-values of two states, crash rewards at the start and at the end
+    1: ([[-0.0950597, 0.2940438, 0.1925371], [-0.1017702, 0.3038139, 0.1961779]], (-40, -40)),
+    2: ([[0.6350755, 0.3239658, 0.2056790], [0.6246894, 0.3164198, 0.1991273]], (-5, -20)),
+}
+
+
+@pytest.mark.parametrize("number", OLDER)
+def test_a_checkpoint_of_an_older_format_still_decides_as_it_did(number):
+    """`tests/data/formatN.safetensors` was written when N was the current format."""
+    agent = load_agent(Path(__file__).parent / "data" / f"format{number}.safetensors")
     state = agent.scenario.sample(agent.city, 3, np.random.default_rng(0))
-    expected = [[-0.0950597, 0.2940438, 0.1925371], [-0.1017702, 0.3038139, 0.1961779]]
+    expected, crash_rewards = OLDER[number]
     assert agent.q_values(state)[:2, :3].numpy() == pytest.approx(np.array(expected), abs=1e-6)
-    assert agent.recipe.crash_reward == agent.recipe.crash_reward_end == -40
+    assert (agent.recipe.crash_reward, agent.recipe.crash_reward_end) == crash_rewards
 
 
 def test_an_older_agent_is_saved_in_the_new_format(tmp_path):
