@@ -1,6 +1,6 @@
 """What a training takes: minutes, memory and size of the checkpoint, by city and recipe.
 
-    python benchmarks/resources.py [--threads 1] [--seconds 20]
+    python benchmarks/resources.py [--threads 2] [--seconds 20]
 
 Each row is a process of its own that trains for some seconds after the prefill. Its minutes are
 those of the whole recipe at that speed, validations included; its memory is the most that the
@@ -28,17 +28,18 @@ def measure(scenario_name: str, recipe_name: str, threads: int, seconds: float) 
     import torch
 
     from uavdh_lite.checkpoint import save_agent
+    from uavdh_lite.city import City
     from uavdh_lite.recipe import find_recipe
     from uavdh_lite.runs import keep_freed_memory
     from uavdh_lite.scenario import find_scenario
     from uavdh_lite.training import Trainer
 
-    torch.set_num_threads(threads)
+    torch.set_num_threads(1)
     keep_freed_memory()
     scenario, recipe = find_scenario(scenario_name), find_recipe(recipe_name)
-    trainer = Trainer(scenario, recipe, seed=0)
-    if trainer.city.size > 16:
-        trainer = Trainer(scenario, replace(recipe, observation="global_local"), seed=0)
+    if City.load(scenario.city).size > 16:
+        recipe = replace(recipe, observation="global_local")
+    trainer = Trainer(scenario, recipe, seed=0, threads=threads)
     while trainer.updates < 20:
         trainer.step()
     updates, started = trainer.updates, time.perf_counter()
@@ -65,7 +66,7 @@ def measure(scenario_name: str, recipe_name: str, threads: int, seconds: float) 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--threads", type=int, choices=(1, 2), default=2)
     parser.add_argument("--seconds", type=float, default=20, help="of training, a row")
     parser.add_argument("--row", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()

@@ -3,8 +3,9 @@
     python benchmarks/training.py [--recipe lite] [--seconds 20]
 
 The bare loop makes the same DDQN update (network, minibatch, optimiser) on tensors that are there
-already; the training loop also flies, explores, stores, samples and builds the maps. They take
-turns, second by second, so that a noisy machine disturbs both alike.
+already, on one thread; the training loop also flies, explores, stores, samples and builds the maps,
+on one thread or on two. They take turns, second by second, so that a noisy machine disturbs all
+alike.
 """
 
 import argparse
@@ -19,8 +20,8 @@ from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.training import Trainer
 
 
-def trainer(recipe) -> Trainer:
-    run = Trainer(SCENARIOS["manhattan"], recipe, seed=0)
+def trainer(recipe, threads: int = 1) -> Trainer:
+    run = Trainer(SCENARIOS["manhattan"], recipe, seed=0, threads=threads)
     while not run.updates:
         run.step()
     return run
@@ -57,20 +58,18 @@ def count(action, seconds: float) -> int:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--recipe", default="lite")
-    parser.add_argument("--seconds", type=int, default=20, help="for each of the two")
+    parser.add_argument("--seconds", type=int, default=20, help="for each of the three")
     options = parser.parse_args()
     recipe = replace(find_recipe(options.recipe), replay_prefill=2_000)
+    torch.set_num_threads(1)
     keep_freed_memory()  # as `train` does
-    for threads in (1, 2):
-        torch.set_num_threads(threads)
-        loop, bare = trainer(recipe), bare_update(trainer(recipe))
-        updates = {"loop": 0, "bare": 0}
-        for _ in range(options.seconds):
-            updates["loop"] += count(loop.step, 1.0)
-            updates["bare"] += count(bare, 1.0)
-        speed = {name: number / options.seconds for name, number in updates.items()}
-        print(
-            f"{recipe.name}, {threads} threads: training loop {speed['loop']:.1f} updates/s, "
-            f"bare {speed['bare']:.1f}, ratio {speed['loop'] / speed['bare']:.2f}; "
-            f"{loop.replay.bytes_per_transition:.0f} bytes a transition"
-        )
+    one, two = (trainer(recipe, threads) for threads in (1, 2))
+    loops = {"one thread": one.step, "two threads": two.step, "bare": bare_update(trainer(recipe))}
+    updates = dict.fromkeys(loops, 0)
+    for _ in range(options.seconds):
+        for name, step in loops.items():
+            updates[name] += count(step, 1.0)
+    for name, number in updates.items():
+        speed, share = number / options.seconds, number / updates["bare"]
+        print(f"{recipe.name}, {name:<12}{speed:6.1f} updates/s, {share:.2f} of the bare loop's")
+    print(f"{one.replay.bytes_per_transition:.0f} bytes a transition")
