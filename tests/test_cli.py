@@ -113,7 +113,7 @@ def test_help_explains_every_field(capsys):
         ("train --discount 2", "discount is 2.0, must be between 0 and 1"),
         ("train --discount much", "argument --discount: invalid float value: 'much'"),
         ("train --seed -1", "'-1' is not a whole number"),
-        ("train --threads 0", "'0' is not a whole number of at least 1"),
+        ("train --threads 0", "argument --threads: invalid choice: 0 (choose from 1, 2)"),
         ("train --seed 99999999999999999999", "seed 99999999999999999999: must be a whole number"),
         ("train --crash-reward nan", "crash_reward is nan, must be a finite number"),
         ("train --strides 0", "strides is (0,), must be numbers of at least 1"),
