@@ -70,8 +70,8 @@ class Trainer:
             network.parameters(), recipe.learning_rate, amsgrad=recipe.amsgrad, fused=True
         )
         self.ddqn = DDQN(network, optimiser, recipe.target_update_rate, recipe.huber_delta)
-        self._behind = Networks(copy.deepcopy(network))  # as they were before the update at work
-        self._aside: Executor = ThreadPoolExecutor(1) if threads == 2 else _AtOnce()
+        self._before = Networks(copy.deepcopy(network))  # as they were before the update at work
+        self._helper: Executor = ThreadPoolExecutor(1) if threads == 2 else _AtOnce()
         self.replay = Replay(recipe.replay_capacity, recipe.environments, scenario.max_devices)
         self.steps = self.updates = 0
         self.seconds = 0.0  # spent training, resumed parts included
@@ -123,8 +123,8 @@ class Trainer:
         from before the update, also when there is one thread: the results are the same.
         """
         learning_rate, minibatch = self.recipe.learning_rate_at(self.steps), self.minibatch
-        self._behind.copy_from(self.ddqn)
-        ahead = self._aside.submit(self._fly_and_prepare)
+        self._before.copy_from(self.ddqn)
+        ahead = self._helper.submit(self._fly_and_prepare)
         if minibatch is not None:
             self._learn(minibatch, learning_rate)
         self.minibatch = ahead.result()
@@ -152,7 +152,7 @@ class Trainer:
         if len(self.replay) < self.recipe.replay_prefill:
             return self.generator.integers(0, len(ACTIONS), len(state))
         with torch.no_grad():
-            q_values = self._behind.online(*self.observation(state))
+            q_values = self._before.online(*self.observation(state))
         probabilities = softmax_policy(q_values, self.recipe.temperature_at(self.steps))
         return draw_actions(probabilities, self.generator)
 
@@ -164,7 +164,7 @@ class Trainer:
         reward, discount = (
             torch.from_numpy(array).to(self.device) for array in (batch.reward, batch.discount)
         )
-        y = self._behind.targets(reward, discount, self.observation(batch.next_state))
+        y = self._before.targets(reward, discount, self.observation(batch.next_state))
         return Minibatch(batch.state, torch.from_numpy(batch.action).to(self.device), y)
 
     def _learn(self, minibatch: Minibatch, learning_rate: float) -> None:

@@ -63,20 +63,25 @@ figure
 #
 # ## 6.1 One step of the loop
 #
-# All that happens in training happens in this method:
+# All that happens in training happens in these two methods:
 
 # %%
 print(inspect.getsource(Trainer.step))
+print(inspect.getsource(Trainer._fly_and_prepare))
 
 # %% [markdown]
 # 1. **Act.** The softmax policy chooses an action for each of the environments that fly side by side. (Until
-#    the memory is filled enough, and for the first actions of exploring starts, all actions are equally
-#    likely.) The environment answers with the next state.
+#    the memory is filled enough, all actions are equally likely.) The environment answers with the next state.
 # 2. **Remember.** The transitions, from state to state, go into the replay memory, with the reward that the
 #    *recipe* makes of the outcome. The agent learns from that one; the curve below adds up the paper's.
 # 3. **Account and restart.** Episodes that ended are counted in the current row of `training.csv`, and
 #    new ones start in their places.
-# 4. **Learn.** Once the memory is filled enough, one minibatch, one gradient step, one soft update.
+# 4. **Prepare.** Once the memory is filled enough, a minibatch is drawn and its targets are computed.
+# 5. **Learn**, from the minibatch that the step before prepared: one gradient step, one soft update.
+#
+# Numbers 1 to 4 use a copy of the networks from before the update. So they need not wait for number 5, nor it for
+# them, and two threads do them side by side (`--threads 2`). The price is that targets are one gradient step old, of
+# about 60,000. One thread computes the same, to the last bit.
 #
 # Everything that the loop depends on is in a *recipe*. Two come with the library, the paper's and ours:
 
