@@ -1,9 +1,8 @@
 """What repeats to the last bit on one machine, and what may differ between machines.
 
-On one machine, a seed, a recipe, a device and a number of threads fix every weight, however many
-processes run side by side. Another processor, number of threads or version of PyTorch adds floats
-up in another order: a training then goes its own way, with results that spread as those of other
-seeds do. Evaluating a given agent changes only where two Q-values are nearly equal.
+On one machine, a seed, a recipe and a device fix every weight, on one thread or on two, however
+many processes run side by side. Another processor or version of PyTorch adds floats up in another
+order: a training then goes its own way, with results that spread as those of other seeds do. Evaluating a given agent changes only where two Q-values are nearly equal.
 """
 
 import os
