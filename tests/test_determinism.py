@@ -2,7 +2,8 @@
 
 On one machine, a seed, a recipe and a device fix every weight, on one thread or on two, however
 many processes run side by side. Another processor or version of PyTorch adds floats up in another
-order: a training then goes its own way, with results that spread as those of other seeds do. Evaluating a given agent changes only where two Q-values are nearly equal.
+order: a training then goes its own way, with results that spread as those of other seeds do.
+Evaluating a given agent changes only where two Q-values are nearly equal.
 """
 
 import os
