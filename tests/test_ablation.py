@@ -114,7 +114,7 @@ def test_each_deviation_is_undone_alone():
     assert variants.pop("all") == LITE
     assert variants["without_layer_norm"] == replace(LITE, layer_norm=False)
     assert variants["without_learning_rate"].learning_rate == PAPER.learning_rate
-    assert len(variants) == 10 and all(recipe != LITE for recipe in variants.values())
+    assert len(variants) == 11 and all(recipe != LITE for recipe in variants.values())
     assert deviations(PAPER) == {"all": PAPER}
     assert set(centring(LITE)) == {"centred", "non_centred"}
 

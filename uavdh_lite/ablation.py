@@ -28,6 +28,7 @@ DEVIATIONS = {
     "leaky_relus": ("leak",),
     "return_steps": ("return_steps",),
     "learning_rate": ("learning_rate", "learning_rate_end"),
+    "huber_loss": ("huber_delta",),
     "replay": ("replay_capacity", "replay_prefill"),
     "temperature": ("temperature",),
     "crash_reward": ("crash_reward", "crash_reward_end"),

@@ -93,9 +93,11 @@ for name, value in LITE.as_json().items():
 
 # %% [markdown]
 # The left column trains for more than a day on a laptop, the right one for about 20 minutes (the shipped
-# agents took two to four times its steps). The docstring of `LITE` in `recipe.py` gives the reason for each line. Three
-# of them are needed below:
+# agents took two to four times its steps). The docstring of `LITE` in `recipe.py` gives the reason for each line. Four of
+# them are needed below:
 #
+# - `huber_delta`: the loss is the squared error up to this error and grows linearly beyond it, so that a
+#   crash does not drown all else. `None`: squared throughout.
 # - `exploring_starts`: this share of the episodes begins under way, anywhere.
 # - `crash_reward`, `crash_reward_growth`: what a crash costs at first, and over which share of the run that
 #   grows to `crash_reward_end`, which is −150 in both.
@@ -204,13 +206,13 @@ Quiz("huge_penalty")
 
 # %% [markdown]
 # **The agent that crashes.** Data is worth a few points a step, and the crash comes at the very end. With
-# a small penalty the agent accepts it. **The lazy agent.** With a large penalty and little exploration
-# the fear of the crash drowns all else: the agent finds that landing at once is safe, and then it never
-# sees again what it could have collected. Both in the village:
+# a small penalty the agent accepts it. **The lazy agent.** With a large penalty, little exploration and
+# errors that are squared, the fear of the crash drowns all else: the agent finds that landing at once is
+# safe, and then it never sees again what it could have collected. Both in the village:
 
 # %%
 crashing = train_village(steps=20_000, crash_reward=-1.0, crash_reward_end=-1.0)
-lazy = train_village(steps=20_000, crash_reward=-150.0, crash_reward_end=-150.0,
+lazy = train_village(steps=20_000, crash_reward=-150.0, crash_reward_end=-150.0, huber_delta=None,
                      temperature=0.1, exploring_starts=0.0)
 draw_runs([crashing, lazy], ["crashing", "lazy"])
 
@@ -331,8 +333,9 @@ for name, row in ends.items():
 # **3.** Mend the lazy agent: give it back one setting of the recipe at a time. Which one alone suffices?
 
 # %%
-sick = {"crash_reward": -150.0, "crash_reward_end": -150.0, "temperature": 0.1, "exploring_starts": 0.0}
-cures = {"crash reward": ("crash_reward", "crash_reward_end"), "temperature": ("temperature",)}
+sick = {"crash_reward": -150.0, "crash_reward_end": -150.0, "huber_delta": None, "temperature": 0.1,
+        "exploring_starts": 0.0}
+cures = {"crash reward": ("crash_reward", "crash_reward_end"), "Huber loss": ("huber_delta",)}
 mended = {}
 for name, fields in cures.items():
     given_back = {field: value for field, value in sick.items() if field not in fields}
@@ -342,7 +345,7 @@ for name, fields in cures.items():
 assert max(mended, key=mended.get) == "crash reward"
 
 # %% [markdown]
-# Exploring starts alone do not mend it either; try them in the same way.
+# The other two, temperature and exploring starts, do not mend it either; try them in the same way.
 #
 # ## Further reading
 #

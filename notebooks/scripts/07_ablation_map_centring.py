@@ -53,8 +53,8 @@ figure
 #
 # Six training runs: two kinds of map, three seeds each. All else is equal: the recipe, the number of steps,
 # the validation missions, and the distribution that training missions are drawn from (the draws themselves
-# part as soon as the policies differ). The recipe is `lite` when it still had a Huber loss and random first
-# actions in its exploring starts. One command ran them:
+# part as soon as the policies differ). The recipe is `lite` when the first three actions of
+# its exploring starts were still random. One command ran them:
 
 # %%
 about = json.loads((STUDY / "about.json").read_text())

@@ -146,6 +146,7 @@ LAZY = replace(
     steps=20_000,
     crash_reward=-150.0,
     crash_reward_end=-150.0,
+    huber_delta=None,
     temperature=0.1,
     exploring_starts=0.0,
 )
@@ -185,11 +186,11 @@ MISTAKES = {
         (replace(SMALL, steps=24_000), "crash_reward_end is -20"),
         ({"crash_reward": -2.0}, "A Recipe is expected"),
         (
-            replace(LAZY, steps=2_400),
+            replace(LAZY, steps=2_400, huber_delta=10.0),
             "costs 150 from the very start.*2,400 steps only",
         ),
         (
-            replace(LAZY, steps=2_400, crash_reward=-5.0),
+            replace(LAZY, steps=2_400, crash_reward=-5.0, huber_delta=10.0),
             "costs 150 at the end .crash_reward_end.*40 are enough",
         ),
     ],

@@ -321,6 +321,7 @@ LAZY = replace(
     steps=20_000,
     crash_reward=-150.0,
     crash_reward_end=-150.0,
+    huber_delta=None,
     temperature=0.1,
     exploring_starts=0.0,
 )
@@ -342,6 +343,7 @@ MENDED = replace(
     steps=MOST_STEPS,
     crash_reward=-2.0,
     crash_reward_end=LEAST_PENALTY,
+    huber_delta=10.0,
     temperature=1.0,
 )
 
@@ -351,7 +353,7 @@ def _draw_schedules(ax):
         steps = np.linspace(0, recipe.steps, 101)
         crash = [recipe.rewards_at(step).crash for step in steps]
         warm = recipe.temperature
-        label = f"{recipe.name}: β = {warm:g} at first"
+        label = f"{recipe.name}: β = {warm:g} at first, Huber loss: {recipe.huber_delta or 'none'}"
         ax.plot(steps / 1000, crash, style, label=label)
     ax.set(
         xlabel="thousand environment steps",
@@ -372,7 +374,7 @@ def _draw_schedules(ax):
         "collect. Must a crash cost as much at the beginning of the training as at its end?",
         "Begin with a crash_reward of a few points, comparable with the data that a step brings, "
         "and let it grow to crash_reward_end. Explore more while the Q-values are still wrong "
-        "(temperature about 1) and use all the steps.",
+        "(temperature about 1), limit the pull of large errors (huber_delta), use all the steps.",
     ),
     figure=_draw_schedules,
 )

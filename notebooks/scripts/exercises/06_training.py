@@ -109,7 +109,7 @@ for name, shares in runs.items():
 # its flying time and collects nothing.
 
 # %%
-lazy = replace(SMALL, name="lazy", steps=20_000, crash_reward=-150.0, crash_reward_end=-150.0,
+lazy = replace(SMALL, name="lazy", steps=20_000, crash_reward=-150.0, crash_reward_end=-150.0, huber_delta=None,
                temperature=0.1, exploring_starts=0.0)
 
 # %% [markdown]
@@ -131,8 +131,6 @@ for name in MAY_CHANGE:
 # - `temperature` goes to `temperature_end` in the same way, during the first `temperature_decay` of the run. The
 #   higher, the more it explores.
 # - `exploring_starts`: so large a share of the training episodes begins under way, anywhere.
-# - `huber_delta`: the loss is the squared error up to this error and grows linearly beyond it, so that a crash does not
-#   drown all else. `None`: squared throughout.
 #
 # The check trains your recipe with seed 0 and flies the agent, as it is at the end, greedily through 500 test missions of
 # the village. That takes about half a minute on a quiet machine.
@@ -140,7 +138,8 @@ for name in MAY_CHANGE:
 # %%
 # Replace the line below by your recipe: mended = replace(lazy, ...)
 ### BEGIN SOLUTION
-mended = replace(lazy, name="mended", steps=24_000, crash_reward=-2.0, crash_reward_end=-40.0, temperature=1.0)
+mended = replace(lazy, name="mended", steps=24_000, crash_reward=-2.0, crash_reward_end=-40.0, huber_delta=10.0,
+                 temperature=1.0)
 ### END SOLUTION
 
 # %%
