@@ -330,22 +330,25 @@ for name, row in ends.items():
 # %% [markdown]
 # The lazy one.
 #
-# **3.** Mend the lazy agent: give it back one setting of the recipe at a time. Which one alone suffices?
+# **3.** Mend the lazy agent: give it back settings of the recipe. Does one alone suffice?
 
 # %%
 sick = {"crash_reward": -150.0, "crash_reward_end": -150.0, "huber_delta": None, "temperature": 0.1,
         "exploring_starts": 0.0}
 cures = {"crash reward": ("crash_reward", "crash_reward_end"), "Huber loss": ("huber_delta",)}
+cures["both"] = cures["crash reward"] + cures["Huber loss"]
 mended = {}
 for name, fields in cures.items():
     given_back = {field: value for field, value in sick.items() if field not in fields}
     row = train_village(steps=20_000, **given_back).validation_rows[-1]
     mended[name] = row["collection_ratio_and_landed"]
     print(f"{name:<18}landed {row['has_landed']:.0%}, collected and landed {mended[name]:.0%}")
-assert max(mended, key=mended.get) == "crash reward"
+assert mended["both"] > 0.25
 
 # %% [markdown]
-# The other two, temperature and exploring starts, do not mend it either; try them in the same way.
+# Not with this seed: it takes a crash that costs little at first, and a loss that does not square what it costs. The
+# other two, temperature and exploring starts, change little; try them in the same way, and other seeds: with
+# some, the crash reward is enough.
 #
 # ## Further reading
 #
