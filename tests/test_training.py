@@ -75,6 +75,14 @@ def test_updates_take_the_minibatch_of_the_step_before(trainer):
         assert float(own.minibatch.y[row]) == pytest.approx(y, rel=1e-5, abs=1e-5)
 
 
+def test_a_cold_policy_is_greedy(trainer):
+    own = trainer(temperature=1e-6, temperature_end=1e-6)
+    while own.updates < 3:
+        own.step()
+    own._before.copy_from(own.ddqn)
+    assert (own._explore(own.state) == own.agent(own.state)).all()
+
+
 def test_a_share_of_the_episodes_starts_under_way(trainer):
     own = trainer(exploring_starts=0.5, environments=32)
     own._starts(np.arange(32))

@@ -70,7 +70,7 @@ def _upgrade(about: dict) -> None:
     Their recipes had fields more, which only training used; in format 1 the crash reward was
     constant.
     """
-    if "recipe" in about:
+    if about["format"] < FORMAT and "recipe" in about:
         recipe = about["recipe"]
         recipe.setdefault("crash_reward_end", recipe["crash_reward"])
         for name in ("exploring_least_time", "exploring_actions"):

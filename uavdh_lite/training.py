@@ -161,11 +161,12 @@ class Trainer:
         batch = self.replay.sample(
             recipe.batch_size, self.generator, recipe.discount, recipe.return_steps
         )
-        reward, discount = (
-            torch.from_numpy(array).to(self.device) for array in (batch.reward, batch.discount)
+        action, reward, discount = (
+            torch.from_numpy(array).to(self.device)
+            for array in (batch.action, batch.reward, batch.discount)
         )
         y = self._before.targets(reward, discount, self.observation(batch.next_state))
-        return Minibatch(batch.state, torch.from_numpy(batch.action).to(self.device), y)
+        return Minibatch(batch.state, action, y)
 
     def _learn(self, minibatch: Minibatch, learning_rate: float) -> None:
         for group in self.ddqn.optimiser.param_groups:

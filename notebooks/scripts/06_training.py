@@ -296,7 +296,7 @@ for name, flown in flights.items():
 #
 # ## Recap
 #
-# - A training step: act, remember, account, learn. A recipe holds every constant, a seed the rest.
+# - A training step: act, remember, account, prepare, learn. A recipe holds every constant, a seed the rest.
 # - Watch *landed*, *collected* and *time used* together, of the greedy policy, on missions of their own.
 # - The crash penalty decides most between crashing, laziness and learning.
 #

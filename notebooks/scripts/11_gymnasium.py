@@ -22,8 +22,12 @@ import gymnasium
 import numpy as np
 from matplotlib.figure import Figure
 
+import torch
+
 import uavdh_lite.gym
 from uavdh_lite.tables import read_table
+
+torch.set_num_threads(1)  # two wait for each other where the cores are busy
 
 # %%
 METRIC = "collection_ratio_and_landed"
@@ -104,7 +108,7 @@ many = {mode: gymnasium.make_vec("uavdh_lite/DataHarvesting-v0", 64, vectorizati
 turns = [{mode: steps_per_second(envs) for mode, envs in many.items()} for _ in range(5)]
 speed = {mode: max(turn[mode] for turn in turns) for mode in many}  # the best of five: other work disturbs both
 print(f"64 episodes: {speed['vector_entry_point'] / speed['sync']:.0f} times the steps of a loop over 64 environments")
-assert speed["vector_entry_point"] > 2 * speed["sync"]
+assert speed["vector_entry_point"] > 3 * speed["sync"]
 
 # %% [markdown]
 # Where an episode ends, a vectorised environment has to begin another. Ours does it in the same step: the
