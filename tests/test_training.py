@@ -48,6 +48,12 @@ def test_two_threads_train_the_same_weights(trainer, corridor, corridor_scenario
     assert two.updates > 400
 
 
+@pytest.mark.parametrize("threads", [0, 3])
+def test_another_number_of_threads_is_refused(threads, corridor, corridor_scenario, quick):
+    with pytest.raises(InputError, match=f"threads is {threads}: a training run takes 1 or 2"):
+        Trainer(corridor_scenario, quick, 0, corridor, threads=threads)
+
+
 def test_an_error_beside_the_updates_arrives(corridor, corridor_scenario, quick):
     broken = Trainer(corridor_scenario, quick, 0, corridor, threads=2)
     broken.environment = None

@@ -92,26 +92,29 @@ class Observation(nn.Module):
 
     def centred_map(self, uav: Tensor, devices: Tensor, data: Tensor) -> Tensor:
         """All layers shifted so that the UAV's cell is in the middle; (B, 5, W, W)."""
-        city = self.windows.index_select(0, uav).float()
         shift_row, shift_col = self.size - 1 - uav // self.size, self.size - 1 - uav % self.size
-        return torch.cat([city, self._data_layers(devices, data, shift_row, shift_col)], 1)
+        city = self.windows.index_select(0, uav)
+        return self._maps(city, devices, data, shift_row, shift_col)
 
     def in_place_map(self, uav: Tensor, devices: Tensor, data: Tensor) -> Tensor:
         """All layers in place, and where the UAV is; (B, 6, W, W)."""
-        city = self.in_place.expand(len(uav), -1, -1, -1)
         shift = torch.full_like(uav, self.before)
+        maps = self._maps(self.in_place, devices, data, shift, shift)
         cell = (uav // self.size + shift) * self.width + uav % self.size + shift
-        position = one_hot(cell, self.width**2).to(city.dtype)
-        position = position.view(-1, 1, self.width, self.width)
-        return torch.cat([city, self._data_layers(devices, data, shift, shift), position], 1)
+        position = one_hot(cell, self.width**2).to(maps.dtype)
+        return torch.cat([maps, position.view(-1, 1, self.width, self.width)], 1)
 
-    def _data_layers(self, devices: Tensor, data: Tensor, row: Tensor, col: Tensor) -> Tensor:
-        """Data left and collected at the devices' cells, shifted by (row, col); (B, 2, W, W)."""
+    def _maps(
+        self, city: Tensor, devices: Tensor, data: Tensor, row: Tensor, col: Tensor
+    ) -> Tensor:
+        """The city's layers, and data left and collected at the devices' cells shifted by
+        (row, col); (B, 5, W, W)."""
         cell = (devices // self.size + row[:, None]) * self.width
         cell = cell + devices % self.size + col[:, None]
-        layers = data.new_zeros(len(devices), 2, self.width**2)
-        layers.scatter_add_(2, cell[:, None].expand(-1, 2, -1), data)
-        return layers.view(-1, 2, self.width, self.width)
+        maps = data.new_zeros(len(devices), len(LAYERS), self.width, self.width)
+        maps[:, :3] = city
+        maps.view(*maps.shape[:2], -1)[:, 3:].scatter_add_(2, cell[:, None].expand(-1, 2, -1), data)
+        return maps
 
 
 def _surround(layers: np.ndarray, before: int, after: int) -> Tensor:

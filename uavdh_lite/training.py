@@ -28,9 +28,11 @@ VALIDATION_SEED = 0
 
 @dataclass(frozen=True)
 class Minibatch:
-    """What an update learns from: B states, the action taken in each, (B,), and its target y."""
+    """What an update learns from: B states, what the network sees of them, the action taken in
+    each, (B,), and its target y."""
 
     state: State
+    observation: tuple[list[Tensor], Tensor]
     action: Tensor
     y: Tensor
 
@@ -45,6 +47,8 @@ class Trainer:
         city: the city to fly over; the scenario's own if None.
         device: `cpu` or `cuda`.
         threads: 1, or 2 to fly beside the updates; the weights are the same.
+
+    Raises `InputError` for another number of threads.
     """
 
     def __init__(
@@ -56,6 +60,8 @@ class Trainer:
         device: str = "cpu",
         threads: int = 1,
     ):
+        if threads not in (1, 2):
+            raise InputError(f"threads is {threads}: a training run takes 1 or 2")
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
         self.city = city if city is not None else City.load(scenario.city)
         self.device, self.threads = torch.device(device), threads
@@ -166,13 +172,12 @@ class Trainer:
             for array in (batch.action, batch.reward, batch.discount)
         )
         y = self._before.targets(reward, discount, self.observation(batch.next_state))
-        return Minibatch(batch.state, action, y)
+        return Minibatch(batch.state, self.observation(batch.state), action, y)
 
     def _learn(self, minibatch: Minibatch, learning_rate: float) -> None:
         for group in self.ddqn.optimiser.param_groups:
             group["lr"] = learning_rate
-        observation = self.observation(minibatch.state)
-        self.bin_loss += self.ddqn.descend(observation, minibatch.action, minibatch.y)
+        self.bin_loss += self.ddqn.descend(minibatch.observation, minibatch.action, minibatch.y)
         self.bin_updates += 1
         self.updates += 1
 
@@ -301,7 +306,8 @@ class Trainer:
         self.state = _state("state.", tensors)
         if "minibatch.y" in tensors:
             action, y = (tensors[f"minibatch.{name}"].to(self.device) for name in ("action", "y"))
-            self.minibatch = Minibatch(_state("minibatch.state.", tensors), action, y)
+            state = _state("minibatch.state.", tensors)
+            self.minibatch = Minibatch(state, self.observation(state), action, y)
         self.generator.bit_generator.state = about["generator"]
         self.replay.head, self.replay.filled = about["replay"]
         for name, value in about["counters"].items():
