@@ -354,4 +354,4 @@ assert mended["both"] > 0.25
 #
 # - Henderson et al.: *Deep Reinforcement Learning that Matters*, AAAI 2018: seeds, and what curves hide.
 # - Andrychowicz et al.: *What Matters in On-Policy Reinforcement Learning?*, ICLR 2021: a study of knobs.
-# - `data/runs/README.md`: every experiment that led to the recipe, also those that failed.
+# - `data/runs/what_led_to_lite.md`: every experiment that led to the recipe, also those that failed.
