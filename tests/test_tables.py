@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from uavdh_lite.errors import InputError
+from uavdh_lite.recipe import Recipe
 from uavdh_lite.runs import train
 from uavdh_lite.tables import provenance, read_table, write_table
 from uavdh_lite.training import Trainer
@@ -54,3 +55,5 @@ def test_a_run_tells_how_it_was_made(corridor, corridor_scenario, quick, tmp_pat
     assert about["steps"] == 640 and about["seconds"] > 0
     assert about.items() >= provenance().items()
     assert about["validation"]["steps"] == 640
+    assert Recipe.from_json(about["recipe"]) == recipe
+    assert about["scenario"]["name"] == corridor_scenario.name

@@ -40,7 +40,7 @@ def train(
     | `training.safetensors` | everything needed to go on, written at each validation |
     | `training.csv` | a row for every 5000 environment steps: ordinary training episodes |
     | `validation.csv` | a row for each greedy validation |
-    | `about.json` | command, seed, seconds, machine, versions, the last validation |
+    | `about.json` | command, seed, recipe, seconds, machine, versions, the last validation |
     | `tensorboard/` | with `tensorboard`, the rows of both tables as event files |
     | `lock` | held while the run is going on, so that no other one writes here |
 
@@ -152,7 +152,7 @@ def _validate(trainer: Trainer, out: Path, command: str) -> None:
     if trainer.training_rows:
         write_table(out / "training.csv", trainer.training_rows)
     write_table(out / "validation.csv", trainer.validation_rows)
-    write_json(out / "about.json", agent.training)
+    write_json(out / "about.json", agent.training | trainer.identity())
     trainer.save(out / SAVED)
 
 

@@ -256,7 +256,7 @@ class Trainer:
         if self.minibatch is not None:
             tensors |= _tensors("minibatch.state.", self.minibatch.state)
             tensors |= {"minibatch.action": self.minibatch.action, "minibatch.y": self.minibatch.y}
-        about = self._identity() | {
+        about = self.identity() | {
             "generator": self.generator.bit_generator.state,
             "replay": [self.replay.head, self.replay.filled],
             "counters": {name: getattr(self, name) for name in self._COUNTERS},
@@ -273,8 +273,11 @@ class Trainer:
         "validation_rows",
     )
 
-    def _identity(self) -> dict:
-        """What must be equal for a saved run to go on as this one."""
+    def identity(self) -> dict:
+        """What makes the run: recipe, scenario, city and seed, as JSON values.
+
+        All of it must be equal for a saved run to go on as this one.
+        """
         values = {
             "recipe": self.recipe.as_json(),
             "scenario": asdict(self.scenario),
@@ -286,7 +289,7 @@ class Trainer:
     def restore(self, path: Path) -> None:
         """Go on from what `save` wrote; `InputError` if it is of another run."""
         tensors, about = load(path, "training")
-        for name, value in self._identity().items():
+        for name, value in self.identity().items():
             if about.get(name) != value:
                 difference = _difference(about.get(name), value)
                 raise InputError(f"{path}: another {name} than asked for{difference}")
