@@ -184,7 +184,7 @@ assert len(set(ratios)) > 1
 print(f"from {min(ratios):.0%} to {max(ratios):.0%}")
 
 # %% [markdown]
-# Hardly in the total: a slot is a single draw, a flight is some hundred of them, and they average out.
+# By a few points in the total: a slot is a single draw, a flight is some hundred of them, and they average out.
 #
 # ## Further reading, and where to go from here
 #

@@ -290,9 +290,10 @@ for name, flown in flights.items():
                   for metric, label in METRICS.items()))
 
 # %% [markdown]
-# In the picture the early agent hears the device in the no-fly zone only in passing, and lands with data left there
-# and five units of time to spare; the final one flies down the street to it, and uses its time to the last unit.
-# Over 200 missions the early agent leaves a fifth of the data and crashes in three of a hundred.
+# In the picture the early agent passes the device in the no-fly zone at a distance, and lands with 21 of 70 data
+# units left and five units of time to spare; the final one flies down the street to it, and uses its time to the
+# last unit.
+# Over 200 missions the early agent leaves a fifth of the data and crashes in six of a hundred.
 #
 # ## Recap
 #

@@ -102,7 +102,7 @@ for city, results in cities.items():
 # The paper's maps were never published, so this compares like with similar, not like with like: both
 # are solutions of the same kind of task.
 #
-# The table's intervals are of two kinds. A question about the first row:
+# The table's intervals are of two kinds. A question about the open field's first row:
 
 # %%
 from uavdh_lite.quiz import Quiz
@@ -128,7 +128,7 @@ print(bootstrap_interval(values))
 # %% [markdown]
 # It covers the luck of *which missions* were drawn. It does not cover the luck of *training*: another
 # seed gives another agent. That is a different question, and needs several trainings: three seeds of
-# half as many steps on `manhattan` gave 0.958, 0.959 and 0.961 (`data/runs/README.md`).
+# half as many steps on `manhattan` gave 0.958, 0.958 and 0.966 on these missions (`data/runs/README.md`).
 #
 # ## 8.3 Beside the planners
 #
@@ -145,11 +145,11 @@ for city, results in cities.items():
 # %% [markdown]
 # Read it slowly, it holds three lessons.
 #
-# - A simple rule is strong: on both maps `greedy` collects more than our agent, whose numbers are above
-#   those of the paper's on its own maps. A learner has to be very good to be worth its training, and a paper
-#   without such a baseline does not show that it is.
+# - A simple rule is strong: on both maps `greedy` collects as much as our agent, if not more (8.6 asks which),
+#   and the agent's numbers are above those of the paper's on its own maps. A learner has to be very good to be worth
+#   its training, and a paper without such a baseline does not show that it is.
 # - `greedy` collects much but its *return* is lower than its share of data suggests: it flies to the last
-#   unit of data whatever that costs in time. On the open field the agent collects less and has the higher return.
+#   unit of data whatever that costs in time. On the open field the agent, no better in data, has the higher return.
 # - On the open field the `genie` of highest return collects *less* than `genie_data`. What is best depends
 #   on what is asked for. The agent was trained with a reward, and judged by data: two different questions.
 #
@@ -261,8 +261,8 @@ ax.legend()
 figure
 
 # %% [markdown]
-# The first 300 missions happen to hold none of the worst, and their σ is two thirds of that of all 1000: with few
-# missions the interval itself is luck.
+# The first 30 missions happen to hold none of the worst, and their interval is half as wide as it should be: with
+# few missions the interval itself is luck.
 #
 # Two policies that fly the *same* missions can be compared in pairs. The interval of the difference is then
 # narrower by as much as the two results go up and down together:
@@ -274,6 +274,10 @@ unpaired = 1.96 * np.sqrt((greedy.var() + values.var()) / 1000)
 paired = 1.96 * np.sqrt(difference.var() / 1000)
 print(f"greedy is ahead by {difference.mean():.4f}: unpaired ± {unpaired:.4f}, paired ± {paired:.4f}")
 print(f"correlation of the two over missions: {np.corrcoef(greedy, values)[0, 1]:.2f}")
+
+# %% [markdown]
+# Now which collects more? Not even in pairs do these missions tell: the interval of the difference holds 0. How many
+# would?
 
 # %%
 needed = (1.96 * difference.std() / 0.005) ** 2

@@ -72,9 +72,8 @@ quarter = mission("open_field", DEVICES, [20, 5], 45, START)
 show("open_field", [equal, quarter], ["equal data", "a quarter at the far device"])
 
 # %% [markdown]
-# The same network, the same places, the same time. With equal data it flies up to the far device, and
-# serves the near one on the way there and on the way back. With a quarter it empties the near device first, and
-# turns back at column 8: five units come through from there.
+# The same network, the same places, the same time. Both times it empties the near device first, and then flies up
+# the street until it hears the far one well enough. With a quarter of the data there it turns back one column earlier.
 # In numbers:
 
 # %%
@@ -99,9 +98,10 @@ flights = [mission("manhattan", PLACES[:k], [12] * k, 65, (0, 0)) for k in (4, 5
 show("manhattan", flights, ["four devices", "five devices"])
 
 # %% [markdown]
-# With two and three devices it flies east first; with four it goes down the west side, because the new
-# device stands there and on no way home; with five it adds a loop in the north. It is no optimum: with four
-# devices it flies to and fro in the middle and in the east, takes longer than with five, and yet leaves some data.
+# With two devices it flies down the avenue between them and hears both from there; with three it turns east on
+# the way, and back; with four it goes down the west side first, because the new device stands there and on no way
+# home; with five it adds a loop in the north. All is collected each time, but none of it is an optimum: with two devices
+# the flight takes longer than with three, and with five it lingers beside an empty device until its time is up.
 #
 # ## 9.3 A device in the no-fly zone
 #
@@ -112,9 +112,9 @@ inside = mission("manhattan", [(11, 2), (4, 8)], [10, 10], 60, (0, 0))
 show("manhattan", [inside], ["one device in the no-fly zone"])
 
 # %% [markdown]
-# It served the other device on its way, heard this one from the street that ends at the zone, and went home when
-# it was empty. Once nothing is left to collect it dawdles, and lands with its last unit of time: to hover costs
-# little in the reward that it was trained with, and all its Q-values are nearly equal then.
+# It served the other device on its way, heard this one from the street that ends at the zone, and turned aside
+# once more for what the other had left. Then it took its time to go home: with nothing left to collect, to hover costs
+# little in the reward that it was trained with, and all its Q-values are nearly equal.
 #
 # ## 9.4 Too little time
 #
@@ -138,9 +138,9 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Within the times that it was trained on, it collects all, like the greedy planner. Below, nobody taught it: at 34
-# it leaves a seventh of the data where greedy leaves nothing, at 30 it does better than greedy, and at 14 it brings
-# home nothing at all where greedy still finds a tenth. In between it does about as well.
+# Within the times that it was trained on, it collects all, like the greedy planner. Below, nobody taught it: at 30 it
+# does better than greedy, but at 14 and 18 it brings home nothing at all where greedy still finds a tenth and a
+# quarter. In between it does about as well.
 #
 # ## 9.5 The same mission with other luck
 #
@@ -157,8 +157,8 @@ print(f"over 30 draws: collected {min(ratio):.1%} to {max(ratio):.1%}")
 print("landed:", sum(bool(m.end.landed[0]) for m in many), "of 30")
 
 # %% [markdown]
-# The two flights soon part and serve the devices in different orders: a little more or less data left at one of
-# them may tip a decision. Over thirty draws luck changes what is collected by some percent at most: a flight is some
+# The two flights are the same at first, and part in the east: a little more or less data left at a device may tip
+# a decision. Over thirty draws luck changes what is collected by some percent at most: a flight is some
 # two hundred slots, and they average out.
 #
 # ## 9.6 Q-values along a flight
@@ -181,8 +181,9 @@ figure
 # %% [markdown]
 # The values rise while the data comes nearer, and fall as it is collected: they are about the *future*.
 # The curves of the moves lie close together, because a wrong step can be undone in two. Outside the zone
-# `land` is refused: it is `hover` and a penalty of 1, and lies about 1 below. In the zone, at the start,
-# it would end the flight, and lies far below; at the end it is the best.
+# `land` is refused: it is `hover` and a penalty of 1. The network puts it much lower for most of the flight: a
+# policy this cold never tries it there, and what is never tried is never corrected. In the zone, at the start, it would
+# end the flight; at the end it is the best.
 #
 # Can the values be trusted? Compare the largest Q-value with what was really earned from there on, with
 # the rewards and the discount that the agent was trained with:
@@ -226,7 +227,7 @@ print(shares)
 
 # %% [markdown]
 # Even for a single unit it comes near enough: there is time for it, and a step costs a tenth of a unit in the
-# reward that it was trained with. Not so for two units, of which it leaves some: it is learned, not computed, and
+# reward that it was trained with. Not so for two units or four, of which it leaves some: it is learned, not computed, and
 # nothing makes it steady in the amount.
 #
 # **2.** Which step of the flight in 9.6 was the hardest to decide? (The smallest gap between the best and
