@@ -7,7 +7,7 @@ city wherever the UAV is.
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import avg_pool2d, one_hot, pad
+from torch.nn.functional import avg_pool2d, pad
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import State
@@ -99,22 +99,30 @@ class Observation(nn.Module):
     def in_place_map(self, uav: Tensor, devices: Tensor, data: Tensor) -> Tensor:
         """All layers in place, and where the UAV is; (B, 6, W, W)."""
         shift = torch.full_like(uav, self.before)
-        maps = self._maps(self.in_place, devices, data, shift, shift)
-        cell = (uav // self.size + shift) * self.width + uav % self.size + shift
-        position = one_hot(cell, self.width**2).to(maps.dtype)
-        return torch.cat([maps, position.view(-1, 1, self.width, self.width)], 1)
+        maps = self._maps(self.in_place, devices, data, shift, shift, layers=len(LAYERS) + 1)
+        maps.flatten(2)[:, -1].scatter_(1, self._place(uav, shift, shift)[:, None], 1.0)
+        return maps
 
     def _maps(
-        self, city: Tensor, devices: Tensor, data: Tensor, row: Tensor, col: Tensor
+        self,
+        city: Tensor,
+        devices: Tensor,
+        data: Tensor,
+        row: Tensor,
+        col: Tensor,
+        layers: int = len(LAYERS),
     ) -> Tensor:
-        """The city's layers, and data left and collected at the devices' cells shifted by
-        (row, col); (B, 5, W, W)."""
-        cell = (devices // self.size + row[:, None]) * self.width
-        cell = cell + devices % self.size + col[:, None]
-        maps = data.new_zeros(len(devices), len(LAYERS), self.width, self.width)
+        """The city's layers, data left and collected at the devices' cells shifted by (row, col),
+        and zeros; (B, layers, W, W)."""
+        cells = self._place(devices, row[:, None], col[:, None])
+        maps = data.new_zeros(len(devices), layers, self.width, self.width)
         maps[:, :3] = city
-        maps.view(*maps.shape[:2], -1)[:, 3:].scatter_add_(2, cell[:, None].expand(-1, 2, -1), data)
+        maps.flatten(2)[:, 3:5].scatter_add_(2, cells[:, None].expand(-1, 2, -1), data)
         return maps
+
+    def _place(self, cells: Tensor, row: Tensor, col: Tensor) -> Tensor:
+        """Where cells of the city, shifted by (row, col), are in a flattened map."""
+        return (cells // self.size + row) * self.width + cells % self.size + col
 
 
 def _surround(layers: np.ndarray, before: int, after: int) -> Tensor:
