@@ -72,7 +72,7 @@ quarter = mission("open_field", DEVICES, [20, 5], 45, START)
 show("open_field", [equal, quarter], ["equal data", "a quarter at the far device"])
 
 # %% [markdown]
-# The same network, the same places, the same time. Both times it empties the near device first, and then flies up
+# The same network, the same places, the same time. Both times it empties the near device first, and then flies along
 # the street until it hears the far one well enough. With a quarter of the data there it turns back one column earlier.
 # In numbers:
 
