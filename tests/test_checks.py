@@ -8,6 +8,8 @@ import pytest
 
 from uavdh_lite import checks
 from uavdh_lite.checks.exercise import close, compare
+from uavdh_lite.checks.training import RUNS
+from uavdh_lite.tables import read_table
 
 ROOT = Path(__file__).parent
 SCRIPTS = sorted((ROOT.parent / "notebooks" / "scripts" / "exercises").glob("*.py"))
@@ -27,6 +29,17 @@ CASES = [
 def test_a_mistake_fails_with_a_message_that_names_it(name, answer, message):
     with pytest.raises(checks.CheckFailed, match=message):
         checks.EXERCISES[name](answer)
+
+
+def test_the_validations_to_diagnose_are_recorded_ones():
+    table = read_table(ROOT.parent / "data/runs/deviations-manhattan/validation.csv.gz")
+    columns = ("has_landed", "collection_ratio", "time_used")
+    for name, shares in RUNS.items():
+        variant, seed, thousands = name.rsplit("-", 2)
+        row = (table["variant"] == variant) & (table["seed"] == int(seed))
+        row &= table["steps"] == 1000 * int(thousands)
+        recorded = [round(float(table[column][row].item()), 3) for column in columns]
+        assert list(shares) == recorded, name
 
 
 def test_every_exercise_has_two_mistakes_at_least():
