@@ -179,7 +179,7 @@ for name, (title, _) in KINDS.items():
     print(f"{title:<10}{np.sort(recorded[METRIC][own]).round(2)}   {recorded['seconds'][own].mean():.0f} s of training")
 
 # %% [markdown]
-# With equal steps ours is ahead in all seeds, in half the training time. DQN is on its way: it still crashes in a fifth to
+# With equal steps ours is ahead in all seeds, in less than half of the training time. DQN is on its way: it still crashes in a fifth to
 # nearly half of the missions. Two of the three PPO agents, flown greedily, still hardly land at all: PPO learns
 # from each step only a few times and forgets it, and 48,000 steps are few for that.
 #
