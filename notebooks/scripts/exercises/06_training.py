@@ -56,21 +56,15 @@ checks.n_step_return(n_step)
 #
 # A greedy validation gives three shares between 0 and 1, each a mean over many missions: `landed`, `collection_ratio`
 # (collected data over all data, landed or not) and `time_used` (flying time used over flying time given). Here are nine of
-# them, from training runs on the Manhattan city: one of the whole recipe `lite`, the others with one part of it replaced
-# by the paper's (`data/runs/deviations-manhattan`; early is after 100,000 steps, all others after 300,000):
+# them, from training runs on the Manhattan city: one of the whole recipe `lite` (`all`), the others with one part of it
+# replaced by the paper's (`data/runs/deviations-manhattan`). A name ends with the training seed and the thousands of
+# steps after which it was validated:
 
 # %%
-runs = {  # landed, collection ratio, time used
-    "whole recipe": (0.987, 0.895, 0.738),
-    "one-step returns, early": (0.527, 0.409, 0.812),
-    "paper's crash reward, seed 1": (1.000, 0.100, 0.153),
-    "paper's crash reward, seed 0, early": (0.000, 0.237, 1.000),
-    "no exploring starts, early": (0.873, 0.616, 0.645),
-    "no layer norm": (1.000, 0.170, 0.318),
-    "paper's learning rate": (0.943, 0.478, 0.727),
-    "paper's crash reward, seed 0": (0.998, 0.000, 0.022),
-    "one-step returns, late": (0.992, 0.858, 0.880),
-}
+from uavdh_lite.checks.training import RUNS
+
+for name, shares in RUNS.items():
+    print("{:<32}landed {:.3f}, collection_ratio {:.3f}, time_used {:.3f}".format(name, *shares))
 
 # %% [markdown]
 # Write a function that names what is wrong. The agent
@@ -95,8 +89,8 @@ def diagnose(landed, collection_ratio, time_used):
 checks.diagnosis(diagnose)
 
 # %%
-for name, shares in runs.items():
-    print(f"{name:<36}{diagnose(*shares)}")
+for name, shares in RUNS.items():
+    print(f"{name:<32}{diagnose(*shares)}")
 
 # %% [markdown]
 # The paper's crash reward, −150 from the start, makes a lazy agent with two of three seeds, and no good one in so
