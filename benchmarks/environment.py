@@ -12,13 +12,14 @@ import numpy as np
 from uavdh_lite.city import City
 from uavdh_lite.environment import Environment, Rewards
 from uavdh_lite.scenario import SCENARIOS
+from uavdh_lite.streams import Use, stream
 
 
 def steps_per_second(batch: int, seconds: float = 2.0) -> float:
     scenario = SCENARIOS["manhattan"]
     environment = Environment(City.load(scenario.city))
     rewards = Rewards()
-    generator = np.random.default_rng(0)
+    generator = stream(Use.BENCHMARK, 0)
     state = scenario.sample(environment.city, batch, generator)
     environment.transition(state, np.zeros(batch, int), environment.draw_fading(state, generator))
     steps, started = 0, time.perf_counter()

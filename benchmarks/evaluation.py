@@ -7,20 +7,20 @@ All on the same scenarios, one thread; the genie on fewer of them.
 
 import time
 
-import numpy as np
 import torch
 
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import TEST, fly, stream
+from uavdh_lite.evaluation import fly
 from uavdh_lite.planners import Genie, Greedy, Random
+from uavdh_lite.streams import Use, stream
 
 if __name__ == "__main__":
     torch.set_num_threads(1)
     agent = load_agent("manhattan")
     environment = Environment(agent.city)
     policies = {
-        "random": (Random(np.random.default_rng(0)), 1000),
+        "random": (Random(0), 1000),
         "greedy": (Greedy(environment), 1000),
         "agent": (agent, 1000),
         "genie, planning once": (Genie(environment, replan=1000), 20),
@@ -28,9 +28,9 @@ if __name__ == "__main__":
     }
     print(f"{'policy':<32}{'episodes':>9}{'seconds':>9}{'episodes/s':>12}")
     for name, (policy, episodes) in policies.items():
-        generator = stream(TEST, 0)
+        generator = stream(Use.TEST, 0)
         start = agent.scenario.sample(environment.city, episodes, generator)
-        fly(environment, policy, start[:1], stream(TEST, 1))  # fill the caches
+        fly(environment, policy, start[:1], stream(Use.TEST, 1))  # fill the caches
         started = time.perf_counter()
         fly(environment, policy, start, generator)
         seconds = time.perf_counter() - started

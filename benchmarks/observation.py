@@ -8,15 +8,15 @@ States under way of `manhattan` with up to five devices.
 
 import time
 
-import numpy as np
 import torch
 
 from uavdh_lite.agent import build
 from uavdh_lite.city import City
+from uavdh_lite.experiments.runs import keep_freed_memory
 from uavdh_lite.observation import KINDS, Observation
 from uavdh_lite.recipe import LITE
-from uavdh_lite.runs import keep_freed_memory
 from uavdh_lite.scenario import SCENARIOS
+from uavdh_lite.streams import Use, stream
 
 
 def calls_per_second(action, seconds: float = 1.0) -> float:
@@ -36,7 +36,7 @@ if __name__ == "__main__":
     print(f"{'kind':<14}{'batch':>6}{'maps/s':>12}{'share of a forward pass':>26}")
     centred, network = build(LITE, city)
     for batch in (128, 1024):
-        state = scenario.sample_anywhere(city, batch, np.random.default_rng(0), spare_time=0)
+        state = scenario.sample_anywhere(city, batch, stream(Use.BENCHMARK, 0), spare_time=0)
         seen = centred(state)
         with torch.no_grad():
             forward = calls_per_second(lambda: network(*seen))  # noqa: B023 (called at once)

@@ -29,17 +29,17 @@ def measure(scenario_name: str, recipe_name: str, threads: int, seconds: float) 
 
     from uavdh_lite.checkpoint import save_agent
     from uavdh_lite.city import City
+    from uavdh_lite.experiments.runs import keep_freed_memory
     from uavdh_lite.recipe import find_recipe
-    from uavdh_lite.runs import keep_freed_memory
     from uavdh_lite.scenario import find_scenario
-    from uavdh_lite.training import Trainer
+    from uavdh_lite.training import OverlappedTrainer, Trainer
 
     torch.set_num_threads(1)
     keep_freed_memory()
     scenario, recipe = find_scenario(scenario_name), find_recipe(recipe_name)
     if City.load(scenario.city).size > 16:
         recipe = replace(recipe, observation="global_local")
-    trainer = Trainer(scenario, recipe, seed=0, threads=threads)
+    trainer = (OverlappedTrainer if threads == 2 else Trainer)(scenario, recipe, seed=0)
     while trainer.updates < 20:
         trainer.step()
     updates, started = trainer.updates, time.perf_counter()

@@ -40,8 +40,8 @@ def ours(seed: int, steps: int) -> list[dict]:
     from dataclasses import replace
 
     from uavdh_lite.evaluation import VALIDATION, evaluate
+    from uavdh_lite.experiments.runs import keep_freed_memory
     from uavdh_lite.recipe import find_recipe
-    from uavdh_lite.runs import keep_freed_memory
     from uavdh_lite.scenario import find_scenario
     from uavdh_lite.training import Trainer
 
@@ -98,7 +98,8 @@ def theirs(algorithm: str, seed: int, steps: int) -> list[dict]:
 
 
 def main() -> None:
-    from uavdh_lite.tables import provenance, write_json, write_table
+    from uavdh_lite.provenance import provenance
+    from uavdh_lite.storage import write_json, write_table
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=int, default=48_000)

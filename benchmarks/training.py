@@ -14,14 +14,14 @@ from dataclasses import replace
 
 import torch
 
+from uavdh_lite.experiments.runs import keep_freed_memory
 from uavdh_lite.recipe import find_recipe
-from uavdh_lite.runs import keep_freed_memory
 from uavdh_lite.scenario import SCENARIOS
-from uavdh_lite.training import Trainer
+from uavdh_lite.training import OverlappedTrainer, Trainer
 
 
-def trainer(recipe, threads: int = 1) -> Trainer:
-    run = Trainer(SCENARIOS["manhattan"], recipe, seed=0, threads=threads)
+def trainer(recipe, kind: type[Trainer] = Trainer) -> Trainer:
+    run = kind(SCENARIOS["manhattan"], recipe, seed=0)
     while not run.updates:
         run.step()
     return run
@@ -63,7 +63,7 @@ if __name__ == "__main__":
     recipe = replace(find_recipe(options.recipe), replay_prefill=2_000)
     torch.set_num_threads(1)
     keep_freed_memory()  # as `train` does
-    one, two = (trainer(recipe, threads) for threads in (1, 2))
+    one, two = (trainer(recipe, kind) for kind in (Trainer, OverlappedTrainer))
     loops = {"one thread": one.step, "two threads": two.step, "bare": bare_update(trainer(recipe))}
     updates = dict.fromkeys(loops, 0)
     for _ in range(options.seconds):

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import nbformat
 
-from uavdh_lite import checks
+from uavdh_lite.course import checks
 
 HERE = Path(__file__).parent
 CONFIG = HERE / "nbgrader_config.py"

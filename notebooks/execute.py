@@ -19,7 +19,7 @@ import nbformat
 from assignments import mark_cells, release
 from nbclient import NotebookClient
 
-from uavdh_lite.files import write_atomically
+from uavdh_lite.storage import write_atomically
 
 HERE = Path(__file__).parent
 SECONDS = 300  # for one cell, at most

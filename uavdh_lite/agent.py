@@ -69,12 +69,18 @@ class Agent:
     def __call__(self, state: State) -> np.ndarray:
         return self.q_values(state).argmax(dim=1).numpy()
 
+    def knows(self, city: City) -> bool:
+        """Whether this is the city that the agent was trained in."""
+        return city.fingerprint == self.city.fingerprint
+
     def over(self, city: City) -> "Agent":
         """The same network over another city of the same size, which it was not trained for.
 
         Raises `InputError` if the size differs: the network's first fully connected layer is made
         for one size.
         """
+        if self.knows(city):
+            return self
         if city.size != self.city.size:
             raise InputError(
                 f"this agent was trained for a city of {self.city.size} cells a side "
@@ -83,3 +89,38 @@ class Agent:
         observation, _ = build(self.recipe, city)
         device = next(self.network.parameters()).device
         return replace(self, city=city, observation=observation.to(device))
+
+
+def saliency(agent: Agent, state: State) -> np.ndarray:
+    """How much the best action's Q-value hangs on each cell of what the network sees; (W, W).
+
+    The magnitude of gradient times input, summed over the layers: how much of the Q-value would
+    go, to first order, if what is in the cell were gone.
+
+    Arguments:
+        state: a batch of one.
+
+    Raises `InputError` for agents that see two maps (`global_local`).
+    """
+    maps, time = agent.observation(state)
+    if len(maps) != 1:
+        raise InputError("saliency needs one map: this agent sees a global and a local one")
+    layers = maps[0].requires_grad_()
+    (gradient,) = torch.autograd.grad(agent.network([layers], time).max(), layers)
+    return (gradient * layers.detach())[0].abs().sum(0).cpu().numpy()
+
+
+def value_map(agent: Agent, state: State) -> np.ndarray:
+    """The largest Q-value if the UAV were over each cell, all else equal; (M, M).
+
+    It is NaN in cells over which the UAV may not fly.
+
+    Arguments:
+        state: a batch of one.
+    """
+    city = agent.city
+    cells = city.flight_cells
+    elsewhere = replace(state[np.zeros(len(cells), int)], uav_cell=cells.astype(np.int16))
+    values = np.full(city.size**2, np.nan)
+    values[cells] = agent.q_values(elsewhere).max(dim=1).values
+    return values.reshape(city.size, city.size)

@@ -14,11 +14,11 @@ from torch import Tensor
 from uavdh_lite.agent import Agent, build
 from uavdh_lite.city import City
 from uavdh_lite.errors import CheckpointError, InputError
-from uavdh_lite.files import data_folder, write_atomically
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
+from uavdh_lite.storage import data_folder, write_atomically
 
-FORMAT = 3
+FORMAT = 4
 
 
 def save(path: str | Path, kind: str, tensors: dict[str, Tensor], about: dict) -> None:

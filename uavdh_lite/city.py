@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from uavdh_lite.errors import CityError
-from uavdh_lite.files import data_folder, write_atomically
+from uavdh_lite.storage import data_folder, write_atomically
 
 MAX_SIZE = 100  # cells a side; the line-of-sight table holds size**4 bytes
 
@@ -24,13 +24,25 @@ KINDS = (
     ("B", (255, 255, 0), (False, True, True)),  # building that may not be flown over
 )
 SIGNS = "".join(sign for sign, _, _ in KINDS)
-COLOURS = np.array([colour for _, colour, _ in KINDS], np.uint8)
-LAYERS = np.array([layers for _, _, layers in KINDS])
+ON, OFF = 224, 31  # a channel of a pixel is set from ON up, and not set down from OFF
+
+
+def read_only(array: np.ndarray) -> np.ndarray:
+    """The same numbers as an array that cannot be written: for what several callers share."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
+COLOURS = read_only(np.array([colour for _, colour, _ in KINDS], np.uint8))
+LAYERS = read_only(np.array([layers for _, _, layers in KINDS]))
 
 
 @dataclass(frozen=True, eq=False)
 class City:
     """A city of M×M cells; arrays are indexed `[row, col]`, north is row − 1, east is col + 1.
+
+    Its arrays are read-only.
 
     A cell is also named by one number, `row * M + col`.
 
@@ -51,9 +63,8 @@ class City:
 
     def __post_init__(self):
         for layer in ("landing", "no_fly", "buildings"):
-            array = np.array(getattr(self, layer), bool)
-            array.setflags(write=False)
-            object.__setattr__(self, layer, array)
+            copy = np.array(getattr(self, layer), bool)
+            object.__setattr__(self, layer, read_only(copy))
         self._check()
 
     def _check(self) -> None:
@@ -87,17 +98,17 @@ class City:
     @cached_property
     def device_cells(self) -> np.ndarray:
         """The cells on which a device may stand: neither building nor landing zone; (n,) ints."""
-        return np.flatnonzero(~self.buildings & ~self.landing)
+        return read_only(np.flatnonzero(~self.buildings & ~self.landing))
 
     @cached_property
     def flight_cells(self) -> np.ndarray:
         """The cells which the UAV may enter; (n,) ints."""
-        return np.flatnonzero(~self.no_fly)
+        return read_only(np.flatnonzero(~self.no_fly))
 
     @cached_property
     def landing_cells(self) -> np.ndarray:
         """The cells of the start and landing zone; (n,) ints."""
-        return np.flatnonzero(self.landing)
+        return read_only(np.flatnonzero(self.landing))
 
     @cached_property
     def landing_distance(self) -> np.ndarray:
@@ -112,7 +123,7 @@ class City:
             moves += 1
             new = grown & ~reached
             if not new.any():
-                return distance
+                return read_only(distance)
             distance[new] = moves
             reached = grown
 
@@ -123,7 +134,7 @@ class City:
         A landing cell is never anything else, so the three layers and the kinds say the same.
         """
         kinds = self.landing * 3 + self.no_fly + self.buildings * (2 + self.no_fly)
-        return kinds.astype(np.uint8)
+        return read_only(kinds.astype(np.uint8))
 
     @cached_property
     def fingerprint(self) -> str:
@@ -201,14 +212,19 @@ def _read_kinds(path: Path) -> np.ndarray:
         raise
     except Exception as error:  # Pillow raises many types for damaged files
         raise CityError(f"{path}: not a readable PNG file ({error})") from None
-    matches = (pixels[:, :, None, :3] == COLOURS).all(-1) & (pixels[:, :, None, 3] == 255)
-    unknown = ~matches.any(-1)
+    on, off = pixels[..., :3] >= ON, pixels[..., :3] <= OFF
+    matches = (on[:, :, None] == (COLOURS > 0)).all(-1)
+    clear = (on | off).all(-1) & (pixels[..., 3] == 255)
+    unknown = ~matches.any(-1) | ~clear
     if unknown.any():
         row, col = np.argwhere(unknown)[0]
         red, green, blue, alpha = pixels[row, col]
         shown = f"#{red:02x}{green:02x}{blue:02x}" + ("" if alpha == 255 else f" (alpha {alpha})")
         known = ", ".join("#{:02x}{:02x}{:02x}".format(*colour) for colour in COLOURS)
-        raise CityError(f"{path}: pixel row {row}, column {col} is {shown}, not one of {known}")
+        raise CityError(
+            f"{path}: pixel row {row}, column {col} is {shown}, not one of {known} "
+            f"(a channel counts as ff from {ON} up and as 00 up to {OFF})"
+        )
     return matches.argmax(-1)
 
 

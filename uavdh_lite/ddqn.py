@@ -39,31 +39,11 @@ def soft_update(target: nn.Module, online: nn.Module, rate: float) -> None:
     torch._foreach_lerp_(list(target.parameters()), list(online.parameters()), rate)
 
 
-class Networks:
-    """The online network and the target network; the latter starts as a copy of the former."""
-
-    def __init__(self, online: nn.Module):
-        self.online = online
-        self.target = copy.deepcopy(online).requires_grad_(False)
-
-    @torch.no_grad()
-    def targets(self, reward: Tensor, discount: Tensor, next_observation) -> Tensor:
-        """The targets y of a minibatch, (B,): `ddqn_target` with the Q-values of both networks."""
-        online_next, target_next = self.online(*next_observation), self.target(*next_observation)
-        return ddqn_target(reward, discount, online_next, target_next)
-
-    @torch.no_grad()
-    def copy_from(self, other: "Networks") -> None:
-        """Take over the weights of `other`, in place."""
-        for own, theirs in ((self.online, other.online), (self.target, other.target)):
-            torch._foreach_copy_(list(own.parameters()), list(theirs.parameters()))
-
-
-class DDQN(Networks):
-    """Both networks and the optimiser of the online one.
+class DDQN:
+    """The online network, the target network, and the optimiser of the former.
 
     Arguments:
-        online: the network to train.
+        online: the network to train; the target network starts as a copy of it.
         optimiser: over the parameters of `online`.
         target_update_rate: τ.
         huber_delta: the error above which the loss is linear; None for the squared error.
@@ -76,7 +56,8 @@ class DDQN(Networks):
         target_update_rate: float,
         huber_delta: float | None = None,
     ):
-        super().__init__(online)
+        self.online = online
+        self.target = copy.deepcopy(online).requires_grad_(False)
         self.optimiser = optimiser
         self.target_update_rate = target_update_rate
         self.huber_delta = huber_delta
@@ -86,13 +67,13 @@ class DDQN(Networks):
 
         Arguments:
             observation, next_observation: what the networks take, as a tuple of arguments.
-            action: (B,) int64. reward, discount: (B,).
+            action: (B,) int64. reward, discount: (B,), the discount 0 where the episode ended.
         """
-        y = self.targets(reward, discount, next_observation)
-        return self.descend(observation, action, y)
-
-    def descend(self, observation, action: Tensor, y: Tensor) -> Tensor:
-        """The same with targets that are there already, (B,)."""
+        with torch.no_grad():
+            online_next, target_next = (
+                net(*next_observation) for net in (self.online, self.target)
+            )
+            y = ddqn_target(reward, discount, online_next, target_next)
         q = self.online(*observation).gather(1, action[:, None]).squeeze(1)
         loss = (
             mse_loss(q, y) if self.huber_delta is None else huber_loss(q, y, delta=self.huber_delta)
@@ -102,3 +83,33 @@ class DDQN(Networks):
         self.optimiser.step()
         soft_update(self.target, self.online, self.target_update_rate)
         return loss.detach()
+
+    def set_learning_rate(self, rate: float) -> None:
+        """The optimiser's learning rate from now on."""
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """The weights of both networks and the optimiser's moments, by name."""
+        tensors = {}
+        for part in ("online", "target"):
+            weights = getattr(self, part).state_dict()
+            tensors |= {f"{part}.{name}": value for name, value in weights.items()}
+        for index, moments in self.optimiser.state_dict()["state"].items():
+            tensors |= {f"optimiser.{index}.{name}": value for name, value in moments.items()}
+        return tensors
+
+    def load_state_dict(self, tensors: dict[str, Tensor]) -> None:
+        """Take over what `state_dict` of equal networks gave."""
+        parts: dict[str, dict[str, Tensor]] = {"online": {}, "target": {}, "optimiser": {}}
+        for key, value in tensors.items():
+            part, name = key.split(".", 1)
+            parts[part][name] = value
+        self.online.load_state_dict(parts["online"])
+        self.target.load_state_dict(parts["target"])
+        moments: dict[int, dict[str, Tensor]] = {}
+        for key, value in parts["optimiser"].items():
+            index, name = key.split(".")
+            moments.setdefault(int(index), {})[name] = value
+        groups = self.optimiser.state_dict()["param_groups"]
+        self.optimiser.load_state_dict({"state": moments, "param_groups": groups})

@@ -11,18 +11,18 @@ from functools import cached_property
 import numpy as np
 
 from uavdh_lite.channel import Channel, rate
-from uavdh_lite.city import City
-from uavdh_lite.options import option
+from uavdh_lite.city import City, read_only
+from uavdh_lite.config import option
 from uavdh_lite.shadowing import line_of_sight
 
 ACTIONS = ("north", "east", "south", "west", "hover", "land")
 NORTH, EAST, SOUTH, WEST, HOVER, LAND = range(6)
-MOVES = np.array([(-1, 0), (0, 1), (1, 0), (0, -1), (0, 0), (0, 0)])  # row, column
+MOVES = read_only(np.array([(-1, 0), (0, 1), (1, 0), (0, -1), (0, 0), (0, 0)]))  # row, column
 
 
 @dataclass(frozen=True)
 class State:
-    """The state of B episodes. Cells are numbers `row * M + col`.
+    """The state of B episodes; its arrays are read-only. Cells are numbers `row * M + col`.
 
     Device places that an episode does not use hold no data, now or at its start.
 
@@ -43,6 +43,10 @@ class State:
     data_left: np.ndarray
     landed: np.ndarray
 
+    def __post_init__(self):
+        for f in fields(self):
+            object.__setattr__(self, f.name, read_only(getattr(self, f.name)))
+
     def __len__(self) -> int:
         return len(self.uav_cell)
 
@@ -58,6 +62,11 @@ class State:
             copy[index] = getattr(rows, f.name)
             copies.append(copy)
         return State(*copies)
+
+    @classmethod
+    def concatenate(cls, states: list["State"]) -> "State":
+        """The episodes of several batches as one batch."""
+        return cls(*(np.concatenate([getattr(s, f.name) for s in states]) for f in fields(cls)))
 
     @property
     def ended(self) -> np.ndarray:
@@ -156,7 +165,8 @@ class Environment:
     def line_of_sight(self) -> np.ndarray:
         """Line of sight, `[device cell, uav cell]`; (M², M²) bool."""
         cells = self.city.size**2
-        return line_of_sight(self.city.buildings, self.shadow_method).reshape(cells, cells)
+        sight = line_of_sight(self.city.buildings, self.shadow_method)
+        return read_only(sight.reshape(cells, cells))
 
     @cached_property
     def next_cell(self) -> np.ndarray:
@@ -178,14 +188,25 @@ class Environment:
         forbidden = outside | self.city.no_fly.ravel()[target]
         forbidden[:, HOVER] = False
         forbidden[:, LAND] = ~self.city.landing.ravel()
-        return np.where(forbidden, cell, target).astype(np.int16), forbidden
+        next_cell = np.where(forbidden, cell, target).astype(np.int16)
+        return read_only(next_cell), read_only(forbidden)
 
     @cached_property
     def _centre_m(self) -> tuple[np.ndarray, np.ndarray]:
         """Row and column coordinates of the cell centres, m; two (M²,) float32."""
         rows, cols = np.indices((self.city.size,) * 2, np.float32).reshape(2, -1)
         side = np.float32(self.channel.cell_size_m)
-        return rows * side, cols * side
+        return read_only(rows * side), read_only(cols * side)
+
+    def step(
+        self, state: State, action: np.ndarray, generator: np.random.Generator
+    ) -> tuple[State, Outcome]:
+        """One step of all episodes with newly drawn fading: `draw_fading`, then `transition`.
+
+        Arguments:
+            state: B episodes. action: (B,) ints, indices into `ACTIONS`.
+        """
+        return self.transition(state, action, self.draw_fading(state, generator))
 
     def draw_fading(self, state: State, generator: np.random.Generator) -> np.ndarray:
         """Standard normal draws for one step, one for each slot and device; (B, δ, K) float32."""

@@ -7,22 +7,25 @@ from typing import NamedTuple
 import numpy as np
 
 from uavdh_lite.environment import Environment, Outcome, Rewards, State
-from uavdh_lite.errors import InputError
 from uavdh_lite.scenario import Scenario
+from uavdh_lite.streams import Use, stream
 
 Policy = Callable[[State], np.ndarray]
-"""Actions for a batch of states: (B,) indices into `ACTIONS`."""
+"""Actions for a batch of states: (B,) indices into `ACTIONS`.
 
-# Each use of random numbers has a stream of its own, so that no scenario or fading of a test is
-# ever one of training or validation, whatever the seeds.
-TRAINING, VALIDATION, TEST, CHALLENGE = range(4)
+A policy that remembers something of each episode has a method `begin(start)` besides. It returns a
+function of (state, episodes) for the flights from `start`, where `episodes` says which of them the
+rows of `state` are. `fly` uses it where there is one.
+"""
 
 
-def stream(use: int, seed: int) -> np.random.Generator:
-    """The random generator for one use, such as `TRAINING`, and seed."""
-    if not 0 <= seed < 2**63:
-        raise InputError(f"seed {seed}: must be a whole number from 0 to 2**63 - 1")
-    return np.random.default_rng([use, seed])
+class Step(NamedTuple):
+    """One step of B episodes: the state before it, the actions, what happened, the reward."""
+
+    state: State
+    action: np.ndarray
+    outcome: Outcome
+    reward: np.ndarray
 
 
 class Interval(NamedTuple):
@@ -69,7 +72,7 @@ class Flights:
     | `cumulative_reward` | (N,) | sum of the rewards, undiscounted |
     | `steps` | (N,) | steps flown |
     | `safety_interventions` | (N,) | how often the safety controller intervened |
-    | `history` | T entries | (state, action, outcome, reward) of each step, if recorded |
+    | `history` | T `Step`s | every step, if recorded |
     """
 
     start: State
@@ -77,17 +80,17 @@ class Flights:
     cumulative_reward: np.ndarray
     steps: np.ndarray
     safety_interventions: np.ndarray
-    history: list[tuple[State, np.ndarray, Outcome, np.ndarray]]
+    history: list[Step]
 
     @classmethod
-    def of_steps(cls, start: State, end: State, history: list) -> "Flights":
+    def of_steps(cls, start: State, end: State, history: list[Step]) -> "Flights":
         """One episode that was flown step by step, maybe not to its end, from its `history`."""
         return cls(
             start,
             end,
-            np.array([sum(float(reward[0]) for *_, reward in history)], np.float32),
+            np.array([sum(float(step.reward[0]) for step in history)], np.float32),
             np.array([len(history)]),
-            np.array([sum(int(outcome.intervened[0]) for _, _, outcome, _ in history)]),
+            np.array([sum(int(step.outcome.intervened[0]) for step in history)]),
             list(history),
         )
 
@@ -117,17 +120,17 @@ class Flights:
         if len(self.history) < self.steps[episode]:
             raise ValueError("the steps were not kept: call fly(..., record=True)")
         steps = self.history[: self.steps[episode]]
-        states = [state for state, _, _, _ in steps] + [self.end]
+        states = [step.state for step in steps] + [self.end]
         return Trajectory(
             start=self.start[[episode]],
             uav_cell=np.array([state.uav_cell[episode] for state in states]),
             time_left=np.array([state.time_left[episode] for state in states]),
             data_left=np.array([state.data_left[episode] for state in states]),
-            action=np.array([action[episode] for _, action, _, _ in steps]),
-            intervened=np.array([outcome.intervened[episode] for _, _, outcome, _ in steps]),
-            reward=np.array([reward[episode] for _, _, _, reward in steps]),
-            served=np.array([outcome.served[episode] for _, _, outcome, _ in steps]),
-            uploaded=np.array([outcome.uploaded[episode] for _, _, outcome, _ in steps]),
+            action=np.array([step.action[episode] for step in steps]),
+            intervened=np.array([step.outcome.intervened[episode] for step in steps]),
+            reward=np.array([step.reward[episode] for step in steps]),
+            served=np.array([step.outcome.served[episode] for step in steps]),
+            uploaded=np.array([step.outcome.uploaded[episode] for step in steps]),
             landed=bool(self.end.landed[episode]),
         )
 
@@ -149,27 +152,31 @@ def fly(
     Arguments:
         record: keep every step, for `Flights.trajectory`.
     """
+    act = policy.begin(start) if hasattr(policy, "begin") else _by_state_alone(policy)
     state = start
     total = np.zeros(len(start), np.float32)
     steps = np.zeros(len(start), int)
     interventions = np.zeros(len(start), int)
-    history = []
+    history: list[Step] = []
     while True:
         flying = np.flatnonzero(~state.ended)
         if not len(flying):
             break
         action = np.zeros(len(start), int)
-        action[flying] = policy(state[flying])
-        fading = environment.draw_fading(state, generator)
-        after, outcome = environment.transition(state, action, fading)
+        action[flying] = act(state[flying], flying)
+        after, outcome = environment.step(state, action, generator)
         reward = rewards(outcome)
         if record:
-            history.append((state, action, outcome, reward))
+            history.append(Step(state, action, outcome, reward))
         total += reward
         steps += outcome.flew
         interventions += outcome.intervened
         state = after
     return Flights(start, state, total, steps, interventions, history)
+
+
+def _by_state_alone(policy: Policy) -> Callable[[State, np.ndarray], np.ndarray]:
+    return lambda state, episodes: policy(state)
 
 
 def evaluate(
@@ -178,7 +185,7 @@ def evaluate(
     scenario: Scenario,
     episodes: int,
     seed: int,
-    use: int = TEST,
+    use: Use = Use.TEST,
     record: bool = False,
 ) -> Flights:
     """Fly `episodes` random scenarios; the same seed draws the same scenarios and fading.
@@ -218,7 +225,7 @@ def bootstrap_interval(values: np.ndarray, resamples: int = 2000) -> Interval:
 
     If all values are equal the interval is a point, which does not mean certainty.
     """
-    generator = np.random.default_rng(0)
+    generator = stream(Use.BOOTSTRAP)
     means = [
         values[generator.integers(0, len(values), len(values))].mean() for _ in range(resamples)
     ]

@@ -10,8 +10,9 @@ import torch
 from uavdh_lite.agent import Agent
 from uavdh_lite.environment import ACTIONS
 from uavdh_lite.errors import InputError
-from uavdh_lite.files import write_atomically
 from uavdh_lite.scenario import Scenario
+from uavdh_lite.storage import write_atomically
+from uavdh_lite.streams import Use, stream
 
 TOLERANCE = 1e-3  # of a Q-value, in data units
 
@@ -38,7 +39,7 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
     except ImportError as error:
         raise InputError(f"{error.name} is not installed: pip install 'uavdh-lite[onnx]'") from None
 
-    generator = np.random.default_rng(0)
+    generator = stream(Use.EXPORT)
     some = agent.scenario.sample_anywhere(agent.city, states, generator, spare_time=0)
     with torch.no_grad():
         maps, time = agent.observation(some)

@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 from uavdh_lite.city import City
 from uavdh_lite.environment import ACTIONS, Environment, Outcome, Rewards, State
 from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import Flights, Policy
+from uavdh_lite.evaluation import Flights, Policy, Step
 from uavdh_lite.observation import Observation
 from uavdh_lite.scenario import Scenario, find_scenario
+from uavdh_lite.streams import Use, stream
 
 ID = "uavdh_lite/DataHarvesting-v0"
 FRAMES_PER_SECOND = 8
@@ -47,10 +48,6 @@ class _Simulator:
 
     def starts(self, count: int, generator: np.random.Generator) -> State:
         return self.scenario.sample(self.environment.city, count, generator)
-
-    def step(self, state: State, action: np.ndarray, generator) -> tuple[State, Outcome]:
-        fading = self.environment.draw_fading(state, generator)
-        return self.environment.transition(state, action, fading)
 
     def observe(self, state: State) -> dict[str, np.ndarray]:
         """(B, ...) arrays by name."""
@@ -168,7 +165,7 @@ class DataHarvesting(gymnasium.Env):
         self.action_space = spaces.Discrete(len(ACTIONS))
         self.render_mode = render_mode
         self._state: State | None = None
-        self._history: list = []
+        self._history: list[Step] = []
         self._window: Figure | None = None
 
     @property
@@ -182,6 +179,8 @@ class DataHarvesting(gymnasium.Env):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         super().reset(seed=seed)
+        if seed is not None:
+            self.np_random = stream(Use.GYMNASIUM, seed)
         start = (options or {}).get("start")
         if start is None:
             start = self._simulator.starts(1, self.np_random)
@@ -199,9 +198,9 @@ class DataHarvesting(gymnasium.Env):
         if not self.action_space.contains(action):
             raise InputError(f"action {action!r}: must be a whole number from 0 to 5")
         taken = np.array([action])
-        self._state, outcome = self._simulator.step(state, taken, self.np_random)
+        self._state, outcome = self._simulator.environment.step(state, taken, self.np_random)
         reward = self._simulator.rewards(outcome)
-        self._history.append((state, taken, outcome, reward))
+        self._history.append(Step(state, taken, outcome, reward))
         self._show()
         return (
             self._first(self._simulator.observe(self._state)),
@@ -298,6 +297,8 @@ class DataHarvestingVector(VectorEnv):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         super().reset(seed=seed)
+        if seed is not None:
+            self.np_random = stream(Use.GYMNASIUM, seed)
         start = (options or {}).get("start")
         if start is None:
             start = self._simulator.starts(self.num_envs, self.np_random)
@@ -314,7 +315,7 @@ class DataHarvestingVector(VectorEnv):
             raise InputError(
                 f"actions {actions!r}: must be {self.num_envs} whole numbers from 0 to 5"
             )
-        state, outcome = self._simulator.step(self.state, actions, self.np_random)
+        state, outcome = self._simulator.environment.step(self.state, actions, self.np_random)
         reward = self._simulator.rewards(outcome).astype(np.float64)
         terminated = state.ended.copy()
         info = self._simulator.info(state, outcome)

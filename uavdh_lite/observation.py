@@ -76,11 +76,11 @@ class Observation(nn.Module):
 
     def forward(self, state: State) -> tuple[list[Tensor], Tensor]:
         device = self.in_place.device
-        uav = torch.from_numpy(state.uav_cell).to(device).long()
-        devices = torch.from_numpy(state.device_cells).to(device).long()
+        uav = torch.tensor(state.uav_cell, device=device).long()
+        devices = torch.tensor(state.device_cells, device=device).long()
         data = torch.from_numpy(np.stack([state.data_left, state.data_collected], axis=1))
         data = data.to(device) / self.data_scale
-        time = torch.from_numpy(state.time_left).to(device).float()[:, None] / self.time_scale
+        time = torch.tensor(state.time_left, device=device).float()[:, None] / self.time_scale
         if self.kind == "non_centred":
             return [self.in_place_map(uav, devices, data)], time
         centred = self.centred_map(uav, devices, data)

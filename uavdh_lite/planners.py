@@ -3,19 +3,26 @@
 Each is a policy: actions for a batch of states. None of them learns.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from uavdh_lite.city import read_only
 from uavdh_lite.environment import ACTIONS, HOVER, LAND, Environment, State, schedule
+from uavdh_lite.streams import Use, stream
 
 
-@dataclass(frozen=True, eq=False)
 class Random:
-    """Every action equally likely."""
+    """Every action equally likely.
 
-    generator: np.random.Generator
+    Arguments:
+        seed: of the actions, in the stream for exploration.
+    """
+
+    def __init__(self, seed: int = 0):
+        self.generator = stream(Use.EXPLORATION, seed)
 
     def __call__(self, state: State) -> np.ndarray:
         return self.generator.integers(0, len(ACTIONS), len(state))
@@ -77,7 +84,7 @@ class Greedy:
                 towards[step] = action
                 new |= step
             if not new.any():
-                return distance, towards
+                return read_only(distance), read_only(towards)
             distance[new] = moves
             reached = reached | new
 
@@ -87,7 +94,7 @@ class Greedy:
         landing = self.environment.city.landing_cells
         nearest = landing[self._distance[:, landing].argmin(axis=1)]
         action = self._towards[np.arange(len(nearest)), nearest]
-        return np.where(self.environment.city.landing.ravel(), LAND, action)
+        return read_only(np.where(self.environment.city.landing.ravel(), LAND, action))
 
     @cached_property
     def _approach(self) -> np.ndarray:
@@ -96,7 +103,7 @@ class Greedy:
         row, col = np.divmod(np.arange(city.size**2), city.size)
         squared = (row[:, None] - row) ** 2 + (col[:, None] - col) ** 2
         squared[:, city.landing_distance.ravel() < 0] = np.iinfo(squared.dtype).max
-        return squared.argmin(axis=1)
+        return read_only(squared.argmin(axis=1))
 
 
 @dataclass(frozen=True)
@@ -123,8 +130,9 @@ class Genie:
     flight and the beam is not above `widest`: memory and time grow with it. With `time_cost` 0.2,
     the paper's movement reward, it maximises the return; with a small one, the data collected.
 
-    As a policy it plans anew every `replan` steps, from what is really left, with the beam that the
-    episode's first plan needed.
+    In a flight it plans again every `replan` steps, from what is really left, with the beam that
+    the episode's first plan needed. Called with a state alone, it plans from there and takes one
+    step.
     """
 
     environment: Environment
@@ -204,25 +212,27 @@ class Genie:
         return environment.snr_db(placed, cells, target, quiet).reshape(-1, LAND, slots, devices)
 
     def __call__(self, state: State) -> np.ndarray:
-        actions = np.empty(len(state), int)
-        for episode in range(len(state)):
-            time_left = int(state.time_left[episode])
-            # An episode is recognised by its devices and their data at the start.
-            key = state.device_cells[episode].tobytes() + state.data_initial[episode].tobytes()
-            planned_at, plan = self._plans.get(key, (-1, None))
-            age = planned_at - time_left
-            if plan is None or age < 0:  # an episode not seen before, or begun again
-                planned_at, plan = time_left, self.plan(state, episode)
-            elif age >= min(self.replan, len(plan.actions)):
-                planned_at, plan = time_left, self._search(state, episode, plan.beam)
-            self._plans[key] = planned_at, plan
-            actions[episode] = plan.actions[planned_at - time_left]
-        return actions
+        return np.array([self.plan(state, episode).actions[0] for episode in range(len(state))])
 
-    @cached_property
-    def _plans(self) -> dict[bytes, tuple[int, Plan]]:
-        """The plan in use for each episode, and the flying time left when it was made."""
-        return {}
+    def begin(self, start: State) -> Callable[[State, np.ndarray], np.ndarray]:
+        """What flies the episodes of `start`: each has a plan of its own, kept for this flight."""
+        plans: list[Plan | None] = [None] * len(start)
+        planned_at = np.zeros(len(start), int)  # the flying time left when the plan was made
+
+        def act(state: State, episodes: np.ndarray) -> np.ndarray:
+            actions = np.empty(len(state), int)
+            for row, episode in enumerate(episodes):
+                time_left = int(state.time_left[row])
+                plan, age = plans[episode], planned_at[episode] - time_left
+                if plan is None:
+                    plan, age = self.plan(state, row), 0
+                elif age >= min(self.replan, len(plan.actions)):
+                    plan, age = self._search(state, row, plan.beam), 0
+                plans[episode], planned_at[episode] = plan, time_left + age
+                actions[row] = plan.actions[age]
+            return actions
+
+        return act
 
 
 def _best(cell: np.ndarray, left: np.ndarray, beam: int) -> np.ndarray:

@@ -16,7 +16,7 @@ from uavdh_lite.city import City
 from uavdh_lite.environment import LAND, Environment, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Trajectory
-from uavdh_lite.files import write_atomically
+from uavdh_lite.storage import write_atomically
 
 # Okabe and Ito's colours without black, which means "nothing left to collect", and three more.
 DEVICE_COLOURS = (

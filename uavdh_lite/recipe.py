@@ -1,12 +1,11 @@
 """Recipes: everything that a training run depends on besides scenario and seed."""
 
-import math
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from uavdh_lite.config import option, require_bounds
 from uavdh_lite.environment import Rewards
 from uavdh_lite.errors import InputError
-from uavdh_lite.options import option
 
 
 @dataclass(frozen=True)
@@ -17,102 +16,78 @@ class Recipe:
     """
 
     name: str
-    steps: int = option(1_000_000, "environment steps in all, those of the prefill included")
+    steps: int = option(1_000_000, "environment steps in all, those of the prefill included", ge=1)
     # What the network sees
     observation: str = option("centred", "maps: centred, non_centred or global_local")
-    data_scale: float = option(1.0, "data on the maps is divided by this, data units")
-    time_scale: float = option(1.0, "the flying time is divided by this, units of time")
-    pooling: int = option(3, "global map: average over cells of this side (global_local only)")
-    local_size: int = option(17, "local map: cells a side (global_local only)")
+    data_scale: float = option(1.0, "data on the maps is divided by this, data units", gt=0)
+    time_scale: float = option(1.0, "the flying time is divided by this, units of time", gt=0)
+    pooling: int = option(
+        3, "global map: average over cells of this side (global_local only)", ge=1
+    )
+    local_size: int = option(17, "local map: cells a side (global_local only)", ge=1)
     # Network
-    kernels: int = option(16, "kernels of each convolution")
-    kernel_size: int = option(5, "side of a kernel, cells")
-    strides: tuple[int, ...] = option((1, 1), "stride of each convolution")
-    hidden: tuple[int, ...] = option((256, 256, 256), "units of each fully connected layer")
+    kernels: int = option(16, "kernels of each convolution", ge=1)
+    kernel_size: int = option(5, "side of a kernel, cells", ge=1)
+    strides: tuple[int, ...] = option((1, 1), "stride of each convolution", ge=1)
+    hidden: tuple[int, ...] = option((256, 256, 256), "units of each fully connected layer", ge=1)
     layer_norm: bool = option(False, "LayerNorm in each fully connected layer, before its ReLU")
-    leak: float = option(0.0, "slope of the ReLUs below 0; 0: plain ReLUs")
+    leak: float = option(0.0, "slope of the ReLUs below 0; 0: plain ReLUs", ge=0)
     # Learning
-    discount: float = option(0.95, "discount factor γ")
-    return_steps: int = option(1, "steps n whose rewards are summed before the target's Q-value")
-    target_update_rate: float = option(0.005, "soft update rate τ of the target network")
-    learning_rate: float = option(3e-5, "Adam's learning rate at the start")
-    learning_rate_end: float = option(3e-5, "learning rate at the end; linear in between")
+    discount: float = option(0.95, "discount factor γ", ge=0, le=1)
+    return_steps: int = option(
+        1, "steps n whose rewards are summed before the target's Q-value", ge=1
+    )
+    target_update_rate: float = option(
+        0.005, "soft update rate τ of the target network", gt=0, le=1
+    )
+    learning_rate: float = option(3e-5, "Adam's learning rate at the start", gt=0)
+    learning_rate_end: float = option(3e-5, "learning rate at the end; linear in between", ge=0)
     amsgrad: bool = option(True, "Adam's amsgrad variant")
-    huber_delta: float | None = option(None, "loss linear above this error; none: squared error")
-    batch_size: int = option(128, "transitions in a minibatch")
+    huber_delta: float | None = option(
+        None, "loss linear above this error; none: squared error", gt=0
+    )
+    batch_size: int = option(128, "transitions in a minibatch", ge=1)
     # Experience
-    environments: int = option(1, "episodes flown side by side; one update a step of them all")
-    replay_capacity: int = option(50_000, "transitions in the replay memory")
-    replay_prefill: int = option(25_000, "transitions of a random policy before the first update")
-    temperature: float = option(0.1, "temperature β of the softmax policy at the start")
-    temperature_end: float = option(0.1, "temperature from the end of its decay on")
+    environments: int = option(
+        1, "episodes flown side by side; one update a step of them all", ge=1
+    )
+    replay_capacity: int = option(50_000, "transitions in the replay memory", ge=1)
+    replay_prefill: int = option(
+        25_000, "transitions of a random policy before the first update", ge=1
+    )
+    temperature: float = option(0.1, "temperature β of the softmax policy at the start", gt=0)
+    temperature_end: float = option(0.1, "temperature from the end of its decay on", gt=0)
     temperature_decay: float = option(
-        0.5, "share of the run in which the temperature decays, linearly"
+        0.5, "share of the run in which the temperature decays, linearly", ge=0, le=1
     )
     crash_reward: float = option(-150.0, "reward for running out of time, r_crash, at the start")
     crash_reward_end: float = option(-150.0, "r_crash from the end of its growth on")
-    crash_reward_growth: float = option(0.5, "share of the run in which r_crash changes, linearly")
+    crash_reward_growth: float = option(
+        0.5, "share of the run in which r_crash changes, linearly", ge=0, le=1
+    )
     movement_reward: float = option(-0.2, "reward for every step that does not land, r_mov")
-    exploring_starts: float = option(0.0, "share of episodes that start under way, anywhere")
-    exploring_spare_time: int = option(5, "their least flying time beyond the way home")
+    exploring_starts: float = option(
+        0.0, "share of episodes that start under way, anywhere", ge=0, le=1
+    )
+    exploring_spare_time: int = option(5, "their least flying time beyond the way home", ge=0)
     # Validation: the agent kept is the one with the best collection ratio and landed in these
-    validation_interval: int = option(50_000, "environment steps between greedy validations")
-    validation_episodes: int = option(1000, "scenarios flown in each validation, always the same")
+    validation_interval: int = option(50_000, "environment steps between greedy validations", ge=1)
+    validation_episodes: int = option(
+        1000, "scenarios flown in each validation, always the same", ge=1
+    )
 
     def __post_init__(self):
-        for name, value in vars(self).items():
-            if isinstance(value, float):
-                self._require(name, math.isfinite(value), "a finite number")
-        for name in (
-            "steps",
-            "kernels",
-            "kernel_size",
-            "return_steps",
-            "batch_size",
-            "environments",
-            "replay_capacity",
-            "validation_interval",
-            "validation_episodes",
-            "pooling",
-        ):
-            self._require(name, getattr(self, name) >= 1, "at least 1")
-        for name in (
-            "data_scale",
-            "time_scale",
-            "learning_rate",
-            "temperature",
-            "temperature_end",
-            "target_update_rate",
-        ):
-            self._require(name, getattr(self, name) > 0, "above 0")
-        for name in (
-            "discount",
-            "target_update_rate",
-            "temperature_decay",
-            "crash_reward_growth",
-            "exploring_starts",
-        ):
-            self._require(name, 0 <= getattr(self, name) <= 1, "between 0 and 1")
-        for name in ("strides", "hidden"):
-            self._require(name, all(n >= 1 for n in getattr(self, name)), "numbers of at least 1")
-        for name in ("leak", "exploring_spare_time"):
-            self._require(name, getattr(self, name) >= 0, "0 or above")
-        self._require("learning_rate_end", self.learning_rate_end >= 0, "0 or above")
-        self._require("huber_delta", self.huber_delta is None or self.huber_delta > 0, "above 0")
-        self._require(
-            "environments",
-            self.environments <= self.batch_size,
-            f"at most batch_size, {self.batch_size}: every minibatch holds the newest of each",
-        )
-        self._require(
-            "replay_prefill",
-            1 <= self.replay_prefill <= self.replay_capacity,
-            f"between 1 and replay_capacity, {self.replay_capacity}",
-        )
-
-    def _require(self, name: str, holds: bool, what: str) -> None:
-        if not holds:
-            raise InputError(f"recipe {self.name}: {name} is {getattr(self, name)}, must be {what}")
+        require_bounds(self, f"recipe {self.name}")
+        if self.environments > self.batch_size:
+            raise InputError(
+                f"recipe {self.name}: environments is {self.environments}, must be at most "
+                f"batch_size, {self.batch_size}: every minibatch holds the newest of each"
+            )
+        if self.replay_prefill > self.replay_capacity:
+            raise InputError(
+                f"recipe {self.name}: replay_prefill is {self.replay_prefill}, must be at most "
+                f"replay_capacity, {self.replay_capacity}"
+            )
 
     def rewards_at(self, steps: int) -> Rewards:
         """The rewards that the agent learns from after this many environment steps."""

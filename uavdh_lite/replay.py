@@ -1,6 +1,6 @@
 """Combined experience replay of compact states; maps are never stored."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -42,14 +42,14 @@ class Replay:
             raise InputError(f"replay of {capacity} transitions for {environments} environments")
         steps = -(-capacity // environments) + 1  # one more: the newest state has no action yet
         lead, devices = (steps, environments), (steps, environments, max_devices)
-        self.state = State(
-            np.zeros(lead, np.int16),
-            np.zeros(lead, np.int16),
-            np.zeros(devices, np.int16),
-            np.zeros(devices, np.float32),
-            np.zeros(devices, np.float32),
-            np.zeros(lead, bool),
-        )
+        self.states = {
+            "uav_cell": np.zeros(lead, np.int16),
+            "time_left": np.zeros(lead, np.int16),
+            "device_cells": np.zeros(devices, np.int16),
+            "data_initial": np.zeros(devices, np.float32),
+            "data_left": np.zeros(devices, np.float32),
+            "landed": np.zeros(lead, bool),
+        }
         self.action = np.zeros(lead, np.int8)
         self.reward = np.zeros(lead, np.float32)
         self.terminal = np.zeros(lead, bool)
@@ -63,12 +63,21 @@ class Replay:
     @property
     def bytes_per_transition(self) -> float:
         """Memory a transition takes."""
-        return sum(array.nbytes for array in self.arrays().values()) / self.action.size
+        return sum(array.nbytes for array in self._arrays().values()) / self.action.size
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """The stored arrays by name, for saving and restoring."""
-        states = {f"state.{f.name}": getattr(self.state, f.name) for f in fields(State)}
+    def _arrays(self) -> dict[str, np.ndarray]:
+        states = {f"state.{name}": array for name, array in self.states.items()}
         return {**states, "action": self.action, "reward": self.reward, "terminal": self.terminal}
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """All that is stored, by name; the arrays are the memory's own."""
+        return {**self._arrays(), "place": np.array([self.head, self.filled])}
+
+    def load_state_dict(self, arrays: dict[str, np.ndarray]) -> None:
+        """Take over what `state_dict` of an equally large memory gave."""
+        for name, array in self._arrays().items():
+            array[:] = arrays[name]
+        self.head, self.filled = (int(number) for number in arrays["place"])
 
     def add(self, state: State, action, reward, terminal, next_state: State) -> None:
         """Store one step of all N environments; the oldest step makes room.
@@ -85,8 +94,11 @@ class Replay:
         self.filled = min(self.filled + 1, len(self.action) - 1)
 
     def _write(self, step: int, state: State) -> None:
-        for f in fields(State):
-            getattr(self.state, f.name)[step] = getattr(state, f.name)
+        for name, array in self.states.items():
+            array[step] = getattr(state, name)
+
+    def _read(self, step: np.ndarray, stream: np.ndarray) -> State:
+        return State(**{name: array[step, stream] for name, array in self.states.items()})
 
     def sample(
         self, size: int, generator: np.random.Generator, discount: float, steps: int = 1
@@ -123,9 +135,9 @@ class Replay:
             running &= ~ended
         first = start % len(self.action)
         return Batch(
-            self.state[first, stream],
+            self._read(first, stream),
             self.action[first, stream].astype(np.int64),
             reward,
             factor,
-            self.state[step, stream],
+            self._read(step, stream),
         )

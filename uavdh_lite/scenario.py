@@ -1,13 +1,13 @@
 """Scenarios: what is drawn at random for each episode, and the named presets."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from uavdh_lite.city import City
+from uavdh_lite.config import option
 from uavdh_lite.environment import State
 from uavdh_lite.errors import InputError
-from uavdh_lite.options import option
 
 
 @dataclass(frozen=True)
@@ -80,13 +80,11 @@ class Scenario:
         least = np.minimum(home + spare_time, most)
         time_left = generator.integers(least, most, count, np.int16, endpoint=True)
         emptied = generator.random(state.data_left.shape) < 0.5
-        return State(
+        return replace(
+            state,
             uav_cell=uav_cell.astype(np.int16),
             time_left=time_left,
-            device_cells=state.device_cells,
-            data_initial=state.data_initial,
             data_left=np.where(emptied, np.float32(0), state.data_left),
-            landed=state.landed,
         )
 
 

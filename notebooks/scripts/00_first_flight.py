@@ -93,7 +93,7 @@ show(mission(devices=[(4, 8), (11, 8), (7, 14)], data=[10, 15, 8], flying_time=6
 # Now the same devices with half of the time. Predict before you run the cell after this one:
 
 # %%
-from uavdh_lite.quiz import Quiz
+from uavdh_lite.course.quiz import Quiz
 
 Quiz("half_the_time")
 
@@ -110,7 +110,7 @@ show(mission(devices=[(4, 8), (11, 8), (7, 14)], data=[10, 15, 8], flying_time=3
 # %%
 import ipywidgets
 
-from uavdh_lite.widgets import explore
+from uavdh_lite.labs.widgets import explore
 
 def own_mission(row, column, data, flying_time):
     return show(mission([(row, column), (11, 8)], [data, 10], flying_time))

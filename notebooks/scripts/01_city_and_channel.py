@@ -141,7 +141,7 @@ for snr_db in (-15, 0, 10, above_db):
 # A prediction first:
 
 # %%
-from uavdh_lite.quiz import Quiz
+from uavdh_lite.course.quiz import Quiz
 
 Quiz("behind_a_corner")
 
@@ -235,7 +235,7 @@ def draw_rates(alpha_los, alpha_nlos, fading_los_db, fading_nlos_db, edge_snr_db
 # %%
 import ipywidgets
 
-from uavdh_lite.widgets import explore
+from uavdh_lite.labs.widgets import explore
 
 slider = ipywidgets.FloatSlider
 explore(
@@ -264,7 +264,7 @@ draw_rates(2.27, 3.64, 1.41, 2.24, -15)
 # %%
 import inspect
 
-from uavdh_lite.link import rate_map
+from uavdh_lite.channel import rate_map
 
 print("".join(inspect.getsourcelines(rate_map)[0][-5:]))
 

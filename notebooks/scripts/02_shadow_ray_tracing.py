@@ -103,7 +103,7 @@ print("\n".join(lines[-4:]))
 # ### At the corners
 
 # %%
-from uavdh_lite.quiz import Quiz
+from uavdh_lite.course.quiz import Quiz
 
 Quiz("touching_a_corner")
 
@@ -162,7 +162,7 @@ def draw_shadow(row, col):
 # %%
 import ipywidgets
 
-from uavdh_lite.widgets import explore
+from uavdh_lite.labs.widgets import explore
 
 explore(
     draw_shadow,

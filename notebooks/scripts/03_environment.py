@@ -120,7 +120,7 @@ for action in 3 * [EAST] + 3 * [SOUTH] + 2 * [EAST]:
 # What does the city do with a move that it does not allow?
 
 # %%
-from uavdh_lite.quiz import Quiz
+from uavdh_lite.course.quiz import Quiz
 
 Quiz("off_the_grid")
 
@@ -211,7 +211,7 @@ def draw_state(states):
 # %%
 import ipywidgets
 
-from uavdh_lite.widgets import png
+from uavdh_lite.labs.widgets import png
 
 states = [start]
 picture = ipywidgets.Image(value=png(draw_state(states)), format="png")

@@ -67,7 +67,7 @@ print("map", tuple(maps.shape), "time", tuple(time.shape))
 # the flight has not begun. The blue cross is the middle of the frame, where the UAV is.
 
 # %%
-from uavdh_lite.quiz import Quiz
+from uavdh_lite.course.quiz import Quiz
 
 Quiz("frame_size")
 
@@ -122,7 +122,7 @@ def both(*cells):
 # %%
 import ipywidgets
 
-from uavdh_lite.widgets import explore
+from uavdh_lite.labs.widgets import explore
 
 cells = [(f"row {row}, column {col}", (row, col)) for row, col in
          ((0, 0), (4, 0), (8, 4), (8, 7), (11, 8), (14, 8), (15, 15))]

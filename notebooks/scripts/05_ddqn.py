@@ -297,7 +297,7 @@ figure
 # Q-values are estimates and have errors. What does that do to their maximum?
 
 # %%
-from uavdh_lite.quiz import Quiz
+from uavdh_lite.course.quiz import Quiz
 
 Quiz("whose_maximum")
 
@@ -491,7 +491,7 @@ def draw_policy(temperature):
 # %%
 import ipywidgets
 
-from uavdh_lite.widgets import explore
+from uavdh_lite.labs.widgets import explore
 
 slider = ipywidgets.FloatLogSlider(value=0.5, min=-2, max=2, step=0.05, description="β")
 explore(draw_policy, temperature=slider)

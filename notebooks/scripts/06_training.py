@@ -32,9 +32,9 @@ from matplotlib.figure import Figure
 from uavdh_lite.city import City
 from uavdh_lite.plotting import draw_city
 from uavdh_lite.recipe import LITE, find_recipe
-from uavdh_lite.runs import train
+from uavdh_lite.experiments.runs import train
 from uavdh_lite.scenario import find_scenario
-from uavdh_lite.tables import read_table
+from uavdh_lite.storage import read_table
 from uavdh_lite.training import Trainer
 
 torch.set_num_threads(1)
@@ -200,7 +200,7 @@ for start in (50_000, 200_000, 600_000, 3_900_000):
 # ## 6.4 Two ways to fail
 
 # %%
-from uavdh_lite.quiz import Quiz
+from uavdh_lite.course.quiz import Quiz
 
 Quiz("huge_penalty")
 

@@ -30,7 +30,7 @@ import torch
 from matplotlib.figure import Figure
 
 from uavdh_lite.plotting import draw_study
-from uavdh_lite.tables import read_table
+from uavdh_lite.storage import read_table
 
 torch.set_num_threads(1)
 STUDY = Path("../data/runs/centring-manhattan")
@@ -68,7 +68,7 @@ for name, run in about["runs"].items():
 # What is changed is one field of the recipe:
 
 # %%
-from uavdh_lite.ablation import centring
+from uavdh_lite.experiments.ablation import centring
 from uavdh_lite.recipe import LITE
 
 for name, recipe in centring(LITE).items():
@@ -154,7 +154,7 @@ for quality in (0.8, 0.9, 0.95):
 
 # %%
 from uavdh_lite.recipe import find_recipe
-from uavdh_lite.runs import train
+from uavdh_lite.experiments.runs import train
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.training import Trainer
 
@@ -184,7 +184,7 @@ figure
 # There are three seeds of each kind. How far does that carry?
 
 # %%
-from uavdh_lite.quiz import Quiz
+from uavdh_lite.course.quiz import Quiz
 
 Quiz("three_seeds")
 

@@ -25,9 +25,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from uavdh_lite.comparison import breakdown, share
+from uavdh_lite.experiments.comparison import breakdown, share
 from uavdh_lite.evaluation import bootstrap_interval, mean_interval
-from uavdh_lite.tables import read_table
+from uavdh_lite.storage import read_table
 
 RUNS = Path("../data/runs")
 POLICIES = ("agent", "random", "greedy", "genie", "genie_data")
@@ -90,7 +90,7 @@ for city in cities:
 # holds the true mean with 95 % confidence:
 
 # %%
-from uavdh_lite.__main__ import PAPER_RESULTS
+from uavdh_lite.cli.main import PAPER_RESULTS
 
 for city, results in cities.items():
     print(city)
@@ -105,7 +105,7 @@ for city, results in cities.items():
 # The table's intervals are of two kinds. A question about the open field's first row:
 
 # %%
-from uavdh_lite.quiz import Quiz
+from uavdh_lite.course.quiz import Quiz
 
 Quiz("all_landed")
 

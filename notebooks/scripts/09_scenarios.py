@@ -61,7 +61,7 @@ def show(city, missions, titles, height=6.8):
 # agent that serves the small device in passing):
 
 # %%
-from uavdh_lite.quiz import Quiz
+from uavdh_lite.course.quiz import Quiz
 
 Quiz("one_quarter")
 

@@ -140,7 +140,7 @@ city
 # searching. By searching:
 
 # %%
-from uavdh_lite.mission import Mission, environment_of, pilots
+from uavdh_lite.missions import Mission, environment_of, pilots
 from uavdh_lite.scenario import find_scenario
 
 environment, scenario = environment_of("manhattan"), find_scenario("manhattan")
@@ -151,7 +151,7 @@ def collected(mission, name):
 
 # %%
 missions = [Mission.draw(scenario, environment.city, seed) for seed in range(40)]
-lead = [collected(m, "greedy") - collected(m, "agent manhattan") for m in missions]
+lead = [collected(m, "greedy") - collected(m, "manhattan") for m in missions]
 worst = int(np.argmax(lead))
 assert lead[worst] > 0
 ahead = sum(x < 0 for x in lead)
@@ -165,7 +165,7 @@ print(f"mission {worst}: greedy {100 * lead[worst]:.0f} points ahead; agent ahea
 from dataclasses import replace
 
 from uavdh_lite.channel import Channel
-from uavdh_lite.link import link as link_of
+from uavdh_lite.channel import link as link_of
 
 heights = np.arange(1, 101)
 rates = [link_of(environment.city, replace(Channel(), altitude_m=float(h)), (4, 7), (4, 7)).rate for h in heights]

@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 import torch
 
 import uavdh_lite.gym
-from uavdh_lite.tables import read_table
+from uavdh_lite.storage import read_table
 
 torch.set_num_threads(1)  # two wait for each other where the cores are busy
 

@@ -7,12 +7,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from uavdh_lite.channel import Channel, rate
+from uavdh_lite.channel import Channel, link, rate, rate_map
 from uavdh_lite.city import shipped_cities
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.labs.picker import CellPicker
-from uavdh_lite.link import link, rate_map
-from uavdh_lite.mission import environment_of
+from uavdh_lite.missions import environment_of
 from uavdh_lite.plotting import draw_city
 
 CLEAR, BLOCKED = "#0072B2", "#D55E00"

@@ -9,7 +9,8 @@ from uavdh_lite.environment import ACTIONS
 from uavdh_lite.evaluation import Flights
 from uavdh_lite.labs.markup import table
 from uavdh_lite.labs.views import Map, legend
-from uavdh_lite.mission import HandFlight, Mission, environment_of, pilots
+from uavdh_lite.missions import HandFlight, Mission, environment_of
+from uavdh_lite.policies import find_policy, policies_for
 from uavdh_lite.scenario import SCENARIOS
 
 KEYS = {
@@ -105,9 +106,10 @@ class FlyLab(ipywidgets.VBox):
     def _fly_others(self) -> None:
         """Show your result, then one by one the others' of the same mission and fading."""
         mission, results = self.flight.mission, {"you": self.flight.flights()}
-        for name, maker in pilots(self.environment).items():
+        for name in policies_for(self.environment):
             self.score.value = self._table(results) + f"<p>{html.escape(name)} is flying …</p>"
-            results[name] = mission.fly(self.environment, maker(mission.seed))
+            policy = find_policy(name, self.environment, mission.seed)
+            results[name] = mission.fly(self.environment, policy)
         self.score.value = self._table(results)
 
     def _table(self, results: dict[str, Flights]) -> str:

@@ -10,8 +10,9 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.labs.markup import status, table
 from uavdh_lite.labs.picker import CellPicker
 from uavdh_lite.labs.views import Charts, Map, legend
-from uavdh_lite.mission import Mission, environment_of, pilots
+from uavdh_lite.missions import Mission, environment_of
 from uavdh_lite.plotting import device_colour
+from uavdh_lite.policies import find_policy, policies_for
 from uavdh_lite.scenario import SCENARIOS
 
 NONE = "none"
@@ -103,12 +104,11 @@ class MissionLab(ipywidgets.VBox):
     def _set_city(self) -> None:
         """Start anew in the chosen city."""
         self.environment = environment_of(self.city.value)
-        self.makers = pilots(self.environment)
         self.scenario = SCENARIOS[self.city.value]
         with self._quiet():
             self.time.max = self.scenario.flying_time[1]
-            self.pilot.options = list(self.makers)
-            self.other.options = [NONE, *self.makers]
+            names = policies_for(self.environment)
+            self.pilot.options, self.other.options = names, [NONE, *names]
             self.pilot.value, self.other.value = self.pilot.options[0], NONE
         self._drawn = 0
         self._set_mission(Mission.draw(self.scenario, self.environment.city, 0))
@@ -194,7 +194,7 @@ class MissionLab(ipywidgets.VBox):
         names = [self.pilot.value] + [self.other.value] * (self.other.value != NONE)
         self._say(f"{' and '.join(names)}: planning …" if "genie" in names else "")
         self.flights = {}
-        policies = {name: self.makers[name](self.mission.seed) for name in names}
+        policies = {name: find_policy(name, self.environment, self.mission.seed) for name in names}
         for place, (name, policy) in zip(self.maps, policies.items(), strict=False):
             self.flights[name] = self.mission.fly(self.environment, policy)
             place.set_city(self.environment, self.mission, name)

@@ -5,11 +5,10 @@ import numpy as np
 import torch
 from matplotlib.figure import Figure
 
-from uavdh_lite.agent import Agent
+from uavdh_lite.agent import Agent, saliency, value_map
 from uavdh_lite.ddqn import softmax_policy
-from uavdh_lite.environment import ACTIONS
+from uavdh_lite.environment import ACTIONS, State
 from uavdh_lite.evaluation import Flights, Policy
-from uavdh_lite.explain import saliency, step_states, value_map
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.labs.mission import WIDE, MissionLab
 from uavdh_lite.observation import LAYERS
@@ -43,7 +42,7 @@ class Thoughts:
             self.canvas.draw_all()
             return
         self.states = [state for state, *_ in flights.history[: flights.steps[0]]]
-        self.q = self.agent.q_values(step_states(self.states))
+        self.q = self.agent.q_values(State.concatenate(self.states))
         low, high = float(self.q.min()), float(self.q.max())
         self.bars.set(title="Q-values", xlim=(min(low, 0) - 1, max(high, 0) + 1))
         self.chances.set(title="softmax policy", xlim=(0, 1))

@@ -11,7 +11,7 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.labs.markup import ERROR, status
 from uavdh_lite.labs.views import Map
-from uavdh_lite.mission import Mission
+from uavdh_lite.missions import Mission
 from uavdh_lite.recipe import Recipe, find_recipe
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.training import Trainer

@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 from uavdh_lite.environment import Environment, Rewards
 from uavdh_lite.evaluation import Flights, Policy
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.mission import Mission
+from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import add_legend, device_colour, draw_city, draw_flight, shadow_sum
 
 # Terms of the reward; colours that are no device's
@@ -82,7 +82,7 @@ class Charts:
         """Draw a policy's whole flight; `show` marks a step in it, of `last` at most."""
         trajectory = flights.trajectory(0)
         devices = np.flatnonzero(trajectory.start.data_initial[0] > 0)
-        outcomes = [outcome for _, _, outcome, _ in flights.history[: flights.steps[0]]]
+        outcomes = [step.outcome for step in flights.history[: flights.steps[0]]]
         terms = [{k: v[0] for k, v in Rewards().terms(outcome).items()} for outcome in outcomes]
         for artist in self._artists:
             artist.remove()

@@ -11,9 +11,9 @@
 # %matplotlib inline
 from matplotlib.figure import Figure
 
-from uavdh_lite import checks
-from uavdh_lite.checks.first_flight import fly_by_hand, mission
-from uavdh_lite.mission import environment_of
+from uavdh_lite.course import checks
+from uavdh_lite.course.checks.first_flight import fly_by_hand, mission
+from uavdh_lite.missions import environment_of
 from uavdh_lite.plotting import draw_trajectory
 
 # %% [markdown]

@@ -11,7 +11,7 @@
 # %matplotlib inline
 import numpy as np
 
-from uavdh_lite import checks
+from uavdh_lite.course import checks
 from uavdh_lite.channel import rate
 
 # %% [markdown]

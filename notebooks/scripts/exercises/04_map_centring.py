@@ -12,7 +12,7 @@
 # %matplotlib inline
 import numpy as np
 
-from uavdh_lite import checks
+from uavdh_lite.course import checks
 
 # %% [markdown]
 # ## 4.1 · From the map back to the city (1 point, 8 minutes)

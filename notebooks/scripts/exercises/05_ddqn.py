@@ -11,7 +11,7 @@
 # %matplotlib inline
 import torch
 
-from uavdh_lite import checks
+from uavdh_lite.course import checks
 
 # %% [markdown]
 # ## 5.1 · A softmax that does not overflow (2 points, 12 minutes)

@@ -11,8 +11,8 @@
 # %matplotlib inline
 from dataclasses import fields, replace
 
-from uavdh_lite import checks
-from uavdh_lite.checks.training import MAY_CHANGE
+from uavdh_lite.course import checks
+from uavdh_lite.course.checks.training import MAY_CHANGE
 from uavdh_lite.recipe import SMALL, Recipe
 
 # %% [markdown]
@@ -61,7 +61,7 @@ checks.n_step_return(n_step)
 # steps after which it was validated:
 
 # %%
-from uavdh_lite.checks.training import RUNS
+from uavdh_lite.course.checks.training import RUNS
 
 for name, shares in RUNS.items():
     print("{:<32}landed {:.3f}, collection_ratio {:.3f}, time_used {:.3f}".format(name, *shares))

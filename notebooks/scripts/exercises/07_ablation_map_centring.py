@@ -15,8 +15,8 @@ from math import comb
 
 import numpy as np
 
-from uavdh_lite import checks
-from uavdh_lite.checks.ablation import recorded
+from uavdh_lite.course import checks
+from uavdh_lite.course.checks.ablation import recorded
 
 # %% [markdown]
 # ## 7.1 · How many steps to a threshold (1 point, 8 minutes)

@@ -16,10 +16,10 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from uavdh_lite import checks
+from uavdh_lite.course import checks
 from uavdh_lite.environment import Rewards
 from uavdh_lite.evaluation import evaluate
-from uavdh_lite.mission import environment_of
+from uavdh_lite.missions import environment_of
 from uavdh_lite.planners import Greedy
 from uavdh_lite.plotting import draw_trajectory
 from uavdh_lite.scenario import find_scenario

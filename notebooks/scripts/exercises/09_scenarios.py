@@ -14,7 +14,7 @@ from collections import deque
 
 import numpy as np
 
-from uavdh_lite import checks
+from uavdh_lite.course import checks
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.environment import Environment

@@ -11,9 +11,9 @@
 # %matplotlib inline
 import numpy as np
 
-from uavdh_lite import checks
-from uavdh_lite.link import rate_map
-from uavdh_lite.mission import Mission, environment_of, pilots
+from uavdh_lite.course import checks
+from uavdh_lite.channel import rate_map
+from uavdh_lite.missions import Mission, environment_of, pilots
 from uavdh_lite.scenario import find_scenario
 
 environment, scenario = environment_of("manhattan"), find_scenario("manhattan")
@@ -25,7 +25,7 @@ makers = pilots(environment)
 # `Mission.draw(scenario, environment.city, seed)` draws a random mission of the city `manhattan`: equal seeds, equal
 # missions. `mission.fly(environment, policy)` flies it with the fading of the same seed and gives the flights (a batch of
 # one); `.end` is the last state, with `collection_ratio` and `landed`, an array of one element each. The policies are
-# `makers["greedy"](seed)` and `makers["agent manhattan"](seed)`; the cell above makes `makers`, `scenario` and
+# `makers["greedy"](seed)` and `makers["manhattan"](seed)`; the cell above makes `makers`, `scenario` and
 # `environment`.
 #
 # The score of a flight, in points, is 100 × collection ratio if it has landed, else 0. Find a seed from 100 to 9,999
@@ -38,10 +38,10 @@ makers = pilots(environment)
 for candidate in range(100, 10_000):
     mission = Mission.draw(scenario, environment.city, candidate)
     points = {}
-    for name in ("greedy", "agent manhattan"):
+    for name in ("greedy", "manhattan"):
         end = mission.fly(environment, makers[name](candidate)).end
         points[name] = 100 * float(end.collection_ratio[0] * end.landed[0])
-    if points["greedy"] - points["agent manhattan"] >= 40:
+    if points["greedy"] - points["manhattan"] >= 40:
         seed = candidate
         break
 ### END SOLUTION

@@ -1,0 +1,424 @@
+"""The labs' web page, used in a real browser as a person would; pictures in build/screenshots."""
+
+import base64
+import io
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import uuid
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from PIL import Image, ImageChops
+from playwright.sync_api import expect, sync_playwright
+from tornado.httpclient import AsyncHTTPClient, HTTPRequest
+from tornado.ioloop import IOLoop
+from tornado.websocket import websocket_connect
+
+from uavdh_lite.city import City
+from uavdh_lite.labs.city import Draft
+
+CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
+SCREENSHOTS = Path(__file__).parents[2] / "build" / "screenshots"
+WAIT = 60_000  # milliseconds: only a page that never answers takes so long
+
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="no Chromium: install it, or name one in CHROMIUM"
+)
+
+
+@contextmanager
+def serving(*options):
+    """The address of a server of its own, on a free port."""
+    server = subprocess.Popen(
+        [sys.executable, "-m", "uavdh_lite", "app", "--no-browser", "--port", "8900", *options],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        for line in server.stderr:
+            if found := re.match(r"labs: (\S+)", line):
+                break
+        else:
+            raise AssertionError("the server ended before it served")
+        yield found[1]
+    finally:
+        server.send_signal(signal.SIGINT)
+        server.communicate(timeout=60)
+
+
+@pytest.fixture(scope="module")
+def server():
+    with serving() as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def page(browser, server):
+    """The page with its first lab; whatever it asks for comes from the server."""
+    page = browser.new_page(viewport={"width": 1280, "height": 1000})
+    page.set_default_timeout(WAIT)
+    expect.set_options(timeout=WAIT)
+    outside, errors = [], []
+    page.on("request", lambda r: outside.append(r.url) if not r.url.startswith(OWN) else None)
+    page.on("console", lambda m: errors.append(m.text) if m.type == "error" else None)
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(server)
+    page.locator("img:visible").first.wait_for()
+    yield page
+    page.goto("about:blank")  # ends the session; closing the page alone would not, here
+    page.close()
+    assert outside == [] and errors == []
+
+
+OWN = ("http://127.0.0.1", "ws://127.0.0.1", "data:", "blob:")
+
+
+def open_lab(page, title):
+    page.get_by_role("tab", name=title, exact=True).click()
+    lab = page.locator(".jp-OutputArea-output .widget-tab-contents > :not(.lm-mod-hidden)")
+    lab.locator("img:visible").first.wait_for()
+    return lab
+
+
+def shoot(page, name):
+    """Keep a picture for people to look at, without the empty part below."""
+    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    bottom = ImageChops.invert(picture).getbbox()[3]
+    picture.crop((0, 0, picture.width, bottom)).save(SCREENSHOTS / f"{name}.png", optimize=True)
+
+
+def size(picture):
+    """Width and height of what an img shows."""
+    return picture.evaluate("image => [image.naturalWidth, image.naturalHeight]")
+
+
+def click_cell(picture, row, col, cells=16):
+    """Click a cell on a map of the mission lab; its axes' place is that of `labs.views.Map`."""
+    width, height = size(picture)
+    side = min(0.93 * width, 0.88 * height)
+    left = 0.06 * width + (0.93 * width - side) / 2
+    top = height * (1 - 0.06 - 0.88) + (0.88 * height - side) / 2
+    position = {"x": left + (col + 0.5) / cells * side, "y": top + (row + 0.5) / cells * side}
+    picture.click(position=position)
+
+
+def table(lab):
+    """The numbers below the maps of the mission lab: a dict for each policy."""
+    rows = lab.locator(".uavdh-numbers tr").all()
+    head, *others = ([cell.inner_text() for cell in row.locator("td").all()] for row in rows)
+    return [dict(zip(head, values, strict=True)) for values in others]
+
+
+def collected(lab, row=0):
+    """Collected and total data of a policy in that table."""
+    return [float(value) for value in table(lab)[row]["data collected"].split(" of ")]
+
+
+def until(page, condition):
+    """Wait for a condition on the page that no locator tells."""
+    for _ in range(WAIT // 100):
+        if condition():
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError("waited in vain")
+
+
+def test_a_mission_is_set_by_clicks_and_flown(page):
+    lab = open_lab(page, "Mission")
+    expect(lab.get_by_role("slider", name=re.compile("data of"))).to_have_count(2)
+    before = collected(lab)[1]
+    click_cell(lab.locator("img:visible").first, 8, 8)
+    expect(lab.get_by_role("slider", name=re.compile("data of"))).to_have_count(3)
+    until(page, lambda: collected(lab)[1] > before)
+
+    lab.get_by_role("button", name="remove").click()
+    click_cell(lab.locator("img:visible").first, 8, 8)
+    expect(lab.get_by_role("slider", name=re.compile("data of"))).to_have_count(2)
+    until(page, lambda: collected(lab)[1] == before)
+
+    lab.get_by_role("button", name="add", exact=True).click()
+    click_cell(lab.locator("img:visible").first, 3, 2)
+    expect(lab.get_by_role("status")).to_contain_text("stands on a building at (3, 2)")
+
+    lab.get_by_label("beside it").select_option("greedy")
+    until(page, lambda: len(table(lab)) == 2)
+    assert [row["policy"] for row in table(lab)] == ["manhattan", "greedy"]
+    assert collected(lab)[1] == collected(lab, 1)[1]
+    assert fits(page)
+    shoot(page, "mission")
+
+
+def test_keys_move_sliders_place_devices_and_scrub(page):
+    lab = open_lab(page, "Mission")
+    time = lab.get_by_role("slider", name="flying time")
+    given = int(float(time.get_attribute("aria-valuenow")))
+    time.focus()
+    page.keyboard.press("ArrowLeft")
+    until(page, lambda: table(lab)[0]["time left"].endswith(f"of {given - 1}"))
+
+    before = collected(lab)[1]
+    lab.get_by_role("spinbutton", name="row").fill("8")
+    lab.get_by_role("spinbutton", name="column").fill("8")
+    lab.get_by_role("spinbutton", name="column").press("Tab")
+    page.keyboard.press("Enter")
+    expect(lab.get_by_role("slider", name="data of 2")).to_be_visible()
+    until(page, lambda: collected(lab)[1] > before)  # the slider comes first, then the flight
+
+    end = table(lab)[0]["time left"]
+    step = lab.get_by_role("slider", name="step")
+    step.focus()
+    page.keyboard.press("Home")
+    until(page, lambda: table(lab)[0]["time left"] == f"{given - 1} of {given - 1}")
+    assert collected(lab)[0] == 0
+    lab.get_by_role("button", name="play").click()  # and the flight flies itself to the end
+    until(page, lambda: table(lab)[0]["time left"] == end)
+
+
+def test_what_the_agent_thinks_changes_from_step_to_step(page):
+    lab = open_lab(page, "Watch it think")
+    thoughts = lab.locator("img:visible").nth(1)
+    last = thoughts.get_attribute("src")
+    lab.get_by_role("slider", name="step").focus()
+    for _ in range(7):
+        page.keyboard.press("PageDown")
+    step = lab.get_by_role("slider", name="step").get_attribute("aria-valuenow")
+    until(page, lambda: table(lab)[0]["time left"] == f"{64 - int(float(step))} of 64")
+    assert thoughts.get_attribute("src") != last
+    shoot(page, "think")
+    now = thoughts.get_attribute("src")
+    lab.get_by_role("slider", name="temperature").focus()
+    page.keyboard.press("End")
+    until(page, lambda: thoughts.get_attribute("src") != now)
+    assert size(thoughts)[0] > 700 and fits(page)
+
+
+def test_flying_by_keys_ends_with_a_score(page):
+    lab = open_lab(page, "Fly it yourself")
+    lab.get_by_label("city").select_option("village")
+    expect(lab.get_by_role("status")).not_to_contain_text("64 units")  # the other city's
+    left = int(re.search(r"(\d+) units of time left", lab.inner_text())[1])
+    lab.locator("img:visible").first.hover()
+    page.keyboard.press("ArrowDown")
+    expect(lab).to_contain_text(f"{left - 1} units of time left")
+    lab.get_by_role("button", name="north").click()
+    expect(lab).to_contain_text(f"{left - 2} units of time left")
+    lab.locator("img:visible").first.hover()
+    east, south, west, north = ("ArrowRight", "ArrowDown", "ArrowLeft", "ArrowUp")
+    there = [east] * 2 + [south] * 2 + [east] * 3
+    back = [west] * 3 + [north] * 2 + [west] * 2
+    for number, key in enumerate([*there, "Space", "Space", *back], start=3):
+        page.keyboard.press(key)
+        expect(lab).to_contain_text(f"{left - number} units of time left")
+    page.keyboard.press("Enter")
+    expect(lab.locator("tr")).to_have_count(5)  # they come one by one
+    scores = [row.locator("td").all_inner_texts() for row in lab.locator("tr").all()]
+    assert [row[0] for row in scores[1:]] == ["you", "greedy", "genie", "random"]
+    assert scores[1][1] == "yes" and float(scores[1][2].rstrip("%")) > 50
+    assert fits(page)
+    shoot(page, "fly")
+
+
+def test_the_channel_follows_device_and_sliders(page):
+    lab = open_lab(page, "Channel")
+    sentence = lab.get_by_text("data units a slot").last
+    before = sentence.inner_text()
+    width, height = size(lab.locator("img:visible").first)
+    lab.locator("img:visible").first.click(position={"x": 0.2 * width, "y": 0.5 * height})
+    expect(sentence).not_to_have_text(before)
+    lab.get_by_role("slider", name="edge SNR, dB").focus()
+    moved = sentence.inner_text()
+    page.keyboard.press("End")
+    expect(sentence).not_to_have_text(moved)
+    assert "SNR" in sentence.inner_text() and fits(page)
+    shoot(page, "channel")
+
+
+def test_a_training_runs_pauses_and_goes_on(page):
+    lab = open_lab(page, "Training")
+    lab.get_by_role("button", name=re.compile(r"start$")).click()
+    status = lab.get_by_role("status")
+    expect(status).to_contain_text("after 8,0")  # the first validation after the start's
+    lab.get_by_role("button", name="pause").click()
+    expect(status).to_contain_text("paused")
+    expect(lab.get_by_label("temperature")).to_be_disabled()
+    lab.get_by_role("button", name=re.compile(r"start$")).click()
+    expect(status).to_contain_text("after 24,0")
+    shoot(page, "training")
+    lab.get_by_role("button", name="pause").click()
+    expect(status).to_contain_text("paused")
+    lab.get_by_role("button", name="new run").click()
+    expect(lab.get_by_label("temperature")).to_be_enabled()
+    assert fits(page)
+
+
+def test_a_city_is_painted_uploaded_and_flown(page):
+    lab = open_lab(page, "City")
+    status = lab.get_by_role("status")
+    lab.get_by_label("size").fill("6")
+    lab.get_by_label("size").press("Tab")
+    lab.get_by_role("button", name="blank city").click()
+    expect(status).to_contain_text("no start and landing zone")
+    lab.get_by_role("button", name="landing zone").click()
+    lab.get_by_role("button", name="click there").click()
+    expect(status).not_to_contain_text("landing")
+    lab.get_by_role("button", name="tall building").click()
+
+    def drag():
+        box = lab.locator("img:visible").first.bounding_box()
+        page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+        page.mouse.down()
+        page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 0.5 * box["height"], steps=12)
+        page.mouse.up()
+
+    drag()
+    link = lab.get_by_role("link", name="save as PNG")
+    until(page, lambda: painted(link).buildings.sum() == 3)
+
+    def upload(data):
+        with page.expect_file_chooser() as chooser:
+            lab.get_by_role("button", name="upload PNG").click()
+        chooser.value.set_files([{"name": "x.png", "mimeType": "image/png", "buffer": data}])
+
+    upload(b"no <i>png")
+    expect(status).to_contain_text("not a readable PNG")
+    noise = io.BytesIO()
+    Image.effect_noise((600, 600), 90).save(noise, "PNG")
+    upload(noise.getvalue())
+    expect(status).to_contain_text("at most 100,000 are read")
+    assert painted(link).buildings.sum() == 3  # what was painted is still there
+    upload(Draft(City.load("village").kinds).png())
+    until(page, lambda: painted(link).size == 8)
+    lab.get_by_role("button", name=re.compile(r"fly$")).click()
+    expect(lab.locator("img:visible")).to_have_count(2)
+    assert fits(page)
+    shoot(page, "city")
+
+
+def painted(link):
+    """The city of the link that saves it."""
+    return Draft.from_png(base64.b64decode(link.get_attribute("href").split("base64,")[1]))
+
+
+def fits(page):
+    """Whether nothing on the page reaches beyond its width."""
+    right = """Math.max(...[...document.querySelectorAll("img, .jupyter-widgets")].map(
+        (each) => each.getBoundingClientRect().right))"""
+    return page.evaluate(right) <= page.evaluate("innerWidth")
+
+
+NAMELESS = """
+() => [...document.querySelectorAll("input, select, button, [role=slider]")]
+  .filter((e) => e.checkVisibility() && !(e.labels?.length && e.labels[0].textContent)
+    && !e.getAttribute("aria-label") && !e.textContent.trim() && !e.title)
+  .map((e) => e.outerHTML)
+"""
+
+
+def test_every_control_has_a_name(page):
+    for tab in page.get_by_role("tab").all():
+        open_lab(page, tab.inner_text())
+        assert page.evaluate(NAMELESS) == []
+
+
+def test_one_more_than_the_limit_is_told_so_and_served_later(browser):
+    with serving("--sessions", "1") as address:
+        first, second = browser.new_page(), browser.new_page()
+        first.goto(address)
+        first.locator("img:visible").first.wait_for(timeout=WAIT)
+        assert second.goto(address).status == 503
+        expect(second.locator("h1")).to_have_text("All places are taken")
+        first.goto("about:blank")  # leaving the page ends its session
+        for _ in range(100):
+            if second.goto(address).status == 200:
+                break
+            second.wait_for_timeout(200)
+        second.locator("img:visible").first.wait_for(timeout=WAIT)
+        first.close()
+        second.close()
+
+
+def test_an_idle_session_ends_and_the_page_says_so(browser):
+    with serving("--idle-seconds", "3") as address:
+        page = browser.new_page()
+        page.goto(address)
+        page.locator("img:visible").first.wait_for(timeout=WAIT)
+        expect(page.get_by_role("alert")).to_contain_text("left alone too long", timeout=WAIT)
+        page.close()
+
+
+def aside(coroutine):
+    """The result of a coroutine run in a thread of its own: this one's loop is playwright's."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(lambda: IOLoop().run_sync(coroutine, timeout=60)).result()
+
+
+def kernel(page):
+    config = page.locator("#jupyter-config-data").text_content()
+    return json.loads(config)["kernelId"]
+
+
+def test_a_session_runs_no_code_that_is_sent_to_it(page, server, tmp_path):
+    """A message to execute code, as a notebook's front end sends it, is dropped."""
+    trace = tmp_path / "executed"
+    header = {
+        "msg_id": uuid.uuid4().hex,
+        "msg_type": "execute_request",
+        "username": "",
+        "session": uuid.uuid4().hex,
+        "version": "5.3",
+        "date": "2026-01-01T00:00:00Z",
+    }
+    message = {
+        "channel": "shell",
+        "header": header,
+        "parent_header": {},
+        "metadata": {},
+        "buffers": [],
+        "content": {"code": f"open({str(trace)!r}, 'w').close()", "silent": False},
+    }
+    asked = {"channel": "shell", "header": header | {"msg_type": "kernel_info_request"}}
+    asked = message | asked | {"content": {}}
+
+    address = f"{server.replace('http', 'ws')}api/kernels/{kernel(page)}/channels"
+
+    async def send():
+        socket = await websocket_connect(address)
+        await socket.write_message(json.dumps(message))
+        await socket.write_message(json.dumps(asked))
+        answers = []
+        while "kernel_info_reply" not in answers:
+            answer = json.loads(await socket.read_message())
+            answers.append(answer["msg_type"])
+        socket.close()
+        return answers
+
+    answers = aside(send)
+    assert "execute_reply" not in answers and not trace.exists()
+
+
+def test_only_this_machine_is_answered(server):
+    """Another site's page that gives this address its own name (DNS rebinding) is refused."""
+
+    async def fetch(host):
+        request = HTTPRequest(f"{server}api/kernels/{uuid.uuid4()}", headers={"Host": host})
+        return (await AsyncHTTPClient().fetch(request, raise_error=False)).code
+
+    assert aside(lambda: fetch("evil.example")) == 403
+    assert aside(lambda: fetch("127.0.0.1")) == 404  # no such session
+    assert server.startswith("http://127.0.0.1:")

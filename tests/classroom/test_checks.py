@@ -1,0 +1,138 @@
+"""The exercises' checks: typical mistakes are named. nbval proves that the solutions pass."""
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+from uavdh_lite.course import checks
+from uavdh_lite.course.checks.exercise import close, compare
+from uavdh_lite.course.checks.training import RUNS
+from uavdh_lite.storage import read_table
+
+ROOT = Path(__file__).parent
+SCRIPTS = sorted((ROOT.parent / "notebooks" / "scripts" / "exercises").glob("*.py"))
+MISTAKES = {
+    name: answers
+    for path in sorted((ROOT / "mistakes").glob("*.py"))
+    for name, answers in importlib.import_module(f"mistakes.{path.stem}").MISTAKES.items()
+}
+CASES = [
+    pytest.param(name, answer, message, id=f"{name}-{k}")
+    for name, answers in MISTAKES.items()
+    for k, (answer, message) in enumerate(answers)
+]
+
+
+@pytest.mark.parametrize("name, answer, message", CASES)
+def test_a_mistake_fails_with_a_message_that_names_it(name, answer, message):
+    with pytest.raises(checks.CheckFailed, match=message):
+        checks.EXERCISES[name](answer)
+
+
+def test_the_validations_to_diagnose_are_recorded_ones():
+    table = read_table(ROOT.parent / "data/runs/deviations-manhattan/validation.csv.gz")
+    columns = ("has_landed", "collection_ratio", "time_used")
+    for name, shares in RUNS.items():
+        variant, seed, thousands = name.rsplit("-", 2)
+        row = (table["variant"] == variant) & (table["seed"] == int(seed))
+        row &= table["steps"] == 1000 * int(thousands)
+        recorded = [round(float(table[column][row].item()), 3) for column in columns]
+        assert list(shares) == recorded, name
+
+
+def test_every_exercise_has_two_mistakes_at_least():
+    assert set(MISTAKES) == set(checks.EXERCISES)
+    assert all(len(answers) >= 2 for answers in MISTAKES.values())
+
+
+def test_every_exercise_is_exported():
+    assert set(checks.EXERCISES) <= set(checks.__all__)
+    assert all(getattr(checks, name) is one for name, one in checks.EXERCISES.items())
+
+
+def test_every_notebook_has_its_exercises_in_order():
+    numbers = [one.number for one in checks.EXERCISES.values()]
+    assert numbers == sorted(numbers, key=lambda n: [int(part) for part in n.split(".")])
+    for script in SCRIPTS:
+        text = script.read_text().replace("\n# ", "\n")
+        own = [
+            (name, one)
+            for name, one in checks.EXERCISES.items()
+            if int(one.number.split(".")[0]) == int(script.name[:2])
+        ]
+        assert 2 <= len(own) <= 4
+        places = [text.index(f"{one.heading}\n") for _, one in own]
+        calls = [re.search(rf"^checks\.{name}\(", text, re.M).start() for name, _ in own]
+        assert sorted(places + calls) == [
+            p for pair in zip(places, calls, strict=True) for p in pair
+        ]
+    assert len(SCRIPTS) == len({one.number.split(".")[0] for one in checks.EXERCISES.values()})
+
+
+@pytest.mark.parametrize("name", checks.EXERCISES)
+def test_hints(name, capsys):
+    one = checks.EXERCISES[name]
+    one.given.clear()
+    one.hint()
+    one.hint()
+    said = capsys.readouterr().out.splitlines()
+    assert said == [f"Hint {k + 1} of 3: {words}" for k, words in enumerate(one.words)]
+    assert one.picture().startswith(b"\x89PNG")
+    with pytest.raises(ValueError, match="there are 1, 2 and 3"):
+        one.hint(4)
+
+
+@pytest.mark.parametrize("name", checks.EXERCISES)
+@pytest.mark.parametrize("nothing", [None, ...])
+def test_no_answer(name, nothing):
+    with pytest.raises(checks.CheckFailed, match="no answer yet"):
+        checks.EXERCISES[name](nothing)
+
+
+def test_unwritten_functions_and_missing_returns():
+    def blank(snr_db):
+        raise NotImplementedError("exercise 1.1")
+
+    def silent(snr_db):
+        snr_db + 1
+
+    def broken(snr_db):
+        return snr_db.nothing
+
+    for answer, message in (
+        (blank, "blank is not written yet"),
+        (silent, "is there a `return`"),
+        (broken, r"broken\(0\) stops with AttributeError: 'float'"),
+    ):
+        with pytest.raises(checks.CheckFailed, match=message):
+            checks.rate_from_snr(answer)
+
+
+def test_what_a_notebook_shows_of_a_failed_check():
+    assert checks.CheckFailed("A reason.")._render_traceback_() == ["Not yet. A reason."]
+
+
+def test_compare_names_a_mistake_only_if_it_explains_all_that_is_wrong():
+    mistakes = {"it forgets the 1": lambda x: x}
+    with pytest.raises(checks.CheckFailed, match="forgets the 1"):
+        compare(lambda x: x, lambda x: x + 1, [(1,), (2,)], mistakes)
+    with pytest.raises(checks.CheckFailed, match=r"expected 2\b"):
+        compare(lambda x: {1: 1, 2: 7}[x], lambda x: x + 1, [(1,), (2,)], mistakes)
+    with pytest.raises(checks.CheckFailed, match=r"has the shape \(1,\), expected \(\)"):
+        compare(lambda x: [x + 1], lambda x: x + 1, [(1,)], mistakes)
+
+
+def test_close_compares_shapes_and_takes_anything():
+    assert close([1, 2], (1.0, 2.0)) and not close([1, 2], [[1, 2]])
+    assert not close("text", 1.0) and not close(float("nan"), 1.0)
+
+
+def test_the_teaching_guide_has_every_exercise():
+    guide = (ROOT.parent / "notebooks" / "TEACHING.md").read_text()
+    rows = re.findall(r"^\| (\d+\.\d) \| (.+?) \| (\d+) \| (\d+)\*? \|", guide, re.M)
+    assert rows == [
+        (one.number, one.title, str(one.points), str(one.minutes))
+        for one in checks.EXERCISES.values()
+    ]

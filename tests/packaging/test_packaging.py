@@ -1,0 +1,108 @@
+"""What is built can be installed alone: cities, agents and all, found without the repository."""
+
+import re
+import subprocess
+import sys
+import tarfile
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = """
+import uavdh_lite
+from uavdh_lite.checkpoint import load_agent, shipped_agents
+from uavdh_lite.city import City, shipped_cities
+from uavdh_lite.missions import Mission
+from uavdh_lite.missions import load_mission, save_mission
+
+print(uavdh_lite.__file__)
+assert shipped_agents() == ["manhattan", "manhattan_early", "open_field"], shipped_agents()
+assert len(shipped_cities()) == 5
+agent = load_agent("manhattan")
+mission = Mission.draw(agent.scenario, City.load("manhattan"), 0)
+save_mission("m.json", mission)
+load_mission("m.json")
+"""
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Wheel and sdist; the wheel is built from the sdist."""
+    out = tmp_path_factory.mktemp("dist")
+    command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(out), str(ROOT)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    (wheel,), (sdist,) = out.glob("*.whl"), out.glob("*.tar.gz")
+    return wheel, sdist
+
+
+def test_the_wheel_works_without_the_repository(built, tmp_path):
+    with zipfile.ZipFile(built[0]) as archive:
+        archive.extractall(tmp_path / "site")
+
+    def run(*arguments):
+        environment = {"PYTHONPATH": str(tmp_path / "site"), "OMP_NUM_THREADS": "1"}
+        done = subprocess.run(
+            [sys.executable, *arguments],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert str(tmp_path / "site") in run("-c", SCRIPT)
+    assert "manhattan" in run("-m", "uavdh_lite", "demo", "--episodes", "5")
+    run("-m", "uavdh_lite", "fly", "--out", "f.png")
+    run("-c", "import uavdh_lite.labs.app.server as s, pathlib; assert s.__file__")
+
+
+def test_what_is_in_the_wheel(built):
+    with zipfile.ZipFile(built[0]) as archive:
+        names = set(archive.namelist())
+    for name in (
+        "uavdh_lite/py.typed",
+        "uavdh_lite/data/cities/manhattan.png",
+        "uavdh_lite/data/checkpoints/open_field.safetensors",
+        "uavdh_lite/schemas/mission.schema.json",
+        "uavdh_lite/app/labs.ipynb",
+    ):
+        assert name in names
+    kept = {str(p.relative_to(ROOT)) for p in (ROOT / "uavdh_lite").rglob("*.*") if p.is_file()}
+    assert {n for n in kept if "__pycache__" not in n} <= names
+    assert not any(name.startswith(("tests", "notebooks", "data/")) for name in names)
+    assert any(name.endswith("licenses/LICENSE") for name in names)
+    with tarfile.open(built[1]) as archive:
+        assert all("tests/" not in name for name in archive.getnames())
+
+
+def pins(name):
+    return dict(re.findall(r"^([\w.\-]+)==([^\s\\]+)", (ROOT / name).read_text(), re.M))
+
+
+def test_the_lock_file_is_that_of_the_environment():
+    wanted, locked = pins("environment.txt"), pins("environment.lock")
+    del wanted["torch"]  # which build is right depends on the machine
+    names = {name.lower().replace("_", "-"): version for name, version in wanted.items()}
+    assert names.items() <= locked.items(), "run: bash .ci/lock"
+    text = (ROOT / "environment.lock").read_text()
+    assert len(re.findall(r"^[\w.\-]+==", text, re.M)) == len(
+        re.findall(r"^[\w.\-]+==\S+ \\\n    --hash=sha256:[0-9a-f]{64}", text, re.M)
+    )
+
+
+def test_every_dependency_is_pinned():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = {k: v for k, v in project["optional-dependencies"].items() if k != "book"}
+    wanted = [*project["dependencies"], *(one for extra in extras.values() for one in extra)]
+    names = {re.match(r"[\w.\-]+", one)[0] for one in wanted} - {"uavdh-lite"}
+    assert names <= set(pins("environment.txt"))
+
+
+def test_types():
+    done = subprocess.run([sys.executable, "-m", "mypy"], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout

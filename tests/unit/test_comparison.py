@@ -1,0 +1,79 @@
+import json
+
+import numpy as np
+import pytest
+
+from uavdh_lite.city import City
+from uavdh_lite.cli.main import main
+from uavdh_lite.environment import Environment
+from uavdh_lite.evaluation import evaluate
+from uavdh_lite.experiments.comparison import breakdown, compare, share
+from uavdh_lite.planners import Genie, Greedy
+from uavdh_lite.scenario import SCENARIOS
+from uavdh_lite.storage import read_table
+
+
+@pytest.fixture(scope="module")
+def open_field():
+    return Environment(City.load("open_field")), SCENARIOS["open_field"]
+
+
+@pytest.mark.parametrize(("jobs", "chunk"), [(1, 40), (1, 7), (2, 13)])
+def test_parts_and_processes_change_nothing(open_field, jobs, chunk):
+    environment, scenario = open_field
+    policies = {"greedy": lambda: Greedy(environment), "genie": lambda: Genie(environment)}
+    results = compare(environment, scenario, policies, 20, seed=4, jobs=jobs, chunk=chunk)
+    for name, policy in policies.items():
+        flights = evaluate(environment, policy(), scenario, 20, seed=4)
+        for metric, values in flights.records().items():
+            np.testing.assert_array_equal(results[name][metric], values)
+        start = flights.start
+        np.testing.assert_array_equal(results[name]["flying_time"], start.time_left)
+        np.testing.assert_allclose(results[name]["data"], start.data_initial.sum(axis=1))
+        assert (results[name]["devices"] == 2).all()
+
+
+def test_the_genie_beats_greedy_at_what_it_is_asked_for(open_field):
+    environment, scenario = open_field
+    policies = {
+        "greedy": lambda: Greedy(environment),
+        "return": lambda: Genie(environment),
+        "data": lambda: Genie(environment, time_cost=0.01),
+    }
+    results = compare(environment, scenario, policies, 40, seed=0)
+    reward = {name: each["cumulative_reward"].mean() for name, each in results.items()}
+    data = {name: each["collection_ratio_and_landed"].mean() for name, each in results.items()}
+    assert reward["return"] > max(reward["greedy"], reward["data"])
+    assert data["data"] >= data["greedy"] - 1e-6 and data["data"] > data["return"]
+
+
+def test_share_pairs_the_episodes(generator):
+    reference = generator.uniform(1, 100, 200)
+    exact = share(0.9 * reference, reference)
+    assert exact == pytest.approx((0.9, 0.9, 0.9))  # unpaired, it would be some 0.9 ± 0.1
+    noisy = share(0.9 * reference + generator.normal(0, 5, 200), reference)
+    assert noisy.low < noisy.mean < noisy.high
+
+
+def test_breakdown_by_few_values_and_by_ranges():
+    by = np.repeat([2, 3, 5], [10, 20, 30])
+    groups = breakdown(by * 0.1, by)
+    assert [(label, count) for label, count, _ in groups] == [("2", 10), ("3", 20), ("5", 30)]
+    assert [round(mean.mean, 6) for _, _, mean in groups] == [0.2, 0.3, 0.5]
+    by = np.arange(100)
+    groups = breakdown(by.astype(float), by)
+    assert [label for label, _, _ in groups] == ["0 to 24", "25 to 49", "50 to 74", "75 to 99"]
+    assert [mean.mean for _, _, mean in groups] == [12, 37, 62, 87]
+
+
+def test_compare_writes_every_episode_and_prints_shares(tmp_path, capsys):
+    out = tmp_path / "table.csv.gz"
+    assert main(["compare", "--episodes", "6", "--replan", "50", "--out", str(out)]) == 0
+    output = capsys.readouterr().out
+    assert "as a share of the genie's" in output
+    policy, count = np.unique(read_table(out)["policy"], return_counts=True)
+    assert policy.tolist() == ["agent", "genie", "genie_data", "greedy", "random"]
+    assert (count == 6).all()
+    about = json.loads((tmp_path / "table.json").read_text())
+    assert about["command"].startswith("python -m uavdh_lite compare") and about["seed"] == 0
+    assert about["agent"]["steps"] > 0

@@ -1,0 +1,370 @@
+"""The labs, driven through their controls as a person would, without a browser."""
+
+import base64
+import datetime
+import io
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from uavdh_lite.city import City
+from uavdh_lite.environment import ACTIONS
+from uavdh_lite.labs import ChannelLab, CityLab, FlyLab, Labs, MissionLab, ThinkLab
+from uavdh_lite.labs.city import Draft
+
+
+def pixels(widget):
+    return np.asarray(Image.open(io.BytesIO(widget.value)).convert("RGB")).astype(int)
+
+
+def click(lab, cell, place=0):
+    """A click on the middle of a cell, as the browser reports it."""
+    one = lab.maps[place]
+    x, y = one.ax.transData.transform((cell[1], cell[0]))
+    height = pixels(one.canvas.picture).shape[0]
+    lab.clicks[place]._handle_mouse_msg(None, {"dataX": x, "dataY": height - y}, [])
+
+
+@pytest.fixture
+def lab():
+    return MissionLab("manhattan")
+
+
+def test_the_first_picture(lab):
+    assert pixels(lab.maps[0].canvas.picture).shape == (420, 400, 3)
+    assert len(lab.views.children) == 2  # one map, the charts
+    assert "manhattan" in lab.numbers.value
+    assert lab.step.value == lab.step.max == lab.play.max > 0
+
+
+def test_clicks_add_move_and_remove_devices(lab):
+    before = lab.mission.devices
+    click(lab, (8, 8))
+    assert lab.mission.devices == (*before, (8, 8))
+    assert [slider.value for slider in lab.sliders.children] == list(lab.mission.data)
+    lab.click.value = "move"
+    click(lab, (8, 8))
+    assert "now click on its new place" in lab.message.value
+    click(lab, (7, 1))
+    assert lab.mission.devices == (*before, (7, 1))
+    lab.click.value = "remove"
+    click(lab, (7, 1))
+    assert lab.mission.devices == before and len(lab.sliders.children) == len(before)
+
+
+def test_a_click_sets_the_start(lab):
+    lab.click.value = "start"
+    click(lab, (8, 8))
+    assert lab.mission.start == (8, 8)
+    assert lab.flights["manhattan"].start.uav_cell[0] == 8 * 16 + 8
+
+
+def test_what_cannot_be_is_said_and_changes_nothing(lab):
+    mission, picture = lab.mission, lab.maps[0].canvas.picture.value
+    click(lab, (2, 2))
+    assert "stands on a building at (2, 2)" in lab.message.value
+    assert lab.mission is mission and lab.maps[0].canvas.picture.value == picture
+    lab.click.value = "remove"
+    click(lab, (15, 0))
+    assert "no device here" in lab.message.value and lab.mission is mission
+    lab.click.value = "add"
+    click(lab, (8, 8))
+    assert "device" not in lab.message.value and (8, 8) in lab.mission.devices
+
+
+def test_sliders_change_the_mission(lab):
+    lab.time.value = 12
+    assert lab.mission.flying_time == 12
+    assert lab.flights["manhattan"].start.time_left[0] == 12
+    lab.data[0].value = 2.5
+    assert lab.mission.data[0] == 2.5
+    lab.seed.value = 9
+    assert lab.mission.seed == 9
+    lab.draw.click()
+    assert lab.mission.seed == 9 and lab.mission.flying_time == lab.time.value
+
+
+def test_steps_show_more_and_more_of_the_flight(lab):
+    end = pixels(lab.maps[0].canvas.picture)
+    lab.step.value = 0
+    start = pixels(lab.maps[0].canvas.picture)
+    lab.step.value = lab.step.max // 2
+    middle = pixels(lab.maps[0].canvas.picture)
+    changed = [(abs(one - start).sum(2) > 0).sum() for one in (middle, end)]
+    assert 0 < changed[0] < changed[1]
+    trajectory = lab.flights["manhattan"].trajectory(0)
+    assert f"{trajectory.time_left[lab.step.value]} of" in lab.numbers.value
+
+
+def test_two_policies_meet_the_same_mission_and_fading(lab):
+    lab.other.value = "manhattan"  # the same twice is one flight
+    assert list(lab.flights) == ["manhattan"]
+    lab.other.value = "greedy"
+    assert list(lab.flights) == ["manhattan", "greedy"]
+    assert len(lab.views.children) == 3 and "greedy" in lab.numbers.value
+    first, second = (f.start for f in lab.flights.values())
+    assert first is second
+    click(lab, (8, 8), place=1)
+    assert (8, 8) in lab.mission.devices
+
+
+@pytest.mark.parametrize("city", ["village", "open_field", "harbour"])
+def test_every_city_flies(lab, city):
+    lab.city.value = city
+    assert lab.mission.city.name == city
+    assert lab.environment.city.name == city
+    assert set(lab.pilot.options) >= {"greedy", "genie", "random"}
+    assert len(lab.flights) == 1
+
+
+def test_scrubbing_costs_little_beside_a_whole_drawing(lab):
+    """A step redraws the flight alone: several times quicker than a mission drawn anew."""
+
+    def seconds(act):
+        started = time.perf_counter()
+        act()
+        return time.perf_counter() - started
+
+    steps = [seconds(lambda k=k: setattr(lab.step, "value", k)) for k in range(5)]
+    anew = [seconds(lab.draw.click) for _ in range(3)]
+    assert min(steps) < min(anew) / 2
+
+
+def bars(lab):
+    return [round(bar.get_width(), 4) for _, bar in lab.charts.changing]
+
+
+def test_thoughts_are_the_agents_at_each_step():
+    lab = ThinkLab("manhattan")
+    agent = lab.charts.agent
+    for step in (0, 5, lab.step.max):
+        lab.step.value = step
+        state = lab.charts.states[min(step, len(lab.charts.states) - 1)]
+        q = agent.q_values(state)[0]
+        assert bars(lab)[:6] == pytest.approx(q.tolist(), abs=1e-3)
+        assert sum(bars(lab)[6:]) == pytest.approx(1, abs=1e-3)
+
+
+def test_the_temperature_levels_the_policy_and_leaves_the_flight():
+    lab = ThinkLab("manhattan")
+    cold, flights, picture = bars(lab), lab.flights, lab.charts.canvas.picture.value
+    lab.temperature.value = 10
+    assert max(bars(lab)[6:]) < max(cold[6:]) and bars(lab)[:6] == cold[:6]
+    assert lab.flights is flights and lab.charts.canvas.picture.value != picture
+
+
+def test_a_planner_has_no_q_values():
+    lab = ThinkLab("manhattan")
+    lab.pilot.value = "greedy"
+    assert lab.charts.agent is None
+    assert "greedy has no Q-values" in lab.charts.bars.texts[0].get_text()
+    lab.step.value = 1
+    lab.pilot.value = "manhattan_early"
+    assert lab.charts.agent is not None
+
+
+def test_a_city_without_an_agent_says_so():
+    lab = ThinkLab("village")
+    assert lab.charts.agent is None and list(lab.flights) == ["greedy"]
+
+
+def test_flying_by_hand_with_buttons_and_keys():
+    lab = FlyLab("village", seed=3)
+    before = lab.map.canvas.picture.value
+    start = lab.flight.state.uav_cell[0]
+    lab.buttons[ACTIONS.index("south")].click()
+    assert lab.flight.state.uav_cell[0] == start + 8
+    lab.key_events._handle_mouse_msg(None, {"key": "ArrowUp"}, [])
+    assert lab.flight.state.uav_cell[0] == start
+    lab.key_events._handle_mouse_msg(None, {"key": "q"}, [])  # no such key: nothing happens
+    assert len(lab.flight.flights().history) == 2
+    assert lab.map.canvas.picture.value != before and lab.score.value == ""
+    lab.key_events._handle_mouse_msg(None, {"key": "Enter"}, [])
+    assert lab.flight.ended and "landed" in lab.message.value
+    assert all(name in lab.score.value for name in ("you", "greedy", "genie", "random"))
+    shown = lab.map.canvas.picture.value
+    lab.buttons[0].click()  # over is over
+    assert lab.map.canvas.picture.value == shown
+    lab.again.click()
+    assert not lab.flight.ended and lab.score.value == ""
+
+
+def test_the_safety_controller_speaks():
+    lab = FlyLab("village", seed=3)
+    for _ in range(9):
+        lab.buttons[ACTIONS.index("north")].click()
+    assert "north was refused" in lab.message.value
+    lab.seed.value = 4
+    assert "refused" not in lab.message.value
+
+
+def test_a_crash_is_called_one():
+    lab = FlyLab("village", seed=3)
+    while not lab.flight.ended:
+        lab.buttons[ACTIONS.index("hover")].click()
+    assert "crashed" in lab.message.value and "<td>crashed</td>" in lab.score.value
+
+
+def test_the_channel_lab_follows_clicks_and_sliders():
+    lab = ChannelLab("manhattan")
+
+    def click_map(cell):
+        x, y = lab.map.transData.transform((cell[1], cell[0]))
+        lab.clicks._handle_mouse_msg(None, {"dataX": x, "dataY": 440 - y}, [])
+
+    click_map((4, 7))
+    lab.click.value = "UAV"
+    click_map((4, 4))
+    assert (lab.device, lab.uav) == ((4, 7), (4, 4))
+    assert "line of sight" in lab.numbers.value and "0.652 data units" in lab.numbers.value
+    picture = lab.canvas.picture.value
+    click_map((7, 4))
+    assert "no line of sight" in lab.numbers.value
+    assert lab.canvas.picture.value != picture
+    blocked = lab.numbers.value
+    lab.constants["path_loss_exponent_nlos"].value = 5
+    assert lab.numbers.value != blocked
+    lab.constants["fading_nlos_db"].value = 3
+    assert "± 3.0 dB" in lab.numbers.value
+    assert len(lab.map.lines) == len(lab.curve.lines) == 0  # nothing piles up
+    lab.city.value = "village"
+    assert lab.uav == (0, 0)
+
+
+def stroke(lab, cell, **event):
+    x, y = lab.ax.transData.transform((cell[1], cell[0]))
+    event = {"type": "mousedown", "dataX": x, "dataY": 460 - y} | event
+    lab.clicks._handle_mouse_msg(None, event, [])
+
+
+def test_painting_a_city_says_at_once_what_it_lacks():
+    lab = CityLab("village")
+    lab.size.value = 6
+    lab.blank.click()
+    assert lab.draft.size == 6
+    assert "no start and landing zone" in lab.message.value and lab.fly.disabled
+    lab.brush.value = "landing zone"
+    picture = lab.canvas.picture.value
+    stroke(lab, (0, 0))
+    assert "landing" not in lab.message.value and not lab.fly.disabled
+    assert lab.canvas.picture.value != picture
+    lab.brush.value = "tall building"
+    stroke(lab, (3, 3))
+    stroke(lab, (3, 4), type="mousemove", buttons=1)  # drawn over, button down
+    stroke(lab, (5, 5), type="mousemove", buttons=0)
+    assert np.argwhere(lab.draft.buildings).tolist() == [[3, 3], [3, 4]]
+
+
+def test_planners_fly_in_a_painted_city_and_it_can_be_taken_home():
+    lab = CityLab("village")
+    for pilot in ("greedy", "genie"):
+        lab.pilot.value = pilot
+        lab.fly.click()
+        assert len(lab.views.children) == 2 and "color" in lab.message.value
+    assert "train --city my_city.png --devices 1 3" in lab.take_home.value
+    coded = lab.take_home.value.split("base64,")[1].split('"')[0]
+    assert (Draft.from_png(base64.b64decode(coded)).kinds == lab.draft.kinds).all()
+    stroke(lab, (7, 7))
+    assert len(lab.views.children) == 1  # the flight was in another city
+
+
+def test_uploads_are_taken_or_refused_with_a_reason():
+    lab = CityLab("village")
+
+    def upload(data):
+        lab.upload.value = [
+            {
+                "name": "x.png",
+                "type": "image/png",
+                "size": len(data),
+                "content": memoryview(data),
+                "last_modified": datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC),
+            }
+        ]
+
+    upload(Draft(City.load("open_field").kinds).png())
+    assert lab.draft.size == 16 and "<b" not in lab.message.value
+    upload(b"nonsense <script>")
+    assert "not a readable PNG" in lab.message.value and "<script>" not in lab.message.value
+    assert "x.png" in lab.message.value and lab.upload.value == ()
+    upload(Draft.blank(60).png())  # no city, and larger than the editor
+    assert lab.draft.size == 16
+    large = Draft.blank(60)
+    large.paint((0, 0), "landing zone")
+    upload(large.png())
+    assert "60 cells a side: this editor takes 50" in lab.message.value
+    assert lab.draft.size == 16
+
+
+def pick(lab, row, column):
+    """A click by numbers instead of the mouse."""
+    lab.picker.row.value, lab.picker.column.value = row, column
+    lab.picker.button.click()
+
+
+def test_cells_can_be_picked_by_numbers(lab):
+    before = lab.mission.devices
+    pick(lab, 8, 8)
+    assert lab.mission.devices == (*before, (8, 8))
+    channel = ChannelLab("village")
+    assert "In a mission" not in channel.numbers.value
+    pick(channel, 1, 4)
+    assert "devices do not stand on buildings" in channel.numbers.value
+    pick(channel, 2, 5)
+    assert channel.device == (2, 5)
+    pick(channel, 50, 5)  # outside: the last row
+    assert channel.device == (7, 5)
+    city = CityLab("village")
+    pick(city, 7, 7)
+    assert city.draft.buildings[7, 7]
+
+
+def test_the_page_makes_each_lab_when_it_is_opened():
+    labs = Labs()
+    assert list(labs.made) == ["Mission"]
+    for index, title in enumerate(labs.titles):
+        labs.selected_index = index
+        assert len(labs.children[index].children) == 2
+        assert labs.children[index].children[1] is labs.made[title]
+    mission = labs.made["Mission"]
+    labs.selected_index = 0
+    assert labs.made["Mission"] is mission
+
+
+def test_a_quick_stroke_leaves_no_gaps():
+    """A browser reports only some of the places that a fast mouse passes."""
+    lab = CityLab("open_field")
+    stroke(lab, (15, 1))
+    stroke(lab, (15, 14), type="mousemove", buttons=1)
+    assert lab.draft.buildings[15, 1:15].all() and not lab.draft.buildings[15, [0, 15]].any()
+    before = lab.draft.kinds.copy()
+    stroke(lab, (12, 5))  # pressed anew: no line from the last place
+    assert np.argwhere(lab.draft.kinds != before).tolist() == [[12, 5]]
+
+
+def test_a_city_can_be_chosen_again_and_a_flight_is_told(lab):
+    city = CityLab("village")
+    stroke(city, (7, 7))
+    assert city.base.value is None and city.draft.buildings[7, 7]
+    city.base.value = "village"
+    assert not city.draft.buildings[7, 7]
+    city.fly.click()
+    assert "landed after" in city.result.value and "data units collected" in city.result.value
+
+
+def test_random_takes_off_with_the_default_seed(lab):
+    """Its first action is not the fading's first number."""
+    lab.pilot.value = "random"
+    assert lab.flights["random"].steps[0] > 1
+
+
+def test_the_channel_axes_follow_the_rates():
+    lab = ChannelLab("manhattan")
+    low = lab.curve.get_ylim()[1]
+    lab.constants["cell_edge_snr_db"].value = 10
+    high = lab.curve.get_ylim()[1]
+    assert high > 2 * low
+    lab.constants["cell_edge_snr_db"].value = -15
+    assert lab.curve.get_ylim()[1] < high

@@ -1,0 +1,98 @@
+"""Missions that a person sets."""
+
+import pytest
+
+from uavdh_lite.city import City
+from uavdh_lite.environment import Environment
+from uavdh_lite.errors import InputError
+from uavdh_lite.missions import HandFlight, Mission
+from uavdh_lite.policies import find_policy, policies_for
+from uavdh_lite.scenario import SCENARIOS
+from uavdh_lite.streams import Use, stream
+
+
+@pytest.fixture(scope="module")
+def environment():
+    return Environment(City.load("manhattan"))
+
+
+@pytest.fixture
+def mission(environment):
+    return Mission(environment.city, (0, 0), ((4, 4), (7, 9)), (10.0, 5.0), 40)
+
+
+def test_a_drawn_mission_is_the_scenarios(environment):
+    scenario = SCENARIOS["manhattan"]
+    drawn = Mission.draw(scenario, environment.city, 3)
+    state = scenario.sample(environment.city, 1, stream(Use.MISSION, 3))
+    assert drawn.flying_time == state.time_left[0]
+    assert len(drawn.devices) == (state.data_initial > 0).sum()
+    assert drawn.data == pytest.approx(state.data_initial[state.data_initial > 0], abs=0.05)
+    assert (drawn.state.device_cells[0, : len(drawn.devices)]).tolist() == (
+        state.device_cells[0, : len(drawn.devices)].tolist()
+    )
+
+
+def test_changes_leave_the_mission_as_it_was(mission):
+    assert mission.add((8, 8), 3).devices == ((4, 4), (7, 9), (8, 8))
+    assert mission.add((8, 8), 3).data == (10.0, 5.0, 3)
+    assert mission.move(0, (8, 8)).devices == ((8, 8), (7, 9))
+    assert mission.remove(0).devices == ((7, 9),) and mission.remove(0).data == (5.0,)
+    assert mission.devices == ((4, 4), (7, 9))
+    assert mission.device_at((7, 9)) == 1 and mission.device_at((0, 5)) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: m.add((2, 2)), "device 2 stands on a building"),
+        (lambda m: m.add((0, 1)), "device 2 stands in the landing zone"),
+        (lambda m: m.add((4, 4)), "where another device stands"),
+        (lambda m: m.move(5, (8, 8)), "no device 5: there are 2"),
+        (lambda m: m.remove(0).remove(0), "0 devices: this scenario takes 1 to 5"),
+        (lambda m: m.add((8, 1)).add((8, 2)).add((8, 3)).add((8, 4)), "6 devices"),
+    ],
+)
+def test_what_cannot_be_flown_is_named(mission, change, message):
+    with pytest.raises(InputError, match=message):
+        change(mission)
+
+
+def test_policies_for_a_city(environment):
+    assert policies_for(environment) == [
+        "manhattan",
+        "manhattan_early",
+        "greedy",
+        "genie",
+        "random",
+    ]
+    assert policies_for(Environment(City.load("village"))) == ["greedy", "genie", "random"]
+
+
+@pytest.mark.parametrize("name", ["manhattan", "greedy", "genie", "random"])
+def test_a_flight_depends_on_mission_and_seed_alone(environment, mission, name):
+    first, second = (
+        mission.fly(environment, find_policy(name, environment, 7)).trajectory(0) for _ in range(2)
+    )
+    assert (first.uav_cell == second.uav_cell).all()
+    assert (first.uploaded == second.uploaded).all()
+
+
+@pytest.mark.parametrize("name", ["manhattan", "manhattan_early"])
+def test_a_flight_by_hand_is_the_policys_with_the_same_actions(environment, mission, name):
+    flown = mission.fly(environment, find_policy(name, environment))
+    by_hand = HandFlight(environment, mission)
+    for action in flown.trajectory(0).action:
+        by_hand.step(int(action))
+    assert by_hand.ended
+    ours, theirs = by_hand.flights(), flown
+    for metric, values in theirs.records().items():
+        assert ours.records()[metric] == pytest.approx(values, rel=1e-5), metric
+    assert (ours.trajectory(0).uploaded == theirs.trajectory(0).uploaded).all()
+    with pytest.raises(InputError, match="this flight is over"):
+        by_hand.step(0)
+
+
+def test_a_flight_by_hand_can_be_looked_at_before_its_first_step(environment, mission):
+    trajectory = HandFlight(environment, mission).flights().trajectory(0)
+    assert trajectory.uav_cell.tolist() == [0] and len(trajectory.action) == 0

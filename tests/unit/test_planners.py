@@ -1,0 +1,159 @@
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+from uavdh_lite.city import City
+from uavdh_lite.environment import HOVER, LAND, Environment, Rewards, State
+from uavdh_lite.evaluation import evaluate, fly
+from uavdh_lite.planners import Genie, Greedy, Random
+from uavdh_lite.scenario import SCENARIOS, Scenario, place
+from uavdh_lite.streams import Use, stream
+
+SMALL = """
+L . b .
+. N . .
+. . B .
+. . . .
+"""
+
+
+class Quiet(np.random.Generator):
+    """Draws no fading: the channel's mean."""
+
+    def __init__(self):
+        super().__init__(np.random.PCG64(0))
+
+    def standard_normal(self, size=None, dtype=np.float64, out=None):
+        return np.zeros(size, dtype)
+
+
+@pytest.fixture
+def small():
+    return Environment(City.from_text("small", SMALL))
+
+
+def value(environment, start, actions):
+    """Return of a flight without fading; with −0.2 a step it is what the genie maximises."""
+    sequence = iter(actions)
+    flights = fly(environment, lambda state: np.array([next(sequence)]), start, Quiet())
+    return flights
+
+
+def test_random_takes_every_action_alike(small, generator):
+    state = Scenario("s", "s", (1, 2)).sample(small.city, 12_000, generator)
+    counts = np.bincount(Random(0)(state), minlength=6)
+    assert counts.min() > 1800 and counts.sum() == 12_000
+
+
+@pytest.mark.parametrize("name", ["manhattan", "open_field"])
+def test_greedy_always_lands_in_time_and_needs_no_safety_controller(name):
+    environment = Environment(City.load(name))
+    records = evaluate(environment, Greedy(environment), SCENARIOS[name], 400, seed=0).records()
+    assert (records["has_landed"] == 1).all()
+    assert not records["safety_interventions"].any()
+    assert records["collection_ratio"].mean() > 0.9
+
+
+def test_greedy_takes_shortest_ways():
+    environment = Environment(City.load("open_field"))
+    greedy = Greedy(environment)
+    home = environment.city.landing_distance.ravel()
+    assert (greedy._distance[:, environment.city.landing_cells].min(axis=1) == home)[
+        home >= 0
+    ].all()
+    pairs = stream(Use.TEST, 0).choice(environment.city.flight_cells, (200, 2))
+    for start, goal in pairs:
+        cell, moves = start, 0
+        while cell != goal:
+            cell = environment.next_cell[cell, greedy._towards[cell, goal]]
+            moves += 1
+        assert moves == greedy._distance[start, goal]
+
+
+def test_greedy_goes_to_the_nearest_device_and_home_when_all_is_collected(small):
+    state = place(small.city, (3, 0), [(3, 3), (0, 1)], [5, 5], 30, 2)
+    east = Greedy(small)(state)  # (3, 3) is 3 moves away, (0, 1) is 4
+    assert east == 1
+    empty = State(
+        state.uav_cell,
+        state.time_left,
+        state.device_cells,
+        state.data_initial,
+        np.zeros_like(state.data_left),
+        state.landed,
+    )
+    assert Greedy(small)(empty) == 0  # north, to the landing zone
+
+
+@pytest.mark.parametrize(
+    ("devices", "data", "time"),
+    [([(3, 3), (0, 3)], [4.0, 2.0], 7), ([(2, 0)], [3.0], 6), ([(0, 1), (3, 1)], [9.0, 9.0], 6)],
+)
+def test_genie_finds_the_best_of_all_flights(small, devices, data, time):
+    """All 5^(T−1) ways to move, each landing as soon as it likes, against the search."""
+    start = place(small.city, (0, 0), devices, data, time, 2)
+    best = -np.inf
+    for length in range(time):
+        moves = np.array(list(product(range(5), repeat=length)), int).reshape(5**length, length)
+        many = start[np.zeros(len(moves), int)]
+        plans = np.c_[moves, np.full(len(moves), LAND)]
+        state, total = many, np.zeros(len(moves), np.float32)
+        for action in plans.T:
+            fading = np.zeros((len(moves), 4, 2), np.float32)
+            state, outcome = small.transition(state, action, fading)
+            total += Rewards(safety=0)(outcome)
+        best = max(best, total[state.landed].max(initial=-np.inf))
+    plan = Genie(small, beam=10_000).plan(start)
+    assert plan.value == pytest.approx(best, abs=1e-4)
+    flown = value(small, start, plan.actions)
+    assert flown.end.landed[0]
+    assert flown.cumulative_reward[0] == pytest.approx(best, abs=1e-4)
+    assert flown.end.data_collected.sum() == pytest.approx(plan.collected, abs=1e-4)
+
+
+def test_growing_the_beam_reaches_the_value_of_a_wide_one():
+    environment = Environment(City.load("manhattan"))
+    start = SCENARIOS["manhattan"].sample(environment.city, 3, stream(Use.TEST, 3))
+
+    def total(genie):
+        return sum(genie.plan(start, episode).value for episode in range(3))
+
+    narrow, wide = (total(Genie(environment, beam=beam, grow=False)) for beam in (1, 16))
+    assert 0.98 * wide < narrow <= wide + 1e-3
+    assert total(Genie(environment)) > 0.998 * wide
+
+
+def test_genie_flies_and_lands_with_fading(small):
+    scenario = Scenario("s", "s", (1, 2), (3.0, 8.0), (8, 14))
+    flights = evaluate(small, Genie(small), scenario, 40, seed=0)
+    greedy = evaluate(small, Greedy(small), scenario, 40, seed=0)
+    assert flights.end.landed.all() and not flights.safety_interventions.any()
+    assert flights.cumulative_reward.mean() > greedy.cumulative_reward.mean()
+
+
+def test_genie_without_a_way_home_in_time_hovers(small):
+    start = place(small.city, (3, 3), [(2, 0)], [5.0], 3, 2)
+    plan = Genie(small).plan(start)
+    assert plan.actions.tolist() == [HOVER] * 3 and plan.value == -np.inf
+
+
+def test_the_beam_grows_once_an_episode_and_never_beyond_the_widest(small, monkeypatch):
+    """A first plan that ever wider beams improve: 2, 8, 32, and the next would be too wide."""
+    beams, search = [], Genie._search
+
+    def improving(self, state, episode, beam):
+        beams.append(beam)
+        plan = search(self, state, episode, beam)
+        return replace(plan, value=float(beam))
+
+    monkeypatch.setattr(Genie, "_search", improving)
+    start = place(small.city, (0, 0), [(2, 3)], [20.0], 14, 2)
+    genie = Genie(small, widest=32, replan=4)
+    flights = fly(small, genie, start, np.random.default_rng(0))
+    assert flights.end.landed[0]
+    assert beams[:3] == [2, 8, 32] and len(beams) > 3
+    assert set(beams[3:]) == {32}
+    fly(small, genie, start, np.random.default_rng(0))  # begun again: planned from the start
+    assert beams.count(2) == 2

@@ -1,0 +1,110 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.collections import PatchCollection
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.quiver import Quiver
+
+from uavdh_lite.city import City
+from uavdh_lite.environment import EAST, HOVER, LAND, WEST, Environment
+from uavdh_lite.evaluation import fly
+from uavdh_lite.plotting import (
+    DEVICE_COLOURS,
+    add_legend,
+    caption,
+    draw_city,
+    draw_curves,
+    draw_trajectory,
+    save_figure,
+    shadow_sum,
+)
+from uavdh_lite.scenario import place
+from uavdh_lite.storage import read_table
+from uavdh_lite.streams import Use, stream
+
+
+@pytest.fixture
+def figure():
+    return Figure(layout="constrained")
+
+
+def flight(corridor, actions, data=1.5):
+    environment = Environment(corridor)
+    start = place(corridor, (2, 0), [(2, 2)], [data], 9, max_devices=2)
+    actions = iter(actions)
+    flights = fly(
+        environment,
+        lambda state: np.array([next(actions)]),
+        start,
+        stream(Use.TEST, 0),
+        record=True,
+    )
+    return environment, flights.trajectory(0)
+
+
+def test_city_draws_each_kind_of_cell_once(figure):
+    city = City.from_text("drawn", "L.N\n.bB\n..B")
+    ax = draw_city(figure.subplots(), city)
+    collections = [c for c in ax.collections if isinstance(c, PatchCollection)]
+    assert [len(c.get_paths()) for c in collections] == [1, 1, 2, 1]  # landing, low, tall, no-fly
+    bottom, top = ax.get_ylim()
+    assert bottom > top  # row 0, the north, is up
+
+
+def test_shadow_sum_counts_the_devices_out_of_sight():
+    city = City.from_text("wall", "L.B..\n..B..\n..B..\n.....\n.....")
+    environment = Environment(city)
+    total = shadow_sum(environment, np.array([5, 9]))  # west and east of the wall
+    assert total[0, 1] == 1 and total[0, 3] == 1  # each hidden from the other side's device
+    assert total[4, 2] == 0  # sees both
+    assert total[1, 2] == 2  # the wall itself
+
+
+def test_trajectory_has_an_arrow_for_each_move_in_the_served_devices_colour(figure, corridor):
+    environment, trajectory = flight(corridor, [EAST, EAST, HOVER, WEST, WEST, LAND])
+    ax = draw_trajectory(figure.subplots(), environment, trajectory)
+    (arrows,) = [c for c in ax.collections if isinstance(c, Quiver)]
+    assert arrows.U.tolist() == [1, 1, -1, -1] and not arrows.V.any()
+    collected = trajectory.data_left[:-1, 0] > trajectory.data_left[1:, 0]
+    moves = [0, 1, 3, 4]
+    expected = [to_rgba(DEVICE_COLOURS[0]) if collected[t] else to_rgba("black") for t in moves]
+    assert arrows.get_facecolor().tolist() == [list(colour) for colour in expected]
+    assert to_rgba("black") in expected and to_rgba(DEVICE_COLOURS[0]) in expected
+    markers = [line.get_marker() for line in ax.lines]
+    assert markers == ["o", "X", "^", "D"]  # hover, device, start, landing
+    assert caption(trajectory) == "Time 6/9; data 1.5/1.5"
+    assert ax.get_xlabel() == f"column\n{caption(trajectory)}"
+
+
+def test_a_crash_is_marked(figure, corridor):
+    environment, trajectory = flight(corridor, [HOVER] * 9)
+    ax = draw_trajectory(figure.subplots(), environment, trajectory)
+    assert "*" in [line.get_marker() for line in ax.lines]
+
+
+def test_curves_show_the_mean_and_the_range_over_runs(figure, tmp_path):
+    (tmp_path / "a.csv").write_text("steps,reward\n5000,1\n10000,\n15000,3\n")
+    run = read_table(tmp_path / "a.csv")
+    assert run["steps"].tolist() == [5000, 10_000, 15_000] and np.isnan(run["reward"][1])
+    runs = [{"steps": run["steps"], "reward": np.array([0.0, 1, 2]) + k} for k in (0, 1, 5)]
+    ax = draw_curves(figure.subplots(), runs, "reward", label="centred")
+    assert ax.lines[0].get_ydata().tolist() == [2, 3, 4]
+    assert ax.lines[0].get_label() == "centred"
+    low, high = ax.collections[0].get_paths()[0].get_extents().get_points()[:, 1]
+    assert (low, high) == pytest.approx((0.01, 6.96))
+
+
+def test_figures_are_saved_with_their_legend(figure, corridor, tmp_path):
+    environment, trajectory = flight(corridor, [EAST, WEST, LAND])
+    trajectory = replace(trajectory)
+    draw_trajectory(figure.subplots(), environment, trajectory)
+    add_legend(figure, 1)
+    save_figure(figure, tmp_path / "f.png")
+    save_figure(figure, tmp_path / "f.pdf")
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert box.x0 >= 0 and box.x1 <= figure.bbox.x1  # nothing is cut off
+    assert (tmp_path / "f.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "f.pdf").read_bytes().startswith(b"%PDF")

@@ -1,0 +1,1 @@
+"""What a course needs: quizzes, the exercises' checks, the challenge."""

@@ -1,0 +1,449 @@
+"""Exercises of notebook 7, the ablation of map centring."""
+
+import functools
+from itertools import combinations
+from math import comb
+from numbers import Real
+from pathlib import Path
+
+import numpy as np
+
+from uavdh_lite.course.checks.exercise import (
+    CheckFailed,
+    close,
+    compare,
+    exercise,
+    expect,
+    guarded,
+    show,
+)
+from uavdh_lite.storage import data_folder, read_table
+from uavdh_lite.streams import Use, stream
+
+KINDS = {"centred": "#0072B2", "non_centred": "#D55E00"}
+METRIC = "collection_ratio_and_landed"
+STUDY = Path("runs") / "centring-manhattan" / "validation.csv.gz"
+
+
+def recorded() -> dict[str, np.ndarray]:
+    """The validations of the recorded ablation, `data/runs/centring-manhattan`, by column."""
+    here = Path.cwd()
+    for folder in (data_folder(), *(parent / "data" for parent in (here, *here.parents))):
+        if (folder / STUDY).exists():
+            return read_table(folder / STUDY)
+    raise FileNotFoundError(f"data/{STUDY}: open this notebook inside the project's folder")
+
+
+def curves(table: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """`METRIC` of each kind's runs, one row a seed, one column a validation."""
+    result = {}
+    for kind in KINDS:
+        own = table["variant"] == kind
+        seeds = np.unique(table["seed"][own])
+        result[kind] = np.array([table[METRIC][own & (table["seed"] == seed)] for seed in seeds])
+    return result
+
+
+def _steps(table: dict[str, np.ndarray]) -> np.ndarray:
+    return np.unique(table["steps"])
+
+
+def _draw_recorded(ax):
+    table = recorded()
+    for kind, values in curves(table).items():
+        lines = ax.plot(_steps(table), values.T, ".-", color=KINDS[kind], linewidth=0.9)
+        lines[0].set_label(kind)
+    at = _steps(table)[_at(table, 300_000)]
+    ax.axvline(at, color="grey", linestyle=":", label=f"{at:,.0f} steps")
+    ax.set(xlabel="environment steps", ylabel="collected and landed, greedy", ylim=(0, 1))
+    ax.legend()
+
+
+def _solved_steps_to(steps, values, threshold):
+    return _after_the_last(np.asarray(values) < threshold, steps)
+
+
+def _after_the_last(below, steps):
+    """The steps after the last place where it is true, None if there are none."""
+    first = len(below) - int(np.argmax(below[::-1])) if below.any() else 0
+    return steps[first] if first < len(steps) else None
+
+
+def _draw_steps_to(ax):
+    table = recorded()
+    steps, values = _steps(table), curves(table)["non_centred"][0]
+    ax.plot(steps, values, ".-", color=KINDS["non_centred"])
+    for threshold in (0.7, 0.8, 0.9):
+        at = _solved_steps_to(steps, values, threshold)
+        ax.axhline(threshold, color="grey", linewidth=0.6)
+        if at is not None:
+            ax.plot([at, at], [0, threshold], "k:")
+            ax.text(at, 0.03, f" {at:,.0f}", rotation=90, fontsize=8)
+    ax.set(xlabel="environment steps", ylabel="collected and landed, greedy", ylim=(0, 1))
+    ax.set_title("the first recorded non-centred run, three thresholds")
+
+
+def _first(steps, values, threshold):
+    reached = np.flatnonzero(values >= threshold)
+    return steps[reached[0]] if len(reached) else None
+
+
+def _last(steps, values, threshold):
+    return _first(steps[::-1], values[::-1], threshold)
+
+
+STEPS_TO_MISTAKES = {
+    "That is the position in the list, not the number of environment steps: look it up in "
+    "`steps`.": lambda steps, values, threshold: _solved_steps_to(
+        np.arange(len(steps)), values, threshold
+    ),
+    "That is the first validation at or above the threshold, but the curve falls below it again. "
+    "Asked for is from where on it stays.": _first,
+    "That is the last validation at or above the threshold: asked for is the first of those from "
+    "which on it stays.": _last,
+    "That is the last validation below the threshold; asked for is the one after it.": (
+        lambda steps, values, threshold: _last(steps, -values, -threshold + 1e-9)
+    ),
+    "A value that equals the threshold has reached it: it is below only if it is smaller.": (
+        lambda steps, values, threshold: _after_the_last(values <= threshold, steps)
+    ),
+}
+
+
+@exercise(
+    "7.1",
+    "How many steps to a threshold",
+    points=1,
+    minutes=8,
+    hints=(
+        "At which validations is the curve below the threshold? The one after the last of them is "
+        "asked for. And if there is none below, or if it is the last of all?",
+        "Go from the end backwards, through zip(steps[::-1], values[::-1]), and keep the steps of "
+        "each value that is at least threshold, until one is below. If you kept none: None.",
+    ),
+    figure=_draw_steps_to,
+)
+def steps_to(answer) -> None:
+    """`steps_to(steps, values, threshold)`: the steps from which on it stays there, or None."""
+    written = getattr(answer, "__wrapped__", answer)
+    expect(callable(written), "Hand over the function itself, not what it gives back.")
+
+    @functools.wraps(written)
+    def boxed(*arguments):
+        try:
+            return (written(*arguments),)  # None is a right answer here
+        except IndexError as error:
+            _, values, threshold = arguments
+            case = "no value is below it" if (values >= threshold).all() else "the last is below it"
+            raise CheckFailed(
+                f"For the values {values.tolist()} and the threshold {threshold} your function "
+                f"stops with IndexError: {error}. Perhaps you look for a place that there is not, "
+                f"when {case}."
+            ) from error
+
+    ask = guarded(boxed)
+    steps = np.arange(1, 9) * 50_000
+    rises = np.array([0.1, 0.35, 0.6, 0.75, 0.5, 0.8, 0.9, 0.85])
+    generator = stream(Use.EXERCISE, 7)
+    cases = [(steps, rises, 0.6), (steps, rises, 0.7), (steps, rises, 0.05), (steps, rises, 0.88)]
+    cases += [(steps, generator.uniform(0.4, 1, 8).round(1), 0.6) for _ in range(20)]
+
+    never = ask(steps, rises, 0.95)[0]
+    if never is not None:
+        why = "Return None where the curve never reaches the threshold"
+        if never == steps[0] or (never == 0 and not isinstance(never, bool)):
+            why += "; np.argmax of a condition that is nowhere true is 0, the first place"
+        elif never == steps[-1]:
+            why += "; the last validation would say that it reached it there"
+        raise CheckFailed(f"{why}. You give {_plain(never)}.")
+
+    given = [ask(s.copy(), v.copy(), t)[0] for s, v, t in cases]
+    right = [_solved_steps_to(*case) for case in cases]
+    wrong = [k for k in range(len(cases)) if not _same(given[k], right[k])]
+    if not wrong:
+        return
+    if all(one is None for one in given):
+        raise CheckFailed("You give None for every curve: is there a `return` for the others?")
+    for message, mistake in STEPS_TO_MISTAKES.items():
+        if all(_same(given[k], mistake(*cases[k])) for k in wrong):
+            raise CheckFailed(message)
+    k = wrong[0]
+    other = [given[j] for j in wrong if given[j] is not None and given[j] not in steps]
+    if other and np.ndim(other[0]) == 0:
+        raise CheckFailed(
+            f"{show(other[0])} is none of the validations {steps.tolist()}: nothing was measured "
+            "there. Return an element of `steps`, without interpolation."
+        )
+    raise CheckFailed(
+        f"For the values {cases[k][1].tolist()} and the threshold {cases[k][2]} you give "
+        f"{_plain(given[k])}, expected {_plain(right[k])}."
+    )
+
+
+def _plain(value) -> str:
+    return show(value.item() if isinstance(value, np.generic) else value)
+
+
+def _same(one, other) -> bool:
+    if one is None or other is None:
+        return one is other
+    return np.ndim(one) == 0 and not isinstance(one, str) and float(one) == float(other)
+
+
+def _share(a, b, split=np.abs, seen=np.abs, statistic=np.mean, size=None) -> float:
+    """The p-value; arguments make mistakes: no absolute value, other statistics or splits."""
+    observed = statistic(a) - statistic(b)
+    return float(np.mean(split(_differences(a, b, statistic, size)) >= seen(observed) - 1e-9))
+
+
+def _differences(a, b, statistic=np.mean, size=None) -> np.ndarray:
+    """The difference for every split of all values into groups as large as a and b."""
+    values = np.r_[a, b]
+    count = len(a) if size is None else size
+    return np.array(
+        [
+            statistic(values[list(own)]) - statistic(np.delete(values, list(own)))
+            for own in combinations(range(len(values)), count)
+        ]
+    )
+
+
+def _draw_permutation(ax):
+    a, b = (values[:, values.shape[1] // 3] for values in curves(recorded()).values())
+    splits, observed = _differences(a, b), np.mean(a) - np.mean(b)
+    ax.hist(splits, 24, color="#0072B2")
+    for side in (-observed, observed):
+        ax.axvline(side, color="#D55E00")
+    ax.set(xlabel="difference of the two means, each split", ylabel="number of splits")
+    groups = "; ".join(
+        f"{name} = {', '.join(f'{value:.3g}' for value in values)}"
+        for name, values in (("a", a), ("b", b))
+    )
+    title = f"a third into the recorded runs: p = {_share(a, b):.4g}\n{groups}"
+    ax.set_title(title, fontsize="medium")
+
+
+def _splits(a, b) -> int:
+    return comb(len(a) + len(b), len(a))
+
+
+def _one_sided(a, b) -> float:
+    return _share(a, b, np.positive, np.positive)
+
+
+DOUBLED = (
+    "You double a one-sided share. That is right only for equally large groups, and only in the "
+    "direction of the observed difference: count the splits with an absolute difference at least "
+    "as large."
+)
+PERMUTATION_MISTAKES = {
+    "That is one-sided: it counts only splits in which the first group is ahead as far. Without a "
+    "direction fixed beforehand the other direction counts too: take the absolute value of both "
+    "differences.": _one_sided,
+    "That is one-sided: the other direction counts too, so take the absolute value of both "
+    "differences.": lambda a, b: _one_sided(b, a),
+    "That is one-sided: the absolute value of the observed difference is taken, but not that of "
+    "the splits' differences.": lambda a, b: _share(a, b, np.positive),
+    "The absolute value of the splits' differences is taken, but not that of the observed one, "
+    "which may be negative.": lambda a, b: _share(a, b, seen=np.positive),
+    DOUBLED: lambda a, b: 2 * min(_one_sided(a, b), _one_sided(b, a)),
+    DOUBLED + " A share is never above 1.": lambda a, b: 2 * _one_sided(a, b),
+    DOUBLED + " Cutting off at 1 does not mend it.": lambda a, b: min(1, 2 * _one_sided(a, b)),
+    "Splits with exactly the observed difference are left out, and the observed split is one of "
+    "them, so that your p can be 0. Count differences *at least* as large (>=, with 1e-9 for "
+    "rounding).": lambda a, b: float(
+        np.mean(np.abs(_differences(a, b)) > abs(np.mean(a) - np.mean(b)) + 1e-9)
+    ),
+    "You leave out the observed split. It is one of all splits, and counts as large.": (
+        lambda a, b: (_share(a, b) * _splits(a, b) - 1) / (_splits(a, b) - 1)
+    ),
+    "You count all splits, but not the observed one among those as large.": (
+        lambda a, b: _share(a, b) - 1 / _splits(a, b)
+    ),
+    "That is the number of splits. Divide by how many splits there are.": (
+        lambda a, b: _share(a, b) * _splits(a, b)
+    ),
+    "That is in percent. Return the share itself, from 0 to 1.": lambda a, b: 100 * _share(a, b),
+    "That is the share of the splits with a *smaller* difference, 1 − p: the p-value is the share "
+    "with one at least as large.": lambda a, b: 1 - _share(a, b),
+    "You compare the sums of the groups. With groups of different size take the means.": (
+        lambda a, b: _share(a, b, statistic=np.sum)
+    ),
+    "You compare medians; the task asks for the difference of the means.": (
+        lambda a, b: _share(a, b, statistic=np.median)
+    ),
+    "Your first group is always half of all values. It must be as large as a.": (
+        lambda a, b: _share(a, b, size=(len(a) + len(b)) // 2)
+    ),
+}
+
+
+@exercise(
+    "7.2",
+    "A p-value for a few seeds",
+    points=2,
+    minutes=15,
+    hints=(
+        "If the kind made no difference, every way to deal the values out to the two groups would "
+        "be as likely as the one that you saw. How many of them differ as much?",
+        "itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first "
+        "group; the rest are the second. Count where abs(difference) >= abs(observed) - 1e-9, and "
+        "divide by the number of splits.",
+    ),
+    figure=_draw_permutation,
+)
+def permutation_p(answer) -> None:
+    """`permutation_p(a, b)`: exact and two-sided, of the difference of the means."""
+    expect(callable(answer), "Hand over the function itself, not what it gives back.")
+    generator = stream(Use.EXERCISE, 72)
+    cases = [((0.9, 0.92, 0.94), (0.8, 0.82, 0.85)), ((0.1, 0.2, 0.3), (0.4, 0.5, 0.6))]
+    cases += [((1.0, 2.0), (2.0, 4.0, 9.0)), ((3.0, 3.5, 8.0, 1.0), (2.0, 2.5))]
+    cases += [((0.5, 0.1), (0.4, 0.9, 0.2))]  # ties, which rounding breaks
+    cases += [((1.0, 1.0, 6.0), (2.0, 8.0))]  # equal values, which count as two
+    cases += [
+        tuple(tuple(generator.normal(0, 1, n).round(2).tolist()) for n in sizes)
+        for sizes in ((3, 3), (2, 4), (4, 3), (3, 2), (3, 5))
+    ]
+
+    @functools.wraps(answer)
+    @functools.cache
+    def ask(a, b):
+        value = answer(np.array(a), np.array(b))
+        expect(isinstance(value, Real), f"Return a number, not {show(value)}.")
+        return value
+
+    def exact(a, b):  # the same values as whole numbers, so that all means are exact
+        factor = 100 * len(a) * len(b)
+        return tuple(tuple(float(round(x * factor)) for x in own) for own in (a, b))
+
+    def only_if(holds):
+        """A mistake that is known by when it happens: the answer itself then, else nothing."""
+        return lambda a, b: ask(a, b) if holds(a, b) else ()
+
+    mistakes = {
+        "Rounding: with whole numbers your function is right, but sums of decimals differ in their "
+        "last digits, so that differences that should be equal are not. Count a split if its "
+        "difference is at least the observed one − 1e-9.": only_if(
+            lambda *_: all(close(ask(*exact(*case)), _share(*exact(*case))) for case in cases)
+        ),
+        "You are wrong where two values are equal, which count as two: deal out the positions, "
+        "range(len(a) + len(b)), not the values. `x not in chosen` drops every value equal to a "
+        "chosen one.": only_if(lambda a, b: len({*a, *b}) < len(a) + len(b)),
+        **PERMUTATION_MISTAKES,
+        "That is no share of the splits: it is not a multiple of 1 / their number. Go through all "
+        "of them, each once, instead of drawing some at random or taking a formula.": only_if(
+            lambda *_: (
+                not all(
+                    close(count := ask(*case) * _splits(*case), np.round(count)) for case in cases
+                )
+            )
+        ),
+    }
+    compare(ask, _share, cases, mistakes)
+
+
+def _at(table: dict[str, np.ndarray], steps: float) -> int:
+    """The first validation at `steps` or later."""
+    return int(np.argmax(_steps(table) >= steps))
+
+
+def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool, str]]:
+    """For each statement of exercise 7.3, whether it is true, and why."""
+    runs = curves(table)
+    yes, no = runs["centred"], runs["non_centred"]
+    at = _at(table, 300_000)
+    gap = abs(yes[:, at].mean() - no[:, at].mean())
+    spread = max(yes[:, at].std(ddof=1), no[:, at].std(ddof=1))
+    fall = max(-np.diff(one, axis=1).min() for one in runs.values())
+    return {
+        "early": (
+            bool(yes[:, at].min() > no[:, at].max()),
+            f"There the lowest centred run has {yes[:, at].min():.4g}, the highest of the others "
+            f"{no[:, at].max():.4g}.",
+        ),
+        "spread": (
+            bool(gap > spread),
+            f"There the means differ by {gap:.4g}, and the larger standard deviation is "
+            f"{spread:.4g}.",
+        ),
+        "swap": (
+            bool(no[:, -1].max() > yes[:, -1].min()),
+            f"At the end the best non-centred run has {no[:, -1].max():.4g}, the worst centred one "
+            f"{yes[:, -1].min():.4g}.",
+        ),
+        "steady": (bool(fall <= 0.05), f"The largest fall of a run is {fall:.4g}."),
+        "best": (
+            True,
+            "The largest of several values is never below the last. That is why reporting the best "
+            "validation flatters every run.",
+        ),
+        "equal": (
+            False,
+            "Not to find a difference is not to show that there is none: few seeds leave room for "
+            "a difference as large as the spread.",
+        ),
+        "missions": (
+            False,
+            "More missions measure these networks more exactly. How another training run would "
+            "come out is seen only in more runs.",
+        ),
+        "any_city": (
+            False,
+            "In another city it has to be tried: no number of runs in this one shows it.",
+        ),
+    }
+
+
+@exercise(
+    "7.3",
+    "What the recorded runs show",
+    points=3,
+    minutes=20,
+    hints=(
+        "Five of the eight statements are about numbers in the table: compute them. The other "
+        "three say that something follows. Ask of those what one would have to vary to know.",
+        "Put each kind's curves into an array with one row a seed. `early`: min of one against max "
+        "of the other. `steady`: np.diff along the steps of every run, not of the means. "
+        "`smallest_p`: how many splits have the largest absolute difference, if the groups do not "
+        "overlap at all? `equal`: what would few seeds show if there *were* a small difference?",
+    ),
+    figure=_draw_recorded,
+)
+def ablation_reading(answer) -> None:
+    """A dict that says of each statement whether it is True or False, and the smallest p."""
+    expect(isinstance(answer, dict), "Hand over the dict of all answers.")
+    table = recorded()
+    right, sizes = truths(table), [len(values) for values in curves(table).values()]
+    names = [*right, "smallest_p"]
+    missing = [name for name in names if answer.get(name) is None]
+    expect(not missing, f"No answer yet for {', '.join(missing)}.")
+    unknown = [str(name) for name in answer if name not in names]
+    expect(not unknown, f"There is no {', '.join(unknown)}.")
+    for name in right:
+        expect(
+            isinstance(answer[name], bool | np.bool_),
+            f"`{name}` is {show(answer[name])}: answer True or False.",
+        )
+    p, one = answer["smallest_p"], 1 / comb(sum(sizes), sizes[0])
+    expect(
+        isinstance(p, Real) and not isinstance(p, bool),
+        f"`smallest_p` is {show(p)}: answer a number.",
+    )
+    least = one * (1 + (sizes[0] == sizes[1]))  # equal groups have a mirrored split
+    wrong = [name for name, (true, _) in right.items() if bool(answer[name]) != true]
+    why = ""
+    if abs(p - least) > 1e-6:
+        wrong.append("smallest_p")
+        if p <= 0:
+            why = " The observed split is one of the splits, so p is never 0."
+        elif abs(p - one) <= 1e-6:
+            why = (
+                " Your `smallest_p` is one-sided: between equally large groups, the split with the "
+                "groups exchanged has the same absolute difference."
+            )
+    if wrong:
+        listed = ", ".join(f"`{name}`" for name in wrong)
+        raise CheckFailed(f"Wrong: {listed} ({len(wrong)} of {len(names)}).{why}")
+    for name, (true, reason) in right.items():
+        print(f"{name}: {true}. {reason}")
+    print(f"smallest_p: {least:.4g}, whatever the values are.")

@@ -1,0 +1,506 @@
+"""Exercises of notebook 8, evaluation."""
+
+import functools
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from unittest.mock import patch
+
+import numpy as np
+
+from uavdh_lite.agent import Agent
+from uavdh_lite.course.checks.exercise import CheckFailed, close, compare, exercise, expect, show
+from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
+from uavdh_lite.evaluation import evaluate, wilson_interval
+from uavdh_lite.missions import environment_of
+from uavdh_lite.planners import Genie, Greedy
+from uavdh_lite.scenario import find_scenario
+from uavdh_lite.streams import Use, stream
+
+Z, Z90 = 1.959964, 1.644854  # 95 and 90 % of a standard normal lie within ± these
+
+
+def briefly(answer: Callable) -> Callable:
+    """The function; if it stops with an error, the message leaves out what it was called with."""
+    expect(callable(answer), "Hand over the function itself, not what it gives back.")
+
+    @functools.wraps(answer)
+    def call(*arguments):
+        try:
+            return answer(*arguments)
+        except CheckFailed as failed:
+            error = failed.__cause__
+            if error is None:
+                raise
+            name = getattr(answer, "__name__", "your function")
+            raise CheckFailed(f"{name} stops with {type(error).__name__}: {error}") from error
+
+    return call
+
+
+def as_array(answer: Callable) -> Callable:
+    """The function, its numbers as an array: a message shows them to four digits."""
+    expect(callable(answer), "Hand over the function itself, not what it gives back.")
+
+    @functools.wraps(answer)
+    def call(*arguments):
+        value = answer(*arguments)
+        try:
+            return np.asarray(value, float)
+        except (TypeError, ValueError):
+            raise CheckFailed(f"Give back plain numbers side by side, not {value!r:.60}.") from None
+
+    return call
+
+
+def _solved_wilson(successes, trials):
+    return np.array(wilson_interval(np.arange(trials) < successes)[1:])
+
+
+def _score(p, n, z=Z, middle=True, root=True, below=True):
+    """Wilson's interval with parts of the formula left out."""
+    centre = p + z**2 / (2 * n) * middle
+    half = z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2) * root)
+    return np.array([centre - half, centre + half]) / (1 + z**2 / n * below)
+
+
+def _grid(k, n):
+    """The ends that 1001 shares on a grid give."""
+    q = np.linspace(0, 1, 1001)
+    return q[abs(k / n - q) <= 1.96 * np.sqrt(q * (1 - q) / n)][[0, -1]]
+
+
+def _draw_wilson(ax):
+    trials = 20
+    successes = np.arange(trials + 1)
+    low, high = np.array([_solved_wilson(k, trials) for k in successes]).T
+    share = successes / trials
+    ax.errorbar(share, share, [share - low, high - share], fmt="o", markersize=3, capsize=3)
+    ax.set(xlabel="share observed in 20 trials", ylabel="share and its 95 % interval")
+    ax.grid(alpha=0.3)
+
+
+WILSON_MISTAKES = {
+    "Low and high are the wrong way round.": lambda k, n: _score(k / n, n)[::-1],
+    "That is the normal approximation, p ± z sqrt(p (1 − p) / n). Of n successes in n trials it "
+    "says that the share is certainly 1, with an interval of width 0. The root must hold the "
+    "unknown share, not the observed one; solve for it.": (
+        lambda k, n: _score(k / n, n, middle=False, root=False, below=False)
+    ),
+    "That is the normal approximation, cut off at 0 and 1. Cut off or not, of n successes in n "
+    "trials it says that the share is certainly 1; solve for the unknown share instead.": (
+        lambda k, n: _score(k / n, n, middle=False, root=False, below=False).clip(0, 1)
+    ),
+    "That is the interval for z = 1, one standard error, which holds the share in 68 % of all "
+    "cases. For 95 % z is 1.96.": lambda k, n: _score(k / n, n, z=1.0),
+    "z is 1.645 in your interval: that holds the share in 90 % of all cases, 5 % are cut off on "
+    "each side. For 95 % z is 1.96.": lambda k, n: _score(k / n, n, z=Z90),
+    "z is 2 in your interval; two standard errors are a rule of thumb. For 95 % z is 1.96.": (
+        lambda k, n: _score(k / n, n, z=2.0)
+    ),
+    "The denominator 1 + z²/n is missing: without it the upper end can exceed 1.": (
+        lambda k, n: _score(k / n, n, below=False)
+    ),
+    "The middle is not shifted: it is p + z²/(2n), not p, before the division.": (
+        lambda k, n: _score(k / n, n, middle=False)
+    ),
+    "Under the root z²/(4n²) is missing: for a share of 1 the width would be 0.": (
+        lambda k, n: _score(k / n, n, root=False)
+    ),
+    "That is as coarse as a grid of shares, which is not exact enough. At both ends the inequality "
+    "is an equality: solve it for q.": _grid,
+    "These are percentages; hand over shares from 0 to 1.": (
+        lambda k, n: 100 * _solved_wilson(k, n)
+    ),
+}
+
+
+@exercise(
+    "8.1",
+    "An interval for a share",
+    points=2,
+    minutes=18,
+    hints=(
+        "At both ends of the interval the inequality is an equality. Square it: what kind of "
+        "equation in q is that?",
+        "(p − q)² = z² q (1 − q) / n is quadratic in q. Its solutions are (p + z²/(2n) ± "
+        "z sqrt(p (1 − p)/n + z²/(4n²))) / (1 + z²/n), with p = successes / trials.",
+    ),
+    figure=_draw_wilson,
+)
+def wilson(answer) -> None:
+    """`wilson(successes, trials)`: low and high end of the 95 % score interval."""
+    generator = stream(Use.EXERCISE, 81)
+    cases = [(20, 20), (0, 12), (7, 10), (997, 1000), (1, 2)]
+    cases += [(int(generator.integers(0, n + 1)), int(n)) for n in generator.integers(5, 300, 5)]
+    compare(as_array(answer), _solved_wilson, cases, WILSON_MISTAKES, 1e-3)
+
+
+def _solved_needed(deviation, half_width):
+    return math.ceil((1.96 * deviation / half_width) ** 2)
+
+
+def _draw_needed(ax):
+    half = np.geomspace(0.002, 0.05, 60)
+    for deviation in (0.05, 0.1, 0.3):
+        needed = [_solved_needed(deviation, h) for h in half]
+        ax.loglog(half * 100, needed, label=f"σ = {deviation}")
+    needed = _solved_needed(0.3, 0.02)
+    ax.plot(2, needed, "ko")
+    exact = f"{(1.96 * 0.3 / 0.02) ** 2:.1f}"
+    said = f"σ = 0.3, ± 2 points:\n(1.96 · 0.3 / 0.02)² = {exact},\nso {needed} episodes"
+    ax.annotate(said, (2, needed), (0.22, 12), arrowprops={"arrowstyle": "->"})
+    ticks = (0.2, 0.5, 1, 2, 5)
+    ax.set_xticks(ticks, map(str, ticks))
+    ax.set_xticks([], minor=True)
+    ax.set(xlabel="half width of the interval, points (0.01)", ylabel="episodes needed")
+    ax.grid(alpha=0.3)
+    ax.legend()
+
+
+NEEDED_MISTAKES = {
+    "Rounded down, the interval is a little wider than asked for: round up (math.ceil).": (
+        lambda s, h: math.floor((1.96 * s / h) ** 2)
+    ),
+    "Where the number comes out whole, it is enough; you add one there (as int(x) + 1 does). Take "
+    "math.ceil.": lambda s, h: math.floor((1.96 * s / h) ** 2) + 1,
+    "An episode cannot be flown in part: round up to a whole number (math.ceil).": (
+        lambda s, h: (1.96 * s / h) ** 2
+    ),
+    "The square is missing. The half width shrinks with the *root* of the number of episodes: for "
+    "half of it you need four times as many.": lambda s, h: math.ceil(1.96 * s / h),
+    "The 1.96 is missing: one standard error on either side is an interval of 68 %, not 95 %.": (
+        lambda s, h: math.ceil((s / h) ** 2)
+    ),
+    "The 1.96 is not squared; it belongs inside the square.": (
+        lambda s, h: math.ceil(1.96 * (s / h) ** 2)
+    ),
+    "The standard deviation is not squared, as if it were a variance already.": (
+        lambda s, h: math.ceil(1.96**2 * s / h**2)
+    ),
+    "half_width is one side of the interval, not all of its width: your answer is four times too "
+    "small.": lambda s, h: math.ceil((1.96 * s / (2 * h)) ** 2),
+    "half_width is already one side of the interval. You halve it again.": (
+        lambda s, h: math.ceil((2 * 1.96 * s / h) ** 2)
+    ),
+    "The ratio is upside down: more scatter needs more episodes, a wider interval fewer.": (
+        lambda s, h: math.ceil((1.96 * h / s) ** 2)
+    ),
+    "Two standard errors are a rule of thumb. For 95 % z is 1.96.": (
+        lambda s, h: math.ceil((2 * s / h) ** 2)
+    ),
+    "With z = 1.645 the interval is a 90 % one. For 95 % z is 1.96.": (
+        lambda s, h: math.ceil((1.645 * s / h) ** 2)
+    ),
+}
+
+
+@exercise(
+    "8.2",
+    "How many episodes",
+    points=1,
+    minutes=5,
+    hints=(
+        "The standard error of a mean of n episodes is the standard deviation over the root of n. "
+        "How many standard errors make up the half width?",
+        "Solve 1.96 standard_deviation / sqrt(n) = half_width for n, and round up.",
+    ),
+    figure=_draw_needed,
+)
+def episodes_needed(answer) -> None:
+    """`episodes_needed(standard_deviation, half_width)`: an int."""
+    expect(callable(answer), "Hand over the function itself, not what it gives back.")
+    generator = stream(Use.EXERCISE, 82)
+    cases = [(0.1, 0.01), (0.3, 0.05), (0.5, 0.49)]  # the last needs 4 exactly
+    while len(cases) < 12:
+        case = tuple(generator.uniform((0.05, 0.005), (0.6, 0.08)).round(3).tolist())
+        rounded, exact = ((np.array(z) * case[0] / case[1]) ** 2 for z in ((1.96, 1.645), (Z, Z90)))
+        if 0.1 < exact[0] % 1 < 0.9 and (np.ceil(rounded) == np.ceil(exact)).all():
+            cases.append(case)  # the rounded and the exact z agree
+    compare(answer, _solved_needed, cases, NEEDED_MISTAKES, 1e-9)
+    small = answer(0.1, 0.01)
+    expect(
+        isinstance(small, int | np.integer),
+        f"{show(small)} is the right number but no int: math.ceil gives one, np.ceil does not.",
+    )
+
+
+def _around(mean, error):
+    return np.array([mean, mean - Z * error, mean + Z * error])
+
+
+def _error(d):
+    return d.std(ddof=1) / np.sqrt(len(d))
+
+
+def _solved_lead(a, b):
+    return _around((a - b).mean(), _error(a - b))
+
+
+def _unpaired(a, b, ddof=1):
+    error = np.sqrt((a.var(ddof=ddof) + b.var(ddof=ddof)) / len(a))
+    return _around(np.mean(a) - np.mean(b), error)
+
+
+def _draw_lead(ax):
+    generator = stream(Use.EXERCISE, 0)
+    common, own = generator.standard_normal((2, 100, 1))
+    shares = np.linspace(0, 0.95, 20)
+    other = np.sqrt(shares) * common + np.sqrt(1 - shares) * generator.standard_normal((100, 1))
+    first = np.sqrt(shares) * common + np.sqrt(1 - shares) * own
+    for name, lead in (("in pairs", _solved_lead), ("as if unpaired", _unpaired)):
+        ends = np.array([lead(a, b) for a, b in zip(first.T, other.T, strict=True)])
+        correlation = [np.corrcoef(a, b)[0, 1] for a, b in zip(first.T, other.T, strict=True)]
+        ax.plot(correlation, (ends[:, 2] - ends[:, 1]) / 2, "o-", markersize=3, label=name)
+    ax.set(xlabel="correlation of the two policies' results", ylabel="half width (each σ ≈ 1)")
+    ax.set(title="100 scenarios", ylim=(0, None))
+    ax.legend()
+
+
+def _with_error(error, of=np.subtract):
+    """The answer with another standard error, a function of the differences."""
+    return lambda a, b: _around(of(a, b).mean(), error(of(a, b)))
+
+
+LEAD_MISTAKES = {
+    "The sign is the wrong way round: positive means that a is ahead of b.": (
+        lambda a, b: _solved_lead(b, a)
+    ),
+    "You take the size of each difference, abs(a − b): so even of two equally good policies one "
+    "would be ahead. Keep the sign.": _with_error(_error, lambda a, b: abs(a - b)),
+    **{
+        "That is the unpaired interval: it adds both variances"
+        f"{note}, as if each policy had flown scenarios of its own. Take the standard deviation of "
+        "the differences a − b.": functools.partial(_unpaired, ddof=ddof)
+        for note, ddof in (("", 1), (" (with ddof=0)", 0))
+    },
+    **{
+        f"The interval is made of the standard deviation of one difference{note}. The mean of n of "
+        "them is known better: divide by the root of n (the standard error).": _with_error(
+            functools.partial(np.std, ddof=ddof)
+        )
+        for note, ddof in (("", 1), (" (with ddof=0)", 0))
+    },
+    "These are quantiles of the differences: 95 % of the single scenarios lie between them. The "
+    "mean of n is known better: take its standard error.": (
+        lambda a, b: np.array([(a - b).mean(), *np.quantile(a - b, (0.025, 0.975))])
+    ),
+    "The interval is made of the variance; the standard error is made of the standard deviation.": (
+        _with_error(lambda d: d.var(ddof=1) / np.sqrt(len(d)))
+    ),
+    "Divided by n instead of by the root of n.": _with_error(lambda d: d.std(ddof=1) / len(d)),
+    "np.std divides by n by default. The standard deviation is estimated from the same n values as "
+    "the mean, so divide by n − 1: ddof=1.": _with_error(lambda d: d.std() / np.sqrt(len(d))),
+    "Divided by the root of n − 1. The n − 1 belongs into the standard deviation (ddof=1); its "
+    "mean's standard error is that over the root of n.": (
+        _with_error(lambda d: d.std(ddof=1) / np.sqrt(len(d) - 1))
+    ),
+    "One standard error on either side is an interval of 68 %. For 95 % take 1.96.": (
+        _with_error(lambda d: _error(d) / Z)
+    ),
+    "Low and high are the wrong way round.": lambda a, b: _solved_lead(a, b)[[0, 2, 1]],
+    "The order is (mean, low, high), the mean first.": lambda a, b: _solved_lead(a, b)[[1, 0, 2]],
+}
+
+
+@exercise(
+    "8.3",
+    "Paired or not",
+    points=2,
+    minutes=8,
+    hints=(
+        "Both policies flew the same scenarios, so every scenario gives one difference. Of these "
+        "you have n, and you know how to give a mean with an interval.",
+        "With d = a − b: d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The variances of a and of b do "
+        "not appear.",
+    ),
+    figure=_draw_lead,
+)
+def lead(answer) -> None:
+    """`lead(a, b)`: (mean, low, high) of a − b, in pairs."""
+    of = as_array(answer)
+    generator = stream(Use.EXERCISE, 83)
+    cases = []
+    for count, together in ((8, 1.0), (30, 2.0), (300, 0.5), (15, -0.7)):
+        common = generator.standard_normal(count)
+        a, b = generator.normal((0.3, 0), 1, (count, 2)).T
+        cases.append((a + together * common, b + abs(together) * common))
+
+    def ask(a, b):
+        own = a.copy(), b.copy()
+        result = of(*own)
+        expect(
+            close(own[0], a) and close(own[1], b),
+            "Your function changes its arguments: `a -= b` writes into the caller's array; "
+            "`d = a - b` makes a new one.",
+        )
+        return result
+
+    functools.update_wrapper(ask, answer)
+    first = ask(*cases[0])
+    half = _solved_lead(*cases[0])[2] - _solved_lead(*cases[0])[0]
+    if np.shape(first) == (2,) and np.isclose(first[1], half, rtol=1e-3):
+        raise CheckFailed(
+            "Hand over (mean, low, high), the ends of the interval, not mean and half width."
+        )
+    compare(ask, _solved_lead, cases, LEAD_MISTAKES, 1e-3)
+
+
+EPISODES, SEED, SECONDS, AHEAD = 300, 84, 20, 0.4
+RETURN = "cumulative_reward"
+Rule = Callable[[State], np.ndarray]
+
+
+@functools.cache
+def _planner(environment: Environment) -> Greedy:
+    return Greedy(environment)
+
+
+def _simulated(
+    environment: Environment, state: State, plans: list[tuple[Rule, Rule]]
+) -> np.ndarray:
+    """For each episode the first action of the plan with the highest return at fading 0.
+
+    A plan is a rule for the first action and one for all later ones.
+    """
+    fading = np.zeros((len(state), 4, 5), np.float32)
+    actions, returns = np.array([first(state) for first, _ in plans]), []
+    for action, (_, then) in zip(actions, plans, strict=True):
+        after, outcome = environment.transition(state, action, fading)
+        total = Rewards()(outcome)
+        while not after.ended.all():
+            after, outcome = environment.transition(after, then(after), fading)
+            total = total + Rewards()(outcome)
+        returns.append(total)
+    return actions[np.argmax(returns, axis=0), np.arange(len(state))]
+
+
+def _flown(policy: Rule) -> dict[str, np.ndarray]:
+    environment = environment_of("manhattan")
+    return evaluate(environment, policy, find_scenario("manhattan"), EPISODES, SEED).records()
+
+
+def _draw_policy(ax):
+    environment = environment_of("manhattan")
+    greedy = _planner(environment)
+
+    def leaving(least: float) -> Rule:
+        def rule(state):
+            worth = np.where(state.data_left < least, np.float32(0), state.data_left)
+            return greedy(replace(state, data_left=worth))
+
+        return rule
+
+    each = [leaving(least) for least in (0, 1, 2, 4)]
+    plans = [(rule, rule) for rule in each]
+    firsts = [(lambda s, a=a: np.full(len(s), a), greedy) for a in range(len(ACTIONS))]
+    rules = {
+        **{f"skip devices with less than {least}": leaving(least) for least in (1, 3, 6)},
+        "simulate skipping below\n0, 1, 2, 4; take the best": (
+            lambda s: _simulated(environment, s, plans)
+        ),
+        "simulate each action, then\ngreedy; take the best": (
+            lambda s: _simulated(environment, s, firsts)
+        ),
+    }
+    theirs = _flown(greedy)[RETURN]
+    for y, rule in enumerate(rules.values()):
+        own = _flown(rule)[RETURN]
+        mean, low, high = _solved_lead(own, theirs)
+        ax.errorbar(mean, y, xerr=[[mean - low], [high - mean]], fmt="o", capsize=4)
+        ax.text(1.25, y, f"{own.mean():.2f}", va="center", ha="right")
+    ax.axvline(0, color="grey")
+    ax.axvline(AHEAD, color="grey", linestyle="--")
+    ax.set(yticks=range(len(rules)), yticklabels=list(rules), ylim=(len(rules) - 0.5, -0.5))
+    ax.set(xlim=(-1, 1.3))
+    ax.set_xlabel("lead over greedy, 95 % interval (dashed: goal)", fontsize=9)
+    ax.set_title(f"{EPISODES} missions; right: return (greedy {theirs.mean():.2f})", fontsize=10)
+
+
+@exercise(
+    "8.4",
+    "Beat the greedy planner",
+    points=4,
+    minutes=45,
+    hints=(
+        "No single rule is best everywhere: leaving the last units of a device pays in one mission "
+        "and not in another. Have several rules, and choose among them anew at every step.",
+        "Choose by simulation: for each candidate (a rule, or one of the six actions and greedy "
+        "after it) fly all episodes on to their end with environment.transition and fading 0, add "
+        "up Rewards()(outcome), and take the first action of the one with the highest return.",
+    ),
+    figure=_draw_policy,
+)
+def policy(answer) -> None:
+    """`policy(environment, state)`: actions for a batch, with a higher return than greedy."""
+    environment = environment_of("manhattan")
+    ask, began = briefly(answer), time.process_time()
+
+    def asked(state: State) -> np.ndarray:
+        action = np.asarray(ask(environment, state))
+        count = len(state)
+        expect(
+            action.shape == (count,),
+            f"For {count} episodes you give an array of the shape {action.shape}. One action an "
+            f"episode is expected, ({count},): `state` is a batch, also when few are in the air.",
+        )
+        expect(
+            np.issubdtype(action.dtype, np.integer),
+            f"The actions are of type {action.dtype}; they must be whole numbers, indices into "
+            f"{ACTIONS}.",
+        )
+        low, high = action.min(), action.max()
+        expect(
+            low >= 0 and high < len(ACTIONS),
+            f"There is no action {low if low < 0 else high}: they are 0 to {len(ACTIONS) - 1}, "
+            f"{', '.join(ACTIONS)}.",
+        )
+        expect(
+            time.process_time() - began < SECONDS,
+            f"Your policy is too slow: {SECONDS} seconds of processor time are over and not all of "
+            f"the {EPISODES} missions have ended. Work on the whole batch at once, and compute "
+            "tables only once.",
+        )
+        return action
+
+    def refuse(self, *_):
+        raise CheckFailed(
+            f"{type(self).__name__} is not allowed here: write the rule yourself. Greedy may be a "
+            "part of it."
+        )
+
+    with patch.object(Genie, "_search", refuse), patch.object(Agent, "q_values", refuse):
+        own = _flown(asked)
+    greedy = _flown(_planner(environment))
+    lead, low, high = _solved_lead(own[RETURN], greedy[RETURN])
+    standing = (
+        f"Your return is {own[RETURN].mean():.2f}, greedy's {greedy[RETURN].mean():.2f}: a lead of "
+        f"{lead:+.2f} ({low:+.2f} to {high:+.2f})."
+    )
+    if lead >= AHEAD and low > 0:
+        print(standing)
+        return
+    crashes = int(EPISODES - own["has_landed"].sum())
+    refused = own["safety_interventions"].mean()
+    if np.array_equal(own[RETURN], greedy[RETURN]):
+        why = "These are the same flights as greedy's, in every mission."
+    elif crashes > greedy["has_landed"].size - greedy["has_landed"].sum():
+        why = (
+            f"It crashed in {crashes} of {EPISODES} missions, each of which brings nothing home "
+            "and costs 150: turn back while time_left still suffices for landing_distance and "
+            "the landing."
+        )
+    elif refused > 1:
+        why = (
+            f"The safety controller refused {refused:.1f} actions a mission, a move into a no-fly "
+            "cell or a landing outside the zone: look at environment.forbidden."
+        )
+    elif low > 0:
+        why = f"It is ahead, but by less than the {AHEAD} that are asked for."
+    elif high < 0:
+        why = "It is behind greedy: `ways(policy)` draws where it loses most."
+    else:
+        side = "ahead of" if lead > 0 else "behind"
+        why = f"It is {side} greedy, but the interval holds 0: that may be luck."
+    raise CheckFailed(f"{why} {standing}")

@@ -1,0 +1,237 @@
+"""Exercises of notebook 10, the labs."""
+
+import numpy as np
+
+from uavdh_lite.channel import rate_map
+from uavdh_lite.city import City
+from uavdh_lite.course.checks.evaluation import briefly
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
+from uavdh_lite.environment import Environment
+from uavdh_lite.missions import Mission, environment_of
+from uavdh_lite.policies import find_policy
+from uavdh_lite.scenario import find_scenario
+
+SEEDS, POINTS = range(100, 10_000), 40  # the tutorial shows seeds below 100
+
+
+def results(seed: int) -> dict[str, float]:
+    """The scores of greedy and agent in the mission of this seed, with the same fading."""
+    environment = environment_of("manhattan")
+    mission = Mission.draw(find_scenario("manhattan"), environment.city, seed)
+    return {
+        name: 100
+        * float(mission.fly(environment, find_policy(own, environment)).records()[SCORE][0])
+        for name, own in (("greedy", "greedy"), ("agent", "manhattan"))
+    }
+
+
+SCORE = "collection_ratio_and_landed"
+
+
+def _draw_leads(ax):
+    flown = [results(seed) for seed in SEEDS[:40]]
+    lead = np.array([one["greedy"] - one["agent"] for one in flown])
+    ax.plot(np.sort(lead)[::-1], ".")
+    ax.axhline(POINTS, color="#D55E00", linestyle="--", label=f"{POINTS} points")
+    ax.set(xlabel="40 missions, sorted", ylabel="greedy's lead over the agent, points")
+    ax.set_title(f"seeds {SEEDS[0]} to {SEEDS[39]}: {(lead >= POINTS).sum()} of 40 reach {POINTS}")
+    ax.legend()
+
+
+@exercise(
+    "10.1",
+    "Find a failure",
+    points=2,
+    minutes=10,
+    hints=(
+        "Such missions are rare. Let the computer fly one seed after the other.",
+        "for seed in range(100, 10_000): draw the mission, fly it with "
+        "find_policy(name, environment) for both names, "
+        "take 100 * collection_ratio[0] * landed[0] at the end, and stop at the first lead "
+        f"of {POINTS}.",
+    ),
+    figure=_draw_leads,
+)
+def failure_seed(answer) -> None:
+    """The seed of a mission in which greedy is at least 40 points ahead of the agent."""
+    expect(
+        isinstance(answer, int | np.integer) and not isinstance(answer, bool),
+        f"Hand over one seed, a whole number (int), not {repr(answer)[:60]}.",
+    )
+    expect(
+        answer in SEEDS,
+        f"The seed {answer} is out of range: it must be from {SEEDS[0]} to {SEEDS[-1]:,}.",
+    )
+    points = results(int(answer))
+    lead = points["greedy"] - points["agent"]
+    standing = f"greedy brings home {points['greedy']:.1f} %, the agent {points['agent']:.1f} %"
+    if lead < 0:
+        raise CheckFailed(
+            f"In mission {answer} the agent is ahead: {standing}. Check the sign of your lead: "
+            "greedy minus agent."
+        )
+    expect(
+        lead >= POINTS,
+        f"In mission {answer} {standing}: a lead of {lead:.4g} points, {POINTS} are asked for. "
+        f"(A share of {POINTS / 100} is {POINTS} points; and the fading must come from the "
+        "mission's own seed, as mission.fly does it.)",
+    )
+    print(f"In mission {answer} {standing}.")
+
+
+POCKET = """
+B N N L N . B N
+L L L . N . b L
+B N b N b B L .
+. b N N N . . .
+L B . . B N b L
+N . . N . N N .
+b B N . b b B .
+L L N N . N N N
+"""  # no two of the mistakes below give the same cell here
+
+
+def _rates(environment: Environment, cells, over: np.ndarray, of=np.max, turn=1) -> dict:
+    """For each device cell, `of` its mean rates at the UAV cells in `over`.
+
+    `turn` −1 hands `rate_map` the device as (column, row).
+    """
+    city, own = environment.city, {}
+    for cell in cells:
+        device = divmod(int(cell), city.size)
+        rates = rate_map(city, environment.channel, environment.line_of_sight, device[::turn])
+        own[device] = float(of(rates[over]))
+    return own
+
+
+def _lowest(rates: dict[tuple, float], highest: bool = False) -> set[tuple]:
+    """All cells with the lowest rate; ties count."""
+    end = max(rates.values()) if highest else min(rates.values())
+    return {cell for cell, rate in rates.items() if abs(rate - end) <= 1e-5}
+
+
+def _turned(cells: set[tuple]) -> set[tuple]:
+    return {cell[::-1] for cell in cells}
+
+
+def _solved_rates(environment: Environment) -> dict[tuple, float]:
+    city = environment.city
+    return _rates(environment, city.device_cells, city.landing_distance >= 0)
+
+
+def _mistakes(environment: Environment) -> dict[str, set[tuple]]:
+    """The answers of typical mistakes, by what to say about them."""
+    city = environment.city
+    devices, reach = city.device_cells, city.landing_distance >= 0
+    right = _solved_rates(environment)
+    worst = _lowest(right)
+    turned = _lowest(_rates(environment, devices, reach, turn=-1))
+    return {
+        "A device cannot stand there, on a building: only city.device_cells count.": _lowest(
+            _rates(environment, range(city.size**2), reach)
+        ),
+        "That cell has the lowest *mean* of the rates over all UAV cells. The UAV chooses where "
+        "it hovers: take the best rate for each device cell, then the lowest of these.": _lowest(
+            _rates(environment, devices, reach, np.mean)
+        ),
+        "That cell has the lowest rate of all at the *worst* UAV cell; the UAV hovers at the best "
+        "one: max over the UAV's cells, then min over the devices.": _lowest(
+            _rates(environment, devices, reach, np.min)
+        ),
+        "Your UAV never hovers over the landing zone: there landing_distance is 0, and it counts "
+        "too (>= 0, not > 0).": _lowest(_rates(environment, devices, city.landing_distance > 0)),
+        "Your UAV hovers where it cannot get to, in cells that are walled in. Only the cells with "
+        "city.landing_distance >= 0 count; that a cell is no no-fly cell is not enough.": _lowest(
+            _rates(environment, devices, ~city.no_fly)
+        ),
+        "Row and column are the wrong way round: the answer is (row, column).": _turned(worst),
+        "The device that you hand to rate_map is (column, row). It must be (row, column), as "
+        "divmod(number, M) gives it.": turned | _turned(turned),
+        "That is an index into city.device_cells, not a cell: take the number that stands there.": {
+            divmod(int(np.searchsorted(devices, row * city.size + col)), city.size)
+            for row, col in worst
+        },
+        "That cell has the highest best rate, where the lowest is asked for.": _lowest(right, True),
+        "A device there is heard as well as anywhere, from right above, but the UAV cannot get "
+        "there. Only the cells with city.landing_distance >= 0 count.": {
+            divmod(int(devices[k]), city.size)
+            for k in (0, -1)  # all are equal: the first or last
+        },
+    }
+
+
+def _draw_worst(ax):
+    environment = environment_of("manhattan")
+    best = np.full((environment.city.size,) * 2, np.nan)
+    for cell, rate in _solved_rates(environment).items():
+        best[cell] = rate
+    image = ax.imshow(best, cmap="viridis")
+    ax.figure.colorbar(image, ax=ax, label="best mean rate, data units a slot")
+    ax.set(xlabel="device's column", ylabel="device's row", title="manhattan (white: no device)")
+
+
+@exercise(
+    "10.2",
+    "The worst place for a device",
+    points=3,
+    minutes=12,
+    hints=(
+        "Two steps: for one device cell, which rate does the UAV get at the best place that it can "
+        "fly to? Then compare the device cells.",
+        "For each number in city.device_cells: device = divmod(number, city.size), then the "
+        "maximum of rate_map(city, environment.channel, environment.line_of_sight, device) over "
+        "the cells with city.landing_distance >= 0. Keep the device with the lowest maximum.",
+    ),
+    figure=_draw_worst,
+)
+def worst_device_cell(answer) -> None:
+    """`worst_device_cell(environment)`: (row, column) with the lowest best mean rate."""
+    ask = briefly(answer)
+    cities = [City.load("manhattan"), City.from_text("pocket", POCKET), City.load("open_field")]
+    environments = [Environment(city) for city in cities]
+    given = []
+    for environment in environments:
+        value = ask(environment)
+        size = environment.city.size
+        try:
+            cell = tuple(int(part) for part in value)
+        except (TypeError, ValueError):
+            cell = ()
+        expect(
+            len(cell) == 2,
+            f"You give {str(value)[:60]}. Hand over (row, column); divmod(number, {size}) makes "
+            "both of a cell's number.",
+        )
+        given.append(cell)
+    rates = [_solved_rates(environment) for environment in environments]
+    wrong = [k for k, cell in enumerate(given) if cell not in _lowest(rates[k])]
+    if not wrong:
+        return
+    expect(
+        len(set(given)) > 1,
+        f"You give {given[0]} in each of {len(given)} cities. Use the environment that your "
+        "function is given, not the notebook's own.",
+    )
+    for cell, environment in zip(given, environments, strict=True):
+        size = environment.city.size
+        expect(
+            min(cell) >= 0 and max(cell) < size,
+            f"There is no cell {cell} in a city of {size} × {size}. Are M and all else taken from "
+            "the environment that your function is given?",
+        )
+    known = {k: _mistakes(environments[k]) for k in wrong}
+    for message in known[wrong[0]]:
+        if all(given[k] in known[k][message] for k in wrong):
+            raise CheckFailed(message)
+    k = wrong[0]
+    cell, where = given[k], "a city of the check's own, below" if k == 1 else cities[k].name
+    drawing = POCKET if k == 1 else ""
+    if cell not in rates[k]:
+        raise CheckFailed(
+            f"In {where}, no device can stand at {cell}: take city.device_cells.{drawing}"
+        )
+    raise CheckFailed(
+        f"In {where}, a device at {cell} is heard with {rates[k][cell]:.4g} data units a slot from "
+        "the best cell that the UAV can reach; there is a place with "
+        f"{min(rates[k].values()):.4g}.{drawing}"
+    )

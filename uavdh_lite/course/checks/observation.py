@@ -1,0 +1,458 @@
+"""Exercises of notebook 4, map centring."""
+
+import itertools
+
+import numpy as np
+
+from uavdh_lite.city import City
+from uavdh_lite.course.checks.exercise import CheckFailed, close, compare, exercise, expect, show
+from uavdh_lite.environment import ACTIONS
+from uavdh_lite.streams import Use, stream
+
+
+def _city_cell(place, uav, size):
+    row, col = place[0] + uav[0] - size + 1, place[1] + uav[1] - size + 1
+    return (row, col) if 0 <= row < size and 0 <= col < size else None
+
+
+def _draw_city_cell(ax):
+    size, uav = 5, (1, 3)
+    for place in np.ndindex(2 * size - 1, 2 * size - 1):
+        cell = _city_cell(place, uav, size)
+        text = "–" if cell is None else "{},{}".format(*cell)
+        colour = "#AAAAAA" if cell is None else "black"
+        ax.text(place[1], place[0], text, ha="center", va="center", fontsize=7, color=colour)
+    ax.plot(size - 1, size - 1, "s", mfc="none", mec="#0072B2", ms=17)
+    ax.set(xlim=(-0.5, 8.5), ylim=(8.5, -0.5), aspect="equal", xticks=range(9), yticks=range(9))
+    ax.set(xlabel="column of the map", ylabel="row of the map")
+    ax.set_title(f"M = {size}, UAV over {uav}: the cells of the city")
+
+
+@exercise(
+    "4.1",
+    "From the map back to the city",
+    points=1,
+    minutes=8,
+    hints=(
+        "Which cell of the city is in the middle of the map? Then count from the middle.",
+        "The UAV's cell is in the middle of the map, (M − 1, M − 1). So the city's row is "
+        "place[0] − (M − 1) + uav[0]; it exists if it is from 0 to M − 1. The same for columns.",
+    ),
+    figure=_draw_city_cell,
+)
+def city_cell(answer) -> None:
+    """`city_cell(place, uav, size)`: the cell at a place of the centred map, None outside."""
+
+    def ask(place, uav, size):
+        try:
+            result = answer(place, uav, size)
+        except CheckFailed as failed:  # None is an answer here
+            if failed.__cause__ is None and "gives back None" in str(failed):
+                return None
+            raise
+        expect(
+            np.shape(result) == (2,),
+            "Give back the cell as a pair, (row, col), or None outside the city. Yours is "
+            f"{show(result)}.",
+        )
+        return tuple(np.asarray(result).tolist())
+
+    def shifted(change):
+        def mistake(place, uav, size):
+            return tuple(change(p, u, size) for p, u in zip(place, uav, strict=True))
+
+        return mistake
+
+    mistakes = {
+        "That is the other direction, from the city to the map: here the place in the map is given "
+        "and the cell of the city is wanted.": shifted(lambda p, u, m: p - u + m - 1),
+        "The shift goes the wrong way: a place east of the middle is a cell east of the UAV.": (
+            shifted(lambda p, u, m: u - p + m - 1)
+        ),
+        "You count from the map's corner, but it is the middle of the map, (M − 1, M − 1), where "
+        "the UAV is: subtract M − 1.": shifted(lambda p, u, m: p + u),
+        "You are off by one: the middle of a map with 2M − 1 cells a side is M − 1, counted from "
+        "0.": shifted(lambda p, u, m: p + u - m),
+        "The middle of the map is at M − 1, not at M // 2: the map has 2M − 1 cells a side.": (
+            shifted(lambda p, u, m: p + u - m // 2)
+        ),
+        "You leave out where the UAV is: the same place of the map is another cell when it flies "
+        "on.": shifted(lambda p, u, m: p - m + 1),
+        "Rows and columns are swapped.": lambda p, u, m: tuple(
+            k - m + 1 + one for k, one in zip(p, u[::-1], strict=True)
+        ),
+        "Rows and columns of the place are swapped.": lambda p, u, m: tuple(
+            k - m + 1 + one for k, one in zip(p[::-1], u, strict=True)
+        ),
+        "Rows and columns change places in yours: the result is (row, col).": (
+            lambda p, u, m: tuple(k - m + 1 + one for k, one in zip(p[::-1], u[::-1], strict=True))
+        ),
+    }
+    generator = stream(Use.EXERCISE, 4)
+    cases = [((9, 4), (2, 1), 8), ((7, 7), (3, 5), 8), ((15, 18), (8, 4), 16)]
+    for _ in range(60):
+        size = int(generator.integers(2, 18))
+        cases.append(
+            (
+                tuple(generator.integers(0, 2 * size - 1, 2).tolist()),
+                tuple(generator.integers(0, size, 2).tolist()),
+                size,
+            )
+        )
+    inside = [case for case in cases if _city_cell(*case)]
+    outside = [case for case in cases if not _city_cell(*case)]
+    given = [ask(*case) for case in inside]
+    wrong = [k for k, case in enumerate(inside) if given[k] != _city_cell(*case)]
+    if wrong:
+        for message, mistake in mistakes.items():
+            # a mistake may also look whether the cell that it finds is in the city
+            found = [mistake(*inside[k]) for k in wrong]
+            if all(
+                given[k] in (one, None if min(one) < 0 or max(one) >= inside[k][2] else one)
+                for k, one in zip(wrong, found, strict=True)
+            ) and any(given[k] is not None for k in wrong):
+                raise CheckFailed(message)
+        place, uav, size = inside[wrong[0]]
+        right, said = _city_cell(*inside[wrong[0]]), given[wrong[0]]
+        call = f"With M = {size} and the UAV over {uav}, the place {place} shows the cell {right}"
+        if said is not None:
+            raise CheckFailed(f"{call}; you give {said}.")
+        if all(given[k] is None and 0 in _city_cell(*inside[k]) for k in wrong):
+            raise CheckFailed(f"{call}; you give None. Row 0 and column 0 are in the city too.")
+        if all(given[k] is None and inside[k][2] - 1 in _city_cell(*inside[k]) for k in wrong):
+            raise CheckFailed(f"{call}; you give None. The last row is M − 1, and in the city.")
+        raise CheckFailed(f"{call}; you give None. Is a `return` missing, or a comparison wrong?")
+    for place, uav, size in outside:
+        said = ask(place, uav, size)
+        if said is None:
+            continue
+        call = f"With M = {size} and the UAV over {uav}, the place {place} is outside the city"
+        reason = (
+            "A cell has no negative row or column, though numpy would take it."
+            if min(said) < 0
+            else f"The city's rows and columns end at M − 1 = {size - 1}."
+        )
+        raise CheckFailed(f"{call}: None is expected, you give {said}. {reason}")
+
+
+def _centre(layer, uav, outside):
+    around = len(layer) - 1
+    wide = np.pad(np.asarray(layer, float), around, constant_values=outside)
+    return wide[uav[0] : uav[0] + 2 * around + 1, uav[1] : uav[1] + 2 * around + 1]
+
+
+def _draw_centre(ax):
+    from uavdh_lite.observation import Observation
+    from uavdh_lite.scenario import place
+
+    city = City.load("manhattan")
+    uav = (2, 11)
+    state = place(city, uav, devices=[(4, 7)], data=[5], flying_time=40, max_devices=1)
+    (maps,), _ = Observation(city, "centred")(state)
+    ax.imshow(maps[0, 1].numpy(), cmap="magma_r", vmin=0, vmax=1.5)
+    ax.plot(15, 15, "+", color="#0072B2", ms=12, mew=2)
+    ax.set(xlabel="column of the map", ylabel="row of the map", xticks=(0, 15, 30))
+    ax.set(yticks=(0, 15, 30), title=f"no-fly layer, UAV over {uav}, 1 outside")
+
+
+@exercise(
+    "4.2",
+    "Centre a layer",
+    points=2,
+    minutes=14,
+    hints=(
+        "Begin with a map that has the value `outside` everywhere. Where does the city's corner "
+        "(0, 0) come to lie if the UAV's cell is in the middle?",
+        "The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the M×M cells from "
+        "there on are the layer. Or surround the layer by M − 1 cells on all sides (np.pad) and "
+        "cut out the 2M − 1 rows from uav[0] on, and as many columns from uav[1] on.",
+    ),
+    figure=_draw_centre,
+)
+def centre(answer) -> None:
+    """`centre(layer, uav, outside)`: (2M − 1, 2M − 1), the UAV's cell in the middle."""
+
+    def ask(layer, uav, outside):
+        copy = np.array(layer)
+        try:
+            result = answer(copy, uav, outside)
+        except CheckFailed as failed:
+            if "broadcast" not in str(failed):
+                raise
+            raise CheckFailed(
+                f"{failed} The layer does not fit where you put it: the UAV's cell goes to M − 1, "
+                "so the city begins in row M − 1 − uav[0], and reaches M cells further."
+            ) from None
+        expect(
+            (copy == layer).all(),
+            "Your function changes the layer that it is given: make a new array for the map.",
+        )
+        return result
+
+    ask.__name__ = getattr(answer, "__name__", "your function")
+
+    def cut(layer, row, col, outside):
+        """The map whose corner is at this cell of the layer, in a wide plain of `outside`."""
+        size = len(layer)
+        wide = np.pad(np.asarray(layer, float), 3 * size, constant_values=outside)
+        row, col, side = 3 * size + row, 3 * size + col, 2 * size - 1
+        return wide[row : row + side, col : col + side]
+
+    def moved(change):
+        def mistake(layer, uav, outside):
+            row, col = (change(u, len(layer)) for u in uav)
+            return cut(layer, row, col, outside)
+
+        return mistake
+
+    def rolled(layer, uav, outside):
+        size = len(layer)
+        wide = np.full((2 * size - 1,) * 2, float(outside))
+        wide[:size, :size] = layer
+        return np.roll(wide, [size - 1 - u for u in uav], (0, 1))
+
+    def wrapped(layer, uav, outside):
+        rows, cols = (np.arange(2 * len(layer) - 1) - len(layer) + 1 + u for u in uav)
+        return layer[np.ix_(rows % len(layer), cols % len(layer))]
+
+    mistakes = {
+        "A layer of Booleans has a map of Booleans in yours, and `outside` may be any number. Make "
+        "a map of floats: np.full(shape, outside, float), or layer.astype(float) first.": (
+            lambda layer, uav, outside: _centre(
+                layer, uav, bool(outside) if layer.dtype == bool else outside
+            )
+        ),
+        "The shift goes the wrong way: with the UAV in the north-west corner, the city must lie in "
+        "the south-east of the map.": moved(lambda u, m: -u),
+        "The shift goes the wrong way: where the UAV is further north, the city lies further "
+        "south.": moved(lambda u, m: u - 2 * m + 2),
+        "The city is one cell too far south-east: the middle of 2M − 1 cells is M − 1, counted "
+        "from 0.": moved(lambda u, m: u - m),
+        "The city is one cell too far north-west: the middle of 2M − 1 cells is M − 1, counted "
+        "from 0.": moved(lambda u, m: u - m + 2),
+        "The city lies always at the same place: it must move so that the UAV's cell is in the "
+        "middle.": moved(lambda u, m: -((m - 1) // 2)),
+        "The city lies always in the corner of your map: it must move so that the UAV's cell is in "
+        "the middle.": moved(lambda u, m: 0),
+        "Outside the city your map is 0: there it must be the value `outside`.": (
+            lambda layer, uav, outside: _centre(layer, uav, 0)
+        ),
+        "You replace each 0 by `outside`, also those of the layer itself: they must stay 0.": (
+            lambda layer, uav, outside: np.where(
+                _centre(layer, uav, 0) == 0, outside, _centre(layer, uav, 0)
+            )
+        ),
+        "Outside the city your map is 1: there it must be the value `outside`.": (
+            lambda layer, uav, outside: _centre(layer, uav, 1)
+        ),
+        "Rows and columns are swapped: the UAV is at (row, col).": (
+            lambda layer, uav, outside: _centre(layer, uav[::-1], outside)
+        ),
+        "Rows and columns are swapped: the map is transposed.": (
+            lambda layer, uav, outside: _centre(layer, uav, outside).T
+        ),
+        "The city goes round at the border in yours: beyond its last row comes `outside`, not "
+        "its first row. (A negative index takes cells from the other end.)": wrapped,
+        "Your map has whole numbers where the layer has fractions: np.full takes its dtype from "
+        "the number that it is given. Make it np.full(shape, outside, float).": (
+            lambda layer, uav, outside: np.trunc(_centre(layer, uav, outside))
+        ),
+    }
+    generator = stream(Use.EXERCISE, 6)
+    small = np.arange(1.0, 10.0).reshape(3, 3)
+    shape = np.shape(ask(small, (0, 2), 0))
+    expect(
+        shape == (5, 5),
+        f"A layer of 3×3 cells gives a map of 5×5, 2M − 1 cells a side; yours has the shape "
+        f"{shape}.",
+    )
+    numbers = [(small, uav, 0.0) for uav in np.ndindex(3, 3)]
+    numbers += [(generator.random((6, 6)).round(3), (1, 4), 7.0)]
+    numbers += [(generator.random((7, 7)).round(3) * 9, (5, 2), 1)]
+    layers = [(generator.random((8, 8)) < 0.4, (6, 3), outside) for outside in (False, True, 0.5)]
+    cases = numbers + layers
+    try:
+        compare(ask, _centre, cases, mistakes)
+    except CheckFailed as failed:
+        if "<array" not in str(failed) or "stops with" in str(failed):
+            raise
+        for layer, uav, outside in cases:
+            _first_wrong_place(layer, uav, outside, np.asarray(ask(layer, uav, outside), float))
+        raise
+
+
+def _first_wrong_place(layer, uav, outside, given):
+    right = _centre(layer, uav, outside)
+    if given.shape != right.shape or close(given, right):
+        return
+    size = len(layer)
+    place = tuple(np.argwhere(~np.isclose(given, right))[0].tolist())
+    cell = _city_cell(place, uav, size)
+    where = "is outside the city" if cell is None else f"shows the city's cell {cell}"
+    raise CheckFailed(
+        f"With M = {size}, the UAV over {uav} and outside = {show(outside)}, the place {place} of "
+        f"the map {where}, so it must be {right[place]:.4g}; yours is {given[place]:.4g}."
+    )
+
+
+def _weights(layers, size, kernels, kernel_size, strides, hidden, **wrong):
+    """The weights of the network; `wrong` makes mistakes in it."""
+    side, channels, total = wrong.get("side", 2 * size - 1), layers, 0
+    kernel_biases, biases = (wrong.get(one, lambda n: n) for one in ("kernel_biases", "biases"))
+    for stride in strides:
+        total += channels * kernels * kernel_size ** wrong.get("dimensions", 2)
+        total += kernel_biases(kernels)
+        side = wrong.get("step", lambda w, k, s: (w - k) // s + 1)(side, kernel_size, stride)
+        channels = wrong.get("channels", kernels)
+    width = wrong.get("flat", channels) * side * side + wrong.get("time", 1)
+    for out in (*hidden, *wrong.get("outputs", (len(ACTIONS),))):
+        total += width * out + biases(out)
+        width = out
+    return total
+
+
+def _draw_weights(ax):
+    from torch import nn, zeros
+
+    from uavdh_lite.network import QNetwork
+
+    size, rows = 16, []
+    network = QNetwork([(5, 2 * size - 1, 2 * size - 1)])
+    for module in network.modules():
+        if isinstance(module, nn.Conv2d | nn.Linear):
+            module.register_forward_hook(
+                lambda module, given, got: rows.append((module, given[0].shape[1:], got.shape[1:]))
+            )
+    network([zeros(1, 5, 2 * size - 1, 2 * size - 1)], zeros(1, 1))
+    names = {nn.Conv2d: "convolution, 16 kernels of 5×5", nn.Linear: "fully connected"}
+    cells = [
+        [names[type(module)], *("×".join(map(str, shape)) for shape in shapes)]
+        for module, *shapes in rows
+    ]
+    table = ax.table(
+        cells,
+        colLabels=["part", "gets", "gives"],
+        loc="center",
+        cellLoc="center",
+        colWidths=(0.5, 0.25, 0.25),
+    )
+    table.scale(1, 1.6)
+    ax.axis("off")
+    ax.set_title(f"shapes in the paper's network, M = {size}")
+
+
+@exercise(
+    "4.3",
+    "How many weights?",
+    points=3,
+    minutes=25,
+    hints=(
+        "Follow the shape of the map through the network, as in a table: layers and side before "
+        "and after each convolution, then the length of the list, then layer by layer. Each kernel "
+        "and each neuron has a bias.",
+        "A convolution has c·k·k weights and one bias a kernel, where c is the number of layers "
+        "that it gets, and leaves (side − k) // stride + 1 cells a side. The list has kernels · "
+        "side² numbers and the flying time. From n to m neurons: n·m + m. The output has 6.",
+    ),
+    figure=_draw_weights,
+)
+def network_weights(answer) -> None:
+    """`weights(layers, size, kernels, kernel_size, strides, hidden)`: of the centred Q-network."""
+
+    def variant(**wrong):
+        return lambda *case: _weights(*case, **wrong)
+
+    def none(count):
+        return 0
+
+    def one(count):
+        return 1
+
+    biases = (
+        (none, "The biases{} are missing: each {} has one."),
+        (one, "Each {1} has a bias of its own; yours count{0} one a layer only."),
+    )
+    mistakes = {}
+    for wrong, message in biases:
+        for of, each, parts in (
+            ("", "kernel and each neuron", ("kernel_biases", "biases")),
+            (" of the fully connected layers", "neuron", ("biases",)),
+            (" of the convolutions", "kernel", ("kernel_biases",)),
+        ):
+            mistakes[message.format(of, each)] = variant(**dict.fromkeys(parts, wrong))
+    mistakes |= {
+        "The biases of the output are missing: its 6 neurons have one each too.": (
+            lambda *case: _weights(*case) - len(ACTIONS)
+        ),
+        "The list has the numbers of all kernels, kernels · side², not side² alone.": (
+            variant(flat=1)
+        ),
+        "The flying time is missing: it is appended to the flattened map as one more input.": (
+            variant(time=0)
+        ),
+        "The output layer is missing: one value for each of the 6 actions.": variant(outputs=()),
+        "The output layer has one value in yours, but there are 6 actions.": variant(outputs=(1,)),
+        "The output layer has 5 values in yours, but there are 6 actions: hovering and landing "
+        "count too.": variant(outputs=(5,)),
+        "The map has 2M − 1 cells a side, not M.": lambda *case: _weights(*case, side=case[1]),
+        "Divide (side − kernel_size) by the stride and round down, then add 1: a kernel that does "
+        "not fit any more is left out. Yours rounds up.": (
+            variant(step=lambda w, k, s: -(-(w - k) // s) + 1)
+        ),
+        "Without padding a convolution loses kernel_size − 1 cells a side: you keep them.": (
+            variant(step=lambda w, k, s: -(-w // s))
+        ),
+        "There is no padding: a convolution loses kernel_size − 1 cells a side, with a stride it "
+        "loses more.": variant(step=lambda w, k, s: (w + 2 * (k // 2) - k) // s + 1),
+        "Each convolution makes the map smaller: without padding a kernel fits at (side − "
+        "kernel_size) // stride + 1 places a side.": variant(step=lambda w, k, s: w),
+        "Without padding a convolution loses kernel_size − 1 cells a side: you only divide by the "
+        "stride.": variant(step=lambda w, k, s: w // s),
+        "A convolution leaves (side − kernel_size) // stride + 1 cells: the + 1 is missing.": (
+            variant(step=lambda w, k, s: (w - k) // s)
+        ),
+        "The strides have no effect in yours: with stride s only each s-th place counts.": (
+            variant(step=lambda w, k, s: w - k + 1)
+        ),
+        "Divide side − kernel_size by the stride and round down, and add the 1 after that: you "
+        "divide too late.": variant(step=lambda w, k, s: (w - k + 1) // s),
+        "Divide side − kernel_size by the stride and round down (//), so that the side is a whole "
+        "number.": variant(step=lambda w, k, s: (w - k) / s + 1),
+        "The map has 2M − 1 cells a side, not 2M.": lambda *c: _weights(*c, side=2 * c[1]),
+        "A kernel is kernel_size × kernel_size weights for each layer that it sees, not "
+        "kernel_size.": variant(dimensions=1),
+        "The second convolution sees as many layers as the first has kernels, not the layers of "
+        "the map again. The list then has kernels · side² numbers too.": (
+            lambda *case: _weights(*case, channels=case[0])
+        ),
+        "The second convolution sees as many layers as the first has kernels, not the layers of "
+        "the map again.": lambda *case: (
+            _weights(*case) + sum((case[0] - case[2]) * case[2] * case[3] ** 2 for _ in case[4][1:])
+        ),
+        "Each kernel has weights for all the layers that it sees, not for one.": (
+            lambda *case: (
+                _weights(*case)
+                + sum(
+                    (1 - seen) * case[2] * case[3] ** 2
+                    for seen in (case[0], *[case[2]] * (len(case[4]) - 1))[: len(case[4])]
+                )
+            )
+        ),
+    }
+    paper = (5, 16, 16, 5, (1, 1), (256, 256, 256))
+    cases = [paper, (6, 16, 12, 5, (2, 1), (256, 256)), (4, 13, 8, 4, (3, 2), (64, 32))]
+    cases += [(3, 12, 9, 3, (3,), (20,))]  # a remainder of 2 with the stride 3
+    generator = stream(Use.EXERCISE, 1)
+    for convolutions, hidden in itertools.product((1, 2, 3), (1, 2)):
+        layers, size = int(generator.integers(2, 7)), int(generator.integers(14, 24))
+        kernels, kernel_size = int(generator.integers(7, 20)), int(generator.integers(2, 5))
+        strides = tuple(generator.integers(1, 3, convolutions).tolist())
+        widths = tuple(generator.integers(8, 99, hidden).tolist())
+        cases.append((layers, size, kernels, kernel_size, strides, widths))
+    number = answer(*paper)
+    expect(
+        np.ndim(number) == 0,
+        f"One number is expected, that of all weights together; you give {show(number)}.",
+    )
+    compare(answer, _weights, cases, mistakes, tolerance=1e-9)
+    expect(close(number, 2_308_854, 1e-9), "The paper's network has 2,308,854 weights.")

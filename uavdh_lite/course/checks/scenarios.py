@@ -1,0 +1,321 @@
+"""Exercises of notebook 9, scenarios."""
+
+from collections import deque
+from unittest.mock import patch
+
+import numpy as np
+
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.city import City
+from uavdh_lite.course.checks.evaluation import briefly
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
+from uavdh_lite.environment import Environment
+from uavdh_lite.errors import CityError
+from uavdh_lite.evaluation import Policy, evaluate
+from uavdh_lite.planners import Greedy
+from uavdh_lite.streams import Use, stream
+
+SMALL = """
+L . . . B .
+. b B . B .
+N N B . B B
+. . . . . .
+. b N N N .
+. . N . N .
+"""
+WALLED = """
+. . . . . . .
+. N N N N N .
+. N . . . N .
+. N . N . . .
+. N L N N N .
+. N . N . B .
+. N N N N B L
+"""
+DIAGONAL = """
+. N . . .
+N . . B .
+. . b b .
+. B b L b
+. . . b .
+"""
+
+
+def _cities() -> list[City]:
+    texts = {"corners": SMALL, "walls": WALLED, "diagonals": DIAGONAL}
+    cities = [City.from_text(name, text) for name, text in texts.items()]
+    generator = stream(Use.EXERCISE, 91)
+    while len(cities) < 9:
+        kinds = generator.choice(5, (8, 8), p=(0.55, 0.15, 0.14, 0.04, 0.12))
+        try:
+            cities.append(City.from_kinds(f"random city {len(cities)}", kinds))
+        except CityError:  # no landing cell, or one that is walled in
+            continue
+    return [*cities, City.load("manhattan"), City.load("open_field")]
+
+
+def _search(city: City, closed: np.ndarray, moves, wrap=False, starts=None) -> np.ndarray:
+    """Breadth-first search from the landing cells through all cells that are not `closed`."""
+    size = city.size
+    distance = np.full((size, size), -1)
+    queue = deque(divmod(int(c), size) for c in (city.landing_cells if starts is None else starts))
+    for cell in queue:
+        distance[cell] = 0
+    while queue:
+        row, col = queue.popleft()
+        for down, right in moves:
+            r, c = row + down, col + right
+            if wrap:
+                r, c = r % size, c % size
+            if 0 <= r < size and 0 <= c < size and distance[r, c] < 0 and not closed[r, c]:
+                distance[r, c] = distance[row, col] + 1
+                queue.append((r, c))
+    return distance
+
+
+FOUR = ((-1, 0), (0, 1), (1, 0), (0, -1))
+EIGHT = (*FOUR, (-1, -1), (-1, 1), (1, -1), (1, 1))
+_SOLVED = City.landing_distance.func  # works while the property is not allowed
+
+
+def _as_the_crow_flies(city: City) -> np.ndarray:
+    row, col = np.indices((city.size,) * 2)
+    lengths = [
+        abs(row - cell // city.size) + abs(col - cell % city.size) for cell in city.landing_cells
+    ]
+    return np.min(lengths, axis=0)
+
+
+def _joined(city: City, given: np.ndarray) -> bool:
+    """Whether all of `given` lies between the lengths in a city joined at its edges and ours.
+
+    How short its ways are depends on the sides at which the answer wraps around.
+    """
+    ways = [_search(city, city.no_fly, FOUR, wrap=True), given, _SOLVED(city)]
+    shortest, own, longest = (np.where(way < 0, np.inf, way) for way in ways)
+    return bool((shortest <= own).all() and (own <= longest).all())
+
+
+def _with(value):
+    """The solution with another value where there is no way."""
+
+    def mistake(city):
+        distance = _SOLVED(city)
+        return np.where(distance < 0, value, distance)
+
+    return mistake
+
+
+def _plus_one(city):
+    distance = _SOLVED(city)
+    return np.where(distance < 0, -1, distance + 1)
+
+
+REACHABLE_MISTAKES = {
+    "You move diagonally too. The UAV has four moves: north, east, south, west.": (
+        lambda city: _search(city, city.no_fly, EIGHT)
+    ),
+    "You fly through no-fly cells: a cell with city.no_fly may not be entered.": (
+        lambda city: _search(city, np.zeros_like(city.no_fly), FOUR)
+    ),
+    "You count moves as if nothing stood in the way. A search has to go round the no-fly cells.": (
+        lambda city: np.where(city.no_fly, -1, _as_the_crow_flies(city))
+    ),
+    "You treat every building as a wall. Low buildings may be flown over: what the UAV may not "
+    "enter is city.no_fly, which holds the tall ones already.": (
+        lambda city: _search(city, city.no_fly | city.buildings, FOUR)
+    ),
+    "Only buildings stop you. The UAV may not enter no-fly cells, and may fly over low buildings: "
+    "ask city.no_fly.": lambda city: _search(city, city.buildings, FOUR),
+    "You start from one landing cell only. The nearest of all counts: put all of them into the "
+    "queue, with distance 0.": (
+        lambda city: _search(city, city.no_fly, FOUR, starts=city.landing_cells[:1])
+    ),
+    "Your landing cells have 1. Over the zone no move is needed: start with 0 (the landing "
+    "itself is not counted here).": _plus_one,
+    "Cells without a way have 0, as if they were landing zone: mark them with −1.": _with(0),
+    "Cells without a way have infinity; mark them with −1.": _with(np.inf),
+}
+
+
+def _draw_reachable(ax):
+    distance = City.load("manhattan").landing_distance
+    image = ax.imshow(np.where(distance < 0, np.nan, distance), cmap="viridis")
+    ax.figure.colorbar(image, ax=ax, label="moves to the landing zone")
+    ax.set(xlabel="column", ylabel="row", title="manhattan (white: −1)")
+
+
+@exercise(
+    "9.1",
+    "The way home",
+    points=2,
+    minutes=18,
+    hints=(
+        "Start from the landing cells, not from each cell: all cells one move away from them have "
+        "1, all new ones a move away from those have 2, and so on.",
+        "Fill an array with −1, set the landing cells to 0 and put them into a queue "
+        "(collections.deque). Take a cell from its front; each of the four neighbours that is on "
+        "the grid, no no-fly cell and still −1 gets one more and goes to the end.",
+    ),
+    figure=_draw_reachable,
+)
+def reachable(answer) -> None:
+    """`reachable(city)`: moves to the nearest landing cell, (M, M), −1 where there is no way."""
+    ask = briefly(answer)
+
+    def refused(city):
+        raise CheckFailed("City.landing_distance is the solution: write the search yourself.")
+
+    cities = _cities()
+    with patch.object(City, "landing_distance", property(refused)):
+        given = [np.array(ask(city)) for city in cities]
+    right = [_SOLVED(city) for city in cities]
+    for city, one, expected in zip(cities, given, right, strict=True):
+        expect(
+            one.shape == expected.shape,
+            f"For a city of {city.size} × {city.size} cells you give an array of the shape "
+            f"{one.shape}; expected is {expected.shape}.",
+        )
+        expect(np.issubdtype(one.dtype, np.number), f"{one.dtype} are no numbers.")
+    wrong = [k for k in range(len(cities)) if not np.array_equal(given[k], right[k])]
+    if not wrong:
+        kind = next((one.dtype for one in given if not np.issubdtype(one.dtype, np.integer)), None)
+        expect(kind is None, f"The numbers are right but of type {kind}: make it an int array.")
+        return
+    for message, mistake in REACHABLE_MISTAKES.items():
+        if all(np.array_equal(given[k], mistake(cities[k])) for k in wrong):
+            raise CheckFailed(message)
+    if all(_joined(cities[k], given[k]) for k in wrong):
+        raise CheckFailed(
+            "Your city is joined at its edges: row or column −1 is Python's last one, without an "
+            "IndexError, so a move off the grid comes in on the other side. Test that "
+            "0 <= row < M and 0 <= column < M."
+        )
+    k = wrong[0]
+    row, col = np.argwhere(given[k] != right[k])[0]
+    if all(np.array_equal(given[j][right[j] >= 0], right[j][right[j] >= 0]) for j in wrong):
+        raise CheckFailed(
+            "Where there is a way all is right. Cells from which no landing cell can be reached, "
+            f"and no-fly cells, must have −1; you give {given[k][row, col]} at row {row}, column "
+            f"{col}, in the city below.\n{_text(cities[k])}"
+        )
+    longer = given[k][row, col] > right[k][row, col] >= 0
+    why = "There is a shorter way: take the cell that has waited longest." if longer else ""
+    raise CheckFailed(
+        f"At row {row}, column {col} you give {given[k][row, col]}, expected "
+        f"{right[k][row, col]}, in the city below. {why}\n{_text(cities[k])}"
+    )
+
+
+def _text(city: City) -> str:
+    """The city in the signs of `City.from_text`."""
+    return "\n".join(" ".join(".NbLB"[kind] for kind in row) for row in city.kinds)
+
+
+MISSIONS, SEED, GREEDY, BEHIND, CHANGED = 100, 92, 0.90, 0.30, 16
+
+
+def _fly(city: City, policy: Policy) -> dict[str, float]:
+    """Mean metrics on the fixed missions over this city."""
+    scenario = load_agent("manhattan").scenario
+    records = evaluate(Environment(city), policy, scenario, MISSIONS, SEED).records()
+    return {name: float(values.mean()) for name, values in records.items()}
+
+
+def _greedy(city: City) -> dict[str, float]:
+    return _fly(city, Greedy(Environment(city)))
+
+
+def _changed(city: City) -> int:
+    """In how many cells the city differs from the agent's own."""
+    return int((city.kinds != load_agent("manhattan").city.kinds).sum())
+
+
+def _moved_zone() -> City:
+    """`manhattan` with its landing zones in the other two corners."""
+    kinds = City.load("manhattan").kinds.copy()
+    kinds[kinds == 3] = 0
+    kinds[:2, -2:] = kinds[-1:, :2] = 3
+    return City.from_kinds("moved", kinds)
+
+
+def _draw_defeat(ax):
+    agent, city = load_agent("manhattan"), _moved_zone()
+    names = ("has_landed", "collection_ratio", "collection_ratio_and_landed")
+    flown = {
+        "agent, at home": _fly(agent.city, agent),
+        "greedy, new city": _greedy(city),
+        "agent, new city": _fly(city, agent.over(city)),
+    }
+    for k, (label, metrics) in enumerate(flown.items()):
+        ax.bar(np.arange(3) + 0.27 * (k - 1), [100 * metrics[n] for n in names], 0.25, label=label)
+    ax.set(xticks=range(3), xticklabels=("landed", "collected", "both (CRAL)"), ylim=(0, 135))
+    ax.set(ylabel="mean over 100 missions, %", yticks=range(0, 101, 20))
+    ax.set_title(f"landing zones moved: {_changed(city)} cells changed")
+    ax.legend(ncols=2, fontsize=8)
+
+
+@exercise(
+    "9.2",
+    "A city that defeats the agent",
+    points=4,
+    minutes=20,
+    hints=(
+        "A planner computes its ways from the map. The agent has learned its ways in one single "
+        "city. What was the same in every mission that it was trained on?",
+        "Start from `home` and change only where the UAV may land: move the zones to places that "
+        "it never landed in. Leave two of them, far apart, or the ways get too long for greedy.",
+    ),
+    figure=_draw_defeat,
+)
+def defeat(answer) -> None:
+    """The text of a 16×16 city in which greedy does well and the shipped agent does not."""
+    expect(
+        isinstance(answer, str),
+        "Hand over the city as one text, a line a row, as City.from_text reads it.",
+    )
+    agent = load_agent("manhattan")
+    size = agent.city.size
+    rows = ["".join(line.split()) for line in answer.strip().splitlines()]
+    expect(len(rows) == size, f"Your text has {len(rows)} rows of signs; it must have {size}.")
+    for number, row in enumerate(rows):
+        expect(
+            len(row) == size,
+            f"Row {number} (the first is row 0) has {len(row)} signs; it must have {size}.",
+        )
+    expect("L" in answer, "Your city has no landing zone: put an L into at least one cell.")
+    try:
+        city = City.from_text("mine", answer)
+    except CityError as error:
+        raise CheckFailed(f"That is no valid city: {str(error).removeprefix('mine: ')}.") from None
+    changed = _changed(city)
+    expect(
+        changed <= CHANGED,
+        f"Your city differs from `home` in {changed} of its {size**2} cells; at most {CHANGED} may "
+        "differ.",
+    )
+    cut_off = np.argwhere(~city.no_fly & (city.landing_distance < 0))
+    if len(cut_off):
+        row, col = cut_off[0]
+        raise CheckFailed(
+            f"There is no way to the landing zone from {len(cut_off)} of the cells that the UAV "
+            f"may enter, the first at row {row}, column {col}: open one, or close them (N or B)."
+        )
+    cral = "collection_ratio_and_landed"
+    greedy, own = _greedy(city)[cral], _fly(city, agent.over(city))
+    expect(
+        greedy >= GREEDY,
+        f"The greedy planner's CRAL is {greedy:.1%} here; the {GREEDY:.0%} that show that the "
+        "missions are possible are missed. Make ways shorter, or devices easier to hear.",
+    )
+    behind = greedy - own[cral]
+    standing = (
+        f"In your city ({changed} cells changed) greedy has a CRAL of {greedy:.1%}, the agent "
+        f"{own[cral]:.1%} (it lands in {own['has_landed']:.0%})"
+    )
+    expect(
+        behind >= BEHIND,
+        f"The agent is too good. {standing}: it is {100 * behind:.1f} points behind, "
+        f"{100 * BEHIND:.0f} are asked for. What is in your city that it never met?",
+    )
+    print(f"{standing}.")

@@ -1,0 +1,473 @@
+"""Exercises of notebook 6, training."""
+
+import functools
+from dataclasses import fields, replace
+
+import numpy as np
+import torch
+
+from uavdh_lite.course.checks.exercise import CheckFailed, compare, exercise, expect
+from uavdh_lite.evaluation import evaluate
+from uavdh_lite.experiments.runs import keep_freed_memory
+from uavdh_lite.recipe import SMALL, Recipe
+from uavdh_lite.scenario import find_scenario
+from uavdh_lite.streams import Use, stream
+from uavdh_lite.training import Trainer
+
+
+def _n_step(rewards, terminals, values, n, discount):
+    total, factor = 0.0, 1.0
+    for k in range(min(n, len(rewards))):
+        total += factor * rewards[k]
+        factor *= discount
+        if terminals[k]:
+            return total
+    return total + factor * values[min(n, len(rewards))]
+
+
+def _wrong(power=0, shift=0, plain=False, bootstraps=False, goes_on=False, last_lost=False, more=0):
+    """The n-step return with a mistake.
+
+    Arguments:
+        power, shift: added to the exponent of the last discount, to the index of the value.
+        plain: rewards are not discounted. bootstraps: adds a value after a terminal too.
+        goes_on: does not stop at a terminal. last_lost: leaves out the terminal's reward.
+        more: added to the number of rewards.
+    """
+
+    def mistake(rewards, terminals, values, n, discount):
+        steps = min(n + more, len(rewards))
+        ended = np.flatnonzero(terminals[:steps])
+        ends = bool(len(ended)) and not goes_on
+        steps = int(ended[0]) + 1 if ends else steps
+        summed = np.array(rewards[:steps])
+        if ends and last_lost:
+            summed[-1] = 0
+        total = (summed * (1.0 if plain else discount ** np.arange(steps))).sum()
+        if ends and not bootstraps:
+            return total
+        at = max(0, min(steps + shift, len(values) - 1))
+        return total + discount ** (steps + power) * values[at]
+
+    return mistake
+
+
+def _last_asked(power):
+    """The sum stops at any terminal, but only one at its planned end keeps the value out."""
+
+    def mistake(rewards, terminals, values, n, discount):
+        m = min(n, len(rewards))
+        total = _n_step(rewards, terminals, 0 * values, n, discount)
+        summed = int(np.argmax(terminals)) + 1 if terminals[:m].any() else m
+        return total + (not terminals[m - 1]) * discount ** power(m, summed) * values[m]
+
+    return mistake
+
+
+def _stored(length: int, ends: tuple[int, ...], seed: int) -> tuple:
+    """Rewards, terminals and values of a stored sequence."""
+    generator = stream(Use.EXERCISE, seed)
+    terminals = np.isin(np.arange(length), ends)
+    rewards, values = generator.normal(1, 1, length), generator.normal(8, 3, length + 1)
+    return rewards.round(2), terminals, values.round(2)
+
+
+def _draw_n_step(ax):
+    steps = np.arange(1, 13)
+    rewards, values = np.array([-0.1] * 5 + [3.0] + [-0.1] * 4), np.full(11, 5.0)
+    for ends, label in (((), "under way throughout"), ((7,), "the 8th step is terminal")):
+        terminals = np.isin(np.arange(10), ends)
+        targets = [_n_step(rewards, terminals, values, n, 0.95) for n in steps]
+        ax.plot(steps, targets, "o-", label=label, alpha=0.7)
+    ax.set(
+        xlabel="n, steps",
+        ylabel="n-step return, data units",
+        title="10 steps stored, the 6th earns 3, the others −0.1;\nγ = 0.95, all values 5",
+    )
+    ax.grid(alpha=0.3)
+    ax.legend()
+
+
+@exercise(
+    "6.1",
+    "The n-step return",
+    points=2,
+    minutes=15,
+    hints=(
+        "Write it down for n = 1 and n = 2, then for n = 2 with the first step terminal. After m "
+        "rewards, with which power of γ and of which state does the value come?",
+        "Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor "
+        "by γ, and return if terminals[k]. After m = min(n, T) steps add factor · values[m].",
+    ),
+    figure=_draw_n_step,
+)
+def n_step_return(answer) -> None:
+    """`n_step(rewards, terminals, values, n, discount)`: the target of the first state."""
+    expect(callable(answer), "Hand over the function itself: its name, without brackets behind it.")
+
+    @functools.wraps(answer)
+    def copied(*arguments):
+        arrays = [array.copy() for array in arguments[:3]]
+        value = answer(*arrays, *arguments[3:])
+        expect(
+            all(map(np.array_equal, arrays, arguments[:3])),
+            "Your function changes the arrays that it is given. They are the memory: only read.",
+        )
+        return value
+
+    mistakes = {
+        "You look for a terminal step in the whole memory, but only a terminal among the m steps "
+        "matters: before it comes, the value counts.": (
+            lambda r, t, v, n, d: _n_step(r, t, 0 * v if t.any() else v, n, d)
+        ),
+        "You ask only whether the last of the m steps is terminal. If an earlier one is, the sum "
+        "has stopped there, and no value is added either.": _last_asked(lambda m, summed: m),
+        "You ask only whether the last of the m steps is terminal. If an earlier one is, where the "
+        "sum stops, no value is added either.": _last_asked(lambda m, summed: summed),
+        "The power of γ before the value is one too low: after m rewards, the last one with "
+        "γ^(m−1), the value comes with γ^m.": _wrong(power=-1),
+        "The power of γ before the value is one too high: it is that of the number of rewards, "
+        "γ^m.": _wrong(power=1),
+        "You take the value of the state before the last step. After m rewards the UAV is in "
+        "state m, values[m].": _wrong(shift=-1),
+        "You take the value of a state too late. After m rewards the UAV is in state m, "
+        "values[m].": _wrong(shift=1),
+        "A value is added after a terminal step. The episode is over there: nothing follows.": (
+            _wrong(bootstraps=True)
+        ),
+        "The sum goes on after a terminal step, into the next episode. It must stop there, "
+        "without a value.": _wrong(goes_on=True),
+        "The reward of the terminal step is lost. It was earned: add it, then stop.": (
+            _wrong(last_lost=True)
+        ),
+        "The rewards are not discounted: reward k counts γ^k times.": _wrong(plain=True),
+        "You sum n + 1 rewards. With n = 1 it is rewards[0] alone, then the value.": _wrong(more=1),
+        "You sum n − 1 rewards. With n = 1 it is rewards[0], then the value.": _wrong(more=-1),
+        "The powers of γ of the rewards are one too high: rewards[0] counts in full.": (
+            lambda r, t, v, n, d: _n_step(d * r, t, v, n, d)
+        ),
+        "You take the last value that is stored. After n rewards the UAV is in state n, "
+        "values[n].": lambda r, t, v, n, d: _n_step(r, t, np.full(len(v), v[-1]), n, d),
+        "n has no effect: that is the return over one step.": lambda r, t, v, n, d: _n_step(
+            r, t, v, 1, d
+        ),
+        "The value at the end is missing: what comes after the n rewards counts too.": (
+            lambda r, t, v, n, d: _n_step(r, t, 0 * v, n, d)
+        ),
+        "The value at the end is not discounted: it comes with γ^m.": (
+            lambda r, t, v, n, d: _n_step(r, t, v / d ** min(n, len(r)), n, d)
+        ),
+    }
+    open_end, ends = _stored(6, (), 0), _stored(6, (2, 4), 1)
+    cases = [(*open_end, n, 0.9) for n in (1, 2, 3)]
+    cases += [(*ends, n, 0.8) for n in (1, 2, 3, 4, 5)]
+    cases += [(*_stored(5, (0,), 2), 3, 0.95)]
+    compare(copied, _n_step, cases, mistakes)
+    short = [(*open_end, n, 0.9) for n in (6, 7, 20)] + [(*_stored(1, (), 3), 3, 0.9)]
+    short += [(*ends, 9, 0.9), (*_stored(4, (3,), 4), 4, 0.9), (*_stored(3, (2,), 5), 8, 0.9)]
+    too_many = {
+        "Where fewer than n steps are stored, the power of γ is that of the steps that there "
+        "are, not n.": lambda r, t, v, n, d: _n_step(r, t, v * d ** (n - min(n, len(r))), n, d),
+        "Where fewer than n steps are stored, no value is added. Add that of the last state "
+        "stored, values[T].": lambda r, t, v, n, d: _n_step(
+            r, t, v if n <= len(r) else 0 * v, n, d
+        ),
+        "Where fewer than n steps are stored, you take the value before the last: there is one "
+        "more than rewards, values[T].": lambda r, t, v, n, d: _n_step(
+            r, t, v if n <= len(r) else np.r_[v[:-1], v[-2]], n, d
+        ),
+    }
+    try:
+        compare(copied, _n_step, short, too_many)
+    except CheckFailed as error:
+        if isinstance(error.__cause__, IndexError):
+            raise CheckFailed(
+                "It stops with an IndexError where fewer than n steps are stored. Sum as many as "
+                "there are, then add the value of the last state, values[T]."
+            ) from None
+        raise
+
+
+NAMES = ("lazy", "crashes", "good", "wanders")
+
+
+def _diagnose(landed, collection_ratio, time_used):
+    if time_used < 0.25:
+        return "lazy"
+    if landed < 0.9:
+        return "crashes"
+    return "good" if collection_ratio >= 0.8 else "wanders"
+
+
+# Of data/runs/deviations-manhattan, by variant, seed and thousand steps: landed, collected, time
+RUNS = {
+    "all-0-300": (0.987, 0.895, 0.738),
+    "without_return_steps-0-100": (0.527, 0.409, 0.812),
+    "without_crash_reward-1-300": (1.000, 0.100, 0.153),
+    "without_crash_reward-0-100": (0.000, 0.237, 1.000),
+    "without_exploring_starts-0-100": (0.873, 0.616, 0.645),
+    "without_layer_norm-0-300": (1.000, 0.170, 0.318),
+    "without_learning_rate-0-300": (0.943, 0.478, 0.727),
+    "without_crash_reward-0-300": (0.998, 0.000, 0.022),
+    "without_return_steps-0-300": (0.992, 0.858, 0.880),
+}
+
+
+def _draw_diagnosis(ax):
+    colours = dict(zip(NAMES, ("#E69F00", "#D55E00", "#009E73", "#0072B2"), strict=True))
+    for name, colour in colours.items():
+        own = [row for row in RUNS.values() if _diagnose(*row) == name]
+        landed, collected, used = np.transpose(own)
+        ax.plot(used, collected, "o", color=colour, label=name)
+        for x, y, share in zip(used, collected, landed, strict=True):
+            ax.annotate(f"{share:.0%}", (x, y), (6, 3), textcoords="offset points", fontsize=8)
+    ax.set(
+        xlabel="flying time used, share",
+        ylabel="collection ratio",
+        xlim=(-0.03, 1.03),
+        ylim=(-0.05, 1.05),
+        title="nine validations; the number is the share that landed",
+    )
+    ax.title.set_fontsize("medium")
+    ax.legend(loc="upper left", fontsize="small")
+
+
+@exercise(
+    "6.2",
+    "What is wrong with this agent?",
+    points=1,
+    minutes=5,
+    hints=(
+        "The four terms are defined one after the other, each among those that are left. So which "
+        "number must be looked at first?",
+        "First `if time_used < 0.25`, then `if landed < 0.9`, then collection_ratio: from 0.8 on "
+        'it is "good", else it "wanders".',
+    ),
+    figure=_draw_diagnosis,
+)
+def diagnosis(answer) -> None:
+    """`diagnose(landed, collection_ratio, time_used)`: one of `NAMES`."""
+    expect(callable(answer), "Hand over the function itself: its name, without brackets behind it.")
+    mistakes = {
+        "Exactly 90 % landed is enough: it crashes if *fewer* than 90 % land.": (
+            lambda landed, c, t: _diagnose(landed - 1e-9, c, t)
+        ),
+        "Exactly 80 % collected is good: *at least* 80 %.": lambda landed, c, t: _diagnose(
+            landed, c - 1e-9, t
+        ),
+        "Exactly 25 % of the time is not lazy any more: *less* than 25 %.": lambda landed, c, t: (
+            _diagnose(landed, c, t - 1e-9)
+        ),
+        "You ask for the landings first: an agent that hardly flies is lazy, also if it crashes "
+        "now and then.": lambda landed, c, t: (
+            "crashes" if landed < 0.9 else _diagnose(landed, c, t)
+        ),
+        "An agent that collects much but crashes is not good: what it collects does not come "
+        "home. Look at `landed` before you look at what it collects.": lambda landed, c, t: (
+            "good" if c >= 0.8 and t >= 0.25 else _diagnose(landed, c, t)
+        ),
+        "You ask first for what it collects: the time and the landings come before.": (
+            lambda landed, c, t: "good" if c >= 0.8 else _diagnose(landed, c, t)
+        ),
+        "You ask for the time last: it comes first, an agent that uses little of it is lazy, "
+        "however much it lands or collects.": lambda landed, c, t: (
+            _diagnose(landed, c, 1.0) if landed < 0.9 or c >= 0.8 else _diagnose(landed, c, t)
+        ),
+        "The collection ratio alone is asked for, not its product with the share that landed.": (
+            lambda landed, c, t: _diagnose(landed, c * landed, t)
+        ),
+        "Lazy and wandering are confused: the lazy one uses little of its time.": (
+            lambda landed, c, t: {"lazy": "wanders", "wanders": "lazy"}.get(
+                name := _diagnose(landed, c, t), name
+            )
+        ),
+        "The numbers are shares between 0 and 1, not percentages: 90 % is 0.9.": (
+            lambda landed, c, t: _diagnose(landed / 100, c / 100, t / 100)
+        ),
+    }
+    generator = stream(Use.EXERCISE, 0)
+    landed = np.where(generator.random(300) < 0.4, 0.5, 0.9) + generator.random(300) * 0.1
+    ratio, used = generator.random((2, 300))
+    drawn = np.transpose([landed, ratio, used**1.5]).round(3).tolist()
+    edges = [
+        (0.9, 0.5, 0.5),
+        (0.95, 0.8, 0.5),
+        (0.95, 0.5, 0.25),
+        (0.9, 0.8, 0.25),
+        (1.0, 0.8, 1.0),
+    ]
+    cases = [*RUNS.values(), *(tuple(row) for row in drawn), *edges]
+    given = {case: answer(*case) for case in cases}
+    for case, name in given.items():
+        expect(
+            isinstance(name, str) and name in NAMES,
+            f"diagnose{case} gives {name!r}, expected one of {', '.join(NAMES)}, as text.",
+        )
+    wrong = [case for case in cases if given[case] != _diagnose(*case)]
+    if not wrong:
+        return
+    for message, mistake in mistakes.items():
+        if all(given[case] == mistake(*case) for case in wrong):
+            raise CheckFailed(message)
+    case = wrong[0]
+    raise CheckFailed(
+        "An agent with landed {}, collection ratio {} and time used {} is {!r}; you say {!r}. Go "
+        "through the definitions in their order.".format(*case, _diagnose(*case), given[case])
+    )
+
+
+LAZY = replace(
+    SMALL,
+    name="lazy",
+    steps=20_000,
+    crash_reward=-150.0,
+    crash_reward_end=-150.0,
+    huber_delta=None,
+    temperature=0.1,
+    exploring_starts=0.0,
+)
+MOST_STEPS, LEAST_PENALTY, LEAST_SCORE = 24_000, -40.0, 0.35
+MAY_CHANGE = (
+    "steps",
+    "crash_reward",
+    "crash_reward_end",
+    "crash_reward_growth",
+    "huber_delta",
+    "temperature",
+    "temperature_end",
+    "temperature_decay",
+    "exploring_starts",
+)
+MENDED = replace(
+    LAZY,
+    name="mended",
+    steps=MOST_STEPS,
+    crash_reward=-2.0,
+    crash_reward_end=LEAST_PENALTY,
+    huber_delta=10.0,
+    temperature=1.0,
+)
+
+
+def _draw_schedules(ax):
+    for recipe, style in ((LAZY, "--"), (MENDED, "-")):
+        steps = np.linspace(0, recipe.steps, 101)
+        crash = [recipe.rewards_at(step).crash for step in steps]
+        warm = recipe.temperature
+        label = f"{recipe.name}: β = {warm:g} at first, Huber loss: {recipe.huber_delta or 'none'}"
+        ax.plot(steps / 1000, crash, style, label=label)
+    ax.set(
+        xlabel="thousand environment steps",
+        ylabel="reward for a crash",
+        title=f"how fast it changes: crash_reward_growth = {MENDED.crash_reward_growth:g}",
+    )
+    ax.legend(fontsize="small")
+    ax.grid(alpha=0.3)
+
+
+@exercise(
+    "6.3",
+    "Mend a lazy agent",
+    points=4,
+    minutes=30,
+    hints=(
+        "It lands at once since it learned to fear the crash before it saw what there is to "
+        "collect. Must a crash cost as much at the beginning of the training as at its end?",
+        "Begin with a crash_reward of a few points, comparable with the data that a step brings, "
+        "and let it grow to crash_reward_end. Explore more while the Q-values are still wrong "
+        "(temperature about 1), limit the pull of large errors (huber_delta), use all the steps.",
+    ),
+    figure=_draw_schedules,
+)
+def mended_recipe(answer) -> None:
+    """A recipe that differs from `LAZY` in `MAY_CHANGE` and trains a useful agent."""
+    expect(
+        isinstance(answer, Recipe),
+        f"A Recipe is expected, from replace(lazy, …); you give a {type(answer).__name__}.",
+    )
+    for field in fields(Recipe):
+        kept, given = getattr(LAZY, field.name), getattr(answer, field.name)
+        expect(
+            kept == given or field.name in (*MAY_CHANGE, "name"),
+            f"{field.name} is {given}, but must stay {kept}: start from replace(lazy, …). Only "
+            f"these may be changed: {', '.join(MAY_CHANGE)}.",
+        )
+    expect(answer.steps <= MOST_STEPS, f"{answer.steps:,} steps: at most {MOST_STEPS:,} may be.")
+    expect(
+        answer.crash_reward_end <= LEAST_PENALTY,
+        f"crash_reward_end is {answer.crash_reward_end:g}, but a crash must cost {-LEAST_PENALTY:g}"
+        f" at least at the end: {LEAST_PENALTY:g} or lower. (crash_reward, at "
+        "the start, is free.)",
+    )
+    expect(
+        answer.crash_reward <= 0,
+        f"crash_reward is {answer.crash_reward:g}: a crash is rewarded at the start. At most 0.",
+    )
+    expect(
+        replace(answer, name=LAZY.name) != LAZY,
+        "That is the lazy recipe, unchanged: its agent lands at once and collects nothing.",
+    )
+    metrics = _train(answer)
+    landed, collected, used, score = (
+        metrics[name]
+        for name in ("has_landed", "collection_ratio", "time_used", "collection_ratio_and_landed")
+    )
+    print(
+        f"Landed {landed:.0%}, collected {collected:.0%}, flying time used {used:.0%}; "
+        f"collected and landed {score:.0%}."
+    )
+    if score >= LEAST_SCORE:
+        return
+    if landed < 0.9:
+        symptom = f"it lands in only {landed:.0%} of the missions."
+    elif used < 0.25:
+        symptom = f"it is still lazy, and uses {used:.0%} of its time."
+    else:
+        symptom = f"it lands, but collects only {collected:.0%}."
+    if answer.crash_reward < -20:
+        cause = (
+            f"A crash costs {-answer.crash_reward:g} from the very start, far more than there is "
+            "to collect, and that drowns all else: begin with a small price and let it grow."
+        )
+    elif answer.crash_reward_end < 1.5 * LEAST_PENALTY:
+        cause = (
+            f"Its crash costs {-answer.crash_reward_end:g} at the end (crash_reward_end), and that "
+            f"drowns all else: {-LEAST_PENALTY:g} are enough."
+        )
+    elif landed < 0.9:
+        cause = (
+            "Let the price of a crash grow sooner (crash_reward_growth), or the temperature fall "
+            "lower, so that it learns to come home."
+        )
+    else:
+        cause = (
+            "It sees too little of what there is to collect, or its price of a crash grows too "
+            "fast: let it explore more at first, and use all the steps."
+        )
+    few = (
+        f" And it trains for {answer.steps:,} steps only; {MOST_STEPS:,} may be."
+        if answer.steps < 0.8 * MOST_STEPS
+        else ""
+    )
+    raise CheckFailed(
+        f"Collected and landed is {score:.0%}, and {LEAST_SCORE:.0%} are asked for: {symptom} "
+        f"{cause}{few}"
+    )
+
+
+def _train(recipe: Recipe, seed: int = 0) -> dict[str, float]:
+    """Train an agent for the village; its means over 500 test missions."""
+    print(
+        f"Training for {recipe.steps:,} steps, about half a minute on a quiet machine …", flush=True
+    )
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # the network is small
+    keep_freed_memory()
+    try:
+        trainer = Trainer(find_scenario("village"), recipe, seed)
+        while not trainer.finished:
+            trainer.step()
+        flights = evaluate(trainer.environment, trainer.agent, trainer.scenario, 500, seed=0)
+    finally:
+        torch.set_num_threads(threads)
+    return {name: float(values.mean()) for name, values in flights.records().items()}

@@ -1,0 +1,239 @@
+"""A mission that a person sets, flies and shares.
+
+A mission file is JSON; `schemas/mission.schema.json` describes it. The city is in the file, so that
+the episode stays the same wherever and whenever it is flown, and a checksum, which shows damage. If
+you edit a file by hand, take the entry `sha256` out.
+"""
+
+import hashlib
+import json
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from pathlib import Path
+
+import numpy as np
+
+from uavdh_lite.city import City
+from uavdh_lite.environment import Environment, Outcome, Rewards, State
+from uavdh_lite.errors import InputError
+from uavdh_lite.evaluation import Flights, Policy, Step, fly
+from uavdh_lite.scenario import Scenario, place
+from uavdh_lite.storage import write_json
+from uavdh_lite.streams import Use, stream
+
+FORMAT, VERSION = "uavdh_lite mission", 2  # version 1 drew its fading from another stream
+SCHEMA = Path(__file__).parent / "schemas" / "mission.schema.json"
+LARGEST = 1_000_000  # bytes; the largest city takes a hundredth of that
+Cell = tuple[int, int]
+
+
+@cache
+def environment_of(city: str) -> Environment:
+    """The environment of a shipped city, made once."""
+    return Environment(City.load(city))
+
+
+@dataclass(frozen=True, eq=False)
+class Mission:
+    """One episode: start, devices and their data, flying time, and the seed of the fading.
+
+    Every change gives a new mission. One that cannot be flown raises `InputError`.
+
+    | field | meaning |
+    | --- | --- |
+    | `start`, `devices` | cells as (row, column) |
+    | `data` | data units of each device |
+    | `flying_time` | units of time |
+    | `max_devices` | how many devices there may be |
+    """
+
+    city: City
+    start: Cell
+    devices: tuple[Cell, ...]
+    data: tuple[float, ...]
+    flying_time: int
+    seed: int = 0
+    max_devices: int = 5
+
+    def __post_init__(self):
+        self.state  # noqa: B018 (raises what is wrong with it)
+
+    @classmethod
+    def draw(cls, scenario: Scenario, city: City, seed: int) -> "Mission":
+        """A random mission of a scenario."""
+        state = scenario.sample(city, 1, stream(Use.MISSION, seed))
+        used = np.flatnonzero(state.data_initial[0] > 0)
+
+        def cell(number) -> Cell:
+            return divmod(int(number), city.size)
+
+        return cls(
+            city,
+            cell(state.uav_cell[0]),
+            tuple(cell(number) for number in state.device_cells[0, used]),
+            tuple(round(float(amount), 1) for amount in state.data_initial[0, used]),
+            int(state.time_left[0]),
+            seed,
+            scenario.max_devices,
+        )
+
+    @cached_property
+    def state(self) -> State:
+        """The first state, a batch of one."""
+        return place(
+            self.city,
+            self.start,
+            list(self.devices),
+            list(self.data),
+            self.flying_time,
+            self.max_devices,
+        )
+
+    @property
+    def fading(self) -> np.random.Generator:
+        """The generator of this mission's fading, at its start."""
+        return stream(Use.FADING, self.seed)
+
+    def fly(self, environment: Environment, policy: Policy) -> Flights:
+        """The flight of a policy, every step kept; equal seeds meet equal fading."""
+        return fly(environment, policy, self.state, self.fading, record=True)
+
+    def device_at(self, cell: Cell) -> int | None:
+        """The device in this cell, or None."""
+        return self.devices.index(cell) if cell in self.devices else None
+
+    def add(self, cell: Cell, data: float = 10.0) -> "Mission":
+        """One device more."""
+        return replace(self, devices=(*self.devices, cell), data=(*self.data, data))
+
+    def move(self, device: int, cell: Cell) -> "Mission":
+        """The same device somewhere else."""
+        self._require(device)
+        devices = list(self.devices)
+        devices[device] = cell
+        return replace(self, devices=tuple(devices))
+
+    def remove(self, device: int) -> "Mission":
+        """One device fewer; those after it move up."""
+        self._require(device)
+        rest = [k for k in range(len(self.devices)) if k != device]
+        return replace(
+            self,
+            devices=tuple(self.devices[k] for k in rest),
+            data=tuple(self.data[k] for k in rest),
+        )
+
+    def _require(self, device: int) -> None:
+        if not 0 <= device < len(self.devices):
+            raise InputError(f"no device {device}: there are {len(self.devices)}")
+
+
+class HandFlight:
+    """A mission flown step by step, each action chosen when it is due.
+
+    It meets the same fading as any policy that flies the mission.
+
+    | attribute | meaning |
+    | --- | --- |
+    | `state` | where the flight is now, a batch of one |
+    | `ended` | whether it has landed or run out of time |
+    """
+
+    def __init__(self, environment: Environment, mission: Mission):
+        self.environment, self.mission = environment, mission
+        self.state = mission.state
+        self._generator = mission.fading
+        self._history: list[Step] = []
+
+    @property
+    def ended(self) -> bool:
+        return bool(self.state.ended[0])
+
+    def step(self, action: int) -> Outcome:
+        """Take one action, an index into `ACTIONS`; `InputError` after the end."""
+        if self.ended:
+            raise InputError("this flight is over: start another one")
+        taken = np.array([action])
+        after, outcome = self.environment.step(self.state, taken, self._generator)
+        self._history.append(Step(self.state, taken, outcome, Rewards()(outcome)))
+        self.state = after
+        return outcome
+
+    def flights(self) -> Flights:
+        """What was flown so far."""
+        return Flights.of_steps(self.mission.state, self.state, self._history)
+
+
+def save_mission(path: str | Path, mission: Mission) -> None:
+    """Write a mission; atomically."""
+    values = {
+        "format": FORMAT,
+        "version": VERSION,
+        "city": {"name": mission.city.name, "rows": mission.city.text.split()},
+        "start": list(mission.start),
+        "devices": [
+            {"cell": list(cell), "data": data}
+            for cell, data in zip(mission.devices, mission.data, strict=True)
+        ],
+        "flying_time": mission.flying_time,
+        "seed": mission.seed,
+        "max_devices": mission.max_devices,
+    }
+    write_json(path, {**values, "sha256": _digest(values)})
+
+
+def load_mission(path: str | Path) -> Mission:
+    """Read a mission; `InputError` names the file and what is wrong in it."""
+    path = Path(path)
+    if path.stat().st_size > LARGEST:
+        raise InputError(f"{path}: {path.stat().st_size} bytes: no mission is that large")
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_number)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not a JSON file: {error}") from None
+    try:
+        if isinstance(values, dict) and values.get("version") == 1:
+            raise InputError(
+                "of version 1, whose fading came from other random streams: its flight would "
+                'differ; to fly it all the same, set "version" to 2 and take the entry "sha256" out'
+            )
+        _check(values)
+        expected = values.pop("sha256", None)
+        if expected not in (None, _digest(values)):
+            raise InputError(
+                "changed since it was saved: its sha256 is another; if you meant to edit it, take "
+                "that entry out"
+            )
+        city = City.from_text(values["city"]["name"], "\n".join(values["city"]["rows"]))
+        return Mission(
+            city,
+            tuple(values["start"]),
+            tuple(tuple(device["cell"]) for device in values["devices"]),
+            tuple(float(device["data"]) for device in values["devices"]),
+            values["flying_time"],
+            values["seed"],
+            values["max_devices"],
+        )
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _digest(values: dict) -> str:
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+
+
+def _no_number(name: str) -> float:
+    raise ValueError(f"{name} is not a number")
+
+
+def _check(values) -> None:
+    """Raise `InputError` with the place and the reason unless the values are as the schema says."""
+    from jsonschema import Draft202012Validator
+    from jsonschema.exceptions import best_match
+
+    schema = json.loads(SCHEMA.read_text(encoding="utf-8"))
+    error = best_match(Draft202012Validator(schema).iter_errors(values))
+    if error is not None:
+        place = error.json_path.removeprefix("$").removeprefix(".") or "the file"
+        message = error.message if len(error.message) <= 200 else f"{error.message[:200]}..."
+        raise InputError(f"{place}: {message}")

@@ -1,0 +1,103 @@
+"""Files: where the shipped ones are; CSV and JSON; written whole or not at all."""
+
+import csv
+import gzip
+import io
+import json
+import os
+import secrets
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from uavdh_lite.errors import InputError
+
+_PACKAGE = Path(__file__).parent
+LARGEST = 200_000_000  # bytes of a table, unpacked
+
+
+def data_folder() -> Path:
+    """The folder with `cities/` and `checkpoints/`: inside the installed package, else `data/`."""
+    inside = _PACKAGE / "data"
+    return inside if inside.is_dir() else _PACKAGE.parent / "data"
+
+
+def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
+    """Call `write(temporary)` and rename the temporary file to `path` once it is complete.
+
+    A reader of `path` sees the old file or the new one, never a part. If anything fails (a full
+    disk, a folder that cannot be written), the old file stays as it was, the temporary file is
+    removed, and the error goes on to the caller.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # Same folder, so that the rename stays within one file system; same suffix, because Pillow
+    # and matplotlib choose the format by it.
+    temporary = path.parent / f".{path.stem}-{secrets.token_hex(8)}{path.suffix}"
+    try:
+        temporary.open("xb").close()  # like any new file: who may read it is the umask's business
+        write(temporary)
+        _to_disk(temporary)
+        os.replace(temporary, path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def _to_disk(path: Path) -> None:
+    """Wait until the file's bytes are on the disk, so that a rename cannot outrun them."""
+    with open(path, "rb") as file:
+        os.fsync(file.fileno())
+
+
+def write_table(path: str | Path, rows: list[dict]) -> None:
+    """Write rows with equal keys as CSV, compressed if the name ends in `.gz`; None is empty.
+
+    Floats keep six digits. Equal rows give equal bytes.
+    """
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
+    content = text.getvalue().encode()
+    if Path(path).suffix == ".gz":
+        content = gzip.compress(content, mtime=0)
+    write_atomically(path, lambda temporary: temporary.write_bytes(content))
+
+
+def read_table(path: str | Path) -> dict[str, np.ndarray]:
+    """The columns of a table by name: numbers where all are, else text; empty numbers are NaN.
+
+    Raises `InputError` if the file is not such a table.
+    """
+    content = Path(path).read_bytes()
+    try:
+        if Path(path).suffix == ".gz":
+            with gzip.open(io.BytesIO(content)) as file:
+                content = file.read(LARGEST + 1)
+        if len(content) > LARGEST:
+            raise InputError(f"{path}: larger than {LARGEST} bytes: no table of ours is")
+        rows = list(csv.reader(io.StringIO(content.decode()), strict=True))
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: not a table ({error})") from None
+    if not rows or any(len(row) != len(rows[0]) for row in rows):
+        raise InputError(f"{path}: not a table: its rows are of unequal length")
+    names, *values = rows
+    columns = zip(*values, strict=True) if values else [()] * len(names)
+    return {name: _column(column) for name, column in zip(names, columns, strict=True)}
+
+
+def _column(values: tuple[str, ...]) -> np.ndarray:
+    try:
+        return np.array([float(value) if value else np.nan for value in values])
+    except ValueError:
+        return np.array(values)
+
+
+def write_json(path: str | Path, values: dict) -> None:
+    """Write JSON for people to read."""
+    text = json.dumps(values, indent=2, ensure_ascii=False) + "\n"
+    write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))

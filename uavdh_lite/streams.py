@@ -1,0 +1,56 @@
+"""Every random generator of the package comes from here, made from a use and a seed.
+
+The use is a spawn key of numpy's `SeedSequence`, so two uses never share a stream, whatever their
+seeds. A generator made elsewhere, such as `numpy.random.default_rng(2)`, has no spawn key and is
+none of these either.
+"""
+
+from enum import IntEnum
+
+import numpy as np
+
+from uavdh_lite.errors import InputError
+
+VERSION = 2
+"""Changes whenever a use and seed give other numbers than before; results are kept with it.
+
+Version 1, up to release 0.1.0, seeded with the list [use, seed].
+"""
+
+
+class Use(IntEnum):
+    """What random numbers are for. The numbers are part of the streams: never change one."""
+
+    TRAINING = 0  # episodes, fading, exploration and minibatches of a training run
+    VALIDATION = 1  # the scenarios by which a run chooses its best agent
+    TEST = 2  # the scenarios of an evaluation
+    CHALLENGE = 3  # the scenarios of a challenge
+    MISSION = 4  # a mission drawn at random
+    FADING = 5  # the fading of a mission
+    EXPLORATION = 6  # the actions of the random policy
+    LAB = 7
+    BOOTSTRAP = 8  # resampling for confidence intervals
+    EXERCISE = 9  # the cases with which answers are checked
+    GYMNASIUM = 10  # an environment's `reset(seed=...)`
+    WEIGHTS = 11  # a network before training
+    EXPORT = 12  # the states in which an exported network is compared
+    BENCHMARK = 13
+
+
+def stream(use: Use, seed: int = 0) -> np.random.Generator:
+    """The generator for one use and seed.
+
+    Raises `InputError` unless the seed is a whole number from 0 to 2**63 − 1.
+    """
+    return np.random.default_rng(_sequence(use, seed))
+
+
+def torch_seed(use: Use, seed: int) -> int:
+    """A seed for `torch.manual_seed`, for one use and seed; raises as `stream` does."""
+    return int(_sequence(use, seed).generate_state(1, np.uint64)[0])
+
+
+def _sequence(use: Use, seed: int) -> np.random.SeedSequence:
+    if not 0 <= seed < 2**63:
+        raise InputError(f"seed {seed}: must be a whole number from 0 to 2**63 - 1")
+    return np.random.SeedSequence(seed, spawn_key=(Use(use),))
