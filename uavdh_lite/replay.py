@@ -42,7 +42,7 @@ class Replay:
             raise InputError(f"replay of {capacity} transitions for {environments} environments")
         steps = -(-capacity // environments) + 1  # one more: the newest state has no action yet
         lead, devices = (steps, environments), (steps, environments, max_devices)
-        self.states = {
+        self.states: dict[str, np.ndarray] = {
             "uav_cell": np.zeros(lead, np.int16),
             "time_left": np.zeros(lead, np.int16),
             "device_cells": np.zeros(devices, np.int16),
