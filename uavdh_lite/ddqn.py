@@ -91,7 +91,7 @@ class DDQN:
 
     def state_dict(self) -> dict[str, Tensor]:
         """The weights of both networks and the optimiser's moments, by name."""
-        tensors = {}
+        tensors: dict[str, Tensor] = {}
         for part in ("online", "target"):
             weights = getattr(self, part).state_dict()
             tensors |= {f"{part}.{name}": value for name, value in weights.items()}
