@@ -1,5 +1,8 @@
 """The errors that bad input causes. Each message names what is wrong and how to put it right."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class InputError(ValueError):
     """Input that cannot be used: a value, a file, or two things that do not fit together."""
@@ -13,5 +16,28 @@ class CheckpointError(InputError):
     """A checkpoint file that is damaged, foreign, or does not fit its use."""
 
 
+class MissingExtra(InputError, ImportError):
+    """An optional package that is not installed; the message has the command that installs it."""
+
+
 class TrainingDiverged(ArithmeticError):
     """The loss or a weight of a training run is not a number any more."""
+
+
+@contextmanager
+def extra(name: str) -> Iterator[None]:
+    """Around imports that need the optional packages `uavdh-lite[name]` of `pyproject.toml`.
+
+    Raises `MissingExtra` if one of them is not installed.
+
+    >>> with extra("onnx"):
+    ...     import onnxruntime
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package == __package__:
+            raise  # a fault of ours, which no installation mends
+        message = f"{package} is not installed: pip install 'uavdh-lite[{name}]'"
+        raise MissingExtra(message) from None

@@ -1,0 +1,25 @@
+import sys
+
+import pytest
+
+from uavdh_lite.errors import InputError, MissingExtra, extra
+
+
+def test_a_missing_package_is_one_line_with_the_command_that_installs_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    with pytest.raises(MissingExtra) as caught, extra("onnx"):
+        import onnx.helper  # noqa: F401
+    assert str(caught.value) == "onnx is not installed: pip install 'uavdh-lite[onnx]'"
+    assert isinstance(caught.value, InputError) and isinstance(caught.value, ImportError)
+
+
+def test_a_module_of_ours_that_is_missing_is_a_fault():
+    with pytest.raises(ModuleNotFoundError) as caught, extra("app"):
+        import uavdh_lite.nothing_like_it  # noqa: F401
+    assert not isinstance(caught.value, MissingExtra)
+
+
+def test_what_is_installed_is_imported():
+    with extra("app"):
+        import json.tool
+    assert json.tool
