@@ -9,7 +9,7 @@ import torch
 
 from uavdh_lite.agent import Agent
 from uavdh_lite.environment import ACTIONS
-from uavdh_lite.errors import InputError
+from uavdh_lite.errors import InputError, extra
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import write_atomically
 from uavdh_lite.streams import Use, stream
@@ -30,14 +30,12 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
     Runtime and the agent are asked about random states under way; both must choose the same action
     wherever the best two differ by more than `TOLERANCE`. Otherwise nothing is written.
 
-    Raises `InputError` if onnx, onnxscript or onnxruntime is missing, or the two do not agree.
+    Raises `MissingExtra` without onnx, onnxscript or onnxruntime; `InputError` if the two disagree.
     """  # noqa: E501
-    try:
+    with extra("onnx"):
         import onnx
         import onnxruntime
         import onnxscript  # noqa: F401 (torch's exporter needs it)
-    except ImportError as error:
-        raise InputError(f"{error.name} is not installed: pip install 'uavdh-lite[onnx]'") from None
 
     generator = stream(Use.EXPORT)
     some = agent.scenario.sample_anywhere(agent.city, states, generator, spare_time=0)

@@ -3,21 +3,23 @@
 from collections.abc import Callable
 from typing import Any
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import ACTIONS, Environment, Outcome, Rewards, State
-from uavdh_lite.errors import InputError
+from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights, Policy, Step
 from uavdh_lite.observation import Observation
 from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.streams import Use, stream
+
+with extra("gym"):
+    import gymnasium
+    from gymnasium import spaces
+    from gymnasium.vector import AutoresetMode, VectorEnv
+    from gymnasium.vector.utils import batch_space
 
 ID = "uavdh_lite/DataHarvesting-v0"
 FRAMES_PER_SECOND = 8

@@ -13,7 +13,7 @@ import joblib
 import torch
 from tqdm.auto import tqdm
 
-from uavdh_lite.errors import InputError
+from uavdh_lite.errors import InputError, extra
 from uavdh_lite.experiments.runs import SAVED, train
 from uavdh_lite.recipe import PAPER, Recipe
 from uavdh_lite.scenario import Scenario
@@ -138,12 +138,8 @@ def _cluster(backend: str, scheduler: str | None, jobs: int):
         return nullcontext()
     if backend != "dask":
         raise InputError(f"unknown backend {backend!r}: choose loky or dask")
-    try:
+    with extra("dask"):
         from distributed import Client
-    except ImportError:
-        raise InputError(
-            "the dask backend is not installed: pip install 'uavdh-lite[dask]'"
-        ) from None
     if scheduler is None:
         return Client(n_workers=jobs, threads_per_worker=1, dashboard_address=None)
     try:

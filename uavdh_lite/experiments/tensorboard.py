@@ -3,7 +3,7 @@
 from pathlib import Path
 from types import TracebackType
 
-from uavdh_lite.errors import InputError
+from uavdh_lite.errors import extra
 from uavdh_lite.training import Trainer
 
 
@@ -14,14 +14,12 @@ class Board:
     of its row. A run that is resumed goes on with the same curves: what it had written beyond the
     state it goes on from is struck out.
 
-    Raises `InputError` if TensorBoard is not installed.
+    Raises `MissingExtra` if TensorBoard is not installed.
     """
 
     def __init__(self, folder: Path, trainer: Trainer):
-        try:
+        with extra("tensorboard"):
             from torch.utils.tensorboard import SummaryWriter
-        except ImportError as error:
-            raise InputError("TensorBoard is not installed: pip install tensorboard") from error
         self._writer = SummaryWriter(str(folder), purge_step=trainer.steps + 1)
         self._trainer = trainer
         self._written = {name: len(rows) for name, rows in self._tables().items()}
