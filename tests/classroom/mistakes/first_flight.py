@@ -52,7 +52,7 @@ MISTAKES = {
             + ["hover"]
             + ["west"] * 4
             + ["land"],
-            "only 7.*8.9 of 15 at the device .0, 7.",
+            "only 6.*9.6 of 15 at the device .0, 7.",
         ),
     ],
 }

@@ -224,7 +224,7 @@ class _Tested:
             self.numbers[item] = number
             self._call("add(item)", lambda item=item: self.ring.add(item))
 
-    def sample(self, size: int, seed) -> list[int]:
+    def sample(self, size: int, seed: int) -> list[int]:
         """The numbers of the items in one sample, 0 for the first ever added."""
         generator = stream(Use.EXERCISE, seed)
         what = f"sample({size}, generator)"
@@ -387,7 +387,7 @@ def _expect_stored(ring: _Tested, count: int) -> None:
 def _expect_uniform(ring: _Tested, count: int) -> None:
     """Besides one newest item, all stored ones are equally likely."""
     samples, size, capacity = 500, 9, ring.capacity
-    drawn = Counter(n for seed in range(samples) for n in ring.sample(size, [seed, count]))
+    drawn = Counter(n for seed in range(samples) for n in ring.sample(size, seed))
     drawn[count - 1] -= samples
     stored = range(max(0, count - capacity), count)
     mean = samples * (size - 1) / len(stored)
@@ -533,16 +533,18 @@ def double_target(answer) -> None:
     }
     _expect_by_hand(by_hand, mistakes)
     target = _with_tensors(answer, slips)
-    cases = [_transitions(size, seed) for seed, size in enumerate((4, 6, 32))]
+    # More rows than actions come first: `target_next[best]` then has rows to take. As many rows as
+    # actions hide a wrong axis.
+    cases = [_transitions(size, seed) for seed, size in enumerate((8, 6, 32))]
     shape = target(*cases[0]).shape
     expect(
-        shape != (4, 4),
+        shape != (8, 8),
         "You give back a (B, B) matrix. Either target_next[:, best] looks up every action in every "
         "state: torch.arange(B) in place of the colon takes one from each row. Or a column (B, 1) "
         "was added to a row (B,): it needs squeeze(1).",
     )
     expect(
-        shape != (4, 6),
+        shape != (8, 6),
         "You give back numbers for all actions, (B, 6). Choose the best action's: one target for "
         "each transition, (B,).",
     )

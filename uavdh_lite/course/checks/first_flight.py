@@ -176,7 +176,7 @@ def _draw_flight(ax):
     minutes=15,
     hints=(
         "Count the time that each leg takes, landing included. Little is left for waiting, so "
-        "collect on the move: from which cells beside the no-fly cells is the first device in "
+        "collect on the move: from which cells next to the no-fly cells is the first device in "
         "sight, and which of them lie on a way to the second one and back?",
         "Along row 0 towards the far corner, with hardly any time spent there. Then to (4, 2), one "
         "cell from the first device: back along row 0 and down the street in column 2 or 3, or "

@@ -90,6 +90,8 @@ def city_cell(answer) -> None:
     }
     generator = stream(Use.EXERCISE, 4)
     cases = [((9, 4), (2, 1), 8), ((7, 7), (3, 5), 8), ((15, 18), (8, 4), 16)]
+    for place in ((4, 5), (9, 2), (11, 6), (8, 9)):  # first row and column, last row and column
+        cases.append((place, (3, 5), 8))
     for _ in range(60):
         size = int(generator.integers(2, 18))
         cases.append(
