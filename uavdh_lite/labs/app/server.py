@@ -1,36 +1,43 @@
-"""A Voilà server of the labs: on this machine only, for so many people, without idle kernels."""
+"""A Voilà server of the labs: for this machine only, with a limit on sessions and on idle ones."""
 
 import os
+import shutil
+import signal
 import sys
+from contextlib import suppress
 from pathlib import Path
 
-import tornado.web
-from tornado.ioloop import IOLoop
-from voila.app import Voila
-from voila.tornado.handler import TornadoVoilaHandler
+from uavdh_lite.errors import extra
+
+with extra("app"):
+    import psutil
+    import tornado.web
+    from tornado.ioloop import IOLoop
+    from voila.app import Voila
+    from voila.tornado.handler import TornadoVoilaHandler
 
 FOLDER = Path(__file__).parent
-# Others that are installed, of JupyterLab or Notebook, may want a newer JupyterLab than Voilà's
+# Other installed extensions, of JupyterLab or Notebook, may need a newer JupyterLab than Voilà's
 EXTENSIONS = [
     "@voila-dashboards/widgets-manager8",
     "@jupyter-widgets/jupyterlab-manager",
     "ipyevents",
 ]
-CULL_EVERY = 15  # seconds between two looks for idle sessions
+CULL_EVERY = 15  # seconds between searches for idle sessions
 WEBSOCKET_BYTES = 16_000_000  # a longer message, such as a huge upload, is cut off
 
 FULL = """<!doctype html><html lang="en"><head><meta charset="utf-8">
-<title>All places are taken</title><meta http-equiv="refresh" content="20"></head>
+<title>All sessions are in use</title><meta http-equiv="refresh" content="20"></head>
 <body style="font-family: sans-serif; margin: 4em">
-<h1>All places are taken</h1>
-<p>This machine serves {sessions} at a time, and all are in use. A place is free as soon as somebody
-closes the page, or leaves it alone for {minutes} minutes.</p>
+<h1>All sessions are in use</h1>
+<p>This machine runs at most {sessions} sessions at a time. One becomes free when somebody closes the
+page, or does not use it for {minutes} minutes.</p>
 <p>This page tries again every 20 seconds.</p></body></html>
 """
 
 
 class LabsHandler(TornadoVoilaHandler):
-    """The page with a session of its own, or a friendly 503 if there are too many."""
+    """The page, with a session of its own; a 503 that says so if all sessions are in use."""
 
     async def get(self, path=None):
         server = self.settings["voila"]
@@ -43,7 +50,7 @@ class LabsHandler(TornadoVoilaHandler):
                 FULL.format(sessions=server.most_sessions, minutes=server.idle_seconds // 60)
             )
             return
-        _ = self.xsrf_token  # sets the cookie without which the page may not end its session
+        _ = self.xsrf_token  # sets the cookie that the page needs to end its session
         await super().get(path)
 
 
@@ -55,7 +62,7 @@ class LabsServer(Voila):
 
     @property
     def sessions(self) -> int:
-        """Kernels that somebody uses."""
+        """The number of kernels in use."""
         waiting = self.kernel_manager.get_pool_size(self.kernel_manager.notebook_path)
         return len(self.kernel_manager.list_kernel_ids()) - waiting
 
@@ -63,17 +70,42 @@ class LabsServer(Voila):
         *others, (pattern, _, options) = super().init_handlers()
         return [*others, (pattern, LabsHandler, options)]
 
+    def initialize(self, argv=None) -> None:
+        super().initialize(argv)
+        # After Voilà's own handler, and also where the parent process ignores SIGINT
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._end)
+
+    def _end(self, number, frame) -> None:
+        """Leave the loop; once is enough."""
+        for each in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(each, signal.SIG_IGN)
+        loop = IOLoop.current()
+        loop.add_callback_from_signal(loop.stop)
+
+    def stop(self) -> None:
+        """End the sessions at once, those that are only starting too: none has anything to save.
+
+        Voilà's own way asks each kernel and waits, and fails for one that is not ready yet.
+        """
+        for process in psutil.Process().children():
+            with suppress(psutil.NoSuchProcess):
+                if "ipykernel_launcher" in process.cmdline():
+                    process.kill()
+                    process.wait()
+        shutil.rmtree(self.connection_dir, ignore_errors=True)
+
 
 def serve(port: int, most_sessions: int, idle_seconds: int, open_browser: bool) -> None:
-    """Serve the labs on 127.0.0.1 until interrupted.
+    """Serve the labs on 127.0.0.1 until SIGINT (Ctrl-C) or SIGTERM.
 
     Arguments:
-        port: the next free one if it is taken.
-        most_sessions: people at a time; each has a Python process.
-        idle_seconds: a session unused for so long is ended.
+        port: the port; the next free one if it is taken.
+        most_sessions: how many people can use the labs at a time; each has a Python process.
+        idle_seconds: end a session that nobody has used for so long.
         open_browser: open the page in this machine's browser.
     """
-    # Voilà looks for templates in Jupyter's folders. One thread a session, so that they share.
+    # Voilà looks for templates in Jupyter's folders. One thread for each session: they share cores
     paths = [str(FOLDER), os.environ.get("JUPYTER_PATH", "")]
     os.environ["JUPYTER_PATH"] = os.pathsep.join(filter(None, paths))
     os.environ["OMP_NUM_THREADS"] = "1"

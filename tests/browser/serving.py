@@ -1,0 +1,42 @@
+"""A server of the labs in a process of its own."""
+
+import re
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+
+import psutil
+
+DEADLINE = 60  # seconds that only a server that never ends or answers takes
+
+
+@contextmanager
+def serving(*options, **process):
+    """The address of a server on a free port, and its process, which ends with the block.
+
+    Arguments:
+        process: keyword arguments of `subprocess.Popen`.
+    """
+    server = subprocess.Popen(
+        [sys.executable, "-m", "uavdh_lite", "app", "--no-browser", "--port", "8900", *options],
+        stderr=subprocess.PIPE,
+        text=True,
+        **process,
+    )
+    family = [psutil.Process(server.pid)]
+    try:
+        for line in server.stderr:
+            if found := re.match(r"labs: (\S+)", line):
+                break
+        else:
+            raise AssertionError("the server ended before it served")
+        yield found[1], server
+        family += family[0].children(recursive=True) if server.poll() is None else []
+        server.send_signal(signal.SIGTERM)
+        server.communicate(timeout=DEADLINE)
+    finally:
+        for process in family:  # what a test that failed leaves behind
+            if process.is_running():
+                process.kill()
+        server.communicate()
