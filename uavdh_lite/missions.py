@@ -59,20 +59,37 @@ class Mission:
         self.state  # noqa: B018 (raises what is wrong with it)
 
     @classmethod
-    def draw(cls, scenario: Scenario, city: City, seed: int) -> "Mission":
-        """A random mission of a scenario."""
-        state = scenario.sample(city, 1, stream(Use.MISSION, seed))
+    def draw(
+        cls,
+        scenario: Scenario,
+        city: City,
+        seed: int,
+        start: Cell | None = None,
+        devices: tuple[Cell, ...] | None = None,
+        data: tuple[float, ...] | None = None,
+        flying_time: int | None = None,
+    ) -> "Mission":
+        """A random mission of a scenario, except for what is given."""
+        generator = stream(Use.MISSION, seed)
+        state = scenario.sample(city, 1, generator)
         used = np.flatnonzero(state.data_initial[0] > 0)
 
         def cell(number) -> Cell:
             return divmod(int(number), city.size)
 
+        if devices is None:
+            devices = tuple(cell(number) for number in state.device_cells[0, used])
+        if data is None:
+            drawn = state.data_initial[0, used]
+            if len(devices) != len(drawn):
+                drawn = generator.uniform(*scenario.data, len(devices))
+            data = tuple(round(float(amount), 1) for amount in drawn)
         return cls(
             city,
-            cell(state.uav_cell[0]),
-            tuple(cell(number) for number in state.device_cells[0, used]),
-            tuple(round(float(amount), 1) for amount in state.data_initial[0, used]),
-            int(state.time_left[0]),
+            cell(state.uav_cell[0]) if start is None else start,
+            devices,
+            data,
+            int(state.time_left[0]) if flying_time is None else flying_time,
             seed,
             scenario.max_devices,
         )

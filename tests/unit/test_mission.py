@@ -33,6 +33,23 @@ def test_a_drawn_mission_is_the_scenarios(environment):
     )
 
 
+def test_what_is_given_is_not_drawn(environment):
+    scenario, city = SCENARIOS["manhattan"], environment.city
+    drawn = Mission.draw(scenario, city, 3)
+    timed = Mission.draw(scenario, city, 3, start=(0, 1), flying_time=50)
+    assert (timed.start, timed.flying_time) == ((0, 1), 50)
+    assert (timed.devices, timed.data) == (drawn.devices, drawn.data)
+    moved = Mission.draw(scenario, city, 3, devices=((4, 4),) + drawn.devices[1:])
+    assert moved.devices[0] == (4, 4) and moved.data == drawn.data
+    for number in range(1, 6):
+        cells = ((4, 4), (7, 9), (8, 8), (8, 1), (8, 2))[:number]
+        data = Mission.draw(scenario, city, 3, devices=cells).data
+        assert len(data) == number and all(5 <= amount <= 20 for amount in data)
+    assert Mission.draw(scenario, city, 3, devices=cells[:1], data=(7.0,)).data == (7.0,)
+    with pytest.raises(InputError, match="1 devices but 2 amounts of data"):
+        Mission.draw(scenario, city, 3, devices=cells[:1], data=(7.0, 8.0))
+
+
 def test_changes_leave_the_mission_as_it_was(mission):
     assert mission.add((8, 8), 3).devices == ((4, 4), (7, 9), (8, 8))
     assert mission.add((8, 8), 3).data == (10.0, 5.0, 3)
