@@ -37,14 +37,10 @@ def bare_update(run: Trainer):
             count, 1
         )
 
-    batch = (
-        observation(),
-        torch.randint(0, 6, (count,)),
-        torch.randn(count),
-        torch.full((count,), recipe.discount),
-        observation(),
-    )
-    return lambda: run.ddqn.update(*batch)
+    seen, then = observation(), observation()
+    action = torch.randint(0, 6, (count,))
+    reward, discount = torch.randn(count), torch.full((count,), recipe.discount)
+    return lambda: run.ddqn.update(seen, action, run.ddqn.targets(reward, discount, then))
 
 
 def count(action, seconds: float) -> int:

@@ -39,11 +39,36 @@ def soft_update(target: nn.Module, online: nn.Module, rate: float) -> None:
     torch._foreach_lerp_(list(target.parameters()), list(online.parameters()), rate)
 
 
-class DDQN:
-    """The online network, the target network, and the optimiser of the former.
+class Networks:
+    """The online network and the target network; the latter starts as a copy of the former."""
+
+    def __init__(self, online: nn.Module):
+        self.online = online
+        self.target = copy.deepcopy(online).requires_grad_(False)
+
+    @torch.no_grad()
+    def targets(self, reward: Tensor, discount: Tensor, next_observation) -> Tensor:
+        """The targets y of a minibatch, (B,): `ddqn_target` with the Q-values of both networks.
+
+        Arguments:
+            reward, discount: (B,), the discount 0 where the episode ended.
+            next_observation: what the networks take, as a tuple of arguments.
+        """
+        online_next, target_next = self.online(*next_observation), self.target(*next_observation)
+        return ddqn_target(reward, discount, online_next, target_next)
+
+    @torch.no_grad()
+    def copy_from(self, other: "Networks") -> None:
+        """Take over the weights of `other`, in place."""
+        for mine, theirs in ((self.online, other.online), (self.target, other.target)):
+            torch._foreach_copy_(list(mine.parameters()), list(theirs.parameters()))
+
+
+class DDQN(Networks):
+    """Both networks and the optimiser of the online one.
 
     Arguments:
-        online: the network to train; the target network starts as a copy of it.
+        online: the network to train.
         optimiser: over the parameters of `online`.
         target_update_rate: τ.
         huber_delta: the error above which the loss is linear; None for the squared error.
@@ -56,24 +81,18 @@ class DDQN:
         target_update_rate: float,
         huber_delta: float | None = None,
     ):
-        self.online = online
-        self.target = copy.deepcopy(online).requires_grad_(False)
+        super().__init__(online)
         self.optimiser = optimiser
         self.target_update_rate = target_update_rate
         self.huber_delta = huber_delta
 
-    def update(self, observation, action, reward, discount, next_observation) -> Tensor:
-        """One gradient step on a minibatch and one soft update; returns the loss.
+    def update(self, observation, action: Tensor, y: Tensor) -> Tensor:
+        """One gradient step towards the targets and one soft update; returns the loss.
 
         Arguments:
-            observation, next_observation: what the networks take, as a tuple of arguments.
-            action: (B,) int64. reward, discount: (B,), the discount 0 where the episode ended.
+            observation: what the networks take, as a tuple of arguments.
+            action: (B,) int64. y: (B,), from `targets`.
         """
-        with torch.no_grad():
-            online_next, target_next = (
-                net(*next_observation) for net in (self.online, self.target)
-            )
-            y = ddqn_target(reward, discount, online_next, target_next)
         q = self.online(*observation).gather(1, action[:, None]).squeeze(1)
         loss = (
             mse_loss(q, y) if self.huber_delta is None else huber_loss(q, y, delta=self.huber_delta)

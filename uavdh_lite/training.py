@@ -1,11 +1,12 @@
-"""The training loop: act, learn, step, remember; saved and restored whole."""
+"""The training loop: act, step, remember, learn; saved and restored whole."""
 
+import copy
 import json
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, fields
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 import torch
@@ -15,8 +16,8 @@ from uavdh_lite import streams
 from uavdh_lite.agent import Agent, build
 from uavdh_lite.checkpoint import load, save
 from uavdh_lite.city import City
-from uavdh_lite.ddqn import DDQN, draw_actions, softmax_policy
-from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
+from uavdh_lite.ddqn import DDQN, Networks, draw_actions, softmax_policy
+from uavdh_lite.environment import ACTIONS, Environment, Outcome, Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.provenance import provenance
@@ -99,6 +100,15 @@ class EpisodeStatistics:
             vars(self)[name][:] = tensors[name].numpy()
 
 
+class Minibatch(NamedTuple):
+    """What an update learns from: B states, the actions taken in them, and the targets, (B,)."""
+
+    state: State
+    action: Tensor
+    y: Tensor
+    observation: tuple[list[Tensor], Tensor]
+
+
 class Trainer:
     """One training run, step by step; `experiments.runs.train` runs it with files and progress.
 
@@ -134,6 +144,7 @@ class Trainer:
             network.parameters(), recipe.learning_rate, amsgrad=recipe.amsgrad, fused=True
         )
         self.ddqn = DDQN(network, optimiser, recipe.target_update_rate, recipe.huber_delta)
+        self.networks: Networks = self.ddqn  # those that act and give the targets
         self.replay = Replay(recipe.replay_capacity, recipe.environments, scenario.max_devices)
         self.statistics = EpisodeStatistics(recipe.environments, self.device)
         self.steps = self.updates = 0
@@ -141,29 +152,38 @@ class Trainer:
         self.training_rows: list[dict] = []
         self.validation_rows: list[dict] = []
         self.state = self._starts(np.arange(recipe.environments))
+        self.minibatch: Minibatch | None = None  # for the next update
 
     def step(self) -> None:
         """One step of all environments and, once the replay memory is prefilled, one update.
 
-        The minibatch is drawn before the step and the action is chosen before the update, so
-        updating and flying need nothing of each other: see `OverlappedTrainer`.
+        The update takes the minibatch that was drawn in the step before, so that it need not wait
+        for this step's flight, nor the flight for it: see `OverlappedTrainer`.
         """
-        recipe, state = self.recipe, self.state
-        minibatch = self._draw_minibatch()
+        state, recipe = self.state, self.recipe
         action = self._act(state)
-        if minibatch is not None:
-            self._learn(*minibatch)  # ddqn.update
         next_state, outcome = self.environment.step(state, action, self.generator)
         reward = recipe.rewards_at(self.steps)(outcome)
         self.replay.add(state, action, reward, next_state.ended, next_state)
-        self.statistics.reward += Rewards()(outcome)
-        self.state = self._replace_ended(next_state)
+        self.state = self._replace_ended(next_state, outcome)
+        minibatch, self.minibatch = self.minibatch, self._draw_minibatch()
+        if minibatch is not None:
+            self._learn(minibatch)
         self.steps += recipe.environments
         if self.steps // BIN > (self.steps - recipe.environments) // BIN:
             self._add_row()
 
-    def _draw_minibatch(self) -> tuple | None:
-        """The arguments of an update, from the memory; None until it is prefilled."""
+    def _act(self, state: State) -> np.ndarray:
+        """Actions of the softmax policy; uniform ones until the replay memory is prefilled."""
+        if len(self.replay) < self.recipe.replay_prefill:
+            return self.generator.integers(0, len(ACTIONS), len(state))
+        with torch.no_grad():
+            q_values = self.networks.online(*self.observation(state))
+        probabilities = softmax_policy(q_values, self.recipe.temperature_at(self.steps))
+        return draw_actions(probabilities, self.generator)
+
+    def _draw_minibatch(self) -> Minibatch | None:
+        """A minibatch from the memory with its targets; None until the memory is prefilled."""
         recipe = self.recipe
         if len(self.replay) < recipe.replay_prefill:
             return None
@@ -174,29 +194,18 @@ class Trainer:
             torch.from_numpy(array).to(self.device)
             for array in (batch.action, batch.reward, batch.discount)
         )
-        observed = self.observation(batch.state), self.observation(batch.next_state)
-        return observed[0], action, reward, discount, observed[1]
+        y = self.networks.targets(reward, discount, self.observation(batch.next_state))
+        return Minibatch(batch.state, action, y, self.observation(batch.state))
 
-    def _act(self, state: State) -> np.ndarray:
-        """Actions of the softmax policy; uniform ones until the replay memory is prefilled."""
-        if len(self.replay) < self.recipe.replay_prefill:
-            return self.generator.integers(0, len(ACTIONS), len(state))
-        with torch.no_grad():
-            q_values = self.ddqn.online(*self.observation(state))
-        probabilities = softmax_policy(q_values, self.recipe.temperature_at(self.steps))
-        return draw_actions(probabilities, self.generator)
-
-    def _learn(self, *minibatch) -> None:
-        """One update, at this step's learning rate."""
+    def _learn(self, minibatch: Minibatch) -> None:
         self.ddqn.set_learning_rate(self.recipe.learning_rate_at(self.steps))
-        self._update(*minibatch)
+        loss = self.ddqn.update(minibatch.observation, minibatch.action, minibatch.y)
+        self.statistics.learned(loss)
         self.updates += 1
 
-    def _update(self, *minibatch) -> None:
-        self.statistics.learned(self.ddqn.update(*minibatch))
-
-    def _replace_ended(self, state: State) -> State:
-        """The same states, but new episodes in the places of those that ended."""
+    def _replace_ended(self, state: State, outcome: Outcome) -> State:
+        """The same states, but new episodes in the places of those that ended, counted."""
+        self.statistics.reward += Rewards()(outcome)
         ended = np.flatnonzero(state.ended)
         if not len(ended):
             return state
@@ -219,7 +228,6 @@ class Trainer:
         return state
 
     def _add_row(self) -> None:
-        self.wait()
         self.training_rows.append(
             {
                 "steps": self.steps,
@@ -234,7 +242,6 @@ class Trainer:
     @property
     def agent(self) -> Agent:
         """The agent as it is now; it shares the weights with the run."""
-        self.wait()
         training = {
             "seed": self.seed,
             "steps": self.steps,
@@ -254,12 +261,8 @@ class Trainer:
 
     def is_finite(self) -> bool:
         """Whether the loss and all weights are numbers still."""
-        self.wait()
         parts = [self.statistics.loss, *self.ddqn.online.parameters()]
         return all(bool(torch.isfinite(part).all()) for part in parts)
-
-    def wait(self) -> None:
-        """Return when the last update is done; without a second thread it always is."""
 
     def close(self) -> None:
         """End the run's thread, if it has one."""
@@ -289,15 +292,15 @@ class Trainer:
 
     def save(self, path: Path) -> None:
         """Write all that the run needs to go on as if it had never stopped."""
-        self.wait()
         tensors = {
             f"{part}.{name}": torch.as_tensor(value)
             for part in ("ddqn", "replay", "statistics")
             for name, value in getattr(self, part).state_dict().items()
         }
-        tensors |= {
-            f"state.{f.name}": torch.tensor(getattr(self.state, f.name)) for f in fields(State)
-        }
+        tensors |= _tensors("state.", self.state)
+        if self.minibatch is not None:
+            tensors |= _tensors("minibatch.state.", self.minibatch.state)
+            tensors |= {"minibatch.action": self.minibatch.action, "minibatch.y": self.minibatch.y}
         about = self.identity() | {
             "generator": self.generator.bit_generator.state,
             "steps": self.steps,
@@ -319,8 +322,11 @@ class Trainer:
         replay = {name: tensor.numpy() for name, tensor in _under("replay.", tensors).items()}
         self.replay.load_state_dict(replay)
         self.statistics.load_state_dict(_under("statistics.", tensors))
-        state = {name: tensor.numpy() for name, tensor in _under("state.", tensors).items()}
-        self.state = State(**state)
+        self.state = _state("state.", tensors)
+        if "minibatch.y" in tensors:
+            action, y = (tensors[f"minibatch.{name}"].to(self.device) for name in ("action", "y"))
+            state = _state("minibatch.state.", tensors)
+            self.minibatch = Minibatch(state, action, y, self.observation(state))
         self.generator.bit_generator.state = about["generator"]
         self.steps, self.updates = about["steps"], about["updates"]
         self.seconds = about["seconds"]
@@ -342,30 +348,35 @@ class Trainer:
 
 
 class OverlappedTrainer(Trainer):
-    """A `Trainer` on two threads: one updates while the other flies; the results are the same.
+    """A `Trainer` whose updates run on a second thread while the first one flies.
 
-    From the update's start to the next step's actions nothing needs the weights: the environments
-    step, transitions are stored, and the next minibatch is drawn meanwhile.
+    The results are the same: acting and the targets take a copy of the networks from before the
+    update, as they do in a `Trainer`, where they come before it.
     """
 
     threads = 2
-    _pool: ThreadPoolExecutor | None = None
-    _updating: Future | None = None
 
-    def _update(self, *minibatch) -> None:
+    def __init__(self, *arguments, **options):
+        super().__init__(*arguments, **options)
+        self.networks = Networks(copy.deepcopy(self.ddqn.online))
+        self._pool: ThreadPoolExecutor | None = None
+
+    def step(self) -> None:
+        self.networks.copy_from(self.ddqn)
+        if self.minibatch is not None:
+            self._update = self._other_thread.submit(super()._learn, self.minibatch)
+        super().step()
+
+    def _learn(self, minibatch: Minibatch) -> None:
+        self._update.result()  # it began with the step
+
+    @property
+    def _other_thread(self) -> ThreadPoolExecutor:
         if self._pool is None:
             # torch keeps the number of its threads for each thread; sums depend on it
             same = (torch.get_num_threads(),)
             self._pool = ThreadPoolExecutor(1, "update", torch.set_num_threads, same)
-        self._updating = self._pool.submit(super()._update, *minibatch)
-
-    def _act(self, state: State) -> np.ndarray:
-        self.wait()
-        return super()._act(state)
-
-    def wait(self) -> None:
-        if self._updating is not None:
-            self._updating.result()
+        return self._pool
 
     def close(self) -> None:
         if self._pool is not None:
@@ -375,6 +386,14 @@ class OverlappedTrainer(Trainer):
 
 def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
     return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+
+
+def _tensors(prefix: str, state: State) -> dict[str, Tensor]:
+    return {prefix + f.name: torch.tensor(getattr(state, f.name)) for f in fields(State)}
+
+
+def _state(prefix: str, tensors: dict[str, Tensor]) -> State:
+    return State(**{name: value.numpy() for name, value in _under(prefix, tensors).items()})
 
 
 def _difference(saved, asked) -> str:

@@ -57,7 +57,7 @@ def test_update_descends_the_loss_of_the_action_taken(delta, slope):
     nn.init.zeros_(network.weight)
     ddqn = DDQN(network, torch.optim.SGD(network.parameters(), 0.1), 0.5, delta)
     one = (torch.ones(1, 1),)
-    ddqn.update(one, torch.tensor([1]), torch.tensor([3.0]), torch.zeros(1), one)
+    ddqn.update(one, torch.tensor([1]), ddqn.targets(torch.tensor([3.0]), torch.zeros(1), one))
     assert network.weight.flatten().tolist() == pytest.approx([0, 0.1 * slope])
     assert ddqn.target.weight.flatten().tolist() == pytest.approx([0, 0.05 * slope])
 
@@ -77,13 +77,12 @@ def test_learns_the_exact_values_of_a_chain(generator):
         state, action = generator.integers(0, 4, 16), generator.integers(0, 2, 16)
         after = np.maximum(state + 2 * action - 1, 0)
         end = after == 4
-        ddqn.update(
-            (one_hot[state],),
-            torch.from_numpy(action),
+        y = ddqn.targets(
             torch.from_numpy(end.astype(np.float32)),
             torch.from_numpy(np.where(end, 0, discount).astype(np.float32)),
             (one_hot[np.minimum(after, 3)],),
         )
+        ddqn.update((one_hot[state],), torch.from_numpy(action), y)
     assert network.weight.detach().T.numpy() == pytest.approx(exact, abs=0.02)
 
 

@@ -53,11 +53,9 @@ def test_an_error_in_the_second_thread_arrives(corridor, corridor_scenario, quic
     with OverlappedTrainer(corridor_scenario, quick, 0, corridor) as broken:
         while not broken.updates:
             broken.step()
-        broken.wait()
         broken.ddqn.optimiser = None
         with pytest.raises(AttributeError):
-            for _ in range(3):
-                broken.step()
+            broken.step()
 
 
 def test_a_closed_trainer_leaves_no_thread(corridor, corridor_scenario, quick):
@@ -69,22 +67,26 @@ def test_a_closed_trainer_leaves_no_thread(corridor, corridor_scenario, quick):
     assert threading.active_count() == before
 
 
-def test_an_update_is_that_of_a_minibatch_drawn_before_the_step(trainer):
-    """A step's update against one by hand, on a copy of the networks."""
+def test_an_update_takes_the_minibatch_of_the_step_before(trainer):
+    """Its targets come from the networks before the last update, by the equations."""
     own = trainer()
     while own.updates < 3:
         own.step()
+    first, networks = own.minibatch, copy.deepcopy(own.ddqn)
+    sampled = []
+    sample = own.replay.sample
+    own.replay.sample = lambda *arguments: sampled.append(sample(*arguments)) or sampled[-1]
     expected = copy.deepcopy(own.ddqn)
-    generator = copy.deepcopy(own.generator)
-    recipe = own.recipe
-    batch = own.replay.sample(recipe.batch_size, generator, recipe.discount, recipe.return_steps)
-    expected.set_learning_rate(recipe.learning_rate_at(own.steps))
-    expected.update(
-        own.observation(batch.state),
-        *map(torch.from_numpy, (batch.action, batch.reward, batch.discount)),
-        own.observation(batch.next_state),
-    )
+    expected.set_learning_rate(own.recipe.learning_rate_at(own.steps))
     own.step()
+    (batch,) = sampled
+    q_online = networks.online(*own.observation(batch.next_state))
+    q_target = networks.target(*own.observation(batch.next_state))
+    for row in range(0, len(batch.action), 5):
+        best = int(q_online[row].argmax())
+        y = float(batch.reward[row]) + float(batch.discount[row]) * float(q_target[row, best])
+        assert float(own.minibatch.y[row]) == pytest.approx(y, rel=1e-5, abs=1e-5)
+    expected.update(first.observation, first.action, first.y)
     for part in ("online", "target"):
         ours, theirs = (getattr(one, part).parameters() for one in (own.ddqn, expected))
         assert all(torch.equal(a, b) for a, b in zip(ours, theirs, strict=True))
