@@ -157,3 +157,29 @@ def test_the_beam_grows_once_an_episode_and_never_beyond_the_widest(small, monke
     assert set(beams[3:]) == {32}
     fly(small, genie, start, np.random.default_rng(0))  # begun again: planned from the start
     assert beams.count(2) == 2
+
+
+def test_a_genies_plans_belong_to_their_episodes(small):
+    """Two starts with equal devices, amounts and time in one batch, from opposite corners."""
+    pair = State.concatenate(
+        [place(small.city, start, [(2, 3)], [20.0], 14, 2) for start in ((0, 0), (3, 0))]
+    )
+    together = fly(small, Genie(small), pair, Quiet()).records()["collection_ratio_and_landed"]
+    for row in range(2):
+        alone = fly(small, Genie(small), pair[[row]], Quiet())
+        assert together[row] == alone.records()["collection_ratio_and_landed"][0] > 0
+
+
+def test_a_genie_keeps_nothing_between_flights(small):
+    genie = Genie(small)
+    first, second = (place(small.city, (0, 0), [(2, 3)], [20.0], time, 2) for time in (14, 8))
+    fly(small, genie, first, Quiet())
+    after, alone = (fly(small, one, second, Quiet()) for one in (genie, Genie(small)))
+    assert after.records()["collection_ratio"] == alone.records()["collection_ratio"]
+    assert vars(genie).keys() == vars(Genie(small)).keys()
+
+
+def test_a_genie_called_with_a_state_takes_the_first_step_of_its_plan(small):
+    state = place(small.city, (0, 0), [(2, 3)], [20.0], 14, 2)
+    genie = Genie(small)
+    assert genie(state).tolist() == [genie.plan(state, 0).actions[0]]

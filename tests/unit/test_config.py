@@ -1,0 +1,63 @@
+"""Fields that explain themselves and know their bounds."""
+
+import math
+from dataclasses import dataclass, fields, replace
+
+import pytest
+
+from uavdh_lite.channel import Channel
+from uavdh_lite.config import option, require_bounds
+from uavdh_lite.environment import Rewards
+from uavdh_lite.errors import InputError
+from uavdh_lite.recipe import PAPER, Recipe
+from uavdh_lite.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Sample:
+    share: float = option(0.5, "a share", ge=0, le=1)
+    width: float = option(1.0, "a width", gt=0)
+    counts: tuple[int, ...] = option((1, 2), "counts", ge=1)
+    limit: float | None = option(None, "a limit, or none", gt=0)
+    free: float = option(-3.0, "any number")
+
+    def __post_init__(self):
+        require_bounds(self, "sample")
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("share", -0.1, "sample: share is -0.1, must be at least 0 and at most 1"),
+        ("share", 1.1, "sample: share is 1.1, must be at least 0 and at most 1"),
+        ("width", 0.0, "sample: width is 0.0, must be above 0"),
+        ("counts", (1, 0), r"sample: counts is \(1, 0\), must be at least 1"),
+        ("limit", 0.0, "sample: limit is 0.0, must be above 0"),
+        ("free", math.nan, "sample: free is nan, must be a finite number"),
+        ("width", math.inf, "sample: width is inf, must be a finite number"),
+    ],
+)
+def test_a_value_out_of_bounds_is_named(field, value, message):
+    with pytest.raises(InputError, match=f"^{message}$"):
+        replace(Sample(), **{field: value})
+
+
+def test_bounds_themselves_are_inside():
+    Sample(share=0.0), Sample(share=1.0), Sample(counts=(1,)), Sample(limit=1e-9), Sample(free=-1e9)
+
+
+@pytest.mark.parametrize("config", [Recipe, Scenario, Channel, Rewards])
+def test_every_option_explains_itself(config):
+    options = [field for field in fields(config) if field.name != "name"]
+    assert options and all(field.metadata.get("help") for field in options)
+
+
+def test_each_bounded_field_of_a_recipe_refuses_what_is_below():
+    for field in fields(Recipe):
+        bounds = field.metadata.get("bounds", {})
+        low = bounds.get("ge") if bounds.get("ge") is not None else bounds.get("gt")
+        if low is None:
+            continue
+        value = (low - 1,) if isinstance(getattr(PAPER, field.name), tuple) else low - 1
+        with pytest.raises(InputError, match=f"recipe paper: {field.name} is"):
+            replace(PAPER, **{field.name: value})
