@@ -1,4 +1,5 @@
 import json
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.experiments.runs import train
 from uavdh_lite.provenance import provenance
 from uavdh_lite.recipe import Recipe
-from uavdh_lite.storage import read_table, write_table
+from uavdh_lite.storage import read_table, write_atomically, write_table
 from uavdh_lite.training import Trainer
 
 ROWS = [
@@ -58,3 +59,15 @@ def test_a_run_tells_how_it_was_made(corridor, corridor_scenario, quick, tmp_pat
     assert about["validation"]["steps"] == 640
     assert Recipe.from_json(about["recipe"]) == recipe
     assert about["scenario"]["name"] == corridor_scenario.name
+
+
+def test_a_new_file_has_the_umasks_rights_and_the_umask_is_left_alone(tmp_path, monkeypatch):
+    """It belongs to the whole process: to change it for a moment is a race with other threads."""
+    before = os.umask(0o027)
+    try:
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "umask", lambda mask: pytest.fail("the umask was changed"))
+            write_atomically(tmp_path / "a.txt", lambda temporary: temporary.write_text("a"))
+        assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o640
+    finally:
+        os.umask(before)
