@@ -73,7 +73,7 @@ class _Simulator:
 
     @staticmethod
     def info(state: State, outcome: Outcome | None = None) -> dict[str, np.ndarray]:
-        """What is told beside the observation; (B,) arrays."""
+        """What `info` holds; (B,) arrays."""
         ratio = state.collection_ratio.astype(np.float64)
         return {
             "collection_ratio": ratio,
@@ -128,7 +128,7 @@ class DataHarvesting(gymnasium.Env):
 
     ## Starting State
 
-    Number, places and data of the devices, the start cell and the flying time are drawn anew from
+    Number, places and data of the devices, the start cell and the flying time are drawn again from
     the scenario's ranges. `reset(options={"start": state})` takes a `State` of one episode instead,
     for example from `uavdh_lite.scenario.place`.
 
@@ -266,8 +266,8 @@ class DataHarvestingVector(VectorEnv):
 
     An episode that ends is replaced in the same step (`AutoresetMode.SAME_STEP`): the observation
     of that step is the new episode's first, `infos["final_obs"]` holds the old one's last and
-    `infos["final_info"]` what was told of it, both at the places where `infos["_final_obs"]` is
-    True. So every step is a real transition of every episode; there is no dummy one to leave out.
+    `infos["final_info"]` its last info, both where `infos["_final_obs"]` is True. So every step is a
+    real transition of every episode; there is no dummy one to leave out.
 
     Scenarios and fading of all episodes come from one generator, seeded at `reset`. The arguments
     are those of `DataHarvesting`.
@@ -359,7 +359,7 @@ class DataHarvestingVector(VectorEnv):
         }
 
     def _masked(self, info: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """With the masks that Gymnasium keeps beside each entry: here all are there."""
+        """With the mask that Gymnasium wants for each entry: here every episode has one."""
         everywhere = np.ones(self.num_envs, bool)
         return {**info, **{f"_{name}": everywhere.copy() for name in info}}
 

@@ -112,8 +112,8 @@ class Minibatch(NamedTuple):
 class Trainer:
     """One training run, step by step; `experiments.runs.train` runs it with files and progress.
 
-    It is deterministic: the same scenario, city, recipe, seed and device give the same weights on
-    one machine. Leave it, or call `close`, to end its thread if it has one.
+    The same scenario, city, recipe, seed and device give the same weights on one machine. Use it in
+    a `with` statement, or call `close`, to end its second thread if it has one.
 
     Arguments:
         city: the city to fly over; the scenario's own if None.
@@ -157,8 +157,8 @@ class Trainer:
     def step(self) -> None:
         """One step of all environments and, once the replay memory is prefilled, one update.
 
-        The update takes the minibatch that was drawn in the step before, so that it need not wait
-        for this step's flight, nor the flight for it: see `OverlappedTrainer`.
+        The update takes the minibatch that the step before has drawn. So it does not wait for this
+        step's flight, and the flight does not wait for it: see `OverlappedTrainer`.
         """
         state, recipe = self.state, self.recipe
         action = self._act(state)
@@ -204,7 +204,7 @@ class Trainer:
         self.updates += 1
 
     def _replace_ended(self, state: State, outcome: Outcome) -> State:
-        """The same states, but new episodes in the places of those that ended, counted."""
+        """Count the step and the episodes that ended, and start new ones in their place."""
         self.statistics.reward += Rewards()(outcome)
         ended = np.flatnonzero(state.ended)
         if not len(ended):
@@ -350,8 +350,8 @@ class Trainer:
 class OverlappedTrainer(Trainer):
     """A `Trainer` whose updates run on a second thread while the first one flies.
 
-    The results are the same: acting and the targets take a copy of the networks from before the
-    update, as they do in a `Trainer`, where they come before it.
+    The results are the same. In a `Trainer`, acting and the targets come before the update; here
+    they use a copy of the networks from before it.
     """
 
     threads = 2

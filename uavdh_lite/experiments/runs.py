@@ -124,15 +124,15 @@ def _require_finite(trainer: Trainer, out: Path) -> None:
         state = f"the last good state is {kept}" if kept.exists() else "nothing was saved yet"
         raise TrainingDiverged(
             f"the loss or a weight is not finite after {trainer.steps} steps: {state}. "
-            "Start anew with a lower learning rate or smaller rewards"
+            "Start again with a lower learning rate or smaller rewards"
         )
 
 
 def keep_freed_memory() -> None:
     """Ask the C library to keep memory that is freed, for the whole process (Linux with glibc).
 
-    Otherwise it hands the megabytes of each minibatch's maps back to the system and fetches them
-    anew for the next, page by page: a fifth of the training time. Elsewhere this does nothing.
+    Otherwise it gives the memory of each minibatch's maps back to the system and asks for it again,
+    page by page, which takes a fifth of the training time. Elsewhere this does nothing.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is not None:
