@@ -10,11 +10,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from uavdh_lite import ablation
 from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.city import City
 from uavdh_lite.course.challenge.board import Challenge
 from uavdh_lite.errors import InputError
+from uavdh_lite.experiments import ablation
 from uavdh_lite.missions import load_mission
 from uavdh_lite.storage import read_table
 
