@@ -51,6 +51,15 @@ class _Simulator:
     def starts(self, count: int, generator: np.random.Generator) -> State:
         return self.scenario.sample(self.environment.city, count, generator)
 
+    def start(
+        self, options: dict[str, Any] | None, count: int, generator: np.random.Generator
+    ) -> State:
+        """The start that `reset` was given, or a random one."""
+        given = (options or {}).get("start")
+        if given is not None and len(given) != count:
+            raise InputError(f"start of {len(given)} episodes: expected a State of {count}")
+        return self.starts(count, generator) if given is None else given
+
     def observe(self, state: State) -> dict[str, np.ndarray]:
         """(B, ...) arrays by name."""
         maps, time = self._observation(state)
@@ -197,11 +206,7 @@ class DataHarvesting(gymnasium.Env):
         super().reset(seed=seed)
         if seed is not None:
             self.np_random = stream(Use.GYMNASIUM, seed)
-        start = (options or {}).get("start")
-        if start is None:
-            start = self._simulator.starts(1, self.np_random)
-        elif len(start) != 1:
-            raise InputError(f"start of {len(start)} episodes: expected a State of one")
+        start = self._simulator.start(options, 1, self.np_random)
         self._start = self._state = start
         self._history = []
         self._show()
@@ -310,11 +315,7 @@ class DataHarvestingVector(VectorEnv):
         super().reset(seed=seed)
         if seed is not None:
             self.np_random = stream(Use.GYMNASIUM, seed)
-        start = (options or {}).get("start")
-        if start is None:
-            start = self._simulator.starts(self.num_envs, self.np_random)
-        elif len(start) != self.num_envs:
-            raise InputError(f"start of {len(start)} episodes: expected {self.num_envs}")
+        start = self._simulator.start(options, self.num_envs, self.np_random)
         self._state = start
         return self._simulator.observe(start), self._masked(self._simulator.info(start))
 

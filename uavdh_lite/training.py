@@ -5,8 +5,7 @@ import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, fields
 from pathlib import Path
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -112,8 +111,8 @@ class Minibatch(NamedTuple):
 class Trainer:
     """One training run, step by step; `experiments.runs.train` runs it with files and progress.
 
-    The same scenario, city, recipe, seed and device give the same weights on one machine. Use it in
-    a `with` statement, or call `close`, to end its second thread if it has one.
+    The same scenario, city, recipe, seed and device give the same weights on one machine. Call
+    `close` to end its second thread, if it has one.
 
     Arguments:
         city: the city to fly over; the scenario's own if None.
@@ -266,17 +265,6 @@ class Trainer:
 
     def close(self) -> None:
         """End the run's thread, if it has one."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def validate(self) -> bool:
         """Fly the validation scenarios greedily; whether this is the best agent so far."""

@@ -69,7 +69,7 @@ def test_bad_input_is_named():
     with pytest.raises(InputError, match="choose one of human, rgb_array"):
         uavdh_lite.gym.DataHarvesting(render_mode="ansi")
     two = SCENARIOS["village"].sample(City.load("village"), 2, np.random.default_rng(0))
-    with pytest.raises(InputError, match="expected a State of one"):
+    with pytest.raises(InputError, match="expected a State of 1"):
         env.reset(options={"start": two})
     with pytest.raises(InputError, match="unknown scenario"):
         uavdh_lite.gym.DataHarvesting("nowhere")

@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
 
 from filelock import FileLock, Timeout
@@ -90,7 +90,8 @@ def _train(
         unit_scale=True,
         disable=not show_progress,
     )
-    with trainer, progress, board or nullcontext(), _deferred_interrupt() as interrupted:
+    board_closed = closing(board) if board else nullcontext()
+    with closing(trainer), progress, board_closed, _deferred_interrupt() as interrupted:
         while trainer.steps < end:
             started, before = time.perf_counter(), trainer.steps
             trainer.step()
