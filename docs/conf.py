@@ -27,7 +27,7 @@ nitpick_ignore_regex = [
     ("py:class", r".*\.Preset"),  # a type variable
 ]
 
-myst_enable_extensions = ["amsmath", "attrs_block", "dollarmath"]
+myst_enable_extensions = ["amsmath", "colon_fence", "dollarmath"]
 myst_heading_anchors = 3
 nb_execution_mode = "off"
 

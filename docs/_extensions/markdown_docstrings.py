@@ -33,9 +33,8 @@ class Markdown(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         source, _ = self.get_source_info()
         document = new_document(source, self.state.document.settings)
-        text = re.sub(
-            r"(?m)^#{2,} ", "# ", "\n".join(self.content)
-        )  # its first heading is of level 1
+        # MyST expects the first heading to be of level 1.
+        text = re.sub(r"(?m)^#{2,} ", "# ", "\n".join(self.content))
         MystParser().parse(text, document)
         for section in list(document.findall(nodes.section)):  # a docstring has no pages below it
             title, *rest = section.children

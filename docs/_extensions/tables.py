@@ -52,11 +52,17 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
 
 def _percent(interval: Interval) -> str:
     mean, low, high = (f"{100 * value:.1f}".replace("100.0", "100") for value in interval)
-    return f"{mean} % ({low} to {high})"
+    return _together(f"{mean} %", f"({low} to {high})")
 
 
 def _number(interval: Interval) -> str:
-    return "{:.1f} ({:.1f} to {:.1f})".format(*interval).replace("-", "−")
+    mean, low, high = (f"{value:.1f}".replace("-", "−") for value in interval)
+    return _together(mean, f"({low} to {high})")
+
+
+def _together(*parts: str) -> str:
+    """Parts that a narrow table may put on lines of their own, but does not break."""
+    return " ".join(part.replace(" ", "\u00a0") for part in parts)
 
 
 def _minutes(seconds: float) -> str:

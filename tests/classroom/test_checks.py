@@ -131,7 +131,7 @@ def test_close_compares_shapes_and_takes_anything():
 
 
 def test_the_teaching_guide_has_every_exercise():
-    guide = (ROOT / "docs" / "teaching.md").read_text()
+    guide = (ROOT / "docs" / "teach" / "index.md").read_text()
     rows = re.findall(r"^\| (\d+\.\d) \| (.+?) \| (\d+) \| (\d+)\*? \|", guide, re.M)
     assert rows == [
         (one.number, one.title, str(one.points), str(one.minutes))
