@@ -271,8 +271,8 @@ class DataHarvestingVector(VectorEnv):
 
     An episode that ends is replaced in the same step (`AutoresetMode.SAME_STEP`): the observation
     of that step is the new episode's first, `infos["final_obs"]` holds the old one's last and
-    `infos["final_info"]` its last info, both where `infos["_final_obs"]` is True. So every step is a
-    real transition of every episode; there is no dummy one to leave out.
+    `infos["final_info"]` its last info, both where `infos["_final_obs"]` is True. So every step is
+    a real transition of every episode; there is no dummy one to leave out.
 
     Scenarios and fading of all episodes come from one generator, seeded at `reset`. The arguments
     are those of `DataHarvesting`.

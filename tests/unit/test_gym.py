@@ -115,7 +115,7 @@ def test_vector_spaces_and_shapes():
     assert sync.action_space == envs.action_space
     with pytest.raises(InputError, match="must be 8 whole numbers"):
         envs.step(np.full(8, 6))
-    with pytest.raises(InputError, match="expected 8"):
+    with pytest.raises(InputError, match="expected a State of 8"):
         envs.reset(options={"start": start()})
     with pytest.raises(gymnasium.error.ResetNeeded):
         vector().unwrapped.step(np.zeros(8, int))
