@@ -91,7 +91,8 @@ class DDQN(Networks):
 
         Arguments:
             observation: what the networks take, as a tuple of arguments.
-            action: (B,) int64. y: (B,), from `targets`.
+            action: (B,) int64.
+            y: (B,), from `targets`.
         """
         q = self.online(*observation).gather(1, action[:, None]).squeeze(1)
         loss = (
