@@ -171,8 +171,8 @@ paper and their reasons; the site's results say what each is worth, as far as th
   that flies.
 - `crash_reward` −10, growing to the −150 of `PAPER` over the run: while a crash costs little the
   agent learns to fly far, later to be home in time. With −150 from the start it first learns to
-  land at once, and stays with that. With −60 at the end a crash can pay off: 25 steps ahead it weighs
-  0.95²⁵ · 60 = 17, less than the data of one device.
+  land at once, and stays with that. With −60 at the end a crash can pay off: 25 steps ahead it
+  weighs 0.95²⁵ · 60 = 17, less than the data of one device.
 - `movement_reward` −0.1: with −0.2 the agent leaves distant devices that hold little, on the open
   field.
 - `exploring_starts`: half of the episodes start under way, so that late states are seen early. This
