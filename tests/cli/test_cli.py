@@ -239,7 +239,8 @@ def test_options_given_twice_hold_as_given_last(tmp_path, capsys):
             'Invalid value "mpi" for --backend. Choose from: "loky", ',
         ),
         ("compare --replan 0", 'Invalid value "0" for --replan. Must be > 0'),
-        ("app --port 0", 'Invalid value "0" for --port. Must be > 0'),
+        ("app --port 0", 'Invalid value "0" for --port. Must be >= 1'),
+        ("app --port 65536", 'Invalid value "65536" for --port. Must be <= 65535'),
     ],
 )
 def test_bad_values_give_one_line_and_status_2(capsys, tmp_path, monkeypatch, arguments, message):
@@ -247,11 +248,34 @@ def test_bad_values_give_one_line_and_status_2(capsys, tmp_path, monkeypatch, ar
     assert message in failing(capsys, *arguments.split())
 
 
-def test_an_unwritable_output_is_one_line_and_status_1(capsys, tmp_path):
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("city manhattan --out file/c.png", "file: File exists"),
+        ("evaluate --checkpoint manhattan --episodes 2 --json folder", "folder: Is a directory"),
+        ("fly --mission nowhere.json", "nowhere.json: No such file or directory"),
+        ("train --scenario village --recipe small --hidden 1000000000000", "not enough memory: "),
+        (
+            "train --scenario village --recipe small --hidden 10000000000000000",
+            "not enough memory: ",
+        ),
+    ],
+)
+def test_files_and_memory_give_one_line_and_status_1(
+    capsys, tmp_path, monkeypatch, arguments, message
+):
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("")
-    status = main(["city", "manhattan", "--out", str(tmp_path / "file" / "c.png")])
+    (tmp_path / "folder").mkdir()
+    status = main(arguments.split())
     error = capsys.readouterr().err
-    assert status == 1 and error.count("\n") == 1 and "file" in error
+    assert status == 1 and error.count("\n") == 1
+    assert error.startswith(f"uavdh_lite: error: {message}")
+
+
+def test_a_file_that_is_no_leaderboard(capsys, tmp_path):
+    (tmp_path / "board.json").write_text('{"scores": 1}')
+    assert "not a leaderboard" in failing(capsys, "challenge", "show", str(tmp_path / "board.json"))
 
 
 def imported_by(program):
