@@ -16,7 +16,7 @@ class Recipe:
     """
 
     name: str
-    steps: int = option(1_000_000, "environment steps in all, those of the prefill included", ge=1)
+    steps: int = option(1_000_000, "environment steps in all, including the prefill", ge=1)
     # What the network sees
     observation: str = option("centred", "maps: centred, non_centred or global_local")
     data_scale: float = option(1.0, "data on the maps is divided by this, data units", gt=0)
@@ -44,12 +44,12 @@ class Recipe:
     learning_rate_end: float = option(3e-5, "learning rate at the end; linear in between", ge=0)
     amsgrad: bool = option(True, "Adam's amsgrad variant")
     huber_delta: float | None = option(
-        None, "loss linear above this error; none: squared error", gt=0
+        None, "errors above this count linearly in the loss; none: squared", gt=0
     )
     batch_size: int = option(128, "transitions in a minibatch", ge=1)
     # Experience
     environments: int = option(
-        1, "episodes flown side by side; one update a step of them all", ge=1
+        1, "episodes flown at a time; one update for each step of them all", ge=1
     )
     replay_capacity: int = option(50_000, "transitions in the replay memory", ge=1)
     replay_prefill: int = option(
@@ -67,9 +67,11 @@ class Recipe:
     )
     movement_reward: float = option(-0.2, "reward for every step that does not land, r_mov")
     exploring_starts: float = option(
-        0.0, "share of episodes that start under way, anywhere", ge=0, le=1
+        0.0, "share of episodes that start in mid-flight, anywhere", ge=0, le=1
     )
-    exploring_spare_time: int = option(5, "their least flying time beyond the way home", ge=0)
+    exploring_spare_time: int = option(
+        5, "flying time that these have left at least, beyond the way home", ge=0
+    )
     # Validation: the agent kept is the one with the best collection ratio and landed in these
     validation_interval: int = option(50_000, "environment steps between greedy validations", ge=1)
     validation_episodes: int = option(
