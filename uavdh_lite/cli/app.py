@@ -6,14 +6,16 @@ from cyclopts import Parameter
 from cyclopts.types import PositiveInt
 from cyclopts.validators import Number
 
+from uavdh_lite.labs.app import IDLE_SECONDS, PORT, SESSIONS
+
 Port = Annotated[int, Parameter(validator=Number(gte=1, lte=65535))]
 
 
 def app(
     *,
-    port: Port = 8866,
-    sessions: PositiveInt = 8,
-    idle_seconds: PositiveInt = 1200,
+    port: Port = PORT,
+    sessions: PositiveInt = SESSIONS,
+    idle_seconds: PositiveInt = IDLE_SECONDS,
     browser: bool = True,
 ) -> None:
     """Serve the interactive labs as a web page on this machine.
