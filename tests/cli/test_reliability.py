@@ -19,8 +19,8 @@ OPTIONS = {
     "scenario": "village",
     "recipe": "small",
     "seed": 3,
-    "steps": 9600,
-    "validation-interval": 1600,
+    "steps": 6400,
+    "validation-interval": 1280,
     "validation-episodes": 10,
     "kernels": 2,
     "hidden": 16,
@@ -55,7 +55,7 @@ def uninterrupted(tmp_path_factory):
 def assert_same_result(out, uninterrupted):
     tensors, about = load(out / "training.safetensors", "training")
     expected, expected_about = load(uninterrupted / "training.safetensors", "training")
-    assert about["steps"] == expected_about["steps"] == 9600
+    assert about["steps"] == expected_about["steps"] == 6400
     assert tensors.keys() == expected.keys()
     for name, tensor in tensors.items():
         assert torch.equal(tensor, expected[name]), name
@@ -76,7 +76,7 @@ def started(out, signal_number):
     os.kill(process.pid, signal_number)
     output, _ = process.communicate(timeout=60)
     _, about = load(out / "training.safetensors", "training")
-    assert 0 < about["steps"] < 9600
+    assert 0 < about["steps"] < 6400
     return process.returncode, output
 
 
@@ -98,11 +98,11 @@ def test_ctrl_c_saves_and_says_how_to_resume(tmp_path, uninterrupted):
 
 @pytest.mark.parametrize("steps", [800, 1920])
 def test_a_run_left_early_resumes_to_the_same_result(tmp_path, uninterrupted, steps, capsys):
-    """Before and after the first validation, at 1600 steps; 16 environments."""
+    """Before and after the first validation, at 1280 steps; 16 environments."""
     assert main(arguments(tmp_path, "--stop-after", str(steps))) == 0
     output = capsys.readouterr().out
     assert f"left after {steps} steps; to go on: add --resume" in output
-    assert ("best agent" in output) == (tmp_path / "best.safetensors").exists() == (steps > 1600)
+    assert ("best agent" in output) == (tmp_path / "best.safetensors").exists() == (steps > 1280)
     assert main(arguments(tmp_path, "--resume")) == 0
     assert_same_result(tmp_path, uninterrupted)
 
@@ -146,7 +146,7 @@ def contents(folder):
 def test_a_full_disk(tmp_path):
     """The run stops with a message; what was saved before stays whole and goes on elsewhere."""
     kept = tmp_path / "kept"
-    assert main(arguments(kept, "--stop-after", "1600")) == 0
+    assert main(arguments(kept, "--stop-after", "1280")) == 0
     script = (
         f"cp -r kept disk/run; dd if=/dev/zero of=disk/rest bs=1k >/dev/null 2>&1; "
         f"{' '.join(command('disk/run', '--resume'))} >second 2>&1; echo $? >code; "
