@@ -109,7 +109,7 @@ for name, value in LITE.as_json().items():
 # ## 6.2 Train one now
 #
 # Those 20 minutes are for a city of 16×16 cells. The village of 8×8 with one or two devices, and the
-# recipe `small`, take half a minute:
+# recipe `small`, take half a minute on a quiet machine:
 
 # %%
 village, missions, small = City.load("village"), find_scenario("village"), find_recipe("small")
@@ -129,7 +129,7 @@ def train_village(**changes):
 learned = train_village()
 first, last = learned.validation_rows[0], learned.validation_rows[-1]
 assert last["collection_ratio_and_landed"] > first["collection_ratio_and_landed"] + 0.3
-print(f"{learned.updates} updates in {learned.seconds:.0f} s")
+print(f"{learned.steps:,} environment steps, {learned.updates:,} updates")
 
 # %%
 def draw_runs(trainers, titles):
@@ -261,7 +261,7 @@ for name, changes in turned.items():
 # %% [markdown]
 # This is one run each. With another seed, or on another machine, the numbers differ, and the order may too. So it is
 # enough to play, not to conclude anything. A recorded study of the recipe's settings trained on Manhattan, 300,000 steps,
-# with three seeds each. Two of its rows:
+# with three seeds each. Three of its rows:
 
 # %%
 study = read_table("../data/runs/deviations-manhattan/validation.csv.gz")
@@ -311,8 +311,8 @@ for name, flown in flights.items():
 
 # %% [markdown]
 # In the picture the early agent keeps far from the device in the no-fly zone. It leaves most of its data, and lands
-# with time to spare. The final one flies up to the zone, collects all, and uses its time to the last unit. Over 200 missions the early agent leaves a fifth of the data and crashes now and then; the final one leaves
-# about a twentieth.
+# with time to spare. The final one flies up to the zone, collects all, and uses its time to the last unit. Over 200
+# missions the early agent leaves a fifth of the data and crashes now and then; the final one leaves about a twentieth.
 #
 # ## Recap
 #
