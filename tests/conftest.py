@@ -28,18 +28,18 @@ B B B B B
 """
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def corridor() -> City:
     """One street: land at its west end, devices anywhere else in it."""
     return City.from_text("corridor", CORRIDOR)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def corridor_scenario() -> Scenario:
     return Scenario("corridor", "corridor", (1, 1), (5.0, 10.0), (14, 20))
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def quick() -> Recipe:
     """`lite` with a small network and a short run."""
     return replace(

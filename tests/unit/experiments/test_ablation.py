@@ -17,7 +17,6 @@ from uavdh_lite.experiments.ablation import (
 )
 from uavdh_lite.experiments.runs import SAVED
 from uavdh_lite.recipe import LITE, PAPER, SMALL
-from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import read_table
 
 RECIPE = replace(
@@ -27,16 +26,24 @@ RECIPE = replace(
     validation_episodes=5,
     kernels=2,
     hidden=(8,),
-    batch_size=32,
-    environments=32,
+    environments=64,
     replay_capacity=1000,
     replay_prefill=320,
 )
 
 
-def run(out, **changes):
-    options = {"scenario": find_scenario("village"), "variants": centring(RECIPE), "seeds": 2}
-    return run_study(**{**options, "out": out, "command": "a command", **changes})
+@pytest.fixture(scope="module")
+def run(corridor, corridor_scenario, tmp_path_factory):
+    """A function that runs the study of centring with two seeds, over one street."""
+    path = tmp_path_factory.mktemp("city") / "corridor.png"
+    corridor.save(path)
+    scenario = replace(corridor_scenario, city=str(path))
+
+    def run(out, variants=None, **options):
+        variants = variants or centring(RECIPE)
+        return run_study(scenario, variants, 2, out, command="a command", **options)
+
+    return run
 
 
 def weights(folder):
@@ -45,7 +52,7 @@ def weights(folder):
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
+def finished(run, tmp_path_factory):
     out = tmp_path_factory.mktemp("study")
     return out, run(out)
 
@@ -68,8 +75,8 @@ def test_the_curves_of_all_runs_come_as_two_tables(finished, tmp_path):
         table = read_table(path)
         assert list(table)[:3] == ["variant", "seed", "steps"]
         own = (table["variant"] == "non_centred") & (table["seed"] == 1)
-        run = read_table(out / "non_centred-1" / f"{kind}.csv")
-        for name, column in run.items():
+        of_run = read_table(out / "non_centred-1" / f"{kind}.csv")
+        for name, column in of_run.items():
             np.testing.assert_array_equal(table[name][own], column)
     about = json.loads((tmp_path / "about.json").read_text())
     assert about["command"] == "a command"
@@ -80,14 +87,14 @@ def test_the_curves_of_all_runs_come_as_two_tables(finished, tmp_path):
     assert list(scores) == ["centred", "non_centred"] and scores["non_centred"][1] == last
 
 
-def test_finished_runs_are_kept(finished):
+def test_finished_runs_are_kept(run, finished):
     out, folders = finished
     before = {path: path.stat().st_mtime_ns for path in out.glob("*/*")}
     assert run(out) == folders
     assert {path: path.stat().st_mtime_ns for path in out.glob("*/*")} == before
 
 
-def test_a_part_of_a_study_is_the_same_runs(finished, tmp_path):
+def test_a_part_of_a_study_is_the_same_runs(run, finished, tmp_path):
     run(tmp_path, variants=find_study("centring", RECIPE, ["non_centred"]))
     assert sorted(path.name for path in tmp_path.glob("*-*")) == ["non_centred-0", "non_centred-1"]
     ours, theirs = (weights(out / "non_centred-1") for out in (tmp_path, finished[0]))
@@ -104,7 +111,7 @@ def test_each_deviation_is_undone_alone():
     assert set(centring(LITE)) == {"centred", "non_centred"}
 
 
-def test_unknown_study_variant_and_backend(tmp_path):
+def test_unknown_study_variant_and_backend(run, tmp_path):
     with pytest.raises(InputError, match="unknown study 'weather': choose one of centring, dev"):
         find_study("weather", LITE)
     with pytest.raises(InputError, match="unknown variant 'sideways': choose from centred, non_"):
@@ -113,7 +120,7 @@ def test_unknown_study_variant_and_backend(tmp_path):
         run(tmp_path, backend="mpi")
 
 
-def test_runs_too_short_for_a_curve_are_refused_before_they_run(tmp_path):
+def test_runs_too_short_for_a_curve_are_refused_before_they_run(run, tmp_path):
     variants = centring(replace(RECIPE, steps=4000))
     with pytest.raises(InputError, match="runs of 4000 steps: a study's curves need 5000 at leas"):
         run(tmp_path / "a", variants=variants)

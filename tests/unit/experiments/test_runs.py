@@ -15,7 +15,7 @@ from uavdh_lite.training import BIN
 
 
 def test_files_of_a_run(trainer, tmp_path):
-    done = trainer(steps=2 * BIN + 40, environments=20, validation_interval=2500)
+    done = trainer(steps=2 * BIN + 50, environments=50, batch_size=64, validation_interval=2500)
     best = train(done, tmp_path / "run", command="python -m uavdh_lite train ...")
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
         "about.json",
@@ -29,7 +29,7 @@ def test_files_of_a_run(trainer, tmp_path):
     assert curve["steps"].tolist() == [BIN, 2 * BIN]
     assert (curve["episodes"] > 0).all()
     validation = read_table(tmp_path / "run" / "validation.csv")
-    assert validation["steps"].tolist() == [2500, 5000, 7500, 10_000, 10_040]
+    assert validation["steps"].tolist() == [2500, 5000, 7500, 10_000, 10_050]
     agent = load_agent(best)
     about = agent.training
     kept = about["validation"]["collection_ratio_and_landed"]
@@ -60,7 +60,7 @@ def test_a_run_tells_how_it_was_made(trainer, tmp_path):
 
 
 def test_a_training_that_diverges_stops_with_its_last_good_state(trainer, tmp_path):
-    own = trainer(steps=4 * BIN, environments=20, validation_interval=BIN)
+    own = trainer(steps=4 * BIN, environments=50, batch_size=64, validation_interval=BIN)
     update = own.ddqn.update
 
     def diverging(*minibatch):
