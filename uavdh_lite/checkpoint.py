@@ -18,7 +18,7 @@ from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import data_folder, write_atomically
 
-FORMAT = 4
+FORMAT = 5
 
 
 def save(path: str | Path, kind: str, tensors: dict[str, Tensor], about: dict) -> None:
@@ -68,7 +68,7 @@ def _upgrade(about: dict) -> None:
     """Turn the values of an older format into those of this one, in place.
 
     Their recipes had fields more, which only training used; in format 1 the crash reward was
-    constant.
+    constant. Fields that came later have defaults that mean what was before.
     """
     if about["format"] < FORMAT and "recipe" in about:
         recipe = about["recipe"]

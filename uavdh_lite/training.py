@@ -13,14 +13,16 @@ import torch
 from torch import Tensor
 
 from uavdh_lite import streams
+from uavdh_lite.advantage_learning import action_gap, widen_gap
 from uavdh_lite.agent import Agent, build
 from uavdh_lite.checkpoint import load, save
 from uavdh_lite.city import City
-from uavdh_lite.ddqn import DDQN, Networks, draw_actions, softmax_policy
+from uavdh_lite.ddqn import DDQN, Networks, draw_actions, only_allowed, softmax_policy
 from uavdh_lite.environment import ACTIONS, Environment, Outcome, Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.provenance import provenance
+from uavdh_lite.quantile import QRDQN
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.replay import Replay
 from uavdh_lite.scenario import Scenario
@@ -101,7 +103,10 @@ class EpisodeStatistics:
 
 
 class Minibatch(NamedTuple):
-    """What an update learns from: B states, the actions taken in them, and the targets, (B,)."""
+    """What an update learns from: B states, the actions taken in them, and the targets.
+
+    The targets are (B,), or (B, N) with N quantiles.
+    """
 
     state: State
     action: Tensor
@@ -133,7 +138,7 @@ class Trainer:
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
         self.city = city if city is not None else City.load(scenario.city)
         self.device = torch.device(device)
-        self.environment = Environment(self.city)
+        self.environment = Environment(self.city, failsafe=recipe.failsafe)
         self.generator = stream(Use.TRAINING, seed)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(torch_seed(Use.WEIGHTS, seed))
@@ -143,7 +148,8 @@ class Trainer:
         optimiser = torch.optim.Adam(
             network.parameters(), recipe.learning_rate, amsgrad=recipe.amsgrad, fused=True
         )
-        self.ddqn = DDQN(network, optimiser, recipe.target_update_rate, recipe.huber_delta)
+        learner = QRDQN if recipe.quantiles else DDQN
+        self.ddqn = learner(network, optimiser, recipe.target_update_rate, recipe.huber_delta)
         self.networks: Networks = self.ddqn  # those that act and give the targets
         self.replay = Replay(recipe.replay_capacity, recipe.environments, scenario.max_devices)
         self.statistics = EpisodeStatistics(recipe.environments, self.device)
@@ -175,12 +181,22 @@ class Trainer:
 
     def _act(self, state: State) -> np.ndarray:
         """Actions of the softmax policy; uniform ones until the replay memory is prefilled."""
+        allowed = self._allowed(state)
         if len(self.replay) < self.recipe.replay_prefill:
-            return self.generator.integers(0, len(ACTIONS), len(state))
+            if allowed is None:
+                return self.generator.integers(0, len(ACTIONS), len(state))
+            return draw_actions(allowed / allowed.sum(dim=1, keepdim=True), self.generator)
         with torch.no_grad():
             q_values = self.networks.online(*self.observation(state))
-        probabilities = softmax_policy(q_values, self.recipe.temperature_at(self.steps))
+        temperature = self.recipe.temperature_at(self.steps)
+        probabilities = softmax_policy(only_allowed(q_values, allowed), temperature)
         return draw_actions(probabilities, self.generator)
+
+    def _allowed(self, state: State) -> Tensor | None:
+        """The actions to choose from, (B, 6) bool; None, for all of them, without the failsafe."""
+        if not self.recipe.failsafe:
+            return None
+        return torch.from_numpy(self.environment.allowed_actions(state)).to(self.device)
 
     def _draw_minibatch(self) -> Minibatch | None:
         """A minibatch from the memory with its targets; None until the memory is prefilled."""
@@ -194,8 +210,16 @@ class Trainer:
             torch.from_numpy(array).to(self.device)
             for array in (batch.action, batch.reward, batch.discount)
         )
-        y = self.networks.targets(reward, discount, self.observation(batch.next_state))
-        return Minibatch(batch.state, action, y, self.observation(batch.state))
+        y = self.networks.targets(
+            reward, discount, self.observation(batch.next_state), self._allowed(batch.next_state)
+        )
+        observation = self.observation(batch.state)
+        if recipe.advantage_learning:
+            with torch.no_grad():
+                q_values = self.networks.target(*observation)
+            gap = action_gap(q_values, action, self._allowed(batch.state))
+            y = widen_gap(y, gap, recipe.advantage_learning)
+        return Minibatch(batch.state, action, y, observation)
 
     def _learn(self, minibatch: Minibatch) -> None:
         self.ddqn.set_learning_rate(self.recipe.learning_rate_at(self.steps))
@@ -314,6 +338,8 @@ class Trainer:
     def restore(self, path: Path) -> None:
         """Go on from what `save` wrote; `InputError` if it is of another run."""
         tensors, about = load(path, "training")
+        # Its recipe may be from before some of the fields: they had their defaults then.
+        about["recipe"] = json.loads(json.dumps(Recipe.from_json(about["recipe"]).as_json()))
         for name, value in self.identity().items():
             if about.get(name) != value:
                 difference = _difference(about.get(name), value)
@@ -358,7 +384,7 @@ class OverlappedTrainer(Trainer):
 
     def __init__(self, *arguments, **options):
         super().__init__(*arguments, **options)
-        self.networks = Networks(copy.deepcopy(self.ddqn.online))
+        self.networks = copy.deepcopy(self.ddqn)
         self._pool: ThreadPoolExecutor | None = None
 
     def step(self) -> None:
