@@ -1,6 +1,8 @@
-"""How long the import takes beyond numpy and torch, and the demo in all.
+"""How long Python takes to start, and what the package adds to it.
 
 python benchmarks/startup.py
+
+Each line is the best of five processes. The last column is what it takes beyond `python -c pass`.
 """
 
 import subprocess
@@ -9,11 +11,22 @@ import tempfile
 import time
 from pathlib import Path
 
+STARTS = {
+    "python -c pass": ("-c", "pass"),
+    "import uavdh_lite": ("-c", "import uavdh_lite"),
+    "uavdh_lite --help": ("-m", "uavdh_lite", "--help"),
+    "uavdh_lite evaluate --help": ("-m", "uavdh_lite", "evaluate", "--help"),
+    "uavdh_lite train --help": ("-m", "uavdh_lite", "train", "--help"),
+    "import numpy": ("-c", "import numpy"),
+    "import numpy, torch": ("-c", "import numpy, torch"),
+    "import uavdh_lite.training": ("-c", "import uavdh_lite.training"),
+}
 
-def seconds(*arguments: str) -> float:
-    """Best of three runs of a Python process."""
+
+def seconds(*arguments: str, processes: int = 5) -> float:
+    """The shortest time that a Python process takes."""
     times = []
-    for _ in range(3):
+    for _ in range(processes):
         started = time.perf_counter()
         subprocess.run([sys.executable, *arguments], check=True, capture_output=True)
         times.append(time.perf_counter() - started)
@@ -21,10 +34,11 @@ def seconds(*arguments: str) -> float:
 
 
 if __name__ == "__main__":
-    base = seconds("-c", "import numpy, torch")
-    for module in ("uavdh_lite", "uavdh_lite.training"):
-        own = seconds("-c", f"import numpy, torch, {module}")
-        print(f"import {module}: {own - base:.2f} s beyond numpy and torch ({base:.2f} s)")
+    base = seconds("-c", "pass")
+    for name, arguments in STARTS.items():
+        taken = seconds(*arguments)
+        print(f"{name:<28}{taken:6.2f} s{taken - base:+7.2f} s")
     with tempfile.TemporaryDirectory() as folder:
-        demo = seconds("-m", "uavdh_lite", "demo", "--out", str(Path(folder) / "demo.png"))
-    print(f"demo: {demo:.1f} s, {demo / base:.1f} times the import of numpy and torch")
+        arguments = ("-m", "uavdh_lite", "demo", "--out", str(Path(folder) / "demo.png"))
+        taken = seconds(*arguments, processes=1)
+    print(f"{'uavdh_lite demo':<28}{taken:6.2f} s{taken - base:+7.2f} s")

@@ -38,16 +38,16 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
         import onnxscript  # noqa: F401 (torch's exporter needs it)
 
     generator = stream(Use.EXPORT)
-    some = agent.scenario.sample_anywhere(agent.city, states, generator, spare_time=0)
+    sampled = agent.scenario.sample_anywhere(agent.city, states, generator, spare_time=0)
     with torch.no_grad():
-        maps, time = agent.observation(some)
+        maps, time = agent.observation(sampled)
     names = ["map"] if len(maps) == 1 else ["global_map", "local_map"]
     batch = torch.export.Dim("batch")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of torch's exporter, about its own parts
         program = torch.onnx.export(
             agent.network.eval(),
-            ([one[:2] for one in maps], time[:2]),
+            ([layers[:2] for layers in maps], time[:2]),
             input_names=[*names, "time"],
             output_names=["q_values"],
             dynamic_shapes=([{0: batch}] * len(maps), {0: batch}),
@@ -61,9 +61,9 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
     session = onnxruntime.InferenceSession(
         model.SerializeToString(), providers=["CPUExecutionProvider"]
     )
-    inputs = {name: one.numpy() for name, one in zip(names, maps, strict=True)}
+    inputs = {name: layers.numpy() for name, layers in zip(names, maps, strict=True)}
     (answered,) = session.run(["q_values"], {**inputs, "time": time.numpy()})
-    expected = agent.q_values(some).numpy()
+    expected = agent.q_values(sampled).numpy()
     largest = float(np.abs(answered - expected).max())
     best_two = np.sort(expected, axis=1)[:, -2:]
     clear = best_two[:, 1] - best_two[:, 0] > TOLERANCE

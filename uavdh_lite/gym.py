@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from uavdh_lite.city import City
@@ -23,6 +22,7 @@ with extra("gym"):
 
 ID = "uavdh_lite/DataHarvesting-v0"
 FRAMES_PER_SECOND = 8
+PICTURE = (6, 6.4)  # inches of a rendered flight
 
 
 class _Simulator:
@@ -56,8 +56,22 @@ class _Simulator:
     def observe(self, state: State) -> dict[str, np.ndarray]:
         """(B, ...) arrays by name."""
         maps, time = self._observation(state)
-        arrays = {name: one.numpy() for name, one in zip(self._names, maps, strict=True)}
+        arrays = {name: layers.numpy() for name, layers in zip(self._names, maps, strict=True)}
         return {**arrays, "time": time.numpy()}
+
+    def draw(self, figure: Figure, flights: Flights) -> None:
+        """Draw a flight, a batch of one, into an empty figure."""
+        from uavdh_lite.plotting import draw_trajectory
+
+        draw_trajectory(figure.subplots(), self.environment, flights.trajectory(0))
+
+    def picture(self, flights: Flights) -> np.ndarray:
+        """A flight as an (height, width, 3) uint8 picture."""
+        from uavdh_lite.plotting import pixels
+
+        figure = Figure(figsize=PICTURE, layout="constrained")
+        self.draw(figure, flights)
+        return pixels(figure)
 
     @staticmethod
     def info(state: State, outcome: Outcome | None = None) -> dict[str, np.ndarray]:
@@ -232,15 +246,10 @@ class DataHarvesting(gymnasium.Env):
         """The flight so far: an (height, width, 3) uint8 picture, or None in a window."""
         if self.render_mode != "rgb_array":
             return None
-        figure = self._figure(Figure(figsize=(6, 6.4), layout="constrained"))
-        return _pixels(figure)
+        return self._simulator.picture(self._flights())
 
-    def _figure(self, figure: Figure) -> Figure:
-        from uavdh_lite.plotting import draw_trajectory
-
-        flights = Flights.of_steps(self._start, self.state, self._history)
-        draw_trajectory(figure.subplots(), self._simulator.environment, flights.trajectory(0))
-        return figure
+    def _flights(self) -> Flights:
+        return Flights.of_steps(self._start, self.state, self._history)
 
     def _show(self) -> None:
         """In the mode `human`, draw the flight in its window."""
@@ -249,9 +258,9 @@ class DataHarvesting(gymnasium.Env):
         import matplotlib.pyplot as plt
 
         if self._window is None:
-            self._window = plt.figure(figsize=(6, 6.4), layout="constrained")
+            self._window = plt.figure(figsize=PICTURE, layout="constrained")
         self._window.clear()
-        self._figure(self._window)
+        self._simulator.draw(self._window, self._flights())
         self._window.canvas.draw_idle()
         self._window.canvas.flush_events()
         plt.pause(1 / FRAMES_PER_SECOND)
@@ -354,15 +363,15 @@ class DataHarvestingVector(VectorEnv):
         """The last observation and info of the ended episodes, at their places."""
         observations = np.full(self.num_envs, None, object)
         arrays = self._simulator.observe(last)
-        for place, index in enumerate(np.flatnonzero(terminated)):
-            observations[index] = {name: array[place] for name, array in arrays.items()}
-        told = {
+        for row, index in enumerate(np.flatnonzero(terminated)):
+            observations[index] = {name: array[row] for name, array in arrays.items()}
+        masked = {
             name: np.where(terminated, array, 0).astype(array.dtype) for name, array in info.items()
         }
         return {
             "final_obs": observations,
             "_final_obs": terminated.copy(),
-            "final_info": {**told, **{f"_{name}": terminated.copy() for name in told}},
+            "final_info": {**masked, **{f"_{name}": terminated.copy() for name in masked}},
             "_final_info": terminated.copy(),
         }
 
@@ -375,16 +384,8 @@ class DataHarvestingVector(VectorEnv):
         """A picture of each episode's state, (height, width, 3) uint8."""
         if self.render_mode is None:
             return None
-        from uavdh_lite.plotting import draw_trajectory
-
-        pictures = []
-        for index in range(self.num_envs):
-            one = self.state[[index]]
-            flights = Flights.of_steps(one, one, [])
-            figure = Figure(figsize=(6, 6.4), layout="constrained")
-            draw_trajectory(figure.subplots(), self._simulator.environment, flights.trajectory(0))
-            pictures.append(_pixels(figure))
-        return tuple(pictures)
+        states = [self.state[[index]] for index in range(self.num_envs)]
+        return tuple(self._simulator.picture(Flights.of_steps(s, s, [])) for s in states)
 
 
 def as_policy(
@@ -398,8 +399,8 @@ def as_policy(
     Arguments:
         predict: takes a batch of observations, (B, ...) arrays by name; gives (B,) actions.
     """
-    own: Any = env.unwrapped  # a DataHarvesting or a DataHarvestingVector
-    simulator: _Simulator = own._simulator
+    wrapped: Any = env.unwrapped  # a DataHarvesting or a DataHarvestingVector
+    simulator: _Simulator = wrapped._simulator
     return lambda state: np.asarray(predict(simulator.observe(state)))
 
 
@@ -408,12 +409,6 @@ def _check_mode(render_mode: str | None, metadata: dict) -> None:
         raise InputError(
             f"render_mode {render_mode!r}: choose one of {', '.join(metadata['render_modes'])}"
         )
-
-
-def _pixels(figure: Figure) -> np.ndarray:
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
 
 gymnasium.register(

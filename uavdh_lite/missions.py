@@ -251,6 +251,6 @@ def _check(values) -> None:
     schema = json.loads(SCHEMA.read_text(encoding="utf-8"))
     error = best_match(Draft202012Validator(schema).iter_errors(values))
     if error is not None:
-        place = error.json_path.removeprefix("$").removeprefix(".") or "the file"
+        field = error.json_path.removeprefix("$").removeprefix(".") or "the file"
         message = error.message if len(error.message) <= 200 else f"{error.message[:200]}..."
-        raise InputError(f"{place}: {message}")
+        raise InputError(f"{field}: {message}")

@@ -71,6 +71,6 @@ class QNetwork(nn.Module):
 
     def forward(self, maps: list[Tensor], time: Tensor) -> Tensor:
         features = [
-            convolution(one) for convolution, one in zip(self.convolutions, maps, strict=True)
+            convolution(layers) for convolution, layers in zip(self.convolutions, maps, strict=True)
         ]
         return self.head(torch.cat([*features, time], dim=1))

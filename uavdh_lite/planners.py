@@ -232,12 +232,12 @@ def _best(cell: np.ndarray, left: np.ndarray, beam: int) -> np.ndarray:
 
     Equal candidates count once. Returns their indices.
     """
-    place = cell << left.shape[1] | (left == 0) @ (1 << np.arange(left.shape[1]))
-    order = np.lexsort((*left.T, left.sum(axis=1), place))
-    place, left = place[order], left[order]
-    same = np.r_[False, place[1:] == place[:-1]]
+    group = cell << left.shape[1] | (left == 0) @ (1 << np.arange(left.shape[1]))
+    order = np.lexsort((*left.T, left.sum(axis=1), group))
+    group, left = group[order], left[order]
+    same = np.r_[False, group[1:] == group[:-1]]
     equal = same & np.r_[False, (left[1:] == left[:-1]).all(axis=1)]
-    order, place = order[~equal], place[~equal]
-    first = np.r_[True, place[1:] != place[:-1]]
-    start = np.maximum.accumulate(np.where(first, np.arange(len(place)), 0))
-    return order[np.arange(len(place)) - start < beam]
+    order, group = order[~equal], group[~equal]
+    first = np.r_[True, group[1:] != group[:-1]]
+    start = np.maximum.accumulate(np.where(first, np.arange(len(group)), 0))
+    return order[np.arange(len(group)) - start < beam]

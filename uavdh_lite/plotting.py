@@ -1,16 +1,19 @@
 """The figures of the paper, each a function that draws on an Axes and returns it."""
 
+import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
+from PIL import Image
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import LAND, Environment, State
@@ -18,21 +21,17 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Trajectory
 from uavdh_lite.storage import write_atomically
 
-# Okabe and Ito's colours without black, which means "nothing left to collect", and three more.
+# Okabe and Ito's colours, which colour-blind readers can tell apart; not black, which is the colour
+# of a step in which nothing is uploaded.
+ORANGE, BLUE, GREEN = "#E69F00", "#0072B2", "#009E73"
+PINK, VERMILION, SKY_BLUE = "#CC79A7", "#D55E00", "#56B4E9"
+RED = "#C1272D"  # no-fly zones, crashes, errors, wrong answers
 DEVICE_COLOURS = (
-    "#E69F00",
-    "#0072B2",
-    "#009E73",
-    "#CC79A7",
-    "#D55E00",
-    "#56B4E9",
-    "#8C6D1F",
-    "#5E4FA2",
-    "#A6761D",
-    "#1B9E77",
+    *(ORANGE, BLUE, GREEN, PINK, VERMILION, SKY_BLUE),
+    *("#8C6D1F", "#5E4FA2", "#A6761D", "#1B9E77"),
 )
 Style = dict[str, Any]  # a patch's keyword arguments
-NO_FLY: Style = {"facecolor": "none", "edgecolor": "#C1272D", "hatch": "////", "linewidth": 0}
+NO_FLY: Style = {"facecolor": "none", "edgecolor": RED, "hatch": "////", "linewidth": 0}
 LANDING: Style = {
     "facecolor": "#9DC3E6",
     "edgecolor": "#1F4E79",
@@ -152,7 +151,7 @@ def draw_flight(
     elif trajectory.landed:
         artists += ax.plot(col[-1], row[-1], "D", color="white", mec="black", ms=7, zorder=7)
     else:
-        artists += ax.plot(col[-1], row[-1], "*", color="#C1272D", mec="black", ms=13, zorder=7)
+        artists += ax.plot(col[-1], row[-1], "*", color=RED, mec="black", ms=13, zorder=7)
     return artists
 
 
@@ -208,7 +207,7 @@ def add_legend(figure: Figure, devices: int) -> None:
         Patch(label="shadow: no line of sight, darker for more devices", facecolor=str(1 - SHADOW)),
         mark("^", "start", mfc="white", mec="black", ms=9),
         mark("D", "landing", mfc="white", mec="black", ms=7),
-        mark("*", "crash", mfc="#C1272D", mec="black", ms=13),
+        mark("*", "crash", mfc=RED, mec="black", ms=13),
         mark("$→$", "moving, no upload", color="black", ms=12),
         mark("o", "hovering", mfc="none", mec="black", mew=1.4, ms=8),
     ]
@@ -249,10 +248,13 @@ def draw_study(figure: Figure, table: dict[str, np.ndarray]) -> None:
     axes = figure.subplots(1, 2)
     for ax, metric in zip(axes, ("cumulative_reward", "collection_ratio_and_landed"), strict=True):
         for variant in dict.fromkeys(table["variant"].tolist()):
-            own = table["variant"] == variant
+            of_variant = table["variant"] == variant
             runs = [
-                {name: column[own & (table["seed"] == seed)] for name, column in table.items()}
-                for seed in np.unique(table["seed"][own])
+                {
+                    name: column[of_variant & (table["seed"] == seed)]
+                    for name, column in table.items()
+                }
+                for seed in np.unique(table["seed"][of_variant])
             ]
             draw_curves(ax, runs, metric, label=variant.replace("_", " "))
     axes[0].legend()
@@ -268,3 +270,62 @@ def save_figure(figure: Figure, path: str | Path) -> None:
         known = ", ".join(sorted(formats))
         raise InputError(f"{path}: no picture format has this suffix; choose one of {known}")
     write_atomically(path, lambda temporary: figure.savefig(temporary, dpi=150))
+
+
+def pixels(figure: Figure) -> np.ndarray:
+    """The picture of a figure, (height, width, 3) uint8."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+
+def png(picture: Figure | np.ndarray, dpi: int = 100) -> bytes:
+    """A figure, or a picture as an (height, width, 3) uint8 array, as a PNG file's bytes."""
+    buffer = io.BytesIO()
+    if isinstance(picture, Figure):
+        picture.savefig(buffer, format="png", dpi=dpi)
+    else:
+        Image.fromarray(picture).save(buffer, format="PNG", compress_level=1)
+    return buffer.getvalue()
+
+
+def save_animation(
+    city: City, trajectory: Trajectory, path: str | Path, step_ms: int = 140
+) -> None:
+    """Write a flight as a GIF that plays in any browser, a frame a step; atomically.
+
+    Next to the map are the data left at each device and the flying time left.
+
+    Arguments:
+        step_ms: how long a step is shown, ms; the last one stays for three seconds.
+    """
+    start, steps = trajectory.start, len(trajectory.action)
+    used = np.flatnonzero(start.data_initial[0] > 0)
+    figure = Figure(figsize=(7, 4.8), dpi=100, layout="constrained")
+    ax, bars = figure.subplots(1, 2, width_ratios=(4, 1))
+    draw_city(ax, city)
+    ax.set(xlabel="", ylabel="", xticks=[], yticks=[])
+    labels = [*(f"device {k}" for k in used), "flying time"]
+    full = np.array([*trajectory.data_left[0, used], trajectory.time_left[0]], float)
+    colours = [*(device_colour(k) for k in used), "black"]
+    rows = np.arange(len(labels))
+    bars.barh(rows, 1, 0.5, color="#EEEEEE")
+    bars.set(xlim=(0, 1), xticks=[], yticks=rows, yticklabels=labels, title="what is left")
+    bars.invert_yaxis()
+    bars.spines[:].set_visible(False)
+    bars.tick_params(length=0)
+    frames = []
+    for step in range(steps + 1):
+        artists: list[Artist] = draw_flight(ax, city, trajectory, step)
+        left = np.array([*trajectory.data_left[step, used], trajectory.time_left[step]]) / full
+        artists += bars.barh(rows, left, 0.5, color=colours)
+        frames.append(Image.fromarray(pixels(figure)).quantize(64, dither=Image.Dither.NONE))
+        for artist in artists:
+            artist.remove()
+    durations = [step_ms] * steps + [3000]
+    write_atomically(
+        path,
+        lambda temporary: frames[0].save(
+            temporary, save_all=True, append_images=frames[1:], duration=durations, loop=0
+        ),
+    )

@@ -157,8 +157,8 @@ def place(
     )
 
 
-def _cell(city: City, place: tuple[int, int], what: str) -> int:
-    row, col = place
+def _cell(city: City, cell: tuple[int, int], what: str) -> int:
+    row, col = cell
     if not (0 <= row < city.size and 0 <= col < city.size):
-        raise InputError(f"{what} at {tuple(place)} is outside the city, {city.size} cells a side")
+        raise InputError(f"{what} at {tuple(cell)} is outside the city, {city.size} cells a side")
     return int(row) * city.size + int(col)

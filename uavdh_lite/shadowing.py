@@ -74,15 +74,15 @@ def _exact(buildings: np.ndarray) -> np.ndarray:
         for cols in range(-size + 1, size):
             height, width, left = size - rows, size - abs(cols), max(-cols, 0)
 
-            def met(cell, height=height, width=width, left=left):
+            def building_at(cell, height=height, width=width, left=left):
                 r, c = cell
                 return buildings[r : r + height, left + c : left + c + width]
 
             blocked = np.zeros((height, width), bool)
             for cell in crossed_cells(rows, cols):
-                blocked |= met(cell)
-            for one, other in passed_corners(rows, cols):
-                blocked |= met(one) & met(other)
+                blocked |= building_at(cell)
+            for first, second in passed_corners(rows, cols):
+                blocked |= building_at(first) & building_at(second)
             r, c = cells[:height, None], cells[None, left : left + width]
             sight[r, c, r + rows, c + cols] = ~blocked
             sight[r + rows, c + cols, r, c] = ~blocked

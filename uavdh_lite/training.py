@@ -55,15 +55,15 @@ class EpisodeStatistics:
         self.counts = np.zeros(2, int)
         self.loss = torch.zeros((), device=device)
 
-    def begin(self, places: np.ndarray, ordinary: np.ndarray) -> None:
+    def begin(self, environments: np.ndarray, ordinary: np.ndarray) -> None:
         """New episodes start in these environments."""
-        self.ordinary[places] = ordinary
-        self.reward[places] = 0
+        self.ordinary[environments] = ordinary
+        self.reward[environments] = 0
 
-    def end(self, places: np.ndarray, state: State) -> None:
+    def end(self, environments: np.ndarray, state: State) -> None:
         """The episodes in these environments ended in these states."""
-        counted = self.ordinary[places]
-        state, reward = state[counted], self.reward[places][counted]
+        counted = self.ordinary[environments]
+        state, reward = state[counted], self.reward[environments][counted]
         ratio = state.collection_ratio
         means = (reward, state.landed, ratio, ratio * state.landed)
         self.sums += [values.sum() for values in means]
@@ -93,7 +93,7 @@ class EpisodeStatistics:
     def state_dict(self) -> dict[str, Tensor]:
         """All of it, by name."""
         arrays = {name: vars(self)[name] for name in ("ordinary", "reward", "sums", "counts")}
-        return {"loss": self.loss, **{name: torch.tensor(one) for name, one in arrays.items()}}
+        return {"loss": self.loss, **{name: torch.tensor(array) for name, array in arrays.items()}}
 
     def load_state_dict(self, tensors: dict[str, Tensor]) -> None:
         """Take over what `state_dict` gave."""
@@ -236,9 +236,9 @@ class Trainer:
         self.statistics.end(ended, state[ended])
         return state.with_rows(ended, self._starts(ended))
 
-    def _starts(self, places: np.ndarray) -> State:
+    def _starts(self, environments: np.ndarray) -> State:
         """New episodes for these environments, a share of them exploring starts."""
-        recipe, count = self.recipe, len(places)
+        recipe, count = self.recipe, len(environments)
         state = self.scenario.sample(self.city, count, self.generator)
         exploring = self.generator.random(count) < recipe.exploring_starts
         if exploring.any():
@@ -248,7 +248,7 @@ class Trainer:
                     self.city, exploring.sum(), self.generator, recipe.exploring_spare_time
                 ),
             )
-        self.statistics.begin(places, ~exploring)
+        self.statistics.begin(environments, ~exploring)
         return state
 
     def _add_row(self) -> None:

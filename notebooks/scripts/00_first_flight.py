@@ -54,8 +54,8 @@ show(flights)
 #
 # - The white **triangle** is where the UAV starts, the **diamond** where it lands. Both are in the blue
 #   zones: only there it may.
-# - Each **cross** is a device on the ground; the number beside it is how much data it has to send.
-# - An **arrow** is one unit of flying time. Its colour says which device sent the most meanwhile, not how
+# - Each **cross** is a device on the ground; the number next to it is how much data it has to send.
+# - An **arrow** is one unit of flying time. Its colour says which device sent the most during it, not how
 #   much: far away or round a corner it may be a thousandth of a unit. Black means that none did. A
 #   **ring** is hovering.
 # - **Grey** cells lie in the radio shadow of buildings, the darker for the more devices.
@@ -87,10 +87,11 @@ def mission(devices, data, flying_time, start=(0, 0), seed=0):
     state = place(agent.city, start, devices, data, flying_time, agent.scenario.max_devices)
     return fly(environment, agent, state, np.random.default_rng(seed), record=True)
 
-show(mission(devices=[(4, 8), (11, 8), (7, 14)], data=[10, 15, 8], flying_time=60))
+show(mission(devices=[(0, 12), (8, 1), (12, 14)], data=[12, 15, 18], flying_time=70))
 
 # %% [markdown]
-# Now the same devices with half of the time. Predict before you run the cell after this one:
+# It collects everything, and lands with time to spare. Now give it half of the time, 35 units: less than
+# that flight took. Predict before you run the cell after this one:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -98,12 +99,12 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("half_the_time")
 
 # %%
-show(mission(devices=[(4, 8), (11, 8), (7, 14)], data=[10, 15, 8], flying_time=30))
+show(mission(devices=[(0, 12), (8, 1), (12, 14)], data=[12, 15, 18], flying_time=35))
 
 # %% [markdown]
-# With less time the agent has to choose, and it must keep enough to land. Nobody told it the distance
-# home: it learned to read it from the map and the remaining time. (30 is a little less than it was
-# trained on. It still flies there, but nobody taught it, and the less time the worse it does.)
+# Now it has to choose. It leaves the device with the least data, at (0, 12), almost untouched, empties the
+# other two and is home in time. Nobody told it the distance home: it learned to read it from the map and
+# the remaining time.
 #
 # Move the devices, their data and the time with the sliders (with a running kernel):
 
@@ -140,8 +141,8 @@ for name in ("has_landed", "collection_ratio", "collection_ratio_and_landed"):
     print(f"{name:<28}{mean:.1%}  (95 % interval {low:.1%} to {high:.1%})")
 
 # %% [markdown]
-# The interval says how far the mean may be off because of which missions were drawn (notebook 8). The
-# README has 1000 missions.
+# The interval says how far the mean may be off because of which missions were drawn (notebook 8). More
+# missions make it narrower.
 #
 # ## Recap
 #
@@ -170,8 +171,8 @@ assert needed < 20
 print(needed, "units of time; longer ones that fail:", [t for t in succeeds if t > needed and not succeeds[t]])
 
 # %% [markdown]
-# Nine moves to the device, seven back to the nearest cell of the landing zone, one to land: 17. It can
-# do with less, because the UAV need not go all the way: the link reaches down the street. Another draw
+# Nine moves to the device, seven back to the nearest cell of the landing zone, one to land: 17. Fewer are
+# enough, because the UAV need not go all the way: the link reaches down the street. Another draw
 # of the fading may shift the answer by one.
 #
 # **2.** Does luck matter? Fly one mission with 20 seeds (only the fading differs) and print the least and
@@ -184,7 +185,8 @@ assert len(set(ratios)) > 1
 print(f"from {min(ratios):.0%} to {max(ratios):.0%}")
 
 # %% [markdown]
-# By a few points in the total: a slot is a single draw, a flight is some hundred of them, and they average out.
+# A few points of the total: one slot is a single draw, but a flight has more than a hundred of them, and they
+# average out.
 #
 # ## Further reading, and where to go from here
 #

@@ -125,7 +125,7 @@ draw_ray(3, 3)
 pairs = sight.reshape(256, 256)
 assert (pairs == pairs.T).all()
 free = ~city.buildings.ravel()
-print(f"{pairs.mean():.1%} of all pairs see each other, {pairs[free][:, free].mean():.1%} of free cells")
+print(f"{pairs.mean():.1%} of all pairs see each other, {pairs[free][:, free].mean():.1%} of the pairs of free cells")
 
 # %% [markdown]
 # ## 2.2 All rays at once
@@ -209,14 +209,13 @@ Quiz("both_ways")
 
 # %%
 fan = line_of_sight(city.buildings, "bresenham")
-free = ~city.buildings
-between = free[:, :, None, None] & free[None, None]
-print(f"the two differ in {(fan != sight)[between].mean():.1%} of the pairs of free cells")
-one_way = fan.reshape(256, 256) != fan.reshape(256, 256).T
-print(f"Bresenham's: one sees the other but not the reverse in {one_way.mean():.1%} of all pairs")
+rays = fan.reshape(256, 256)
+asked = free[:, None] & free & ~np.eye(256, dtype=bool)  # device and UAV over different free cells
+print(f"The two differ in {(rays != pairs)[asked].mean():.1%} of the pairs of different free cells.")
+print(f"In {(rays != rays.T)[asked].mean():.1%} of them Bresenham's lines connect one way only.")
 
 # %%
-worst = np.argmax((fan != sight).sum(axis=(2, 3)) * free)
+worst = np.argmax((rays != pairs).sum(axis=1) * free)
 row, col = divmod(int(worst), 16)
 figure = Figure(figsize=(10, 5), layout="constrained")
 for ax, name, table in zip(figure.subplots(1, 2), ("exact", "Bresenham"), (sight, fan)):
@@ -262,9 +261,10 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Exact is about ten times slower than the fan of rays, and still a fraction of a second at 32×32. It is
-# done once for a city; flying only looks things up. In small cities the fixed price of each array
-# operation rules; only the large ones near the slope of 4.
+# Exact is many times slower than the fan of rays; how many times depends on the size and on the machine. But
+# it is done once for a city, and flying only looks things up. In small cities most of the time is the fixed
+# price of each array operation, so the curve of exact is flatter than the slope of 4 and comes near it only
+# for large ones.
 #
 # ## Recap
 #

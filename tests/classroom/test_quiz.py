@@ -1,12 +1,13 @@
 """The quizzes: every choice explains itself, and every question is asked in a notebook."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from uavdh_lite.course.quiz import Choice, Question, Quiz
-from uavdh_lite.course.quizzes import QUESTIONS
+from uavdh_lite.course.quiz import Choice, Question, Quiz, questions, read_questions
 from uavdh_lite.errors import InputError
 
 SCRIPTS = (Path(__file__).parents[2] / "notebooks" / "scripts").glob("*.py")
@@ -18,11 +19,11 @@ ASKED = {
 
 
 def test_every_question_is_asked_and_every_tutorial_asks_one():
-    assert set(ASKED) == set(QUESTIONS)
+    assert set(ASKED) == set(questions())
     assert {stem[:2] for stem in ASKED.values()} == {f"{n:02d}" for n in range(10)}
 
 
-@pytest.mark.parametrize("name", QUESTIONS)
+@pytest.mark.parametrize("name", questions())
 def test_every_choice_explains_itself(name):
     quiz = Quiz(name)
     assert quiz.choices.value is None and not quiz.answer.value
@@ -34,9 +35,50 @@ def test_every_choice_explains_itself(name):
     assert len(said) == len(quiz.question.choices) >= 2
 
 
-def test_a_question_has_one_right_choice():
-    with pytest.raises(InputError, match="exactly one choice must be right"):
-        Question("Which?", (Choice("a", "no"), Choice("b", "no")))
+def test_a_quiz_needs_no_more_than_ipywidgets():
+    """The notebooks' own installation has no ipyevents, which the labs listen with."""
+    code = (
+        "import sys; sys.modules['ipyevents'] = None; import uavdh_lite.course.quiz as quiz; "
+        "quiz.Quiz('frame_size'); import uavdh_lite.labs.widgets; "
+        "print(sorted(name for name in sys.modules if name.startswith('uavdh_lite.labs')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "['uavdh_lite.labs', 'uavdh_lite.labs.widgets']"
+
+
+GOOD = """
+[a]
+question = "Which?"
+choices = [{text = "this", why = "so", right = true}, {text = "that", why = "not so"}]
+"""
+
+
+def test_questions_are_read_from_a_file(tmp_path):
+    path = tmp_path / "quizzes.toml"
+    path.write_text(GOOD)
+    choices = Choice("this", "so", right=True), Choice("that", "not so")
+    assert read_questions(path) == {"a": Question("Which?", choices)}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("right = true", "right = false", "a, choice 0: expected text, why and"),
+        (", right = true", "", "a: 0 choices are right, expected exactly one"),
+        ('why = "not so"', 'why = "so", right = true', "a: 2 choices are right"),
+        ('why = "not so"', "why = 3", "a, choice 1: expected text, why and"),
+        ('why = "not so"', 'because = "not so"', "a, choice 1: expected text, why and"),
+        (', {text = "that", why = "not so"}', "", "a: expected a text, question, and two choices"),
+        ("question =", "text =", "a: expected a text, question, and two choices"),
+        ("[a]", "[a", "Expected ']'"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_named(tmp_path, old, new, message):
+    path = tmp_path / "quizzes.toml"
+    assert old in GOOD
+    path.write_text(GOOD.replace(old, new))
+    with pytest.raises(InputError, match=f"quizzes.toml: .*{re.escape(message)}"):
+        read_questions(path)
 
 
 def test_an_unknown_question():
@@ -52,7 +94,7 @@ def test_without_widgets_it_is_a_list_with_its_answer_folded_away():
 
 def test_text_is_escaped(monkeypatch):
     question = Question("a < b?", (Choice("<b>", "x < y", right=True),))
-    monkeypatch.setitem(QUESTIONS, "escaped", question)
+    monkeypatch.setitem(questions(), "escaped", question)
     quiz = Quiz("escaped")
     quiz.choices.value = question.choices[0]
     assert "x &lt; y" in quiz.answer.value and "a &lt; b?" in quiz.as_html()

@@ -1,4 +1,5 @@
 import json
+import os
 import subprocess
 import sys
 from dataclasses import fields
@@ -8,20 +9,39 @@ import pytest
 from PIL import Image
 
 from uavdh_lite.checkpoint import load_agent, shipped_agents
-from uavdh_lite.cli.main import PAPER_RESULTS, main
-from uavdh_lite.recipe import Recipe
+from uavdh_lite.cli.main import main
+from uavdh_lite.paper import RESULTS
+from uavdh_lite.recipe import RECIPES, Recipe
+from uavdh_lite.scenario import SCENARIOS, Scenario
+
+COMMANDS = [
+    "ablation",
+    "app",
+    "challenge",
+    "city",
+    "compare",
+    "demo",
+    "evaluate",
+    "export",
+    "fly",
+    "train",
+]
 
 
 def failing(capsys, *arguments):
     """The one-line error of a command that must fail with status 2."""
-    try:
-        status = main(list(arguments))
-    except SystemExit as exit:
-        status = exit.code
+    status = main(list(arguments))
     error = capsys.readouterr().err
     assert status == 2
     assert error.endswith("\n") and error.count("\n") == 1
+    assert error.startswith("uavdh_lite: error: ")
     return error
+
+
+def help_of(capsys, *arguments):
+    """What `--help` prints, on one line and without boxes."""
+    assert main([*arguments, "--help"]) == 0
+    return " ".join(capsys.readouterr().out.replace("│", " ").split())
 
 
 def test_demo_prints_the_table_beside_the_papers_and_draws(tmp_path, capsys):
@@ -53,7 +73,7 @@ def test_evaluate_writes_json(tmp_path, capsys):
     assert capsys.readouterr().out == first
 
 
-@pytest.mark.parametrize("name", sorted(PAPER_RESULTS.keys() & set(shipped_agents())))
+@pytest.mark.parametrize("name", sorted(RESULTS.keys() & set(shipped_agents())))
 def test_shipped_agents_land_and_collect(name, tmp_path):
     path = tmp_path / "r.json"
     assert main(["evaluate", "--checkpoint", name, "--episodes", "300", "--json", str(path)]) == 0
@@ -95,14 +115,56 @@ def test_train_takes_a_city_and_ranges_of_ones_own(corridor, tmp_path, capsys):
     assert agent.recipe.huber_delta is None and agent.recipe.layer_norm is False
 
 
-def test_help_explains_every_field(capsys):
-    with pytest.raises(SystemExit):
-        main(["train", "--help"])
-    output = " ".join(capsys.readouterr().out.split())
-    for field in fields(Recipe):
-        if field.name != "name":
-            assert f"--{field.name.replace('_', '-')}" in output
-            assert field.metadata["help"] in output
+@pytest.mark.parametrize("command", ["train", "ablation"])
+def test_help_explains_every_field(command, capsys):
+    output = help_of(capsys, command)
+    for config in (Recipe, Scenario) if command == "train" else (Recipe,):
+        for field in fields(config):
+            if field.name != "name":
+                assert f"--{field.name.replace('_', '-')} " in output
+                assert field.metadata["help"] in output
+    assert all(name in output for name in (*RECIPES, *SCENARIOS))
+
+
+@pytest.mark.parametrize("command", ["train", "ablation"])
+def test_help_shows_the_values_of_the_recipe_that_is_named(command, capsys):
+    for name in ("lite", "paper", "small"):
+        chosen = [] if name == "lite" else ["--recipe", name]
+        output = help_of(capsys, command, *chosen)
+        for field in fields(Recipe):
+            if field.name != "name":
+                value = getattr(RECIPES[name], field.name)
+                shown = " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+                shown = "none" if value is None else shown
+                assert f"{field.metadata['help']} [default: {shown}]" in output, field.name
+
+
+def test_help_shows_the_values_of_the_scenario_that_is_named(capsys):
+    output = help_of(capsys, "train", "--kernels", "3", "--scenario=harbour", "--resume")
+    assert "a shipped city's name, or the path of a PNG [default: harbour]" in output
+    assert "least and most number of devices [default: 3 10]" in output
+    assert "flying time, units of time [default: 50 150]" in output
+
+
+def test_every_command_has_a_help_without_colours_and_of_the_width_of_the_terminal():
+    for arguments in ([], *([command] for command in COMMANDS), ["challenge", "score"]):
+        shown = subprocess.run(
+            [sys.executable, "-m", "uavdh_lite", *arguments, "--help"],
+            capture_output=True,
+            env={**os.environ, "COLUMNS": "100"},
+            text=True,
+            check=True,
+        ).stdout
+        assert shown.startswith("Usage: uavdh_lite") and "\x1b" not in shown
+        assert max(map(len, shown.splitlines())) == 100
+        if not arguments:
+            assert all(f"│ {command} " in shown for command in COMMANDS)
+
+
+def test_options_given_twice_hold_as_given_last(tmp_path, capsys):
+    arguments = ["fly", "--flying-time", "40", "--flying-time", "50", "--out"]
+    assert main([*arguments, str(tmp_path / "f.png")]) == 0
+    assert "/50" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -110,22 +172,38 @@ def test_help_explains_every_field(capsys):
     [
         ("train --scenario mars", "unknown scenario 'mars'"),
         ("train --recipe secret", "unknown recipe 'secret'"),
-        ("train --discount 2", "discount is 2.0, must be between 0 and 1"),
-        ("train --discount much", "argument --discount: invalid float value: 'much'"),
-        ("train --seed -1", "'-1' is not a whole number"),
-        ("train --threads 0", "argument --threads: invalid choice: 0 (choose from 1, 2)"),
+        ("train --recipe", "Parameter --recipe requires an argument"),
+        ("train --recipe secret --help", "unknown recipe 'secret'"),
+        ("train --discount 2", "discount is 2.0, must be at least 0 and at most 1"),
+        ("train --discount much", 'Invalid value for --discount: unable to convert "much" into'),
+        ("train --discoun 1", "Unknown option: --discoun. Did you mean --discount?"),
+        ("train --steps 1.5", 'Invalid value for --steps: unable to convert "1.5" into int'),
+        ("train --hidden 16 1.5", 'Invalid value for --hidden: unable to convert "1.5" into int'),
+        ("train --seed -1", 'Invalid value "-1" for --seed. Must be >= 0'),
+        ("train --seed 0.5", 'Invalid value for --seed: unable to convert "0.5" into int'),
+        ("train --threads 0", 'Invalid value "0" for --threads. Choose from: 1, 2'),
         ("train --seed 99999999999999999999", "seed 99999999999999999999: must be a whole number"),
         ("train --crash-reward nan", "crash_reward is nan, must be a finite number"),
-        ("train --strides 0", "strides is (0,), must be numbers of at least 1"),
-        ("train --exploring-spare-time -1", "exploring_spare_time is -1, must be 0 or above"),
+        ("train --strides 0", "strides is (0,), must be at least 1"),
+        ("train --strides", "--strides requires at least 1 element"),
+        ("train --exploring-spare-time -1", "exploring_spare_time is -1, must be at least 0"),
         ("train --observation polar", "unknown observation 'polar'"),
         ("fly --out flight.doc", "flight.doc: no picture format has this suffix"),
-        ("train --device tpu", "unknown device 'tpu'"),
+        (
+            "train --device tpu",
+            'Invalid value "tpu" for --device. Choose from: "cpu", "cuda"',
+        ),
+        ("train --devices 1", "--devices requires 2"),
+        ("train --devices 1 2 3", "Unexpected: 3."),
+        ("train fast", "Unexpected: fast."),
         ("train --city nowhere.png", "nowhere.png: no such file"),
         ("train --devices 1 2000", "up to 2000 devices"),
-        ("evaluate", "the following arguments are required: --checkpoint"),
+        (
+            "evaluate",
+            "--checkpoint requires an argument. See: python -m uavdh_lite evaluate",
+        ),
         ("evaluate --checkpoint none.safetensors", "none.safetensors: no such file"),
-        ("evaluate --checkpoint manhattan --episodes 0", "'0' is not a whole number of at least 1"),
+        ("evaluate --checkpoint manhattan --episodes 0", "for --episodes. Must be > 0"),
         ("evaluate --checkpoint manhattan --city metropolis", "metropolis has 50"),
         ("fly --devices 2,2", "device 0 stands on a building at (2, 2)"),
         ("fly --devices 4,4 4,4", "device 1 is at (4, 4), where another device stands"),
@@ -135,8 +213,19 @@ def test_help_explains_every_field(capsys):
         ("fly --devices 4,0 4,1 4,2 4,3 4,4 4,5", "6 devices: this scenario takes 1 to 5"),
         ("fly --flying-time 0", "flying time 0: must be at least 1"),
         ("city atlantis", "no city named 'atlantis'"),
-        ("dance", "invalid choice: 'dance'"),
-        ("", "the following arguments are required: COMMAND"),
+        ("city", "PATH requires an argument. See: python -m uavdh_lite city --help"),
+        ("dance", 'Unknown command "dance". Available commands: '),
+        ("", "A command is missing. See: python -m uavdh_lite --help"),
+        ("challenge", "A command is missing. See: python -m uavdh_lite challenge --help"),
+        ("challenge score", "SUBMISSION requires an argument"),
+        ("challenge score nobody", "submission nobody: no such file, planner or shipped agent"),
+        ("challenge show nowhere.json", "nowhere.json: no such leaderboard"),
+        (
+            "ablation --backend mpi",
+            'Invalid value "mpi" for --backend. Choose from: "loky", ',
+        ),
+        ("compare --replan 0", 'Invalid value "0" for --replan. Must be > 0'),
+        ("app --port 0", 'Invalid value "0" for --port. Must be > 0'),
     ],
 )
 def test_bad_values_give_one_line_and_status_2(capsys, tmp_path, monkeypatch, arguments, message):
@@ -151,17 +240,51 @@ def test_an_unwritable_output_is_one_line_and_status_1(capsys, tmp_path):
     assert status == 1 and error.count("\n") == 1 and "file" in error
 
 
-def test_importing_the_library_stays_light():
-    program = "import sys, uavdh_lite.training; print(sorted(sys.modules))"
-    loaded = subprocess.run(
+def imported_by(program):
+    """The modules that a Python process has imported at its end."""
+    program += "; import sys; print('imported:', *sys.modules)"
+    output = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     ).stdout
-    assert "'matplotlib'" not in loaded and "'ipywidgets'" not in loaded
+    return set(output.split("imported:")[1].split())
 
 
-def test_the_page_says_what_to_install(monkeypatch, capsys):
-    monkeypatch.delitem(sys.modules, "uavdh_lite.labs.app.server", raising=False)
-    monkeypatch.setitem(sys.modules, "voila", None)
-    monkeypatch.setitem(sys.modules, "voila.app", None)
-    assert main(["app"]) == 2
-    assert "pip install 'uavdh-lite[app]'" in capsys.readouterr().err
+def test_importing_the_library_stays_light():
+    assert not imported_by("import uavdh_lite") & {"numpy", "torch", "matplotlib", "cyclopts"}
+    assert not imported_by("import uavdh_lite.training") & {"matplotlib", "ipywidgets", "cyclopts"}
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS])
+def test_help_imports_nothing_slow(command):
+    arguments = [*command.split(), "--help"]
+    program = f"from uavdh_lite.cli.main import main; main({arguments})"
+    imported = imported_by(program)
+    assert "cyclopts" in imported
+    slow = {"torch", "matplotlib", "joblib", "ipywidgets", "voila"}
+    if command not in ("train", "ablation"):  # they show values of recipe and scenario
+        slow |= {"numpy"}
+    assert not imported & slow
+
+
+@pytest.mark.parametrize(
+    ("command", "package", "name"),
+    [
+        ("app", "voila", "app"),
+        ("challenge new secret.json", "psutil", "classroom"),
+        ("challenge score greedy", "psutil", "classroom"),
+        ("challenge show board.json", "psutil", "classroom"),
+        ("export --checkpoint manhattan", "onnxruntime", "onnx"),
+        ("train --scenario village --recipe small --tensorboard", "tensorboard", "tensorboard"),
+        ("ablation --recipe small --backend dask", "distributed", "dask"),
+    ],
+)
+def test_a_missing_package_is_one_line(command, package, name, monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    for module in list(sys.modules):
+        if module.startswith(("uavdh_lite.labs", "uavdh_lite.course", "torch.utils.tensorboard")):
+            monkeypatch.delitem(sys.modules, module)
+        if module.split(".")[0] == package:
+            monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.setitem(sys.modules, package, None)
+    error = failing(capsys, *command.split())
+    assert error.endswith(f"{package} is not installed: pip install 'uavdh-lite[{name}]'\n")

@@ -6,23 +6,21 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
-from uavdh_lite.checkpoint import load, load_agent
-from uavdh_lite.errors import TrainingDiverged
-from uavdh_lite.experiments.runs import train
-from uavdh_lite.training import BIN, Trainer
+from uavdh_lite.checkpoint import load
+from uavdh_lite.cli.main import main
+from uavdh_lite.storage import read_table
 
 OPTIONS = {
     "scenario": "village",
     "recipe": "small",
     "seed": 3,
     "steps": 9600,
-    "validation-interval": 800,
+    "validation-interval": 1600,
     "validation-episodes": 10,
     "kernels": 2,
     "hidden": 16,
@@ -33,66 +31,102 @@ OPTIONS = {
 }
 
 
-def command(out, *more):
+def arguments(out, *more):
     options = [text for name, value in OPTIONS.items() for text in (f"--{name}", str(value))]
-    return [sys.executable, "-m", "uavdh_lite", "train", *options, "--out", str(out), *more]
+    return ["train", *options, "--out", str(out), *more]
 
 
-def run(arguments, **options):
-    return subprocess.run(arguments, capture_output=True, text=True, **options)
+def command(out, *more):
+    """The same in a process of its own."""
+    return [sys.executable, "-m", "uavdh_lite", *arguments(out, *more)]
 
 
-def test_two_runs_in_one_folder(tmp_path):
+def run(command, **options):
+    return subprocess.run(command, capture_output=True, text=True, **options)
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    out = tmp_path_factory.mktemp("whole")
+    assert main(arguments(out)) == 0
+    return out
+
+
+def assert_same_result(out, uninterrupted):
+    tensors, about = load(out / "training.safetensors", "training")
+    expected, expected_about = load(uninterrupted / "training.safetensors", "training")
+    assert about["steps"] == expected_about["steps"] == 9600
+    assert tensors.keys() == expected.keys()
+    for name, tensor in tensors.items():
+        assert torch.equal(tensor, expected[name]), name
+    for name in ("training.csv", "validation.csv"):
+        ours, theirs = read_table(out / name), read_table(uninterrupted / name)
+        for column in ours.keys() - {"seconds"}:
+            assert np.array_equal(ours[column], theirs[column], equal_nan=True), column
+
+
+def started(out, signal_number):
+    """Start the run, wait for its first saved state, send the signal; the finished process."""
+    process = subprocess.Popen(
+        command(out), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    while not (out / "training.safetensors").exists():
+        assert process.poll() is None, process.stdout.read()
+        time.sleep(0.005)
+    os.kill(process.pid, signal_number)
+    output, _ = process.communicate(timeout=60)
+    _, about = load(out / "training.safetensors", "training")
+    assert 0 < about["steps"] < 9600
+    return process.returncode, output
+
+
+def test_a_killed_run_resumes_to_the_same_result(tmp_path, uninterrupted):
+    """Its lock does not stay either."""
+    code, _ = started(tmp_path, signal.SIGKILL)
+    assert code == -signal.SIGKILL
+    assert main(arguments(tmp_path, "--resume")) == 0
+    assert_same_result(tmp_path, uninterrupted)
+
+
+def test_ctrl_c_saves_and_says_how_to_resume(tmp_path, uninterrupted):
+    code, output = started(tmp_path, signal.SIGINT)
+    assert code == 130
+    assert "--resume" in output and "Traceback" not in output
+    assert main(arguments(tmp_path, "--resume")) == 0
+    assert_same_result(tmp_path, uninterrupted)
+
+
+@pytest.mark.parametrize("steps", [800, 1920])
+def test_a_run_left_early_resumes_to_the_same_result(tmp_path, uninterrupted, steps, capsys):
+    """Before and after the first validation, at 1600 steps; 16 environments."""
+    assert main(arguments(tmp_path, "--stop-after", str(steps))) == 0
+    output = capsys.readouterr().out
+    assert f"left after {steps} steps; to go on: add --resume" in output
+    assert ("best agent" in output) == (tmp_path / "best.safetensors").exists() == (steps > 1600)
+    assert main(arguments(tmp_path, "--resume")) == 0
+    assert_same_result(tmp_path, uninterrupted)
+
+
+def test_two_runs_in_one_folder(tmp_path, capsys):
     endless = command(tmp_path, "--steps", "100000000")
     with subprocess.Popen(endless, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as first:
         try:
             while not (tmp_path / "training.safetensors").exists():
                 assert first.poll() is None
                 time.sleep(0.005)
-            second = run(command(tmp_path, "--resume"))
-            assert second.returncode == 2 and first.poll() is None
-            assert "another process is training there; choose another folder" in second.stderr
+            assert main(arguments(tmp_path, "--resume")) == 2 and first.poll() is None
+            error = capsys.readouterr().err
+            assert "another process is training there; choose another folder" in error
         finally:
             first.kill()
 
 
-def test_the_lock_of_a_killed_run_does_not_stay(tmp_path):
-    with subprocess.Popen(command(tmp_path), stderr=subprocess.DEVNULL) as first:
-        while not (tmp_path / "training.safetensors").exists():
-            assert first.poll() is None
-            time.sleep(0.005)
-        first.kill()
-    assert run(command(tmp_path, "--resume")).returncode == 0
-
-
-def test_a_training_that_diverges_stops_with_its_last_good_state(
-    tmp_path, corridor, corridor_scenario, quick
-):
-    recipe = replace(quick, steps=4 * BIN, validation_interval=BIN)
-    trainer = Trainer(corridor_scenario, recipe, 0, corridor)
-    descend = trainer.ddqn.descend
-
-    def diverging(*minibatch):
-        loss = descend(*minibatch)
-        if trainer.steps > 1.5 * BIN:
-            with torch.no_grad():
-                next(trainer.ddqn.online.parameters()).fill_(float("nan"))
-        return loss
-
-    trainer.ddqn.descend = diverging
-    with pytest.raises(TrainingDiverged, match=f"not finite after {2 * BIN} steps: the last good"):
-        train(trainer, tmp_path)
-    tensors, about = load(tmp_path / "training.safetensors", "training")
-    assert about["steps"] == BIN
-    assert all(torch.isfinite(t).all() for t in tensors.values() if t.is_floating_point())
-    agent = load_agent(tmp_path / "best.safetensors")
-    assert all(torch.isfinite(p).all() for p in agent.network.parameters())
-
-
-def test_the_command_says_that_it_diverged(tmp_path):
-    done = run(command(tmp_path, "--learning-rate", "1e30", "--learning-rate-end", "1e30"))
-    assert done.returncode == 1 and "Traceback" not in done.stderr
-    assert "is not finite after" in done.stderr and "nothing was saved yet" in done.stderr
+def test_the_command_says_that_it_diverged(tmp_path, capsys):
+    rate = ("--learning-rate", "1e30", "--learning-rate-end", "1e30")
+    assert main(arguments(tmp_path, *rate)) == 1
+    error = capsys.readouterr().err
+    assert "is not finite after" in error and "nothing was saved yet" in error
+    assert "Traceback" not in error
 
 
 def in_small_folder(size, tmp_path, script):
@@ -105,26 +139,29 @@ def in_small_folder(size, tmp_path, script):
     return run(["unshare", "-rm", "sh", "-c", f"{mount} && {script}"], cwd=tmp_path)
 
 
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
 def test_a_full_disk(tmp_path):
     """The run stops with a message; what was saved before stays whole and goes on elsewhere."""
-    train = " ".join(command("disk/run"))
+    kept = tmp_path / "kept"
+    assert main(arguments(kept, "--stop-after", "1600")) == 0
     script = (
-        f"{train} --stop-after 1600 >first 2>&1; cp -r disk/run kept; "
-        f"dd if=/dev/zero of=disk/rest bs=1k >/dev/null 2>&1; "
-        f"{train} --resume >second 2>&1; echo $? >code; ls -a disk/run >names; cp -r disk/run after"
+        f"cp -r kept disk/run; dd if=/dev/zero of=disk/rest bs=1k >/dev/null 2>&1; "
+        f"{' '.join(command('disk/run', '--resume'))} >second 2>&1; echo $? >code; "
+        f"cp -r disk/run after"
     )
     done = in_small_folder("3m", tmp_path, script)
     assert done.returncode == 0, done.stderr
     message = (tmp_path / "second").read_text()
     assert (tmp_path / "code").read_text().strip() == "1"
     assert "No space left on device" in message and "Traceback" not in message
-    assert (tmp_path / "names").read_text() == "\n".join(
-        [".", "..", *sorted(p.name for p in (tmp_path / "kept").iterdir())]
-    ) + "\n"
-    for path in (tmp_path / "kept").iterdir():
-        assert path.read_bytes() == (tmp_path / "after" / path.name).read_bytes(), path.name
-    resumed = run(command(tmp_path / "after", "--resume"))
-    assert resumed.returncode == 0, resumed.stderr
+    before, after = (
+        {p.name: p.read_bytes() for p in f.iterdir()} for f in (kept, tmp_path / "after")
+    )
+    assert after == before
+    assert main(arguments(tmp_path / "after", "--resume")) == 0
 
 
 def test_a_folder_that_cannot_be_written(tmp_path):
@@ -135,10 +172,8 @@ def test_a_folder_that_cannot_be_written(tmp_path):
 
 
 @pytest.mark.long
-def test_twenty_kills_at_random_moments(tmp_path):
+def test_twenty_kills_at_random_moments(tmp_path, uninterrupted):
     """Whenever it is killed, the run resumes, and ends with the weights of an undisturbed one."""
-    assert run(command(tmp_path / "whole")).returncode == 0
-    expected, _ = load(tmp_path / "whole" / "training.safetensors", "training")
     generator = np.random.default_rng(0)
     out, kills = tmp_path / "killed", 0
     while kills < 20:
@@ -157,17 +192,10 @@ def test_twenty_kills_at_random_moments(tmp_path):
             kills += 1
         assert process.returncode in (0, -signal.SIGKILL), time.monotonic() - started
         if process.returncode == 0:  # finished before it was killed: once more from the start
-            compare(out, expected)
+            assert_same_result(out, uninterrupted)
             shutil.rmtree(out)
     if not (out / "training.safetensors").exists():
         shutil.rmtree(out, ignore_errors=True)
     more = ["--resume"] if out.exists() else []
-    assert run(command(out, *more)).returncode == 0
-    compare(out, expected)
-
-
-def compare(out, expected):
-    tensors, _ = load(out / "training.safetensors", "training")
-    assert tensors.keys() == expected.keys()
-    for name, tensor in tensors.items():
-        assert torch.equal(tensor, expected[name]), name
+    assert main(arguments(out, *more)) == 0
+    assert_same_result(out, uninterrupted)

@@ -1,8 +1,6 @@
 import errno
 import os
 import pickle
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +15,6 @@ from uavdh_lite.agent import Agent, build
 from uavdh_lite.checkpoint import load_agent, save_agent
 from uavdh_lite.city import City
 from uavdh_lite.errors import CheckpointError, InputError
-from uavdh_lite.storage import write_atomically
 
 
 @pytest.fixture
@@ -141,35 +138,10 @@ def test_a_failed_save_leaves_the_old_checkpoint_and_nothing_else(agent, tmp_pat
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="needs Unix resource limits")
-def test_a_save_that_outgrows_the_disk_space_leaves_the_old_file(tmp_path):
-    """A real failure of the operating system: files may not grow past 4096 bytes."""
-    path = tmp_path / "file.bin"
-    path.write_bytes(b"old")
-    program = f"""
-import resource, signal
-from pathlib import Path
-from uavdh_lite.storage import write_atomically
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
-write_atomically({str(path)!r}, lambda temporary: temporary.write_bytes(bytes(100_000)))
-"""
-    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert result.returncode == 1 and "File too large" in result.stderr
-    assert path.read_bytes() == b"old"
-    assert list(tmp_path.iterdir()) == [path]
-
-
 def test_an_unwritable_place_is_an_os_error(agent, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="file"):
         save_agent(tmp_path / "file" / "a.safetensors", agent)
-
-
-def test_written_files_have_the_usual_permissions(tmp_path):
-    write_atomically(tmp_path / "a", lambda temporary: temporary.write_text("x"))
-    (tmp_path / "b").write_text("x")
-    assert (tmp_path / "a").stat().st_mode == (tmp_path / "b").stat().st_mode
 
 
 OLDER = {  # by format: Q-values of two states, crash rewards at the start and at the end

@@ -3,13 +3,9 @@
 A hundred examples of each in the ordinary tests, thousands with `python -m pytest -m long`.
 """
 
-import csv
-import gzip
-import io
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 from hypothesis import HealthCheck, given, settings
@@ -131,35 +127,3 @@ def test_some(kind, tmp_path):
 @pytest.mark.parametrize("kind", KINDS, ids=NAMES)
 def test_thousands(kind, tmp_path):
     fuzz(kind, tmp_path, MANY)
-
-
-def test_a_bomb_is_not_unpacked_into_memory(tmp_path):
-    """A small compressed file of a huge table ends with an error, not with the machine's memory."""
-    path = tmp_path / "t.csv.gz"
-    with gzip.open(path, "wb", compresslevel=9) as file:
-        for _ in range(300):
-            file.write(b"0" * 2**20)
-    with pytest.raises(InputError, match="larger than"):
-        read_table(path)
-
-
-def test_the_csv_module_s_own_limits_are_errors_of_ours(tmp_path):
-    path = tmp_path / "t.csv"
-    text = io.StringIO()
-    csv.writer(text).writerow(["a" * 200_000])
-    path.write_text(text.getvalue())
-    with pytest.raises(InputError, match="not a table"):
-        read_table(path)
-
-
-def test_numbers_that_are_none(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_text("a,b\n1,\n2,x\n")
-    read = read_table(path)
-    assert read["a"].tolist() == [1, 2] and read["b"].tolist() == ["", "x"]
-    assert np.isnan(read_table_of(tmp_path, 'a\n1\n""\n')["a"][1])
-
-
-def read_table_of(folder, text):
-    (folder / "u.csv").write_text(text)
-    return read_table(folder / "u.csv")

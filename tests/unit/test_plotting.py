@@ -1,3 +1,4 @@
+import io
 from dataclasses import replace
 
 import numpy as np
@@ -6,17 +7,21 @@ from matplotlib.collections import PatchCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
+from PIL import Image
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import EAST, HOVER, LAND, WEST, Environment
 from uavdh_lite.evaluation import fly
 from uavdh_lite.plotting import (
     DEVICE_COLOURS,
+    RED,
     add_legend,
     caption,
     draw_city,
     draw_curves,
     draw_trajectory,
+    pixels,
+    png,
     save_figure,
     shadow_sum,
 )
@@ -108,3 +113,13 @@ def test_figures_are_saved_with_their_legend(figure, corridor, tmp_path):
     assert box.x0 >= 0 and box.x1 <= figure.bbox.x1  # nothing is cut off
     assert (tmp_path / "f.png").read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "f.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_a_png_is_of_a_figure_or_of_pixels():
+    figure = Figure(figsize=(2, 3), facecolor=RED)
+    assert pixels(figure).shape == (300, 200, 3)
+    for picture in (figure, pixels(figure)):
+        read = Image.open(io.BytesIO(png(picture)))
+        assert (read.format, read.size) == ("PNG", (200, 300))
+        assert read.convert("RGB").getpixel((100, 150)) == (0xC1, 0x27, 0x2D)
+    assert Image.open(io.BytesIO(png(figure, dpi=50))).size == (100, 150)

@@ -1,23 +1,15 @@
 import copy
-import os
-import signal
-import subprocess
-import sys
 import threading
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
-from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.errors import InputError
-from uavdh_lite.experiments.runs import train
-from uavdh_lite.recipe import LITE, PAPER, RECIPES, Recipe, find_recipe
+from uavdh_lite.recipe import LITE, PAPER
 from uavdh_lite.scenario import SCENARIOS
-from uavdh_lite.storage import read_table
-from uavdh_lite.training import BIN, OverlappedTrainer, Trainer
+from uavdh_lite.training import OverlappedTrainer, Trainer
 
 
 @pytest.fixture
@@ -137,150 +129,6 @@ def test_another_run_is_not_restored(trainer, tmp_path):
         trainer(discount=0.9).restore(tmp_path / "t.safetensors")
 
 
-def test_files_of_a_run(trainer, tmp_path):
-    done = trainer(steps=2 * BIN + 40)
-    best = train(done, tmp_path / "run", command="python -m uavdh_lite train ...")
-    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
-        "about.json",
-        "best.safetensors",
-        "lock",
-        "training.csv",
-        "training.safetensors",
-        "validation.csv",
-    ]
-    curve = read_table(tmp_path / "run" / "training.csv")
-    assert curve["steps"].tolist() == [BIN, 2 * BIN]
-    assert (curve["episodes"] > 0).all()
-    validation = read_table(tmp_path / "run" / "validation.csv")
-    assert validation["steps"].tolist() == [*range(1000, 10_001, 1000), 10_040]
-    agent = load_agent(best)
-    about = agent.training
-    kept = about["validation"]["collection_ratio_and_landed"]
-    assert kept == pytest.approx(validation["collection_ratio_and_landed"].max(), abs=1e-6)
-    assert about["command"].startswith("python -m uavdh_lite train")
-    assert about["seed"] == 0 and about["steps"] == about["validation"]["steps"]
-
-
-def test_a_folder_with_a_run_is_not_overwritten(trainer, tmp_path):
-    train(trainer(steps=400), tmp_path)
-    with pytest.raises(InputError, match="holds a run already; add --resume"):
-        train(trainer(steps=400), tmp_path)
-    with pytest.raises(InputError, match="no run to resume there"):
-        train(trainer(steps=400), tmp_path / "empty", resume=True)
-    train(trainer(steps=400), tmp_path, resume=True)  # a finished run stays finished
-
-
-OPTIONS = {
-    "scenario": "manhattan",
-    "seed": 3,
-    "steps": 9600,
-    "validation-interval": 1600,
-    "validation-episodes": 10,
-    "kernels": 2,
-    "hidden": 16,
-    "batch-size": 32,
-    "replay-capacity": 2000,
-    "replay-prefill": 320,
-}
-
-
-def command(out, *more):
-    options = [text for name, value in OPTIONS.items() for text in (f"--{name}", str(value))]
-    return [sys.executable, "-m", "uavdh_lite", "train", *options, "--out", str(out), *more]
-
-
-@pytest.fixture(scope="module")
-def uninterrupted(tmp_path_factory):
-    out = tmp_path_factory.mktemp("whole")
-    subprocess.run(command(out), check=True, capture_output=True)
-    return out
-
-
-def assert_same_result(out, uninterrupted):
-    tensors, about = load(out / "training.safetensors", "training")
-    expected, expected_about = load(uninterrupted / "training.safetensors", "training")
-    assert about["steps"] == expected_about["steps"] == 9600
-    assert tensors.keys() == expected.keys()
-    for name, tensor in tensors.items():
-        assert torch.equal(tensor, expected[name]), name
-    for name in ("training.csv", "validation.csv"):
-        ours, theirs = read_table(out / name), read_table(uninterrupted / name)
-        for column in ours.keys() - {"seconds"}:
-            assert np.array_equal(ours[column], theirs[column], equal_nan=True), column
-
-
-def started(out, signal_number):
-    """Start the run, wait for its first saved state, send the signal; the finished process."""
-    process = subprocess.Popen(
-        command(out), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
-    while not (out / "training.safetensors").exists():
-        assert process.poll() is None, process.stdout.read()
-        time.sleep(0.005)
-    os.kill(process.pid, signal_number)
-    output, _ = process.communicate(timeout=60)
-    _, about = load(out / "training.safetensors", "training")
-    assert 0 < about["steps"] < 9600
-    return process.returncode, output
-
-
-def test_a_killed_run_resumes_to_the_same_result(tmp_path, uninterrupted):
-    code, _ = started(tmp_path, signal.SIGKILL)
-    assert code == -signal.SIGKILL
-    subprocess.run(command(tmp_path, "--resume"), check=True, capture_output=True)
-    assert_same_result(tmp_path, uninterrupted)
-
-
-def test_ctrl_c_saves_and_says_how_to_resume(tmp_path, uninterrupted):
-    code, output = started(tmp_path, signal.SIGINT)
-    assert code == 130
-    assert "--resume" in output and "Traceback" not in output
-    subprocess.run(command(tmp_path, "--resume"), check=True, capture_output=True)
-    assert_same_result(tmp_path, uninterrupted)
-
-
-@pytest.mark.parametrize("steps", [800, 1920])
-def test_a_run_left_early_resumes_to_the_same_result(tmp_path, uninterrupted, steps):
-    """Before and after the first validation, at 1600 steps; 32 environments."""
-    left = subprocess.run(
-        command(tmp_path, "--stop-after", str(steps)), check=True, capture_output=True, text=True
-    )
-    assert f"left after {steps} steps; to go on: add --resume" in left.stdout
-    assert (
-        ("best agent" in left.stdout) == (tmp_path / "best.safetensors").exists() == (steps > 1600)
-    )
-    subprocess.run(command(tmp_path, "--resume"), check=True, capture_output=True)
-    assert_same_result(tmp_path, uninterrupted)
-
-
-def test_schedules():
-    recipe = replace(
-        LITE,
-        steps=1000,
-        temperature_decay=0.5,
-        crash_reward=-10,
-        crash_reward_end=-60,
-        crash_reward_growth=0.5,
-    )
-    assert [recipe.rewards_at(s).crash for s in (0, 250, 500, 900)] == [-10, -35, -60, -60]
-    assert [recipe.temperature_at(s) for s in (0, 250, 500, 900)] == pytest.approx(
-        [2.0, 1.05, 0.1, 0.1]
-    )
-    assert recipe.learning_rate_at(500) == pytest.approx(3e-4)
-    assert recipe.learning_rate_at(1000) == 0
-    assert PAPER.temperature_at(0) == PAPER.temperature_at(10**6) == 0.1
-
-
-def test_the_paper_recipe_is_the_papers():
-    assert (PAPER.discount, PAPER.target_update_rate, PAPER.learning_rate) == (0.95, 0.005, 3e-5)
-    assert (PAPER.replay_capacity, PAPER.replay_prefill, PAPER.batch_size) == (50_000, 25_000, 128)
-    assert (PAPER.environments, PAPER.return_steps, PAPER.huber_delta) == (1, 1, None)
-    assert (PAPER.strides, PAPER.hidden, PAPER.layer_norm) == ((1, 1), (256, 256, 256), False)
-    assert PAPER.rewards_at(0).crash == PAPER.rewards_at(PAPER.steps).crash == -150
-    assert PAPER.amsgrad
-    assert PAPER.learning_rate_at(10**6) == 3e-5 and PAPER.exploring_starts == 0
-
-
 def test_the_paper_recipe_runs(corridor, corridor_scenario):
     recipe = replace(PAPER, kernel_size=3, replay_prefill=60, steps=80)
     trainer = Trainer(corridor_scenario, recipe, 0, corridor)
@@ -288,37 +136,6 @@ def test_the_paper_recipe_runs(corridor, corridor_scenario):
     run(trainer)
     assert trainer.updates == 20  # one a step, from the one after the prefill on
     assert not torch.equal(weights(trainer), before)
-
-
-def test_recipe_round_trip():
-    for recipe in RECIPES.values():
-        assert Recipe.from_json(recipe.as_json() | {"hidden": list(recipe.hidden)}) == recipe
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("steps", 0),
-        ("discount", 1.5),
-        ("temperature", 0.0),
-        ("learning_rate_end", -1.0),
-        ("huber_delta", 0.0),
-        ("replay_prefill", 60_000),
-        ("environments", 200),
-        ("hidden", (256, 0)),
-        ("data_scale", -1.0),
-        ("exploring_starts", 2.0),
-        ("leak", -0.1),
-    ],
-)
-def test_impossible_recipes_name_the_field(field, value):
-    with pytest.raises(InputError, match=f"recipe paper: {field} is .* must be"):
-        replace(PAPER, **{field: value})
-
-
-def test_unknown_recipe_lists_the_known_ones():
-    with pytest.raises(InputError, match="unknown recipe 'secret': choose one of paper, lite"):
-        find_recipe("secret")
 
 
 @pytest.mark.parametrize("kind", ["centred", "non_centred", "global_local"])

@@ -1,5 +1,7 @@
 """Training live: in the background, with pause, and with errors shown."""
 
+import subprocess
+import sys
 import time
 from dataclasses import replace
 
@@ -42,7 +44,7 @@ def test_a_run_shows_curves_and_a_flight(finished):
     drawn = finished.ax.lines[0].get_xdata()
     assert list(drawn) == [0, 400, 800, 1200, 1600]
     assert finished.map.canvas.picture.value
-    assert finished.start.disabled and not finished.anew.disabled
+    assert finished.start.disabled and not finished.new_run.disabled
 
 
 def test_pausing_changes_nothing_of_the_result(finished):
@@ -55,15 +57,15 @@ def test_pausing_changes_nothing_of_the_result(finished):
     assert 0 < steps < 1600 and "paused" in lab.status.value and not lab.start.disabled
     lab.start.click()
     wait(lab)
-    ours, theirs = (one.trainer.ddqn.online.state_dict() for one in (lab, finished))
+    ours, theirs = (each.trainer.ddqn.online.state_dict() for each in (lab, finished))
     assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
 
 
-def test_knobs_are_taken_and_held_while_a_run_is_on(finished):
-    assert finished.knobs["temperature"].disabled
-    finished.anew.click()
-    assert not finished.knobs["temperature"].disabled and finished.progress.value == 0
-    finished.knobs["return_steps"].value = 1
+def test_settings_are_taken_and_held_while_a_run_is_on(finished):
+    assert finished.settings["temperature"].disabled
+    finished.new_run.click()
+    assert not finished.settings["temperature"].disabled and finished.progress.value == 0
+    finished.settings["return_steps"].value = 1
     finished.start.click()
     wait(finished)
     assert finished.trainer.recipe.return_steps == 1
@@ -71,10 +73,10 @@ def test_knobs_are_taken_and_held_while_a_run_is_on(finished):
 
 def test_errors_are_shown():
     lab = TrainingLab("village", TINY)
-    lab.knobs["temperature"].value = -1
+    lab.settings["temperature"].value = -1
     lab.start.click()
     assert "temperature is -1.0, must be above 0" in lab.status.value
-    lab.knobs["temperature"].value = 1
+    lab.settings["temperature"].value = 1
     lab.trainer = lab._new()
     lab.trainer.step = lambda: 1 / 0
     lab.start.click()
@@ -84,7 +86,26 @@ def test_errors_are_shown():
 
 def test_the_kernel_stays_free(finished):
     """While a run is on, other code runs: the call returns before the training ends."""
-    finished.anew.click()
+    finished.new_run.click()
     finished.start.click()
     assert finished._thread.is_alive() and not finished.trainer.finished
     finished.pause.click()
+
+
+def test_a_closed_lab_trains_no_more(finished):
+    finished.new_run.click()
+    finished.start.click()
+    thread = finished._thread
+    finished.close()
+    assert not thread.is_alive() and not finished.trainer.finished
+
+
+def test_a_process_ends_properly_during_a_training():
+    """A thread that goes on computing makes the interpreter abort (status −6 on Linux)."""
+    code = (
+        "import time; from uavdh_lite.labs import TrainingLab; lab = TrainingLab(); "
+        "lab.start.click()\n"
+        "while not lab.trainer.updates: time.sleep(0.01)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -1,80 +1,94 @@
-"""`python -m uavdh_lite challenge new`, `score` and `show`."""
+"""`challenge`: a competition for a class."""
 
-import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from uavdh_lite.cli.arguments import positive
-from uavdh_lite.errors import InputError
+from cyclopts import App
+from cyclopts.types import PositiveFloat, PositiveInt
+
+from uavdh_lite.errors import InputError, extra
+
+if TYPE_CHECKING:
+    from uavdh_lite.course.challenge.board import Score
+
+challenge = App("challenge", help="Score a class's submissions on scenarios that nobody has seen.")
 
 
-def add_commands(commands) -> None:
-    """Add `challenge` to the command line's subcommands."""
-    challenge = commands.add_parser(
-        "challenge",
-        help="hidden scenarios, submissions and a leaderboard, for a class",
-        description="Score submissions on scenarios that nobody has seen.",
-    ).add_subparsers(required=True, metavar="COMMAND")
+@challenge.command
+def new(file: Path, /, *, scenario: str = "manhattan", episodes: PositiveInt = 1000) -> None:
+    """Draw hidden scenarios and keep them in a file.
 
-    new = challenge.add_parser("new", help="draw hidden scenarios, and keep them in a file")
-    new.add_argument("file", type=Path, help="the secret: do not hand it out")
-    new.add_argument("--scenario", default="manhattan", help="a preset's name (%(default)s)")
-    new.add_argument("--episodes", type=positive, default=1000, help="number (%(default)s)")
-    new.set_defaults(run=_new)
+    Arguments:
+        file: the secret; do not hand it out.
+        scenario: a preset's name.
+        episodes: number of scenarios.
+    """
+    with extra("classroom"):
+        from uavdh_lite.course.challenge.board import Challenge
 
-    score = challenge.add_parser(
-        "score",
-        help="fly submissions",
-        description="Fly submissions: random, greedy, genie, a shipped agent's name, a checkpoint, "
-        "or a Python file with policy(environment, state). Without --secret on the practice set.",
+    hidden = Challenge.hidden(scenario, episodes)
+    hidden.save(file)
+    print(f"{file}: {hidden.episodes} scenarios of {hidden.scenario}, hidden")
+
+
+@challenge.command
+def score(
+    submission: str,
+    /,
+    *submissions: str,
+    secret: Path | None = None,
+    leaderboard: Path | None = None,
+    scenario: str = "manhattan",
+    seconds: PositiveFloat = 300,
+    memory_mb: PositiveFloat = 2000,
+) -> None:
+    """Fly submissions and print their scores.
+
+    Without --secret they fly the practice set.
+
+    Arguments:
+        submission: random, greedy, genie, a shipped agent's name, a checkpoint, or a Python file
+            with policy(environment, state).
+        submissions: more of them.
+        secret: the file that challenge new made.
+        leaderboard: a file to enter the scores in.
+        scenario: the practice set's preset.
+        seconds: time limit of a submission.
+        memory_mb: memory limit of a submission, MB.
+    """
+    with extra("classroom"):
+        from uavdh_lite.course.challenge import board
+
+    flown = board.Challenge.load(secret) if secret else board.Challenge(scenario)
+    for path in (submission, *submissions):
+        result = board.score(flown, path, seconds, memory_mb)
+        print(f"{result.name:<24}{_in_words(result)}")
+        if leaderboard:
+            board.Leaderboard(leaderboard).add(flown, result)
+
+
+def _in_words(score: "Score") -> str:
+    if score.failed:
+        return f"failed: {score.failed}"
+    assert score.cral and score.has_landed and score.cumulative_reward
+    mean, low, high = score.cral
+    return (
+        f"collected and landed {mean:.1%} ({low:.1%} to {high:.1%}), "
+        f"landed {score.has_landed.mean:.1%}, return {score.cumulative_reward.mean:.1f}, "
+        f"{score.seconds} s"
     )
-    score.add_argument("submissions", nargs="+", metavar="SUBMISSION")
-    score.add_argument("--secret", type=Path, metavar="FILE", help="the file that `new` made")
-    score.add_argument("--leaderboard", type=Path, metavar="FILE", help="enter the scores here")
-    score.add_argument("--scenario", default="manhattan", help="of the practice set (%(default)s)")
-    score.add_argument(
-        "--seconds", type=float, default=300, help="a submission's time (%(default)s)"
-    )
-    score.add_argument(
-        "--memory-mb", type=float, default=2000, help="a submission's memory (%(default)s)"
-    )
-    score.set_defaults(run=_score)
-
-    show = challenge.add_parser("show", help="print a leaderboard")
-    show.add_argument("leaderboard", type=Path)
-    show.set_defaults(run=_show)
 
 
-def _new(options: argparse.Namespace) -> None:
-    from uavdh_lite.course.challenge.board import Challenge
+@challenge.command
+def show(leaderboard: Path, /) -> None:
+    """Print a leaderboard.
 
-    challenge = Challenge.hidden(options.scenario, options.episodes)
-    challenge.save(options.file)
-    print(f"{options.file}: {challenge.episodes} scenarios of {challenge.scenario}, hidden")
+    Arguments:
+        leaderboard: the file.
+    """
+    with extra("classroom"):
+        from uavdh_lite.course.challenge.board import Leaderboard
 
-
-def _score(options: argparse.Namespace) -> None:
-    from uavdh_lite.course.challenge.board import Challenge, Leaderboard, score
-
-    challenge = Challenge.load(options.secret) if options.secret else Challenge(options.scenario)
-    for submission in options.submissions:
-        result = score(challenge, submission, options.seconds, options.memory_mb)
-        if result.failed:
-            print(f"{result.name:<24}failed: {result.failed}")
-        else:
-            assert result.cral and result.has_landed and result.cumulative_reward
-            (cral, low, high), landed = result.cral, result.has_landed[0]
-            print(
-                f"{result.name:<24}collected and landed {cral:.1%} ({low:.1%} to {high:.1%}), "
-                f"landed {landed:.1%}, return {result.cumulative_reward[0]:.1f}, "
-                f"{result.seconds} s"
-            )
-        if options.leaderboard:
-            Leaderboard(options.leaderboard).add(challenge, result)
-
-
-def _show(options: argparse.Namespace) -> None:
-    from uavdh_lite.course.challenge.board import Leaderboard
-
-    if not options.leaderboard.exists():
-        raise InputError(f"{options.leaderboard}: no such leaderboard")
-    print(Leaderboard(options.leaderboard).table())
+    if not leaderboard.exists():
+        raise InputError(f"{leaderboard}: no such leaderboard")
+    print(Leaderboard(leaderboard).table())

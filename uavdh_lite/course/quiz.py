@@ -1,19 +1,25 @@
-"""Quizzes in the notebooks: predict before you run; each wrong choice explains itself."""
+"""Quizzes in the notebooks: predict before you run. Every choice explains itself."""
 
 import html
+import tomllib
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
-import ipywidgets
+from uavdh_lite.errors import InputError, extra
+from uavdh_lite.labs.widgets import status
+from uavdh_lite.plotting import RED
 
-from uavdh_lite.errors import InputError
-from uavdh_lite.labs.markup import status
+with extra("notebooks"):
+    import ipywidgets
 
+FILE = Path(__file__).with_name("quizzes.toml")
 RIGHT = "#1F6F3F"
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One answer, and what there is to say about it."""
+    """One answer, and why it is right or wrong."""
 
     text: str
     why: str
@@ -22,28 +28,60 @@ class Choice:
 
 @dataclass(frozen=True)
 class Question:
-    """A question with one right choice."""
+    """A question and its choices, one of which is right."""
 
     text: str
     choices: tuple[Choice, ...]
 
-    def __post_init__(self):
-        if sum(choice.right for choice in self.choices) != 1:
-            raise InputError(f"question {self.text!r}: exactly one choice must be right")
+
+@cache
+def questions() -> dict[str, Question]:
+    """The questions of all quizzes, by name."""
+    return read_questions(FILE)
+
+
+def read_questions(path: Path) -> dict[str, Question]:
+    """Read a file like `quizzes.toml`.
+
+    Raises `InputError` with the file and the question unless every question has a text and at least
+    two choices, every choice a text and a reason, and exactly one choice is right.
+    """
+    try:
+        entries = tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: {error}") from None
+    return {name: _question(f"{path}: {name}", entry) for name, entry in entries.items()}
+
+
+def _question(where: str, entry) -> Question:
+    match entry:
+        case {"question": str(text), "choices": [_, _, *_] as entries} if len(entry) == 2:
+            choices = tuple(_choice(f"{where}, choice {k}", each) for k, each in enumerate(entries))
+        case _:
+            raise InputError(f"{where}: expected a text, question, and two choices or more")
+    if (right := sum(choice.right for choice in choices)) != 1:
+        raise InputError(f"{where}: {right} choices are right, expected exactly one")
+    return Question(text, choices)
+
+
+def _choice(where: str, entry) -> Choice:
+    match entry:
+        case {"text": str(), "why": str(), **rest} if rest in ({}, {"right": True}):
+            return Choice(**entry)
+    raise InputError(f"{where}: expected text, why and, where it is so, right = true")
 
 
 class Quiz(ipywidgets.VBox):
-    """A question of `quizzes.QUESTIONS` to click on.
+    """A question to click on, one of `questions()`.
 
     Where widgets do not run, as on a web page, it is a list with the answer folded away.
     """
 
     def __init__(self, name: str):
-        from uavdh_lite.course.quizzes import QUESTIONS
-
-        if name not in QUESTIONS:
-            raise InputError(f"no question {name!r}: choose one of {', '.join(QUESTIONS)}")
-        self.question = QUESTIONS[name]
+        known = questions()
+        if name not in known:
+            raise InputError(f"no question {name!r}: choose one of {', '.join(known)}")
+        self.question = known[name]
         self.choices = ipywidgets.RadioButtons(
             options=[(choice.text, choice) for choice in self.question.choices],
             value=None,
@@ -56,7 +94,7 @@ class Quiz(ipywidgets.VBox):
 
     def _explain(self, change) -> None:
         choice = change["new"]
-        word, colour = ("Right.", RIGHT) if choice.right else ("No.", "#C1272D")
+        word, colour = ("Right.", RIGHT) if choice.right else ("No.", RED)
         self.answer.value = status(f"{word} {choice.why}", colour)
 
     def _repr_mimebundle_(self, **options) -> dict:

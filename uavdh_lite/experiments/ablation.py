@@ -4,7 +4,7 @@ import csv
 import json
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +17,7 @@ from uavdh_lite.errors import InputError, extra
 from uavdh_lite.experiments.runs import SAVED, train
 from uavdh_lite.recipe import PAPER, Recipe
 from uavdh_lite.scenario import Scenario
-from uavdh_lite.storage import write_json, write_table
+from uavdh_lite.storage import read_table, write_json, write_table
 from uavdh_lite.training import BIN, Trainer
 
 # Where `lite` departs from `paper`, in groups that only make sense together. Strides and
@@ -54,6 +54,17 @@ def deviations(recipe: Recipe) -> dict[str, Recipe]:
 
 
 STUDIES = {"centring": centring, "deviations": deviations}
+
+
+def find_study(name: str, recipe: Recipe, only: Collection[str] = ()) -> dict[str, Recipe]:
+    """The variants of a study, or only those named; `InputError` names the known ones."""
+    if name not in STUDIES:
+        raise InputError(f"unknown study {name!r}: choose one of {', '.join(STUDIES)}")
+    variants = STUDIES[name](recipe)
+    for variant in only:
+        if variant not in variants:
+            raise InputError(f"unknown variant {variant!r}: choose from {', '.join(variants)}")
+    return {variant: variants[variant] for variant in only or variants}
 
 
 def run_study(
@@ -109,7 +120,7 @@ def collect_curves(folders: dict[str, list[Path]], out: Path, command: str) -> t
     `training.csv.gz` and `validation.csv.gz` have the rows of the runs' own files, with the columns
     `variant` and `seed` before them. `about.json` has the command and each run's `about.json`.
     """
-    runs = [(name, folder) for name, several in folders.items() for folder in several]
+    runs = [(name, folder) for name, of_variant in folders.items() for folder in of_variant]
     about = {folder.name: json.loads((folder / "about.json").read_text()) for _, folder in runs}
     paths = []
     for kind in ("training", "validation"):
@@ -122,6 +133,20 @@ def collect_curves(folders: dict[str, list[Path]], out: Path, command: str) -> t
         write_table(paths[-1], rows)
     write_json(out / "about.json", {"command": command, "runs": about})
     return paths[0], paths[1]
+
+
+def final_scores(validation: str | Path) -> dict[str, list[float]]:
+    """Collection ratio and landed at the end of each run, by variant, in the order of the seeds.
+
+    Arguments:
+        validation: the table `validation.csv.gz` of `collect_curves`.
+    """
+    table = read_table(validation)
+    last = table["steps"] == table["steps"].max()
+    return {
+        variant: table["collection_ratio_and_landed"][last & (table["variant"] == variant)].tolist()
+        for variant in dict.fromkeys(table["variant"].tolist())
+    }
 
 
 def _run(scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: str) -> Path:

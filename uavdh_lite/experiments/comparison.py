@@ -1,7 +1,9 @@
-"""Policies side by side: the same scenarios, the same fading, and who is left behind."""
+"""Policies side by side: the same scenarios with the same fading."""
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 
 import joblib
 import numpy as np
@@ -9,10 +11,33 @@ from tqdm.auto import tqdm
 
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import Flights, Interval, Policy, fly, mean_interval
+from uavdh_lite.experiments.report import interval_text
+from uavdh_lite.planners import Genie
+from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import Scenario
+from uavdh_lite.storage import write_json, write_table
 from uavdh_lite.streams import Use, stream
 
 Columns = dict[str, np.ndarray]
+
+
+def entrants(
+    environment: Environment, agent: Policy, seed: int = 0, replan: int = 5
+) -> dict[str, Callable[[], Policy]]:
+    """The agent and what it is compared with, for `compare`.
+
+    `random`, `greedy`, `genie` (which plans for the return) and `genie_data` (for the data).
+
+    Arguments:
+        seed: of the random policy. replan: steps after which the genies plan again.
+    """
+    return {
+        "agent": lambda: agent,
+        "random": partial(find_policy, "random", environment, seed),
+        "greedy": partial(find_policy, "greedy", environment),
+        "genie": partial(Genie, environment, replan=replan),
+        "genie_data": partial(Genie, environment, replan=replan, time_cost=0.01),
+    }
 
 
 def compare(
@@ -39,19 +64,19 @@ def compare(
         for name in policies
         for first in range(0, episodes, chunk)
     ]
-    parts = joblib.Parallel(n_jobs=jobs, return_as="generator")(
+    flown = joblib.Parallel(n_jobs=jobs, return_as="generator")(
         joblib.delayed(_fly_part)(environment, scenario, policies[name], episodes, seed, part)
         for name, part in tasks
     )
-    results: dict[str, list[Columns]] = {name: [] for name in policies}
+    parts: dict[str, list[Columns]] = {name: [] for name in policies}
     with tqdm(total=episodes * len(policies), unit="episode") as progress:
-        for (name, part), columns in zip(tasks, parts, strict=True):
-            results[name].append(columns)
+        for (name, part), columns in zip(tasks, flown, strict=True):
+            parts[name].append(columns)
             progress.set_description(name, refresh=False)
             progress.update(part.stop - part.start)
     return {
-        name: {key: np.concatenate([one[key] for one in several]) for key in several[0]}
-        for name, several in results.items()
+        policy: {name: np.concatenate([part[name] for part in each]) for name in each[0]}
+        for policy, each in parts.items()
     }
 
 
@@ -106,9 +131,47 @@ def breakdown(
         members = [(f"{value:g}", by == value) for value in different]
     else:
         edges = np.quantile(by, np.linspace(0, 1, groups + 1))
-        place = np.searchsorted(edges[1:-1], by, side="right")
+        group_of = np.searchsorted(edges[1:-1], by, side="right")
         members = [
-            (f"{by[place == group].min():.4g} to {by[place == group].max():.4g}", place == group)
-            for group in np.unique(place)
+            (f"{by[group_of == g].min():.4g} to {by[group_of == g].max():.4g}", group_of == g)
+            for g in np.unique(group_of)
         ]
-    return [(label, int(own.sum()), mean_interval(values[own])) for label, own in members]
+    return [(label, int(inside.sum()), mean_interval(values[inside])) for label, inside in members]
+
+
+def save_comparison(path: Path, results: dict[str, Columns], about: dict) -> None:
+    """Write a row for each policy and episode as a table, and `about` as JSON next to it."""
+    rows = [
+        {"policy": policy, "episode": episode}
+        | {name: column[episode].item() for name, column in columns.items()}
+        for policy, columns in results.items()
+        for episode in range(len(columns["devices"]))
+    ]
+    write_table(path, rows)
+    write_json(path.with_name(path.name.split(".")[0] + ".json"), about)
+
+
+def summary(results: dict[str, Columns]) -> str:
+    """The metrics of all policies, and where the agent of `entrants` stands, as text."""
+    shown = ("has_landed", "collection_ratio", "collection_ratio_and_landed", "cumulative_reward")
+    lines = [f"{'':<12}" + "".join(f"{metric:>30}" for metric in shown)]
+    for policy, columns in results.items():
+        means = (interval_text(mean_interval(columns[metric])) for metric in shown)
+        lines.append(f"{policy:<12}" + "".join(f"{mean:>30}" for mean in means))
+    for metric, genie in (
+        ("collection_ratio_and_landed", "genie_data"),
+        ("cumulative_reward", "genie"),
+    ):
+        part = share(results["agent"][metric], results[genie][metric])
+        lines.append(f"agent's {metric} as a share of the {genie}'s: {interval_text(part)}")
+    metric = "collection_ratio_and_landed"
+    lines.append(f"{metric} of the agent and of genie_data, by what was drawn:")
+    for drawn in ("devices", "flying_time", "data"):
+        ours, theirs = (
+            breakdown(results[policy][metric], results[policy][drawn])
+            for policy in ("agent", "genie_data")
+        )
+        for (label, count, agent), (_, _, genie_data) in zip(ours, theirs, strict=True):
+            both = f"{interval_text(agent):>30}{interval_text(genie_data):>30}"
+            lines.append(f"{drawn:<12}{label:>18}{count:>6}{both}")
+    return "\n".join(lines)

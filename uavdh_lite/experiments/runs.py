@@ -82,6 +82,7 @@ def _train(
     keep_freed_memory()
     total = trainer.recipe.steps
     end = total if stop_after is None else min(total, stop_after)
+    board = Board(out / "tensorboard", trainer) if tensorboard else None
     progress = tqdm(
         total=total,
         initial=trainer.steps,
@@ -89,7 +90,6 @@ def _train(
         unit_scale=True,
         disable=not show_progress,
     )
-    board = Board(out / "tensorboard", trainer) if tensorboard else None
     with trainer, progress, board or nullcontext(), _deferred_interrupt() as interrupted:
         while trainer.steps < end:
             started, before = time.perf_counter(), trainer.steps

@@ -1,24 +1,27 @@
-"""A figure drawn once and then only changed, shown as a picture that hears clicks and keys."""
+"""A figure that is drawn once and then only changed; a picture that takes clicks and keys."""
 
-import io
 from collections.abc import Callable, Iterable
 
-import ipywidgets
 import numpy as np
-from ipyevents import Event
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from PIL import Image
+
+from uavdh_lite.errors import extra
+from uavdh_lite.plotting import png
+
+with extra("notebooks"):
+    import ipywidgets
+    from ipyevents import Event
 
 
 class Canvas:
     """The picture of a figure: `draw_all` once, then `draw` the few artists that change.
 
-    | attribute | what |
+    | attribute | meaning |
     | --- | --- |
-    | `figure` | the figure; what is added to it is drawn by `draw_all` |
+    | `figure` | the figure; `draw_all` draws what was added to it |
     | `picture` | the `ipywidgets.Image` to show |
     """
 
@@ -26,11 +29,11 @@ class Canvas:
         self.figure = figure
         self._canvas = FigureCanvasAgg(figure)
         self._background = None
-        # No tooltip: an Image with one cannot be shown, its view has no element to set it on
+        # No tooltip: the view of an Image has no element for it, and fails to show the picture
         self.picture = ipywidgets.Image(format="png", layout={"align_self": "flex-start"})
 
     def draw_all(self) -> None:
-        """Draw the figure without changing artists and keep it as the background of `draw`."""
+        """Draw the figure without its animated artists, as the background of `draw`."""
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(self.figure.bbox)
 
@@ -41,20 +44,17 @@ class Canvas:
         self._canvas.restore_region(self._background)
         for ax, artist in changing:
             ax.draw_artist(artist)
-        rgb = np.asarray(self._canvas.buffer_rgba())[..., :3]
-        buffer = io.BytesIO()
-        Image.fromarray(rgb).save(buffer, format="PNG", compress_level=1)
-        self.picture.value = buffer.getvalue()
+        self.picture.value = png(np.asarray(self._canvas.buffer_rgba())[..., :3])
 
     def on_click(self, handler: Callable[[Axes, float, float], None]) -> Event:
         """Call `handler(ax, x, y)`, in data coordinates, for every click inside an Axes."""
         return self._watch(["click"], lambda event: self._locate(event, handler))
 
     def on_drag(self, handler: Callable[[Axes, list[tuple[float, float]]], None]) -> Event:
-        """Call `handler(ax, points)` for what the mouse is drawn over, button down.
+        """Call `handler(ax, points)` while the mouse moves with its button down.
 
-        Points are (x, y) in data coordinates, at most half a unit apart from the last event's on:
-        browsers report a fast mouse only now and then.
+        The points, (x, y) in data coordinates, lead from the last event to this one and are at
+        most half a unit apart: browsers report only some positions of a fast mouse.
         """
         last = None
 
@@ -76,7 +76,7 @@ class Canvas:
         return self._watch(["mousedown", "mousemove"], drawn)
 
     def _locate(self, event: dict, handler: Callable[[Axes, float, float], None]) -> None:
-        """Call the handler with the Axes and the place in it that a mouse event is at."""
+        """Call the handler with the Axes under a mouse event and the position in it."""
         height = self._canvas.get_width_height()[1]
         pixel = event["dataX"], height - event["dataY"]
         for ax in self.figure.axes:
@@ -84,7 +84,7 @@ class Canvas:
                 handler(ax, *ax.transData.inverted().transform(pixel))
 
     def on_key(self, handler: Callable[[str], None]) -> Event:
-        """Call `handler(key)` for every key pressed while the mouse is over the picture."""
+        """Call `handler(key)` for every key that is pressed while the mouse is over the picture."""
         return self._watch(["keydown"], lambda event: handler(event["key"]))
 
     def _watch(self, names: list[str], handler) -> Event:

@@ -1,20 +1,23 @@
-"""Channel and shadow lab: one ray, the cells that it crosses, SNR and rate; and the constants."""
+"""Channel and shadow lab: one ray and the cells it crosses, SNR and rate, and the constants."""
 
 from dataclasses import replace
 
-import ipywidgets
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from uavdh_lite.channel import Channel, link, rate, rate_map
 from uavdh_lite.city import shipped_cities
+from uavdh_lite.errors import extra
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.picker import CellPicker
+from uavdh_lite.labs.widgets import CellPicker
 from uavdh_lite.missions import environment_of
-from uavdh_lite.plotting import draw_city
+from uavdh_lite.plotting import BLUE, VERMILION, draw_city
 
-CLEAR, BLOCKED = "#0072B2", "#D55E00"
+with extra("notebooks"):
+    import ipywidgets
+
+CLEAR, BLOCKED = BLUE, VERMILION
 
 
 class ChannelLab(ipywidgets.VBox):
@@ -64,7 +67,7 @@ class ChannelLab(ipywidgets.VBox):
         return replace(Channel(), **values)
 
     def _set_city(self) -> None:
-        """The chosen city, a device in its first free cell, the UAV in the landing zone."""
+        """The chosen city, with a device in the middle and the UAV in the landing zone."""
         self.environment = environment_of(self.city.value)
         city = self.environment.city
         middle = len(city.device_cells) // 2
@@ -80,7 +83,7 @@ class ChannelLab(ipywidgets.VBox):
         self.curve.clear()
         self.curve.set(xlabel="distance on the ground, m", ylabel="data units a slot")
         self.curve.set(xlim=(0, 10 * city.size * 1.4))
-        self.most = 0
+        self.top = 0
         self._show()
 
     def _clicked(self, ax, x: float, y: float) -> None:
@@ -88,7 +91,7 @@ class ChannelLab(ipywidgets.VBox):
             self.clicked((round(y), round(x)))
 
     def clicked(self, cell: tuple[int, int]) -> None:
-        """A click on a cell, (row, column), moves what `click` says; one outside does nothing."""
+        """Move what `click` says to this cell, (row, column), unless it is outside the city."""
         size = self.environment.city.size
         if not (0 <= cell[0] < size and 0 <= cell[1] < size):
             return
@@ -99,7 +102,7 @@ class ChannelLab(ipywidgets.VBox):
         self._show()
 
     def _show(self) -> None:
-        """Draw what changes: rates, ray, crossed cells, curves; and say the numbers."""
+        """Draw what changes (rates, ray, crossed cells, curves) and write the numbers."""
         channel, city = self.channel, self.environment.city
         found = link(city, channel, self.device, self.uav)
         rates = rate_map(city, channel, self.environment.line_of_sight, self.device)
@@ -108,9 +111,9 @@ class ChannelLab(ipywidgets.VBox):
         self.rates.set_clim(0, max(most, 1e-6))
         artists = [self.rates, *self._draw_ray(found), *self._draw_curves(channel, found)]
         top = max(line.get_ydata().max() for line in self.curve.lines)
-        if not top <= self.most <= 2 * top + 1:  # the curves have left the axes, or shrunk in them
-            self.most = np.ceil(1.2 * top)
-            self.curve.set_ylim(0, self.most)
+        if not top <= self.top <= 2 * top + 1:  # the curves leave the axes, or are small in them
+            self.top = np.ceil(1.2 * top)
+            self.curve.set_ylim(0, self.top)
             for artist in artists:
                 artist.set_animated(True)
             self.canvas.draw_all()
@@ -152,7 +155,7 @@ class ChannelLab(ipywidgets.VBox):
         return artists
 
     def _warning(self) -> str:
-        """What no mission would allow, but the formulas do."""
+        """What the formulas allow, but no mission does."""
         city = self.environment.city
         wrong = [
             text

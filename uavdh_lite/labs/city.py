@@ -1,32 +1,29 @@
-"""City editor: paint a city, see at once what it lacks, fly planners in it, take it home."""
+"""City editor: paint a city, see at once what is missing, let planners fly in it, save it."""
 
 import base64
 import html
-import io
 import tempfile
 from pathlib import Path
 
-import ipywidgets
 import numpy as np
 from matplotlib.figure import Figure
-from PIL import Image
 
 from uavdh_lite.city import COLOURS, LAYERS, City, shipped_cities
 from uavdh_lite.environment import Environment
-from uavdh_lite.errors import CityError, InputError
+from uavdh_lite.errors import CityError, InputError, extra
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.markup import status
-from uavdh_lite.labs.picker import CellPicker
 from uavdh_lite.labs.views import Map
+from uavdh_lite.labs.widgets import CellPicker, status
 from uavdh_lite.missions import Mission
-from uavdh_lite.plotting import draw_city
+from uavdh_lite.plotting import draw_city, png
 from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import Scenario
 
-LARGEST = 50  # cells a side; planners take minutes in larger cities
+with extra("notebooks"):
+    import ipywidgets
+
+LARGEST = 50  # cells on a side; in larger cities, planners take minutes
 COMMAND = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
-
-
 BRUSHES = {
     "free": 0,
     "no-fly zone": 1,
@@ -38,7 +35,7 @@ UPLOAD_BYTES = 100_000
 
 
 class Draft:
-    """Kinds of cells on a square grid; the layers of a `City` without its demands.
+    """Kinds of cells on a square grid: a city that may still lack something.
 
     Arguments:
         kinds: (M, M) indices into `city.KINDS`.
@@ -56,7 +53,7 @@ class Draft:
     def from_png(cls, data: bytes) -> "Draft":
         """The city of an uploaded PNG.
 
-        Raises `CityError` for more than `UPLOAD_BYTES`, and for all that `City.load` refuses.
+        Raises `CityError` if it has more than `UPLOAD_BYTES`, or if `City.load` refuses it.
         """
         if len(data) > UPLOAD_BYTES:
             raise CityError(f"the file has {len(data):,} bytes, at most {UPLOAD_BYTES:,} are read")
@@ -70,7 +67,7 @@ class Draft:
 
     @property
     def size(self) -> int:
-        """M, the number of cells a side."""
+        """M, the number of cells on a side."""
         return len(self.kinds)
 
     @property
@@ -86,7 +83,7 @@ class Draft:
         return LAYERS[self.kinds][..., 2]
 
     def paint(self, cell: tuple[int, int], brush: str) -> bool:
-        """Make a cell one of `BRUSHES`; whether that changed it. Cells outside are ignored."""
+        """Paint a cell with one of `BRUSHES`; returns whether it changed. Ignores cells outside."""
         row, col = cell
         inside = 0 <= row < self.size and 0 <= col < self.size
         if not inside or self.kinds[row, col] == BRUSHES[brush]:
@@ -95,21 +92,19 @@ class Draft:
         return True
 
     def city(self, name: str = "my_city") -> City:
-        """The city, if it is one; `CityError` says what it lacks."""
+        """The city; raises `CityError` if it lacks something."""
         return City.from_kinds(name, self.kinds)
 
     def png(self) -> bytes:
-        """The PNG file, one pixel a cell, as `City.load` reads it."""
-        buffer = io.BytesIO()
-        Image.fromarray(COLOURS[self.kinds]).save(buffer, format="PNG")
-        return buffer.getvalue()
+        """The PNG file that `City.load` reads, with one pixel for each cell."""
+        return png(COLOURS[self.kinds])
 
 
 class CityLab(ipywidgets.VBox):
     """Paint buildings, no-fly zones and landing cells on a grid.
 
-    The shipped agents know only their own cities; over a city of yours the planners fly, and the
-    command that trains an agent for it is shown.
+    The shipped agents know only the cities that they were trained in. The planners fly over any
+    city, and the lab shows the command that trains an agent for yours.
 
     Arguments:
         city: the name of a shipped city to start from.
@@ -127,12 +122,12 @@ class CityLab(ipywidgets.VBox):
             accept=".png",
             multiple=False,
             description="upload PNG",
-            tooltip=f"one pixel a cell, at most {UPLOAD_BYTES // 1000} kB",
+            tooltip=f"one pixel for each cell, at most {UPLOAD_BYTES // 1000} kB",
         )
         self.brush = ipywidgets.ToggleButtons(
             options=list(BRUSHES), value="tall building", description="paint"
         )
-        self.pilot = ipywidgets.Dropdown(options=["greedy", "genie"], description="planner")
+        self.policy = ipywidgets.Dropdown(options=["greedy", "genie"], description="planner")
         self.fly = ipywidgets.Button(description="fly", icon="plane", tooltip="a random mission")
         self.picker = CellPicker(self.paint)
         self.message = ipywidgets.HTML(layout={"min_height": "28px"})
@@ -148,7 +143,7 @@ class CityLab(ipywidgets.VBox):
                 self.picker,
                 self.message,
                 self.views,
-                ipywidgets.HBox([self.pilot, self.fly, self.result]),
+                ipywidgets.HBox([self.policy, self.fly, self.result]),
                 self.take_home,
             ]
         )
@@ -179,13 +174,13 @@ class CityLab(ipywidgets.VBox):
         self._show()
 
     def _read(self, files) -> None:
-        """An uploaded PNG; one that cannot be read leaves all as it was."""
+        """Take over an uploaded PNG; if it is no city, say why and change nothing."""
         if not files:
             return
         try:
             kinds = Draft.from_png(bytes(files[0]["content"])).kinds
             if len(kinds) > LARGEST:
-                raise CityError(f"{len(kinds)} cells a side: this editor takes {LARGEST}")
+                raise CityError(f"{len(kinds)} cells on a side: this editor takes {LARGEST}")
             self._take(kinds)
         except CityError as error:
             self._say(str(error).replace("upload.png", files[0]["name"]))
@@ -212,12 +207,12 @@ class CityLab(ipywidgets.VBox):
         self.fly.disabled = False
         most = min(3, len(city.device_cells))
         self.take_home.value = (
-            f"{save}; the shipped agents know only their own cities. To train one for this: "
+            f"{save}; the shipped agents know only their own cities. To train one for this city: "
             f"<code>{html.escape(COMMAND.format(devices=f'1 {most}'))}</code>"
         )
 
     def _fly(self) -> None:
-        """A mission of up to three devices, with time for about two crossings of the city."""
+        """Fly a mission of up to three devices, with time to cross the city about twice."""
         try:
             city = self.draft.city()
             most = min(3, len(city.device_cells))
@@ -225,8 +220,8 @@ class CityLab(ipywidgets.VBox):
             scenario = Scenario("my_city", devices=(1, most), flying_time=time)
             environment = Environment(city)
             mission = Mission.draw(scenario, city, self._missions)
-            self.result.value = f"{self.pilot.value} is planning …"
-            flights = mission.fly(environment, find_policy(self.pilot.value, environment))
+            self.result.value = f"{self.policy.value} is planning …"
+            flights = mission.fly(environment, find_policy(self.policy.value, environment))
         except InputError as error:
             self._say(str(error))
             return
@@ -237,7 +232,7 @@ class CityLab(ipywidgets.VBox):
             f"{start.time_left[0]} units of time, {end.data_collected.sum():.1f} of "
             f"{start.data_initial.sum():.1f} data units collected"
         )
-        self.map.set_city(environment, mission, self.pilot.value)
+        self.map.set_city(environment, mission, self.policy.value)
         self.map.show(flights)
         self.views.children = [self.canvas.picture, self.map.canvas.picture]
 

@@ -1,17 +1,19 @@
-"""Fly it yourself: buttons and arrow keys, and a score beside the agent's and the genie's."""
+"""Fly it yourself with buttons or arrow keys, and compare your score with the policies'."""
 
 import html
 
-import ipywidgets
-
 from uavdh_lite.city import shipped_cities
 from uavdh_lite.environment import ACTIONS
+from uavdh_lite.errors import extra
 from uavdh_lite.evaluation import Flights
-from uavdh_lite.labs.markup import table
-from uavdh_lite.labs.views import Map, legend
+from uavdh_lite.labs.views import Map, legend, policy_title
+from uavdh_lite.labs.widgets import table
 from uavdh_lite.missions import HandFlight, Mission, environment_of
 from uavdh_lite.policies import find_policy, policies_for
 from uavdh_lite.scenario import SCENARIOS
+
+with extra("notebooks"):
+    import ipywidgets
 
 KEYS = {
     "ArrowUp": "north",
@@ -25,7 +27,7 @@ ICONS = ("arrow-up", "arrow-right", "arrow-down", "arrow-left", "pause", "downlo
 
 
 class FlyLab(ipywidgets.VBox):
-    """Fly a random mission by hand; at its end others fly the same one with the same fading.
+    """Fly a random mission by hand; then every policy flies it, with the same fading.
 
     Arguments:
         city: the name of a shipped city to start with.
@@ -45,8 +47,8 @@ class FlyLab(ipywidgets.VBox):
         self.message, self.score = ipywidgets.HTML(), ipywidgets.HTML()
         self.map = Map()
         hint = (
-            "With the mouse over the map, which then takes all keys: arrow keys, space to hover, "
-            "Enter to land."
+            "With the mouse over the map: arrow keys to move, space to hover, Enter to land. The "
+            "map takes all keys then."
         )
         super().__init__(
             [
@@ -68,7 +70,7 @@ class FlyLab(ipywidgets.VBox):
         self._start()
 
     def _start(self) -> None:
-        """The chosen mission from its beginning."""
+        """Start the chosen mission from its beginning."""
         self.environment = environment_of(self.city.value)
         scenario, city = SCENARIOS[self.city.value], self.environment.city
         self.flight = HandFlight(self.environment, Mission.draw(scenario, city, self.seed.value))
@@ -81,11 +83,11 @@ class FlyLab(ipywidgets.VBox):
             self.act(ACTIONS.index(KEYS[key]))
 
     def act(self, action: int) -> None:
-        """One step; nothing once the flight is over."""
+        """Take one step, unless the flight is over."""
         if self.flight.ended:
             return
         outcome = self.flight.step(action)
-        refused = f"{ACTIONS[action]} was refused: the UAV hovered instead, at a price of 1"
+        refused = f"{ACTIONS[action]} was refused: the UAV hovered instead, which costs 1"
         self._show(refused if outcome.intervened[0] else "")
         if self.flight.ended:
             self._fly_others()
@@ -104,12 +106,13 @@ class FlyLab(ipywidgets.VBox):
         self.message.value = f'<span role="status">{text}<br><b>{html.escape(message)}</b></span>'
 
     def _fly_others(self) -> None:
-        """Show your result, then one by one the others' of the same mission and fading."""
+        """Show your result and, as they come, the policies' on the same mission and fading."""
         mission, results = self.flight.mission, {"you": self.flight.flights()}
         for name in policies_for(self.environment):
-            self.score.value = self._table(results) + f"<p>{html.escape(name)} is flying …</p>"
+            title = policy_title(name)
+            self.score.value = self._table(results) + f"<p>{html.escape(title)} is flying …</p>"
             policy = find_policy(name, self.environment, mission.seed)
-            results[name] = mission.fly(self.environment, policy)
+            results[title] = mission.fly(self.environment, policy)
         self.score.value = self._table(results)
 
     def _table(self, results: dict[str, Flights]) -> str:

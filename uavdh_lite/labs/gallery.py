@@ -1,7 +1,6 @@
-"""All labs on one page, a tab each; a lab is made when its tab is first opened."""
+"""All labs on one page with a tab for each; a lab is made when its tab is first opened."""
 
-import ipywidgets
-
+from uavdh_lite.errors import extra
 from uavdh_lite.labs.channel import ChannelLab
 from uavdh_lite.labs.city import CityLab
 from uavdh_lite.labs.fly import FlyLab
@@ -9,41 +8,44 @@ from uavdh_lite.labs.mission import MissionLab
 from uavdh_lite.labs.think import ThinkLab
 from uavdh_lite.labs.training import TrainingLab
 
+with extra("notebooks"):
+    import ipywidgets
+
 LABS = {
     "Mission": (
         MissionLab,
-        "A UAV collects data from devices and must land in time. Set the mission, choose who flies "
-        "it, and move <i>step</i> to see what happened when.",
+        "A UAV collects data from devices and must land in time. Set the mission, choose a policy, "
+        "and move <i>step</i> through the flight.",
     ),
     "Watch it think": (
         ThinkLab,
         "At each step of a flight: the Q-value of each action, the probabilities that the softmax "
-        "policy makes of them, the layers that the network sees, and the cells that decide.",
+        "policy makes of them, the layers that the network sees, and the cells that matter most.",
     ),
     "Fly it yourself": (
         FlyLab,
-        "Collect as much as you can and land in time. Then see how the agent and the planners do "
-        "on the same mission with the same fading.",
+        "Collect as much as you can and land in time. Then see how the agents and planners do on "
+        "the same mission with the same fading.",
     ),
     "Channel": (
         ChannelLab,
-        "How much data a slot carries between a device and the UAV, and what buildings in between "
+        "How much data a device can send to the UAV in one slot, and what buildings between them "
         "do to it.",
     ),
     "Training": (
         TrainingLab,
-        "A small agent learns a small city in half a minute. Turn a knob, begin a new run, and "
-        "compare with the dotted curves of the last.",
+        "A small agent learns a small city in half a minute. Change a setting, start a new run, "
+        "and compare it with the dotted curves of the last one.",
     ),
     "City": (
         CityLab,
-        "Paint a city of your own and let the planners fly in it.",
+        "Paint a city and let the planners fly in it.",
     ),
 }
 
 
 class Labs(ipywidgets.Tab):
-    """The labs of the web page; `made` holds those opened so far, by title."""
+    """The labs of the web page; `made` holds the labs that were opened, by title."""
 
     def __init__(self):
         self.made: dict[str, ipywidgets.Widget] = {}

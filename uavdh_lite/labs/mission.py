@@ -1,22 +1,22 @@
-"""Mission lab: set a mission by clicks and sliders, fly it with any policy, scrub along time."""
+"""Mission lab: set a mission with clicks and sliders, fly it with any policy, step through it."""
 
 from contextlib import contextmanager
 from dataclasses import replace
 
-import ipywidgets
-
 from uavdh_lite.city import shipped_cities
-from uavdh_lite.errors import InputError
-from uavdh_lite.labs.markup import status, table
-from uavdh_lite.labs.picker import CellPicker
-from uavdh_lite.labs.views import Charts, Map, legend
+from uavdh_lite.errors import InputError, extra
+from uavdh_lite.labs.views import Charts, Map, legend, policy_title
+from uavdh_lite.labs.widgets import CellPicker, status, table
 from uavdh_lite.missions import Mission, environment_of
 from uavdh_lite.plotting import device_colour
 from uavdh_lite.policies import find_policy, policies_for
 from uavdh_lite.scenario import SCENARIOS
 
+with extra("notebooks"):
+    import ipywidgets
+
 NONE = "none"
-WRAP = {"flex_flow": "row wrap"}  # what does not fit beside goes below
+WRAP = {"flex_flow": "row wrap"}  # on a narrow page, go on below
 WIDE = {"description_width": "85px"}  # room for the labels of controls
 
 
@@ -40,16 +40,16 @@ class MissionLab(ipywidgets.VBox):
     def _build(self) -> None:
         dropdown = ipywidgets.Dropdown
         self.city = dropdown(options=shipped_cities(), description="city", style=WIDE)
-        self.pilot = dropdown(description="policy", style=WIDE)
-        self.other = dropdown(description="beside it", style=WIDE)
+        self.policy = dropdown(description="policy", style=WIDE)
+        self.other = dropdown(description="compare with", style=WIDE)
         self.click = ipywidgets.ToggleButtons(
             options=["add", "move", "remove", "start"],
             description="click to",
             tooltips=[
-                "a click places a device",
-                "a click on a device, then one on its new place",
-                "a click on a device removes it",
-                "a click sets where the UAV starts",
+                "click a free cell to add a device",
+                "click a device, then its new cell",
+                "click a device to remove it",
+                "click the cell where the UAV starts",
             ],
             style={"button_width": "70px", "description_width": "80px"},
         )
@@ -71,7 +71,7 @@ class MissionLab(ipywidgets.VBox):
         self.views = ipywidgets.HBox(layout=WRAP)
 
     def _side(self):
-        """What stands beside the maps: `set_flight` for a new flight, `show` for a step of it."""
+        """The charts next to the maps: `set_flight` for a new flight, `show` for a step of it."""
         return Charts()
 
     def _controls(self) -> ipywidgets.Widget:
@@ -79,7 +79,7 @@ class MissionLab(ipywidgets.VBox):
         box = ipywidgets.VBox
         return ipywidgets.HBox(
             [
-                box([self.city, self.pilot, self.other, self.draw]),
+                box([self.city, self.policy, self.other, self.draw]),
                 box([self.click, self.picker, self.time, self.seed, flight]),
                 self.sliders,
             ],
@@ -91,7 +91,7 @@ class MissionLab(ipywidgets.VBox):
         self.city.observe(lambda _: self._set_city(), "value")
         self.click.observe(lambda _: self._pick(None), "value")
         self.draw.on_click(lambda _: self._random())
-        for control in (self.pilot, self.other):
+        for control in (self.policy, self.other):
             control.observe(lambda _: self._fly(), "value")
         self.time.observe(lambda change: self._change(flying_time=change.new), "value")
         self.seed.observe(lambda change: self._change(seed=change.new), "value")
@@ -102,14 +102,15 @@ class MissionLab(ipywidgets.VBox):
         ]
 
     def _set_city(self) -> None:
-        """Start anew in the chosen city."""
+        """Start again, in the chosen city."""
         self.environment = environment_of(self.city.value)
         self.scenario = SCENARIOS[self.city.value]
         with self._quiet():
             self.time.max = self.scenario.flying_time[1]
             names = policies_for(self.environment)
-            self.pilot.options, self.other.options = names, [NONE, *names]
-            self.pilot.value, self.other.value = self.pilot.options[0], NONE
+            options = [(policy_title(name), name) for name in names]
+            self.policy.options, self.other.options = options, [(NONE, NONE), *options]
+            self.policy.value, self.other.value = names[0], NONE
         self._drawn = 0
         self._set_mission(Mission.draw(self.scenario, self.environment.city, 0))
 
@@ -123,7 +124,7 @@ class MissionLab(ipywidgets.VBox):
         self._attempt(lambda: replace(self.mission, **changes))
 
     def clicked(self, cell: tuple[int, int]) -> None:
-        """A click on a cell of a map, (row, column): does what `click` says."""
+        """Do what `click` says to this cell, (row, column)."""
         device, mode = self.mission.device_at(cell), self.click.value
         if mode == "add":
             self._attempt(lambda: self.mission.add(cell))
@@ -136,7 +137,7 @@ class MissionLab(ipywidgets.VBox):
                 self._attempt(lambda: self.mission.remove(device))
         elif self._picked is None:
             self._picked = device
-            found = f"device {device}: now click on its new place"
+            found = f"device {device}: now click its new cell"
             self._say("there is no device here" if device is None else found)
         else:
             picked, self._picked = self._picked, None
@@ -147,7 +148,7 @@ class MissionLab(ipywidgets.VBox):
         self._picked = device
 
     def _attempt(self, change) -> None:
-        """Make a change, or say why it cannot be."""
+        """Make a change, or say why it is not possible."""
         if self._silent:
             return
         try:
@@ -187,21 +188,23 @@ class MissionLab(ipywidgets.VBox):
         self._change(data=tuple(data))
 
     def _fly(self) -> None:
-        """Fly the mission with the chosen policies and show it from its end."""
+        """Fly the mission with the chosen policies and show the whole flights."""
         if self._silent:
             return
         self.play.playing = False
-        names = [self.pilot.value] + [self.other.value] * (self.other.value != NONE)
-        self._say(f"{' and '.join(names)}: planning …" if "genie" in names else "")
+        names = [self.policy.value] + [self.other.value] * (self.other.value != NONE)
+        self._say("the genie is planning …" if "genie" in names else "")
         self.flights = {}
         policies = {name: find_policy(name, self.environment, self.mission.seed) for name in names}
-        for place, (name, policy) in zip(self.maps, policies.items(), strict=False):
+        for each, (name, policy) in zip(self.maps, policies.items(), strict=False):
             self.flights[name] = self.mission.fly(self.environment, policy)
-            place.set_city(self.environment, self.mission, name)
+            each.set_city(self.environment, self.mission, policy_title(name))
         last = max(int(flights.steps[0]) for flights in self.flights.values())
-        self.charts.set_flight(names[0], self.flights[names[0]], policies[names[0]], last)
-        self._say("the same policy twice flies the same way" if len(names) > len(policies) else "")
-        shown = [place.canvas.picture for place in self.maps[: len(self.flights)]]
+        first = names[0]
+        self.charts.set_flight(policy_title(first), self.flights[first], policies[first], last)
+        same = "both are the same policy, and fly the same way"
+        self._say(same if len(names) > len(policies) else "")
+        shown = [each.canvas.picture for each in self.maps[: len(self.flights)]]
         self.views.children = [*shown, self.charts.canvas.picture]
         with self._quiet():
             self.step.max = self.play.max = last
@@ -212,13 +215,13 @@ class MissionLab(ipywidgets.VBox):
         """Show the flights up to the step of the slider."""
         if self._silent:
             return
-        for place, flights in zip(self.maps, self.flights.values(), strict=False):
-            place.show(flights, self.step.value)
+        for each, flights in zip(self.maps, self.flights.values(), strict=False):
+            each.show(flights, self.step.value)
         self.charts.show(self.step.value)
         self.numbers.value = self._table()
 
     def _table(self) -> str:
-        """The numbers of the paper's caption, at the step and at the end."""
+        """The numbers of the paper's captions, at this step and at the end."""
         head = ("policy", "time left", "data collected", "at the end", "time used", "return")
         rows = [head]
         for name, flights in self.flights.items():
@@ -228,7 +231,7 @@ class MissionLab(ipywidgets.VBox):
             collected = total - trajectory.data_left[step].sum()
             rows.append(
                 (
-                    name,
+                    policy_title(name),
                     f"{trajectory.time_left[step]} of {trajectory.time_left[0]}",
                     f"{collected:.1f} of {total:.1f}",
                     "landed" if trajectory.landed else "crashed",
@@ -243,7 +246,7 @@ class MissionLab(ipywidgets.VBox):
 
     @contextmanager
     def _quiet(self):
-        """Controls that are set in here are not the user's."""
+        """Inside, changes of the controls are ours, not the user's."""
         before, self._silent = self._silent, True
         try:
             yield

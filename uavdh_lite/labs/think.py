@@ -1,6 +1,5 @@
-"""Watch it think: at each step the Q-values, the policy, what the network sees, and why."""
+"""Watch it think: the Q-values, the policy and what the network sees, at each step of a flight."""
 
-import ipywidgets
 import numpy as np
 import torch
 from matplotlib.figure import Figure
@@ -8,17 +7,22 @@ from matplotlib.figure import Figure
 from uavdh_lite.agent import Agent, saliency, value_map
 from uavdh_lite.ddqn import softmax_policy
 from uavdh_lite.environment import ACTIONS, State
+from uavdh_lite.errors import extra
 from uavdh_lite.evaluation import Flights, Policy
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.labs.mission import WIDE, MissionLab
 from uavdh_lite.observation import LAYERS
+from uavdh_lite.plotting import BLUE
 
-NO_AGENT = "Choose an agent as the policy; they come with manhattan and open_field."
-CHOSEN, OTHER = "#0072B2", "#BBBBBB"
+with extra("notebooks"):
+    import ipywidgets
+
+NO_AGENT = "Choose an agent; manhattan and open_field have some."
+CHOSEN, OTHER = BLUE, "#BBBBBB"
 
 
 class Thoughts:
-    """What an agent computes along one flight; nothing for a policy without Q-values."""
+    """What an agent computes at each step of one flight; a policy without Q-values has nothing."""
 
     def __init__(self):
         figure = Figure(figsize=(7.9, 4.2), dpi=100)
@@ -32,7 +36,7 @@ class Thoughts:
         self.agent: Agent | None = None
 
     def set_flight(self, name: str, flights: Flights, policy: Policy, last: int) -> None:
-        """Compute the Q-values of the whole flight and draw all that stays."""
+        """Compute the Q-values of the whole flight and draw what does not change."""
         self.agent = policy if isinstance(policy, Agent) else None
         for ax in self.canvas.figure.axes:
             ax.clear()
@@ -57,7 +61,7 @@ class Thoughts:
         self.canvas.draw_all()
 
     def _add_images(self) -> list:
-        """Seven empty pictures, each with its scale: five layers, saliency, worth of places."""
+        """Seven empty pictures, each with its scale: five layers, saliency, largest Q-values."""
         (maps, *_), _ = self.agent.observation(self.states[0])
         width, size = maps.shape[-1], self.agent.city.size
         most = max(float(self.states[0].data_initial.max()) / self.agent.recipe.data_scale, 1e-6)
@@ -74,7 +78,7 @@ class Thoughts:
         return images
 
     def show(self, step: int) -> None:
-        """The step's numbers and pictures."""
+        """Show the numbers and pictures of a step."""
         if self.agent is None:
             self.canvas.draw()
             return
@@ -98,7 +102,7 @@ class Thoughts:
 
 
 class ThinkLab(MissionLab):
-    """One flight, and beside it what the agent computes at each step.
+    """One flight, and next to it what the agent computes at each step.
 
     Arguments:
         city: the name of a shipped city with an agent.

@@ -1,31 +1,38 @@
-"""Training live: start, watch, pause and go on, while the notebook stays free for other cells."""
+"""Training live: start, watch, pause and go on, while other cells of the notebook can run."""
 
+import atexit
 import threading
 import time
+import weakref
 from dataclasses import replace
 
-import ipywidgets
 from matplotlib.figure import Figure
 
-from uavdh_lite.errors import InputError
+from uavdh_lite.errors import InputError, extra
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.markup import ERROR, status
 from uavdh_lite.labs.views import Map
+from uavdh_lite.labs.widgets import status
 from uavdh_lite.missions import Mission
+from uavdh_lite.plotting import BLUE, ORANGE, RED
 from uavdh_lite.recipe import Recipe, find_recipe
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.training import Trainer
 
+with extra("notebooks"):
+    import ipywidgets
+
 CURVES = {
     "has_landed": ("landed", "#999999"),
-    "collection_ratio": ("collected", "#E69F00"),
-    "collection_ratio_and_landed": ("collected and landed", "#0072B2"),
+    "collection_ratio": ("collected", ORANGE),
+    "collection_ratio_and_landed": ("collected and landed", BLUE),
 }
-REFRESH = 0.3  # seconds between two looks at the progress
+REFRESH = 0.3  # seconds between updates of the progress
 
 
 class TrainingLab(ipywidgets.VBox):
-    """A small training in the background; its curves, and a flight of the agent as it is.
+    """A small training run in the background, its curves, and a flight of the agent as it is now.
+
+    A run pauses when the lab is closed, and when the process ends.
 
     Arguments:
         scenario, recipe: names of presets; `recipe` may also be a `Recipe`.
@@ -35,7 +42,7 @@ class TrainingLab(ipywidgets.VBox):
         self.scenario = find_scenario(scenario)
         self.recipe = find_recipe(recipe) if isinstance(recipe, str) else recipe
         number, wide = ipywidgets.FloatText, {"description_width": "140px"}
-        self.knobs = {
+        self.settings = {
             "crash_reward": number(
                 self.recipe.crash_reward, description="crash reward", style=wide
             ),
@@ -50,11 +57,11 @@ class TrainingLab(ipywidgets.VBox):
         self.seed = ipywidgets.BoundedIntText(description="seed", min=0, max=10**6, style=wide)
         self.start = ipywidgets.Button(description="start", icon="play", button_style="primary")
         self.pause = ipywidgets.Button(description="pause", icon="pause", disabled=True)
-        self.anew = ipywidgets.Button(
+        self.new_run = ipywidgets.Button(
             description="new run",
             icon="undo",
             disabled=True,
-            tooltip="forget this run, keep its curve",
+            tooltip="forget this run, but keep its curves",
         )
         self.progress = ipywidgets.IntProgress(min=0, max=self.recipe.steps, description="steps")
         self.status = ipywidgets.HTML()
@@ -66,26 +73,28 @@ class TrainingLab(ipywidgets.VBox):
             [
                 ipywidgets.HBox(
                     [
-                        ipywidgets.VBox(list(self.knobs.values())),
+                        ipywidgets.VBox(list(self.settings.values())),
                         ipywidgets.VBox([self.seed, self.progress]),
                     ]
                 ),
-                ipywidgets.HBox([self.start, self.pause, self.anew]),
+                ipywidgets.HBox([self.start, self.pause, self.new_run]),
                 self.status,
                 self.views,
             ]
         )
         self.start.on_click(lambda _: self.run())
         self.pause.on_click(lambda _: self.stop())
-        self.anew.on_click(lambda _: self.reset())
+        self.new_run.on_click(lambda _: self.reset())
         self.trainer: Trainer | None = None
-        self.previous: list[dict] = []  # the validations of the run before
+        self.previous: list[dict] = []  # validations of the previous run
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
+        # A thread that still computes makes the interpreter crash when it ends
+        atexit.register(_close, weakref.ref(self))
         self.reset()
 
     def run(self) -> None:
-        """Start, or go on after a pause, in a thread of its own."""
+        """Start or continue the run in a thread of its own."""
         if self._thread is not None and self._thread.is_alive():
             return
         try:
@@ -100,31 +109,39 @@ class TrainingLab(ipywidgets.VBox):
         self._thread.start()
 
     def stop(self) -> None:
-        """Pause after the step in progress; `run` goes on as if nothing had been."""
+        """Pause after the current step; `run` continues with the same result as without a pause."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
 
     def reset(self) -> None:
-        """Forget the run, so that the knobs can be turned."""
+        """Forget the run, so that the settings can be changed."""
         self.stop()
         if self.trainer is not None:
+            self.trainer.close()
             self.previous = self.trainer.validation_rows
         self.trainer, self.progress.value = None, 0
         self.views.children = [self.curves.picture]
         self._draw_curves()
         self._set_running(False)
-        self._say("turn the knobs, then start")
+        self._say("change the settings, then start")
+
+    def close(self) -> None:
+        """Pause the run for good and take the lab off the page."""
+        self.stop()
+        if self.trainer is not None:
+            self.trainer.close()
+        super().close()
 
     def _new(self) -> Trainer:
-        changes = {name: knob.value for name, knob in self.knobs.items()}
+        changes = {name: setting.value for name, setting in self.settings.items()}
         trainer = Trainer(self.scenario, replace(self.recipe, **changes), self.seed.value)
         self.mission = Mission.draw(self.scenario, trainer.city, 0)
         trainer.validate()
         return trainer
 
     def _train(self) -> None:
-        """The thread: train until paused or done; an exception is shown."""
+        """In the thread: train until the run is paused or finished; show what goes wrong."""
         trainer, looked = self.trainer, 0.0
         interval = trainer.recipe.validation_interval
         try:
@@ -149,22 +166,22 @@ class TrainingLab(ipywidgets.VBox):
     def _set_running(self, running: bool) -> None:
         done = self.trainer is not None and self.trainer.finished
         self.start.disabled, self.pause.disabled = running or done, not running
-        self.anew.disabled = running or self.trainer is None
-        for knob in (*self.knobs.values(), self.seed):
-            knob.disabled = self.trainer is not None
+        self.new_run.disabled = running or self.trainer is None
+        for setting in (*self.settings.values(), self.seed):
+            setting.disabled = self.trainer is not None
 
     def _show_agent(self) -> None:
-        """The curves so far, and a flight of the agent as it is now."""
+        """Show the curves so far, and a flight of the agent as it is now."""
         self._draw_curves()
         trainer = self.trainer
         flights = self.mission.fly(trainer.environment, trainer.agent)
-        self.map.set_city(trainer.environment, self.mission, "the agent now, one mission")
+        self.map.set_city(trainer.environment, self.mission, "one mission, the agent as it is now")
         self.map.show(flights)
         self.views.children = [self.curves.picture, self.map.canvas.picture]
         self._say(self._result())
 
     def _result(self) -> str:
-        """How far the run is, and its last validation."""
+        """How far the run is, with its last validation."""
         trainer, row = self.trainer, self.trainer.validation_rows[-1]
         return (
             f"after {trainer.steps:,} steps, {trainer.updates:,} updates, {trainer.seconds:.0f} s: "
@@ -187,4 +204,9 @@ class TrainingLab(ipywidgets.VBox):
         self.curves.draw()
 
     def _say(self, text: str, error: bool = False) -> None:
-        self.status.value = status(text, ERROR if error else "inherit")
+        self.status.value = status(text, RED if error else "inherit")
+
+
+def _close(lab: weakref.ref) -> None:
+    if (alive := lab()) is not None:
+        alive.close()

@@ -1,23 +1,32 @@
-"""What the labs draw: the map of a flight, and charts of what happens along it."""
+"""What the labs draw: the map of a flight, and charts of what happens during it."""
 
-import ipywidgets
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from uavdh_lite.environment import Environment, Rewards
+from uavdh_lite.errors import extra
 from uavdh_lite.evaluation import Flights, Policy
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import add_legend, device_colour, draw_city, draw_flight, shadow_sum
+from uavdh_lite.policies import PLANNERS
 
-# Terms of the reward; colours that are no device's
+with extra("notebooks"):
+    import ipywidgets
+
+# The terms of the reward, in colours that no device has
 TERMS = {"data": "#332288", "movement": "#BBBBBB", "safety": "#DDCC77", "crash": "#882255"}
 
 
+def policy_title(name: str) -> str:
+    """A policy's name as the labs show it: agents are named after cities, so say what they are."""
+    return name if name in PLANNERS else f"{name} agent"
+
+
 def legend() -> ipywidgets.Image:
-    """A picture of what the signs on the maps mean; devices have colours of their own."""
+    """A picture that explains the signs on the maps, except the devices' colours."""
     figure = Figure(figsize=(9.5, 1.1), dpi=100)
     add_legend(figure, 0)
     canvas = Canvas(figure)
@@ -35,7 +44,7 @@ class Map:
         self._drawn = None
 
     def set_city(self, environment: Environment, mission: Mission, title: str) -> None:
-        """Draw the city with the shadows of the mission's devices, unless it is drawn already."""
+        """Draw the city with the shadows of the mission's devices, if it has changed."""
         drawn = environment.city.fingerprint, mission.devices, title
         if drawn == self._drawn:
             return
@@ -48,7 +57,7 @@ class Map:
         self.canvas.draw_all()
 
     def show(self, flights: Flights, step: int | None = None) -> None:
-        """Draw the flight, or so many steps of it."""
+        """Draw the flight, or its first `step` steps."""
         artists = draw_flight(self.ax, self.city, flights.trajectory(0), step)
         self.canvas.draw([(self.ax, artist) for artist in artists])
         for artist in artists:
@@ -56,9 +65,9 @@ class Map:
 
 
 class Charts:
-    """What happens along one flight: data left, who is served in each slot, the reward's terms.
+    """What happens during one flight: the data left, the device served in each slot, the reward.
 
-    The axes are drawn anew only when a flight does not fit them.
+    The axes are drawn again only if their limits change.
     """
 
     def __init__(self):
@@ -79,7 +88,7 @@ class Charts:
         self._artists, self._limits = [], None
 
     def set_flight(self, name: str, flights: Flights, policy: Policy, last: int) -> None:
-        """Draw a policy's whole flight; `show` marks a step in it, of `last` at most."""
+        """Draw a policy's whole flight. `show` marks a step in it, at most `last`."""
         trajectory = flights.trajectory(0)
         devices = np.flatnonzero(trajectory.start.data_initial[0] > 0)
         outcomes = [step.outcome for step in flights.history[: flights.steps[0]]]
@@ -134,5 +143,5 @@ class Charts:
 
 
 def _ceil(value: float, step: int) -> int:
-    """The least multiple of `step` that is not below the value."""
+    """The smallest multiple of `step` that is not below the value."""
     return int(np.ceil(value / step) * step)

@@ -1,18 +1,24 @@
-"""Widgets for notebooks: thin views over the library, with no logic of their own."""
+"""Small widgets and pieces of HTML for notebooks, quizzes and labs; they need only ipywidgets."""
 
 import html
-import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-import ipywidgets
 from matplotlib.figure import Figure
+
+from uavdh_lite.errors import extra
+from uavdh_lite.plotting import RED, png
+
+with extra("notebooks"):
+    import ipywidgets
+
+__all__ = ["CellPicker", "explore", "png", "status", "table"]
 
 
 def explore(draw: Callable[..., Figure], **controls: ipywidgets.ValueWidget) -> ipywidgets.VBox:
     """Controls, and below them the figure that `draw` makes of their values.
 
-    The figure is drawn anew whenever a control changes, and shown as a picture that is swapped in
-    place. An error of `draw` is shown below the controls; the last picture stays.
+    The figure is drawn again whenever a control changes. An error in `draw` is shown below the
+    controls; the last picture stays.
 
     Arguments:
         draw: called with the value of each control by its name; returns a figure.
@@ -25,8 +31,7 @@ def explore(draw: Callable[..., Figure], **controls: ipywidgets.ValueWidget) -> 
             picture.value = png(draw(**{name: each.value for name, each in controls.items()}))
             message.value = ""
         except Exception as error:  # whatever it is, the reader must see it
-            text = html.escape(f"{type(error).__name__}: {error}")
-            message.value = f'<pre style="color:#C1272D">{text}</pre>'
+            message.value = status(f"{type(error).__name__}: {error}")
 
     for control in controls.values():
         control.observe(update, "value")
@@ -34,8 +39,32 @@ def explore(draw: Callable[..., Figure], **controls: ipywidgets.ValueWidget) -> 
     return ipywidgets.VBox([*controls.values(), message, picture])
 
 
-def png(figure: Figure) -> bytes:
-    """The figure as a PNG file's bytes."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=100)
-    return buffer.getvalue()
+class CellPicker(ipywidgets.HBox):
+    """Row, column and a button that does what a click on that cell does, without a mouse.
+
+    Arguments:
+        handler: called with (row, column).
+    """
+
+    def __init__(self, handler: Callable[[tuple[int, int]], None]):
+        narrow = {"layout": {"width": "110px"}, "style": {"description_width": "50px"}}
+        self.row = ipywidgets.BoundedIntText(description="row", min=0, max=99, **narrow)
+        self.column = ipywidgets.BoundedIntText(description="column", min=0, max=99, **narrow)
+        self.button = ipywidgets.Button(
+            description="click there",
+            tooltip="the same as a click on this cell",
+            layout={"width": "90px"},
+        )
+        self.button.on_click(lambda _: handler((self.row.value, self.column.value)))
+        super().__init__([self.row, self.column, self.button])
+
+
+def status(text: str, colour: str = RED) -> str:
+    """A line of text that screen readers read out when it changes."""
+    return f'<span role="status" style="color:{colour}">{html.escape(text)}</span>'
+
+
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """A table of numbers; the first row is its head."""
+    cells = "</td></tr><tr><td>".join("</td><td>".join(map(html.escape, row)) for row in rows)
+    return f'<table class="uavdh-numbers"><tr><td>{cells}</td></tr></table>'

@@ -3,19 +3,19 @@
 import numpy as np
 
 from uavdh_lite.channel import rate_map
-from uavdh_lite.missions import Mission, environment_of, pilots
+from uavdh_lite.missions import Mission, environment_of
+from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import find_scenario
 
 
 def leads(seeds):
     """Greedy's lead over the agent in these missions, points; whatever agent is shipped."""
     environment = environment_of("manhattan")
-    policies = pilots(environment)
     for seed in seeds:
         mission = Mission.draw(find_scenario("manhattan"), environment.city, seed)
         share = {}
         for name in ("greedy", "manhattan"):
-            end = mission.fly(environment, policies[name](seed)).end
+            end = mission.fly(environment, find_policy(name, environment)).end
             share[name] = float(end.collection_ratio[0]) * bool(end.landed[0])
         yield seed, 100 * (share["greedy"] - share["manhattan"])
 

@@ -320,7 +320,7 @@ LEAD_MISTAKES = {
 def lead(answer) -> None:
     """`lead(a, b)`: (mean, low, high) of a − b, in pairs."""
     of = as_array(answer)
-    generator = stream(Use.EXERCISE, 83)
+    generator = stream(Use.EXERCISE, 836)  # no end near 0, where 1.96 and Z would differ too much
     cases = []
     for count, together in ((8, 1.0), (30, 2.0), (300, 0.5), (15, -0.7)):
         common = generator.standard_normal(count)
@@ -347,7 +347,9 @@ def lead(answer) -> None:
     compare(ask, _solved_lead, cases, LEAD_MISTAKES, 1e-3)
 
 
-EPISODES, SEED, SECONDS, AHEAD = 300, 84, 20, 0.4
+# In the missions of this seed, to skip a device with less than 2 to 4 units left gains as much as
+# in 20,000 others, about 0.3. With some seeds it gains 0.5, by luck.
+EPISODES, SEED, SECONDS, AHEAD = 300, 885, 20, 0.4
 RETURN = "cumulative_reward"
 Rule = Callable[[State], np.ndarray]
 
@@ -409,11 +411,11 @@ def _draw_policy(ax):
         own = _flown(rule)[RETURN]
         mean, low, high = _solved_lead(own, theirs)
         ax.errorbar(mean, y, xerr=[[mean - low], [high - mean]], fmt="o", capsize=4)
-        ax.text(1.25, y, f"{own.mean():.2f}", va="center", ha="right")
+        ax.text(1.55, y, f"{own.mean():.2f}", va="center", ha="right")
     ax.axvline(0, color="grey")
     ax.axvline(AHEAD, color="grey", linestyle="--")
     ax.set(yticks=range(len(rules)), yticklabels=list(rules), ylim=(len(rules) - 0.5, -0.5))
-    ax.set(xlim=(-1, 1.3))
+    ax.set(xlim=(-1.4, 1.6))
     ax.set_xlabel("lead over greedy, 95 % interval (dashed: goal)", fontsize=9)
     ax.set_title(f"{EPISODES} missions; right: return (greedy {theirs.mean():.2f})", fontsize=10)
 
@@ -425,7 +427,7 @@ def _draw_policy(ax):
     minutes=45,
     hints=(
         "No single rule is best everywhere: leaving the last units of a device pays in one mission "
-        "and not in another. Have several rules, and choose among them anew at every step.",
+        "and not in another. Have several rules, and choose among them at every step.",
         "Choose by simulation: for each candidate (a rule, or one of the six actions and greedy "
         "after it) fly all episodes on to their end with environment.transition and fading 0, add "
         "up Rewards()(outcome), and take the first action of the one with the highest return.",

@@ -1,7 +1,6 @@
 """What all exercises share: hints, and checks whose messages say what is probably wrong."""
 
 import functools
-import io
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,6 +8,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from uavdh_lite.plotting import png
 
 EXERCISES: dict[str, "Exercise"] = {}
 """All exercises by the name of their check, in the order of the notebooks."""
@@ -77,9 +78,7 @@ class Exercise:
         """The third hint, as a PNG file's bytes."""
         figure = Figure(figsize=(5.5, 3.4), layout="constrained")
         self.figure(figure.subplots())
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=90)
-        return buffer.getvalue()
+        return png(figure, dpi=90)
 
 
 def exercise(number: str, title: str, *, points: int, minutes: int, hints, figure):

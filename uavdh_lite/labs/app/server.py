@@ -30,8 +30,8 @@ FULL = """<!doctype html><html lang="en"><head><meta charset="utf-8">
 <title>All sessions are in use</title><meta http-equiv="refresh" content="20"></head>
 <body style="font-family: sans-serif; margin: 4em">
 <h1>All sessions are in use</h1>
-<p>This machine runs at most {sessions} sessions at a time. One becomes free when somebody closes the
-page, or does not use it for {minutes} minutes.</p>
+<p>This machine runs at most {sessions} sessions at a time. One becomes free when somebody closes
+the page, or does not use it for {minutes} minutes.</p>
 <p>This page tries again every 20 seconds.</p></body></html>
 """
 

@@ -1,0 +1,113 @@
+"""Files are written whole or not at all, and tables come back."""
+
+import csv
+import gzip
+import io
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from uavdh_lite.errors import InputError
+from uavdh_lite.storage import read_table, write_atomically, write_table
+
+ROWS = [
+    {"policy": "a", "steps": 5, "ratio": 0.123456789},
+    {"policy": "b, c", "steps": 10, "ratio": None},
+]
+
+
+@pytest.mark.parametrize("name", ["table.csv", "table.csv.gz"])
+def test_a_table_comes_back(name, tmp_path):
+    write_table(tmp_path / name, ROWS)
+    table = read_table(tmp_path / name)
+    assert list(table) == ["policy", "steps", "ratio"]
+    assert table["policy"].tolist() == ["a", "b, c"]
+    assert table["steps"].tolist() == [5, 10]
+    np.testing.assert_array_equal(table["ratio"], [0.123457, np.nan])
+
+
+def test_equal_rows_give_equal_bytes(tmp_path):
+    for name in ("a.csv.gz", "b.csv.gz"):
+        write_table(tmp_path / name, ROWS)
+    assert (tmp_path / "a.csv.gz").read_bytes() == (tmp_path / "b.csv.gz").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("plain.csv.gz", b"a,b\n1,2\n"),
+        ("cut.csv", b"a,b\n1\n"),
+        ("empty.csv", b""),
+        ("binary.csv", b"\xff\xfe\x00"),
+    ],
+)
+def test_what_is_no_table_is_named(name, content, tmp_path):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=f"{name}: not a table"):
+        read_table(tmp_path / name)
+
+
+def test_a_new_file_has_the_umasks_rights_and_the_umask_is_left_alone(tmp_path, monkeypatch):
+    """It belongs to the whole process: to change it for a moment is a race with other threads."""
+    before = os.umask(0o027)
+    try:
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "umask", lambda mask: pytest.fail("the umask was changed"))
+            write_atomically(tmp_path / "a.txt", lambda temporary: temporary.write_text("a"))
+        assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o640
+    finally:
+        os.umask(before)
+
+
+def test_a_bomb_is_not_unpacked_into_memory(tmp_path):
+    """A small compressed file of a huge table ends with an error, not with the machine's memory."""
+    path = tmp_path / "t.csv.gz"
+    with gzip.open(path, "wb", compresslevel=9) as file:
+        for _ in range(300):
+            file.write(b"0" * 2**20)
+    with pytest.raises(InputError, match="larger than"):
+        read_table(path)
+
+
+def test_the_csv_module_s_own_limits_are_errors_of_ours(tmp_path):
+    path = tmp_path / "t.csv"
+    text = io.StringIO()
+    csv.writer(text).writerow(["a" * 200_000])
+    path.write_text(text.getvalue())
+    with pytest.raises(InputError, match="not a table"):
+        read_table(path)
+
+
+def test_numbers_that_are_none(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("a,b\n1,\n2,x\n")
+    read = read_table(path)
+    assert read["a"].tolist() == [1, 2] and read["b"].tolist() == ["", "x"]
+    assert np.isnan(read_table_of(tmp_path, 'a\n1\n""\n')["a"][1])
+
+
+def read_table_of(folder, text):
+    (folder / "u.csv").write_text(text)
+    return read_table(folder / "u.csv")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs Unix resource limits")
+def test_a_save_that_outgrows_the_disk_space_leaves_the_old_file(tmp_path):
+    """A real failure of the operating system: files may not grow past 4096 bytes."""
+    path = tmp_path / "file.bin"
+    path.write_bytes(b"old")
+    program = f"""
+import resource, signal
+from pathlib import Path
+from uavdh_lite.storage import write_atomically
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+write_atomically({str(path)!r}, lambda temporary: temporary.write_bytes(bytes(100_000)))
+"""
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert result.returncode == 1 and "File too large" in result.stderr
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]

@@ -1,0 +1,40 @@
+"""`demo`: the shipped agents on the paper's maps."""
+
+from pathlib import Path
+
+from cyclopts.types import NonNegativeInt, PositiveInt
+
+from uavdh_lite.cli.arguments import Device, require_device
+
+
+def demo(
+    *,
+    episodes: PositiveInt = 1000,
+    out: Path = Path("demo.png"),
+    seed: NonNegativeInt = 0,
+    device: Device = "cpu",
+) -> None:
+    """Evaluate the shipped agents next to the paper's results, and draw four flights.
+
+    Arguments:
+        episodes: number of random scenarios.
+        out: the figure.
+        seed: seed of the scenarios and the fading.
+        device: what the network runs on.
+    """
+    from uavdh_lite.experiments.demo import draw_flights, fly_agent, paper_agents
+    from uavdh_lite.experiments.report import paper_table
+    from uavdh_lite.paper import RESULTS
+    from uavdh_lite.plotting import save_figure
+
+    flown = []
+    for name in paper_agents():
+        environment, flights = fly_agent(name, episodes, seed, require_device(device))
+        flown.append((environment, flights))
+        print(f"{name}: {episodes} random scenarios, seed {seed}")
+        print(f"{paper_table(flights.metrics(), RESULTS[name])}\n")
+    figure, count = draw_flights(flown)
+    save_figure(figure, out)
+    print(f"The first {count} flights are drawn in {out}.")
+    print("The paper's maps were never published. Ours are redrawn from its text, so the agents")
+    print("solve the same task, but not on the same streets.")
