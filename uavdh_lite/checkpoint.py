@@ -68,13 +68,14 @@ def _upgrade(about: dict) -> None:
     """Turn the values of an older format into those of this one, in place.
 
     Their recipes had fields more, which only training used; in format 1 the crash reward was
-    constant. Fields that came later have defaults that mean what was before.
+    constant. What went beyond the paper came with format 5.
     """
     if about["format"] < FORMAT and "recipe" in about:
         recipe = about["recipe"]
         recipe.setdefault("crash_reward_end", recipe["crash_reward"])
         for name in ("exploring_least_time", "exploring_actions"):
             recipe.pop(name, None)
+        recipe.update(failsafe=False, quantiles=0, advantage_learning=0.0)
 
 
 def _digest(header: str, tensors: dict[str, Tensor]) -> str:

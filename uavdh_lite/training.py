@@ -148,9 +148,9 @@ class Trainer:
         optimiser = torch.optim.Adam(
             network.parameters(), recipe.learning_rate, amsgrad=recipe.amsgrad, fused=True
         )
-        learner = QRDQN if recipe.quantiles else DDQN
-        self.ddqn = learner(network, optimiser, recipe.target_update_rate, recipe.huber_delta)
-        self.networks: Networks = self.ddqn  # those that act and give the targets
+        method = QRDQN if recipe.quantiles else DDQN
+        self.learner = method(network, optimiser, recipe.target_update_rate, recipe.huber_delta)
+        self.networks: Networks = self.learner  # those that act and give the targets
         self.replay = Replay(recipe.replay_capacity, recipe.environments, scenario.max_devices)
         self.statistics = EpisodeStatistics(recipe.environments, self.device)
         self.steps = self.updates = 0
@@ -222,8 +222,8 @@ class Trainer:
         return Minibatch(batch.state, action, y, observation)
 
     def _learn(self, minibatch: Minibatch) -> None:
-        self.ddqn.set_learning_rate(self.recipe.learning_rate_at(self.steps))
-        loss = self.ddqn.update(minibatch.observation, minibatch.action, minibatch.y)
+        self.learner.set_learning_rate(self.recipe.learning_rate_at(self.steps))
+        loss = self.learner.update(minibatch.observation, minibatch.action, minibatch.y)
         self.statistics.learned(loss)
         self.updates += 1
 
@@ -276,7 +276,7 @@ class Trainer:
             "threads": self.threads,
             "validation": self.validation_rows[-1] if self.validation_rows else None,
         }
-        parts = (self.ddqn.online, self.observation, self.recipe, self.scenario, self.city)
+        parts = (self.learner.online, self.observation, self.recipe, self.scenario, self.city)
         return Agent(*parts, training)
 
     @property
@@ -285,7 +285,7 @@ class Trainer:
 
     def is_finite(self) -> bool:
         """Whether the loss and all weights are numbers still."""
-        parts = [self.statistics.loss, *self.ddqn.online.parameters()]
+        parts = [self.statistics.loss, *self.learner.online.parameters()]
         return all(bool(torch.isfinite(part).all()) for part in parts)
 
     def close(self) -> None:
@@ -316,10 +316,11 @@ class Trainer:
 
     def save(self, path: Path) -> None:
         """Write all that the run needs to go on as if it had never stopped."""
+        parts = {"ddqn": self.learner, "replay": self.replay, "statistics": self.statistics}
         tensors = {
             f"{part}.{name}": torch.as_tensor(value)
-            for part in ("ddqn", "replay", "statistics")
-            for name, value in getattr(self, part).state_dict().items()
+            for part, whole in parts.items()
+            for name, value in whole.state_dict().items()
         }
         tensors |= _tensors("state.", self.state)
         if self.minibatch is not None:
@@ -338,13 +339,11 @@ class Trainer:
     def restore(self, path: Path) -> None:
         """Go on from what `save` wrote; `InputError` if it is of another run."""
         tensors, about = load(path, "training")
-        # Its recipe may be from before some of the fields: they had their defaults then.
-        about["recipe"] = json.loads(json.dumps(Recipe.from_json(about["recipe"]).as_json()))
         for name, value in self.identity().items():
             if about.get(name) != value:
                 difference = _difference(about.get(name), value)
                 raise InputError(f"{path}: another {name} than asked for{difference}")
-        self.ddqn.load_state_dict(_under("ddqn.", tensors))
+        self.learner.load_state_dict(_under("ddqn.", tensors))
         replay = {name: tensor.numpy() for name, tensor in _under("replay.", tensors).items()}
         self.replay.load_state_dict(replay)
         self.statistics.load_state_dict(_under("statistics.", tensors))
@@ -384,11 +383,11 @@ class OverlappedTrainer(Trainer):
 
     def __init__(self, *arguments, **options):
         super().__init__(*arguments, **options)
-        self.networks = copy.deepcopy(self.ddqn)
+        self.networks = copy.deepcopy(self.learner)
         self._pool: ThreadPoolExecutor | None = None
 
     def step(self) -> None:
-        self.networks.copy_from(self.ddqn)
+        self.networks.copy_from(self.learner)
         if self.minibatch is not None:
             self._update = self._other_thread.submit(super()._learn, self.minibatch)
         super().step()

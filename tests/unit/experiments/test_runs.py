@@ -65,16 +65,16 @@ def test_a_training_that_diverges_stops_with_its_last_good_state(
 ):
     recipe = replace(quick, steps=4 * BIN, validation_interval=BIN)
     trainer = Trainer(corridor_scenario, recipe, 0, corridor)
-    descend = trainer.ddqn.descend
+    descend = trainer.learner.descend
 
     def diverging(*minibatch):
         loss = descend(*minibatch)
         if trainer.steps > 1.5 * BIN:
             with torch.no_grad():
-                next(trainer.ddqn.online.parameters()).fill_(float("nan"))
+                next(trainer.learner.online.parameters()).fill_(float("nan"))
         return loss
 
-    trainer.ddqn.descend = diverging
+    trainer.learner.descend = diverging
     with pytest.raises(TrainingDiverged, match=f"not finite after {2 * BIN} steps: the last good"):
         train(trainer, tmp_path)
     tensors, about = load(tmp_path / "training.safetensors", "training")
