@@ -38,6 +38,7 @@ class QNetwork(nn.Module):
         hidden: tuple[int, ...] = (256, 256, 256),
         layer_norm: bool = False,
         leak: float = 0.0,
+        *,
         outputs: int = len(ACTIONS),
     ):
         super().__init__()

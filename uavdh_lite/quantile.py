@@ -21,7 +21,7 @@ class QuantileNetwork(QNetwork):
     """
 
     def __init__(self, *arguments, quantiles: int, **options):
-        super().__init__(*arguments, **options, outputs=len(ACTIONS) * quantiles)
+        super().__init__(*arguments, outputs=len(ACTIONS) * quantiles, **options)
 
     def quantiles(self, maps: list[Tensor], time: Tensor) -> Tensor:
         """The quantiles at the levels of `midpoints`, (B, 6, N)."""
@@ -52,6 +52,10 @@ def quantile_huber_loss(quantiles: Tensor, samples: Tensor, kappa: float) -> Ten
 
 class QRDQN(DDQN):
     """`DDQN` with a `QuantileNetwork`: `huber_delta` is κ, and the targets are (B, N)."""
+
+    online: QuantileNetwork
+    target: QuantileNetwork
+    huber_delta: float
 
     @torch.no_grad()
     def targets(

@@ -316,6 +316,7 @@ class Trainer:
 
     def save(self, path: Path) -> None:
         """Write all that the run needs to go on as if it had never stopped."""
+        parts: dict[str, DDQN | Replay | EpisodeStatistics]
         parts = {"ddqn": self.learner, "replay": self.replay, "statistics": self.statistics}
         tensors = {
             f"{part}.{name}": torch.as_tensor(value)
