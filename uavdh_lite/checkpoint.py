@@ -67,15 +67,19 @@ def load(path: str | Path, kind: str) -> tuple[dict[str, Tensor], dict]:
 def _upgrade(about: dict) -> None:
     """Turn the values of an older format into those of this one, in place.
 
-    Their recipes had fields more, which only training used; in format 1 the crash reward was
-    constant. What went beyond the paper came with format 5.
+    Older recipes had more fields, which only training used; format 1 had one crash reward for the
+    whole run; formats below 4 do not say that they were made with version 1 of the streams; those
+    below 5 know of nothing beyond the paper.
     """
-    if about["format"] < FORMAT and "recipe" in about:
+    if about["format"] < 4 and "training" in about:
+        about["training"].setdefault("streams", 1)
+    if about["format"] < 3 and "recipe" in about:
         recipe = about["recipe"]
         recipe.setdefault("crash_reward_end", recipe["crash_reward"])
         for name in ("exploring_least_time", "exploring_actions"):
             recipe.pop(name, None)
-        recipe.update(failsafe=False, quantiles=0, advantage_learning=0.0)
+    if about["format"] < 5 and "recipe" in about:
+        about["recipe"] |= {"failsafe": False, "quantiles": 0, "advantage_learning": 0.0}
 
 
 def _digest(header: str, tensors: dict[str, Tensor]) -> str:

@@ -24,7 +24,7 @@ MOVES = read_only(np.array([(-1, 0), (0, 1), (1, 0), (0, -1), (0, 0), (0, 0)])) 
 class State:
     """The state of B episodes; its arrays are read-only. Cells are numbers `row * M + col`.
 
-    Device places that an episode does not use hold no data, now or at its start.
+    An episode with fewer devices than K leaves the other places without data.
 
     | field | shape | meaning |
     | --- | --- | --- |
@@ -86,7 +86,7 @@ class State:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What happened in one step of B episodes; nothing, for an episode already over.
+    """What happened in one step of B episodes. An episode that is over has no upload and no event.
 
     | field | shape | meaning |
     | --- | --- | --- |
@@ -140,8 +140,8 @@ class Environment:
 
     ### Actions
     0 north, 1 east, 2 south, 3 west, 4 hover, 5 land. Each costs one unit of flying time. The
-    safety controller replaces a move off the grid or into a no-fly cell by hovering, and so a
-    landing outside the landing zone.
+    safety controller replaces three actions by hovering: a move off the grid, a move into a no-fly
+    cell, and a landing outside the landing zone.
 
     With `failsafe` it also brings the UAV home, as the return-to-home function of drones does. It
     replaces an action after which a landing would no longer be possible in the time left by the
@@ -153,14 +153,14 @@ class Environment:
     While the UAV moves or hovers there are δ communication slots. In slot i it is at
     p(t) + (i/δ)(p(t+1) − p(t)); for the shadow map it counts as in the nearest cell, at half way
     in the cell being entered. Of the devices with data left, the one with the highest SNR gets
-    the slot and uploads min(rate, data left). Fading is drawn anew for every device and slot.
+    the slot and uploads min(rate, data left). Every device and slot has a new fading draw.
     Nothing is uploaded in the step that ends the episode.
 
     ### Episode end
     The UAV lands, or its flying time reaches 0 (a crash).
 
     ### Reward
-    See `Rewards`; the environment itself gives an `Outcome`, from which they are computed.
+    The environment returns an `Outcome`; `Rewards` computes the reward from it.
 
     Reference: Bayerlein et al., Globecom 2020, sections II and III.
     """

@@ -1,4 +1,4 @@
-"""Monte Carlo evaluation: fly many random scenarios at once, and say how sure the results are."""
+"""Monte Carlo evaluation: fly many random scenarios at once, and say how certain the means are."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ from uavdh_lite.streams import Use, stream
 Policy = Callable[[State], np.ndarray]
 """Actions for a batch of states: (B,) indices into `ACTIONS`.
 
-A policy that remembers something of each episode has a method `begin(start)` besides. It returns a
-function of (state, episodes) for the flights from `start`, where `episodes` says which of them the
-rows of `state` are. `fly` uses it where there is one.
+A policy that keeps something for each episode, such as a plan, also has a method `begin(start)`. It
+returns a function of (state, episodes) for the flights from `start`; `episodes` says which of them
+are in the rows of `state`. `fly` calls it if it is there.
 """
 
 
@@ -151,9 +151,9 @@ def fly(
 ) -> Flights:
     """Fly all episodes of `start` to their end.
 
-    The policy is asked only for the episodes still in the air. Fading is drawn for all of them in
-    every step, so that the draws of an episode do not depend on what the policy does: policies
-    flown with the same start and an equal generator meet the same fading.
+    The policy is asked only about the episodes still in the air. Fading is drawn for all episodes
+    in every step, so it does not depend on what the policy does: two policies with the same start
+    and equal generators meet the same fading.
 
     Arguments:
         record: keep every step, for `Flights.trajectory`.
@@ -199,8 +199,8 @@ def evaluate(
 ) -> Flights:
     """Fly `episodes` random scenarios; the same seed draws the same scenarios and fading.
 
-    The cumulative reward is always in the paper's constants, so that agents trained with other
-    ones compare.
+    The cumulative reward always has the paper's constants, so agents trained with other constants
+    can be compared.
     """
     generator = stream(use, seed)
     start = scenario.sample(environment.city, episodes, generator)
@@ -210,8 +210,8 @@ def evaluate(
 def mean_interval(values: np.ndarray) -> Interval:
     """The mean of independent values, (N,), with a 95 % interval.
 
-    Wilson's interval if all of them are 0 or 1, the bootstrap's otherwise: of rare events the
-    bootstrap knows too little.
+    Wilson's interval if all of them are 0 or 1, the bootstrap's otherwise: the bootstrap is too
+    narrow for rare events.
     """
     return wilson_interval(values) if np.isin(values, (0, 1)).all() else bootstrap_interval(values)
 
@@ -219,8 +219,8 @@ def mean_interval(values: np.ndarray) -> Interval:
 def wilson_interval(values: np.ndarray) -> Interval:
     """The share of ones among N zeros and ones with Wilson's 95 % score interval.
 
-    It says something also where all are equal: of 1000 episodes that all landed, that at least
-    99.6 % of all do.
+    It is not a point even if all values are equal: after 1000 landings in 1000 episodes, it says
+    that at least 99.6 % of all episodes land.
     """
     count, share, z = len(values), float(values.mean()), 1.959964
     middle = share + z**2 / (2 * count)
@@ -232,7 +232,7 @@ def wilson_interval(values: np.ndarray) -> Interval:
 def bootstrap_interval(values: np.ndarray, resamples: int = 2000) -> Interval:
     """The mean of independent values, (N,), with its 95 % percentile bootstrap interval.
 
-    If all values are equal the interval is a point, which does not mean certainty.
+    If all values are equal the interval is a point. That does not mean certainty.
     """
     generator = stream(Use.BOOTSTRAP)
     means = [

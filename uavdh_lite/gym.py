@@ -53,6 +53,15 @@ class _Simulator:
     def starts(self, count: int, generator: np.random.Generator) -> State:
         return self.scenario.sample(self.environment.city, count, generator)
 
+    def start(
+        self, options: dict[str, Any] | None, count: int, generator: np.random.Generator
+    ) -> State:
+        """The start that `reset` was given, or a random one."""
+        given = (options or {}).get("start")
+        if given is not None and len(given) != count:
+            raise InputError(f"start of {len(given)} episodes: expected a State of {count}")
+        return self.starts(count, generator) if given is None else given
+
     def observe(self, state: State) -> dict[str, np.ndarray]:
         """(B, ...) arrays by name."""
         maps, time = self._observation(state)
@@ -75,7 +84,7 @@ class _Simulator:
 
     @staticmethod
     def info(state: State, outcome: Outcome | None = None) -> dict[str, np.ndarray]:
-        """What is told beside the observation; (B,) arrays."""
+        """What `info` holds; (B,) arrays."""
         ratio = state.collection_ratio.astype(np.float64)
         return {
             "collection_ratio": ratio,
@@ -134,7 +143,7 @@ class DataHarvesting(gymnasium.Env):
 
     ## Starting State
 
-    Number, places and data of the devices, the start cell and the flying time are drawn anew from
+    Number, places and data of the devices, the start cell and the flying time are drawn again from
     the scenario's ranges. `reset(options={"start": state})` takes a `State` of one episode instead,
     for example from `uavdh_lite.scenario.place`.
 
@@ -209,11 +218,7 @@ class DataHarvesting(gymnasium.Env):
         super().reset(seed=seed)
         if seed is not None:
             self.np_random = stream(Use.GYMNASIUM, seed)
-        start = (options or {}).get("start")
-        if start is None:
-            start = self._simulator.starts(1, self.np_random)
-        elif len(start) != 1:
-            raise InputError(f"start of {len(start)} episodes: expected a State of one")
+        start = self._simulator.start(options, 1, self.np_random)
         self._start = self._state = start
         self._history = []
         self._show()
@@ -278,8 +283,8 @@ class DataHarvestingVector(VectorEnv):
 
     An episode that ends is replaced in the same step (`AutoresetMode.SAME_STEP`): the observation
     of that step is the new episode's first, `infos["final_obs"]` holds the old one's last and
-    `infos["final_info"]` what was told of it, both at the places where `infos["_final_obs"]` is
-    True. So every step is a real transition of every episode; there is no dummy one to leave out.
+    `infos["final_info"]` its last info, both where `infos["_final_obs"]` is True. So every step is
+    a real transition of every episode; there is no dummy one to leave out.
 
     Scenarios and fading of all episodes come from one generator, seeded at `reset`. The arguments
     are those of `DataHarvesting`.
@@ -327,11 +332,7 @@ class DataHarvestingVector(VectorEnv):
         super().reset(seed=seed)
         if seed is not None:
             self.np_random = stream(Use.GYMNASIUM, seed)
-        start = (options or {}).get("start")
-        if start is None:
-            start = self._simulator.starts(self.num_envs, self.np_random)
-        elif len(start) != self.num_envs:
-            raise InputError(f"start of {len(start)} episodes: expected {self.num_envs}")
+        start = self._simulator.start(options, self.num_envs, self.np_random)
         self._state = start
         return self._simulator.observe(start), self._masked(self._simulator.info(start))
 
@@ -376,7 +377,7 @@ class DataHarvestingVector(VectorEnv):
         }
 
     def _masked(self, info: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """With the masks that Gymnasium keeps beside each entry: here all are there."""
+        """With the mask that Gymnasium wants for each entry: here every episode has one."""
         everywhere = np.ones(self.num_envs, bool)
         return {**info, **{f"_{name}": everywhere.copy() for name in info}}
 

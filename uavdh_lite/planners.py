@@ -1,4 +1,4 @@
-"""What an agent is compared with: random, greedy-and-return, and a genie-aided search.
+"""Policies to compare an agent with: random, greedy-and-return, and a genie-aided search.
 
 Each is a policy: actions for a batch of states. None of them learns.
 """
@@ -32,8 +32,8 @@ class Random:
 class Greedy:
     """Fly to the nearest device with data left; turn back when the time just suffices to land.
 
-    The nearest device is the one that takes the fewest moves; a device that stands where the UAV
-    may not fly is approached to the flight cell from which it is nearest in a straight line.
+    The nearest device is the one that takes the fewest moves. If a device stands where the UAV may
+    not fly, the UAV flies to the cell that is nearest to it in a straight line.
     """
 
     environment: Environment

@@ -101,7 +101,7 @@ def draw_flight(
     """What a flight adds to the map: its way, its devices, start and end; returns the artists.
 
     Arrows and hover marks have the colour of the device that uploaded most in that step, black if
-    none did; the number beside a device is its data at the start. Arrows are drawn a little to the
+    none did; the number next to a device is its data at the start. Arrows are drawn a little to the
     right of the way, so that there and back differ; a hover mark grows with the time spent there.
 
     Arguments:

@@ -178,7 +178,7 @@ it wins, as far as that was measured, is in `data/runs/README.md`:
 - `amsgrad` off: it is the authors' code's, not the paper's, and makes no difference here.
 - `huber_delta` 10: crashes no longer drown the small differences that decide between actions.
 - `environments` 32 with one update for each step of all: each transition is used 4 times, not 128.
-  Flying costs little beside an update, and fresh experience teaches more than old.
+  Flying costs little next to an update, and fresh experience teaches more than old.
 - `replay_capacity` four times the paper's, at 60 bytes a transition, and a shorter
   `replay_prefill`: with the paper's two, short runs stay far behind.
 - `temperature` 2 falling to 0.1 over the first quarter: explores while the Q-values are still

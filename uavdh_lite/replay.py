@@ -31,10 +31,10 @@ class Batch:
 class Replay:
     """A ring buffer of the last `capacity` transitions of N environments stepped together.
 
-    The capacity is rounded up to whole steps of all N. There are N streams of states, so that each
-    state is stored once and rewards over n steps are summed when a transition is sampled. Combined
-    experience replay (Zhang and Sutton, 2017): the newest transition is in every minibatch; with N
-    environments, the newest N are.
+    The capacity is rounded up to whole steps of all N. Each environment has its own row of states,
+    so a state is stored once, and rewards over n steps are summed when a transition is sampled.
+    Combined experience replay (Zhang and Sutton, 2017) puts the newest transition into every
+    minibatch; with N environments, the newest N.
     """
 
     def __init__(self, capacity: int, environments: int, max_devices: int):
@@ -82,8 +82,8 @@ class Replay:
     def add(self, state: State, action, reward, terminal, next_state: State) -> None:
         """Store one step of all N environments; the oldest step makes room.
 
-        `next_state` is what followed, before ended episodes are replaced by new ones: those are
-        the `state` of the next call, which overwrites it.
+        `next_state` is what followed, before new episodes replace those that ended. The new ones
+        are the `state` of the next call, which overwrites it.
         """
         self._write(self.head, state)
         self.action[self.head] = action
@@ -106,8 +106,8 @@ class Replay:
         """Draw `size` transitions: the newest of each environment first, the others uniformly.
 
         Arguments:
-            discount: γ. steps: n, over how many steps the rewards are summed. Near the newest
-                state and the end of an episode it is as many as there are.
+            discount: γ. steps: n, the number of steps whose rewards are summed; fewer if the
+                episode ends or the memory has no more.
         """
         environments = self.action.shape[1]
         if not environments <= size:

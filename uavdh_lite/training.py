@@ -5,8 +5,7 @@ import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, fields
 from pathlib import Path
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -117,8 +116,8 @@ class Minibatch(NamedTuple):
 class Trainer:
     """One training run, step by step; `experiments.runs.train` runs it with files and progress.
 
-    It is deterministic: the same scenario, city, recipe, seed and device give the same weights on
-    one machine. Leave it, or call `close`, to end its thread if it has one.
+    The same scenario, city, recipe, seed and device give the same weights on one machine. Call
+    `close` to end its second thread, if it has one.
 
     Arguments:
         city: the city to fly over; the scenario's own if None.
@@ -163,8 +162,8 @@ class Trainer:
     def step(self) -> None:
         """One step of all environments and, once the replay memory is prefilled, one update.
 
-        The update takes the minibatch that was drawn in the step before, so that it need not wait
-        for this step's flight, nor the flight for it: see `OverlappedTrainer`.
+        The update takes the minibatch that the step before has drawn. So it does not wait for this
+        step's flight, and the flight does not wait for it: see `OverlappedTrainer`.
         """
         state, recipe = self.state, self.recipe
         action = self._act(state)
@@ -228,7 +227,7 @@ class Trainer:
         self.updates += 1
 
     def _replace_ended(self, state: State, outcome: Outcome) -> State:
-        """The same states, but new episodes in the places of those that ended, counted."""
+        """Count the step and the episodes that ended, and start new ones in their place."""
         self.statistics.reward += Rewards()(outcome)
         ended = np.flatnonzero(state.ended)
         if not len(ended):
@@ -290,17 +289,6 @@ class Trainer:
 
     def close(self) -> None:
         """End the run's thread, if it has one."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def validate(self) -> bool:
         """Fly the validation scenarios greedily; whether this is the best agent so far."""
@@ -376,8 +364,8 @@ class Trainer:
 class OverlappedTrainer(Trainer):
     """A `Trainer` whose updates run on a second thread while the first one flies.
 
-    The results are the same: acting and the targets take a copy of the networks from before the
-    update, as they do in a `Trainer`, where they come before it.
+    The results are the same. In a `Trainer`, acting and the targets come before the update; here
+    they use a copy of the networks from before it.
     """
 
     threads = 2

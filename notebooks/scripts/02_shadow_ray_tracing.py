@@ -240,9 +240,9 @@ import time
 def seconds(size, method):
     drawn, best = np.random.default_rng(0).random((size, size)) < 0.2, np.inf
     for _ in range(3):  # the quickest of three: other programs only make it slower
-        started = time.perf_counter()
+        started = time.process_time()
         line_of_sight(drawn, method)
-        best = min(best, time.perf_counter() - started)
+        best = min(best, time.process_time() - started)
     return best
 
 sizes = (8, 12, 16, 24, 32)
@@ -255,16 +255,16 @@ for method, times in cost.items():
     ax.loglog(sizes, times, "o-", label=method)
 ax.loglog(sizes, cost["exact"][-1] * (np.array(sizes) / 32) ** 4, ":", label="slope 4")
 ax.set_xticks(sizes, map(str, sizes))
-ax.set(xlabel="cells a side", ylabel="seconds")
+ax.set(xlabel="cells a side", ylabel="processor time, s")
 ax.minorticks_off()
 ax.legend()
 figure
 
 # %% [markdown]
-# Exact is many times slower than the fan of rays; how many times depends on the size and on the machine. But
-# it is done once for a city, and flying only looks things up. In small cities most of the time is the fixed
-# price of each array operation, so the curve of exact is flatter than the slope of 4 and comes near it only
-# for large ones.
+# Exact takes many times as long as the fan of rays; how many times depends on the size and on the machine. But
+# it is done once for a city, and flying only looks things up. In cities of these sizes much of the time is the
+# fixed price of each array operation, not the number of pairs: so the curve of exact is flatter than the slope
+# of 4.
 #
 # ## Recap
 #

@@ -36,8 +36,8 @@ agent = load_agent("manhattan")
 flights = evaluate(Environment(agent.city), agent, agent.scenario, 500, seed=0, record=True)
 expected = agent.q_values(flights.start).amax(1).numpy()
 own_rewards, earned = agent.recipe.rewards_at(agent.training["steps"]), 0.0
-for _, _, outcome, _ in reversed(flights.history):
-    earned = own_rewards(outcome) + agent.recipe.discount * earned
+for flown in reversed(flights.history):
+    earned = own_rewards(flown.outcome) + agent.recipe.discount * earned
 
 # %%
 figure = Figure(figsize=(5, 4), layout="constrained")
@@ -53,7 +53,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Learn a table of Q-values, replace it by a network, compare three ways to use a memory, measure the maximisation bias, slow down the targets, turn the temperature, and open the paper's network |
 # | **What you'll learn** | Q-learning, function approximation, combined experience replay, double Q-learning, soft targets, the softmax policy |
-# | **What you'll need** | Notebooks 3 and 4; means, variances, gradients, the idea of a neural network. 30 minutes to read, 30 seconds to run; 10 minutes of exercises |
+# | **What you'll need** | Notebooks 3 and 4; means, variances, gradients, the idea of a neural network. 65 minutes to read, 30 seconds to run; 10 minutes of exercises |
 #
 # Above: 500 test missions of the shipped agent, what its network expects at the start and what the flight then
 # earns. Section 5.5 comes back to it.
@@ -93,7 +93,7 @@ def step(cell, full, action, device=5, end=5):
 from uavdh_lite.ddqn import DDQN, ddqn_target, draw_actions, softmax_policy
 
 def row(number, rows):
-    return (nn.functional.one_hot(torch.as_tensor(number).long(), rows).float(),)
+    return (nn.functional.one_hot(torch.tensor(number).long(), rows).float(),)
 
 def q_table(rows, alpha, batch=1, tau=1.0, actions=3):
     table = nn.Linear(rows, actions, bias=False)
@@ -105,6 +105,14 @@ def tensors(action, reward, discount):
     return torch.as_tensor(action), *(torch.tensor(x, dtype=torch.float32) for x in (reward, discount))
 
 # %% [markdown]
+# To learn from some steps takes two lines: the targets $y$, then a move towards them.
+
+# %%
+def learn_from(learner, now, action, reward, discount, then):
+    y = learner.targets(reward, discount, then)
+    learner.update(now, action, y)
+
+# %% [markdown]
 # Now eight steps at a time, from states and with actions drawn at random:
 
 # %%
@@ -112,7 +120,7 @@ learner, generator = q_table(12, alpha=0.5, batch=8), np.random.default_rng(0)
 for _ in range(800):
     cell, full, action = generator.integers((6, 2, 3), size=(8, 3)).T
     after, left, reward, discount = step(cell, full == 1, action)
-    learner.update(row(cell + 6 * full, 12), *tensors(action, reward, discount), row(after + 6 * left, 12))
+    learn_from(learner, row(cell + 6 * full, 12), *tensors(action, reward, discount), row(after + 6 * left, 12))
 
 # %%
 q = learner.online.weight.detach()  # (actions, states)
@@ -186,7 +194,7 @@ def five_places(tau, seed):
     for _ in range(1000):
         some = generator.choice(np.flatnonzero(known), 64)
         action, reward, discount, cell, full, device, after, left = (x[some] for x in ALL)
-        learner.update(inputs(cell, full, device), action, reward, discount, inputs(after, left, device))
+        learn_from(learner, inputs(cell, full, device), action, reward, discount, inputs(after, left, device))
     with torch.no_grad():
         q = network(*inputs(*ALL[3:6]))[::3]  # each state is there once for each action
     chosen = best.gather(1, q.argmax(1, keepdim=True)).squeeze(1)
@@ -226,7 +234,7 @@ print(*(memory.sample(6, generator, discount=0.95).state.uav_cell for _ in range
 
 # %% [markdown]
 # Step 99 comes first in each minibatch; the others are drawn from the last 50. So all rows *but* the first are a
-# minibatch of plain replay, and three learners can be compared: *newest only*, *plain* and *combined*, the latter
+# minibatch of plain replay, and three learners can be compared: *newest only*, *plain* and *combined*, the last
 # two with four rows. Each learns in 20 streets of 8 cells side by side, with 16 rows for each street in one table:
 # 20 repetitions. (Rows are drawn from all streets together, so four a street is an average.)
 #
@@ -251,7 +259,7 @@ def learn(mode, capacity, filled, end=7, steps=1500, seed=0):
         cell, full = np.where(discount == 0, 0, cell), full | (discount == 0)
         if t >= filled:
             history.append(reward)
-            learner.update(*minibatch(memory.sample(drawn, generator, 0.95), out))
+            learn_from(learner, *minibatch(memory.sample(drawn, generator, 0.95), out))
     return np.reshape(history, (15, -1, STREETS)).mean(1)
 
 # %%
@@ -315,8 +323,8 @@ for actions in (2, 6, 20):
 
 # %% [markdown]
 # The maximum asks the same estimates two questions: which action is best, and what is it worth? *Double* Q-learning
-# puts the second one to other estimates. If their errors are independent, they know nothing of the luck by which the
-# action was chosen, and the bias *upwards* is gone. (Where one action really is better, the judge is sometimes asked
+# puts the second one to other estimates. If their errors are independent, they know nothing of the luck that chose
+# the action, and the bias *upwards* is gone. (Where one action really is better, the judge is sometimes asked
 # about a wrong one, and double is a little too low.) In the paper (eq. 10) the *online* network, with weights
 # $\theta$, chooses and the *target* network, with weights $\bar\theta$, judges; in the library that is two lines,
 # the ones that made the numbers above:
@@ -348,8 +356,8 @@ def flying_on(*learners, steps=1500, seed=0):
         action = np.r_[np.full(N, EAST), generator.integers(0, 6, N)]
         reward = np.r_[np.zeros(N), generator.normal(-0.2, 1, N)]
         learner = learners[generator.integers(len(learners))]
-        learner.update((torch.cat([A, B]),), *tensors(action, reward, np.repeat([0.95, 0], N)),
-                       (torch.cat([B, B]),))
+        learn_from(learner, (torch.cat([A, B]),), *tensors(action, reward, np.repeat([0.95, 0], N)),
+                   (torch.cat([B, B]),))
         values.append(learners[0].online.weight[EAST, :N].tolist())
     return np.array(values)
 
@@ -366,7 +374,7 @@ def flying_on_slow_target(steps=1500, seed=0):
 
 # %%
 first, second, single, ddqn = (q_table(2 * N, 0.1, 2 * N, tau, 6) for tau in (0.0, 0.0, 1.0, 0.005))
-first.target, second.target = second.online, first.online
+first.target, second.target = second.online, first.online  # each table judges for the other
 learned = {"single": flying_on(single), "slow target": flying_on_slow_target(),
            "DDQN": flying_on(ddqn), "double": flying_on(first, second)}
 
@@ -421,7 +429,7 @@ assert abs((expected - earned).mean()) < 0.05 * earned.mean()
 def follow(tau):
     learner, generator, path = q_table(1, 0.1, tau=tau, actions=1), np.random.default_rng(0), []
     for t in range(1500):
-        learner.update(row([0], 1), *tensors([0], generator.normal(2 * (t >= 750), 1, 1), [0]), row([0], 1))
+        learn_from(learner, row([0], 1), *tensors([0], generator.normal(2 * (t >= 750), 1, 1), [0]), row([0], 1))
         path.append([learner.online.weight.item(), learner.target.weight.item()])
     return np.transpose(path)
 
@@ -466,8 +474,8 @@ Quiz("cold_policy")
 # among them with the median gap between the best two actions:
 
 # %%
-states = [state[~state.ended] for state, *_ in flights.history[5:31:5]]
-many = torch.cat([agent.q_values(some) for some in states])
+states = State.concatenate([flown.state[~flown.state.ended] for flown in flights.history[5:31:5]])
+many = agent.q_values(states)
 gaps = -many.topk(2).values.diff().squeeze(1)  # best minus second best
 one_state = many[gaps.argsort()[len(gaps) // 2]][None]
 betas = np.logspace(-2, 2, 60)
@@ -537,7 +545,7 @@ print(f"{sum(p.numel() for p in network.parameters()):,} weights in all")
 # - A network carries over to new states, if its inputs make them similar to known ones.
 # - Replay uses steps several times. Combined replay costs nothing and helps when a large memory is out of date.
 # - The maximum of noisy estimates is too high. A slow target removes half of the bias, as a judge most of it.
-# - Soft targets are calm and late. The softmax policy explores where gaps are small beside $\beta$.
+# - Soft targets are calm and late. The softmax policy explores where gaps are small compared with $\beta$.
 #
 # ## Exercises
 #

@@ -44,11 +44,12 @@ pictures(lab.maps[0].canvas, lab.maps[1].canvas, lab.charts.canvas)
 #
 # Choose what a click does: add a device, move one (a click on it, then one on its new place), remove one, or
 # set where the UAV starts. Sliders set the data and the flying time. A second policy flies the same mission
-# with the same fading beside the first. *step* scrubs along time, the play button flies.
+# next to the first, with the same fading. *step* moves along the flight, the play button flies.
 #
 # Above: the agent and the greedy planner on one mission; then, for the agent, the data left, which device has
-# each slot, and the terms of the reward. Both collect all. The agent takes longer to come home: its training
-# charged 0.1 a step and discounted, so that a few steps more cost it next to nothing.
+# each slot, and the terms of the reward. Both collect all and land. But when the last device is empty, the agent turns
+# back and forth for a while (the small circles are steps spent hovering). A step cost it only 0.1 in training: with
+# nothing left to collect its best actions are worth nearly the same, and the errors of their Q-values decide.
 
 # %%
 lab
@@ -74,8 +75,8 @@ think
 # %% [markdown]
 # ## 10.3 Fly it yourself (notebook 3)
 #
-# Buttons, or the arrow keys while the mouse is over the map. At the end everybody else flies your mission
-# with the same fading. Landing is yours to remember.
+# Use the buttons, or the arrow keys while the mouse is over the map. At the end all other policies fly your mission
+# with the same fading. Do not forget to land.
 
 # %%
 game = FlyLab("manhattan", seed=3)
@@ -140,13 +141,14 @@ city
 # searching. By searching:
 
 # %%
-from uavdh_lite.missions import Mission, environment_of, pilots
+from uavdh_lite.missions import Mission, environment_of
+from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import find_scenario
 
 environment, scenario = environment_of("manhattan"), find_scenario("manhattan")
 
 def collected(mission, name):
-    end = mission.fly(environment, pilots(environment)[name](mission.seed)).end
+    end = mission.fly(environment, find_policy(name, environment)).end
     return float(end.collection_ratio[0] * end.landed[0])
 
 # %%

@@ -11,11 +11,12 @@ from uavdh_lite.course.checks.exercise import close, compare
 from uavdh_lite.course.checks.training import RUNS
 from uavdh_lite.storage import read_table
 
-ROOT = Path(__file__).parent
-SCRIPTS = sorted((ROOT.parent / "notebooks" / "scripts" / "exercises").glob("*.py"))
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+SCRIPTS = sorted((ROOT / "notebooks" / "scripts" / "exercises").glob("*.py"))
 MISTAKES = {
     name: answers
-    for path in sorted((ROOT / "mistakes").glob("*.py"))
+    for path in sorted((HERE / "mistakes").glob("*.py"))
     for name, answers in importlib.import_module(f"mistakes.{path.stem}").MISTAKES.items()
 }
 CASES = [
@@ -32,7 +33,7 @@ def test_a_mistake_fails_with_a_message_that_names_it(name, answer, message):
 
 
 def test_the_validations_to_diagnose_are_recorded_ones():
-    table = read_table(ROOT.parent / "data/runs/deviations-manhattan/validation.csv.gz")
+    table = read_table(ROOT / "data/runs/deviations-manhattan/validation.csv.gz")
     columns = ("has_landed", "collection_ratio", "time_used")
     for name, shares in RUNS.items():
         variant, seed, thousands = name.rsplit("-", 2)
@@ -130,7 +131,7 @@ def test_close_compares_shapes_and_takes_anything():
 
 
 def test_the_teaching_guide_has_every_exercise():
-    guide = (ROOT.parent / "notebooks" / "TEACHING.md").read_text()
+    guide = (ROOT / "docs" / "teach" / "index.md").read_text()
     rows = re.findall(r"^\| (\d+\.\d) \| (.+?) \| (\d+) \| (\d+)\*? \|", guide, re.M)
     assert rows == [
         (one.number, one.title, str(one.points), str(one.minutes))

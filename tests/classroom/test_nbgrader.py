@@ -91,7 +91,7 @@ def test_autograde(course, student, points):
 
 
 def test_the_commands_are_those_of_the_guide(course):
-    guide = (NOTEBOOKS / "TEACHING.md").read_text()
+    guide = (NOTEBOOKS.parent / "docs" / "teach" / "index.md").read_text()
     for command in ("generate_assignment --force", "autograde", "generate_feedback"):
         assert f"nbgrader {command} {ASSIGNMENT}" in guide
     file = f"exercises/{ASSIGNMENT}/{ASSIGNMENT}.ipynb"

@@ -13,6 +13,7 @@ from uavdh_lite.cli.main import main
 from uavdh_lite.paper import RESULTS
 from uavdh_lite.recipe import RECIPES, Recipe
 from uavdh_lite.scenario import SCENARIOS, Scenario
+from uavdh_lite.storage import read_table
 
 COMMANDS = [
     "ablation",
@@ -82,6 +83,19 @@ def test_shipped_agents_land_and_collect(name, tmp_path):
     assert values["collection_ratio_and_landed"]["mean"] > 0.85
     about = load_agent(name).training
     assert about["command"].startswith("python -m uavdh_lite train")
+
+
+def test_compare_writes_every_episode_and_prints_shares(tmp_path, capsys):
+    out = tmp_path / "table.csv.gz"
+    assert main(["compare", "--episodes", "6", "--replan", "50", "--out", str(out)]) == 0
+    output = capsys.readouterr().out
+    assert "as a share of the genie's" in output
+    policy, count = np.unique(read_table(out)["policy"], return_counts=True)
+    assert policy.tolist() == ["agent", "genie", "genie_data", "greedy", "random"]
+    assert (count == 6).all()
+    about = json.loads((tmp_path / "table.json").read_text())
+    assert about["command"].startswith("python -m uavdh_lite compare") and about["seed"] == 0
+    assert about["agent"]["steps"] > 0
 
 
 def test_fly_takes_devices_data_and_time(tmp_path, capsys):

@@ -3,7 +3,8 @@
 On one machine, a seed, a recipe and a device fix every weight, on one thread or on two, however
 many processes run side by side. Another processor or version of PyTorch adds floats up in another
 order: a training then goes its own way, with results that spread as those of other seeds do.
-Evaluating a given agent changes only where two Q-values are nearly equal.
+Evaluating a given agent changes only where two Q-values are nearly equal. The tests of the trainer
+and of the studies compare the weights of one thread and two, of one process and several.
 """
 
 import os
@@ -14,48 +15,28 @@ import numpy as np
 import pytest
 import torch
 
-from uavdh_lite.checkpoint import load, load_agent
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.cli.main import main
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.storage import data_folder, read_table
 
 METRIC = "collection_ratio_and_landed"
-SHORT = (
-    "--scenario village --recipe small --steps 6400 --validation-interval 3200 --kernels 2 "
-    "--validation-episodes 10 --replay-prefill 320 --seeds 2"
-)
 
 
-def test_any_number_of_jobs_gives_the_same_weights(tmp_path):
-    runs = {}
-    for jobs in (1, 3):
-        out = tmp_path / str(jobs)
-        command = ["-m", "uavdh_lite", "ablation", "--jobs", str(jobs), "--out", str(out)]
-        done = subprocess.run([sys.executable, *command, *SHORT.split()], capture_output=True)
-        assert done.returncode == 0, done.stderr.decode()
-        runs[jobs] = {
-            str(path.relative_to(out)): load(path, "training")[0]
-            for path in sorted(out.rglob("training.safetensors"))
-        }
-    assert runs[1].keys() == runs[3].keys() and len(runs[1]) == 4
-    for name, tensors in runs[1].items():
-        assert all(torch.equal(tensor, runs[3][name][key]) for key, tensor in tensors.items())
-
-
-def test_a_hash_seed_changes_nothing(tmp_path):
-    """Python's own random hashes must not reach a result."""
-    printed = set()
-    for seed in ("1", "2"):
-        command = [sys.executable, "-m", "uavdh_lite", "evaluate", "--checkpoint", "manhattan"]
-        printed.add(
-            subprocess.run(
-                [*command, "--episodes", "30"],
-                env={**os.environ, "PYTHONHASHSEED": seed},
-                capture_output=True,
-                check=True,
-            ).stdout
-        )
-    assert len(printed) == 1
+def test_a_hash_seed_changes_nothing(capsys):
+    """Python's own random hashes must not reach a result: here, and in a process with another."""
+    arguments = ["evaluate", "--checkpoint", "manhattan", "--episodes", "30"]
+    assert main(arguments) == 0
+    other = "2" if os.environ.get("PYTHONHASHSEED") == "1" else "1"
+    process = subprocess.run(
+        [sys.executable, "-m", "uavdh_lite", *arguments],
+        env={**os.environ, "PYTHONHASHSEED": other},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert process.stdout == capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", ["manhattan", "open_field"])

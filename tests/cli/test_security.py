@@ -10,7 +10,6 @@ from pathlib import Path
 import psutil
 import pytest
 
-from uavdh_lite import ablation
 from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.city import City
 from uavdh_lite.course.challenge.board import Challenge
@@ -110,8 +109,3 @@ def test_the_labs_listen_on_loopback_only(tmp_path):
             assert listening(process) == {"127.0.0.1"}
         finally:
             served.terminate()
-
-
-def test_a_local_dask_cluster_listens_on_loopback_only():
-    with ablation._cluster("dask", None, jobs=1):
-        assert listening(psutil.Process()) == {"127.0.0.1"}

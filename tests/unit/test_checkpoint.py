@@ -161,18 +161,20 @@ def test_an_unwritable_place_is_an_os_error(agent, tmp_path):
 OLDER = {  # by format: Q-values of two states, crash rewards at the start and at the end
     1: ([[-0.0950597, 0.2940438, 0.1925371], [-0.1017702, 0.3038139, 0.1961779]], (-40, -40)),
     2: ([[0.6350755, 0.3239658, 0.2056790], [0.6246894, 0.3164198, 0.1991273]], (-5, -20)),
+    3: ([[-0.0355664, 0.2586487, 0.1302439], [-0.0443347, 0.2665804, 0.1387281]], (-10, -150)),
     4: ([[0.6350755, 0.3239658, 0.2056790], [0.6246894, 0.3164198, 0.1991273]], (-5, -20)),
 }
 
 
 @pytest.mark.parametrize("number", OLDER)
 def test_a_checkpoint_of_an_older_format_still_decides_as_it_did(number):
-    """`tests/data/formatN.safetensors` was written when N was the current format."""
+    """`data/formatN.safetensors` was written when N was the current format."""
     agent = load_agent(Path(__file__).parent / "data" / f"format{number}.safetensors")
     state = agent.scenario.sample(agent.city, 3, np.random.default_rng(0))
     expected, crash_rewards = OLDER[number]
     assert agent.q_values(state)[:2, :3].numpy() == pytest.approx(np.array(expected), abs=1e-6)
     assert (agent.recipe.crash_reward, agent.recipe.crash_reward_end) == crash_rewards
+    assert agent.training["streams"] == 1
 
 
 def test_an_older_agent_is_saved_in_the_new_format(tmp_path):

@@ -69,7 +69,7 @@ def test_bad_input_is_named():
     with pytest.raises(InputError, match="choose one of human, rgb_array"):
         uavdh_lite.gym.DataHarvesting(render_mode="ansi")
     two = SCENARIOS["village"].sample(City.load("village"), 2, np.random.default_rng(0))
-    with pytest.raises(InputError, match="expected a State of one"):
+    with pytest.raises(InputError, match="expected a State of 1"):
         env.reset(options={"start": two})
     with pytest.raises(InputError, match="unknown scenario"):
         uavdh_lite.gym.DataHarvesting("nowhere")
@@ -115,7 +115,7 @@ def test_vector_spaces_and_shapes():
     assert sync.action_space == envs.action_space
     with pytest.raises(InputError, match="must be 8 whole numbers"):
         envs.step(np.full(8, 6))
-    with pytest.raises(InputError, match="expected 8"):
+    with pytest.raises(InputError, match="expected a State of 8"):
         envs.reset(options={"start": start()})
     with pytest.raises(gymnasium.error.ResetNeeded):
         vector().unwrapped.step(np.zeros(8, int))

@@ -51,7 +51,7 @@ def test_what_is_given_is_not_drawn(environment):
     timed = Mission.draw(scenario, city, 3, start=(0, 1), flying_time=50)
     assert (timed.start, timed.flying_time) == ((0, 1), 50)
     assert (timed.devices, timed.data) == (drawn.devices, drawn.data)
-    moved = Mission.draw(scenario, city, 3, devices=((4, 4),) + drawn.devices[1:])
+    moved = Mission.draw(scenario, city, 3, devices=((4, 4), *drawn.devices[1:]))
     assert moved.devices[0] == (4, 4) and moved.data == drawn.data
     for number in range(1, 6):
         cells = ((4, 4), (7, 9), (8, 8), (8, 1), (8, 2))[:number]

@@ -22,6 +22,7 @@ from uavdh_lite.plotting import (
     draw_trajectory,
     pixels,
     png,
+    save_animation,
     save_figure,
     shadow_sum,
 )
@@ -123,3 +124,18 @@ def test_a_png_is_of_a_figure_or_of_pixels():
         assert (read.format, read.size) == ("PNG", (200, 300))
         assert read.convert("RGB").getpixel((100, 150)) == (0xC1, 0x27, 0x2D)
     assert Image.open(io.BytesIO(png(figure, dpi=50))).size == (100, 150)
+
+
+def test_an_animation_has_a_frame_a_step_and_empties_the_bars(corridor, tmp_path):
+    environment, trajectory = flight(corridor, [EAST, EAST, HOVER, WEST, WEST, LAND])
+    save_animation(environment.city, trajectory, tmp_path / "flight.gif")
+    coloured = []
+    with Image.open(tmp_path / "flight.gif") as film:
+        assert film.n_frames == len(trajectory.action) + 1
+        assert film.info["loop"] == 0
+        for frame in range(film.n_frames):
+            film.seek(frame)
+            picture = np.asarray(film.convert("RGB"))[:, 560:]  # right of the map: the bars
+            black = (picture < 40).all(axis=-1)
+            coloured.append(int(black[240:].sum()))  # the lower bar: the flying time
+    assert coloured[0] > 1.5 * coloured[-1] > 0 and film.info["duration"] == 3000

@@ -1,5 +1,6 @@
 import copy
 import threading
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -53,7 +54,7 @@ def test_two_threads_train_the_same_weights(trainer, corridor, corridor_scenario
 
 
 def test_an_error_in_the_second_thread_arrives(corridor, corridor_scenario, quick):
-    with OverlappedTrainer(corridor_scenario, quick, 0, corridor) as broken:
+    with closing(OverlappedTrainer(corridor_scenario, quick, 0, corridor)) as broken:
         while not broken.updates:
             broken.step()
         broken.learner.optimiser = None
@@ -63,7 +64,7 @@ def test_an_error_in_the_second_thread_arrives(corridor, corridor_scenario, quic
 
 def test_a_closed_trainer_leaves_no_thread(corridor, corridor_scenario, quick):
     before = threading.active_count()
-    with OverlappedTrainer(corridor_scenario, quick, 0, corridor) as two:
+    with closing(OverlappedTrainer(corridor_scenario, quick, 0, corridor)) as two:
         while two.updates < 3:
             two.step()
         assert threading.active_count() == before + 1

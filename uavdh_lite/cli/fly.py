@@ -42,14 +42,20 @@ def fly(
         save_mission: write the mission to this file, to share it.
         seed: seed of the fading, and of what you do not give.
         device: what the network runs on.
-        out: the figure.
+        out: the figure; a name that ends in .gif makes an animation.
     """
     from matplotlib.figure import Figure
 
     from uavdh_lite.environment import Environment
     from uavdh_lite.missions import Mission, load_mission
     from uavdh_lite.missions import save_mission as save
-    from uavdh_lite.plotting import add_legend, caption, draw_trajectory, save_figure
+    from uavdh_lite.plotting import (
+        add_legend,
+        caption,
+        draw_trajectory,
+        save_animation,
+        save_figure,
+    )
 
     agent = open_agent(checkpoint, city, device)
     if mission is not None:
@@ -70,10 +76,13 @@ def fly(
     environment = Environment(flown.city)
     trajectory = flown.fly(environment, agent).trajectory(0)
 
-    figure = Figure(figsize=(7, 9), layout="constrained")
-    draw_trajectory(figure.subplots(), environment, trajectory)
-    add_legend(figure, len(flown.devices))
-    save_figure(figure, out)
+    if out.suffix == ".gif":
+        save_animation(environment.city, trajectory, out)
+    else:
+        figure = Figure(figsize=(7, 9), layout="constrained")
+        draw_trajectory(figure.subplots(), environment, trajectory)
+        add_legend(figure, len(flown.devices))
+        save_figure(figure, out)
     print(f"{'landed' if trajectory.landed else 'crashed'}. {caption(trajectory)}. {out}")
 
 

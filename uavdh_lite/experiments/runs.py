@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
 
 from filelock import FileLock, Timeout
@@ -90,7 +90,8 @@ def _train(
         unit_scale=True,
         disable=not show_progress,
     )
-    with trainer, progress, board or nullcontext(), _deferred_interrupt() as interrupted:
+    board_closed = closing(board) if board else nullcontext()
+    with closing(trainer), progress, board_closed, _deferred_interrupt() as interrupted:
         while trainer.steps < end:
             started, before = time.perf_counter(), trainer.steps
             trainer.step()
@@ -124,15 +125,15 @@ def _require_finite(trainer: Trainer, out: Path) -> None:
         state = f"the last good state is {kept}" if kept.exists() else "nothing was saved yet"
         raise TrainingDiverged(
             f"the loss or a weight is not finite after {trainer.steps} steps: {state}. "
-            "Start anew with a lower learning rate or smaller rewards"
+            "Start again with a lower learning rate or smaller rewards"
         )
 
 
 def keep_freed_memory() -> None:
     """Ask the C library to keep memory that is freed, for the whole process (Linux with glibc).
 
-    Otherwise it hands the megabytes of each minibatch's maps back to the system and fetches them
-    anew for the next, page by page: a fifth of the training time. Elsewhere this does nothing.
+    Otherwise it gives the memory of each minibatch's maps back to the system and asks for it again,
+    page by page, which takes a fifth of the training time. Elsewhere this does nothing.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is not None:

@@ -1,14 +1,13 @@
 """A run's curves as TensorBoard event files, by the writer that comes with torch."""
 
 from pathlib import Path
-from types import TracebackType
 
 from uavdh_lite.errors import extra
 from uavdh_lite.training import Trainer
 
 
 class Board:
-    """Writes the rows of a run's two tables as they come: `with Board(folder, trainer) as board`.
+    """Writes the rows of a run's two tables as they come; `close` ends the files.
 
     Each number is a scalar named like its column, `training/has_landed`, at the environment steps
     of its row. A run that is resumed goes on with the same curves: what it had written beyond the
@@ -40,13 +39,5 @@ class Board:
             self._written[name] = len(rows)
         self._writer.flush()
 
-    def __enter__(self) -> "Board":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
         self._writer.close()

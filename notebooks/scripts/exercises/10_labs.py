@@ -13,11 +13,12 @@ import numpy as np
 
 from uavdh_lite.course import checks
 from uavdh_lite.channel import rate_map
-from uavdh_lite.missions import Mission, environment_of, pilots
+from uavdh_lite.missions import Mission, environment_of
+from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import find_scenario
 
 environment, scenario = environment_of("manhattan"), find_scenario("manhattan")
-makers = pilots(environment)
+policies = {name: find_policy(name, environment) for name in ("greedy", "manhattan")}
 
 # %% [markdown]
 # ## 10.1 · Find a failure (2 points, 10 minutes)
@@ -25,12 +26,11 @@ makers = pilots(environment)
 # `Mission.draw(scenario, environment.city, seed)` draws a random mission of the city `manhattan`: equal seeds, equal
 # missions. `mission.fly(environment, policy)` flies it with the fading of the same seed and gives the flights (a batch of
 # one); `.end` is the last state, with `collection_ratio` and `landed`, an array of one element each. The policies are
-# `makers["greedy"](seed)` and `makers["manhattan"](seed)`; the cell above makes `makers`, `scenario` and
-# `environment`.
+# `policies["greedy"]` and `policies["manhattan"]`, the shipped agent.
 #
 # The score of a flight, in points, is 100 × collection ratio if it has landed, else 0. Find a seed from 100 to 9,999
-# whose mission the agent flies with at least 40 points less than the greedy planner. It is best found by a program; most
-# missions are harmless, so let it stop at the first hit. A hundred seeds take ten seconds or so.
+# for which the agent scores at least 40 points less than the greedy planner. Let a program search. Only one or two
+# missions in a hundred are like that, so stop at the first hit. A hundred missions take about ten seconds.
 
 # %%
 # Replace the line below by your seed, or by the program that finds it: seed = ...
@@ -39,7 +39,7 @@ for candidate in range(100, 10_000):
     mission = Mission.draw(scenario, environment.city, candidate)
     points = {}
     for name in ("greedy", "manhattan"):
-        end = mission.fly(environment, makers[name](candidate)).end
+        end = mission.fly(environment, policies[name]).end
         points[name] = 100 * float(end.collection_ratio[0] * end.landed[0])
     if points["greedy"] - points["manhattan"] >= 40:
         seed = candidate
@@ -50,7 +50,7 @@ for candidate in range(100, 10_000):
 checks.failure_seed(seed)
 
 # %% [markdown]
-# Look at the mission: set it in the mission lab (notebook `10_labs`), with *greedy* beside the agent. `start`, `devices`,
+# Look at the mission: set it in the mission lab (notebook `10_labs`), with *greedy* next to the agent. `start`, `devices`,
 # `data` and `flying_time` of `Mission.draw(scenario, environment.city, seed)` say what to set; the lab's fading seed is
 # your seed. What goes wrong, and at which step?
 

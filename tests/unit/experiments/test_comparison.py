@@ -4,10 +4,16 @@ import numpy as np
 import pytest
 
 from uavdh_lite.city import City
-from uavdh_lite.cli.main import main
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import evaluate
-from uavdh_lite.experiments.comparison import breakdown, compare, share
+from uavdh_lite.experiments.comparison import (
+    breakdown,
+    compare,
+    entrants,
+    save_comparison,
+    share,
+    summary,
+)
 from uavdh_lite.planners import Genie, Greedy
 from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.storage import read_table
@@ -66,14 +72,43 @@ def test_breakdown_by_few_values_and_by_ranges():
     assert [mean.mean for _, _, mean in groups] == [12, 37, 62, 87]
 
 
-def test_compare_writes_every_episode_and_prints_shares(tmp_path, capsys):
-    out = tmp_path / "table.csv.gz"
-    assert main(["compare", "--episodes", "6", "--replan", "50", "--out", str(out)]) == 0
-    output = capsys.readouterr().out
-    assert "as a share of the genie's" in output
-    policy, count = np.unique(read_table(out)["policy"], return_counts=True)
-    assert policy.tolist() == ["agent", "genie", "genie_data", "greedy", "random"]
-    assert (count == 6).all()
-    about = json.loads((tmp_path / "table.json").read_text())
-    assert about["command"].startswith("python -m uavdh_lite compare") and about["seed"] == 0
-    assert about["agent"]["steps"] > 0
+@pytest.fixture(scope="module")
+def results(open_field):
+    environment, scenario = open_field
+    policies = entrants(environment, Greedy(environment), seed=3, replan=50)
+    return compare(environment, scenario, policies, 6, seed=0)
+
+
+def test_entrants_are_the_agent_two_planners_and_two_genies(open_field, results):
+    environment, _ = open_field
+    made = {name: make() for name, make in entrants(environment, None, 3, 7).items()}
+    assert list(made) == list(results) == ["agent", "random", "greedy", "genie", "genie_data"]
+    assert made["genie"].replan == made["genie_data"].replan == 7
+    assert made["genie_data"].time_cost == 0.01 < made["genie"].time_cost
+    for metric, values in results["agent"].items():  # greedy in the agent's place
+        np.testing.assert_array_equal(values, results["greedy"][metric])
+
+
+def test_a_comparison_is_kept_as_a_table_and_how_it_was_made(results, tmp_path):
+    save_comparison(tmp_path / "a.csv.gz", results, {"command": "a command"})
+    table = read_table(tmp_path / "a.csv.gz")
+    assert list(table)[:5] == ["policy", "episode", "devices", "flying_time", "data"]
+    for policy, columns in results.items():
+        of_policy = table["policy"] == policy
+        assert table["episode"][of_policy].tolist() == list(range(6))
+        for name, column in columns.items():
+            np.testing.assert_allclose(table[name][of_policy], column, rtol=1e-5)
+    assert json.loads((tmp_path / "a.json").read_text()) == {"command": "a command"}
+
+
+def test_the_summary_has_all_policies_and_the_agents_share(results):
+    lines = summary(results).splitlines()
+    assert [line.split()[0] for line in lines[1:6]] == list(results)
+    landed = results["genie"]["has_landed"].mean()
+    assert lines[4].split()[1] == f"{landed:.4f}"
+    assert lines[6].startswith(
+        "agent's collection_ratio_and_landed as a share of the genie_data's:"
+    )
+    part = share(results["agent"]["cumulative_reward"], results["genie"]["cumulative_reward"])
+    assert lines[7].endswith(f"{part.mean:.4f} ({part.low:.4f} to {part.high:.4f})")
+    assert sum(line.startswith(("devices", "flying_time", "data")) for line in lines) >= 3

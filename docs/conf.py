@@ -1,0 +1,78 @@
+"""The site: `python -m sphinx -W docs build/site`, without a network or a kernel."""
+
+import filecmp
+import shutil
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE / "_extensions"))
+
+project = html_title = "uavdh_lite"
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.viewcode",
+    "sphinx_design",
+    "generated",
+    "markdown_docstrings",
+]
+exclude_patterns = ["_extensions"]
+nitpicky = True
+nitpick_ignore_regex = [
+    ("py:.*", r"(?!uavdh_lite\b).*"),  # numpy, torch: their sites are elsewhere
+    ("py:class", r".*\.Preset"),  # a type variable
+]
+
+myst_enable_extensions = ["amsmath", "colon_fence", "dollarmath"]
+myst_heading_anchors = 3
+nb_execution_mode = "off"
+
+autodoc_default_options = {
+    "members": True,
+    "member-order": "bysource",
+    "special-members": "__call__, __getitem__",
+    "undoc-members": True,
+}
+autodoc_inherit_docstrings = False
+autodoc_typehints_format = "short"
+python_maximum_signature_line_length = 88
+toc_object_entries_show_parents = "hide"
+
+html_theme = "furo"
+html_theme_options = {"light_css_variables": {"code-font-size": "75%"}}  # 100 columns fit
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = html_show_copyright = html_use_index = False
+html_show_search_summary = False  # a browser may not fetch the pages when they are files
+
+# MathJax is one file of a package, not a server's: the site is read without a network. Its formulae
+# are drawn as SVG, because some browsers load no fonts for pages that are files.
+mathjax_path = "tex-svg-full.js"
+_mathjax = Path(find_spec("sphinx-mathjax-offline").origin).parent / "static" / "mathjax"
+html_static_path.append(str(_mathjax / mathjax_path))
+
+
+def copy_notebooks(app: Sphinx) -> None:
+    """Bring the notebooks here: Sphinx reads one folder. What did not change is left alone."""
+    source, target = HERE.parent / "notebooks", HERE / "tutorials"
+    wanted = {
+        path.relative_to(source)
+        for pattern in ("[0-9][0-9]_*.ipynb", "exercises/*/*.ipynb")
+        for path in source.glob(pattern)
+    }
+    for path in target.rglob("*.ipynb"):
+        if path.relative_to(target) not in wanted:
+            path.unlink()
+    for path in wanted:
+        copy = target / path
+        if not copy.exists() or not filecmp.cmp(source / path, copy, shallow=False):
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source / path, copy)
+
+
+def setup(app: Sphinx) -> None:
+    app.connect("builder-inited", copy_notebooks)
