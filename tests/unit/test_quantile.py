@@ -161,7 +161,7 @@ def test_solves_a_corridor_world_in_seconds(corridor, corridor_scenario, quick, 
     while not trainer.finished:
         trainer.step()
     assert before < 0.3
-    assert cral() > 0.9
+    assert cral() > 0.8
 
 
 def test_quantiles_need_a_kappa():
