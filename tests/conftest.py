@@ -1,5 +1,6 @@
 """A small city and quick recipes that several tests share."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import matplotlib
@@ -10,6 +11,7 @@ import torch
 from uavdh_lite.city import City
 from uavdh_lite.recipe import LITE, Recipe
 from uavdh_lite.scenario import Scenario
+from uavdh_lite.training import Trainer
 
 matplotlib.use("Agg")
 torch.set_num_threads(1)
@@ -47,7 +49,7 @@ def quick() -> Recipe:
         batch_size=32,
         strides=(2, 2),
         learning_rate=3e-4,
-        environments=8,
+        environments=16,
         replay_capacity=2_000,
         replay_prefill=200,
         temperature_decay=0.5,
@@ -56,6 +58,14 @@ def quick() -> Recipe:
         crash_reward_end=-40.0,
         validation_interval=1_000,
         validation_episodes=50,
+    )
+
+
+@pytest.fixture
+def trainer(corridor: City, corridor_scenario: Scenario, quick: Recipe) -> Callable[..., Trainer]:
+    """A function that begins a quick run; it takes a seed and changes of the recipe."""
+    return lambda seed=0, **changes: Trainer(
+        corridor_scenario, replace(quick, **changes), seed, corridor
     )
 
 

@@ -23,7 +23,8 @@ CHUNK = 256  # states a forward pass: more would only spill out of the processor
 def build(recipe: Recipe, city: City) -> tuple[Observation, QNetwork]:
     """The observation and the untrained network of a recipe for a city.
 
-    The weights come from torch's global generator; `torch.random.fork_rng` keeps it as it was.
+    The weights come from torch's global generator; wrap the call in `torch.random.fork_rng` to
+    leave it unchanged.
     """
     observation = Observation(
         city,
@@ -113,10 +114,10 @@ class Agent:
 
 
 def saliency(agent: Agent, state: State) -> np.ndarray:
-    """How much the best action's Q-value hangs on each cell of what the network sees; (W, W).
+    """How much the best action's Q-value depends on each cell of what the network sees; (W, W).
 
-    The magnitude of gradient times input, summed over the layers: how much of the Q-value would
-    go, to first order, if what is in the cell were gone.
+    This is the magnitude of gradient times input, summed over the layers: to first order, how much
+    the Q-value would change if the cell were empty.
 
     Arguments:
         state: a batch of one.

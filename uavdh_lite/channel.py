@@ -64,12 +64,12 @@ def rate(snr_db):
 
 @dataclass(frozen=True)
 class Link:
-    """What the channel says about a device and a UAV that hovers over a cell, without fading.
+    """The channel between a device and a UAV that hovers over a cell, without fading.
 
     | field | meaning |
     | --- | --- |
     | `ground_m`, `distance_m` | distance on the ground and through the air, m |
-    | `crossed` | (n, 2), the cells that the ray crosses, from the device on |
+    | `crossed` | (n, 2), the cells that the ray crosses, starting at the device |
     | `blocked_by` | (m, 2), the buildings that block it: the link is NLoS if there are any |
     | `snr_db`, `rate` | mean SNR, dB, and data units a slot at it |
     | `fading_db` | standard deviation of the shadow fading, dB |
@@ -89,7 +89,7 @@ class Link:
 
 
 def link(city: City, channel: Channel, device: tuple[int, int], uav: tuple[int, int]) -> Link:
-    """The link between a device and a UAV in these cells, (row, column)."""
+    """The link between a device and a UAV in these cells, each (row, column)."""
     rows, cols = uav[0] - device[0], uav[1] - device[1]
     crossed = crossed_cells(rows, cols) + np.array(device)
     corners = passed_corners(rows, cols) + np.array(device)
@@ -114,7 +114,7 @@ def link(city: City, channel: Channel, device: tuple[int, int], uav: tuple[int, 
 def rate_map(
     city: City, channel: Channel, line_of_sight: np.ndarray, device: tuple[int, int]
 ) -> np.ndarray:
-    """Data units a slot, without fading, that a UAV gets from a device when hovering; (M, M).
+    """Data units per slot, without fading, from a device to a UAV that hovers over a cell; (M, M).
 
     Arguments:
         line_of_sight: (M², M²), as `Environment.line_of_sight`.

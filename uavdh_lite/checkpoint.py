@@ -1,4 +1,4 @@
-"""Save and load: one safetensors file with the arrays, and JSON in its header; never a pickle."""
+"""Save and load: one safetensors file with arrays, and JSON in its header; never a pickle."""
 
 import hashlib
 import json
@@ -25,7 +25,8 @@ def save(path: str | Path, kind: str, tensors: dict[str, Tensor], about: dict) -
     """Write tensors and JSON values to one file, atomically: on failure the old file survives.
 
     Arguments:
-        kind: what the file holds, `agent` or `training`. about: JSON values.
+        kind: what the file holds, `agent` or `training`.
+        about: JSON values.
     """
     header = json.dumps({"format": FORMAT, "kind": kind, **about})
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
@@ -37,7 +38,7 @@ def save(path: str | Path, kind: str, tensors: dict[str, Tensor], about: dict) -
 def load(path: str | Path, kind: str) -> tuple[dict[str, Tensor], dict]:
     """Read what `save` wrote: tensors and JSON values.
 
-    Raises `CheckpointError` if the file is missing, damaged, of another program or of another kind.
+    Raises `CheckpointError` if the file is missing, damaged, of another program or another kind.
     """
     try:
         with safe_open(path, framework="pt") as file:

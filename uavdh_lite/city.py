@@ -1,4 +1,4 @@
-"""The city: a square grid of cells with three Boolean layers, kept as a PNG of one pixel a cell."""
+"""The city: a square grid of cells with three Boolean layers, stored as a PNG, a pixel per cell."""
 
 import hashlib
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from uavdh_lite.storage import data_folder, write_atomically
 
 MAX_SIZE = 100  # cells a side; the line-of-sight table holds size**4 bytes
 
-# One row a kind of cell: its sign in a text drawing, its colour in a PNG (the palette of the
+# Each row is a kind of cell: its sign in a text drawing, its colour in a PNG (the palette of the
 # authors' code, so that their maps load unchanged), and the layers that it sets.
 KINDS = (
     # sign, colour, (landing, no_fly, building)
@@ -24,11 +24,11 @@ KINDS = (
     ("B", (255, 255, 0), (False, True, True)),  # building that may not be flown over
 )
 SIGNS = "".join(sign for sign, _, _ in KINDS)
-ON, OFF = 224, 31  # a channel of a pixel is set from ON up, and not set down from OFF
+ON, OFF = 224, 31  # a channel counts as set from ON upwards, as not set from OFF downwards
 
 
 def read_only(array: np.ndarray) -> np.ndarray:
-    """The same numbers as an array that cannot be written: for what several callers share."""
+    """A view that cannot be written to, for an array that several callers share."""
     view = array.view()
     view.setflags(write=False)
     return view
@@ -42,9 +42,7 @@ LAYERS = read_only(np.array([layers for _, _, layers in KINDS]))
 class City:
     """A city of M×M cells; arrays are indexed `[row, col]`, north is row − 1, east is col + 1.
 
-    Its arrays are read-only.
-
-    A cell is also named by one number, `row * M + col`.
+    The arrays are read-only. A cell also has one number, `row * M + col`.
 
     | field | shape | meaning |
     | --- | --- | --- |
@@ -52,8 +50,9 @@ class City:
     | `no_fly` | (M, M) bool | cells the UAV may not enter: no-fly zones and tall buildings |
     | `buildings` | (M, M) bool | cells that block radio links |
 
-    Raises `CityError` if the layers are not square and of one shape, there is no landing cell, a
-    landing cell is also a building or a no-fly cell or is walled in by them, or no device fits.
+    Raises `CityError` if the layers are not square or differ in shape, if there is no landing cell,
+    if a landing cell is also a building or a no-fly cell or is walled in by them, or if no device
+    fits.
     """
 
     name: str
@@ -112,9 +111,9 @@ class City:
 
     @cached_property
     def landing_distance(self) -> np.ndarray:
-        """Moves from each cell to the nearest landing cell; (M, M) ints, −1 where there is no way.
+        """Moves from each cell to the nearest landing cell; (M, M) ints, −1 if none is reachable.
 
-        The flight itself: landing there takes one more unit of time.
+        Landing there takes one more unit of time.
         """
         distance = np.where(self.landing, 0, -1)
         reached, moves = self.landing, 0
@@ -131,7 +130,7 @@ class City:
     def kinds(self) -> np.ndarray:
         """The kind of each cell, an index into `KINDS`; (M, M) uint8.
 
-        A landing cell is never anything else, so the three layers and the kinds say the same.
+        A landing cell is never anything else, so the kinds say as much as the three layers.
         """
         kinds = self.landing * 3 + self.no_fly + self.buildings * (2 + self.no_fly)
         return read_only(kinds.astype(np.uint8))
@@ -143,7 +142,7 @@ class City:
 
     @property
     def text(self) -> str:
-        """The city drawn with the signs of `KINDS`, a line a row; `City.from_text` reads it."""
+        """The city drawn with the signs of `KINDS`, one line per row; `City.from_text` reads it."""
         return "\n".join("".join(SIGNS[kind] for kind in row) for row in self.kinds)
 
     @classmethod
@@ -154,7 +153,7 @@ class City:
 
     @classmethod
     def from_text(cls, name: str, text: str) -> "City":
-        """The city drawn with the signs of `KINDS`, one line a row; blanks are left out."""
+        """The city drawn with the signs of `KINDS`, one line per row; blanks are ignored."""
         rows = ["".join(line.split()) for line in text.strip().splitlines()]
         for r, row in enumerate(rows):
             if len(row) != len(rows):
@@ -177,7 +176,7 @@ class City:
             raise CityError(f"{path}: {str(error).removeprefix(f'{path.stem}: ')}") from None
 
     def save(self, path: str | Path) -> None:
-        """Write the city as a PNG, one pixel a cell; atomically."""
+        """Write the city as a PNG, one pixel per cell, atomically."""
         image = Image.fromarray(COLOURS[self.kinds])
         write_atomically(path, lambda temporary: image.save(temporary, format="PNG"))
 
@@ -203,7 +202,7 @@ def _read_kinds(path: Path) -> np.ndarray:
                 raise CityError(
                     f"{path}: {height} × {width} pixels, at most {MAX_SIZE} a side are possible"
                 )
-            image.verify()  # the checksums, which reading the pixels leaves out; needs a new start
+            image.verify()  # tests the checksums; afterwards the file must be opened again
         with Image.open(path, formats=["PNG"]) as image:
             pixels = np.asarray(image.convert("RGBA"))
     except FileNotFoundError:

@@ -18,8 +18,8 @@ def option(
     """A dataclass field with a default, one line of help for the command line, and bounds.
 
     Arguments:
-        ge, gt, le: the value, or each number of a tuple, must be ≥, > or ≤ this; None is allowed
-            where it is the default.
+        ge, gt, le: the value, or each number of a tuple, must be ≥, > or ≤ this. None is always
+            allowed.
     """
     return dataclasses.field(
         default=default, metadata={"help": help, "bounds": {"ge": ge, "gt": gt, "le": le}}
@@ -39,7 +39,7 @@ def require_bounds(config: Any, name: str) -> None:
 
 
 def _violated(value: Any, ge, gt, le) -> str | None:
-    """What the value would have to be, or None if it is that."""
+    """What the value must be, or None if it is."""
     if isinstance(value, float) and not math.isfinite(value):
         return "a finite number"
     low = (ge is None or value >= ge) and (gt is None or value > gt)

@@ -100,7 +100,8 @@ class DDQN(Networks):
 
         Arguments:
             observation: what the networks take, as a tuple of arguments.
-            action: (B,) int64. y: (B,), from `targets`.
+            action: (B,) int64.
+            y: (B,), from `targets`.
         """
         loss = self.loss(observation, action, y)
         self.optimiser.zero_grad()

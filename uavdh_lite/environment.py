@@ -1,8 +1,8 @@
 """The decision process: a batch of UAVs, each in its own episode, stepped by pure functions.
 
-Nothing here knows of learning, and nothing loops over the batch: every array has the batch as
-its first axis. B is the batch size, K the number of device places, δ the communication slots a
-mission slot, M the number of cells a side.
+Nothing here knows about learning, and nothing loops over the batch: every array has the batch as
+its first axis. B is the batch size, K the number of places for devices, δ the number of
+communication slots in a mission slot, M the number of cells on a side.
 """
 
 from dataclasses import dataclass, field, fields
@@ -80,13 +80,13 @@ class State:
 
     @property
     def collection_ratio(self) -> np.ndarray:
-        """Collected data over initial data, all devices of an episode together; (B,)."""
+        """Data collected over data at the start, summed over the devices of an episode; (B,)."""
         return self.data_collected.sum(1) / self.data_initial.sum(1)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What happened in one step of B episodes. An episode that is over has no upload and no event.
+    """What happened in one step of B episodes. In an episode that is over, nothing happens.
 
     | field | shape | meaning |
     | --- | --- | --- |
@@ -110,7 +110,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Rewards:
-    """The reward's constants; the defaults are the paper's (for the crash, the authors' code's)."""
+    """The reward's constants. The defaults are the paper's; `crash` is from the authors' code."""
 
     data: float = option(1.0, "reward for a data unit uploaded")
     movement: float = option(-0.2, "reward for every step that does not land, r_mov")
@@ -151,9 +151,9 @@ class Environment:
 
     ### Channel
     While the UAV moves or hovers there are δ communication slots. In slot i it is at
-    p(t) + (i/δ)(p(t+1) − p(t)); for the shadow map it counts as in the nearest cell, at half way
-    in the cell being entered. Of the devices with data left, the one with the highest SNR gets
-    the slot and uploads min(rate, data left). Every device and slot has a new fading draw.
+    p(t) + (i/δ)(p(t+1) − p(t)). The shadow map is read at the nearest cell; half-way between two
+    cells, at the one being entered. Of the devices with data left, the one with the highest SNR
+    gets the slot and uploads min(rate, data left). Every device and slot has a new fading draw.
     Nothing is uploaded in the step that ends the episode.
 
     ### Episode end
@@ -179,7 +179,7 @@ class Environment:
 
     @cached_property
     def next_cell(self) -> np.ndarray:
-        """The cell in which the UAV is after an action, `[cell, action]`; (M², 6) int16."""
+        """The cell of the UAV after an action, `[cell, action]`; (M², 6) int16."""
         return self._moves[0]
 
     @cached_property
@@ -254,7 +254,8 @@ class Environment:
         """One step of all episodes with newly drawn fading: `draw_fading`, then `transition`.
 
         Arguments:
-            state: B episodes. action: (B,) ints, indices into `ACTIONS`.
+            state: B episodes.
+            action: (B,) ints, indices into `ACTIONS`.
         """
         return self.transition(state, action, self.draw_fading(state, generator))
 
@@ -304,7 +305,8 @@ class Environment:
         """SNR of every device in every slot of a step, dB; (B, δ, K) float32 (eq. 2, 3).
 
         Arguments:
-            device_cells: (B, K). uav_cell, next_cell: (B,), before and after the step.
+            device_cells: (B, K).
+            uav_cell, next_cell: (B,), before and after the step.
             fading: (B, δ, K), standard normal; 0 gives the mean.
         """
         slots = self.channel.slots
@@ -328,10 +330,11 @@ def schedule(
     """TDMA: each slot goes to the device with the highest SNR among those with data left.
 
     Arguments:
-        snr_db: (B, δ, K). data_left: (B, K), at the start of the mission slot.
+        snr_db: (B, δ, K).
+        data_left: (B, K), at the start of the mission slot.
 
-    Returns: served (B, δ) int8, the device of each slot or −1; uploaded (B, δ), data units,
-        min(rate, data left); data_left (B, K) after the mission slot.
+    Returns three arrays: the device of each slot, or −1, (B, δ) int8; the data units uploaded in
+    it, min(rate, data left), (B, δ); and the data left after the mission slot, (B, K).
     """
     data_left = data_left.copy()
     episodes = np.arange(len(data_left))

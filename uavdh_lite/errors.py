@@ -1,11 +1,11 @@
-"""The errors that bad input causes. Each message names what is wrong and how to put it right."""
+"""The errors that bad input causes. Each message says what is wrong and how to put it right."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 
 class InputError(ValueError):
-    """Input that cannot be used: a value, a file, or two things that do not fit together."""
+    """Input that cannot be used: a value, a file, or two things that do not go together."""
 
 
 class CityError(InputError):
@@ -13,7 +13,7 @@ class CityError(InputError):
 
 
 class CheckpointError(InputError):
-    """A checkpoint file that is damaged, foreign, or does not fit its use."""
+    """A checkpoint file that is damaged, from another program, or of the wrong kind."""
 
 
 class MissingExtra(InputError, ImportError):
@@ -26,7 +26,7 @@ class TrainingDiverged(ArithmeticError):
 
 @contextmanager
 def extra(name: str) -> Iterator[None]:
-    """Around imports that need the optional packages `uavdh-lite[name]` of `pyproject.toml`.
+    """Wraps imports that need the optional packages `uavdh-lite[name]` of `pyproject.toml`.
 
     Raises `MissingExtra` if one of them is not installed.
 
@@ -38,6 +38,6 @@ def extra(name: str) -> Iterator[None]:
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
         if package == __package__:
-            raise  # a fault of ours, which no installation mends
+            raise  # a bug of ours, which no installation fixes
         message = f"{package} is not installed: pip install 'uavdh-lite[{name}]'"
         raise MissingExtra(message) from None

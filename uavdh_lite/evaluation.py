@@ -29,7 +29,7 @@ class Step(NamedTuple):
 
 
 class Interval(NamedTuple):
-    """A mean and the interval that holds it with 95 % confidence."""
+    """A mean and its 95 % confidence interval."""
 
     mean: float
     low: float
@@ -86,7 +86,7 @@ class Flights:
 
     @classmethod
     def of_steps(cls, start: State, end: State, history: list[Step]) -> "Flights":
-        """One episode that was flown step by step, maybe not to its end, from its `history`."""
+        """One episode that was flown step by step, perhaps not to its end, from its `history`."""
         return cls(
             start,
             end,
@@ -118,7 +118,7 @@ class Flights:
         return records
 
     def metrics(self) -> dict[str, Interval]:
-        """The mean of each record with its 95 % interval, see `mean_interval`."""
+        """The mean of each record with its 95 % interval; see `mean_interval`."""
         return {name: mean_interval(values) for name, values in self.records().items()}
 
     def trajectory(self, episode: int) -> Trajectory:

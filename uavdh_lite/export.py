@@ -23,12 +23,13 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
     | input or output | shape | what |
     | --- | --- | --- |
     | `map`, or `global_map` and `local_map` | (B, C, rows, columns) float32 | as `Observation` makes them |
-    | `time` | (B, 1) float32 | remaining flying time over the recipe's `time_scale` |
+    | `time` | (B, 1) float32 | remaining flying time divided by the recipe's `time_scale` |
     | `q_values` | (B, 6) float32 | in the order of `ACTIONS` |
 
-    The file's metadata has the order of the actions, the scales, city and scenario as JSON. ONNX
-    Runtime and the agent are asked about random states under way; both must choose the same action
-    wherever the best two differ by more than `TOLERANCE`. Otherwise nothing is written.
+    The file's metadata has the order of the actions, the scales, the city and the scenario as JSON.
+    ONNX Runtime and the agent are asked about random states under way. Their Q-values may differ by
+    at most `TOLERANCE`, and they must choose the same action wherever the best two Q-values differ
+    by more; otherwise nothing is written.
 
     Raises `MissingExtra` without onnx, onnxscript or onnxruntime; `InputError` if the two disagree.
     """  # noqa: E501

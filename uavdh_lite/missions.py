@@ -1,8 +1,8 @@
 """A mission that a person sets, flies and shares.
 
-A mission file is JSON; `schemas/mission.schema.json` describes it. The city is in the file, so that
-the episode stays the same wherever and whenever it is flown, and a checksum, which shows damage. If
-you edit a file by hand, take the entry `sha256` out.
+A mission file is JSON; `schemas/mission.schema.json` describes it. It holds the city, so the
+episode stays the same wherever and whenever it is flown, and a checksum, which shows damage. If you
+edit a file by hand, take out the entry `sha256`.
 """
 
 import hashlib
@@ -37,7 +37,7 @@ def environment_of(city: str) -> Environment:
 class Mission:
     """One episode: start, devices and their data, flying time, and the seed of the fading.
 
-    Every change gives a new mission. One that cannot be flown raises `InputError`.
+    Every change gives a new mission. A mission that cannot be flown raises `InputError`.
 
     | field | meaning |
     | --- | --- |
@@ -69,7 +69,7 @@ class Mission:
         data: tuple[float, ...] | None = None,
         flying_time: int | None = None,
     ) -> "Mission":
-        """A random mission of a scenario, except for what is given."""
+        """A random mission of a scenario; what is given is not drawn."""
         generator = stream(Use.MISSION, seed)
         state = scenario.sample(city, 1, generator)
         used = np.flatnonzero(state.data_initial[0] > 0)
@@ -108,11 +108,11 @@ class Mission:
 
     @property
     def fading(self) -> np.random.Generator:
-        """The generator of this mission's fading, at its start."""
+        """A new generator of this mission's fading, as it is at the start."""
         return stream(Use.FADING, self.seed)
 
     def fly(self, environment: Environment, policy: Policy) -> Flights:
-        """The flight of a policy, every step kept; equal seeds meet equal fading."""
+        """Fly a policy and keep every step; missions with equal seeds have equal fading."""
         return fly(environment, policy, self.state, self.fading, record=True)
 
     def device_at(self, cell: Cell) -> int | None:
@@ -120,18 +120,18 @@ class Mission:
         return self.devices.index(cell) if cell in self.devices else None
 
     def add(self, cell: Cell, data: float = 10.0) -> "Mission":
-        """One device more."""
+        """The mission with one more device."""
         return replace(self, devices=(*self.devices, cell), data=(*self.data, data))
 
     def move(self, device: int, cell: Cell) -> "Mission":
-        """The same device somewhere else."""
+        """The mission with this device in another cell."""
         self._require(device)
         devices = list(self.devices)
         devices[device] = cell
         return replace(self, devices=tuple(devices))
 
     def remove(self, device: int) -> "Mission":
-        """One device fewer; those after it move up."""
+        """The mission without this device; those after it move up."""
         self._require(device)
         rest = [k for k in range(len(self.devices)) if k != device]
         return replace(
@@ -146,7 +146,7 @@ class Mission:
 
 
 class HandFlight:
-    """A mission flown step by step, each action chosen when it is due.
+    """A mission flown step by step, with each action chosen when it is due.
 
     It meets the same fading as any policy that flies the mission.
 
@@ -177,12 +177,12 @@ class HandFlight:
         return outcome
 
     def flights(self) -> Flights:
-        """What was flown so far."""
+        """The flight so far."""
         return Flights.of_steps(self.mission.state, self.state, self._history)
 
 
 def save_mission(path: str | Path, mission: Mission) -> None:
-    """Write a mission; atomically."""
+    """Write a mission, atomically."""
     values = {
         "format": FORMAT,
         "version": VERSION,

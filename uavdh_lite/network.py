@@ -18,14 +18,14 @@ class QNetwork(nn.Module):
     | fully connected, (LayerNorm,) ReLU | (B, 256) three times |
     | linear output | (B, 6) |
 
-    Several maps (global and local) go through convolutions of their own and are joined after
-    flattening.
+    With several maps (global and local), each goes through its own convolutions, and the results
+    are joined after flattening.
 
     Arguments:
         map_shapes: (channels, rows, columns) of each map.
         strides: one stride for each convolution.
         layer_norm: normalise each hidden layer before its ReLU.
-        leak: slope of the ReLUs below 0; above 0 they are leaky ones.
+        leak: slope of the ReLUs below 0; 0 for plain ones.
         outputs: units of the linear output.
     """
 

@@ -1,7 +1,7 @@
-"""What the network sees: maps built for a whole batch, on the agent's device, from compact states.
+"""What the network sees: maps for a whole batch, built from compact states on the agent's device.
 
-B is the batch size, M the city's cells a side, W = 2M − 1 the side of a map that shows the whole
-city wherever the UAV is.
+B is the batch size and M the number of cells on a side of the city. A map of W = 2M − 1 cells on a
+side shows the whole city wherever the UAV is.
 """
 
 import numpy as np
@@ -24,9 +24,9 @@ class Observation(nn.Module):
     | --- | --- |
     | `centred` | one, (B, 5, W, W): the layers shifted so that the UAV is in the middle (III-C) |
     | `non_centred` | one, (B, 6, W, W): the layers in place and a one-hot layer of the position |
-    | `global_local` | two: the centred map average-pooled by `pooling`, (B, 5, W//g, W//g), and its middle `local_size` cells a side at full resolution, (B, 5, l, l) |
+    | `global_local` | two: the centred map average-pooled by `pooling`, (B, 5, W//g, W//g), and its middle, `local_size` cells on a side, at full resolution, (B, 5, l, l) |
 
-    The layers are those of `LAYERS`; outside the city the no-fly zone is 1 and all else 0. In the
+    The layers are those of `LAYERS`. Outside the city the no-fly zone is 1 and all else is 0. In the
     non-centred map the city is in the middle, or half a cell north-west of it. `time`, (B, 1), is
     the remaining flying time. Data is divided by `data_scale`, time by `time_scale`.
 
@@ -97,7 +97,7 @@ class Observation(nn.Module):
         return self._maps(city, devices, data, shift_row, shift_col)
 
     def in_place_map(self, uav: Tensor, devices: Tensor, data: Tensor) -> Tensor:
-        """All layers in place, and where the UAV is; (B, 6, W, W)."""
+        """All layers in place, and one that marks the UAV's cell; (B, 6, W, W)."""
         shift = torch.full_like(uav, self.before)
         maps = self._maps(self.in_place, devices, data, shift, shift, layers=len(LAYERS) + 1)
         maps.flatten(2)[:, -1].scatter_(1, self._place(uav, shift, shift)[:, None], 1.0)
@@ -121,7 +121,7 @@ class Observation(nn.Module):
         return maps
 
     def _place(self, cells: Tensor, row: Tensor, col: Tensor) -> Tensor:
-        """Where cells of the city, shifted by (row, col), are in a flattened map."""
+        """The index in a flattened map of cells of the city, shifted by (row, col)."""
         return (cells // self.size + row) * self.width + cells % self.size + col
 
 

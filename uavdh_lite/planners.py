@@ -55,17 +55,17 @@ class Greedy:
 
     @cached_property
     def _distance(self) -> np.ndarray:
-        """Moves between all pairs of cells, `[from, to]`, a large number where there is no way."""
+        """Moves between all pairs of cells, `[from, to]`; a large number where there is no path."""
         return self._routes[0]
 
     @cached_property
     def _towards(self) -> np.ndarray:
-        """First action of a shortest way, `[from, to]`; hover where there is none to make."""
+        """First action of a shortest path, `[from, to]`; hover where there is no path."""
         return self._routes[1]
 
     @cached_property
     def _routes(self) -> tuple[np.ndarray, np.ndarray]:
-        """All shortest ways at once, a move longer each round."""
+        """All shortest paths together; each round adds those that are one move longer."""
         environment = self.environment
         count = environment.city.size**2
         unreachable = np.iinfo(np.int16).max
@@ -90,7 +90,7 @@ class Greedy:
 
     @cached_property
     def _approach(self) -> np.ndarray:
-        """For each cell the nearest cell that the UAV can fly to from the landing zone; (M²,)."""
+        """For each cell, the nearest cell that the UAV can reach from the landing zone; (M²,)."""
         city = self.environment.city
         row, col = np.divmod(np.arange(city.size**2), city.size)
         squared = (row[:, None] - row) ** 2 + (col[:, None] - col) ** 2
@@ -116,15 +116,16 @@ class Genie:
     """A search over whole flights that knows where shadows lie and the channel's mean SNR.
 
     It simulates every move with the mean SNR (fading 0 dB). For each step, cell and set of emptied
-    devices it keeps the `beam` candidates with the most data collected, and drops what cannot land
-    in time.
-    With `grow`, it searches again with four times the beam, for as long as that finds a better
-    flight and the beam is not above `widest`: memory and time grow with it. With `time_cost` 0.2,
-    the paper's movement reward, it maximises the return; with a small one, the data collected.
+    devices it keeps the `beam` candidates that have collected the most data, and drops those that
+    cannot land in time.
 
-    In a flight it plans again every `replan` steps, from what is really left, with the beam that
-    the episode's first plan needed. Called with a state alone, it plans from there and takes one
-    step.
+    With `grow`, it searches again with four times the beam, as long as that finds a better flight
+    and the beam does not exceed `widest`: memory and time grow with it. With `time_cost` 0.2, the
+    paper's movement reward, it maximises the return; with a small one, the data collected.
+
+    During a flight it plans again every `replan` steps, from the data that is really left, with the
+    beam that the episode's first plan needed. Called with a state alone, it makes a plan and
+    returns its first step.
     """
 
     environment: Environment
@@ -185,7 +186,7 @@ class Genie:
         return Plan(actions, float(collected), float(best_value), beam)
 
     def _trace(self, layers, end: tuple[int, int]) -> np.ndarray:
-        """The actions that lead to a candidate, given as (step, index), and landing."""
+        """The actions that lead to a candidate, given as (step, index), and then `land`."""
         step, candidate = end
         actions = [LAND]
         for parent, action in reversed(layers[:step]):
@@ -194,7 +195,7 @@ class Genie:
         return np.array(actions[::-1])
 
     def _mean_snr_db(self, device_cells: np.ndarray) -> np.ndarray:
-        """SNR without fading, `[cell, action, slot, device]`, dB, of all but landing."""
+        """SNR without fading, dB, `[cell, action, slot, device]`, for all actions but landing."""
         environment = self.environment
         cells = np.repeat(np.arange(environment.city.size**2), LAND)
         target = environment.next_cell[:, :LAND].ravel()
@@ -207,7 +208,7 @@ class Genie:
         return np.array([self.plan(state, episode).actions[0] for episode in range(len(state))])
 
     def begin(self, start: State) -> Callable[[State, np.ndarray], np.ndarray]:
-        """What flies the episodes of `start`: each has a plan of its own, kept for this flight."""
+        """The function that flies the episodes of `start`; each has its own plan for the flight."""
         plans: list[Plan | None] = [None] * len(start)
         planned_at = np.zeros(len(start), int)  # the flying time left when the plan was made
 
@@ -228,7 +229,7 @@ class Genie:
 
 
 def _best(cell: np.ndarray, left: np.ndarray, beam: int) -> np.ndarray:
-    """Of the candidates with equal cell and emptied devices, the `beam` ones with least data left.
+    """For each cell and set of emptied devices, the `beam` candidates with the least data left.
 
     Equal candidates count once. Returns their indices.
     """

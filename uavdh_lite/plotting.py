@@ -49,11 +49,11 @@ def device_colour(device: int | np.integer) -> str:
 
 
 def draw_city(ax: Axes, city: City, shadow_sum: np.ndarray | None = None) -> Axes:
-    """The city as a map, north up, a unit a cell, cell (row, col) centred at x = col, y = row.
+    """The city as a map, north up; cell (row, col) is a unit square centred at x = col, y = row.
 
     Arguments:
-        shadow_sum: (M, M), for how many devices a cell lies in a building's shadow; see
-            `shadow_sum`. The more, the darker.
+        shadow_sum: (M, M), for how many devices a cell lies in a building's shadow, from the
+            function `shadow_sum`; the more, the darker.
     """
     if shadow_sum is not None:
         grey = 1 - np.minimum(SHADOW * shadow_sum, 0.6)
@@ -98,14 +98,14 @@ def draw_trajectory(ax: Axes, environment: Environment, trajectory: Trajectory) 
 def draw_flight(
     ax: Axes, city: City, trajectory: Trajectory, steps: int | None = None
 ) -> list[Artist]:
-    """What a flight adds to the map: its way, its devices, start and end; returns the artists.
+    """What a flight adds to the map: its path, its devices, start and end; returns the artists.
 
     Arrows and hover marks have the colour of the device that uploaded most in that step, black if
     none did; the number next to a device is its data at the start. Arrows are drawn a little to the
-    right of the way, so that there and back differ; a hover mark grows with the time spent there.
+    right of the path, so that there and back differ; a hover mark grows with the time spent there.
 
     Arguments:
-        steps: only so many steps of the flight, and the UAV where it then is; None for all.
+        steps: draw only this many steps, and the UAV where it then is; None for all.
     """
     total = len(trajectory.action)
     steps = total if steps is None else min(steps, total)
@@ -194,7 +194,7 @@ def caption(trajectory: Trajectory) -> str:
 
 
 def add_legend(figure: Figure, devices: int) -> None:
-    """The legend of trajectory figures, below all Axes, for so many devices."""
+    """The legend of trajectory figures, below all Axes, for this number of devices."""
 
     def mark(marker, label, **style):
         return Line2D([], [], linestyle="none", marker=marker, label=label, **style)
@@ -227,7 +227,8 @@ def draw_curves(
     """A training curve: the mean over runs and the range that holds 99 % of them, by steps.
 
     Arguments:
-        runs: from `read_table`, all with rows at the same steps. metric: a column's name.
+        runs: from `read_table`, all with rows at the same steps.
+        metric: a column's name.
     """
     values = np.stack([run[metric] for run in runs])
     steps = runs[0]["steps"]
@@ -292,12 +293,12 @@ def png(picture: Figure | np.ndarray, dpi: int = 100) -> bytes:
 def save_animation(
     city: City, trajectory: Trajectory, path: str | Path, step_ms: int = 140
 ) -> None:
-    """Write a flight as a GIF that plays in any browser, a frame a step; atomically.
+    """Write a flight as a GIF that plays in any browser, one frame per step, atomically.
 
     Next to the map are the data left at each device and the flying time left.
 
     Arguments:
-        step_ms: how long a step is shown, ms; the last one stays for three seconds.
+        step_ms: how long a step is shown, ms; the last one is shown for three seconds.
     """
     start, steps = trajectory.start, len(trajectory.action)
     used = np.flatnonzero(start.data_initial[0] > 0)

@@ -25,7 +25,7 @@ def known_policies() -> list[str]:
 def policies_for(environment: Environment) -> list[str]:
     """The names of the policies that can fly over this city: its own agents first.
 
-    A shipped agent knows only the city that it was trained in; the planners know any.
+    A shipped agent knows only the city it was trained in; the planners fly over any.
     """
     agents = [name for name in shipped_agents() if _shipped(name).knows(environment.city)]
     return [*agents, *PLANNERS]

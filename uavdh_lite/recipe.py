@@ -1,4 +1,4 @@
-"""Recipes: everything that a training run depends on besides scenario and seed."""
+"""Recipes: all that a training run depends on, except the scenario and the seed."""
 
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -12,12 +12,12 @@ from uavdh_lite.errors import InputError
 class Recipe:
     """The constants of a training run; the defaults are the paper's.
 
-    Where the paper gives no number it is that of the authors' code: `crash_reward`, Adam's amsgrad.
+    Where the paper gives none, it is that of the authors' code: `crash_reward`, Adam's amsgrad.
     `failsafe`, `quantiles` and `advantage_learning` go beyond the paper.
     """
 
     name: str
-    steps: int = option(1_000_000, "environment steps in all, those of the prefill included", ge=1)
+    steps: int = option(1_000_000, "environment steps in all, including the prefill", ge=1)
     # What the network sees
     observation: str = option("centred", "maps: centred, non_centred or global_local")
     data_scale: float = option(1.0, "data on the maps is divided by this, data units", gt=0)
@@ -52,7 +52,7 @@ class Recipe:
     learning_rate_end: float = option(3e-5, "learning rate at the end; linear in between", ge=0)
     amsgrad: bool = option(True, "Adam's amsgrad variant")
     huber_delta: float | None = option(
-        None, "loss linear above this error; none: squared error", gt=0
+        None, "errors above this count linearly in the loss; none: squared", gt=0
     )
     advantage_learning: float = option(
         0.0, "share α of the action gap that is taken from the targets", ge=0, le=0.99
@@ -60,7 +60,7 @@ class Recipe:
     batch_size: int = option(128, "transitions in a minibatch", ge=1)
     # Experience
     environments: int = option(
-        1, "episodes flown side by side; one update a step of them all", ge=1
+        1, "episodes flown at a time; one update for each step of them all", ge=1
     )
     replay_capacity: int = option(50_000, "transitions in the replay memory", ge=1)
     replay_prefill: int = option(
@@ -78,9 +78,11 @@ class Recipe:
     )
     movement_reward: float = option(-0.2, "reward for every step that does not land, r_mov")
     exploring_starts: float = option(
-        0.0, "share of episodes that start under way, anywhere", ge=0, le=1
+        0.0, "share of episodes that start in mid-flight, anywhere", ge=0, le=1
     )
-    exploring_spare_time: int = option(5, "their least flying time beyond the way home", ge=0)
+    exploring_spare_time: int = option(
+        5, "flying time that these have left at least, beyond the way home", ge=0
+    )
     # Validation: the agent kept is the one with the best collection ratio and landed in these
     validation_interval: int = option(50_000, "environment steps between greedy validations", ge=1)
     validation_episodes: int = option(
@@ -165,33 +167,34 @@ LITE = Recipe(
     exploring_starts=0.5,
     validation_interval=100_000,
 )
-"""The same algorithm, made to learn within minutes on a CPU. Each deviation and its reason; what
-it wins, as far as that was measured, is in `data/runs/README.md`:
+"""The same algorithm, made to learn within minutes on a CPU. These are its deviations from the
+paper and their reasons; the site's results say what each is worth, as far as that was measured:
 
 - `steps`: twice the paper's, in a hundredth of the time.
-- `data_scale`, `time_scale`: inputs of the order of 1, which the first layers learn from best.
-- `strides` 3 and 1: a tenth of the weights, and a sixth of the time that an update takes.
+- `data_scale`, `time_scale`: the first layers learn best from inputs of the order of 1.
+- `strides` 3 and 1: a tenth of the weights; an update takes a sixth of the time.
 - `layer_norm`: keeps the hidden layers' scale steady while the targets move.
-- `leak`: with plain ReLUs most of the convolutions' kernels fall silent and stay so.
-- `return_steps` 3: rewards reach earlier states in a third of the updates.
+- `leak`: with plain ReLUs most kernels of the convolutions fall silent and stay silent.
+- `return_steps` 3: rewards reach earlier states with a third of the updates.
 - `learning_rate` twenty times the paper's, falling to 0: fast at first, settled at the end.
-- `amsgrad` off: it is the authors' code's, not the paper's, and makes no difference here.
-- `huber_delta` 10: crashes no longer drown the small differences that decide between actions.
+- `amsgrad` off: it comes from the authors' code, not the paper, and makes no difference here.
+- `huber_delta` 10: a crash no longer drowns the small differences that decide between actions.
 - `environments` 32 with one update for each step of all: each transition is used 4 times, not 128.
   Flying costs little next to an update, and fresh experience teaches more than old.
-- `replay_capacity` four times the paper's, at 60 bytes a transition, and a shorter
-  `replay_prefill`: with the paper's two, short runs stay far behind.
-- `temperature` 2 falling to 0.1 over the first quarter: explores while the Q-values are still
-  wrong, and then flies what it has learned, since three-step returns are those of the policy flown.
+- `replay_capacity` four times the paper's, at 60 bytes per transition, and a shorter
+  `replay_prefill`: with the paper's values, short runs stay far behind.
+- `temperature` 2, falling to 0.1 over the first quarter: the policy explores while the Q-values are
+  still wrong. Then it flies what it has learned, since a three-step return is that of the policy
+  that flies.
 - `crash_reward` −10, growing to the −150 of `PAPER` over the run: while a crash costs little the
-  agent learns to fly far, then to be home in time. With −150 from the start it first learns to
-  land at once, and stays there. With −60 at the end a crash can pay: 25 steps ahead it weighs
-  0.95²⁵ · 60 = 17, less than the data of a device.
+  agent learns to fly far, later to be home in time. With −150 from the start it first learns to
+  land at once, and stays with that. With −60 at the end a crash can pay off: 25 steps ahead it
+  weighs 0.95²⁵ · 60 = 17, less than the data of one device.
 - `movement_reward` −0.1: with −0.2 the agent leaves distant devices that hold little, on the open
   field.
-- `exploring_starts`: half of the episodes start under way, so that late states are seen early. It
-  wins much on the open field, and costs a little in short runs on `manhattan`.
-- `validation_interval` twice the paper's, as the steps.
+- `exploring_starts`: half of the episodes start under way, so that late states are seen early. This
+  helps a lot on the open field, and costs a little in short runs on `manhattan`.
+- `validation_interval` twice the paper's, like the steps.
 """
 
 SMALL = replace(
@@ -214,7 +217,7 @@ SMALL = replace(
     validation_interval=8_000,
     validation_episodes=200,
 )
-"""`LITE` for the city `village`, a quarter of the others: half a minute, to learn how to train."""
+"""`LITE` for the small city `village`: it trains in half a minute, to learn how training works."""
 
 QUANTILE = replace(
     LITE,

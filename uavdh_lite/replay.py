@@ -18,7 +18,7 @@ class Batch:
     | `action` | (B,) int64 | a(t) |
     | `reward` | (B,) float32 | r(t) + γ r(t+1) + … over m ≤ n steps |
     | `discount` | (B,) float32 | γ^m, or 0 if the episode ended within the m steps |
-    | `next_state` | B states | s(t+m); of no meaning where the discount is 0 |
+    | `next_state` | B states | s(t+m); meaningless where the discount is 0 |
     """
 
     state: State
@@ -62,7 +62,7 @@ class Replay:
 
     @property
     def bytes_per_transition(self) -> float:
-        """Memory a transition takes."""
+        """The memory that a transition takes, bytes."""
         return sum(array.nbytes for array in self._arrays().values()) / self.action.size
 
     def _arrays(self) -> dict[str, np.ndarray]:
@@ -70,11 +70,11 @@ class Replay:
         return {**states, "action": self.action, "reward": self.reward, "terminal": self.terminal}
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        """All that is stored, by name; the arrays are the memory's own."""
+        """All that is stored, by name; the arrays are not copies."""
         return {**self._arrays(), "place": np.array([self.head, self.filled])}
 
     def load_state_dict(self, arrays: dict[str, np.ndarray]) -> None:
-        """Take over what `state_dict` of an equally large memory gave."""
+        """Restore what `state_dict` of an equally large memory gave."""
         for name, array in self._arrays().items():
             array[:] = arrays[name]
         self.head, self.filled = (int(number) for number in arrays["place"])
@@ -106,7 +106,8 @@ class Replay:
         """Draw `size` transitions: the newest of each environment first, the others uniformly.
 
         Arguments:
-            discount: γ. steps: n, the number of steps whose rewards are summed; fewer if the
+            discount: γ.
+            steps: n, the number of steps whose rewards are summed; fewer if the
                 episode ends or the memory has no more.
         """
         environments = self.action.shape[1]

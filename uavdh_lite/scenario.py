@@ -35,14 +35,15 @@ class Scenario:
 
     @property
     def max_devices(self) -> int:
-        """K, the number of device places in a `State`."""
+        """K, the number of places for devices in a `State`."""
         return self.devices[1]
 
     def sample(self, city: City, count: int, generator: np.random.Generator) -> State:
         """Draw the starts of `count` episodes.
 
-        Start uniform over the landing cells; devices uniform over the cells where they may stand,
-        no two in one; their number, their data and the flying time uniform over the ranges.
+        The start is uniform over the landing cells. The devices are uniform over the cells where
+        they may stand, no two in one. Their number, their data and the flying time are uniform over
+        the ranges.
         """
         cells = city.device_cells
         if self.max_devices > len(cells):
@@ -68,9 +69,9 @@ class Scenario:
     ) -> State:
         """Draw episodes that are already under way, for exploring starts in training.
 
-        As `sample`, but the UAV is over any cell from which it can land, its flying time is uniform
-        from `spare_time` more than the way home and the landing take to the scenario's most, and
-        each device has been emptied already with probability 1/2.
+        Three things differ from `sample`. The UAV may be over any cell from which it can land. Its
+        flying time is uniform, at least what the way home and the landing take plus `spare_time`,
+        at most the scenario's longest. Each device is already empty with probability 1/2.
         """
         state = self.sample(city, count, generator)
         distance = city.landing_distance.ravel()
@@ -115,11 +116,13 @@ def place(
     flying_time: int,
     max_devices: int,
 ) -> State:
-    """The start of one episode of your own, a batch of one.
+    """The start of an episode that you set yourself; a batch of one.
 
     Arguments:
-        uav, devices: cells as (row, column). data: data units of each device.
-        flying_time: units of time. max_devices: K, the number of device places.
+        uav, devices: cells as (row, column).
+        data: data units of each device.
+        flying_time: units of time.
+        max_devices: K, the number of places for devices.
 
     Raises `InputError`, naming the device or cell, for anything that cannot be flown.
     """

@@ -36,11 +36,11 @@ def line_of_sight(buildings: np.ndarray, method: str = "exact") -> np.ndarray:
 def crossed_cells(rows: int, cols: int) -> np.ndarray:
     """The cells whose open interior the segment from (0, 0) to (rows, cols) crosses; (n, 2) ints.
 
-    The segment, a convex set, misses the open unit square around (r, c) exactly if a line along
-    the rows, along the columns, or along the segment parts them. The first two leave the segment's
-    bounding box. For the third, the square's centre must be no nearer to the segment's line than
-    half the square's width seen along it: |rows·c − cols·r| ≥ (|rows| + |cols|) / 2. All of it is
-    integer arithmetic, so it is exact.
+    The segment and the open unit square around (r, c) are convex, so they are disjoint exactly if a
+    line separates them: one along the rows, along the columns, or along the segment. The first two
+    leave the cells of the segment's bounding box. The third separates them if the square's centre
+    is at least half the square's width away from the segment's line, the width as seen along it:
+    |rows·c − cols·r| ≥ (|rows| + |cols|) / 2. All of it is integer arithmetic, so it is exact.
     """
     r = np.arange(min(rows, 0), max(rows, 0) + 1)[:, None]
     c = np.arange(min(cols, 0), max(cols, 0) + 1)[None, :]
@@ -51,10 +51,10 @@ def crossed_cells(rows: int, cols: int) -> np.ndarray:
 def passed_corners(rows: int, cols: int) -> np.ndarray:
     """The pairs of cells between which the segment passes through a corner; (n, 2, 2) ints.
 
-    The segment from (0, 0) to (rows, cols) leaves one cell there and enters the one diagonally
-    opposite; of the four cells at the corner, the pair is the other two. With rows and cols divided
-    by their greatest common divisor there are as many such corners as it says if both are odd, and
-    none otherwise.
+    At such a corner the segment from (0, 0) to (rows, cols) leaves one cell and enters the one
+    diagonally opposite; the pair is the other two of the four cells there. Let g be the greatest
+    common divisor of rows and cols. There are g such corners if rows / g and cols / g are both odd,
+    and none otherwise.
     """
     common = max(math.gcd(rows, cols), 1)
     step = np.array([rows, cols]) // common
@@ -66,7 +66,7 @@ def passed_corners(rows: int, cols: int) -> np.ndarray:
 
 
 def _exact(buildings: np.ndarray) -> np.ndarray:
-    """All pairs at once for each displacement: what the ray meets depends on nothing else."""
+    """All pairs with one displacement at once: only it decides which cells a ray meets."""
     size = len(buildings)
     sight = np.empty((size, size, size, size), bool)
     cells = np.arange(size)
@@ -90,7 +90,7 @@ def _exact(buildings: np.ndarray) -> np.ndarray:
 
 
 def _bresenham(buildings: np.ndarray) -> np.ndarray:
-    """From each cell, a ray to every border cell; what a ray meets before a building is seen.
+    """A ray from each cell to every border cell sees all that it meets before a building.
 
     All rays advance together, one step along the row or the column at a time.
     """

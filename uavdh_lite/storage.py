@@ -1,4 +1,4 @@
-"""Files: where the shipped ones are; CSV and JSON; written whole or not at all."""
+"""Files: where the shipped ones are, CSV and JSON, and writing a file whole or not at all."""
 
 import csv
 import gzip
@@ -33,11 +33,11 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    # Same folder, so that the rename stays within one file system; same suffix, because Pillow
-    # and matplotlib choose the format by it.
+    # The same folder, so that the rename stays within one file system; the same suffix, because
+    # Pillow and matplotlib choose the format by it.
     temporary = path.parent / f".{path.stem}-{secrets.token_hex(8)}{path.suffix}"
     try:
-        temporary.open("xb").close()  # like any new file: who may read it is the umask's business
+        temporary.open("xb").close()  # like any new file: the umask says who may read it
         write(temporary)
         _to_disk(temporary)
         os.replace(temporary, path)
@@ -47,7 +47,7 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
 
 
 def _to_disk(path: Path) -> None:
-    """Wait until the file's bytes are on the disk, so that a rename cannot outrun them."""
+    """Wait until the file's bytes are on the disk, so that the rename does not come first."""
     with open(path, "rb") as file:
         os.fsync(file.fileno())
 
@@ -69,7 +69,7 @@ def write_table(path: str | Path, rows: list[dict]) -> None:
 
 
 def read_table(path: str | Path) -> dict[str, np.ndarray]:
-    """The columns of a table by name: numbers where all are, else text; empty numbers are NaN.
+    """The columns of a table by name: numbers if all values are, else text; NaN where empty.
 
     Raises `InputError` if the file is not such a table.
     """

@@ -1,8 +1,8 @@
 """Every random generator of the package comes from here, made from a use and a seed.
 
 The use is a spawn key of numpy's `SeedSequence`, so two uses never share a stream, whatever their
-seeds. A generator made elsewhere, such as `numpy.random.default_rng(2)`, has no spawn key and is
-none of these either.
+seeds. A generator made elsewhere, such as `numpy.random.default_rng(2)`, has no spawn key, so it
+differs from all of these, too.
 """
 
 from enum import IntEnum
@@ -12,7 +12,7 @@ import numpy as np
 from uavdh_lite.errors import InputError
 
 VERSION = 2
-"""Changes whenever a use and seed give other numbers than before; results are kept with it.
+"""It changes whenever a use and a seed give other numbers than before. Results record it.
 
 Version 1, up to release 0.1.0, seeded with the list [use, seed].
 """
@@ -22,7 +22,7 @@ class Use(IntEnum):
     """What random numbers are for. The numbers are part of the streams: never change one."""
 
     TRAINING = 0  # episodes, fading, exploration and minibatches of a training run
-    VALIDATION = 1  # the scenarios by which a run chooses its best agent
+    VALIDATION = 1  # the scenarios that choose the best agent of a run
     TEST = 2  # the scenarios of an evaluation
     CHALLENGE = 3  # the scenarios of a challenge
     MISSION = 4  # a mission drawn at random
@@ -30,10 +30,10 @@ class Use(IntEnum):
     EXPLORATION = 6  # the actions of the random policy
     LAB = 7
     BOOTSTRAP = 8  # resampling for confidence intervals
-    EXERCISE = 9  # the cases with which answers are checked
+    EXERCISE = 9  # the cases that check an answer
     GYMNASIUM = 10  # an environment's `reset(seed=...)`
     WEIGHTS = 11  # a network before training
-    EXPORT = 12  # the states in which an exported network is compared
+    EXPORT = 12  # the states that compare an exported network with its agent
     BENCHMARK = 13
 
 

@@ -1,4 +1,4 @@
-"""The training loop: act, step, remember, learn; saved and restored whole."""
+"""The training loop: act, step, remember, learn; its whole state is saved and restored."""
 
 import copy
 import json
@@ -74,7 +74,7 @@ class EpisodeStatistics:
         self.counts[1] += 1
 
     def row(self) -> dict:
-        """The row's columns, None where there is nothing to take the mean of; starts a new row."""
+        """The row's columns, None where there is nothing to average; starts a new row."""
         episodes, updates = (int(count) for count in self.counts)
         means = self.sums / max(episodes, 1)
         row = {
@@ -95,7 +95,7 @@ class EpisodeStatistics:
         return {"loss": self.loss, **{name: torch.tensor(array) for name, array in arrays.items()}}
 
     def load_state_dict(self, tensors: dict[str, Tensor]) -> None:
-        """Take over what `state_dict` gave."""
+        """Restore what `state_dict` gave."""
         self.loss.copy_(tensors["loss"])
         for name in ("ordinary", "reward", "sums", "counts"):
             vars(self)[name][:] = tensors[name].numpy()
@@ -283,7 +283,7 @@ class Trainer:
         return self.steps >= self.recipe.steps
 
     def is_finite(self) -> bool:
-        """Whether the loss and all weights are numbers still."""
+        """Whether the loss and all weights are still finite."""
         parts = [self.statistics.loss, *self.learner.online.parameters()]
         return all(bool(torch.isfinite(part).all()) for part in parts)
 
@@ -303,7 +303,7 @@ class Trainer:
         return means["collection_ratio_and_landed"] > best
 
     def save(self, path: Path) -> None:
-        """Write all that the run needs to go on as if it had never stopped."""
+        """Write everything the run needs to go on as if it had never stopped."""
         parts: dict[str, DDQN | Replay | EpisodeStatistics]
         parts = {"ddqn": self.learner, "replay": self.replay, "statistics": self.statistics}
         tensors = {
@@ -326,7 +326,7 @@ class Trainer:
         save(path, "training", tensors, about)
 
     def restore(self, path: Path) -> None:
-        """Go on from what `save` wrote; `InputError` if it is of another run."""
+        """Go on from what `save` wrote; `InputError` if that is another run."""
         tensors, about = load(path, "training")
         for name, value in self.identity().items():
             if about.get(name) != value:
@@ -347,9 +347,9 @@ class Trainer:
         self.training_rows, self.validation_rows = about["training_rows"], about["validation_rows"]
 
     def identity(self) -> dict:
-        """What makes the run: recipe, scenario, city and seed, as JSON values.
+        """What defines the run: recipe, scenario, city, seed and streams, as JSON values.
 
-        All of it must be equal for a saved run to go on as this one.
+        A saved run can only go on as this one if all of it is equal.
         """
         values = {
             "recipe": self.recipe.as_json(),

@@ -25,6 +25,7 @@ from uavdh_lite.streams import Use, stream
 
 SMALL = Challenge("village", episodes=40)
 GREEDY = """
+import numpy as np
 from uavdh_lite.planners import Greedy
 
 planners = {}
@@ -122,8 +123,11 @@ def test_nothing_that_a_submission_started_stays(submit, tmp_path):
 def test_a_submission_cannot_change_the_flight(submit):
     cheat = GREEDY.replace(
         "    planner =",
-        "    environment.forbidden[:] = False\n    state.data_left[:] = 0\n"
-        "    state.time_left[:] = 99\n    planner =",
+        "    type(environment).forbidden = np.zeros_like(environment.forbidden)\n"
+        "    for name, value in (('data_left', 0), ('time_left', 99)):\n"
+        "        array = np.full_like(getattr(state, name), value)\n"
+        "        object.__setattr__(state, name, array)\n"
+        "    planner =",
     )
     with Submission(Path(submit(cheat)), "village") as policy:
         environment, scenario = Environment(City.load("village")), SCENARIOS["village"]

@@ -87,12 +87,12 @@ def test_shipped_agents_land_and_collect(name, tmp_path):
 
 def test_compare_writes_every_episode_and_prints_shares(tmp_path, capsys):
     out = tmp_path / "table.csv.gz"
-    assert main(["compare", "--episodes", "6", "--replan", "50", "--out", str(out)]) == 0
+    assert main(["compare", "--episodes", "3", "--replan", "50", "--out", str(out)]) == 0
     output = capsys.readouterr().out
     assert "as a share of the genie's" in output
     policy, count = np.unique(read_table(out)["policy"], return_counts=True)
     assert policy.tolist() == ["agent", "genie", "genie_data", "greedy", "random"]
-    assert (count == 6).all()
+    assert (count == 3).all()
     about = json.loads((tmp_path / "table.json").read_text())
     assert about["command"].startswith("python -m uavdh_lite compare") and about["seed"] == 0
     assert about["agent"]["steps"] > 0
@@ -160,21 +160,6 @@ def test_help_shows_the_values_of_the_scenario_that_is_named(capsys):
     assert "flying time, units of time [default: 50 150]" in output
 
 
-def test_every_command_has_a_help_without_colours_and_of_the_width_of_the_terminal():
-    for arguments in ([], *([command] for command in COMMANDS), ["challenge", "score"]):
-        shown = subprocess.run(
-            [sys.executable, "-m", "uavdh_lite", *arguments, "--help"],
-            capture_output=True,
-            env={**os.environ, "COLUMNS": "100"},
-            text=True,
-            check=True,
-        ).stdout
-        assert shown.startswith("Usage: uavdh_lite") and "\x1b" not in shown
-        assert max(map(len, shown.splitlines())) == 100
-        if not arguments:
-            assert all(f"│ {command} " in shown for command in COMMANDS)
-
-
 def test_options_given_twice_hold_as_given_last(tmp_path, capsys):
     arguments = ["fly", "--flying-time", "40", "--flying-time", "50", "--out"]
     assert main([*arguments, str(tmp_path / "f.png")]) == 0
@@ -239,7 +224,8 @@ def test_options_given_twice_hold_as_given_last(tmp_path, capsys):
             'Invalid value "mpi" for --backend. Choose from: "loky", ',
         ),
         ("compare --replan 0", 'Invalid value "0" for --replan. Must be > 0'),
-        ("app --port 0", 'Invalid value "0" for --port. Must be > 0'),
+        ("app --port 0", 'Invalid value "0" for --port. Must be >= 1'),
+        ("app --port 65536", 'Invalid value "65536" for --port. Must be <= 65535'),
     ],
 )
 def test_bad_values_give_one_line_and_status_2(capsys, tmp_path, monkeypatch, arguments, message):
@@ -247,37 +233,68 @@ def test_bad_values_give_one_line_and_status_2(capsys, tmp_path, monkeypatch, ar
     assert message in failing(capsys, *arguments.split())
 
 
-def test_an_unwritable_output_is_one_line_and_status_1(capsys, tmp_path):
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("city manhattan --out file/c.png", "file: File exists"),
+        ("evaluate --checkpoint manhattan --episodes 2 --json folder", "folder: Is a directory"),
+        ("fly --mission nowhere.json", "nowhere.json: No such file or directory"),
+        ("train --scenario village --recipe small --hidden 1000000000000", "not enough memory: "),
+        (
+            "train --scenario village --recipe small --hidden 10000000000000000",
+            "not enough memory: ",
+        ),
+    ],
+)
+def test_files_and_memory_give_one_line_and_status_1(
+    capsys, tmp_path, monkeypatch, arguments, message
+):
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("")
-    status = main(["city", "manhattan", "--out", str(tmp_path / "file" / "c.png")])
+    (tmp_path / "folder").mkdir()
+    status = main(arguments.split())
     error = capsys.readouterr().err
-    assert status == 1 and error.count("\n") == 1 and "file" in error
+    assert status == 1 and error.count("\n") == 1
+    assert error.startswith(f"uavdh_lite: error: {message}")
 
 
-def imported_by(program):
-    """The modules that a Python process has imported at its end."""
-    program += "; import sys; print('imported:', *sys.modules)"
+def test_a_file_that_is_no_leaderboard(capsys, tmp_path):
+    (tmp_path / "board.json").write_text('{"scores": 1}')
+    assert "not a leaderboard" in failing(capsys, "challenge", "show", str(tmp_path / "board.json"))
+
+
+def python(program):
+    """What a Python process prints, and the modules that it has imported at its end."""
     output = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+        [sys.executable, "-c", f"{program}; import sys; print('imported:', *sys.modules)"],
+        capture_output=True,
+        env={**os.environ, "COLUMNS": "100"},
+        text=True,
+        check=True,
     ).stdout
-    return set(output.split("imported:")[1].split())
+    printed, imported = output.split("imported:")
+    return printed, set(imported.split())
 
 
 def test_importing_the_library_stays_light():
-    assert not imported_by("import uavdh_lite") & {"numpy", "torch", "matplotlib", "cyclopts"}
-    assert not imported_by("import uavdh_lite.training") & {"matplotlib", "ipywidgets", "cyclopts"}
+    _, imported = python("import uavdh_lite")
+    assert not imported & {"numpy", "torch", "matplotlib", "cyclopts"}
+    _, imported = python("import uavdh_lite.training")
+    assert not imported & {"matplotlib", "ipywidgets", "cyclopts"}
 
 
-@pytest.mark.parametrize("command", ["", *COMMANDS])
-def test_help_imports_nothing_slow(command):
+@pytest.mark.parametrize("command", ["", *COMMANDS, "challenge score"])
+def test_help_imports_nothing_slow_and_is_plain_text_of_the_terminals_width(command):
     arguments = [*command.split(), "--help"]
-    program = f"from uavdh_lite.cli.main import main; main({arguments})"
-    imported = imported_by(program)
-    assert "cyclopts" in imported
+    printed, imported = python(f"from uavdh_lite.cli.main import main; main({arguments})")
     slow = {"torch", "matplotlib", "joblib", "ipywidgets", "voila"}
     if command not in ("train", "ablation"):  # they show values of recipe and scenario
         slow |= {"numpy"}
-    assert not imported & slow
+    assert "cyclopts" in imported and not imported & slow
+    assert printed.startswith(f"Usage: uavdh_lite {command}") and "\x1b" not in printed
+    assert max(map(len, printed.splitlines())) == 100
+    if not command:
+        assert all(f"│ {name} " in printed for name in COMMANDS)
 
 
 @pytest.mark.parametrize(

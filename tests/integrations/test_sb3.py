@@ -1,6 +1,7 @@
 """Stable-Baselines3 trains on the Gymnasium environment as it is."""
 
 import gymnasium
+import numpy as np
 import pytest
 from sb3_contrib import MaskablePPO
 from stable_baselines3 import DQN, PPO
@@ -10,51 +11,61 @@ from stable_baselines3.common.monitor import Monitor
 
 import uavdh_lite.gym  # noqa: F401 (registers)
 from uavdh_lite.environment import Rewards
+from uavdh_lite.scenario import Scenario
 
 SETTINGS = {
     DQN: {
-        "learning_rate": 5e-4,
+        "learning_rate": 1e-3,
         "batch_size": 64,
-        "learning_starts": 500,
+        "learning_starts": 200,
         "train_freq": 2,
-        "target_update_interval": 200,
-        "exploration_fraction": 0.5,
+        "target_update_interval": 100,
+        "exploration_fraction": 0.8,
     },
     PPO: {"learning_rate": 1e-3, "batch_size": 128, "n_steps": 512, "n_epochs": 4},
 }
+STEPS = {DQN: 3000, PPO: 2048}
 
 
-def environment():
-    """The village, with a crash that costs little: it is learned sooner."""
-    rewards = Rewards(crash=-10.0)
-    return Monitor(
-        gymnasium.make("uavdh_lite/DataHarvesting-v0", scenario="village", rewards=rewards)
-    )
+@pytest.fixture
+def make(corridor, tmp_path):
+    """A function that makes the environment: a short flight, a crash that costs little."""
+    corridor.save(tmp_path / "corridor.png")
+    scenario = Scenario("corridor", str(tmp_path / "corridor.png"), (1, 1), (5.0, 10.0), (6, 9))
+    options = {"scenario": scenario, "rewards": Rewards(crash=-10.0)}
+    return lambda: Monitor(gymnasium.make("uavdh_lite/DataHarvesting-v0", **options))
 
 
-def test_its_checker_finds_no_fault():
+class Random:
+    """What Stable-Baselines3 evaluates as a policy: every action equally likely."""
+
+    def __init__(self):
+        self.generator = np.random.default_rng(0)
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=False):
+        return self.generator.integers(0, 6, 1), state
+
+
+def test_its_checker_finds_no_fault(make):
     # It would warn that maps are no pictures of bytes: they are not meant to be.
-    check_env(environment().unwrapped, warn=False)
+    check_env(make().unwrapped, warn=False)
 
 
 @pytest.mark.parametrize("algorithm", [DQN, PPO])
-def test_the_return_rises(algorithm):
-    def mean_return(model):
-        flown = environment()
+def test_the_return_rises_far_above_that_of_random_flights(make, algorithm):
+    """Over five seeds, DQN ended at least 6.3 above them, and PPO 3.9."""
+
+    def mean_return(policy, episodes):
+        flown = make()
         flown.reset(seed=9)
-        return evaluate_policy(model, flown, 60, deterministic=algorithm is DQN)[0]
+        deterministic = algorithm is DQN
+        return evaluate_policy(policy, flown, episodes, deterministic=deterministic)[0]
 
     model = algorithm(
-        "MultiInputPolicy",
-        environment(),
-        gamma=0.95,
-        seed=0,
-        device="cpu",
-        **SETTINGS[algorithm],
+        "MultiInputPolicy", make(), gamma=0.95, seed=0, device="cpu", **SETTINGS[algorithm]
     )
-    before = mean_return(model)
-    model.learn(5_000)
-    assert mean_return(model) > before + 2
+    model.learn(STEPS[algorithm])
+    assert mean_return(model, 40) > mean_return(Random(), 100) + 2
 
 
 def test_maskable_ppo_learns_within_the_failsafe_and_never_crashes():

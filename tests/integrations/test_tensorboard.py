@@ -1,13 +1,11 @@
 """TensorBoard's event files hold the rows of the CSV files, also after a resume."""
 
-from dataclasses import replace
-
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from uavdh_lite.experiments.runs import train
 from uavdh_lite.storage import read_table
-from uavdh_lite.training import BIN, Trainer
+from uavdh_lite.training import BIN
 
 
 def scalars(folder):
@@ -17,15 +15,11 @@ def scalars(folder):
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-def test_events_are_the_rows_of_the_tables(tmp_path, corridor, corridor_scenario, quick):
-    recipe = replace(quick, steps=4 * BIN, validation_interval=BIN)
-
-    def trainer():
-        return Trainer(corridor_scenario, recipe, 0, corridor)
-
+def test_events_are_the_rows_of_the_tables(tmp_path, trainer):
+    run = {"steps": 4 * BIN, "environments": 32, "validation_interval": BIN}
     out = tmp_path / "run"
-    train(trainer(), out, tensorboard=True, stop_after=2 * BIN)
-    train(trainer(), out, tensorboard=True, resume=True)
+    train(trainer(**run), out, tensorboard=True, stop_after=2 * BIN)
+    train(trainer(**run), out, tensorboard=True, resume=True)
     found = scalars(out / "tensorboard")
     for name in ("training", "validation"):
         table = read_table(out / f"{name}.csv")
@@ -37,6 +31,6 @@ def test_events_are_the_rows_of_the_tables(tmp_path, corridor, corridor_scenario
             )
 
 
-def test_without_the_option_there_are_none(tmp_path, corridor, corridor_scenario, quick):
-    train(Trainer(corridor_scenario, replace(quick, steps=400), 0, corridor), tmp_path / "run")
+def test_without_the_option_there_are_none(tmp_path, trainer):
+    train(trainer(steps=400), tmp_path / "run")
     assert not (tmp_path / "run" / "tensorboard").exists()

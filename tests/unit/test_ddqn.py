@@ -1,14 +1,9 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
 from torch import nn
 
 from uavdh_lite.ddqn import DDQN, ddqn_target, draw_actions, soft_update, softmax_policy
-from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import evaluate
-from uavdh_lite.training import Trainer
 
 
 def test_target_of_a_three_state_problem_by_hand():
@@ -84,20 +79,3 @@ def test_learns_the_exact_values_of_a_chain(generator):
         )
         ddqn.update((one_hot[state],), torch.from_numpy(action), y)
     assert network.weight.detach().T.numpy() == pytest.approx(exact, abs=0.02)
-
-
-def test_solves_a_corridor_world_in_seconds(corridor, corridor_scenario, quick):
-    """Fly east to the device, collect, fly back, land in time: all learned from reward alone."""
-    recipe = replace(quick, steps=16_000, learning_rate=3e-3)
-    trainer = Trainer(corridor_scenario, recipe, seed=0, city=corridor)
-    environment = Environment(corridor)
-
-    def cral():
-        flights = evaluate(environment, trainer.agent, corridor_scenario, 300, seed=1)
-        return flights.records()["collection_ratio_and_landed"].mean()
-
-    before = cral()
-    while not trainer.finished:
-        trainer.step()
-    assert before < 0.3
-    assert cral() > 0.9

@@ -1,9 +1,8 @@
 """The command line, a module a command: each parses, calls the library and prints.
 
-It stands on Cyclopts, because its errors are exceptions with a message of one line, it takes the
-help of an `option(...)` field as it is, and its `--help` needs 0.2 s. tyro starts as fast and knows
-defaults of an instance, but prints errors as boxes of several lines; typer has no options that take
-any number of values, such as `--strides 3 1`.
+It uses Cyclopts, which raises errors with a message of one line and takes the help of an
+`option(...)` field as it is. tyro and typer start as fast, but tyro prints an error as a box of
+several lines, and typer has no options that take any number of values, such as `--strides 3 1`.
 
 The modules import the library inside their functions, so that no `--help` waits for PyTorch.
 """

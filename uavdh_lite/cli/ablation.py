@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 from cyclopts.types import PositiveInt
 
+from uavdh_lite.cli.overrides import Arguments, named_presets, options_of, with_values
 from uavdh_lite.cli.parsing import CommandLine, application, run
-from uavdh_lite.cli.presets import Arguments, named_presets, options_of, with_values
 
 if TYPE_CHECKING:
     from uavdh_lite.recipe import Recipe

@@ -1,15 +1,21 @@
 """`app`: the interactive labs as a web page."""
 
-from cyclopts.types import PositiveInt
+from typing import Annotated
 
-from uavdh_lite.errors import extra
+from cyclopts import Parameter
+from cyclopts.types import PositiveInt
+from cyclopts.validators import Number
+
+from uavdh_lite.labs.app import IDLE_SECONDS, PORT, SESSIONS
+
+Port = Annotated[int, Parameter(validator=Number(gte=1, lte=65535))]
 
 
 def app(
     *,
-    port: PositiveInt = 8866,
-    sessions: PositiveInt = 8,
-    idle_seconds: PositiveInt = 1200,
+    port: Port = PORT,
+    sessions: PositiveInt = SESSIONS,
+    idle_seconds: PositiveInt = IDLE_SECONDS,
     browser: bool = True,
 ) -> None:
     """Serve the interactive labs as a web page on this machine.
@@ -22,7 +28,6 @@ def app(
         idle_seconds: seconds after which a session that nobody uses is ended.
         browser: open the page in a browser.
     """
-    with extra("app"):
-        from uavdh_lite.labs.app.server import serve
+    from uavdh_lite.labs.app.server import serve
 
     serve(port, sessions, idle_seconds, browser)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from cyclopts import App
 from cyclopts.types import PositiveFloat, PositiveInt
 
-from uavdh_lite.errors import InputError, extra
+from uavdh_lite.errors import InputError
 
 if TYPE_CHECKING:
     from uavdh_lite.course.challenge.board import Score
@@ -23,8 +23,7 @@ def new(file: Path, /, *, scenario: str = "manhattan", episodes: PositiveInt = 1
         scenario: a preset's name.
         episodes: number of scenarios.
     """
-    with extra("classroom"):
-        from uavdh_lite.course.challenge.board import Challenge
+    from uavdh_lite.course.challenge.board import Challenge
 
     hidden = Challenge.hidden(scenario, episodes)
     hidden.save(file)
@@ -56,8 +55,7 @@ def score(
         seconds: time limit of a submission.
         memory_mb: memory limit of a submission, MB.
     """
-    with extra("classroom"):
-        from uavdh_lite.course.challenge import board
+    from uavdh_lite.course.challenge import board
 
     flown = board.Challenge.load(secret) if secret else board.Challenge(scenario)
     for path in (submission, *submissions):
@@ -86,8 +84,7 @@ def show(leaderboard: Path, /) -> None:
     Arguments:
         leaderboard: the file.
     """
-    with extra("classroom"):
-        from uavdh_lite.course.challenge.board import Leaderboard
+    from uavdh_lite.course.challenge.board import Leaderboard
 
     if not leaderboard.exists():
         raise InputError(f"{leaderboard}: no such leaderboard")

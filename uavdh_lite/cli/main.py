@@ -1,5 +1,6 @@
 """The entry of the command line: `python -m uavdh_lite`, or `uavdh-lite`."""
 
+import re
 import shlex
 import sys
 
@@ -17,6 +18,8 @@ from uavdh_lite.cli.fly import fly
 from uavdh_lite.cli.parsing import application, run
 from uavdh_lite.cli.train import train
 from uavdh_lite.errors import InputError, TrainingDiverged
+
+_OUT_OF_MEMORY = re.compile("allocate|Storage size")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -36,9 +39,14 @@ def main(arguments: list[str] | None = None) -> int:
         return _fail(2, f"{_in_words(error)} See: {help_for}")
     except InputError as error:
         return _fail(2, error)
-    except (OSError, TrainingDiverged) as error:
+    except TrainingDiverged as error:
         return _fail(1, error)
-    except MemoryError as error:
+    except OSError as error:
+        path = error.filename2 or error.filename
+        return _fail(1, f"{path}: {error.strerror}" if path else error)
+    except (MemoryError, RuntimeError) as error:  # numpy raises the first, torch the second
+        if isinstance(error, RuntimeError) and not _OUT_OF_MEMORY.search(str(error)):
+            raise
         return _fail(1, f"not enough memory: {error}")
     except KeyboardInterrupt:
         return 130

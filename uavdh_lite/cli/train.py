@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Literal
 from cyclopts.types import NonNegativeInt, PositiveInt
 
 from uavdh_lite.cli.arguments import Device, Flag, require_device
+from uavdh_lite.cli.overrides import Arguments, named_presets, options_of, with_values
 from uavdh_lite.cli.parsing import CommandLine, application, run
-from uavdh_lite.cli.presets import Arguments, named_presets, options_of, with_values
 
 if TYPE_CHECKING:
     from uavdh_lite.recipe import Recipe

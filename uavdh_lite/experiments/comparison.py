@@ -29,7 +29,8 @@ def entrants(
     `random`, `greedy`, `genie` (which plans for the return) and `genie_data` (for the data).
 
     Arguments:
-        seed: of the random policy. replan: steps after which the genies plan again.
+        seed: of the random policy.
+        replan: steps after which the genies plan again.
     """
     return {
         "agent": lambda: agent,

@@ -30,13 +30,14 @@ class ChannelLab(ipywidgets.VBox):
     def __init__(self, city: str = "manhattan"):
         self.city = ipywidgets.Dropdown(options=shipped_cities(), value=city, description="city")
         self.click = ipywidgets.ToggleButtons(options=["device", "UAV"], description="click moves")
+        paper = Channel()
         self.constants = {
-            "path_loss_exponent_los": _slider("α LoS", 2.27, 1.5, 4, 0.01),
-            "path_loss_exponent_nlos": _slider("α NLoS", 3.64, 2, 6, 0.01),
-            "fading_los_db": _slider("σ LoS, dB", 1.41, 0, 6, 0.01),
-            "fading_nlos_db": _slider("σ NLoS, dB", 2.24, 0, 6, 0.01),
-            "cell_edge_snr_db": _slider("edge SNR, dB", -15, -30, 10, 1),
-            "altitude_m": _slider("altitude, m", 10, 1, 100, 1),
+            "path_loss_exponent_los": _slider("α LoS", paper.path_loss_exponent_los, 1.5, 4, 0.01),
+            "path_loss_exponent_nlos": _slider("α NLoS", paper.path_loss_exponent_nlos, 2, 6, 0.01),
+            "fading_los_db": _slider("σ LoS, dB", paper.fading_db(1.0, True), 0, 6, 0.01),
+            "fading_nlos_db": _slider("σ NLoS, dB", paper.fading_db(1.0, False), 0, 6, 0.01),
+            "cell_edge_snr_db": _slider("edge SNR, dB", paper.cell_edge_snr_db, -30, 10, 1),
+            "altitude_m": _slider("altitude, m", paper.altitude_m, 1, 100, 1),
         }
         self.picker = CellPicker(self.clicked)
         self.numbers = ipywidgets.HTML()

@@ -20,33 +20,33 @@ from uavdh_lite.storage import read_table
 
 
 @pytest.fixture(scope="module")
-def open_field():
-    return Environment(City.load("open_field")), SCENARIOS["open_field"]
+def village():
+    return Environment(City.load("village")), SCENARIOS["village"]
 
 
 @pytest.mark.parametrize(("jobs", "chunk"), [(1, 40), (1, 7), (2, 13)])
-def test_parts_and_processes_change_nothing(open_field, jobs, chunk):
-    environment, scenario = open_field
+def test_parts_and_processes_change_nothing(village, jobs, chunk):
+    environment, scenario = village
     policies = {"greedy": lambda: Greedy(environment), "genie": lambda: Genie(environment)}
     results = compare(environment, scenario, policies, 20, seed=4, jobs=jobs, chunk=chunk)
     for name, policy in policies.items():
         flights = evaluate(environment, policy(), scenario, 20, seed=4)
         for metric, values in flights.records().items():
             np.testing.assert_array_equal(results[name][metric], values)
-        start = flights.start
-        np.testing.assert_array_equal(results[name]["flying_time"], start.time_left)
-        np.testing.assert_allclose(results[name]["data"], start.data_initial.sum(axis=1))
-        assert (results[name]["devices"] == 2).all()
+        data = flights.start.data_initial
+        np.testing.assert_array_equal(results[name]["flying_time"], flights.start.time_left)
+        np.testing.assert_allclose(results[name]["data"], data.sum(axis=1))
+        np.testing.assert_array_equal(results[name]["devices"], (data > 0).sum(axis=1))
 
 
-def test_the_genie_beats_greedy_at_what_it_is_asked_for(open_field):
-    environment, scenario = open_field
+def test_the_genie_beats_greedy_at_what_it_is_asked_for():
+    environment, scenario = Environment(City.load("open_field")), SCENARIOS["open_field"]
     policies = {
         "greedy": lambda: Greedy(environment),
         "return": lambda: Genie(environment),
         "data": lambda: Genie(environment, time_cost=0.01),
     }
-    results = compare(environment, scenario, policies, 40, seed=0)
+    results = compare(environment, scenario, policies, 12, seed=0)
     reward = {name: each["cumulative_reward"].mean() for name, each in results.items()}
     data = {name: each["collection_ratio_and_landed"].mean() for name, each in results.items()}
     assert reward["return"] > max(reward["greedy"], reward["data"])
@@ -73,14 +73,14 @@ def test_breakdown_by_few_values_and_by_ranges():
 
 
 @pytest.fixture(scope="module")
-def results(open_field):
-    environment, scenario = open_field
+def results(village):
+    environment, scenario = village
     policies = entrants(environment, Greedy(environment), seed=3, replan=50)
     return compare(environment, scenario, policies, 6, seed=0)
 
 
-def test_entrants_are_the_agent_two_planners_and_two_genies(open_field, results):
-    environment, _ = open_field
+def test_entrants_are_the_agent_two_planners_and_two_genies(village, results):
+    environment, _ = village
     made = {name: make() for name, make in entrants(environment, None, 3, 7).items()}
     assert list(made) == list(results) == ["agent", "random", "greedy", "genie", "genie_data"]
     assert made["genie"].replan == made["genie_data"].replan == 7

@@ -1,7 +1,6 @@
 """A run in its folder."""
 
 import json
-from dataclasses import replace
 
 import pytest
 import torch
@@ -12,11 +11,11 @@ from uavdh_lite.experiments.runs import train
 from uavdh_lite.provenance import provenance
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.storage import read_table
-from uavdh_lite.training import BIN, Trainer
+from uavdh_lite.training import BIN
 
 
 def test_files_of_a_run(trainer, tmp_path):
-    done = trainer(steps=2 * BIN + 40)
+    done = trainer(steps=2 * BIN + 40, environments=20, validation_interval=2500)
     best = train(done, tmp_path / "run", command="python -m uavdh_lite train ...")
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
         "about.json",
@@ -30,7 +29,7 @@ def test_files_of_a_run(trainer, tmp_path):
     assert curve["steps"].tolist() == [BIN, 2 * BIN]
     assert (curve["episodes"] > 0).all()
     validation = read_table(tmp_path / "run" / "validation.csv")
-    assert validation["steps"].tolist() == [*range(1000, 10_001, 1000), 10_040]
+    assert validation["steps"].tolist() == [2500, 5000, 7500, 10_000, 10_040]
     agent = load_agent(best)
     about = agent.training
     kept = about["validation"]["collection_ratio_and_landed"]
@@ -48,35 +47,32 @@ def test_a_folder_with_a_run_is_not_overwritten(trainer, tmp_path):
     train(trainer(steps=400), tmp_path, resume=True)  # a finished run stays finished
 
 
-def test_a_run_tells_how_it_was_made(corridor, corridor_scenario, quick, tmp_path):
-    recipe = replace(quick, steps=640, validation_episodes=5)
-    train(Trainer(corridor_scenario, recipe, 3, corridor), tmp_path / "run", command="a command")
+def test_a_run_tells_how_it_was_made(trainer, tmp_path):
+    own = trainer(seed=3, steps=640, validation_episodes=5)
+    train(own, tmp_path / "run", command="a command")
     about = json.loads((tmp_path / "run" / "about.json").read_text())
     assert about["command"] == "a command" and about["seed"] == 3
     assert about["steps"] == 640 and about["seconds"] > 0
     assert about.items() >= provenance().items()
     assert about["validation"]["steps"] == 640
-    assert Recipe.from_json(about["recipe"]) == recipe
-    assert about["scenario"]["name"] == corridor_scenario.name
+    assert Recipe.from_json(about["recipe"]) == own.recipe
+    assert about["scenario"]["name"] == own.scenario.name
 
 
-def test_a_training_that_diverges_stops_with_its_last_good_state(
-    tmp_path, corridor, corridor_scenario, quick
-):
-    recipe = replace(quick, steps=4 * BIN, validation_interval=BIN)
-    trainer = Trainer(corridor_scenario, recipe, 0, corridor)
-    descend = trainer.learner.descend
+def test_a_training_that_diverges_stops_with_its_last_good_state(trainer, tmp_path):
+    own = trainer(steps=4 * BIN, environments=20, validation_interval=BIN)
+    update = own.learner.update
 
     def diverging(*minibatch):
-        loss = descend(*minibatch)
-        if trainer.steps > 1.5 * BIN:
+        loss = update(*minibatch)
+        if own.steps > 1.5 * BIN:
             with torch.no_grad():
-                next(trainer.learner.online.parameters()).fill_(float("nan"))
+                next(own.learner.online.parameters()).fill_(float("nan"))
         return loss
 
-    trainer.learner.descend = diverging
+    own.learner.update = diverging
     with pytest.raises(TrainingDiverged, match=f"not finite after {2 * BIN} steps: the last good"):
-        train(trainer, tmp_path)
+        train(own, tmp_path)
     tensors, about = load(tmp_path / "training.safetensors", "training")
     assert about["steps"] == BIN
     assert all(torch.isfinite(t).all() for t in tensors.values() if t.is_floating_point())

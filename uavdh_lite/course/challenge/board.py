@@ -134,11 +134,11 @@ class Leaderboard:
 
     def add(self, challenge: Challenge, score: Score) -> None:
         """Enter a score; `InputError` if the file is the board of other scenarios."""
-        board = _read(self.path) if self.path.exists() else None
+        board = self._read() if self.path.exists() else None
         if board is None:
             about = {"scenario": challenge.scenario, "episodes": challenge.episodes}
             board = {**about, "fingerprint": challenge.fingerprint, "scores": {}, "failures": []}
-        if board.get("fingerprint") != challenge.fingerprint:
+        if board["fingerprint"] != challenge.fingerprint:
             raise InputError(f"{self.path} is the board of other scenarios: take another file")
         if score.failed is None:
             board["scores"][score.name] = asdict(score)
@@ -148,7 +148,7 @@ class Leaderboard:
 
     def table(self) -> str:
         """The board as a Markdown table, best collection ratio and landed first."""
-        board = _read(self.path)
+        board = self._read()
         lines = [
             f"{board['scenario']}, {board['episodes']} hidden scenarios ({board['fingerprint']})",
             "",
@@ -168,6 +168,12 @@ class Leaderboard:
                 f"- {one['name']}, {one['when']}: {one['failed']}" for one in board["failures"]
             ]
         return "\n".join(lines)
+
+    def _read(self) -> dict:
+        board = _read(self.path)
+        if not {"scenario", "episodes", "fingerprint", "scores", "failures"} <= board.keys():
+            raise InputError(f"{self.path}: not a leaderboard")
+        return board
 
 
 def _percent(interval) -> str:

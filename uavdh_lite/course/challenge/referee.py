@@ -18,10 +18,13 @@ from pathlib import Path
 from types import TracebackType
 
 import numpy as np
-import psutil
 
 from uavdh_lite.course.challenge.wire import receive, send
 from uavdh_lite.environment import ACTIONS, State
+from uavdh_lite.errors import extra
+
+with extra("classroom"):
+    import psutil
 
 LOOK = 0.05  # seconds between looks at time and memory
 

@@ -5,12 +5,19 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from unittest.mock import patch
 
 import numpy as np
 
 from uavdh_lite.agent import Agent
-from uavdh_lite.course.checks.exercise import CheckFailed, close, compare, exercise, expect, show
+from uavdh_lite.course.checks.exercise import (
+    CheckFailed,
+    close,
+    compare,
+    exercise,
+    expect,
+    replaced,
+    show,
+)
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
 from uavdh_lite.evaluation import evaluate, wilson_interval
 from uavdh_lite.missions import environment_of
@@ -472,7 +479,7 @@ def policy(answer) -> None:
             "part of it."
         )
 
-    with patch.object(Genie, "_search", refuse), patch.object(Agent, "q_values", refuse):
+    with replaced(Genie, "_search", refuse), replaced(Agent, "q_values", refuse):
         own = _flown(asked)
     greedy = _flown(_planner(environment))
     lead, low, high = _solved_lead(own[RETURN], greedy[RETURN])

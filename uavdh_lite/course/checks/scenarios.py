@@ -1,14 +1,13 @@
 """Exercises of notebook 9, scenarios."""
 
 from collections import deque
-from unittest.mock import patch
 
 import numpy as np
 
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.evaluation import briefly
-from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect, replaced
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import CityError
 from uavdh_lite.evaluation import Policy, evaluate
@@ -167,7 +166,7 @@ def reachable(answer) -> None:
         raise CheckFailed("City.landing_distance is the solution: write the search yourself.")
 
     cities = _cities()
-    with patch.object(City, "landing_distance", property(refused)):
+    with replaced(City, "landing_distance", property(refused)):
         given = [np.array(ask(city)) for city in cities]
     right = [_SOLVED(city) for city in cities]
     for city, one, expected in zip(cities, given, right, strict=True):

@@ -57,8 +57,8 @@ class LabsHandler(TornadoVoilaHandler):
 class LabsServer(Voila):
     """Voilà with a limit on sessions; each is a kernel, and one more is kept ready."""
 
-    most_sessions = 8
-    idle_seconds = 1200
+    most_sessions: int
+    idle_seconds: int
 
     @property
     def sessions(self) -> int:
