@@ -145,7 +145,7 @@ class Environment:
 
     With `failsafe` it also brings the UAV home, as the return-to-home function of drones does. It
     replaces an action after which a landing would no longer be possible in the time left by the
-    first move of a shortest way home. This costs no reward. So no policy crashes, whatever it
+    first move of a shortest path home. This costs no reward. So no policy crashes, whatever it
     does, in an episode that can land at all. The paper has no such guard: its agents learn to
     land.
 
@@ -202,10 +202,10 @@ class Environment:
 
     @cached_property
     def way_home(self) -> np.ndarray:
-        """First action of a shortest way to a landing cell; (M²,) ints.
+        """First action of a shortest path to a landing cell; (M²,) ints.
 
         It is `land` in the landing zone, and `hover` where there is no way. Of landing cells that
-        are equally near, the way leads to the one with the lowest number.
+        are equally near, the path leads to the one with the lowest number.
         """
         distance = self.city.landing_distance.ravel()
         none = len(distance)

@@ -172,8 +172,8 @@ def test_quantiles_need_a_kappa():
 def test_agents_with_quantiles_have_q_values_as_others(corridor, corridor_scenario, quick):
     trainer = Trainer(corridor_scenario, replace(quick, quantiles=5), 0, corridor)
     q_values = trainer.agent.q_values(trainer.state)
-    assert q_values.shape == (8, 6)
+    assert q_values.shape == (16, 6)
     with torch.no_grad():
         quantiles = trainer.learner.online.quantiles(*trainer.observation(trainer.state))
-    assert quantiles.shape == (8, 6, 5)
+    assert quantiles.shape == (16, 6, 5)
     assert np.allclose(q_values, quantiles.mean(2), atol=1e-6)
