@@ -41,6 +41,7 @@ autodoc_inherit_docstrings = False
 autodoc_typehints_format = "short"
 python_maximum_signature_line_length = 88
 toc_object_entries_show_parents = "hide"
+viewcode_follow_imported_members = False
 
 html_theme = "furo"
 html_theme_options = {"light_css_variables": {"code-font-size": "75%"}}  # 100 columns fit

@@ -1,5 +1,6 @@
 """A small city and quick recipes that several tests share."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -14,6 +15,8 @@ from uavdh_lite.scenario import Scenario
 from uavdh_lite.training import Trainer
 
 matplotlib.use("Agg")
+# Every core has a worker already. Processes and kernels that tests start inherit this.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 torch.set_num_threads(1)
 
 CORRIDOR = """

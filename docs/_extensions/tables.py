@@ -187,9 +187,23 @@ def _made_with(about: dict) -> str:
     return (
         f"`{about['command'].replace('data/runs/', '')}`, seed {about.get('seed', 0)}, "
         f"streams version {about.get('streams', 1)}, Python {about['python']}, "
-        f"torch {about['torch']}, numpy {about['numpy']}, {about['machine']}, "
-        f"{_minutes(about['seconds'])} minutes"
+        f"torch {about['torch']}, numpy {about['numpy']}, {about['machine']}"
     )
+
+
+def evaluations(*agents: str) -> str:
+    """Shipped agents on other draws of 1000 missions, a row for each agent and seed."""
+    rows = []
+    for agent in agents:
+        paths = (DATA / "runs" / "evaluations").glob(f"{agent}-[0-9]*.json")
+        for path in sorted(paths, key=lambda path: int(path.stem.rpartition("-")[2])):
+            metrics = {k: Interval(**v) for k, v in json.loads(path.read_text()).items()}
+            shown = [_percent(metrics[name]) for name in ("has_landed", CRAL, "time_used")]
+            seed = path.stem.rpartition("-")[2]
+            rows.append([f"`{agent}`", seed, *shown, _number(metrics[RETURN])])
+    head = ["agent", "seed", "landed", "collected and landed", "flying time used", "return"]
+    made = "`python -m uavdh_lite evaluate --checkpoint AGENT --seed SEED --json FILE`"
+    return f"{_table(head, rows)}\nMade with {made}, streams version 2.\n"
 
 
 def comparison(scenario: str) -> str:

@@ -348,7 +348,7 @@ def test_an_idle_session_ends_and_the_page_says_so(browser):
         page = browser.new_page()
         page.goto(address)
         page.locator("img:visible").first.wait_for(timeout=WAIT)
-        expect(page.get_by_role("alert")).to_contain_text("left alone too long", timeout=WAIT)
+        expect(page.get_by_role("alert")).to_contain_text("has ended", timeout=WAIT)
         page.close()
 
 

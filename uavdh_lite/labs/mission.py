@@ -17,11 +17,11 @@ with extra("notebooks"):
 
 NONE = "none"
 WRAP = {"flex_flow": "row wrap"}  # on a narrow page, go on below
-WIDE = {"description_width": "85px"}  # room for the labels of controls
+WIDE = {"description_width": "95px"}  # room for the labels of controls
 
 
 class MissionLab(ipywidgets.VBox):
-    """Set a mission, fly it, and compare two policies with the same luck.
+    """Set a mission, fly it, and compare two policies on it under the same fading.
 
     Arguments:
         city: the name of a shipped city to start with.

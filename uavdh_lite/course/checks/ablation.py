@@ -17,10 +17,11 @@ from uavdh_lite.course.checks.exercise import (
     guarded,
     show,
 )
+from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.storage import data_folder, read_table
 from uavdh_lite.streams import Use, stream
 
-KINDS = {"centred": "#0072B2", "non_centred": "#D55E00"}
+KINDS = {"centred": BLUE, "non_centred": VERMILION}
 METRIC = "collection_ratio_and_landed"
 STUDY = Path("runs") / "centring-manhattan" / "validation.csv.gz"
 
@@ -211,9 +212,9 @@ def _differences(a, b, statistic=np.mean, size=None) -> np.ndarray:
 def _draw_permutation(ax):
     a, b = (values[:, values.shape[1] // 3] for values in curves(recorded()).values())
     splits, observed = _differences(a, b), np.mean(a) - np.mean(b)
-    ax.hist(splits, 24, color="#0072B2")
+    ax.hist(splits, 24, color=BLUE)
     for side in (-observed, observed):
-        ax.axvline(side, color="#D55E00")
+        ax.axvline(side, color=VERMILION)
     ax.set(xlabel="difference of the two means, each split", ylabel="number of splits")
     groups = "; ".join(
         f"{name} = {', '.join(f'{value:.3g}' for value in values)}"

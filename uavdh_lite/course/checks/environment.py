@@ -18,6 +18,7 @@ from uavdh_lite.environment import (
     Rewards,
     schedule,
 )
+from uavdh_lite.plotting import BLUE, GREEN, ORANGE, RED
 from uavdh_lite.streams import Use, stream
 
 
@@ -30,7 +31,7 @@ def _slot(snr_db, data_left):
 def _draw_slot(ax):
     snr_db = np.array([(4, 9, -2), (8, 6, 1), (5, 7, 3), (2, 8, 4), (-3, 9, -6), (6, 1, 2)], float)
     left, labels = np.array([4.0, 5.0, 3.0]), []
-    colours = ("#E69F00", "#0072B2", "#009E73")
+    colours = (ORANGE, BLUE, GREEN)
     for slot, snrs in enumerate(snr_db):
         device, amount = _slot(snrs, left)
         labels.append("\n".join(f"{s:g} dB, {d:.2g}" for s, d in zip(snrs, left, strict=True)))
@@ -329,7 +330,7 @@ def _draw_reward(ax):
         ax.plot(uploaded.sum(1), _rewards(uploaded, *events), style, label=label)
     landed = _rewards(uploaded[:1], no[:1], yes[:1], no[:1])
     crashed = _rewards(uploaded[:1], no[:1], no[:1], yes[:1])
-    ax.plot(0, landed[0], "^", color="#009E73", ms=9, label="the step that lands")
+    ax.plot(0, landed[0], "^", color=GREEN, ms=9, label="the step that lands")
     ax.plot([], [], " ", label=f"a crash, far below: {crashed[0]:.1f}")
     ax.set(xlabel="uploaded in the four slots together, data units", ylabel="reward")
     ax.grid(alpha=0.3)
@@ -480,10 +481,10 @@ def _draw_safe_step(ax):
         for action in range(4):
             _, intervened = _safe_step(SMALL, cell, action)
             row, col = cell + 0.3 * MOVES[action]
-            ax.plot(col, row, "x" if intervened else ".", color="#C1272D" if intervened else "k")
+            ax.plot(col, row, "x" if intervened else ".", color=RED if intervened else "k")
         if not _safe_step(SMALL, cell, LAND)[1]:
             ax.text(cell[1], cell[0], "H", ha="center", va="center")
-    for marker, colour, label in ((".", "k", "flies"), ("x", "#C1272D", "hovers instead")):
+    for marker, colour, label in ((".", "k", "flies"), ("x", RED, "hovers instead")):
         ax.plot([], [], marker, color=colour, ls="", label=label)
     ax.plot([], [], marker="$H$", color="k", ls="", label="may land")
     ax.set_title("the four moves from each cell")

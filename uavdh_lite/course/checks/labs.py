@@ -9,6 +9,7 @@ from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.missions import Mission, environment_of
+from uavdh_lite.plotting import VERMILION
 from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import find_scenario
 
@@ -38,7 +39,7 @@ def _draw_leads(ax):
     )
     lead = 100 * (greedy[SCORE] - agent[SCORE])
     ax.plot(np.sort(lead)[::-1], ".")
-    ax.axhline(POINTS, color="#D55E00", linestyle="--", label=f"{POINTS} points")
+    ax.axhline(POINTS, color=VERMILION, linestyle="--", label=f"{POINTS} points")
     ax.set(xlabel=f"{MISSIONS} missions, sorted", ylabel="greedy's lead over the agent, points")
     ax.set_title(f"{(lead >= POINTS).sum()} of {MISSIONS} random missions reach {POINTS} points")
     ax.legend()

@@ -7,6 +7,7 @@ import numpy as np
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.exercise import CheckFailed, close, compare, exercise, expect, show
 from uavdh_lite.environment import ACTIONS
+from uavdh_lite.plotting import BLUE
 from uavdh_lite.streams import Use, stream
 
 
@@ -22,7 +23,7 @@ def _draw_city_cell(ax):
         text = "–" if cell is None else "{},{}".format(*cell)
         colour = "#AAAAAA" if cell is None else "black"
         ax.text(place[1], place[0], text, ha="center", va="center", fontsize=7, color=colour)
-    ax.plot(size - 1, size - 1, "s", mfc="none", mec="#0072B2", ms=17)
+    ax.plot(size - 1, size - 1, "s", mfc="none", mec=BLUE, ms=17)
     ax.set(xlim=(-0.5, 8.5), ylim=(8.5, -0.5), aspect="equal", xticks=range(9), yticks=range(9))
     ax.set(xlabel="column of the map", ylabel="row of the map")
     ax.set_title(f"M = {size}, UAV over {uav}: the cells of the city")
@@ -152,7 +153,7 @@ def _draw_centre(ax):
     state = place(city, uav, devices=[(4, 7)], data=[5], flying_time=40, max_devices=1)
     (maps,), _ = Observation(city, "centred")(state)
     ax.imshow(maps[0, 1].numpy(), cmap="magma_r", vmin=0, vmax=1.5)
-    ax.plot(15, 15, "+", color="#0072B2", ms=12, mew=2)
+    ax.plot(15, 15, "+", color=BLUE, ms=12, mew=2)
     ax.set(xlabel="column of the map", ylabel="row of the map", xticks=(0, 15, 30))
     ax.set(yticks=(0, 15, 30), title=f"no-fly layer, UAV over {uav}, 1 outside")
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from uavdh_lite.course.checks.exercise import CheckFailed, close, compare, exercise, expect
+from uavdh_lite.plotting import ORANGE
 from uavdh_lite.shadowing import crossed_cells, line_of_sight
 from uavdh_lite.streams import Use, stream
 
@@ -265,7 +266,7 @@ def _draw_shadow(ax):
     ):
         rows, cols = np.nonzero(mask)
         ax.plot(cols, rows, marker, color="black", ms=11 if marker == "s" else 6, label=label)
-    ax.plot(device[1], device[0], "X", color="#E69F00", mec="white", ms=11, label="device")
+    ax.plot(device[1], device[0], "X", color=ORANGE, mec="white", ms=11, label="device")
     ax.set(xlabel="column", ylabel="row", title="grey: where the shadow map is True")
     ax.set(xticks=range(0, 9, 2), yticks=range(0, 9, 2))
     ax.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize="small")

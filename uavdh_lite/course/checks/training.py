@@ -9,6 +9,7 @@ import torch
 from uavdh_lite.course.checks.exercise import CheckFailed, compare, exercise, expect
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments.runs import keep_freed_memory
+from uavdh_lite.plotting import BLUE, GREEN, ORANGE, VERMILION
 from uavdh_lite.recipe import SMALL, Recipe
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream
@@ -214,7 +215,7 @@ RUNS = {
 
 
 def _draw_diagnosis(ax):
-    colours = dict(zip(NAMES, ("#E69F00", "#D55E00", "#009E73", "#0072B2"), strict=True))
+    colours = dict(zip(NAMES, (ORANGE, VERMILION, GREEN, BLUE), strict=True))
     for name, colour in colours.items():
         own = [row for row in RUNS.values() if _diagnose(*row) == name]
         landed, collected, used = np.transpose(own)
