@@ -39,10 +39,11 @@ def row(algorithm: str, seed: int, steps: int, seconds: float, flights) -> dict:
 def ours(seed: int, steps: int) -> list[dict]:
     from dataclasses import replace
 
-    from uavdh_lite.evaluation import VALIDATION, evaluate
+    from uavdh_lite.evaluation import evaluate
     from uavdh_lite.experiments.runs import keep_freed_memory
     from uavdh_lite.recipe import find_recipe
     from uavdh_lite.scenario import find_scenario
+    from uavdh_lite.streams import Use
     from uavdh_lite.training import Trainer
 
     keep_freed_memory()
@@ -54,7 +55,7 @@ def ours(seed: int, steps: int) -> list[dict]:
             trainer.step()
         spent += time.perf_counter() - started
         parts = (trainer.environment, trainer.agent, trainer.scenario)
-        rows.append(row("ddqn", seed, target, spent, evaluate(*parts, 200, 0, VALIDATION)))
+        rows.append(row("ddqn", seed, target, spent, evaluate(*parts, 200, 0, Use.VALIDATION)))
     return rows
 
 
@@ -66,8 +67,9 @@ def theirs(algorithm: str, seed: int, steps: int) -> list[dict]:
     from uavdh_lite import gym
     from uavdh_lite.city import City
     from uavdh_lite.environment import Environment, Rewards
-    from uavdh_lite.evaluation import VALIDATION, evaluate
+    from uavdh_lite.evaluation import evaluate
     from uavdh_lite.scenario import find_scenario
+    from uavdh_lite.streams import Use
 
     options = {"scenario": "village", "rewards": Rewards(crash=-20.0, movement=-0.1)}
     places = 1 if algorithm == "dqn" else 8
@@ -87,7 +89,7 @@ def theirs(algorithm: str, seed: int, steps: int) -> list[dict]:
             nonlocal idle
             if self.num_timesteps % STEPS_BETWEEN == 0:
                 before = time.perf_counter()
-                flights = evaluate(environment, policy, scenario, 200, 0, VALIDATION)
+                flights = evaluate(environment, policy, scenario, 200, 0, Use.VALIDATION)
                 seconds = before - started - idle
                 rows.append(row(algorithm, seed, self.num_timesteps, seconds, flights))
                 idle += time.perf_counter() - before

@@ -18,7 +18,7 @@ extensions = [
     "sphinx.ext.viewcode",
     "sphinx_design",
     "generated",
-    "markdown_docstrings",
+    "rendering",
 ]
 exclude_patterns = ["_extensions"]
 nitpicky = True

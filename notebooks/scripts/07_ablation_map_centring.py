@@ -63,7 +63,8 @@ for name, run in about["runs"].items():
 
 # %% [markdown]
 # (The minutes do not compare. The centred runs were made one by one with `train` on two threads, which computes
-# the same; the others by the command above, on one thread beside other work, one with a long pause.)
+# the same; the others by the command above, on one thread next to other work, one with a long pause. Since then random numbers
+# are drawn in another way, so the same command now gives other runs of the same kind.)
 #
 # What is changed is one field of the recipe:
 
@@ -189,15 +190,19 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("three_seeds")
 
 # %% [markdown]
+# A gap says little without the spread: how much do seeds of one kind differ? The measure is the standard deviation of the
+# three results of a kind, and of the two kinds the larger one. A gap of "3.3 spreads" is 3.3 times as large (exercise 2
+# computes it).
+#
 # | question | answered? |
 # | --- | --- |
-# | Does the agent learn faster with the centred map, in this city, with this recipe? | Yes: after 300,000 steps it is 37 points ahead, 3.3 standard deviations between seeds, and every centred run reaches 80 and 90 % before every non-centred one |
-# | Is the agent better in the end? | Probably a little: by 0.8 points at the last validation, 1.3 standard deviations between seeds; by 1.4 points, 3 standard deviations, for the agents kept, in the mean of 3000 test missions (`data/runs/README.md`). Whether that lasts in longer runs is open |
+# | Does the agent learn faster with the centred map, in this city, with this recipe? | Yes: after 300,000 steps it is 37 points ahead, which is 3.3 spreads, and every centred run reaches 80 and 90 % before every non-centred one |
+# | Is the agent better in the end? | Probably a little: by 0.8 points at the last validation, 1.3 spreads; by 1.4 points, 3 spreads, for the agents kept, in the mean of 3000 test missions (`data/runs/README.md`). Whether that lasts in longer runs is open |
 # | Is the paper's larger gap wrong? | These runs cannot say: it was measured with another recipe and other maps |
 # | Does the gap depend on the recipe? | Perhaps: with two earlier forms it was under half a point (a crash cost 60) and 2.2 points (150, as now). They differ in more than that, so the cause is open |
 # | Is the recipe fair to both? | Not quite: it was tuned with the centred map |
 # | Is it the centring, or the missing position layer? | Not separated: centring also removes the layer that holds the position |
-# | Does it hold in other cities? | Open: beside Manhattan only a village was tried, with one seed and a short run; the paper tried one city |
+# | Does it hold in other cities? | Open: apart from Manhattan only a village was tried, with one seed and a short run; the paper tried one city |
 #
 # An ablation answers one question. To write down beforehand which one, and what the result would have to
 # look like to say *no*, is most of the work.
@@ -227,8 +232,8 @@ chance = 2 / comb(6, 3)
 print({variant: np.round(values, 2).tolist() for variant, values in early.items()}, f"{chance:.0%}")
 
 # %% [markdown]
-# So with three seeds a random order as extreme as this has a chance of 10 %: order alone cannot convince.
-# What does is the size of the gap beside the spread between seeds.
+# So with three seeds, an order as extreme as this comes about by chance in 10 % of all cases. Order alone cannot convince.
+# What can convince is a gap that is large compared with the spread between seeds.
 #
 # **2.** Compute that ratio, gap over the larger standard deviation between seeds, after 300,000 steps, half
 # way and at the end. Of which of the differences are you sure?
@@ -245,13 +250,13 @@ for name, at in (("300,000 steps", 2), ("half way", 9), ("the end", -1)):
     print(f"{name}: gap {gap_over_spread(at)[0]:.3f}, {gap_over_spread(at)[1]:.1f} standard deviations")
 
 # %% [markdown]
-# Of the first only. Half way and at the end the gap is about as large as the spread, for all that the one is 5
-# points and the other 0.8: what counts is the gap beside the spread. And the spread itself is known from three
+# Of the first only. Half way and at the end the gap is about as large as the spread, although the one gap is 5
+# points and the other 0.8. What counts is the gap compared with the spread. And the spread itself is known from three
 # runs only.
 #
 # **3.** The non-centred network has a layer more, because without it it could not know where it is. But a
 # single 1 among 961 cells may be hard to read. Design the ablation that separates *centring* from *how the
-# position is given*. (One answer: a third kind, not centred, with the position as two numbers beside the
+# position is given*. (One answer: a third kind, not centred, with the position as two numbers next to the
 # flying time. If it is as fast as the centred map, the frame was not what mattered.)
 #
 # ## Further reading

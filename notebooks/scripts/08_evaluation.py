@@ -50,6 +50,7 @@ for ax, (city, results) in zip(figure.subplots(1, 2, sharex=True, sharey=True), 
     chance = results["random"][METRIC].mean()
     ax.set(yticks=range(4), yticklabels=shown[::-1], title=f"{city} (random: {chance:.0%})")
     ax.set(xlabel="collected and landed, mean and 95 % interval")
+    ax.locator_params(axis="x", nbins=5)
 figure
 
 # %% [markdown]
@@ -59,7 +60,7 @@ figure
 # | **What you'll learn** | Monte Carlo means, bootstrap intervals, paired comparisons, and what a reference without an optimum is worth |
 # | **What you'll need** | Notebooks 0 and 3, means and quantiles. 20 minutes to read, 15 seconds to run; 5 minutes of exercises |
 #
-# Above: the agents of two cities beside a simple rule, `greedy`, and a search that knows the channel, `genie`.
+# Above: the agents of two cities next to a simple rule, `greedy`, and a search that knows the channel, `genie`.
 # Section 8.1 says what each of them knows.
 #
 # ## 8.1 Where the numbers come from
@@ -90,11 +91,11 @@ for city in cities:
 # holds the true mean with 95 % confidence:
 
 # %%
-from uavdh_lite.cli.main import PAPER_RESULTS
+from uavdh_lite.paper import RESULTS
 
 for city, results in cities.items():
     print(city)
-    for metric, paper in PAPER_RESULTS[city].items():
+    for metric, paper in RESULTS[city].items():
         mean, low, high = mean_interval(results["agent"][metric])
         print(f"  {metric:<28}{mean:6.1%}  ({low:.1%} to {high:.1%})   paper {paper:.1%}")
 
@@ -128,9 +129,9 @@ print(bootstrap_interval(values))
 # %% [markdown]
 # It covers the luck of *which missions* were drawn. It does not cover the luck of *training*: another
 # seed gives another agent. That is a different question, and needs several trainings: three seeds of
-# half as many steps on `manhattan` gave 0.958, 0.958 and 0.966 on these missions (`data/runs/README.md`).
+# half as many steps on `manhattan` gave 0.958, 0.958 and 0.966 on 1000 such missions (`data/runs/README.md`).
 #
-# ## 8.3 Beside the planners
+# ## 8.3 Next to the planners
 #
 # All on the same missions:
 
@@ -145,9 +146,9 @@ for city, results in cities.items():
 # %% [markdown]
 # Read it slowly, it holds three lessons.
 #
-# - A simple rule is strong: on both maps `greedy` collects as much as our agent, if not more (8.6 asks which),
-#   and the agent's numbers are above those of the paper's on its own maps. A learner has to be very good to be worth
-#   its training, and a paper without such a baseline does not show that it is.
+# - A simple rule is strong: on both maps `greedy` collects as much as our agent, if not more (8.6 asks which).
+#   Yet the agent's numbers are above those that the paper has on its own maps. A learner has to be very good to be
+#   worth its training, and a paper without such a baseline does not show that it is.
 # - `greedy` collects much but its *return* is lower than its share of data suggests: it flies to the last
 #   unit of data whatever that costs in time. On the open field the agent, no better in data, has the higher return.
 # - On the open field the `genie` of highest return collects *less* than `genie_data`. What is best depends
@@ -185,11 +186,10 @@ ax.legend()
 figure
 
 # %% [markdown]
-# (The axis starts near 0.9.) The genie hardly loses anything but in the shortest missions, where there is
-# not enough time. `greedy` and the agent differ where it is easy: with two devices, little data or much time
-# `greedy` is next to perfect, and the agent still loses one or two points. Where it is hard they come
-# together, and in the shortest missions the agent is ahead: it has learned to weigh data against time. So our
-# agent is not out of its depth; it is a little careless everywhere.
+# (The axis starts near 0.9.) The genie loses next to nothing except in the shortest missions, where there is
+# not enough time. `greedy` and the agent differ where it is easy. With two devices, little data or much time,
+# `greedy` is next to perfect, and the agent still loses one to three points. Where it is hard (short missions, much data, many
+# devices) the two are level. So hard missions are not the agent's problem; it is a little careless everywhere.
 #
 # ## 8.5 Failures, one by one
 #
@@ -205,6 +205,7 @@ from uavdh_lite.plotting import add_legend, draw_trajectory
 agent = load_agent("manhattan")
 environment = Environment(agent.city)
 flights = evaluate(environment, agent, agent.scenario, 1000, seed=0, record=True)
+assert (flights.start.time_left == results["agent"]["flying_time"]).all()  # the missions of the table
 lost = results["genie_data"][METRIC] - results["agent"][METRIC]
 worst = np.argsort(lost)[::-1]
 print([f"mission {m}: {lost[m]:.0%} lost" for m in worst[:5]])
@@ -218,10 +219,9 @@ add_legend(figure, 5)
 figure
 
 # %% [markdown]
-# Left, a flight that went to and fro at its start and landed with nothing, with time enough left. A
-# greedy policy is deterministic: where the Q-values of neighbouring places disagree about the way, it
-# shuttles between them, until landing looks best. Right, one that served the near device and went home, though
-# there was time for the far ones. Neither comes often. How is the loss made up over all missions?
+# Left, a crash. The flight collected everything, but turned for home a little too late, and its time ran out a few cells
+# before the zone. Right, one that served the near device and went home, though there was plenty of time for the far
+# ones. Neither comes often. How is the loss made up over all missions?
 
 # %%
 landed = flights.end.landed
@@ -261,27 +261,37 @@ ax.legend()
 figure
 
 # %% [markdown]
-# The first 30 missions happen to hold none of the worst, and their interval is half as wide as it should be: with
-# few missions the interval itself is luck.
+# Not every point is on the line. A few bad missions make most of $\sigma$, and how many of them are among the first 30 or
+# 100 is luck. So with few missions the width of the interval is luck, too.
 #
 # Two policies that fly the *same* missions can be compared in pairs. The interval of the difference is then
 # narrower by as much as the two results go up and down together:
 
 # %%
-greedy = results["greedy"][METRIC]
-difference = greedy - values
-unpaired = 1.96 * np.sqrt((greedy.var() + values.var()) / 1000)
-paired = 1.96 * np.sqrt(difference.var() / 1000)
-print(f"greedy is ahead by {difference.mean():.4f}: unpaired ± {unpaired:.4f}, paired ± {paired:.4f}")
-print(f"correlation of the two over missions: {np.corrcoef(greedy, values)[0, 1]:.2f}")
+for city, results in cities.items():
+    greedy, agent_s = results["greedy"][METRIC], results["agent"][METRIC]
+    difference = greedy - agent_s
+    unpaired = 1.96 * np.sqrt((greedy.var() + agent_s.var()) / 1000)
+    paired = 1.96 * np.sqrt(difference.var() / 1000)
+    print(f"{city:<12}greedy ahead by {difference.mean():+.4f}: unpaired ± {unpaired:.4f}, paired ± {paired:.4f}",
+          "(holds 0)" if abs(difference.mean()) < paired else "(without 0)",
+          f"correlation {np.corrcoef(greedy, agent_s)[0, 1]:.2f}")
 
 # %% [markdown]
-# Now which collects more? Not even in pairs do these missions tell: the interval of the difference holds 0. How many
-# would?
+# Which collects more? Where the paired interval of the difference holds 0, these missions do not tell. Would more
+# missions? Say the true lead is half a point, 0.005. There are two questions:
 
 # %%
-needed = (1.96 * difference.std() / 0.005) ** 2
-print(f"to show half a point, paired: {needed:.0f} missions")
+for city, results in cities.items():
+    spread = (results["greedy"][METRIC] - results["agent"][METRIC]).std()
+    narrow, found = (((z * spread) / 0.005) ** 2 for z in (1.96, 1.96 + 0.84))
+    print(f"{city:<12}interval of ± half a point: {narrow:.0f} missions; lead found in 8 of 10 tries: {found:.0f}")
+
+# %% [markdown]
+# With the first number the interval reaches half a point to either side. That is not enough to *find* a lead of half a
+# point: the measured lead falls below the true one in half of all tries, and then the interval holds 0. The chance to
+# find a lead that is there is called the *power*, here 50 %. For a power of 80 % the true lead must be 1.96 + 0.84
+# standard errors, since a normal variable is above −0.84 with a chance of 80 %. That takes twice the missions.
 
 # %% [markdown]
 # ## Recap
@@ -309,13 +319,17 @@ print(f"such luck has a chance of {probability:.1%}, so with {1 - probability:.0
 # greedy, genie, fails them how often? Does the mean tell?
 
 # %%
-fails = {p: float((cities["manhattan"][p][METRIC] < 0.5).mean()) for p in ("agent", "greedy", "genie")}
-assert fails["genie"] <= fails["greedy"] <= fails["agent"]
-print({p: f"{share_of:.1%}" for p, share_of in fails.items()})
+fails = {p: cities["manhattan"][p][METRIC] < 0.5 for p in ("agent", "greedy", "genie")}
+assert fails["genie"].sum() < fails["agent"].sum()
+for p, failed in fails.items():
+    share_of, low, high = mean_interval(failed.astype(float))
+    print(f"{p:<8}{failed.sum()} of 1000: {share_of:.1%}  ({low:.1%} to {high:.1%})")
+print("agent and greedy in the same mission:", (fails["agent"] & fails["greedy"]).sum())
 
 # %% [markdown]
-# The means of agent and greedy are less than a point apart, and yet the agent fails half as often again. A mean of
-# good flights hides rare bad ones.
+# The mean cannot tell: such missions are too rare to move it. A thousand missions hardly tell either. They count only a
+# handful of failures for agent and greedy, and the intervals overlap widely, so we cannot say which of the two fails more
+# often. To know how often something rare happens takes many missions.
 
 # %% [markdown]
 # ## Further reading

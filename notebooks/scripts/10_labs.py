@@ -106,8 +106,8 @@ link
 # ## 10.5 Training live (notebook 6)
 #
 # Under half a minute for the village. The run is in the background: other cells go on working, and *pause*
-# stops it after the step in progress. Try a crash reward of −1 from start to end, and watch *landed*: it
-# stays well below 1, the agent of notebook 6 that crashes.
+# stops it after the step in progress. Try a crash reward of 0 from start to end, and watch *landed*: it
+# stays far below 1. That is the agent of notebook 6 that crashes.
 
 # %%
 training = TrainingLab("village")

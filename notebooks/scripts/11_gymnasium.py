@@ -2,7 +2,7 @@
 # # 11 · Gymnasium
 #
 # The same problem for everybody else's agents: a [Gymnasium](https://gymnasium.farama.org) environment, alone or
-# many at once, and two agents of [Stable-Baselines3](https://stable-baselines3.readthedocs.io) beside ours.
+# many at once, and two agents of [Stable-Baselines3](https://stable-baselines3.readthedocs.io) next to ours.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -62,7 +62,7 @@ figure
 
 # %%
 env = gymnasium.make("uavdh_lite/DataHarvesting-v0", scenario="village", render_mode="rgb_array")
-observation, info = env.reset(seed=1)
+observation, info = env.reset(seed=9)
 print({name: array.shape for name, array in observation.items()})
 print({name: value.item() for name, value in info.items()})
 
@@ -208,20 +208,20 @@ class DataOnly(gymnasium.Wrapper):
 
 # %%
 wrapped = DataOnly(gymnasium.make(uavdh_lite.gym.ID, scenario="village"))
-wrapped.reset(seed=1)
+wrapped.reset(seed=9)
 rewards = [wrapped.step(action)[1] for action in (1, 1, 1, 1, 1, 4, 4)]
 assert min(rewards) >= 0 and sum(rewards) > 0
 print(np.round(rewards, 2))
 
 # %% [markdown]
-# About landing, and about time but for what the discount takes: it would hover above the last device until it falls
-# out of the sky.
+# Landing, and nearly all of the time: only the discount still makes it hurry. It would hover above the last device until
+# its time is over.
 #
 # **2.** How much of the observation can change within an episode? Count the entries of `map` that differ between
 # the first and the tenth step of an episode in which the UAV hovers.
 
 # %%
-first, _ = env.reset(seed=1)
+first, _ = env.reset(seed=9)
 for _ in range(10):
     tenth, *_ = env.step(4)
 changed = {layer: int((first["map"][layer] != tenth["map"][layer]).sum()) for layer in range(5)}

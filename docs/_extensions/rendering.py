@@ -1,13 +1,15 @@
-"""Docstrings in Markdown for autodoc, which takes reStructuredText.
+"""How text becomes pages: docstrings in Markdown, links in code style, and two touches.
 
-Each docstring becomes the content of a directive that MyST parses. A block `Arguments:` becomes a
-field list, code that names a class or function of the library a link, and the attribute of a
-configuration shows the help and the bounds of its `option(...)`.
+Autodoc takes reStructuredText, so each docstring becomes the content of a directive that MyST
+parses. A block `Arguments:` becomes a list, and a configuration shows the default, the bounds and
+the help of its `option(...)` fields in a table. Code that names a class or function of the library
+becomes a link.
 """
 
 import dataclasses
 import re
 from collections import Counter
+from functools import cached_property
 from inspect import cleandoc
 
 from docutils import nodes
@@ -18,9 +20,9 @@ from sphinx.application import Sphinx
 from sphinx.transforms.post_transforms import SphinxPostTransform
 from sphinx.util.docutils import SphinxDirective
 from sphinx.util.nodes import make_refnode
+from tables import bounds
 
 PACKAGE = "uavdh_lite"
-SIGNS = {"ge": "≥", "gt": ">", "le": "≤"}
 LONGEST_VALUE = 70  # characters
 ARGUMENT = re.compile(r"^([a-z_]\w*(?:, [a-z_]\w*)*): ")
 
@@ -62,14 +64,9 @@ def option_table(owner: type) -> list[str]:
         return []
     rows = ["", "| field | default | bounds | meaning |", "| --- | --- | --- | --- |"]
     for field in options:
-        bounds = bounds_text(field.metadata["bounds"])
-        rows.append(f"| `{field.name}` | {field.default} | {bounds} | {field.metadata['help']} |")
+        limits = bounds(field.metadata["bounds"])
+        rows.append(f"| `{field.name}` | {field.default} | {limits} | {field.metadata['help']} |")
     return rows
-
-
-def bounds_text(bounds: dict[str, float | None]) -> str:
-    """As in `> 0, ≤ 1`."""
-    return ", ".join(f"{SIGNS[k]} {v:g}" for k, v in bounds.items() if v is not None)
 
 
 def process_docstring(app: Sphinx, what: str, name: str, obj, options, lines: list[str]) -> None:
@@ -81,10 +78,9 @@ def process_docstring(app: Sphinx, what: str, name: str, obj, options, lines: li
 
 
 def skip_member(app: Sphinx, what: str, name: str, obj, skip: bool, options) -> bool | None:
-    """Leave out a class's bare fields: the table in its docstring says what they are."""
-    if what == "class" and not callable(obj) and not getattr(obj, "__doc__", None):
-        return True
-    return True if type(obj).__name__ == "_tuplegetter" else None
+    """Leave out a class's fields: its docstring says what they are, often in a table."""
+    described = callable(obj) or isinstance(obj, property | cached_property | classmethod)
+    return True if what == "class" and not described else None
 
 
 class LinkCode(SphinxPostTransform):
@@ -116,6 +112,19 @@ class CutLongValues(SphinxPostTransform):
         for annotation in list(self.document.findall(addnodes.desc_annotation)):
             if len(annotation.astext()) > LONGEST_VALUE and "=" in annotation.astext():
                 annotation.parent.remove(annotation)
+
+
+class KeepPercentTogether(SphinxPostTransform):
+    """No line ends between a number and its per cent sign."""
+
+    default_priority = 5
+
+    def run(self, **kwargs) -> None:
+        for text in list(self.document.findall(nodes.Text)):
+            if not isinstance(text.parent, nodes.literal | nodes.literal_block | nodes.raw):
+                kept = re.sub(r"(?<=\d) (?=%)", "\u00a0", text)
+                if kept != text:
+                    text.parent.replace(text, nodes.Text(kept))
 
 
 def _inside_link(node: nodes.Node) -> bool:
@@ -153,4 +162,5 @@ def setup(app: Sphinx) -> dict:
     app.connect("autodoc-skip-member", skip_member)
     app.add_post_transform(LinkCode)
     app.add_post_transform(CutLongValues)
+    app.add_post_transform(KeepPercentTogether)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
