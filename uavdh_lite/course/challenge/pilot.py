@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.course.challenge.wire import receive, send
 from uavdh_lite.environment import Environment, State
@@ -27,6 +26,8 @@ def load_policy(submission: Path, environment: Environment) -> Callable[[State],
         if not callable(names.get("policy")):
             raise InputError(f"{submission.name} has no function policy(environment, state)")
         return partial(names["policy"], environment)
+    from uavdh_lite.checkpoint import load_agent  # a policy without a network needs no PyTorch
+
     agent = load_agent(submission)
     if not agent.knows(environment.city):
         raise InputError(

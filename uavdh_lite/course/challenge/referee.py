@@ -134,7 +134,7 @@ class Submission:
 
 def _environment() -> dict[str, str]:
     """The variables that the process gets: one thread, and this library wherever it lies."""
-    library = str(Path(__file__).parents[2])
+    library = str(Path(__file__).parents[3])
     path = os.pathsep.join(filter(None, [library, os.environ.get("PYTHONPATH")]))
     return {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
 
