@@ -40,7 +40,7 @@ def bare_update(run: Trainer):
     seen, then = observation(), observation()
     action = torch.randint(0, 6, (count,))
     reward, discount = torch.randn(count), torch.full((count,), recipe.discount)
-    return lambda: run.ddqn.update(seen, action, run.ddqn.targets(reward, discount, then))
+    return lambda: run.learner.update(seen, action, run.learner.targets(reward, discount, then))
 
 
 def count(action, seconds: float) -> int:

@@ -1,16 +1,19 @@
 """An agent: a trained network, and all that is needed to fly with it."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from uavdh_lite.city import City
-from uavdh_lite.environment import State
+from uavdh_lite.ddqn import only_allowed
+from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.network import QNetwork
 from uavdh_lite.observation import Observation
+from uavdh_lite.quantile import QuantileNetwork
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
 
@@ -31,7 +34,7 @@ def build(recipe: Recipe, city: City) -> tuple[Observation, QNetwork]:
         recipe.pooling,
         recipe.local_size,
     )
-    network = QNetwork(
+    layers = (
         observation.map_shapes(),
         recipe.kernels,
         recipe.kernel_size,
@@ -40,12 +43,16 @@ def build(recipe: Recipe, city: City) -> tuple[Observation, QNetwork]:
         recipe.layer_norm,
         recipe.leak,
     )
-    return observation, network
+    if recipe.quantiles:
+        return observation, QuantileNetwork(*layers, quantiles=recipe.quantiles)
+    return observation, QNetwork(*layers)
 
 
 @dataclass(frozen=True, eq=False)
 class Agent:
     """The greedy policy of a network: `agent(state)` gives the actions, (B,) ints.
+
+    Trained with the failsafe, it chooses among the allowed actions, in any environment.
 
     | field | meaning |
     | --- | --- |
@@ -68,7 +75,21 @@ class Agent:
         return torch.cat([self.network(*self.observation(chunk)).cpu() for chunk in chunks])
 
     def __call__(self, state: State) -> np.ndarray:
-        return self.q_values(state).argmax(dim=1).numpy()
+        return only_allowed(self.q_values(state), self.allowed(state)).argmax(dim=1).numpy()
+
+    @cached_property
+    def environment(self) -> Environment:
+        """The environment of its training: the city, with the failsafe if the recipe has it."""
+        return Environment(self.city, failsafe=self.recipe.failsafe)
+
+    def allowed(self, state: State) -> Tensor | None:
+        """The actions it chooses from, (B, 6) bool; None, for all of them, without the failsafe.
+
+        It never took the others in training, so that their Q-values mean nothing.
+        """
+        if not self.recipe.failsafe:
+            return None
+        return torch.from_numpy(self.environment.allowed_actions(state))
 
     def knows(self, city: City) -> bool:
         """Whether this is the city that the agent was trained in."""
@@ -107,7 +128,8 @@ def saliency(agent: Agent, state: State) -> np.ndarray:
     if len(maps) != 1:
         raise InputError("saliency needs one map: this agent sees a global and a local one")
     layers = maps[0].requires_grad_()
-    (gradient,) = torch.autograd.grad(agent.network([layers], time).max(), layers)
+    q_values = only_allowed(agent.network([layers], time).cpu(), agent.allowed(state))
+    (gradient,) = torch.autograd.grad(q_values.max(), layers)
     return (gradient * layers.detach())[0].abs().sum(0).cpu().numpy()
 
 
@@ -123,5 +145,6 @@ def value_map(agent: Agent, state: State) -> np.ndarray:
     cells = city.flight_cells
     elsewhere = replace(state[np.zeros(len(cells), int)], uav_cell=cells.astype(np.int16))
     values = np.full(city.size**2, np.nan)
-    values[cells] = agent.q_values(elsewhere).max(dim=1).values
+    q_values = only_allowed(agent.q_values(elsewhere), agent.allowed(elsewhere))
+    values[cells] = q_values.max(dim=1).values
     return values.reshape(city.size, city.size)

@@ -18,7 +18,7 @@ from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import data_folder, write_atomically
 
-FORMAT = 4
+FORMAT = 5
 
 
 def save(path: str | Path, kind: str, tensors: dict[str, Tensor], about: dict) -> None:
@@ -69,7 +69,8 @@ def _upgrade(about: dict) -> None:
     """Turn the values of an older format into those of this one, in place.
 
     Older recipes had more fields, which only training used; format 1 had one crash reward for the
-    whole run; formats below 4 do not say that they were made with version 1 of the streams.
+    whole run; formats below 4 do not say that they were made with version 1 of the streams; those
+    below 5 know of nothing beyond the paper.
     """
     if about["format"] < 4 and "training" in about:
         about["training"].setdefault("streams", 1)
@@ -78,6 +79,8 @@ def _upgrade(about: dict) -> None:
         recipe.setdefault("crash_reward_end", recipe["crash_reward"])
         for name in ("exploring_least_time", "exploring_actions"):
             recipe.pop(name, None)
+    if about["format"] < 5 and "recipe" in about:
+        about["recipe"] |= {"failsafe": False, "quantiles": 0, "advantage_learning": 0.0}
 
 
 def _digest(header: str, tensors: dict[str, Tensor]) -> str:

@@ -21,6 +21,11 @@ def ddqn_target(
     return reward + discount * target_next.gather(1, best).squeeze(1)
 
 
+def only_allowed(q_values: Tensor, allowed: Tensor | None) -> Tensor:
+    """The Q-values, (B, actions), but −∞ for actions that are not allowed; None allows all."""
+    return q_values if allowed is None else q_values.masked_fill(~allowed, -torch.inf)
+
+
 def softmax_policy(q_values: Tensor, temperature: float) -> Tensor:
     """π(a|s) ∝ exp(Q(s, a) / β), (B, actions) (eq. 12)."""
     return torch.softmax(q_values / temperature, dim=1)
@@ -29,7 +34,8 @@ def softmax_policy(q_values: Tensor, temperature: float) -> Tensor:
 def draw_actions(probabilities: Tensor, generator: np.random.Generator) -> np.ndarray:
     """One action for each row of probabilities; (B,) ints."""
     cumulative = probabilities.cpu().double().cumsum(dim=1).numpy()
-    draws = generator.random(len(cumulative))[:, None]
+    # Rounded, the last sum may be less than 1: no draw is to lie above it.
+    draws = generator.random(len(cumulative))[:, None] * cumulative[:, -1:]
     return (cumulative[:, :-1] < draws).sum(axis=1)
 
 
@@ -47,15 +53,18 @@ class Networks:
         self.target = copy.deepcopy(online).requires_grad_(False)
 
     @torch.no_grad()
-    def targets(self, reward: Tensor, discount: Tensor, next_observation) -> Tensor:
+    def targets(
+        self, reward: Tensor, discount: Tensor, next_observation, allowed: Tensor | None = None
+    ) -> Tensor:
         """The targets y of a minibatch, (B,): `ddqn_target` with the Q-values of both networks.
 
         Arguments:
             reward, discount: (B,), the discount 0 where the episode ended.
             next_observation: what the networks take, as a tuple of arguments.
+            allowed: (B, actions) bool, the actions to choose from in s'; None for all.
         """
         online_next, target_next = self.online(*next_observation), self.target(*next_observation)
-        return ddqn_target(reward, discount, online_next, target_next)
+        return ddqn_target(reward, discount, only_allowed(online_next, allowed), target_next)
 
     @torch.no_grad()
     def copy_from(self, other: "Networks") -> None:
@@ -94,15 +103,19 @@ class DDQN(Networks):
             action: (B,) int64.
             y: (B,), from `targets`.
         """
-        q = self.online(*observation).gather(1, action[:, None]).squeeze(1)
-        loss = (
-            mse_loss(q, y) if self.huber_delta is None else huber_loss(q, y, delta=self.huber_delta)
-        )
+        loss = self.loss(observation, action, y)
         self.optimiser.zero_grad()
         loss.backward()
         self.optimiser.step()
         soft_update(self.target, self.online, self.target_update_rate)
         return loss.detach()
+
+    def loss(self, observation, action: Tensor, y: Tensor) -> Tensor:
+        """The squared error, or Huber's loss, of the Q-values of the actions taken."""
+        q = self.online(*observation).gather(1, action[:, None]).squeeze(1)
+        if self.huber_delta is None:
+            return mse_loss(q, y)
+        return huber_loss(q, y, delta=self.huber_delta)
 
     def set_learning_rate(self, rate: float) -> None:
         """The optimiser's learning rate from now on."""

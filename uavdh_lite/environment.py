@@ -5,7 +5,7 @@ its first axis. B is the batch size, K the number of places for devices, δ the 
 communication slots in a mission slot, M the number of cells on a side.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
@@ -96,6 +96,7 @@ class Outcome:
     | `landed` | (B,) bool | the UAV landed in this step |
     | `crashed` | (B,) bool | the flying time ran out in this step without a landing |
     | `flew` | (B,) bool | the step was flown: the episode was not over before it |
+    | `sent_home` | (B,) bool | the failsafe replaced the action by the way home |
     """
 
     served: np.ndarray
@@ -104,6 +105,7 @@ class Outcome:
     landed: np.ndarray
     crashed: np.ndarray
     flew: np.ndarray
+    sent_home: np.ndarray = field(default_factory=lambda: np.zeros((), bool))
 
 
 @dataclass(frozen=True)
@@ -141,6 +143,12 @@ class Environment:
     safety controller replaces three actions by hovering: a move off the grid, a move into a no-fly
     cell, and a landing outside the landing zone.
 
+    With `failsafe` it also brings the UAV home, as the return-to-home function of drones does. It
+    replaces an action after which a landing would no longer be possible in the time left by the
+    first move of a shortest path home. This costs no reward. So no policy crashes, whatever it
+    does, in an episode that can land at all. The paper has no such guard: its agents learn to
+    land.
+
     ### Channel
     While the UAV moves or hovers there are δ communication slots. In slot i it is at
     p(t) + (i/δ)(p(t+1) − p(t)). The shadow map is read at the nearest cell; half-way between two
@@ -160,6 +168,7 @@ class Environment:
     city: City
     channel: Channel = Channel()  # noqa: RUF009 (frozen)
     shadow_method: str = "exact"
+    failsafe: bool = False
 
     @cached_property
     def line_of_sight(self) -> np.ndarray:
@@ -190,6 +199,47 @@ class Environment:
         forbidden[:, LAND] = ~self.city.landing.ravel()
         next_cell = np.where(forbidden, cell, target).astype(np.int16)
         return read_only(next_cell), read_only(forbidden)
+
+    @cached_property
+    def way_home(self) -> np.ndarray:
+        """First action of a shortest path to a landing cell; (M²,) ints.
+
+        It is `land` in the landing zone, and `hover` where there is no way. Of landing cells that
+        are equally near, the path leads to the one with the lowest number.
+        """
+        distance = self.city.landing_distance.ravel()
+        none = len(distance)
+        action = np.where(distance == 0, LAND, HOVER)
+        goal = np.where(distance == 0, np.arange(none), none)
+        for moves in range(1, distance.max() + 1):
+            cells = np.flatnonzero(distance == moves)
+            ahead = self.next_cell[cells, :HOVER]
+            goals = np.where(distance[ahead] == moves - 1, goal[ahead], none)
+            action[cells], goal[cells] = goals.argmin(axis=1), goals.min(axis=1)
+        return read_only(action)
+
+    @cached_property
+    def time_to_land(self) -> np.ndarray:
+        """Units of time to fly home and land, a large number where there is no way; (M²,) ints."""
+        distance = self.city.landing_distance.ravel()
+        return read_only(np.where(distance < 0, np.iinfo(np.int16).max, distance + 1))
+
+    def allowed_actions(self, state: State) -> np.ndarray:
+        """The actions that the safety controller would not replace; (B, 6) bool, never none."""
+        allowed = ~self.forbidden[state.uav_cell]
+        return allowed & ~self._too_late(state) if self.failsafe else allowed
+
+    def _too_late(self, state: State) -> np.ndarray:
+        """The actions that give away the last chance to land; (B, 6) bool.
+
+        They are so after the refused ones have become `hover`. There are none where no landing is
+        possible any more.
+        """
+        cell, time_left = state.uav_cell, state.time_left[:, None]
+        possible = self.time_to_land[cell][:, None] <= time_left
+        after = self.time_to_land[self.next_cell[cell]] <= time_left - 1
+        after[:, LAND] |= ~self.forbidden[cell, LAND]
+        return possible & ~after
 
     @cached_property
     def _centre_m(self) -> tuple[np.ndarray, np.ndarray]:
@@ -226,6 +276,10 @@ class Environment:
         """
         flew = ~state.ended
         action = np.where(flew, action, HOVER)
+        sent_home = np.zeros(len(state), bool)
+        if self.failsafe:
+            sent_home = flew & self._too_late(state)[np.arange(len(state)), action]
+            action = np.where(sent_home, self.way_home[state.uav_cell], action)
         uav_cell = self.next_cell[state.uav_cell, action]
         intervened = self.forbidden[state.uav_cell, action]
         landed = (action == LAND) & ~intervened
@@ -245,7 +299,7 @@ class Environment:
             data_left,
             state.landed | landed,
         )
-        return after, Outcome(served, uploaded, intervened, landed, crashed, flew)
+        return after, Outcome(served, uploaded, intervened, landed, crashed, flew, sent_home)
 
     def snr_db(self, device_cells, uav_cell, next_cell, fading) -> np.ndarray:
         """SNR of every device in every slot of a step, dB; (B, δ, K) float32 (eq. 2, 3).

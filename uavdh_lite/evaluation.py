@@ -73,6 +73,7 @@ class Flights:
     | `steps` | (N,) | steps flown |
     | `safety_interventions` | (N,) | how often the safety controller intervened |
     | `history` | T `Step`s | every step, if recorded |
+    | `sent_home` | (N,) | how often the failsafe replaced the action; None without a failsafe |
     """
 
     start: State
@@ -81,6 +82,7 @@ class Flights:
     steps: np.ndarray
     safety_interventions: np.ndarray
     history: list[Step]
+    sent_home: np.ndarray | None = None
 
     @classmethod
     def of_steps(cls, start: State, end: State, history: list[Step]) -> "Flights":
@@ -99,10 +101,11 @@ class Flights:
 
         `has_landed`: 1 or 0. `collection_ratio`: collected over initial data.
         `collection_ratio_and_landed`: their product (CRAL). `cumulative_reward`.
-        `time_used`: steps over initial flying time. `safety_interventions`: a count.
+        `time_used`: steps over initial flying time. `safety_interventions`: a count. `sent_home`:
+        a count, only of flights with the failsafe; so its presence says that there was one.
         """
         ratio = self.end.collection_ratio.astype(float)
-        return {
+        records = {
             "has_landed": self.end.landed.astype(float),
             "collection_ratio": ratio,
             "collection_ratio_and_landed": ratio * self.end.landed,
@@ -110,6 +113,9 @@ class Flights:
             "time_used": self.steps / self.start.time_left,
             "safety_interventions": self.safety_interventions.astype(float),
         }
+        if self.sent_home is not None:
+            records["sent_home"] = self.sent_home.astype(float)
+        return records
 
     def metrics(self) -> dict[str, Interval]:
         """The mean of each record with its 95 % interval; see `mean_interval`."""
@@ -157,6 +163,7 @@ def fly(
     total = np.zeros(len(start), np.float32)
     steps = np.zeros(len(start), int)
     interventions = np.zeros(len(start), int)
+    sent_home = np.zeros(len(start), int)
     history: list[Step] = []
     while True:
         flying = np.flatnonzero(~state.ended)
@@ -171,8 +178,10 @@ def fly(
         total += reward
         steps += outcome.flew
         interventions += outcome.intervened
+        sent_home += outcome.sent_home
         state = after
-    return Flights(start, state, total, steps, interventions, history)
+    counted = sent_home if environment.failsafe else None
+    return Flights(start, state, total, steps, interventions, history, counted)
 
 
 def _by_state_alone(policy: Policy) -> Callable[[State, np.ndarray], np.ndarray]:

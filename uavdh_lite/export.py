@@ -27,6 +27,7 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
     | `q_values` | (B, 6) float32 | in the order of `ACTIONS` |
 
     The file's metadata has the order of the actions, the scales, the city and the scenario as JSON.
+    Where it says `failsafe`, choose among the actions after which a landing is still possible.
     ONNX Runtime and the agent are asked about random states under way. Their Q-values may differ by
     at most `TOLERANCE`, and they must choose the same action wherever the best two Q-values differ
     by more; otherwise nothing is written.
@@ -82,6 +83,7 @@ def _about(agent: Agent) -> dict:
     scenario: Scenario = agent.scenario
     return {
         "actions": ACTIONS,
+        "failsafe": agent.recipe.failsafe,
         "observation": agent.recipe.observation,
         "data_scale": agent.recipe.data_scale,
         "time_scale": agent.recipe.time_scale,

@@ -28,10 +28,12 @@ PICTURE = (6, 6.4)  # inches of a rendered flight
 class _Simulator:
     """What the single and the vectorised environment share: B episodes and their observations."""
 
-    def __init__(self, scenario: str | Scenario, observation: str, rewards: Rewards):
+    def __init__(
+        self, scenario: str | Scenario, observation: str, rewards: Rewards, failsafe: bool
+    ):
         self.scenario = find_scenario(scenario) if isinstance(scenario, str) else scenario
         city = City.load(self.scenario.city)
-        self.environment = Environment(city)
+        self.environment = Environment(city, failsafe=failsafe)
         self.rewards = rewards
         self._observation = Observation(
             city, observation, self.scenario.data[1], self.scenario.flying_time[1]
@@ -92,6 +94,7 @@ class _Simulator:
             "safety_intervention": (
                 np.zeros(len(state), bool) if outcome is None else outcome.intervened
             ),
+            "sent_home": np.zeros(len(state), bool) if outcome is None else outcome.sent_home,
         }
 
 
@@ -118,7 +121,10 @@ class DataHarvesting(gymnasium.Env):
     | 5 | land |
 
     A move off the grid or into a no-fly cell, and a landing outside the landing zone, are replaced
-    by hovering (the safety controller).
+    by hovering (the safety controller). With `failsafe=True` it also replaces an action after which
+    the UAV could not land in time by the first move home, and `info["sent_home"]` says so.
+    `action_masks()` gives the actions that it would not replace; learners with masks, such as
+    MaskablePPO of sb3-contrib, ask for it.
 
     ## Observation Space
 
@@ -154,6 +160,7 @@ class DataHarvesting(gymnasium.Env):
     | `observation` | `"centred"` | `centred`, `non_centred` or `global_local` |
     | `rewards` | `Rewards()` | the reward's constants |
     | `render_mode` | `None` | `rgb_array`, or `human` for a window |
+    | `failsafe` | `False` | whether the safety controller brings the UAV home in time |
 
     ```python
     >>> import gymnasium, uavdh_lite.gym
@@ -183,9 +190,10 @@ class DataHarvesting(gymnasium.Env):
         observation: str = "centred",
         rewards: Rewards = Rewards(),  # noqa: B008 (frozen)
         render_mode: str | None = None,
+        failsafe: bool = False,
     ):
         _check_mode(render_mode, self.metadata)
-        self._simulator = _Simulator(scenario, observation, rewards)
+        self._simulator = _Simulator(scenario, observation, rewards, failsafe)
         self.observation_space = self._simulator.space
         self.action_space = spaces.Discrete(len(ACTIONS))
         self.render_mode = render_mode
@@ -199,6 +207,10 @@ class DataHarvesting(gymnasium.Env):
         if self._state is None:
             raise gymnasium.error.ResetNeeded("call reset() first")
         return self._state
+
+    def action_masks(self) -> np.ndarray:
+        """The actions that the safety controller would not replace; (6,) bool."""
+        return self._simulator.environment.allowed_actions(self.state)[0]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -291,9 +303,10 @@ class DataHarvestingVector(VectorEnv):
         observation: str = "centred",
         rewards: Rewards = Rewards(),  # noqa: B008 (frozen)
         render_mode: str | None = None,
+        failsafe: bool = False,
     ):
         _check_mode(render_mode, self.metadata)
-        self._simulator = _Simulator(scenario, observation, rewards)
+        self._simulator = _Simulator(scenario, observation, rewards, failsafe)
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.single_observation_space = self._simulator.space
@@ -308,6 +321,10 @@ class DataHarvestingVector(VectorEnv):
         if self._state is None:
             raise gymnasium.error.ResetNeeded("call reset() first")
         return self._state
+
+    def action_masks(self) -> np.ndarray:
+        """The actions that the safety controller would not replace; (N, 6) bool."""
+        return self._simulator.environment.allowed_actions(self.state)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

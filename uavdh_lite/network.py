@@ -26,6 +26,7 @@ class QNetwork(nn.Module):
         strides: one stride for each convolution.
         layer_norm: normalise each hidden layer before its ReLU.
         leak: slope of the ReLUs below 0; 0 for plain ones.
+        outputs: units of the linear output.
     """
 
     def __init__(
@@ -37,6 +38,8 @@ class QNetwork(nn.Module):
         hidden: tuple[int, ...] = (256, 256, 256),
         layer_norm: bool = False,
         leak: float = 0.0,
+        *,
+        outputs: int = len(ACTIONS),
     ):
         super().__init__()
 
@@ -65,7 +68,7 @@ class QNetwork(nn.Module):
                 layers.append(nn.LayerNorm(size))
             layers.append(relu())
             width = size
-        self.head = nn.Sequential(*layers, nn.Linear(width, len(ACTIONS)))
+        self.head = nn.Sequential(*layers, nn.Linear(width, outputs))
 
     def forward(self, maps: list[Tensor], time: Tensor) -> Tensor:
         features = [

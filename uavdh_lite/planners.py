@@ -51,7 +51,7 @@ class Greedy:
         after = environment.next_cell[state.uav_cell, action]
         home = environment.city.landing_distance.ravel()
         late = home[after] + 1 > state.time_left - 1
-        return np.where(done | late, self._home[state.uav_cell], action)
+        return np.where(done | late, environment.way_home[state.uav_cell], action)
 
     @cached_property
     def _distance(self) -> np.ndarray:
@@ -87,14 +87,6 @@ class Greedy:
                 return read_only(distance), read_only(towards)
             distance[new] = moves
             reached = reached | new
-
-    @cached_property
-    def _home(self) -> np.ndarray:
-        """First action of a shortest path to the landing zone, and `land` inside it; (M²,)."""
-        landing = self.environment.city.landing_cells
-        nearest = landing[self._distance[:, landing].argmin(axis=1)]
-        action = self._towards[np.arange(len(nearest)), nearest]
-        return read_only(np.where(self.environment.city.landing.ravel(), LAND, action))
 
     @cached_property
     def _approach(self) -> np.ndarray:

@@ -12,14 +12,16 @@ import torch
 from torch import Tensor
 
 from uavdh_lite import streams
+from uavdh_lite.advantage_learning import action_gap, widen_gap
 from uavdh_lite.agent import Agent, build
 from uavdh_lite.checkpoint import load, save
 from uavdh_lite.city import City
-from uavdh_lite.ddqn import DDQN, Networks, draw_actions, softmax_policy
+from uavdh_lite.ddqn import DDQN, Networks, draw_actions, only_allowed, softmax_policy
 from uavdh_lite.environment import ACTIONS, Environment, Outcome, Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.provenance import provenance
+from uavdh_lite.quantile import QRDQN
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.replay import Replay
 from uavdh_lite.scenario import Scenario
@@ -100,7 +102,10 @@ class EpisodeStatistics:
 
 
 class Minibatch(NamedTuple):
-    """What an update learns from: B states, the actions taken in them, and the targets, (B,)."""
+    """What an update learns from: B states, the actions taken in them, and the targets.
+
+    The targets are (B,), or (B, N) with N quantiles.
+    """
 
     state: State
     action: Tensor
@@ -132,7 +137,7 @@ class Trainer:
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
         self.city = city if city is not None else City.load(scenario.city)
         self.device = torch.device(device)
-        self.environment = Environment(self.city)
+        self.environment = Environment(self.city, failsafe=recipe.failsafe)
         self.generator = stream(Use.TRAINING, seed)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(torch_seed(Use.WEIGHTS, seed))
@@ -142,8 +147,9 @@ class Trainer:
         optimiser = torch.optim.Adam(
             network.parameters(), recipe.learning_rate, amsgrad=recipe.amsgrad, fused=True
         )
-        self.ddqn = DDQN(network, optimiser, recipe.target_update_rate, recipe.huber_delta)
-        self.networks: Networks = self.ddqn  # those that act and give the targets
+        method = QRDQN if recipe.quantiles else DDQN
+        self.learner = method(network, optimiser, recipe.target_update_rate, recipe.huber_delta)
+        self.networks: Networks = self.learner  # those that act and give the targets
         self.replay = Replay(recipe.replay_capacity, recipe.environments, scenario.max_devices)
         self.statistics = EpisodeStatistics(recipe.environments, self.device)
         self.steps = self.updates = 0
@@ -174,12 +180,22 @@ class Trainer:
 
     def _act(self, state: State) -> np.ndarray:
         """Actions of the softmax policy; uniform ones until the replay memory is prefilled."""
+        allowed = self._allowed(state)
         if len(self.replay) < self.recipe.replay_prefill:
-            return self.generator.integers(0, len(ACTIONS), len(state))
+            if allowed is None:
+                return self.generator.integers(0, len(ACTIONS), len(state))
+            return draw_actions(allowed / allowed.sum(dim=1, keepdim=True), self.generator)
         with torch.no_grad():
             q_values = self.networks.online(*self.observation(state))
-        probabilities = softmax_policy(q_values, self.recipe.temperature_at(self.steps))
+        temperature = self.recipe.temperature_at(self.steps)
+        probabilities = softmax_policy(only_allowed(q_values, allowed), temperature)
         return draw_actions(probabilities, self.generator)
+
+    def _allowed(self, state: State) -> Tensor | None:
+        """The actions to choose from, (B, 6) bool; None, for all of them, without the failsafe."""
+        if not self.recipe.failsafe:
+            return None
+        return torch.from_numpy(self.environment.allowed_actions(state)).to(self.device)
 
     def _draw_minibatch(self) -> Minibatch | None:
         """A minibatch from the memory with its targets; None until the memory is prefilled."""
@@ -193,12 +209,20 @@ class Trainer:
             torch.from_numpy(array).to(self.device)
             for array in (batch.action, batch.reward, batch.discount)
         )
-        y = self.networks.targets(reward, discount, self.observation(batch.next_state))
-        return Minibatch(batch.state, action, y, self.observation(batch.state))
+        y = self.networks.targets(
+            reward, discount, self.observation(batch.next_state), self._allowed(batch.next_state)
+        )
+        observation = self.observation(batch.state)
+        if recipe.advantage_learning:
+            with torch.no_grad():
+                q_values = self.networks.target(*observation)
+            gap = action_gap(q_values, action, self._allowed(batch.state))
+            y = widen_gap(y, gap, recipe.advantage_learning)
+        return Minibatch(batch.state, action, y, observation)
 
     def _learn(self, minibatch: Minibatch) -> None:
-        self.ddqn.set_learning_rate(self.recipe.learning_rate_at(self.steps))
-        loss = self.ddqn.update(minibatch.observation, minibatch.action, minibatch.y)
+        self.learner.set_learning_rate(self.recipe.learning_rate_at(self.steps))
+        loss = self.learner.update(minibatch.observation, minibatch.action, minibatch.y)
         self.statistics.learned(loss)
         self.updates += 1
 
@@ -251,7 +275,7 @@ class Trainer:
             "threads": self.threads,
             "validation": self.validation_rows[-1] if self.validation_rows else None,
         }
-        parts = (self.ddqn.online, self.observation, self.recipe, self.scenario, self.city)
+        parts = (self.learner.online, self.observation, self.recipe, self.scenario, self.city)
         return Agent(*parts, training)
 
     @property
@@ -260,7 +284,7 @@ class Trainer:
 
     def is_finite(self) -> bool:
         """Whether the loss and all weights are still finite."""
-        parts = [self.statistics.loss, *self.ddqn.online.parameters()]
+        parts = [self.statistics.loss, *self.learner.online.parameters()]
         return all(bool(torch.isfinite(part).all()) for part in parts)
 
     def close(self) -> None:
@@ -280,10 +304,12 @@ class Trainer:
 
     def save(self, path: Path) -> None:
         """Write everything the run needs to go on as if it had never stopped."""
+        parts: dict[str, DDQN | Replay | EpisodeStatistics]
+        parts = {"ddqn": self.learner, "replay": self.replay, "statistics": self.statistics}
         tensors = {
             f"{part}.{name}": torch.as_tensor(value)
-            for part in ("ddqn", "replay", "statistics")
-            for name, value in getattr(self, part).state_dict().items()
+            for part, whole in parts.items()
+            for name, value in whole.state_dict().items()
         }
         tensors |= _tensors("state.", self.state)
         if self.minibatch is not None:
@@ -306,7 +332,7 @@ class Trainer:
             if about.get(name) != value:
                 difference = _difference(about.get(name), value)
                 raise InputError(f"{path}: another {name} than asked for{difference}")
-        self.ddqn.load_state_dict(_under("ddqn.", tensors))
+        self.learner.load_state_dict(_under("ddqn.", tensors))
         replay = {name: tensor.numpy() for name, tensor in _under("replay.", tensors).items()}
         self.replay.load_state_dict(replay)
         self.statistics.load_state_dict(_under("statistics.", tensors))
@@ -346,11 +372,11 @@ class OverlappedTrainer(Trainer):
 
     def __init__(self, *arguments, **options):
         super().__init__(*arguments, **options)
-        self.networks = Networks(copy.deepcopy(self.ddqn.online))
+        self.networks = copy.deepcopy(self.learner)
         self._pool: ThreadPoolExecutor | None = None
 
     def step(self) -> None:
-        self.networks.copy_from(self.ddqn)
+        self.networks.copy_from(self.learner)
         if self.minibatch is not None:
             self._update = self._other_thread.submit(super()._learn, self.minibatch)
         super().step()

@@ -1,6 +1,7 @@
 """ONNX files decide as the agents that they were made from."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import onnxruntime
@@ -26,17 +27,26 @@ def test_decisions_agree(tmp_path):
     assert (q_values.argmax(1) == agent(state)).mean() > 0.98
     about = json.loads(session.get_modelmeta().custom_metadata_map["uavdh_lite"])
     assert about["actions"] == list(ACTIONS) and about["data_scale"] == agent.recipe.data_scale
+    assert about["failsafe"] is False
     assert "\n".join(about["city"]["rows"]) == agent.city.text
 
 
 def test_global_and_local_maps(tmp_path, corridor, corridor_scenario, quick):
-    from dataclasses import replace
-
     recipe = replace(quick, observation="global_local", local_size=5, pooling=1, strides=(1,))
     agent = Trainer(corridor_scenario, recipe, 0, corridor).agent
     export_onnx(agent, tmp_path / "a.onnx", states=50)
     inputs = onnxruntime.InferenceSession(tmp_path / "a.onnx").get_inputs()
     assert [one.name for one in inputs] == ["global_map", "local_map", "time"]
+
+
+def test_the_q_values_of_a_network_with_quantiles(tmp_path, corridor, corridor_scenario, quick):
+    recipe = replace(quick, quantiles=8, failsafe=True)
+    agent = Trainer(corridor_scenario, recipe, 0, corridor).agent
+    export_onnx(agent, tmp_path / "a.onnx", states=50)
+    session = onnxruntime.InferenceSession(tmp_path / "a.onnx")
+    assert [one.shape[1] for one in session.get_outputs()] == [6]
+    about = json.loads(session.get_modelmeta().custom_metadata_map["uavdh_lite"])
+    assert about["failsafe"] is True
 
 
 def test_a_file_that_decides_otherwise_is_not_written(tmp_path, monkeypatch):

@@ -3,6 +3,7 @@
 import gymnasium
 import numpy as np
 import pytest
+from sb3_contrib import MaskablePPO
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.evaluation import evaluate_policy
@@ -65,3 +66,23 @@ def test_the_return_rises_far_above_that_of_random_flights(make, algorithm):
     )
     model.learn(STEPS[algorithm])
     assert mean_return(model, 40) > mean_return(Random(), 100) + 2
+
+
+def test_maskable_ppo_learns_within_the_failsafe_and_never_crashes():
+    """It finds `action_masks` by itself; one crash would show in the return of its episode."""
+    env = Monitor(gymnasium.make("uavdh_lite/DataHarvesting-v0", scenario="village", failsafe=True))
+    model = MaskablePPO(
+        "MultiInputPolicy", env, seed=0, device="cpu", n_steps=256, batch_size=64, n_epochs=2
+    )
+    corrected = []
+
+    def watch(found, _):
+        corrected.extend(
+            info["sent_home"] or info["safety_intervention"] for info in found["infos"]
+        )
+        return True
+
+    model.learn(1_500, callback=watch)
+    returns = env.get_episode_rewards()
+    assert len(corrected) >= 1_500 and not any(corrected), "it took an action that is masked"
+    assert len(returns) > 40 and min(returns) > -35 * 0.2

@@ -10,7 +10,9 @@ from torch import nn
 from uavdh_lite.agent import Agent, saliency, value_map
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
+from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
+from uavdh_lite.evaluation import evaluate
 from uavdh_lite.observation import Observation
 from uavdh_lite.recipe import LITE
 from uavdh_lite.scenario import SCENARIOS, place
@@ -62,3 +64,46 @@ def test_value_map_moves_the_uav_and_nothing_else(city, state):
         moved = place(city, cell, [(4, 4), (7, 9)], [10, 5], 40, 5)
         assert values[cell] == pytest.approx(float(agent.q_values(moved).max()), abs=1e-4)
     assert state.uav_cell[0] == 8 * 16 + 7
+
+
+@pytest.fixture
+def safe(city):
+    """Untrained, with the failsafe: left to itself it would crash."""
+    network = Linear(torch.Generator().manual_seed(0))
+    recipe = replace(LITE, failsafe=True)
+    return Agent(network, Observation(city), recipe, SCENARIOS["manhattan"], city)
+
+
+def test_an_agent_with_the_failsafe_flies_alike_with_and_without_a_controller_that_has_it(safe):
+    own = replace(safe, recipe=LITE)
+    plain = Environment(safe.city)
+    scenario = safe.scenario
+    assert evaluate(plain, own, scenario, 60, seed=0).records()["has_landed"].mean() < 0.9
+    assert safe.environment.failsafe and not own.environment.failsafe
+    alone = evaluate(plain, safe, scenario, 60, seed=0).records()
+    guarded = evaluate(safe.environment, safe, scenario, 60, seed=0).records()
+    assert (alone["has_landed"] == 1).all() and not alone["safety_interventions"].any()
+    assert not guarded.pop("sent_home").any()
+    assert all(np.array_equal(guarded[metric], alone[metric]) for metric in alone)
+
+
+def test_it_chooses_the_best_of_the_allowed_actions(safe, generator):
+    state = safe.scenario.sample_anywhere(safe.city, 200, generator, spare_time=0)
+    allowed = safe.environment.allowed_actions(state)
+    q_values, action = safe.q_values(state).numpy(), safe(state)
+    assert allowed[np.arange(200), action].all()
+    assert (action == np.where(allowed, q_values, -np.inf).argmax(axis=1)).all()
+    assert (action != q_values.argmax(axis=1)).sum() > 20
+
+
+def test_explanations_leave_out_what_is_not_allowed(safe, city):
+    """Twelve moves from home with thirteen units of time: one way remains."""
+    far = np.unravel_index(city.landing_distance.argmax(), city.landing.shape)
+    time = int(city.landing_distance.max()) + 1
+    state = place(city, far, [(4, 4), (7, 9)], [10, 5], time, 5)
+    (action,) = safe(state)
+    assert action == safe.environment.way_home[state.uav_cell[0]]
+    (maps,), _ = safe.observation(state)
+    expected = (maps[0] * safe.network.weight[action]).abs().sum(0).detach()
+    np.testing.assert_allclose(saliency(safe, state), expected, rtol=1e-5)
+    assert value_map(safe, state)[far] == pytest.approx(float(safe.q_values(state)[0, action]))

@@ -1,6 +1,7 @@
 import errno
 import os
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,19 @@ def test_round_trip_keeps_everything(agent, tmp_path, generator):
     assert (loaded.recipe, loaded.scenario) == (agent.recipe, agent.scenario)
     assert loaded.city.fingerprint == agent.city.fingerprint and loaded.city.name == "corridor"
     assert loaded.training == {"seed": 3}
+
+
+def test_an_agent_with_quantiles_and_failsafe_comes_back(
+    corridor, corridor_scenario, quick, tmp_path, generator
+):
+    recipe = replace(quick, quantiles=5, failsafe=True)
+    observation, network = build(recipe, corridor)
+    agent = Agent(network, observation, recipe, corridor_scenario, corridor)
+    save_agent(tmp_path / "a.safetensors", agent)
+    loaded = load_agent(tmp_path / "a.safetensors")
+    state = corridor_scenario.sample(corridor, 30, generator)
+    assert torch.equal(loaded.q_values(state), agent.q_values(state))
+    assert loaded.recipe == recipe and loaded.environment.failsafe
 
 
 def test_every_flipped_bit_and_every_cut_is_noticed(agent, tmp_path):
@@ -148,6 +162,7 @@ OLDER = {  # by format: Q-values of two states, crash rewards at the start and a
     1: ([[-0.0950597, 0.2940438, 0.1925371], [-0.1017702, 0.3038139, 0.1961779]], (-40, -40)),
     2: ([[0.6350755, 0.3239658, 0.2056790], [0.6246894, 0.3164198, 0.1991273]], (-5, -20)),
     3: ([[-0.0355664, 0.2586487, 0.1302439], [-0.0443347, 0.2665804, 0.1387281]], (-10, -150)),
+    4: ([[0.6350755, 0.3239658, 0.2056790], [0.6246894, 0.3164198, 0.1991273]], (-5, -20)),
 }
 
 

@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import uavdh_lite.gym
 from uavdh_lite.city import City
-from uavdh_lite.environment import LAND, NORTH, Rewards
+from uavdh_lite.environment import HOVER, LAND, NORTH, SOUTH, Rewards
 from uavdh_lite.errors import InputError
 from uavdh_lite.scenario import SCENARIOS, place
 
@@ -214,3 +214,41 @@ def test_a_policy_of_observations_is_evaluated_as_ours_are():
     flights = evaluate(environment, uavdh_lite.gym.as_policy(env, land), scenario, 20, seed=0)
     assert flights.end.landed.all() and (flights.steps == 1).all()
     assert seen == [{"map": (20, 5, 15, 15), "time": (20, 1)}]
+
+
+def test_the_failsafe_brings_it_home_and_the_mask_says_so_before():
+    env = gymnasium.make(ID, scenario="village", failsafe=True)
+    env.reset(options={"start": start(time_left=2)})
+    mask = env.get_wrapper_attr("action_masks")
+    # In the corner: off the map, or one move away with one unit of time to land elsewhere.
+    assert mask()[[HOVER, LAND]].all() and not mask()[NORTH]
+    env.step(HOVER)
+    assert mask().tolist() == [False] * 5 + [True]
+    _, reward, terminated, _, info = env.step(SOUTH)
+    assert (reward, terminated) == (0.0, True)
+    assert info["has_landed"] and info["sent_home"] and not info["safety_intervention"]
+
+
+def test_without_the_failsafe_the_mask_leaves_out_what_is_refused():
+    env = gymnasium.make(ID, scenario="village")
+    env.reset(options={"start": start(time_left=1)})
+    mask = env.get_wrapper_attr("action_masks")()
+    assert mask[HOVER] and mask[LAND] and not mask[NORTH]
+
+
+def test_nobody_crashes_in_the_vector_environment_with_the_failsafe():
+    envs = vector(16, failsafe=True)
+    envs.reset(seed=0)
+    generator, ends, corrected = np.random.default_rng(0), 0, 0
+    for _ in range(150):
+        masks = envs.unwrapped.action_masks()
+        assert masks.shape == (16, 6) and masks.any(axis=1).all()
+        actions = generator.integers(0, 5, 16)
+        _, _, terminated, _, infos = envs.step(actions)
+        if terminated.any():
+            assert infos["final_info"]["has_landed"][terminated].all()
+        ends += terminated.sum()
+        told = np.where(terminated, infos.get("final_info", infos)["sent_home"], infos["sent_home"])
+        corrected += told.sum()
+        assert not (told & masks[np.arange(16), actions]).any()
+    assert ends > 40 and corrected >= ends

@@ -6,16 +6,20 @@ import io
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from uavdh_lite import labs
+from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.environment import ACTIONS
+from uavdh_lite.evaluation import evaluate
 from uavdh_lite.labs import ChannelLab, CityLab, FlyLab, Labs, MissionLab, ThinkLab
 from uavdh_lite.labs.city import Draft
+from uavdh_lite.labs.think import Thoughts
 
 
 def pixels(widget):
@@ -168,6 +172,22 @@ def test_thoughts_are_the_agents_at_each_step():
         q = agent.q_values(state)[0]
         assert bars(lab)[:6] == pytest.approx(q.tolist(), abs=1e-3)
         assert sum(bars(lab)[6:]) == pytest.approx(1, abs=1e-3)
+
+
+def test_actions_that_the_failsafe_forbids_have_no_bars():
+    shipped = load_agent("manhattan")
+    agent = replace(shipped, recipe=replace(shipped.recipe, failsafe=True))
+    flights = evaluate(agent.environment, agent, agent.scenario, 1, seed=0, record=True)
+    thoughts = Thoughts()
+    thoughts.set_flight("safe", flights, agent, last=0)
+    forbidden = 0
+    for step in range(0, flights.steps[0], 5):
+        thoughts.show(step)
+        allowed = agent.environment.allowed_actions(thoughts.states[step])[0]
+        widths = np.array([bar.get_width() for _, bar in thoughts.changing]).reshape(2, 6)
+        assert not widths[:, ~allowed].any() and np.isfinite(widths).all()
+        forbidden += (~allowed).sum()
+    assert forbidden
 
 
 def test_the_temperature_levels_the_policy_and_leaves_the_flight():

@@ -40,7 +40,7 @@ def test_tables_of_city_environment_and_planner(environment):
     assert {"City.landing_distance", "Environment.next_cell", "Environment.forbidden"} <= set(
         shared
     )
-    assert {"Environment.line_of_sight", "City.landing", "Greedy._home"} <= set(shared)
+    assert {"Environment.line_of_sight", "City.landing", "Environment.way_home"} <= set(shared)
     for name, array in shared.items():
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0

@@ -13,9 +13,18 @@ from uavdh_lite.recipe import LITE, PAPER
 from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.training import BIN, OverlappedTrainer, Trainer
 
+BEYOND = {
+    "quantiles": 8,
+    "huber_delta": 1.0,
+    "failsafe": True,
+    "advantage_learning": 0.5,
+    "exploring_starts": 0.0,
+}
+either = pytest.mark.parametrize("changes", [{}, BEYOND], ids=["ddqn", "quantile"])
+
 
 def weights(trainer):
-    return torch.cat([p.detach().flatten() for p in trainer.ddqn.online.parameters()])
+    return torch.cat([p.detach().flatten() for p in trainer.learner.online.parameters()])
 
 
 def run(trainer):
@@ -30,9 +39,10 @@ def test_same_seed_same_weights_other_seed_other_weights(trainer):
     assert not torch.equal(first, other)
 
 
-def test_two_threads_train_the_same_weights(trainer, corridor, corridor_scenario, quick):
-    two = OverlappedTrainer(corridor_scenario, quick, 0, corridor)
-    assert torch.equal(run(two), run(trainer()))
+@either
+def test_two_threads_train_the_same_weights(trainer, corridor, corridor_scenario, quick, changes):
+    two = OverlappedTrainer(corridor_scenario, replace(quick, **changes), 0, corridor)
+    assert torch.equal(run(two), run(trainer(**changes)))
     assert two.updates > 200
 
 
@@ -40,7 +50,7 @@ def test_an_error_in_the_second_thread_arrives(corridor, corridor_scenario, quic
     with closing(OverlappedTrainer(corridor_scenario, quick, 0, corridor)) as broken:
         while not broken.updates:
             broken.step()
-        broken.ddqn.optimiser = None
+        broken.learner.optimiser = None
         with pytest.raises(AttributeError):
             broken.step()
 
@@ -59,11 +69,11 @@ def test_an_update_takes_the_minibatch_of_the_step_before(trainer):
     own = trainer()
     while own.updates < 3:
         own.step()
-    first, networks = own.minibatch, copy.deepcopy(own.ddqn)
+    first, networks = own.minibatch, copy.deepcopy(own.learner)
     sampled = []
     sample = own.replay.sample
     own.replay.sample = lambda *arguments: sampled.append(sample(*arguments)) or sampled[-1]
-    expected = copy.deepcopy(own.ddqn)
+    expected = copy.deepcopy(own.learner)
     expected.set_learning_rate(own.recipe.learning_rate_at(own.steps))
     own.step()
     (batch,) = sampled
@@ -75,8 +85,72 @@ def test_an_update_takes_the_minibatch_of_the_step_before(trainer):
         assert float(own.minibatch.y[row]) == pytest.approx(y, rel=1e-5, abs=1e-5)
     expected.update(first.observation, first.action, first.y)
     for part in ("online", "target"):
-        ours, theirs = (getattr(one, part).parameters() for one in (own.ddqn, expected))
+        ours, theirs = (getattr(one, part).parameters() for one in (own.learner, expected))
         assert all(torch.equal(a, b) for a, b in zip(ours, theirs, strict=True))
+
+
+def test_targets_beyond_the_paper(trainer):
+    """Quantiles of what the online mean chooses of the allowed actions, less α of the gap."""
+    own = trainer(**BEYOND)
+    while own.steps < 3000:
+        own.step()
+    networks, sampled = copy.deepcopy(own.learner), []
+    sample = own.replay.sample
+    own.replay.sample = lambda *arguments: sampled.append(sample(*arguments)) or sampled[-1]
+    own.step()
+    (batch,) = sampled
+    allowed, allowed_next = (
+        own.environment.allowed_actions(state) for state in (batch.state, batch.next_state)
+    )
+    q_online = networks.online(*own.observation(batch.next_state))
+    quantiles = networks.target.quantiles(*own.observation(batch.next_state))
+    q_target = networks.target(*own.observation(batch.state))
+    masked = others = 0
+    for row, action in enumerate(batch.action):
+        best = max(np.flatnonzero(allowed_next[row]), key=lambda a: q_online[row, a])
+        masked += best != int(q_online[row].argmax())
+        gap = q_target[row][torch.from_numpy(allowed[row])].max() - q_target[row, action]
+        others += gap > 0
+        y = batch.reward[row] + batch.discount[row] * quantiles[row, best] - 0.5 * gap
+        assert torch.allclose(own.minibatch.y[row], y, atol=1e-4)
+    assert masked and others, "the mask and the gap made no difference: nothing was tested"
+
+
+def test_with_the_failsafe_a_learner_is_never_corrected(trainer):
+    """It chooses among the allowed actions, from the first random ones on."""
+    own = trainer(**BEYOND)
+    outcomes, step = [], own.environment.step
+
+    def recorded(*arguments):
+        after, outcome = step(*arguments)
+        outcomes.append(outcome)
+        return after, outcome
+
+    object.__setattr__(own.environment, "step", recorded)
+    run(own)
+    assert sum(outcome.landed.sum() for outcome in outcomes) > 20
+    for kind in ("crashed", "intervened", "sent_home"):
+        assert not any(getattr(outcome, kind).any() for outcome in outcomes), kind
+    own.validate()
+    row = own.validation_rows[-1]
+    assert row["has_landed"] == 1 and row["sent_home"] == row["safety_interventions"] == 0
+
+
+def test_a_training_from_before_the_failsafe_goes_on(trainer, tmp_path, monkeypatch):
+    """Its recipe lacks the newer fields, which then had no effect."""
+    half = trainer()
+    while half.steps < 1800:
+        half.step()
+    newer = {"failsafe", "quantiles", "advantage_learning"}
+    identity = half.identity()
+    identity["recipe"] = {k: v for k, v in identity["recipe"].items() if k not in newer}
+    monkeypatch.setattr(half, "identity", lambda: identity)
+    monkeypatch.setattr("uavdh_lite.checkpoint.FORMAT", 4)
+    half.save(tmp_path / "t.safetensors")
+    monkeypatch.undo()
+    again = trainer()
+    again.restore(tmp_path / "t.safetensors")
+    assert torch.equal(run(again), run(trainer()))
 
 
 def test_a_cold_policy_is_greedy(trainer):
@@ -99,9 +173,11 @@ def test_global_generators_are_neither_used_nor_changed(trainer):
     assert torch.equal(torch.get_rng_state(), before)
 
 
-def test_a_restored_run_goes_on_to_the_same_weights(trainer, tmp_path):
+@either
+def test_a_restored_run_goes_on_to_the_same_weights(trainer, tmp_path, changes):
     """With the statistics of the row that was begun before it was saved."""
-    whole, half, again = (trainer(steps=BIN + 400, environments=32) for _ in range(3))
+    changes = {"steps": BIN + 400, "environments": 32, **changes}
+    whole, half, again = (trainer(**changes) for _ in range(3))
     expected = run(whole)
     while half.steps < BIN - 800:
         half.step()

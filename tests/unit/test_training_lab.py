@@ -57,7 +57,7 @@ def test_pausing_changes_nothing_of_the_result(finished):
     assert 0 < steps < 1600 and "paused" in lab.status.value and not lab.start.disabled
     lab.start.click()
     wait(lab)
-    ours, theirs = (each.trainer.ddqn.online.state_dict() for each in (lab, finished))
+    ours, theirs = (each.trainer.learner.online.state_dict() for each in (lab, finished))
     assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
 
 

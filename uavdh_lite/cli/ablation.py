@@ -50,7 +50,7 @@ def _ablation(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..
             variants: names of the study's variants to run, by default all.
             scenario: what is drawn at random for each episode: manhattan, open_field, village,
                 harbour or metropolis.
-            recipe: how to train: lite, paper or small.
+            recipe: how to train: lite, paper, small or quantile.
             seeds: number of runs of each variant, with the seeds 0, 1, and so on.
             jobs: number of runs at a time.
             backend: where they run: loky, on this machine; dask, on the workers of a Dask cluster.

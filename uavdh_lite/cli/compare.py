@@ -37,12 +37,11 @@ def compare(
         out: the table, by default comparison-SCENARIO.csv.gz; a JSON file next to it says how it
             was made.
     """
-    from uavdh_lite.environment import Environment
     from uavdh_lite.experiments import comparison
     from uavdh_lite.provenance import provenance
 
     agent = open_agent(checkpoint, city, device)
-    environment = Environment(agent.city)
+    environment = agent.environment
     started = time.perf_counter()
     policies = comparison.entrants(environment, agent, seed, replan)
     results = comparison.compare(environment, agent.scenario, policies, episodes, seed, jobs)

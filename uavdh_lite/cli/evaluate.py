@@ -27,12 +27,11 @@ def evaluate(
         json: file to write the mean, low and high of each metric to.
     """
     from uavdh_lite import evaluation
-    from uavdh_lite.environment import Environment
     from uavdh_lite.experiments.report import metrics_table
     from uavdh_lite.storage import write_json
 
     agent = open_agent(checkpoint, city, device)
-    flights = evaluation.evaluate(Environment(agent.city), agent, agent.scenario, episodes, seed)
+    flights = evaluation.evaluate(agent.environment, agent, agent.scenario, episodes, seed)
     metrics = flights.metrics()
     print(f"{agent.scenario.name}: {episodes} random scenarios, seed {seed}")
     print(metrics_table(metrics))

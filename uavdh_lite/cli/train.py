@@ -49,7 +49,7 @@ def _train(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..., 
         Arguments:
             scenario: what is drawn at random for each episode: manhattan, open_field, village,
                 harbour or metropolis.
-            recipe: how to train: lite, paper or small.
+            recipe: how to train: lite, paper, small or quantile.
             seed: seed of the weights, the episodes and the exploration.
             out: folder of the run, by default runs/SCENARIO-RECIPE-SEED.
             resume: go on with the run in that folder.

@@ -17,7 +17,7 @@ def paper_agents() -> list[str]:
 def fly_agent(name: str, episodes: int, seed: int, device: str) -> tuple[Environment, Flights]:
     """A shipped agent over random scenarios of its own city, every step kept."""
     agent = load_agent(name, device)
-    environment = Environment(agent.city)
+    environment = agent.environment
     return environment, evaluate(environment, agent, agent.scenario, episodes, seed, record=True)
 
 

@@ -5,7 +5,7 @@ import torch
 from matplotlib.figure import Figure
 
 from uavdh_lite.agent import Agent, saliency, value_map
-from uavdh_lite.ddqn import softmax_policy
+from uavdh_lite.ddqn import only_allowed, softmax_policy
 from uavdh_lite.environment import ACTIONS, State
 from uavdh_lite.errors import extra
 from uavdh_lite.evaluation import Flights, Policy
@@ -46,8 +46,10 @@ class Thoughts:
             self.canvas.draw_all()
             return
         self.states = [state for state, *_ in flights.history[: flights.steps[0]]]
-        self.q = self.agent.q_values(State.concatenate(self.states))
-        low, high = float(self.q.min()), float(self.q.max())
+        states = State.concatenate(self.states)
+        self.q = only_allowed(self.agent.q_values(states), self.agent.allowed(states))
+        known = self.q[self.q.isfinite()]
+        low, high = float(known.min()), float(known.max())
         self.bars.set(title="Q-values", xlim=(min(low, 0) - 1, max(high, 0) + 1))
         self.chances.set(title="softmax policy", xlim=(0, 1))
         self.changing = [
@@ -85,7 +87,8 @@ class Thoughts:
         step = min(step, len(self.states) - 1)
         state, q = self.states[step], self.q[step]
         chances = softmax_policy(q[None], self.temperature)[0]
-        values = [*q.tolist(), *chances.tolist()]
+        bars = q.nan_to_num(neginf=0)  # an action that is not allowed has none
+        values = [*bars.tolist(), *chances.tolist()]
         for number, ((_, bar), value) in enumerate(zip(self.changing, values, strict=True)):
             bar.set_width(value)
             bar.set_color(CHOSEN if number % len(ACTIONS) == int(q.argmax()) else OTHER)

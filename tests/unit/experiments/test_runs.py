@@ -61,16 +61,16 @@ def test_a_run_tells_how_it_was_made(trainer, tmp_path):
 
 def test_a_training_that_diverges_stops_with_its_last_good_state(trainer, tmp_path):
     own = trainer(steps=4 * BIN, environments=50, batch_size=64, validation_interval=BIN)
-    update = own.ddqn.update
+    update = own.learner.update
 
     def diverging(*minibatch):
         loss = update(*minibatch)
         if own.steps > 1.5 * BIN:
             with torch.no_grad():
-                next(own.ddqn.online.parameters()).fill_(float("nan"))
+                next(own.learner.online.parameters()).fill_(float("nan"))
         return loss
 
-    own.ddqn.update = diverging
+    own.learner.update = diverging
     with pytest.raises(TrainingDiverged, match=f"not finite after {2 * BIN} steps: the last good"):
         train(own, tmp_path)
     tensors, about = load(tmp_path / "training.safetensors", "training")
