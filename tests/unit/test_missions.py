@@ -16,7 +16,7 @@ from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.missions import SCHEMA, HandFlight, Mission, load_mission, save_mission
 from uavdh_lite.planners import Greedy
-from uavdh_lite.policies import find_policy, policies_for
+from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.streams import Use, stream
 
@@ -85,17 +85,6 @@ def test_changes_leave_the_mission_as_it_was(mission):
 def test_what_cannot_be_flown_is_named(mission, change, message):
     with pytest.raises(InputError, match=message):
         change(mission)
-
-
-def test_policies_for_a_city(environment):
-    assert policies_for(environment) == [
-        "manhattan",
-        "manhattan_early",
-        "greedy",
-        "genie",
-        "random",
-    ]
-    assert policies_for(Environment(City.load("village"))) == ["greedy", "genie", "random"]
 
 
 @pytest.mark.parametrize("name", ["manhattan", "greedy", "genie", "random"])
