@@ -79,13 +79,13 @@ class Agent:
 
     @cached_property
     def environment(self) -> Environment:
-        """The environment of its training: the city, with the failsafe if the recipe has it."""
+        """The environment it was trained in: the city, with the failsafe if the recipe has it."""
         return Environment(self.city, failsafe=self.recipe.failsafe)
 
     def allowed(self, state: State) -> Tensor | None:
-        """The actions it chooses from, (B, 6) bool; None, for all of them, without the failsafe.
+        """The actions it chooses from, (B, 6) bool; without the failsafe None, for all of them.
 
-        It never took the others in training, so that their Q-values mean nothing.
+        It never took the other actions in training, so their Q-values mean nothing.
         """
         if not self.recipe.failsafe:
             return None

@@ -143,11 +143,10 @@ class Environment:
     safety controller replaces three actions by hovering: a move off the grid, a move into a no-fly
     cell, and a landing outside the landing zone.
 
-    With `failsafe` it also brings the UAV home, as the return-to-home function of drones does. It
-    replaces an action after which a landing would no longer be possible in the time left by the
-    first move of a shortest path home. This costs no reward. So no policy crashes, whatever it
-    does, in an episode that can land at all. The paper has no such guard: its agents learn to
-    land.
+    With `failsafe` it also brings the UAV home, like the return-to-home function of drones. If an
+    action would make a landing impossible in the time left, the first move of a shortest path home
+    replaces it. This costs no reward. So no policy crashes in an episode in which a landing is
+    possible at all. The paper has no such guard: its agents learn to land.
 
     ### Channel
     While the UAV moves or hovers there are δ communication slots. In slot i it is at
@@ -204,8 +203,8 @@ class Environment:
     def way_home(self) -> np.ndarray:
         """First action of a shortest path to a landing cell; (M²,) ints.
 
-        It is `land` in the landing zone, and `hover` where there is no way. Of landing cells that
-        are equally near, the path leads to the one with the lowest number.
+        It is `land` in the landing zone, and `hover` where there is no path. If several landing
+        cells are equally near, the path leads to the one with the lowest number.
         """
         distance = self.city.landing_distance.ravel()
         none = len(distance)
@@ -220,7 +219,7 @@ class Environment:
 
     @cached_property
     def time_to_land(self) -> np.ndarray:
-        """Units of time to fly home and land, a large number where there is no way; (M²,) ints."""
+        """Units of time to fly home and land, a large number where there is no path; (M²,) ints."""
         distance = self.city.landing_distance.ravel()
         return read_only(np.where(distance < 0, np.iinfo(np.int16).max, distance + 1))
 
@@ -230,10 +229,9 @@ class Environment:
         return allowed & ~self._too_late(state) if self.failsafe else allowed
 
     def _too_late(self, state: State) -> np.ndarray:
-        """The actions that give away the last chance to land; (B, 6) bool.
+        """The actions that miss the last chance to land; (B, 6) bool.
 
-        They are so after the refused ones have become `hover`. There are none where no landing is
-        possible any more.
+        A refused action counts as `hover`. If no landing is possible any more, there are none.
         """
         cell, time_left = state.uav_cell, state.time_left[:, None]
         possible = self.time_to_land[cell][:, None] <= time_left

@@ -1,7 +1,7 @@
 """QR-DQN: learn quantiles of the return instead of its mean alone (Dabney et al., 2018).
 
-The difference from `ddqn.py`: the network's head has N values for each action, the targets are N
-samples of the return, and the loss is the quantile Huber loss. What acts is the mean.
+Three things differ from `ddqn.py`: the network's head has N values for each action, the targets are
+N samples of the return, and the loss is the quantile Huber loss. The policy acts on the mean.
 """
 
 import torch
@@ -17,7 +17,7 @@ class QuantileNetwork(QNetwork):
     """N quantiles of each action's return; their mean is the Q-value: `network(maps, time)`.
 
     Arguments:
-        quantiles: N. The others are those of `QNetwork`.
+        quantiles: N. The other arguments are those of `QNetwork`.
     """
 
     def __init__(self, *arguments, quantiles: int, **options):
@@ -40,7 +40,8 @@ def quantile_huber_loss(quantiles: Tensor, samples: Tensor, kappa: float) -> Ten
     """The mean over the batch of Σ_i mean_j |τ̂_i − 1{u < 0}| · L_κ(u), u = y_j − θ_i (eq. 10).
 
     Arguments:
-        quantiles: (B, N), θ. samples: (B, any number), y, of the returns they shall describe.
+        quantiles: (B, N), θ.
+        samples: (B, any number), y, samples of the return.
         kappa: κ, the error above which Huber's L is linear.
     """
     error = samples[:, None, :] - quantiles[:, :, None]

@@ -230,14 +230,14 @@ QUANTILE = replace(
     crash_reward=PAPER.crash_reward,
     exploring_starts=0.0,
 )
-"""`LITE` with three ideas from beyond the paper, and without what they make needless:
+"""`LITE` with three ideas from beyond the paper, and without what they make unnecessary:
 
-- `failsafe`: nothing crashes, so a crash need not be learned from, nor feared: no `crash_reward`
-  that grows, and no `exploring_starts` with time to spare.
-- `quantiles` 32, with `huber_delta` as their κ: the whole distribution of the return is a richer
-  target than its mean.
-- `advantage_learning` 0.5: twice as wide gaps between the best action and the others, so that the
-  network's errors no longer decide between them.
+- `failsafe`: nothing crashes, so the agent need not learn from crashes. It needs no `crash_reward`
+  that grows, and no `exploring_starts`.
+- `quantiles` 32, with `huber_delta` as their κ: the distribution of the return is a richer target
+  than its mean.
+- `advantage_learning` 0.5: the gaps between the best action and the others become twice as wide, so
+  that errors of the network no longer decide.
 - `steps`: half of `LITE`'s.
 """
 
