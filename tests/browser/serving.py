@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import psutil
 
-DEADLINE = 120  # seconds; only a server that never answers or never ends takes so long
+DEADLINE = 180  # seconds; only a server that never answers or never ends takes so long
 
 
 @contextmanager
