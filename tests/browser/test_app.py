@@ -254,7 +254,7 @@ def test_a_training_runs_pauses_and_goes_on(page):
     expect(status).to_contain_text("paused")
     expect(lab.get_by_label("temperature")).to_be_disabled()
     lab.get_by_role("button", name=re.compile(r"start$")).click()
-    expect(status).to_contain_text("after 16,0")
+    expect(status).to_contain_text(re.compile(r"after (16|24|32|40|48),0"))  # however fast it is
     shoot(page, "training")
     lab.get_by_role("button", name="pause").click()
     expect(status).to_contain_text("paused")
