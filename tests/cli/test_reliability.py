@@ -101,7 +101,7 @@ def test_a_run_left_early_resumes_to_the_same_result(tmp_path, uninterrupted, st
     """Before and after the first validation, at 1280 steps; 16 environments."""
     assert main(arguments(tmp_path, "--stop-after", str(steps))) == 0
     output = capsys.readouterr().out
-    assert f"left after {steps} steps; to go on: add --resume" in output
+    assert f"stopped after {steps} steps; add --resume to continue" in output
     assert ("best agent" in output) == (tmp_path / "best.safetensors").exists() == (steps > 1280)
     assert main(arguments(tmp_path, "--resume")) == 0
     assert_same_result(tmp_path, uninterrupted)

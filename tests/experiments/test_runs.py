@@ -44,6 +44,7 @@ def test_a_folder_with_a_run_is_not_overwritten(trainer, tmp_path):
         train(trainer(steps=400), tmp_path)
     with pytest.raises(InputError, match="no run to resume there"):
         train(trainer(steps=400), tmp_path / "empty", resume=True)
+    assert not (tmp_path / "empty").exists()  # a refused run leaves nothing behind
     train(trainer(steps=400), tmp_path, resume=True)  # a finished run stays finished
 
 

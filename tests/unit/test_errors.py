@@ -5,6 +5,7 @@ import pytest
 
 from uavdh_lite.errors import InputError, MissingExtra, extra
 from uavdh_lite.experiments.ablation import run_study
+from uavdh_lite.experiments.runs import train
 from uavdh_lite.experiments.tensorboard import Board
 
 
@@ -37,5 +38,8 @@ def test_gymnasium_tensorboard_and_dask_are_asked_for(monkeypatch, tmp_path):
         importlib.import_module("uavdh_lite.gym")
     with pytest.raises(MissingExtra, match=r"tensorboard is .*'uavdh-lite\[tensorboard\]'"):
         Board(tmp_path, None)
+    with pytest.raises(MissingExtra, match="tensorboard"):
+        train(None, tmp_path / "run", tensorboard=True)
+    assert not (tmp_path / "run").exists()  # a refused run leaves nothing behind
     with pytest.raises(MissingExtra, match=r"distributed is .*'uavdh-lite\[dask\]'"):
         run_study(None, {}, 1, tmp_path, backend="dask")

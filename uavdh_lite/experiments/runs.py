@@ -14,7 +14,7 @@ from tqdm.auto import tqdm
 
 from uavdh_lite.checkpoint import save_agent
 from uavdh_lite.errors import InputError, TrainingDiverged
-from uavdh_lite.experiments.tensorboard import Board
+from uavdh_lite.experiments.tensorboard import Board, writer_type
 from uavdh_lite.storage import write_json, write_table
 from uavdh_lite.training import BIN, Trainer
 
@@ -37,22 +37,27 @@ def train(
     | file | content |
     | --- | --- |
     | `best.safetensors` | the agent with the best validation so far: the result |
-    | `training.safetensors` | everything needed to go on, written at each validation |
+    | `training.safetensors` | everything needed to resume, written at each validation |
     | `training.csv` | a row for every 5000 environment steps: ordinary training episodes |
     | `validation.csv` | a row for each greedy validation |
     | `about.json` | command, seed, recipe, seconds, machine, versions, the last validation |
     | `tensorboard/` | with `tensorboard`, the rows of both tables as event files |
-    | `lock` | held while the run is going on, so that no other one writes here |
+    | `lock` | held during the run, so that no other process writes here |
 
-    A run that was killed goes on with `resume=True`, and ends with the same weights as one that
-    was not. Ctrl-C saves, then raises `KeyboardInterrupt`. With `stop_after` the run is saved and
-    left after so many environment steps, if it has more.
+    A run that was killed continues with `resume=True`, and ends with the same weights as one that
+    was not. Ctrl-C saves the run, then raises `KeyboardInterrupt`. With `stop_after` the run is
+    saved and stopped after that many environment steps.
 
     Raises `InputError` if the folder holds a run and `resume` is False, or none and it is True, or
-    if another process is training there; `TrainingDiverged` if the loss or a weight is not finite
-    any more, with the files as they were at the last validation.
+    if another process is training there; `MissingExtra` if TensorBoard is asked for and not
+    installed; `TrainingDiverged` if the loss or a weight is no longer finite, with the files as
+    they were at the last validation.
     """
     out = Path(out)
+    if tensorboard:
+        writer_type()  # a refused run leaves no folder behind
+    if resume and not (out / SAVED).exists():
+        raise InputError(f"{out}: no run to resume there; leave out --resume to start one")
     out.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(out / "lock", timeout=0):
@@ -73,8 +78,6 @@ def _train(
     tensorboard: bool,
 ) -> Path:
     saved = out / SAVED
-    if resume and not saved.exists():
-        raise InputError(f"{out}: no run to resume there; leave out --resume to start one")
     if not resume and saved.exists():
         raise InputError(f"{out}: holds a run already; add --resume, or choose another folder")
     if resume:
@@ -100,7 +103,7 @@ def _train(
             interval = trainer.recipe.validation_interval
             validates = trainer.steps // interval > before // interval or trainer.finished
             reports = trainer.steps // BIN > before // BIN or trainer.finished
-            stops = interrupted()  # one look a step: nothing is saved that was not checked
+            stops = interrupted()  # asked once a step: nothing is saved that was not checked
             if validates or reports or stops:
                 _require_finite(trainer, out)
             if validates:
@@ -111,12 +114,16 @@ def _train(
                 board.write()
             if stops:
                 trainer.save(saved)
-                print(f"\nstopped after {trainer.steps} steps; to go on: add --resume", flush=True)
+                _say_stopped(trainer)
                 raise KeyboardInterrupt
         if not trainer.finished:
             trainer.save(saved)
-            print(f"\nleft after {trainer.steps} steps; to go on: add --resume", flush=True)
+            _say_stopped(trainer)
     return out / "best.safetensors"
+
+
+def _say_stopped(trainer: Trainer) -> None:
+    print(f"\nstopped after {trainer.steps} steps; add --resume to continue", flush=True)
 
 
 def _require_finite(trainer: Trainer, out: Path) -> None:
@@ -170,10 +177,10 @@ def _status(trainer: Trainer) -> str:
 
 @contextmanager
 def _deferred_interrupt() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C is only noted, so that a step is never cut in two; gives a function that says if.
+    """Only note a Ctrl-C, so that no step is cut in two; yields a function that says if one came.
 
-    A second Ctrl-C interrupts at once. Outside the main thread signals cannot be caught: there
-    Ctrl-C does not arrive either.
+    A second Ctrl-C interrupts at once. Threads other than the main one cannot catch signals, and
+    get no Ctrl-C either.
     """
     noted = threading.Event()
 
