@@ -1,7 +1,7 @@
 # %% [markdown]
 # # 2 · Shadow ray tracing
 #
-# Whether a device hears the UAV depends on what stands between them. This notebook decides it for
+# Whether the UAV hears a device depends on what stands between them. This notebook decides it for
 # every pair of cells, first for one ray with a pencil, then for all 65,536 pairs of a city at once.
 
 # %% tags=["remove-cell"]
@@ -22,7 +22,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from uavdh_lite.city import City
-from uavdh_lite.plotting import draw_city
+from uavdh_lite.plotting import ORANGE, draw_city
 from uavdh_lite.shadowing import crossed_cells, line_of_sight
 
 city = City.load("manhattan")
@@ -30,7 +30,7 @@ sight = line_of_sight(city.buildings)
 device = (4, 4)
 figure = Figure(figsize=(6, 6), layout="constrained")
 ax = draw_city(figure.subplots(), city, shadow_sum=4 * ~sight[device])
-ax.plot(device[1], device[0], "X", color="#E69F00", mec="white", ms=13)
+ax.plot(device[1], device[0], "X", color=ORANGE, mec="white", ms=13)
 ax.set_title("grey: where the device at the cross cannot be seen")
 figure
 
@@ -155,7 +155,7 @@ def draw_shadow(row, col):
     figure = Figure(figsize=(5.5, 5.5), layout="constrained")
     dark = 4 * ~sight[row, col]  # as dark as if hidden from four devices
     ax = draw_city(figure.subplots(), city, shadow_sum=dark)
-    ax.plot(col, row, "X", color="#E69F00", mec="white", ms=13)
+    ax.plot(col, row, "X", color=ORANGE, mec="white", ms=13)
     ax.set_title(f"seen from {sight[row, col].mean():.0%} of the cells")
     return figure
 
@@ -188,7 +188,7 @@ hidden = sum(~sight[row, col] for row, col in devices)
 figure = Figure(figsize=(6, 6), layout="constrained")
 ax = draw_city(figure.subplots(), city, shadow_sum=hidden)
 for row, col in devices:
-    ax.plot(col, row, "X", color="#E69F00", mec="white", ms=13)
+    ax.plot(col, row, "X", color=ORANGE, mec="white", ms=13)
 for number in np.unique(hidden):
     print(f"{(hidden == number).sum():>4} cells from which {number} devices are hidden")
 figure
@@ -220,7 +220,7 @@ row, col = divmod(int(worst), 16)
 figure = Figure(figsize=(10, 5), layout="constrained")
 for ax, name, table in zip(figure.subplots(1, 2), ("exact", "Bresenham"), (sight, fan)):
     draw_city(ax, city, shadow_sum=4 * ~table[row, col])
-    ax.plot(col, row, "X", color="#E69F00", mec="white", ms=13)
+    ax.plot(col, row, "X", color=ORANGE, mec="white", ms=13)
     ax.set_title(name)
 figure
 

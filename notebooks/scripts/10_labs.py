@@ -38,7 +38,7 @@ pictures(lab.maps[0].canvas, lab.maps[1].canvas, lab.charts.canvas)
 # | --- | --- |
 # | **What you'll do** | Use six labs with mouse and keyboard |
 # | **What you'll learn** | Nothing new: here you try what the other notebooks explain |
-# | **What you'll need** | A running kernel, notebook 0; for each lab the notebook that is named. 10 minutes to read, 20 seconds to run; 10 minutes of exercises |
+# | **What you'll need** | A running kernel; `pip install -e "..[notebooks]"`, which includes ipyevents for clicks and keys; notebook 0, and for each lab the notebook that is named. 10 minutes to read, 20 seconds to run; 10 minutes of exercises |
 #
 # ## 10.1 Mission lab (notebook 0)
 #

@@ -337,7 +337,7 @@ def test_uploads_are_taken_or_refused_with_a_reason():
     large = Draft.blank(60)
     large.paint((0, 0), "landing zone")
     upload(large.png())
-    assert "60 cells on a side: this editor takes 50" in lab.message.value
+    assert "60 cells on a side: at most 50 fit this editor" in lab.message.value
     assert lab.draft.size == 16
 
 

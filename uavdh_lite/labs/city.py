@@ -16,7 +16,7 @@ from uavdh_lite.labs.views import Map
 from uavdh_lite.labs.widgets import CellPicker, status
 from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import draw_city, png
-from uavdh_lite.policies import find_policy
+from uavdh_lite.policies import PLANNERS, find_policy
 from uavdh_lite.scenario import Scenario
 
 with extra("notebooks"):
@@ -35,7 +35,7 @@ UPLOAD_BYTES = 100_000
 
 
 class Draft:
-    """Kinds of cells on a square grid: a city that may still lack something.
+    """Kinds of cells on a square grid: a city that may still be incomplete.
 
     Arguments:
         kinds: (M, M) indices into `city.KINDS`.
@@ -92,7 +92,7 @@ class Draft:
         return True
 
     def city(self, name: str = "my_city") -> City:
-        """The city; raises `CityError` if it lacks something."""
+        """The city; raises `CityError` if it is incomplete."""
         return City.from_kinds(name, self.kinds)
 
     def png(self) -> bytes:
@@ -127,7 +127,7 @@ class CityLab(ipywidgets.VBox):
         self.brush = ipywidgets.ToggleButtons(
             options=list(BRUSHES), value="tall building", description="paint"
         )
-        self.policy = ipywidgets.Dropdown(options=["greedy", "genie"], description="planner")
+        self.policy = ipywidgets.Dropdown(options=list(PLANNERS), description="planner")
         self.fly = ipywidgets.Button(description="fly", icon="plane", tooltip="a random mission")
         self.picker = CellPicker(self.paint)
         self.message = ipywidgets.HTML(layout={"min_height": "28px"})
@@ -174,13 +174,13 @@ class CityLab(ipywidgets.VBox):
         self._show()
 
     def _read(self, files) -> None:
-        """Take over an uploaded PNG; if it is no city, say why and change nothing."""
+        """Use an uploaded PNG; if it is not a city, say why and change nothing."""
         if not files:
             return
         try:
             kinds = Draft.from_png(bytes(files[0]["content"])).kinds
             if len(kinds) > LARGEST:
-                raise CityError(f"{len(kinds)} cells on a side: this editor takes {LARGEST}")
+                raise CityError(f"{len(kinds)} cells on a side: at most {LARGEST} fit this editor")
             self._take(kinds)
         except CityError as error:
             self._say(str(error).replace("upload.png", files[0]["name"]))
