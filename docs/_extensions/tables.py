@@ -79,7 +79,7 @@ def bounds(limits: dict[str, float | None]) -> str:
 
 def _help(*command: str) -> str:
     """What `--help` prints, without colours, as wide as a page."""
-    environment = {**os.environ, "COLUMNS": "99", "NO_COLOR": "1", "TERM": "dumb"}
+    environment = {**os.environ, "COLUMNS": "97", "NO_COLOR": "1", "TERM": "dumb"}
     call = [sys.executable, "-m", "uavdh_lite", *command, "--help"]
     done = subprocess.run(call, capture_output=True, text=True, check=True, env=environment)
     return done.stdout

@@ -36,7 +36,7 @@ def test_every_block_of_a_guide_runs(page, tmp_path, monkeypatch):
         if language == "python":
             exec(compile("\n" * line + content, str(page), "exec"), names)
         elif language == "bash":
-            for command in content.splitlines():
+            for command in content.replace("\\\n", "").splitlines():
                 words = shlex.split(command)
                 assert words[:3] == COMMAND, f"{page}:{line}: cannot run {command!r}"
                 assert main(words[3:]) == 0, f"{page}:{line}: {command}"
