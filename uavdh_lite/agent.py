@@ -1,4 +1,4 @@
-"""An agent: a trained network, and all that is needed to fly with it."""
+"""An agent: a trained network, and everything needed to fly with it."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -99,13 +99,13 @@ class Agent:
         """The same network over another city of the same size, which it was not trained for.
 
         Raises `InputError` if the size differs: the network's first fully connected layer is made
-        for one size.
+        for one size only.
         """
         if self.knows(city):
             return self
         if city.size != self.city.size:
             raise InputError(
-                f"this agent was trained for a city of {self.city.size} cells a side "
+                f"this agent was trained for a city of {self.city.size} cells on a side "
                 f"({self.city.name}), {city.name} has {city.size}: train one for it"
             )
         observation, _ = build(self.recipe, city)

@@ -1,4 +1,4 @@
-"""The city: a square grid of cells with three Boolean layers, stored as a PNG, a pixel per cell."""
+"""The city: a square grid of cells with three Boolean layers, stored as a PNG."""
 
 import hashlib
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from PIL import Image
 from uavdh_lite.errors import CityError
 from uavdh_lite.storage import data_folder, write_atomically
 
-MAX_SIZE = 100  # cells a side; the line-of-sight table holds size**4 bytes
+MAX_SIZE = 100  # cells on a side; the line-of-sight table holds size**4 bytes
 
 # Each row is a kind of cell: its sign in a text drawing, its colour in a PNG (the palette of the
 # authors' code, so that their maps load unchanged), and the layers that it sets.
@@ -74,7 +74,7 @@ class City:
         if self.no_fly.shape != shape or self.buildings.shape != shape:
             raise CityError(f"{self.name}: the layers landing, no_fly, buildings differ in shape")
         if shape[0] > MAX_SIZE:
-            raise CityError(f"{self.name}: {shape[0]} cells a side, at most {MAX_SIZE} fit")
+            raise CityError(f"{self.name}: {shape[0]} cells on a side, at most {MAX_SIZE} fit")
         if not self.landing.any():
             raise CityError(f"{self.name}: no start and landing zone; paint at least one cell blue")
         both = self.landing & (self.no_fly | self.buildings)
@@ -91,7 +91,7 @@ class City:
 
     @property
     def size(self) -> int:
-        """M, the number of cells a side."""
+        """M, the number of cells on a side."""
         return self.landing.shape[0]
 
     @cached_property
@@ -101,7 +101,7 @@ class City:
 
     @cached_property
     def flight_cells(self) -> np.ndarray:
-        """The cells which the UAV may enter; (n,) ints."""
+        """The cells that the UAV may enter; (n,) ints."""
         return read_only(np.flatnonzero(~self.no_fly))
 
     @cached_property
@@ -200,7 +200,7 @@ def _read_kinds(path: Path) -> np.ndarray:
             if max(image.size) > MAX_SIZE:  # known from the header: nothing large is decoded
                 width, height = image.size
                 raise CityError(
-                    f"{path}: {height} × {width} pixels, at most {MAX_SIZE} a side are possible"
+                    f"{path}: {height} × {width} pixels, at most {MAX_SIZE} on a side fit"
                 )
             image.verify()  # tests the checksums; afterwards the file must be opened again
         with Image.open(path, formats=["PNG"]) as image:

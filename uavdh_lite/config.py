@@ -1,4 +1,4 @@
-"""Fields of configurations that explain themselves and know their bounds."""
+"""Configuration fields that carry their own help and bounds."""
 
 import dataclasses
 import math

@@ -68,7 +68,7 @@ class Networks:
 
     @torch.no_grad()
     def copy_from(self, other: "Networks") -> None:
-        """Take over the weights of `other`, in place."""
+        """Copy the weights of `other`, in place."""
         for mine, theirs in ((self.online, other.online), (self.target, other.target)):
             torch._foreach_copy_(list(mine.parameters()), list(theirs.parameters()))
 
@@ -118,7 +118,7 @@ class DDQN(Networks):
         return huber_loss(q, y, delta=self.huber_delta)
 
     def set_learning_rate(self, rate: float) -> None:
-        """The optimiser's learning rate from now on."""
+        """Set the optimiser's learning rate from now on."""
         for group in self.optimiser.param_groups:
             group["lr"] = rate
 
@@ -133,7 +133,7 @@ class DDQN(Networks):
         return tensors
 
     def load_state_dict(self, tensors: dict[str, Tensor]) -> None:
-        """Take over what `state_dict` of equal networks gave."""
+        """Restore what `state_dict` gave, for networks of the same shape."""
         parts: dict[str, dict[str, Tensor]] = {"online": {}, "target": {}, "optimiser": {}}
         for key, value in tensors.items():
             part, name = key.split(".", 1)

@@ -21,7 +21,7 @@ class MissingExtra(InputError, ImportError):
 
 
 class TrainingDiverged(ArithmeticError):
-    """The loss or a weight of a training run is not a number any more."""
+    """The loss or a weight of a training run is no longer finite."""
 
 
 @contextmanager
@@ -30,8 +30,10 @@ def extra(name: str) -> Iterator[None]:
 
     Raises `MissingExtra` if one of them is not installed.
 
-    >>> with extra("onnx"):
-    ...     import onnxruntime
+    ```python
+    with extra("onnx"):
+        import onnxruntime
+    ```
     """
     try:
         yield

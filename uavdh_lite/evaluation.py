@@ -1,4 +1,4 @@
-"""Monte Carlo evaluation: fly many random scenarios at once, and say how certain the means are."""
+"""Monte Carlo evaluation: fly many random missions at once, and say how certain the means are."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -102,7 +102,7 @@ class Flights:
         `has_landed`: 1 or 0. `collection_ratio`: collected over initial data.
         `collection_ratio_and_landed`: their product (CRAL). `cumulative_reward`.
         `time_used`: steps over initial flying time. `safety_interventions`: a count. `sent_home`:
-        a count, only of flights with the failsafe; so its presence says that there was one.
+        a count, there only for flights with the failsafe.
         """
         ratio = self.end.collection_ratio.astype(float)
         records = {
@@ -153,7 +153,7 @@ def fly(
 
     The policy is asked only about the episodes still in the air. Fading is drawn for all episodes
     in every step, so it does not depend on what the policy does: two policies with the same start
-    and equal generators meet the same fading.
+    and equal generators have the same fading.
 
     Arguments:
         record: keep every step, for `Flights.trajectory`.
@@ -197,7 +197,7 @@ def evaluate(
     use: Use = Use.TEST,
     record: bool = False,
 ) -> Flights:
-    """Fly `episodes` random scenarios; the same seed draws the same scenarios and fading.
+    """Fly `episodes` random missions; the same seed draws the same missions and fading.
 
     The cumulative reward always has the paper's constants, so agents trained with other constants
     can be compared.
@@ -232,7 +232,7 @@ def wilson_interval(values: np.ndarray) -> Interval:
 def bootstrap_interval(values: np.ndarray, resamples: int = 2000) -> Interval:
     """The mean of independent values, (N,), with its 95 % percentile bootstrap interval.
 
-    If all values are equal the interval is a point. That does not mean certainty.
+    If all values are equal, the interval is a point; that does not mean certainty.
     """
     generator = stream(Use.BOOTSTRAP)
     means = [

@@ -1,4 +1,4 @@
-"""An agent's network as an ONNX file, for runtimes without torch."""
+"""An agent's network as an ONNX file, to run without torch."""
 
 import json
 import warnings
@@ -27,7 +27,7 @@ def export_onnx(agent: Agent, path: str | Path, states: int = 1000) -> float:
     | `q_values` | (B, 6) float32 | in the order of `ACTIONS` |
 
     The file's metadata has the order of the actions, the scales, the city and the scenario as JSON.
-    Where it says `failsafe`, choose among the actions after which a landing is still possible.
+    If it says `failsafe`, choose only among the actions after which a landing is still possible.
     ONNX Runtime and the agent are asked about random states under way. Their Q-values may differ by
     at most `TOLERANCE`, and they must choose the same action wherever the best two Q-values differ
     by more; otherwise nothing is written.

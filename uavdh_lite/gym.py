@@ -103,8 +103,8 @@ class DataHarvesting(gymnasium.Env):
     ## Description
 
     A UAV flies over a city for a limited time and collects data from IoT devices on the ground.
-    Buildings block radio links, tall ones also the way; some zones may not be entered; and it must
-    land in time. This is the problem of Bayerlein, Theile, Caccamo and Gesbert, "UAV Path Planning
+    Buildings block radio links, and tall ones block the way, too. Some zones may not be entered, and
+    the UAV must land in time. This is the problem of Bayerlein, Theile, Caccamo and Gesbert, "UAV Path Planning
     for Wireless Data Harvesting: A Deep Reinforcement Learning Approach", Globecom 2020.
 
     ## Action Space
@@ -128,7 +128,7 @@ class DataHarvesting(gymnasium.Env):
 
     ## Observation Space
 
-    A `Dict` of float32 arrays between 0 and 1. M is the number of cells a side, W = 2M − 1.
+    A `Dict` of float32 arrays between 0 and 1. M is the number of cells on a side, W = 2M − 1.
 
     | key | shape | what |
     | --- | --- | --- |
@@ -143,8 +143,8 @@ class DataHarvesting(gymnasium.Env):
 
     ## Starting State
 
-    Number, places and data of the devices, the start cell and the flying time are drawn again from
-    the scenario's ranges. `reset(options={"start": state})` takes a `State` of one episode instead,
+    The number, the places and the data of the devices, the start cell and the flying time are drawn
+    from the scenario's ranges. `reset(options={"start": state})` takes a `State` of one episode instead,
     for example from `uavdh_lite.scenario.place`.
 
     ## Episode End
@@ -284,7 +284,7 @@ class DataHarvestingVector(VectorEnv):
     An episode that ends is replaced in the same step (`AutoresetMode.SAME_STEP`): the observation
     of that step is the new episode's first, `infos["final_obs"]` holds the old one's last and
     `infos["final_info"]` its last info, both where `infos["_final_obs"]` is True. So every step is
-    a real transition of every episode; there is no dummy one to leave out.
+    a real transition of every episode; there are no dummy steps to leave out.
 
     Scenarios and fading of all episodes come from one generator, seeded at `reset`. The arguments
     are those of `DataHarvesting`.
@@ -394,7 +394,7 @@ def as_policy(
 ) -> Policy:
     """A policy of this library from a function of this environment's observations.
 
-    So agents of other libraries can be evaluated as ours are. For Stable-Baselines3:
+    With it, agents of other libraries are evaluated like ours. For Stable-Baselines3:
     `as_policy(env, lambda batch: model.predict(batch, deterministic=True)[0])`.
 
     Arguments:

@@ -1,8 +1,8 @@
 """A mission that a person sets, flies and shares.
 
 A mission file is JSON; `schemas/mission.schema.json` describes it. It holds the city, so the
-episode stays the same wherever and whenever it is flown, and a checksum, which shows damage. If you
-edit a file by hand, take out the entry `sha256`.
+episode stays the same wherever and whenever it is flown, and a checksum, which reveals damage. If
+you edit a file by hand, delete the entry `sha256`.
 """
 
 import hashlib
@@ -148,7 +148,7 @@ class Mission:
 class HandFlight:
     """A mission flown step by step, with each action chosen when it is due.
 
-    It meets the same fading as any policy that flies the mission.
+    It has the same fading as any policy that flies the mission.
 
     | attribute | meaning |
     | --- | --- |

@@ -12,5 +12,5 @@ RESULTS = {
         "collection_ratio_and_landed": 0.899,
     },
 }
-"""The mean of each metric over 1000 random scenarios, by map; one agent was trained for each map,
+"""The mean of each metric over 1000 random missions, by map; one agent was trained for each map,
 and the maps themselves were never published."""

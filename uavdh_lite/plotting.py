@@ -264,7 +264,7 @@ def draw_study(figure: Figure, table: dict[str, np.ndarray]) -> None:
 def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure to a file, atomically; the format follows the suffix.
 
-    Raises `InputError` if matplotlib has no format of that suffix.
+    Raises `InputError` if matplotlib has no format for that suffix.
     """
     formats = figure.canvas.get_supported_filetypes()
     if Path(path).suffix.removeprefix(".").lower() not in formats:

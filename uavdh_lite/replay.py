@@ -39,7 +39,10 @@ class Replay:
 
     def __init__(self, capacity: int, environments: int, max_devices: int):
         if capacity < environments:
-            raise InputError(f"replay of {capacity} transitions for {environments} environments")
+            raise InputError(
+                f"replay of {capacity} transitions for {environments} environments: "
+                "each needs at least one"
+            )
         steps = -(-capacity // environments) + 1  # one more: the newest state has no action yet
         lead, devices = (steps, environments), (steps, environments, max_devices)
         self.states: dict[str, np.ndarray] = {
@@ -74,7 +77,7 @@ class Replay:
         return {**self._arrays(), "place": np.array([self.head, self.filled])}
 
     def load_state_dict(self, arrays: dict[str, np.ndarray]) -> None:
-        """Restore what `state_dict` of an equally large memory gave."""
+        """Restore what `state_dict` gave, for a memory of the same size."""
         for name, array in self._arrays().items():
             array[:] = arrays[name]
         self.head, self.filled = (int(number) for number in arrays["place"])
@@ -112,7 +115,9 @@ class Replay:
         """
         environments = self.action.shape[1]
         if not environments <= size:
-            raise InputError(f"a minibatch of {size} cannot hold the newest {environments}")
+            raise InputError(
+                f"a minibatch of {size} cannot hold the newest {environments}: make it larger"
+            )
         if not self.filled:
             raise InputError("the replay memory is empty: add transitions before sampling")
         age = generator.integers(0, self.filled, size)

@@ -42,8 +42,8 @@ class Scenario:
         """Draw the starts of `count` episodes.
 
         The start is uniform over the landing cells. The devices are uniform over the cells where
-        they may stand, no two in one. Their number, their data and the flying time are uniform over
-        the ranges.
+        they may stand, never two in one. Their number, their data and the flying time are uniform
+        over the ranges.
         """
         cells = city.device_cells
         if self.max_devices > len(cells):
@@ -70,8 +70,8 @@ class Scenario:
         """Draw episodes that are already under way, for exploring starts in training.
 
         Three things differ from `sample`. The UAV may be over any cell from which it can land. Its
-        flying time is uniform, at least what the way home and the landing take plus `spare_time`,
-        at most the scenario's longest. Each device is already empty with probability 1/2.
+        flying time is uniform, from what the way home and the landing take plus `spare_time` to
+        the scenario's longest. Each device is already empty with probability 1/2.
         """
         state = self.sample(city, count, generator)
         distance = city.landing_distance.ravel()
@@ -163,5 +163,6 @@ def place(
 def _cell(city: City, cell: tuple[int, int], what: str) -> int:
     row, col = cell
     if not (0 <= row < city.size and 0 <= col < city.size):
-        raise InputError(f"{what} at {tuple(cell)} is outside the city, {city.size} cells a side")
+        size = f"{city.size} × {city.size} cells"
+        raise InputError(f"{what} at {tuple(cell)} is outside the city of {size}")
     return int(row) * city.size + int(col)

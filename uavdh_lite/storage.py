@@ -29,7 +29,7 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
 
     A reader of `path` sees the old file or the new one, never a part. If anything fails (a full
     disk, a folder that cannot be written), the old file stays as it was, the temporary file is
-    removed, and the error goes on to the caller.
+    removed, and the caller gets the error.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -84,7 +84,7 @@ def read_table(path: str | Path) -> dict[str, np.ndarray]:
     except (OSError, EOFError, zlib.error, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: not a table ({error})") from None
     if not rows or any(len(row) != len(rows[0]) for row in rows):
-        raise InputError(f"{path}: not a table: its rows are of unequal length")
+        raise InputError(f"{path}: not a table: its rows differ in length")
     names, *values = rows
     columns = zip(*values, strict=True) if values else [()] * len(names)
     return {name: _column(column) for name, column in zip(names, columns, strict=True)}

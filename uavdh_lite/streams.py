@@ -2,7 +2,7 @@
 
 The use is a spawn key of numpy's `SeedSequence`, so two uses never share a stream, whatever their
 seeds. A generator made elsewhere, such as `numpy.random.default_rng(2)`, has no spawn key, so it
-differs from all of these, too.
+shares none of these streams, either.
 """
 
 from enum import IntEnum
@@ -14,7 +14,7 @@ from uavdh_lite.errors import InputError
 VERSION = 2
 """It changes whenever a use and a seed give other numbers than before. Results record it.
 
-Version 1, up to release 0.1.0, seeded with the list [use, seed].
+Version 1, before the first release, seeded with the list [use, seed].
 """
 
 
@@ -22,9 +22,9 @@ class Use(IntEnum):
     """What random numbers are for. The numbers are part of the streams: never change one."""
 
     TRAINING = 0  # episodes, fading, exploration and minibatches of a training run
-    VALIDATION = 1  # the scenarios that choose the best agent of a run
-    TEST = 2  # the scenarios of an evaluation
-    CHALLENGE = 3  # the scenarios of a challenge
+    VALIDATION = 1  # the missions that choose the best agent of a run
+    TEST = 2  # the missions of an evaluation
+    CHALLENGE = 3  # the missions of a challenge
     MISSION = 4  # a mission drawn at random
     FADING = 5  # the fading of a mission
     EXPLORATION = 6  # the actions of the random policy

@@ -132,7 +132,7 @@ def test_another_city_of_the_same_size_is_flown_and_of_another_size_refused(agen
     assert moved.city is turned and moved.network is agent.network
     assert moved(agent.scenario.sample(turned, 4, generator)).shape == (4,)
     with pytest.raises(
-        InputError, match=r"for a city of 5 cells a side \(corridor\), manhattan has 16"
+        InputError, match=r"for a city of 5 cells on a side \(corridor\), manhattan has 16"
     ):
         agent.over(City.load("manhattan"))
 

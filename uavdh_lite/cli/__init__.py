@@ -1,4 +1,4 @@
-"""The command line, a module a command: each parses, calls the library and prints.
+"""The command line, with a module for each command, which parses, calls the library and prints.
 
 It uses Cyclopts, which raises errors with a message of one line and takes the help of an
 `option(...)` field as it is. tyro and typer start as fast, but tyro prints an error as a box of

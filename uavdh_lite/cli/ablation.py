@@ -42,20 +42,18 @@ def _ablation(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..
         """Train with and without a part of the method, over several seeds.
 
         The variants of a study are trained with several seeds each, and their curves are drawn. If
-        you stop the command, the same one goes on. The options under Recipe hold for all variants;
-        their defaults below are those of the recipe that you name.
+        you stop the command, run it again: it continues. The options under Recipe hold for all
+        variants; their defaults below are those of the recipe that you name.
 
         Arguments:
             study: what is left out or changed: centring or deviations.
             variants: names of the study's variants to run, by default all.
-            scenario: what is drawn at random for each episode: manhattan, open_field, village,
-                harbour or metropolis.
+            scenario: what to train for: manhattan, open_field, village, harbour or metropolis.
             recipe: how to train: lite, paper, small or quantile.
             seeds: number of runs of each variant, with the seeds 0, 1, and so on.
             jobs: number of runs at a time.
             backend: where they run: loky, on this machine; dask, on the workers of a Dask cluster.
-            scheduler: address of a Dask cluster's scheduler, such as tcp://node1:8786; by default a
-                cluster on this machine.
+            scheduler: address of a Dask cluster, such as tcp://node1:8786; else one starts here.
             out: folder of the runs, by default runs/STUDY-SCENARIO-RECIPE.
         """
         from matplotlib.figure import Figure
@@ -75,7 +73,7 @@ def _ablation(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..
             named_scenario, trained, seeds, out, jobs, backend, scheduler, command_line
         )
         training, validation = collect_curves(folders, out, command_line)
-        print("collection ratio and landed at the end, validation scenarios, by seed:")
+        print("collection ratio and landed at the end, validation missions, by seed:")
         for name, scores in final_scores(validation).items():
             print(f"{name:<28}" + "".join(f"{score:>9.4f}" for score in scores))
         figure = Figure(figsize=(9, 4), layout="constrained")

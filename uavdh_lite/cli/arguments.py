@@ -1,4 +1,4 @@
-"""Arguments that several commands share, and what becomes of them."""
+"""Arguments that several commands share, and what is made of them."""
 
 from typing import TYPE_CHECKING, Annotated, Literal
 

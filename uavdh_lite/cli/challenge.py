@@ -11,23 +11,23 @@ from uavdh_lite.errors import InputError
 if TYPE_CHECKING:
     from uavdh_lite.course.challenge.board import Score
 
-challenge = App("challenge", help="Score a class's submissions on scenarios that nobody has seen.")
+challenge = App("challenge", help="Score a class's submissions on missions that nobody has seen.")
 
 
 @challenge.command
 def new(file: Path, /, *, scenario: str = "manhattan", episodes: PositiveInt = 1000) -> None:
-    """Draw hidden scenarios and keep them in a file.
+    """Draw hidden missions and keep them in a file.
 
     Arguments:
-        file: the secret; do not hand it out.
+        file: the secret file; do not hand it out.
         scenario: a preset's name.
-        episodes: number of scenarios.
+        episodes: number of missions.
     """
     from uavdh_lite.course.challenge.board import Challenge
 
     hidden = Challenge.hidden(scenario, episodes)
     hidden.save(file)
-    print(f"{file}: {hidden.episodes} scenarios of {hidden.scenario}, hidden")
+    print(f"{file}: {hidden.episodes} missions of {hidden.scenario}, hidden")
 
 
 @challenge.command

@@ -1,4 +1,4 @@
-"""`compare`: an agent and the planners on the same scenarios."""
+"""`compare`: an agent and the planners on the same missions."""
 
 import time
 from pathlib import Path
@@ -21,21 +21,20 @@ def compare(
     out: Path | None = None,
     command_line: CommandLine,
 ) -> None:
-    """Compare an agent with the planners on the same scenarios.
+    """Compare an agent with the planners on the same missions.
 
-    The agent, the random planner, the greedy planner and two genies fly over the same scenarios
-    with the same fading. The metrics of every episode are written as a table.
+    The agent, the random planner, the greedy planner and two genies fly the same missions with
+    the same fading. The metrics of every episode are written as a table.
 
     Arguments:
         checkpoint: a checkpoint file, or the name of a shipped agent.
         city: another city of the same size: a PNG, or the name of a shipped one.
-        episodes: number of random scenarios.
-        seed: seed of the scenarios, the fading and the random planner.
+        episodes: number of random missions.
+        seed: seed of the missions, the fading and the random planner.
         replan: steps after which the genies plan again; fewer take longer.
         jobs: number of processes at a time.
         device: what the network runs on.
-        out: the table, by default comparison-SCENARIO.csv.gz; a JSON file next to it says how it
-            was made.
+        out: the table, by default comparison-SCENARIO.csv.gz, with a JSON file next to it.
     """
     from uavdh_lite.experiments import comparison
     from uavdh_lite.provenance import provenance
@@ -55,6 +54,6 @@ def compare(
         "agent": agent.training,
     }
     comparison.save_comparison(out, results, about)
-    print(f"{agent.scenario.name}: {episodes} random scenarios, seed {seed}")
+    print(f"{agent.scenario.name}: {episodes} random missions, seed {seed}")
     print(comparison.summary(results))
     print(out)

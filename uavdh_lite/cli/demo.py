@@ -17,9 +17,9 @@ def demo(
     """Evaluate the shipped agents next to the paper's results, and draw four flights.
 
     Arguments:
-        episodes: number of random scenarios.
+        episodes: number of random missions.
         out: the figure.
-        seed: seed of the scenarios and the fading.
+        seed: seed of the missions and the fading.
         device: what the network runs on.
     """
     from uavdh_lite.experiments.demo import draw_flights, fly_agent, paper_agents
@@ -31,10 +31,10 @@ def demo(
     for name in paper_agents():
         environment, flights = fly_agent(name, episodes, seed, require_device(device))
         flown.append((environment, flights))
-        print(f"{name}: {episodes} random scenarios, seed {seed}")
+        print(f"{name}: {episodes} random missions, seed {seed}")
         print(f"{paper_table(flights.metrics(), RESULTS[name])}\n")
     figure, count = draw_flights(flown)
     save_figure(figure, out)
     print(f"The first {count} flights are drawn in {out}.")
     print("The paper's maps were never published. Ours are redrawn from its text, so the agents")
-    print("solve the same task, but not on the same streets.")
+    print("solve the same task, but in other streets.")

@@ -1,4 +1,4 @@
-"""`evaluate`: fly an agent over many random scenarios."""
+"""`evaluate`: fly an agent on many random missions."""
 
 from pathlib import Path
 
@@ -16,13 +16,13 @@ def evaluate(
     device: Device = "cpu",
     json: Path | None = None,
 ) -> None:
-    """Fly an agent over many random scenarios.
+    """Fly an agent on many random missions.
 
     Arguments:
         checkpoint: a checkpoint file, or the name of a shipped agent.
         city: another city of the same size: a PNG, or the name of a shipped one.
-        episodes: number of random scenarios.
-        seed: seed of the scenarios and the fading.
+        episodes: number of random missions.
+        seed: seed of the missions and the fading.
         device: what the network runs on.
         json: file to write the mean, low and high of each metric to.
     """
@@ -33,7 +33,7 @@ def evaluate(
     agent = open_agent(checkpoint, city, device)
     flights = evaluation.evaluate(agent.environment, agent, agent.scenario, episodes, seed)
     metrics = flights.metrics()
-    print(f"{agent.scenario.name}: {episodes} random scenarios, seed {seed}")
+    print(f"{agent.scenario.name}: {episodes} random missions, seed {seed}")
     print(metrics_table(metrics))
     if json is not None:
         write_json(json, {name: interval._asdict() for name, interval in metrics.items()})

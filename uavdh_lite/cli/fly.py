@@ -29,7 +29,7 @@ def fly(
 ) -> None:
     """Fly one mission of your own and draw it.
 
-    What you do not give is drawn at random.
+    Whatever you leave out is drawn at random.
 
     Arguments:
         checkpoint: a checkpoint file, or the name of a shipped agent.
@@ -40,7 +40,7 @@ def fly(
         start: the UAV's first cell, in the landing zone or anywhere it may fly.
         mission: fly the mission in this file instead.
         save_mission: write the mission to this file, to share it.
-        seed: seed of the fading, and of what you do not give.
+        seed: seed of the fading, and of whatever you leave out.
         device: what the network runs on.
         out: the figure; a name that ends in .gif makes an animation.
     """

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Preset = TypeVar("Preset", "Scenario", "Recipe")
 Arguments = Annotated[str, Parameter(allow_leading_hyphen=True, show=False)]
-"""What a command is given that parses its arguments itself."""
+"""The parameter of a command that parses its arguments itself."""
 
 
 def named_presets(arguments: Sequence[str]) -> tuple["Scenario", "Recipe"]:
@@ -40,7 +40,7 @@ def named_presets(arguments: Sequence[str]) -> tuple["Scenario", "Recipe"]:
 def options_of(preset: "Scenario | Recipe", title: str) -> Any:
     """The type of a parameter with an option for each `option(...)` field of a preset.
 
-    `with_values` takes what it is given, which is None if there is no such option at all.
+    `with_values` takes what the parameter is given: None if no such option was typed.
     """
     types = get_type_hints(type(preset))
     options = make_dataclass(

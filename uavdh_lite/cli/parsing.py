@@ -10,15 +10,15 @@ from cyclopts.exceptions import CoercionError
 from uavdh_lite import __version__
 
 CommandLine = Annotated[str, Parameter(parse=False)]
-"""A command's parameter for what was typed: no option, but something that results record."""
+"""A command's parameter for what was typed, which results record; it is not an option."""
 
 
 def application(*commands: Callable[..., None] | App) -> App:
-    """An application of these commands, with the settings that all of ours share."""
+    """An application with these commands, and the settings that all of ours share."""
     app = App(
         "uavdh_lite",
         help="UAV data harvesting by deep reinforcement learning.",
-        help_format="plaintext",
+        help_format="markdown",
         version=__version__,
         config=_require_whole_numbers,
         default_parameter=Parameter(consume_multiple=1, negative_iterable=(), allow_repeating=True),

@@ -44,16 +44,15 @@ def _train(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..., 
         """Train an agent.
 
         The options under Scenario and Recipe replace single values of the scenario and the recipe
-        that you name; their defaults below are those of the named ones.
+        that you name. The defaults below are those of that scenario and that recipe.
 
         Arguments:
-            scenario: what is drawn at random for each episode: manhattan, open_field, village,
-                harbour or metropolis.
+            scenario: what to train for: manhattan, open_field, village, harbour or metropolis.
             recipe: how to train: lite, paper, small or quantile.
             seed: seed of the weights, the episodes and the exploration.
             out: folder of the run, by default runs/SCENARIO-RECIPE-SEED.
-            resume: go on with the run in that folder.
-            stop_after: stop after so many environment steps; --resume goes on.
+            resume: continue the run in that folder.
+            stop_after: stop after this many environment steps; --resume continues.
             threads: with 2, one flies while the other learns; the result is the same.
             device: what the network runs on.
             tensorboard: write event files for TensorBoard as well.
@@ -78,7 +77,7 @@ def _train(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..., 
             stop_after=stop_after,
             tensorboard=tensorboard,
         )
-        if best.exists():  # not if the run was left before the first validation
+        if best.exists():  # not if the run was stopped before its first validation
             print(f"best agent: {best}")
             print(f"to see it: python -m uavdh_lite evaluate --checkpoint {best}")
 

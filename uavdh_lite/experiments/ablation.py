@@ -79,8 +79,8 @@ def run_study(
 ) -> dict[str, list[Path]]:
     """Train every variant with the seeds 0, 1, …; returns the folders of the runs by variant.
 
-    Each run is one thread in a process of its own, in the folder `out/VARIANT-SEED`. A finished
-    run is kept, another goes on where it was last saved: after a kill, the same call goes on.
+    Each run is one thread in a process of its own, in the folder `out/VARIANT-SEED`. If the call is
+    killed, the same call continues: finished runs are kept, others resume where they were saved.
 
     Arguments:
         jobs: runs at a time on this machine.
@@ -94,7 +94,7 @@ def run_study(
     """
     for recipe in variants.values():
         if recipe.steps < BIN:
-            raise InputError(f"runs of {recipe.steps} steps: a study's curves need {BIN} at least")
+            raise InputError(f"runs of {recipe.steps} steps: a study's curves need at least {BIN}")
     out = Path(out).absolute()
     grid = [(name, seed) for seed in range(seeds) for name in variants]
     folders = {(name, seed): out / f"{name}-{seed}" for name, seed in grid}
@@ -118,7 +118,7 @@ def collect_curves(folders: dict[str, list[Path]], out: Path, command: str) -> t
     """Write the curves of a finished study as two tables; returns their paths.
 
     `training.csv.gz` and `validation.csv.gz` have the rows of the runs' own files, with the columns
-    `variant` and `seed` before them. `about.json` has the command and each run's `about.json`.
+    `variant` and `seed` in front. `about.json` has the command and each run's `about.json`.
     """
     runs = [(name, folder) for name, of_variant in folders.items() for folder in of_variant]
     about = {folder.name: json.loads((folder / "about.json").read_text()) for _, folder in runs}
@@ -150,7 +150,7 @@ def final_scores(validation: str | Path) -> dict[str, list[float]]:
 
 
 def _run(scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: str) -> Path:
-    """One training run, from the start or from where it was saved."""
+    """One training run, from its start or from where it was saved."""
     torch.set_num_threads(1)
     resume = (folder / SAVED).exists()
     train(Trainer(scenario, recipe, seed), folder, resume, command, show_progress=False)
@@ -175,7 +175,7 @@ def _cluster(backend: str, scheduler: str | None, jobs: int):
 
 @contextmanager
 def _watching(progress: tqdm, folders: list[Path]) -> Iterator[None]:
-    """Keep the bar at the steps of all runs, as their validation files tell."""
+    """Keep the bar at the steps of all runs, as their validation files say."""
     stop = threading.Event()
 
     def watch():

@@ -1,4 +1,4 @@
-"""Policies side by side: the same scenarios with the same fading."""
+"""Policies side by side: the same missions with the same fading."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -26,7 +26,8 @@ def entrants(
 ) -> dict[str, Callable[[], Policy]]:
     """The agent and what it is compared with, for `compare`.
 
-    `random`, `greedy`, `genie` (which plans for the return) and `genie_data` (for the data).
+    These are `random`, `greedy`, `genie` (which plans for the return) and `genie_data` (which plans
+    for the data).
 
     Arguments:
         seed: of the random policy.
@@ -50,15 +51,15 @@ def compare(
     jobs: int = 1,
     chunk: int = 50,
 ) -> dict[str, Columns]:
-    """Fly every policy over the same random scenarios and fading.
+    """Fly every policy on the same random missions with the same fading.
 
     Returns for each policy the metrics of `Flights.records` and what was drawn for the episodes:
     `devices`, `flying_time`, `data` (the sum over devices, data units); (N,) each.
 
     Arguments:
         policies: functions that make a policy, by name; each is called in its own process.
-        jobs: processes at a time. Each flies `chunk` episodes; neither changes the results of a
-            policy that treats episodes apart.
+        jobs: processes at a time. Each flies `chunk` episodes. Neither number changes the results
+            of a policy that treats each episode on its own.
     """
     tasks = [
         (name, slice(first, min(first + chunk, episodes)))
@@ -84,8 +85,8 @@ def compare(
 def _fly_part(environment, scenario, policy, episodes: int, seed: int, part: slice) -> Columns:
     """The columns of some of the episodes.
 
-    Scenarios and fading are drawn for all, so that they are those of `evaluate` with this seed;
-    the other episodes count as landed and are not flown.
+    Missions and fading are drawn for all, so that they are those of `evaluate` with this seed. The
+    other episodes count as landed and are not flown.
     """
     generator = stream(Use.TEST, seed)
     start = scenario.sample(environment.city, episodes, generator)
@@ -124,7 +125,7 @@ def breakdown(
 ) -> list[tuple[str, int, Interval]]:
     """The mean of `values` within groups of episodes: (label, number of episodes, mean).
 
-    Groups are the different values of `by` if there are few, else ranges that hold about equally
+    Groups are the different values of `by` if there are few, otherwise ranges with about equally
     many episodes.
     """
     different = np.unique(by)

@@ -15,16 +15,16 @@ def paper_agents() -> list[str]:
 
 
 def fly_agent(name: str, episodes: int, seed: int, device: str) -> tuple[Environment, Flights]:
-    """A shipped agent over random scenarios of its own city, every step kept."""
+    """Fly a shipped agent on random missions of its own city, with every step kept."""
     agent = load_agent(name, device)
     environment = agent.environment
     return environment, evaluate(environment, agent, agent.scenario, episodes, seed, record=True)
 
 
 def draw_flights(flown: list[tuple[Environment, Flights]]) -> tuple[Figure, int]:
-    """Four flights, the first ones of each city, with a legend; and how many they are.
+    """A figure of four flights, the first ones of each city, and how many it shows.
 
-    There are fewer if the cities have fewer flights.
+    It shows fewer if there are fewer flights.
     """
     figure = Figure(figsize=(11, 13), layout="constrained")
     drawn = [

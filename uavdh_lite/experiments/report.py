@@ -18,7 +18,7 @@ def metrics_table(metrics: dict[str, Interval]) -> str:
 
 
 def paper_table(metrics: dict[str, Interval], paper: dict[str, float]) -> str:
-    """The metrics that the paper gives, next to its results; then the share of time used."""
+    """The metrics that the paper reports, next to its results; then the share of time used."""
     lines = [f"{'':<28}{'this agent':>12}{'95 % interval':>20}{'paper':>10}"]
     for name, theirs in paper.items():
         mean, low, high = metrics[name]

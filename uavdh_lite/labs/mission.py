@@ -16,7 +16,7 @@ with extra("notebooks"):
     import ipywidgets
 
 NONE = "none"
-WRAP = {"flex_flow": "row wrap"}  # on a narrow page, go on below
+WRAP = {"flex_flow": "row wrap"}  # continue below on a narrow page
 WIDE = {"description_width": "95px"}  # room for the labels of controls
 
 

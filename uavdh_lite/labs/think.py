@@ -17,7 +17,7 @@ from uavdh_lite.plotting import BLUE
 with extra("notebooks"):
     import ipywidgets
 
-NO_AGENT = "Choose an agent; manhattan and open_field have some."
+NO_AGENT = "Choose an agent; the cities manhattan and open_field have some."
 CHOSEN, OTHER = BLUE, "#BBBBBB"
 
 
@@ -87,7 +87,7 @@ class Thoughts:
         step = min(step, len(self.states) - 1)
         state, q = self.states[step], self.q[step]
         chances = softmax_policy(q[None], self.temperature)[0]
-        bars = q.nan_to_num(neginf=0)  # an action that is not allowed has none
+        bars = q.nan_to_num(neginf=0)  # an action that is not allowed has no bar
         values = [*bars.tolist(), *chances.tolist()]
         for number, ((_, bar), value) in enumerate(zip(self.changing, values, strict=True)):
             bar.set_width(value)

@@ -1,4 +1,4 @@
-"""Training live: start, watch, pause and go on, while other cells of the notebook can run."""
+"""Training live: start, watch, pause and continue, while other cells of the notebook can run."""
 
 import atexit
 import threading
@@ -89,7 +89,7 @@ class TrainingLab(ipywidgets.VBox):
         self.previous: list[dict] = []  # validations of the previous run
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
-        # A thread that still computes makes the interpreter crash when it ends
+        # A thread that still computes would crash the interpreter at its exit
         atexit.register(_close, weakref.ref(self))
         self.reset()
 

@@ -16,7 +16,7 @@ from uavdh_lite.policies import PLANNERS
 with extra("notebooks"):
     import ipywidgets
 
-# The terms of the reward, in colours that no device has
+# The terms of the reward, in colours that are not those of devices
 TERMS = {"data": "#332288", "movement": "#BBBBBB", "safety": "#DDCC77", "crash": "#882255"}
 
 
@@ -26,7 +26,7 @@ def policy_title(name: str) -> str:
 
 
 def legend() -> ipywidgets.Image:
-    """A picture that explains the signs on the maps, except the devices' colours."""
+    """A picture that explains the symbols on the maps, except the devices' colours."""
     figure = Figure(figsize=(9.5, 1.1), dpi=100)
     add_legend(figure, 0)
     canvas = Canvas(figure)

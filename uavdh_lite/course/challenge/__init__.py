@@ -1,1 +1,1 @@
-"""A challenge for a class: hidden scenarios, isolated submissions, a leaderboard."""
+"""A challenge for a class: hidden missions, isolated submissions, a leaderboard."""

@@ -1,4 +1,4 @@
-"""Hidden scenarios, what a submission scores on them, and the leaderboard."""
+"""Hidden missions, what a submission scores on them, and the leaderboard."""
 
 import hashlib
 import json
@@ -23,7 +23,7 @@ PRACTICE_SEED = 0
 
 @dataclass(frozen=True)
 class Challenge:
-    """A fixed set of random scenarios: `episodes` of a preset, drawn with a seed.
+    """A fixed set of random missions: `episodes` of a scenario, drawn with a seed.
 
     Their random stream is neither that of training nor of the tests. With the seed 0 it is the
     practice set that everybody has; `hidden` draws a seed that nobody can guess.
@@ -41,13 +41,13 @@ class Challenge:
 
     @property
     def fingerprint(self) -> str:
-        """Says which set of scenarios it is, without telling the seed."""
+        """Says which set of missions it is, without giving the seed away."""
         text = json.dumps([self.scenario, self.episodes, self.seed])
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def save(self, path: Path) -> None:
         if path.exists():
-            raise InputError(f"{path} exists: its scenarios would be lost; take another name")
+            raise InputError(f"{path} exists: its missions would be lost; take another name")
         write_json(path, asdict(self))
 
     @classmethod
@@ -60,10 +60,10 @@ class Challenge:
 
 @dataclass(frozen=True)
 class Score:
-    """What a submission scored, with 95 % intervals (mean, low, high), or why it did not.
+    """What a submission scored, with 95 % intervals (mean, low, high), or why it failed.
 
-    `cral`: collection ratio and landed. `cumulative_reward`: in the paper's constants. `sha256`:
-    of the submitted file, so that it is known which one it was.
+    `cral`: collection ratio and landed. `cumulative_reward`: with the paper's constants. `sha256`:
+    of the submitted file, to tell which one it was.
     """
 
     name: str
@@ -79,14 +79,14 @@ class Score:
 def score(
     challenge: Challenge, submission: str, seconds: float = 300, memory_mb: float = 2000
 ) -> Score:
-    """Fly a submission over the challenge's scenarios.
+    """Fly a submission on the challenge's missions.
 
     Arguments:
         submission: `random`, `greedy`, `genie`, a shipped agent's name, a checkpoint, or a Python
             file with `policy(environment, state)`. Files run in a process of their own.
         seconds, memory_mb: limits of that process.
 
-    A submission that fails gets a score that says how; it raises nothing.
+    A submission that fails gets a score that says why; no error is raised.
     """
     scenario = find_scenario(challenge.scenario)
     environment = Environment(City.load(scenario.city))
@@ -127,13 +127,13 @@ def score(
 
 
 class Leaderboard:
-    """A JSON file with the newest score of each name; a failed one leaves an earlier score be."""
+    """A JSON file with the newest score of each name; a failure does not replace it."""
 
     def __init__(self, path: Path):
         self.path = path
 
     def add(self, challenge: Challenge, score: Score) -> None:
-        """Enter a score; `InputError` if the file is the board of other scenarios."""
+        """Enter a score; `InputError` if the file is the board of another challenge."""
         board = self._read() if self.path.exists() else None
         if board is None:
             about = {"scenario": challenge.scenario, "episodes": challenge.episodes}
@@ -150,7 +150,7 @@ class Leaderboard:
         """The board as a Markdown table, best collection ratio and landed first."""
         board = self._read()
         lines = [
-            f"{board['scenario']}, {board['episodes']} hidden scenarios ({board['fingerprint']})",
+            f"{board['scenario']}, {board['episodes']} hidden missions ({board['fingerprint']})",
             "",
             "| | name | collected and landed | landed | return | seconds |",
             "| --- | --- | --- | --- | --- | --- |",

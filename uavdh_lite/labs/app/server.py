@@ -1,4 +1,4 @@
-"""A Voilà server of the labs: for this machine only, with a limit on sessions and on idle ones."""
+"""A Voilà server of the labs: for this machine only, with limits on sessions and on idle time."""
 
 import os
 import shutil
@@ -102,7 +102,7 @@ def serve(port: int, most_sessions: int, idle_seconds: int, open_browser: bool) 
     Arguments:
         port: the port; the next free one if it is taken.
         most_sessions: how many people can use the labs at a time; each has a Python process.
-        idle_seconds: end a session that nobody has used for so long.
+        idle_seconds: end a session that nobody has used for this long.
         open_browser: open the page in this machine's browser.
     """
     # Voilà looks for templates in Jupyter's folders. One thread for each session: they share cores
