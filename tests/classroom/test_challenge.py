@@ -179,7 +179,7 @@ def test_hidden_scenarios(tmp_path):
     path = tmp_path / "secret.json"
     first.save(path)
     assert Challenge.load(path) == first
-    with pytest.raises(InputError, match="its scenarios would be lost"):
+    with pytest.raises(InputError, match="its missions would be lost"):
         second.save(path)
     path.write_text("[]")
     with pytest.raises(InputError, match="expected a JSON object"):
@@ -201,7 +201,7 @@ def test_leaderboard(submit, tmp_path, capsys):
     assert table.index("| 1 | ours |") < table.index("| 2 | random |")
     assert "- ours, " in table and "no function policy" in table
     assert str(SMALL.seed) not in json.loads(board.path.read_text())
-    with pytest.raises(InputError, match="board of other scenarios"):
+    with pytest.raises(InputError, match="board of another challenge"):
         board.add(Challenge("village", 41), good)
     board.path.write_text("broken")
     with pytest.raises(InputError, match="not JSON"):

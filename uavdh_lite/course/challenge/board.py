@@ -139,7 +139,7 @@ class Leaderboard:
             about = {"scenario": challenge.scenario, "episodes": challenge.episodes}
             board = {**about, "fingerprint": challenge.fingerprint, "scores": {}, "failures": []}
         if board["fingerprint"] != challenge.fingerprint:
-            raise InputError(f"{self.path} is the board of other scenarios: take another file")
+            raise InputError(f"{self.path} is the board of another challenge: take another file")
         if score.failed is None:
             board["scores"][score.name] = asdict(score)
         else:
