@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from uavdh_lite.city import City
+from uavdh_lite.city import Cities, City
 from uavdh_lite.ddqn import only_allowed
 from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import InputError
@@ -20,8 +20,8 @@ from uavdh_lite.scenario import Scenario
 CHUNK = 256  # states a forward pass: more would only spill out of the processor's cache
 
 
-def build(recipe: Recipe, city: City) -> tuple[Observation, QNetwork]:
-    """The observation and the untrained network of a recipe for a city.
+def build(recipe: Recipe, city: City | Cities) -> tuple[Observation, QNetwork]:
+    """The observation and the untrained network of a recipe for a city, or for several.
 
     The weights come from torch's global generator; wrap the call in `torch.random.fork_rng` to
     leave it unchanged.
@@ -91,7 +91,7 @@ class Agent:
             return None
         return torch.from_numpy(self.environment.allowed_actions(state))
 
-    def knows(self, city: City) -> bool:
+    def knows(self, city: City | Cities) -> bool:
         """Whether this is the city that the agent was trained in."""
         return city.fingerprint == self.city.fingerprint
 

@@ -41,12 +41,17 @@ class Channel:
 
     def mean_snr_db(self, squared_distance_m2, line_of_sight, size: int):
         """SNR in dB without fading, from squared 3-D distances; arrays of one shape (eq. 2, 3)."""
+        gain_db = self.path_gain_db(squared_distance_m2, line_of_sight)
+        return np.float32(self.transmit_snr_db(size)) + gain_db
+
+    def path_gain_db(self, squared_distance_m2, line_of_sight):
+        """d^−α in dB, from squared 3-D distances; arrays of one shape (eq. 2)."""
         exponent = np.where(
             line_of_sight,
             np.float32(-5 * self.path_loss_exponent_los),  # 10 log10 d = 5 log10 d²
             np.float32(-5 * self.path_loss_exponent_nlos),
         )
-        return np.float32(self.transmit_snr_db(size)) + exponent * np.log10(squared_distance_m2)
+        return exponent * np.log10(squared_distance_m2)
 
     def fading_db(self, standard_normal, line_of_sight):
         """Shadow fading η in dB from standard normal draws; arrays of one shape (eq. 3)."""

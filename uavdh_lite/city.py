@@ -1,9 +1,11 @@
 """The city: a square grid of cells with three Boolean layers, stored as a PNG."""
 
 import hashlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image
@@ -80,7 +82,7 @@ class City:
         both = self.landing & (self.no_fly | self.buildings)
         if both.any():
             raise CityError(f"{self.name}: {_first(both)} is landing zone and no-fly or building")
-        walled_in = self.landing & ~_dilate(~self.no_fly)
+        walled_in = self.landing & ~grow(~self.no_fly)
         if walled_in.any() and shape[0] > 1:
             raise CityError(
                 f"{self.name}: landing cell {_first(walled_in)} lies inside a no-fly zone: "
@@ -118,13 +120,18 @@ class City:
         distance = np.where(self.landing, 0, -1)
         reached, moves = self.landing, 0
         while True:
-            grown = _dilate(reached) & ~self.no_fly | reached
+            grown = grow(reached) & ~self.no_fly | reached
             moves += 1
             new = grown & ~reached
             if not new.any():
                 return read_only(distance)
             distance[new] = moves
             reached = grown
+
+    @cached_property
+    def alone(self) -> "Cities":
+        """The set that has only this city."""
+        return Cities((self,))
 
     @cached_property
     def kinds(self) -> np.ndarray:
@@ -181,6 +188,159 @@ class City:
         write_atomically(path, lambda temporary: image.save(temporary, format="PNG"))
 
 
+@dataclass(frozen=True, eq=False)
+class Cities:
+    """C cities of any sizes as one world, in which every episode has its own city.
+
+    The cells are numbered on from city to city: cell (row, col) of city c, of M cells a side, has
+    the number `first_cell[c] + row * M + col`. So a cell's number says its city, too. The arrays
+    are read-only, and have an entry for each of the n cells of all cities.
+
+    | field | shape | meaning |
+    | --- | --- | --- |
+    | `cities` | tuple of C | the cities |
+    | `first_cell`, `sizes` | (C,) ints | the number of a city's first cell; its cells on a side |
+    | `city`, `row`, `col` | (n,) ints | the city of each cell, an index, and its place there |
+    | `landing`, `no_fly`, `buildings` | (n,) bool | the layers of `City` |
+    | `landing_distance` | (n,) ints | moves to the nearest landing cell, −1 if there is no path |
+
+    Raises `CityError` if there is none.
+    """
+
+    cities: tuple[City, ...]
+
+    def __post_init__(self):
+        object.__setattr__(self, "cities", tuple(self.cities))
+        if not self.cities:
+            raise CityError("a set of cities needs at least one")
+
+    @classmethod
+    def load(cls, folder: str | Path) -> "Cities":
+        """The cities of all PNG files in a folder, in the order of their names."""
+        paths = sorted(Path(folder).glob("*.png"))
+        if not paths:
+            raise CityError(f"{folder}: no PNG files in it")
+        return cls(tuple(map(City.load, paths)))
+
+    def __len__(self) -> int:
+        return len(self.cities)
+
+    def __getitem__(self, index: int) -> City:
+        return self.cities[index]
+
+    @property
+    def name(self) -> str:
+        """The name of the only city, or how many there are."""
+        return self.cities[0].name if len(self) == 1 else f"{len(self)} cities"
+
+    @cached_property
+    def size(self) -> int:
+        """M, the number of cells a side of the largest city."""
+        return int(self.sizes.max())
+
+    @cached_property
+    def sizes(self) -> np.ndarray:
+        return read_only(np.array([city.size for city in self.cities]))
+
+    @cached_property
+    def first_cell(self) -> np.ndarray:
+        return read_only(np.cumsum(self.sizes**2) - self.sizes**2)
+
+    @cached_property
+    def cell_type(self) -> np.dtype:
+        """The type of a cell's number in a `State`: int16, or int32 if that is too small."""
+        return np.promote_types(np.int16, np.min_scalar_type(-len(self.city)))
+
+    @cached_property
+    def city(self) -> np.ndarray:
+        return read_only(np.repeat(np.arange(len(self)), self.sizes**2))
+
+    @cached_property
+    def row(self) -> np.ndarray:
+        return read_only(self.within // self.sizes[self.city])
+
+    @cached_property
+    def col(self) -> np.ndarray:
+        return read_only(self.within % self.sizes[self.city])
+
+    @cached_property
+    def within(self) -> np.ndarray:
+        """The number that each cell has in its city alone, `row * M + col`; (n,) ints."""
+        return read_only(np.arange(len(self.city)) - self.first_cell[self.city])
+
+    @cached_property
+    def landing(self) -> np.ndarray:
+        return self._layer("landing")
+
+    @cached_property
+    def no_fly(self) -> np.ndarray:
+        return self._layer("no_fly")
+
+    @cached_property
+    def buildings(self) -> np.ndarray:
+        return self._layer("buildings")
+
+    @cached_property
+    def landing_distance(self) -> np.ndarray:
+        return self._layer("landing_distance")
+
+    def _layer(self, name: str) -> np.ndarray:
+        return read_only(np.concatenate([getattr(city, name).ravel() for city in self.cities]))
+
+    def alike(self, pairs: int) -> Iterator[np.ndarray]:
+        """The cities in groups of one size, as indices, for tables over all pairs of cells.
+
+        Arguments:
+            pairs: how many pairs of cells a group may have; more only if it is a single city.
+        """
+        for size in np.unique(self.sizes):
+            same = np.flatnonzero(self.sizes == size)
+            many = max(1, pairs // int(size) ** 4)
+            yield from (same[first : first + many] for first in range(0, len(same), many))
+
+    @cached_property
+    def device_cells(self) -> "CellsByCity":
+        """The cells on which a device may stand."""
+        return self._by_city(~self.buildings & ~self.landing)
+
+    @cached_property
+    def landing_cells(self) -> "CellsByCity":
+        """The cells of the start and landing zones."""
+        return self._by_city(self.landing)
+
+    @cached_property
+    def home_cells(self) -> "CellsByCity":
+        """The cells from which the UAV can reach a landing zone."""
+        return self._by_city(self.landing_distance >= 0)
+
+    def _by_city(self, mask: np.ndarray) -> "CellsByCity":
+        cells = np.flatnonzero(mask)
+        counts = np.bincount(self.city[cells], minlength=len(self))
+        return CellsByCity(*map(read_only, (cells, np.cumsum(counts) - counts, counts)))
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of the cities' fingerprints; of one city, its own."""
+        if len(self) == 1:
+            return self.cities[0].fingerprint
+        return hashlib.sha256(
+            "".join(city.fingerprint for city in self.cities).encode()
+        ).hexdigest()
+
+
+class CellsByCity(NamedTuple):
+    """Some cells of a set of cities: in city c `counts[c]` of `cells`, from `starts[c]` on."""
+
+    cells: np.ndarray
+    starts: np.ndarray
+    counts: np.ndarray
+
+
+def as_cities(city: City | Cities) -> Cities:
+    """A set of cities; that of one, for one city."""
+    return city if isinstance(city, Cities) else city.alone
+
+
 def shipped_cities() -> list[str]:
     """The names of the cities that come with the package."""
     return sorted(path.stem for path in (data_folder() / "cities").glob("*.png"))
@@ -227,7 +387,7 @@ def _read_kinds(path: Path) -> np.ndarray:
     return matches.argmax(-1)
 
 
-def _dilate(mask: np.ndarray) -> np.ndarray:
+def grow(mask: np.ndarray) -> np.ndarray:
     """The cells that have a neighbour in `mask` to their north, east, south or west."""
     padded = np.pad(mask, 1)
     return padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]

@@ -2,29 +2,35 @@
 
 Nothing here knows about learning, and nothing loops over the batch: every array has the batch as
 its first axis. B is the batch size, K the number of places for devices, δ the number of
-communication slots in a mission slot, M the number of cells on a side.
+communication slots in a mission slot, M the number of cells on a side, n the number of cells: M²,
+or that of all cities together.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
 
 from uavdh_lite.channel import Channel, rate
-from uavdh_lite.city import City, read_only
+from uavdh_lite.city import Cities, City, as_cities, read_only
 from uavdh_lite.config import option
+from uavdh_lite.errors import InputError
 from uavdh_lite.shadowing import line_of_sight
 
 ACTIONS = ("north", "east", "south", "west", "hover", "land")
 NORTH, EAST, SOUTH, WEST, HOVER, LAND = range(6)
 MOVES = read_only(np.array([(-1, 0), (0, 1), (1, 0), (0, -1), (0, 0), (0, 0)]))  # row, column
 
+PAIRS = 2**25  # pairs of cells whose line of sight is computed at a time
+
 
 @dataclass(frozen=True)
 class State:
     """The state of B episodes; its arrays are read-only. Cells are numbers `row * M + col`.
 
-    An episode with fewer devices than K leaves the other places without data.
+    An episode with fewer devices than K leaves the other places without data. Over several cities,
+    the cells have the numbers of `Cities`, so they say in which city an episode is; they are int32
+    if int16 is too small.
 
     | field | shape | meaning |
     | --- | --- | --- |
@@ -44,8 +50,8 @@ class State:
     landed: np.ndarray
 
     def __post_init__(self):
-        for f in fields(self):
-            object.__setattr__(self, f.name, read_only(getattr(self, f.name)))
+        for name, array in vars(self).items():
+            object.__setattr__(self, name, read_only(array))
 
     def __len__(self) -> int:
         return len(self.uav_cell)
@@ -161,52 +167,114 @@ class Environment:
     ### Reward
     The environment returns an `Outcome`; `Rewards` computes the reward from it.
 
+    ### Several cities
+    With `Cities` for the `city`, every episode of a batch is in a city of its own, the one in
+    which its cells are. It goes on as it would over that city alone. Line of sight takes a bit for
+    each pair of cells of a city, 8 kB for 16 × 16 cells, and all else 100 bytes a cell.
+
     Reference: Bayerlein et al., Globecom 2020, sections II and III.
     """
 
-    city: City
+    city: City | Cities
     channel: Channel = Channel()  # noqa: RUF009 (frozen)
     shadow_method: str = "exact"
     failsafe: bool = False
 
     @cached_property
+    def cities(self) -> Cities:
+        """The cities: a set of one unless `city` is one."""
+        return as_cities(self.city)
+
+    def over(self, index: int) -> "Environment":
+        """The environment of one of the cities alone."""
+        return replace(self, city=self.cities[index])
+
+    def alone(self, state: State) -> tuple["Environment", State]:
+        """The environment of the only city in which these episodes are, and their states in it.
+
+        Raises `InputError` if they are in several cities.
+        """
+        if isinstance(self.city, City):
+            return self, state
+        found = np.unique(self.cities.city[state.uav_cell])
+        if len(found) != 1:
+            raise InputError(f"episodes in {len(found)} cities: take those of one")
+        uav_cell, device_cells = (
+            self.cities.within[cells].astype(np.int16)
+            for cells in (state.uav_cell, state.device_cells)
+        )
+        return self.over(found[0]), replace(state, uav_cell=uav_cell, device_cells=device_cells)
+
+    @cached_property
     def line_of_sight(self) -> np.ndarray:
-        """Line of sight, `[device cell, uav cell]`; (M², M²) bool."""
+        """Line of sight over a single city, `[device cell, uav cell]`; (M², M²) bool.
+
+        Raises `InputError` over several cities: `over(index)` has the table of one.
+        """
+        if not isinstance(self.city, City):
+            raise InputError("line_of_sight is of a single city: take environment.over(index)")
         cells = self.city.size**2
         sight = line_of_sight(self.city.buildings, self.shadow_method)
         return read_only(sight.reshape(cells, cells))
 
     @cached_property
+    def _sight_bits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Line of sight as bits: bytes, and where the row of each device cell starts in them.
+
+        In the row of a device cell the UAV's cell with the number i of its city has bit i.
+        """
+        cities = self.cities
+        bytes_of_row = -(-(cities.sizes**2) // 8)[cities.city]
+        start = np.cumsum(bytes_of_row) - bytes_of_row
+        bits = np.empty(bytes_of_row.sum(), np.uint8)
+        for part in cities.alike(PAIRS):
+            packed = np.packbits(self._sight(part), axis=-1, bitorder="little")
+            packed = packed.reshape(len(part), -1)
+            first = start[cities.first_cell[part]][:, None]
+            bits[first + np.arange(packed.shape[1])] = packed
+        return read_only(bits), read_only(start)
+
+    def _sight(self, part: np.ndarray) -> np.ndarray:
+        """Line of sight in some cities of one size; (C, M², M²) bool."""
+        if isinstance(self.city, City):
+            return self.line_of_sight[None]
+        buildings = np.stack([self.cities[index].buildings for index in part])
+        sight = line_of_sight(buildings, self.shadow_method)
+        cells = buildings[0].size
+        return sight.reshape(len(part), cells, cells)
+
+    @cached_property
     def next_cell(self) -> np.ndarray:
-        """The cell of the UAV after an action, `[cell, action]`; (M², 6) int16."""
+        """The cell of the UAV after an action, `[cell, action]`; (n, 6) int16 or int32."""
         return self._moves[0]
 
     @cached_property
     def forbidden(self) -> np.ndarray:
-        """The actions that the safety controller replaces, `[cell, action]`; (M², 6) bool."""
+        """The actions that the safety controller replaces, `[cell, action]`; (n, 6) bool."""
         return self._moves[1]
 
     @cached_property
     def _moves(self) -> tuple[np.ndarray, np.ndarray]:
-        size = self.city.size
-        cell = np.arange(size**2)[:, None]
-        row, col = cell // size + MOVES[:, 0], cell % size + MOVES[:, 1]
+        cities = self.cities
+        size = cities.sizes[cities.city][:, None]
+        cell = np.arange(len(cities.city))[:, None]
+        row, col = cities.row[:, None] + MOVES[:, 0], cities.col[:, None] + MOVES[:, 1]
         outside = (row < 0) | (row >= size) | (col < 0) | (col >= size)
-        target = np.where(outside, cell, row * size + col)
-        forbidden = outside | self.city.no_fly.ravel()[target]
+        target = np.where(outside, cell, cell + MOVES[:, 0] * size + MOVES[:, 1])
+        forbidden = outside | cities.no_fly[target]
         forbidden[:, HOVER] = False
-        forbidden[:, LAND] = ~self.city.landing.ravel()
-        next_cell = np.where(forbidden, cell, target).astype(np.int16)
+        forbidden[:, LAND] = ~cities.landing
+        next_cell = np.where(forbidden, cell, target).astype(cities.cell_type)
         return read_only(next_cell), read_only(forbidden)
 
     @cached_property
     def way_home(self) -> np.ndarray:
-        """First action of a shortest path to a landing cell; (M²,) ints.
+        """First action of a shortest path to a landing cell; (n,) ints.
 
         It is `land` in the landing zone, and `hover` where there is no path. If several landing
         cells are equally near, the path leads to the one with the lowest number.
         """
-        distance = self.city.landing_distance.ravel()
+        distance = self.cities.landing_distance
         none = len(distance)
         action = np.where(distance == 0, LAND, HOVER)
         goal = np.where(distance == 0, np.arange(none), none)
@@ -219,8 +287,8 @@ class Environment:
 
     @cached_property
     def time_to_land(self) -> np.ndarray:
-        """Units of time to fly home and land, a large number where there is no path; (M²,) ints."""
-        distance = self.city.landing_distance.ravel()
+        """Units of time to fly home and land, a large number where there is no path; (n,) ints."""
+        distance = self.cities.landing_distance
         return read_only(np.where(distance < 0, np.iinfo(np.int16).max, distance + 1))
 
     def allowed_actions(self, state: State) -> np.ndarray:
@@ -238,13 +306,6 @@ class Environment:
         after = self.time_to_land[self.next_cell[cell]] <= time_left - 1
         after[:, LAND] |= ~self.forbidden[cell, LAND]
         return possible & ~after
-
-    @cached_property
-    def _centre_m(self) -> tuple[np.ndarray, np.ndarray]:
-        """Row and column coordinates of the cell centres, m; two (M²,) float32."""
-        rows, cols = np.indices((self.city.size,) * 2, np.float32).reshape(2, -1)
-        side = np.float32(self.channel.cell_size_m)
-        return read_only(rows * side), read_only(cols * side)
 
     def step(
         self, state: State, action: np.ndarray, generator: np.random.Generator
@@ -274,20 +335,22 @@ class Environment:
         """
         flew = ~state.ended
         action = np.where(flew, action, HOVER)
+        before = state.uav_cell.astype(int)
         sent_home = np.zeros(len(state), bool)
         if self.failsafe:
             sent_home = flew & self._too_late(state)[np.arange(len(state)), action]
-            action = np.where(sent_home, self.way_home[state.uav_cell], action)
-        uav_cell = self.next_cell[state.uav_cell, action]
-        intervened = self.forbidden[state.uav_cell, action]
+            action = np.where(sent_home, self.way_home[before], action)
+        taken = before * len(ACTIONS) + action
+        uav_cell, intervened = self.next_cell.take(taken), self.forbidden.take(taken)
         landed = (action == LAND) & ~intervened
         time_left = state.time_left - flew
         crashed = flew & ~landed & (time_left == 0)
 
-        connected = flew & ~landed & ~crashed
-        snr_db = self.snr_db(state.device_cells, state.uav_cell, uav_cell, fading)
-        served, uploaded, left = schedule(snr_db, state.data_left * connected[:, None])
-        data_left = np.where(connected[:, None], left, state.data_left)
+        snr_db = self.snr_db(state.device_cells, before, uav_cell, fading)
+        served, uploaded, data_left = schedule(snr_db, state.data_left)
+        silent = np.flatnonzero(~flew | landed | crashed)
+        served[silent], uploaded[silent] = -1, 0
+        data_left[silent] = state.data_left[silent]
 
         after = State(
             uav_cell,
@@ -302,24 +365,66 @@ class Environment:
     def snr_db(self, device_cells, uav_cell, next_cell, fading) -> np.ndarray:
         """SNR of every device in every slot of a step, dB; (B, δ, K) float32 (eq. 2, 3).
 
+        Inside, the batch is the last axis of all arrays: rows of five numbers would be slow.
+
         Arguments:
             device_cells: (B, K).
-            uav_cell, next_cell: (B,), before and after the step.
+            uav_cell, next_cell: (B,), before and after the step: the same cell or neighbours.
             fading: (B, δ, K), standard normal; 0 gives the mean.
         """
-        slots = self.channel.slots
-        share = (np.arange(1, slots + 1, dtype=np.float32) / slots)[:, None]
-        squared = np.float32(self.channel.altitude_m**2)
-        for centre in self._centre_m:
-            start = centre[uav_cell][:, None, None]
-            uav = start + share * (centre[next_cell][:, None, None] - start)
-            squared = squared + (uav - centre[device_cells][:, None, :]) ** 2
-        los = np.empty(squared.shape, bool)
+        slots, width = self.channel.slots, 2 * self.cities.size - 1
+        place, moves, gain_db = self._path_gain_db
+        bits, start_of_row = self._sight_bits
+        devices = np.array(device_cells.T, int, order="C")
+        row, start = start_of_row.take(devices), place.take(uav_cell)
+        without_sight = moves.take(place.take(next_cell) - start + width) - start
+        without_sight = place.take(devices) + without_sight
+        transmit = self._transmit_snr_db.take(self.cities.city.take(uav_cell))
+        snr_db = np.empty((slots, *devices.shape), np.float32)
         entered = (slots + 1) // 2 - 1  # first slot with i/δ ≥ 1/2
-        los[:, :entered] = self.line_of_sight[device_cells, uav_cell[:, None]][:, None]
-        los[:, entered:] = self.line_of_sight[device_cells, next_cell[:, None]][:, None]
-        mean = self.channel.mean_snr_db(squared, los, self.city.size)
-        return mean + self.channel.fading_db(fading, los)
+        for cell, part in ((uav_cell, range(entered)), (next_cell, range(entered, slots))):
+            within = self.cities.within.take(cell)
+            bit = np.left_shift(1, within & 7).astype(np.uint8)
+            sight = (bits.take(row + (within >> 3)) & bit).astype(bool)
+            entry = without_sight + sight * (gain_db.shape[1] // 2)
+            deviation = self.channel.fading_db(np.float32(1), sight)
+            for slot in part:
+                gain_db[slot].take(entry, out=snr_db[slot], mode="clip")
+                snr_db[slot] += transmit
+                snr_db[slot] += fading[:, slot].T * deviation
+        return snr_db.transpose(2, 0, 1)
+
+    @cached_property
+    def _transmit_snr_db(self) -> np.ndarray:
+        """P/σ² of each city, dB; (C,) float32."""
+        sizes, city = np.unique(self.cities.sizes, return_inverse=True)
+        each = [self.channel.transmit_snr_db(int(size)) for size in sizes]
+        return read_only(np.array(each, np.float32)[city])
+
+    @cached_property
+    def _path_gain_db(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The path gain in dB by slot, LoS or NLoS, move and place of the device, as a table.
+
+        Returns three arrays: the place of each cell on a map W = 2M − 1 cells wide, (n,); the entry
+        of each move, by the difference of the two places + W, (2W + 1,); and the table, (δ, 2·5·W²)
+        float32. A device's entry is that of the move, and its place minus that of the UAV; with
+        line of sight, in the second half of the table.
+        """
+        slots, side = self.channel.slots, np.float32(self.channel.cell_size_m)
+        size, width = self.cities.size, 2 * self.cities.size - 1
+        place = self.cities.row * width + self.cities.col
+        middle = (size - 1) * (width + 1)
+        share = np.arange(1, slots + 1, dtype=np.float32)[:, None, None, None] / np.float32(slots)
+        squared = np.full((1, 1, 1, 1), self.channel.altitude_m**2, np.float32)
+        cells = np.arange(1 - size, size, dtype=np.float32) * side
+        for axis, cell in enumerate((cells[:, None], cells[None, :])):
+            moved = share * (MOVES[:LAND, axis, None, None].astype(np.float32) * side)
+            squared = squared + (cell - moved) ** 2
+        sight = np.array([False, True])[None, :, None, None, None]
+        table = self.channel.path_gain_db(squared[:, None], sight).reshape(slots, -1)
+        entries = np.zeros(2 * width + 1, int)
+        entries[MOVES[:LAND] @ (width, 1) + width] = np.arange(LAND) * width**2 + middle
+        return read_only(place), read_only(entries), read_only(table)
 
 
 def schedule(
@@ -334,16 +439,22 @@ def schedule(
     Returns three arrays: the device of each slot, or −1, (B, δ) int8; the data units uploaded in
     it, min(rate, data left), (B, δ); and the data left after the mission slot, (B, K).
     """
-    data_left = data_left.copy()
-    episodes = np.arange(len(data_left))
-    served = np.empty(snr_db.shape[:2], np.int8)
-    uploaded = np.empty(snr_db.shape[:2], np.float32)
-    for slot in range(snr_db.shape[1]):
-        snr = np.where(data_left > 0, snr_db[:, slot], -np.inf)
-        best = snr.argmax(1)
-        best_snr = snr[episodes, best]
-        amount = np.minimum(rate(best_snr), data_left[episodes, best])
-        data_left[episodes, best] -= amount
-        served[:, slot] = np.where(best_snr > -np.inf, best, -1)
-        uploaded[:, slot] = amount
-    return served, uploaded, data_left
+    slots, (count, devices) = snr_db.shape[1], data_left.shape
+    left = np.array(data_left.T, order="C")  # the batch is last, as inside `snr_db`
+    flat, episodes = left.reshape(-1), np.arange(count)
+    empty_db = np.where(left > 0, np.float32(0), np.float32(-np.inf))
+    countdown = np.arange(devices, 0, -1, dtype=np.int8)[:, None]
+    best = np.empty((slots, count), np.int8)
+    best_snr, uploaded = np.empty((2, slots, count), np.float32)
+    for slot in range(slots):
+        snr = snr_db[:, slot].T + empty_db
+        np.maximum.reduce(snr, axis=0, out=best_snr[slot])
+        best[slot] = devices - ((snr == best_snr[slot]) * countdown).max(0)  # argmax, but faster
+        place = best[slot].astype(int) * count + episodes
+        had = flat.take(place)
+        uploaded[slot] = np.minimum(rate(best_snr[slot]), had)
+        remaining = had - uploaded[slot]
+        flat[place] = remaining
+        empty_db.reshape(-1)[place[remaining <= 0]] = -np.inf
+    served = np.where(best_snr > -np.inf, best, np.int8(-1))
+    return served.T, uploaded.T, np.ascontiguousarray(left.T)

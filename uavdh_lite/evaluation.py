@@ -1,11 +1,12 @@
 """Monte Carlo evaluation: fly many random missions at once, and say how certain the means are."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from uavdh_lite.city import City
 from uavdh_lite.environment import Environment, Outcome, Rewards, State
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream
@@ -60,6 +61,15 @@ class Trajectory:
     served: np.ndarray
     uploaded: np.ndarray
     landed: bool
+
+
+def alone(environment: Environment, trajectory: Trajectory) -> tuple[Environment, Trajectory]:
+    """A flight over one of several cities, in the environment of that city alone."""
+    if isinstance(environment.city, City):
+        return environment, trajectory
+    uav_cell = environment.cities.within[trajectory.uav_cell]
+    environment, start = environment.alone(trajectory.start)
+    return environment, replace(trajectory, start=start, uav_cell=uav_cell)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from uavdh_lite.city import City
+from uavdh_lite.city import Cities, City
 from uavdh_lite.environment import ACTIONS, Environment, Outcome, Rewards, State
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights, Policy, Step
@@ -29,10 +29,15 @@ class _Simulator:
     """What the single and the vectorised environment share: B episodes and their observations."""
 
     def __init__(
-        self, scenario: str | Scenario, observation: str, rewards: Rewards, failsafe: bool
+        self,
+        scenario: str | Scenario,
+        observation: str,
+        rewards: Rewards,
+        failsafe: bool,
+        city: City | Cities | None,
     ):
         self.scenario = find_scenario(scenario) if isinstance(scenario, str) else scenario
-        city = City.load(self.scenario.city)
+        city = City.load(self.scenario.city) if city is None else city
         self.environment = Environment(city, failsafe=failsafe)
         self.rewards = rewards
         self._observation = Observation(
@@ -128,7 +133,8 @@ class DataHarvesting(gymnasium.Env):
 
     ## Observation Space
 
-    A `Dict` of float32 arrays between 0 and 1. M is the number of cells on a side, W = 2M − 1.
+    A `Dict` of float32 arrays between 0 and 1. M is the number of cells on a side of the largest
+    city, W = 2M − 1.
 
     | key | shape | what |
     | --- | --- | --- |
@@ -161,6 +167,7 @@ class DataHarvesting(gymnasium.Env):
     | `rewards` | `Rewards()` | the reward's constants |
     | `render_mode` | `None` | `rgb_array`, or `human` for a window |
     | `failsafe` | `False` | whether the safety controller brings the UAV home in time |
+    | `city` | `None` | the city instead of the scenario's own; with `Cities`, a random one of them for each episode |
 
     ```python
     >>> import gymnasium, uavdh_lite.gym
@@ -191,9 +198,10 @@ class DataHarvesting(gymnasium.Env):
         rewards: Rewards = Rewards(),  # noqa: B008 (frozen)
         render_mode: str | None = None,
         failsafe: bool = False,
+        city: City | Cities | None = None,
     ):
         _check_mode(render_mode, self.metadata)
-        self._simulator = _Simulator(scenario, observation, rewards, failsafe)
+        self._simulator = _Simulator(scenario, observation, rewards, failsafe, city)
         self.observation_space = self._simulator.space
         self.action_space = spaces.Discrete(len(ACTIONS))
         self.render_mode = render_mode
@@ -304,9 +312,10 @@ class DataHarvestingVector(VectorEnv):
         rewards: Rewards = Rewards(),  # noqa: B008 (frozen)
         render_mode: str | None = None,
         failsafe: bool = False,
+        city: City | Cities | None = None,
     ):
         _check_mode(render_mode, self.metadata)
-        self._simulator = _Simulator(scenario, observation, rewards, failsafe)
+        self._simulator = _Simulator(scenario, observation, rewards, failsafe, city)
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.single_observation_space = self._simulator.space

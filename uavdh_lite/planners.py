@@ -13,6 +13,8 @@ from uavdh_lite.city import read_only
 from uavdh_lite.environment import ACTIONS, HOVER, LAND, Environment, State, schedule
 from uavdh_lite.streams import Use, stream
 
+PAIRS = 2**22  # pairs of cells whose paths are searched at a time
+
 
 class Random:
     """Every action equally likely.
@@ -40,62 +42,76 @@ class Greedy:
 
     def __call__(self, state: State) -> np.ndarray:
         environment = self.environment
-        cells = np.arange(len(state))
+        episodes, uav_cell = np.arange(len(state)), state.uav_cell
         goals = self._approach[state.device_cells]
-        moves = self._distance[state.uav_cell[:, None], goals].astype(float)
+        moves = self._moves(uav_cell[:, None], goals).astype(float)
         moves[state.data_left <= 0] = np.inf
         nearest = moves.argmin(axis=1)
-        done = np.isinf(moves[cells, nearest])
-        action = self._towards[state.uav_cell, goals[cells, nearest]]
+        done = np.isinf(moves[episodes, nearest])
+        action = self._towards(uav_cell, goals[episodes, nearest])
         # What the action leads to must leave time to fly home and land.
-        after = environment.next_cell[state.uav_cell, action]
-        home = environment.city.landing_distance.ravel()
-        late = home[after] + 1 > state.time_left - 1
-        return np.where(done | late, environment.way_home[state.uav_cell], action)
+        after = environment.next_cell[uav_cell, action]
+        late = environment.cities.landing_distance[after] + 1 > state.time_left - 1
+        return np.where(done | late, environment.way_home[uav_cell], action)
+
+    def _moves(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        """Moves from cells to others of the same city; a large number where there is no path."""
+        distance, start_of_row = self._distance
+        return distance[start_of_row[start] + self.environment.cities.within[goal]]
+
+    def _towards(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        """First action of a shortest path, (B,); hover where there is no path."""
+        ahead = self._moves(self.environment.next_cell[start, :HOVER], goal[:, None])
+        nearer = ahead < self._moves(start, goal)[:, None]
+        return np.where(nearer.any(axis=1), nearer.argmax(axis=1), HOVER)
 
     @cached_property
-    def _distance(self) -> np.ndarray:
-        """Moves between all pairs of cells, `[from, to]`; a large number where there is no path."""
-        return self._routes[0]
+    def _distance(self) -> tuple[np.ndarray, np.ndarray]:
+        """Moves between all pairs of cells of a city, one city's pairs after the other's, int16;
+        and where the row of each cell starts in it.
 
-    @cached_property
-    def _towards(self) -> np.ndarray:
-        """First action of a shortest path, `[from, to]`; hover where there is no path."""
-        return self._routes[1]
-
-    @cached_property
-    def _routes(self) -> tuple[np.ndarray, np.ndarray]:
-        """All shortest paths together; each round adds those that are one move longer."""
-        environment = self.environment
-        count = environment.city.size**2
-        unreachable = np.iinfo(np.int16).max
-        distance = np.full((count, count), unreachable, np.int16)
-        towards = np.full((count, count), HOVER, np.int8)
-        reached = np.diag(~environment.city.no_fly.ravel())
-        distance[reached] = 0
-        moves = 0
-        while True:
-            moves += 1
-            new = np.zeros_like(reached)
-            for action in range(HOVER):
-                target = environment.next_cell[:, action]
-                step = reached[target] & ~reached & ~new
-                step &= ~environment.forbidden[:, [action]]
-                towards[step] = action
-                new |= step
-            if not new.any():
-                return read_only(distance), read_only(towards)
-            distance[new] = moves
-            reached = reached | new
+        All shortest paths together. Each round finds those that are one move longer, for the goals
+        as bits of a byte; a pair's distance is the number of rounds that have not reached it.
+        """
+        cities = self.environment.cities
+        width = (cities.sizes**2)[cities.city]
+        start = np.cumsum(width) - width
+        distance = np.empty(width.sum(), np.int16)
+        for part in cities.alike(PAIRS):
+            count = int(cities.sizes[part[0]]) ** 2
+            cells = (cities.first_cell[part][:, None] + np.arange(count)).ravel()
+            row = np.zeros(len(cities.city), int)
+            row[cells] = np.arange(len(cells))
+            ahead = row[self.environment.next_cell[cells, :HOVER]]
+            goals = np.eye(count, dtype=bool)[cities.within[cells]] & ~cities.no_fly[cells, None]
+            reached = np.packbits(goals, axis=1)
+            moves = np.zeros((len(cells), count), np.int16)
+            while True:
+                missing = np.unpackbits(~reached, axis=1, count=count)
+                grown = reached | np.bitwise_or.reduce([reached[to] for to in ahead.T])
+                if np.array_equal(grown, reached):
+                    break
+                moves += missing
+                reached = grown
+            moves[missing.astype(bool)] = np.iinfo(np.int16).max
+            distance[start[cells][:, None] + np.arange(count)] = moves
+        return read_only(distance), read_only(start)
 
     @cached_property
     def _approach(self) -> np.ndarray:
-        """For each cell, the nearest cell that the UAV can reach from the landing zone; (M²,)."""
-        city = self.environment.city
-        row, col = np.divmod(np.arange(city.size**2), city.size)
-        squared = (row[:, None] - row) ** 2 + (col[:, None] - col) ** 2
-        squared[:, city.landing_distance.ravel() < 0] = np.iinfo(squared.dtype).max
-        return read_only(squared.argmin(axis=1))
+        """For each cell, the nearest one of its city that the UAV can reach from the landing zone;
+        (n,)."""
+        cities = self.environment.cities
+        approach = np.empty(len(cities.city), int)
+        for part in cities.alike(PAIRS):
+            size = int(cities.sizes[part[0]])
+            cells = cities.first_cell[part][:, None] + np.arange(size**2)
+            row, col = np.divmod(np.arange(size**2), size)
+            squared = (row[:, None] - row) ** 2 + (col[:, None] - col) ** 2
+            reachable = cities.landing_distance[cells] >= 0
+            squared = np.where(reachable[:, None], squared, np.iinfo(squared.dtype).max)
+            approach[cells] = cities.first_cell[part][:, None] + squared.argmin(axis=2)
+        return read_only(approach)
 
 
 @dataclass(frozen=True)

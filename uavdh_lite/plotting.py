@@ -15,10 +15,10 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 from PIL import Image
 
-from uavdh_lite.city import City
+from uavdh_lite.city import Cities, City
 from uavdh_lite.environment import LAND, Environment, State
 from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import Trajectory
+from uavdh_lite.evaluation import Trajectory, alone
 from uavdh_lite.storage import write_atomically
 
 # Okabe and Ito's colours, which colour-blind readers can tell apart; not black, which is the colour
@@ -79,6 +79,18 @@ def draw_city(ax: Axes, city: City, shadow_sum: np.ndarray | None = None) -> Axe
     return ax
 
 
+def draw_cities(figure: Figure, cities: Cities, columns: int) -> None:
+    """Small maps of cities in an empty figure, `columns` in a row, with their names."""
+    rows = -(-len(cities) // columns)
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for ax, city in zip(axes, cities.cities, strict=False):
+        draw_city(ax, city)
+        ax.set(xticks=[], yticks=[], xlabel="", ylabel="")
+        ax.set_title(city.name, fontsize="small")
+    for ax in axes[len(cities) :]:
+        ax.set_axis_off()
+
+
 def shadow_sum(environment: Environment, device_cells: np.ndarray) -> np.ndarray:
     """For each cell, how many of these devices, (n,), a UAV there cannot see; (M, M) ints."""
     hidden = ~environment.line_of_sight[device_cells]
@@ -87,10 +99,11 @@ def shadow_sum(environment: Environment, device_cells: np.ndarray) -> np.ndarray
 
 def draw_trajectory(ax: Axes, environment: Environment, trajectory: Trajectory) -> Axes:
     """One flight in the paper's style, over the city shaded by its devices, with its caption."""
-    start = trajectory.start
+    environment, trajectory = alone(environment, trajectory)
+    city, start = environment.cities[0], trajectory.start
     used = np.flatnonzero(start.data_initial[0] > 0)
-    draw_city(ax, environment.city, shadow_sum(environment, start.device_cells[0][used]))
-    draw_flight(ax, environment.city, trajectory)
+    draw_city(ax, city, shadow_sum(environment, start.device_cells[0][used]))
+    draw_flight(ax, city, trajectory)
     ax.set_xlabel(f"column\n{caption(trajectory)}")
     return ax
 

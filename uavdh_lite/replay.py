@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from uavdh_lite.environment import State
 from uavdh_lite.errors import InputError
@@ -35,9 +36,18 @@ class Replay:
     so a state is stored once, and rewards over n steps are summed when a transition is sampled.
     Combined experience replay (Zhang and Sutton, 2017) puts the newest transition into every
     minibatch; with N environments, the newest N.
+
+    Arguments:
+        cell_type: of the cells' numbers, that of the states to store.
     """
 
-    def __init__(self, capacity: int, environments: int, max_devices: int):
+    def __init__(
+        self,
+        capacity: int,
+        environments: int,
+        max_devices: int,
+        cell_type: DTypeLike = np.int16,
+    ):
         if capacity < environments:
             raise InputError(
                 f"replay of {capacity} transitions for {environments} environments: "
@@ -46,9 +56,9 @@ class Replay:
         steps = -(-capacity // environments) + 1  # one more: the newest state has no action yet
         lead, devices = (steps, environments), (steps, environments, max_devices)
         self.states: dict[str, np.ndarray] = {
-            "uav_cell": np.zeros(lead, np.int16),
+            "uav_cell": np.zeros(lead, cell_type),
             "time_left": np.zeros(lead, np.int16),
-            "device_cells": np.zeros(devices, np.int16),
+            "device_cells": np.zeros(devices, cell_type),
             "data_initial": np.zeros(devices, np.float32),
             "data_left": np.zeros(devices, np.float32),
             "landed": np.zeros(lead, bool),

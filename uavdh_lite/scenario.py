@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavdh_lite.city import City
+from uavdh_lite.city import CellsByCity, Cities, City, as_cities
 from uavdh_lite.config import option
 from uavdh_lite.environment import State
 from uavdh_lite.errors import InputError
@@ -38,34 +38,53 @@ class Scenario:
         """K, the number of places for devices in a `State`."""
         return self.devices[1]
 
-    def sample(self, city: City, count: int, generator: np.random.Generator) -> State:
+    def sample(self, city: City | Cities, count: int, generator: np.random.Generator) -> State:
         """Draw the starts of `count` episodes.
 
-        The start is uniform over the landing cells. The devices are uniform over the cells where
-        they may stand, never two in one. Their number, their data and the flying time are uniform
-        over the ranges.
+        The city of each is uniform over the cities, if there are several. The start is uniform over
+        its landing cells. The devices are uniform over the cells where they may stand, never two
+        in one. Their number, their data and the flying time are uniform over the ranges.
         """
-        cells = city.device_cells
-        if self.max_devices > len(cells):
-            raise InputError(
-                f"scenario {self.name}: up to {self.max_devices} devices, "
-                f"but {city.name} has {len(cells)} cells for them"
-            )
-        order = generator.random((count, len(cells)), np.float32).argsort(axis=1)
+        cities = as_cities(city)
+        city_index = generator.integers(0, len(cities), count)  # draws nothing for a single one
+        device_cells = self._device_cells(cities, city_index, generator)
         number = generator.integers(*self.devices, count, endpoint=True)
         data = generator.uniform(*self.data, (count, self.max_devices)).astype(np.float32)
         data *= np.arange(self.max_devices) < number[:, None]
+        uav_cell = _choose(cities.landing_cells, city_index, generator)
         return State(
-            uav_cell=generator.choice(city.landing_cells, count).astype(np.int16),
+            uav_cell=uav_cell.astype(cities.cell_type),
             time_left=generator.integers(*self.flying_time, count, np.int16, endpoint=True),
-            device_cells=cells[order[:, : self.max_devices]].astype(np.int16),
+            device_cells=device_cells.astype(cities.cell_type),
             data_initial=data,
             data_left=data.copy(),
             landed=np.zeros(count, bool),
         )
 
+    def _device_cells(
+        self, cities: Cities, city_index: np.ndarray, generator: np.random.Generator
+    ) -> np.ndarray:
+        """The first K of a random order of the cells for devices in each city; (B, K) ints."""
+        cells, starts, counts = cities.device_cells
+        least = int(counts.argmin())
+        if self.max_devices > counts[least]:
+            raise InputError(
+                f"scenario {self.name}: up to {self.max_devices} devices, "
+                f"but {cities[least].name} has {counts[least]} cells for them"
+            )
+        most = counts.max()
+        rank = generator.random((len(city_index), most), np.float32)
+        if most > counts[least]:  # the places beyond those of a smaller city come last
+            rank[np.arange(most) >= counts[city_index][:, None]] = 1
+        order = rank.argsort(axis=1)[:, : self.max_devices]
+        return cells[starts[city_index][:, None] + order]
+
     def sample_anywhere(
-        self, city: City, count: int, generator: np.random.Generator, spare_time: int
+        self,
+        city: City | Cities,
+        count: int,
+        generator: np.random.Generator,
+        spare_time: int,
     ) -> State:
         """Draw episodes that are already under way, for exploring starts in training.
 
@@ -73,20 +92,27 @@ class Scenario:
         flying time is uniform, from what the way home and the landing take plus `spare_time` to
         the scenario's longest. Each device is already empty with probability 1/2.
         """
-        state = self.sample(city, count, generator)
-        distance = city.landing_distance.ravel()
-        uav_cell = generator.choice(np.flatnonzero(distance >= 0), count)
-        home = distance[uav_cell] + 1
+        cities = as_cities(city)
+        state = self.sample(cities, count, generator)
+        uav_cell = _choose(cities.home_cells, cities.city[state.uav_cell], generator)
+        home = cities.landing_distance[uav_cell] + 1
         most = np.maximum(self.flying_time[1], home)
         least = np.minimum(home + spare_time, most)
         time_left = generator.integers(least, most, count, np.int16, endpoint=True)
         emptied = generator.random(state.data_left.shape) < 0.5
         return replace(
             state,
-            uav_cell=uav_cell.astype(np.int16),
+            uav_cell=uav_cell.astype(cities.cell_type),
             time_left=time_left,
             data_left=np.where(emptied, np.float32(0), state.data_left),
         )
+
+
+def _choose(
+    among: CellsByCity, city_index: np.ndarray, generator: np.random.Generator
+) -> np.ndarray:
+    """For each city of `city_index`, one of its cells, all equally likely; (B,) ints."""
+    return among.cells[among.starts[city_index] + generator.integers(0, among.counts[city_index])]
 
 
 SCENARIOS = {

@@ -13,24 +13,28 @@ def line_of_sight(buildings: np.ndarray, method: str = "exact") -> np.ndarray:
     """Line of sight between all pairs of cells.
 
     Arguments:
-        buildings: (M, M) bool, the cells that block links.
+        buildings: (..., M, M) bool, the cells that block links, of any number of cities.
         method: `"exact"`: blocked if the straight segment between the two cell centres crosses
             the open interior of a building cell, or passes exactly between two diagonal buildings
             through their shared corner. Otherwise touching a corner or an edge does not block.
             Symmetric.
             `"bresenham"`: the fan of rays of the authors' code, for comparison. Not symmetric.
 
-    Returns: (M, M, M, M) bool, `[device_row, device_col, uav_row, uav_col]`, True for line of
-        sight (LoS), False for non-line of sight (NLoS). A cell that is a building sees nothing.
+    Returns: (..., M, M, M, M) bool, `[..., device_row, device_col, uav_row, uav_col]`, True for
+        line of sight (LoS), False for non-line of sight (NLoS). A cell that is a building sees
+        nothing.
 
     Raises `InputError` if `buildings` is not square or the method is unknown.
     """
     buildings = np.asarray(buildings, bool)
-    if buildings.ndim != 2 or buildings.shape[0] != buildings.shape[1]:
+    if buildings.ndim < 2 or buildings.shape[-2] != buildings.shape[-1]:
         raise InputError(f"buildings must be a square array, found shape {buildings.shape}")
     if method not in METHODS:
         raise InputError(f"unknown shadow method {method!r}: choose one of {', '.join(METHODS)}")
-    return _exact(buildings) if method == "exact" else _bresenham(buildings)
+    *several, size, _ = buildings.shape
+    cities = buildings.reshape(-1, size, size)
+    sight = _exact(cities) if method == "exact" else np.stack([_bresenham(b) for b in cities])
+    return sight.reshape(*several, *(size,) * 4)
 
 
 def crossed_cells(rows: int, cols: int) -> np.ndarray:
@@ -66,9 +70,11 @@ def passed_corners(rows: int, cols: int) -> np.ndarray:
 
 
 def _exact(buildings: np.ndarray) -> np.ndarray:
-    """All pairs with one displacement at once: only it decides which cells a ray meets."""
-    size = len(buildings)
-    sight = np.empty((size, size, size, size), bool)
+    """All pairs with one displacement, of all cities, at once: only it decides which cells a ray
+    meets. Inside, the cities are the last axis: what is next to each other is computed together."""
+    size = buildings.shape[-1]
+    buildings = np.ascontiguousarray(np.moveaxis(buildings, 0, -1))
+    sight = np.empty((size, size, size, size, buildings.shape[-1]), bool)
     cells = np.arange(size)
     for rows in range(size):
         for cols in range(-size + 1, size):
@@ -78,7 +84,7 @@ def _exact(buildings: np.ndarray) -> np.ndarray:
                 r, c = cell
                 return buildings[r : r + height, left + c : left + c + width]
 
-            blocked = np.zeros((height, width), bool)
+            blocked = np.zeros((height, width, buildings.shape[-1]), bool)
             for cell in crossed_cells(rows, cols):
                 blocked |= building_at(cell)
             for first, second in passed_corners(rows, cols):
@@ -86,7 +92,7 @@ def _exact(buildings: np.ndarray) -> np.ndarray:
             r, c = cells[:height, None], cells[None, left : left + width]
             sight[r, c, r + rows, c + cols] = ~blocked
             sight[r + rows, c + cols, r, c] = ~blocked
-    return sight
+    return np.moveaxis(sight, -1, 0)
 
 
 def _bresenham(buildings: np.ndarray) -> np.ndarray:

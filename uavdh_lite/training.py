@@ -150,7 +150,12 @@ class Trainer:
         method = QRDQN if recipe.quantiles else DDQN
         self.learner = method(network, optimiser, recipe.target_update_rate, recipe.huber_delta)
         self.networks: Networks = self.learner  # those that act and give the targets
-        self.replay = Replay(recipe.replay_capacity, recipe.environments, scenario.max_devices)
+        self.replay = Replay(
+            recipe.replay_capacity,
+            recipe.environments,
+            scenario.max_devices,
+            self.environment.cities.cell_type,
+        )
         self.statistics = EpisodeStatistics(recipe.environments, self.device)
         self.steps = self.updates = 0
         self.seconds = 0.0  # spent training, resumed parts included

@@ -143,7 +143,16 @@ def test_unknown_method_is_refused_with_the_known_ones():
         line_of_sight(np.zeros((3, 3), bool), "guess")
 
 
-@pytest.mark.parametrize("shape", [(3, 4), (4, 3), (9,), (2, 2, 2)])
+@pytest.mark.parametrize("shape", [(3, 4), (4, 3), (9,), (2, 2, 3)])
 def test_an_array_that_is_not_square_is_refused(shape):
     with pytest.raises(InputError, match="square"):
         line_of_sight(np.zeros(shape, bool))
+
+
+@pytest.mark.parametrize("method", ["exact", "bresenham"])
+def test_several_cities_at_once_are_as_each_alone(method, generator):
+    buildings = generator.random((2, 3, 6, 6)) < 0.3
+    sight = line_of_sight(buildings, method)
+    assert sight.shape == (2, 3, 6, 6, 6, 6)
+    for index in np.ndindex(2, 3):
+        assert np.array_equal(sight[index], line_of_sight(buildings[index], method))

@@ -77,7 +77,7 @@ def fly(
     trajectory = flown.fly(environment, agent).trajectory(0)
 
     if out.suffix == ".gif":
-        save_animation(environment.city, trajectory, out)
+        save_animation(flown.city, trajectory, out)
     else:
         figure = Figure(figsize=(7, 9), layout="constrained")
         draw_trajectory(figure.subplots(), environment, trajectory)
