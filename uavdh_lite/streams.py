@@ -35,6 +35,7 @@ class Use(IntEnum):
     WEIGHTS = 11  # a network before training
     EXPORT = 12  # the states that compare an exported network with its agent
     BENCHMARK = 13
+    CITY = 14  # cities drawn at random
 
 
 def stream(use: Use, seed: int = 0) -> np.random.Generator:

@@ -9,6 +9,8 @@ import pytest
 from PIL import Image
 
 from uavdh_lite.checkpoint import load_agent, shipped_agents
+from uavdh_lite.city import Cities
+from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.cli.main import main
 from uavdh_lite.paper import RESULTS
 from uavdh_lite.recipe import RECIPES, Recipe
@@ -19,6 +21,7 @@ COMMANDS = [
     "ablation",
     "app",
     "challenge",
+    "cities",
     "city",
     "compare",
     "demo",
@@ -112,6 +115,17 @@ def test_city_checks_and_draws(tmp_path, capsys):
     assert main(["city", "open_field", "--out", str(tmp_path / "c.png")]) == 0
     assert "16 × 16 cells, valid" in capsys.readouterr().out
     assert (tmp_path / "c.png").stat().st_size > 5000
+
+
+def test_cities_are_drawn_and_can_be_loaded(tmp_path, capsys):
+    out, figure = tmp_path / "drawn", tmp_path / "all.png"
+    arguments = ["cities", "--count", "3", "--seed", "4", "--size", "9", "--kind", "blocks"]
+    assert main([*arguments, "--out", str(out), "--figure", str(figure)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[:3]] == [str(p) for p in sorted(out.iterdir())]
+    expected = CityGenerator(size=9, kinds=("blocks",)).draw(3, seed=4)
+    assert Cities.load(out).fingerprint == expected.fingerprint
+    assert lines[3:] == [str(figure)] and figure.stat().st_size > 5000
 
 
 def test_train_takes_a_city_and_ranges_of_ones_own(corridor, tmp_path, capsys):
@@ -211,6 +225,9 @@ def test_options_given_twice_hold_as_given_last(tmp_path, capsys):
         ("fly --devices 4;4", "'4;4' is not a cell"),
         ("fly --devices 4,0 4,1 4,2 4,3 4,4 4,5", "6 devices: this scenario takes 1 to 5"),
         ("fly --flying-time 0", "flying time 0: must be at least 1"),
+        ("cities --count 0", "0 cities: must be at least 1"),
+        ("cities --size 5", "cities: size is 5, must be at least 8"),
+        ("cities --kind castle", "kind of city: 'castle'; choose from blocks, scattered"),
         ("city atlantis", "no city named 'atlantis'"),
         ("city", "PATH requires an argument. See: python -m uavdh_lite city --help"),
         ("dance", 'Unknown command "dance". Available commands: '),

@@ -9,6 +9,7 @@ from cyclopts import CycloptsError, UnusedCliTokensError
 from uavdh_lite.cli.ablation import ablation
 from uavdh_lite.cli.app import app
 from uavdh_lite.cli.challenge import challenge
+from uavdh_lite.cli.cities import cities
 from uavdh_lite.cli.city import city
 from uavdh_lite.cli.compare import compare
 from uavdh_lite.cli.demo import demo
@@ -28,7 +29,7 @@ def main(arguments: list[str] | None = None) -> int:
     0; 1 for files or a training that diverged; 2 for bad input; 130 for Ctrl-C.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
-    commands = application(demo, evaluate, compare, fly, export, challenge, app, city)
+    commands = application(demo, evaluate, compare, fly, export, challenge, app, city, cities)
     for command in (train, ablation):  # they answer --help themselves
         commands.command(command, help_flags=(), version_flags=())
     try:
