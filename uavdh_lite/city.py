@@ -192,9 +192,9 @@ class City:
 class Cities:
     """C cities of any sizes as one world, in which every episode has its own city.
 
-    The cells are numbered on from city to city: cell (row, col) of city c, of M cells a side, has
-    the number `first_cell[c] + row * M + col`. So a cell's number says its city, too. The arrays
-    are read-only, and have an entry for each of the n cells of all cities.
+    The cells are numbered on from city to city: cell (row, col) of city c, of M cells on a side,
+    has the number `first_cell[c] + row * M + col`. So a cell's number says its city, too. The
+    arrays are read-only, and have an entry for each of the n cells of all cities.
 
     | field | shape | meaning |
     | --- | --- | --- |
@@ -235,7 +235,7 @@ class Cities:
 
     @cached_property
     def size(self) -> int:
-        """M, the number of cells a side of the largest city."""
+        """M, the number of cells on a side of the largest city."""
         return int(self.sizes.max())
 
     @cached_property

@@ -5,7 +5,7 @@ Where the buildings stand depends on the kind of city:
 | kind | what |
 | --- | --- |
 | `blocks` | streets cross at right angles; most blocks are full, some have an alley, a missing corner or nothing on them |
-| `scattered` | houses of up to four cells a side, with a gap around each |
+| `scattered` | houses of up to four cells on a side, with a gap around each |
 | `courtyards` | closed blocks around a yard, which one or two gates lead into; walls; a few houses |
 | `old_town` | small blocks, narrow lanes that end at others, a market square, open land around |
 

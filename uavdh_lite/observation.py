@@ -67,8 +67,8 @@ class Observation(nn.Module):
     def _widened(self) -> np.ndarray:
         """The cities' layers with no-fly cells around them; (C, 3, 3M − 2, 3M − 2) uint8.
 
-        So the window of W cells a side that starts at (row, col) has that cell of the city in its
-        middle.
+        So the window of W cells on a side that starts at (row, col) has that cell of the city in
+        its middle.
         """
         cities, before = self.cities, self.size - 1
         wide = np.zeros((len(cities), 3, self.width + before, self.width + before), np.uint8)

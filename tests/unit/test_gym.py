@@ -8,7 +8,8 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import uavdh_lite.gym
 from uavdh_lite.city import City
-from uavdh_lite.environment import HOVER, LAND, NORTH, SOUTH, Rewards
+from uavdh_lite.city_generator import CityGenerator
+from uavdh_lite.environment import HOVER, LAND, NORTH, SOUTH, Environment, Rewards
 from uavdh_lite.errors import InputError
 from uavdh_lite.scenario import SCENARIOS, place
 
@@ -252,3 +253,29 @@ def test_nobody_crashes_in_the_vector_environment_with_the_failsafe():
         corrected += told.sum()
         assert not (told & masks[np.arange(16), actions]).any()
     assert ends > 40 and corrected >= ends
+
+
+@pytest.mark.parametrize("observation", ["centred", "non_centred"])
+def test_every_episode_has_a_city_of_its_own(observation):
+    cities = CityGenerator(size=8).draw(5, 0)
+    options = {"scenario": "village", "city": cities, "observation": observation}
+    check_env(gymnasium.make(ID, **options, render_mode="rgb_array").unwrapped)
+    envs = gymnasium.make_vec(
+        ID, num_envs=12, vectorization_mode="vector_entry_point", failsafe=True, **options
+    )
+    seen, _ = envs.reset(seed=1)
+    simulator = Environment(cities, failsafe=True)
+    where = cities.city[envs.unwrapped.state.uav_cell]
+    assert len(set(where)) > 2
+    generator = np.random.default_rng(0)
+    for _ in range(45):
+        state = envs.unwrapped.state
+        assert np.array_equal(envs.unwrapped.action_masks(), simulator.allowed_actions(state))
+        layer = seen["map"][:, 2].sum(axis=(1, 2))
+        where = cities.city[state.uav_cell]
+        assert np.array_equal(layer, [cities[city].buildings.sum() for city in where])
+        seen, _, terminated, _, infos = envs.step(generator.integers(0, 6, 12))
+        assert terminated.any() == ("final_info" in infos)
+        if terminated.any():
+            assert infos["final_info"]["has_landed"][terminated].all()
+    assert (cities.city[envs.unwrapped.state.uav_cell] != where[0]).any()
