@@ -445,15 +445,16 @@ def schedule(
     empty_db = np.where(left > 0, np.float32(0), np.float32(-np.inf))
     countdown = np.arange(devices, 0, -1, dtype=np.int8)[:, None]
     best = np.empty((slots, count), np.int8)
-    best_snr, uploaded = np.empty((2, slots, count), np.float32)
+    best_snr = np.empty((slots, count), snr_db.dtype)
+    uploaded = np.empty((slots, count), np.float32)
     for slot in range(slots):
         snr = snr_db[:, slot].T + empty_db
         np.maximum.reduce(snr, axis=0, out=best_snr[slot])
         best[slot] = devices - ((snr == best_snr[slot]) * countdown).max(0)  # argmax, but faster
         place = best[slot].astype(int) * count + episodes
         had = flat.take(place)
-        uploaded[slot] = np.minimum(rate(best_snr[slot]), had)
-        remaining = had - uploaded[slot]
+        amount = uploaded[slot] = np.minimum(rate(best_snr[slot]), had)
+        remaining = had - amount
         flat[place] = remaining
         empty_db.reshape(-1)[place[remaining <= 0]] = -np.inf
     served = np.where(best_snr > -np.inf, best, np.int8(-1))
