@@ -104,7 +104,7 @@ def test_unwritten_functions_and_missing_returns():
 
     for answer, message in (
         (blank, "blank is not written yet"),
-        (silent, "is there a `return`"),
+        (silent, "is a `return` missing"),
         (broken, r"broken\(0\) stops with AttributeError: 'float'"),
     ):
         with pytest.raises(checks.CheckFailed, match=message):

@@ -6,7 +6,10 @@ MISTAKES = {
     "rate_from_snr": [
         (lambda snr_db: np.log2(1 + snr_db), "decibels"),
         (lambda snr_db: np.log(1 + 10 ** (snr_db / 10)), "natural logarithm"),
-        (lambda snr_db: np.log2(1 + 10 ** (float(snr_db) / 10)), "stops with TypeError"),
+        (
+            lambda snr_db: np.log2(1 + 10 ** (float(snr_db) / 10)),
+            "stops with TypeError.*An array has",
+        ),
         (lambda snr_db: np.log2(10 ** (snr_db / 10)), "negative below 0 dB"),
     ],
     "path_loss_crossover": [
@@ -26,13 +29,13 @@ MISTAKES = {
             lambda snr, var, n, g: (
                 np.log2(1 + 10 ** (snr / 10)) + g.normal(0, var**0.5, n)
             ).mean(),
-            "add the fading to the rate",
+            "belongs to the SNR, in dB, not to the rate",
         ),
         (
             lambda snr, var, n, g: np.median(
                 np.log2(1 + 10 ** ((snr + g.normal(0, var**0.5, n)) / 10))
             ),
-            "median",
+            "nor is the median",
         ),
         (
             lambda snr, var, n, g: np.log2(1 + 10 ** ((snr + g.normal(0, var**0.5)) / 10)),
@@ -42,11 +45,11 @@ MISTAKES = {
             lambda snr, var, n, g: np.log2(
                 1 + 10 ** ((snr + g.normal(0, var**0.5, n).mean()) / 10)
             ),
-            "average the rates",
+            "average the rates, not the SNRs",
         ),
         (
             lambda snr, var, n, g: np.log2(1 + 10 ** ((snr + g.normal(0, var**0.5, n)) / 10)),
-            "you give back an array",
+            "one number is expected, not an array",
         ),
         (
             lambda snr, var, n, g: np.log2(

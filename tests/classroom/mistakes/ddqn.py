@@ -212,13 +212,13 @@ WRONG_TARGETS = [
     (lambda r, t, d, online, target: r + d * ~t * target.amax(1), "plain DQN"),
     (
         lambda r, t, d, online, target: r + d * target[:, online.argmax(1)],
-        "in place of the colon",
+        "has the shape",
     ),
     (
         lambda r, t, d, online, target: r + d * target[online.argmax(1)],
-        "takes rows",
+        "one target for each transition",
     ),
-    (lambda r, t, d, online, target: r + d * online, "pick the best action's first"),
+    (lambda r, t, d, online, target: r + d * online, "one target for each transition"),
     (lambda r, t, d, online, target: r + d * ~t * _value(target, online), "swapped"),
     (lambda r, t, d, online, target: r + d * _value(online, target), "not masked"),
     (lambda r, t, d, online, target: r + d * ~t * online.amax(1), "also chooses"),
@@ -228,7 +228,7 @@ WRONG_TARGETS = [
         lambda r, t, d, online, target: (
             r + d * ~t * target.gather(1, online.argmax(1, keepdim=True))
         ),
-        r"\(B, B\) matrix",
+        "has the shape",
     ),
     (lambda r, t, d, online, target: r + d * ~t * online.argmax(1), "number of the best"),
     (
@@ -253,7 +253,7 @@ MISTAKES = {
         (lambda q, beta: _shifted(q, beta, q.amax(1)), r"keepdim=True makes \(B, 1\)"),
         (lambda q, beta: torch.exp((q - q.amax(1, True)) / beta), "row does not sum to 1"),
         (_top_of_all, "Subtract the maximum of each row"),
-        (_scales_in_place, "in place"),
+        (_scales_in_place, "changes what it is given"),
         (lambda q, beta: torch.log_softmax(q / beta, 1), "logarithms"),
         (lambda q, beta: torch.softmax(q / beta, 1).tolist(), "torch tensor is expected"),
     ],
@@ -262,7 +262,7 @@ MISTAKES = {
         (NewestAtTheEnd, "ring is full and begins again"),
         (NextPlace, "to be overwritten next"),
         (Unfilled, "nothing was stored in"),
-        (UpToTheCapacity, "only 1 of 5 places are filled"),
+        (UpToTheCapacity, "Only 1 of 5 places are filled"),
         (AssignsToAnEmptyList, "only the places that were appended"),
         (NoReplacement, "items may repeat"),
         (Grows, "the ring grows"),
@@ -306,7 +306,7 @@ MISTAKES = {
         (_shrinks_online, "online weights have changed"),
         (_adds, "grow and grow"),
         (_copies, "only the share τ"),
-        (_first_only, "Of 3 tensors 1 are updated"),
+        (_first_only, "All tensors of the lists"),
         (_unwritten, "not written yet"),
     ],
 }

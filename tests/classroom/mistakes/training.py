@@ -159,12 +159,12 @@ MISTAKES = {
         (_value_too_early, "state before the last step"),
         (_loses_the_last, "terminal step is lost"),
         (_not_discounted, "not discounted"),
-        (_needs_n_steps, "IndexError where fewer than n"),
+        (_needs_n_steps, "IndexError.*Where fewer than n steps"),
         (_power_n, "that of the steps that there are"),
         (_whole_memory, "only a terminal among the m steps"),
         (_asks_the_last(own_power=False), "only whether the last of the m steps"),
         (_asks_the_last(own_power=True), "only whether the last of the m steps"),
-        (_backwards_in_place, "changes the arrays"),
+        (_backwards_in_place, "changes what it is given"),
     ],
     "diagnosis": [
         (_in_order("lazy", "good", "crashes"), "collects much but crashes is not good"),
@@ -176,7 +176,7 @@ MISTAKES = {
         (_in_order(*RULES, ratio=lambda landed, ratio: ratio > 0.8), "Exactly 80 %"),
         (_in_order(*RULES, ratio=lambda landed, ratio: landed * ratio >= 0.8), "not its product"),
         (_confused, "confused"),
-        (lambda landed, ratio, used: landed >= 0.9, "expected one of lazy, crashes"),
+        (lambda landed, ratio, used: landed >= 0.9, "expected is one of lazy, crashes"),
     ],
     "mended_recipe": [
         (LAZY, "unchanged"),

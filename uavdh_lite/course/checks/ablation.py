@@ -1,6 +1,5 @@
 """Exercises of notebook 7, the ablation of map centring."""
 
-import functools
 from itertools import combinations
 from math import comb
 from numbers import Real
@@ -8,15 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from uavdh_lite.course.checks.exercise import (
-    CheckFailed,
-    close,
-    compare,
-    exercise,
-    expect,
-    guarded,
-    show,
-)
+from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, show
+from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.values import number
 from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.storage import data_folder, read_table
 from uavdh_lite.streams import Use, stream
@@ -93,22 +86,67 @@ def _last(steps, values, threshold):
     return _first(steps[::-1], values[::-1], threshold)
 
 
-STEPS_TO_MISTAKES = {
-    "That is the position in the list, not the number of environment steps: look it up in "
-    "`steps`.": lambda steps, values, threshold: _solved_steps_to(
-        np.arange(len(steps)), values, threshold
-    ),
-    "That is the first validation at or above the threshold, but the curve falls below it again. "
-    "Asked for is from where on it stays.": _first,
-    "That is the last validation at or above the threshold: asked for is the first of those from "
-    "which on it stays.": _last,
-    "That is the last validation below the threshold; asked for is the one after it.": (
-        lambda steps, values, threshold: _last(steps, -values, -threshold + 1e-9)
-    ),
-    "A value that equals the threshold has reached it: it is below only if it is smaller.": (
-        lambda steps, values, threshold: _after_the_last(values <= threshold, steps)
-    ),
-}
+def _steps_to_cases():
+    generator = stream(Use.EXERCISE, 7)
+
+    def case(values, threshold, steps=None):
+        steps = 50_000 * np.arange(1, len(values) + 1) if steps is None else steps
+        return np.array(steps), np.array(values), threshold
+
+    rises = [0.1, 0.35, 0.6, 0.75, 0.5, 0.8, 0.9, 0.85]
+    drawn = [generator.uniform(0.4, 1, n).round(1) for n in (2, 3, 4, 5, 8, 8, 8, 13) * 2]
+    apart = [np.cumsum(generator.integers(1, 9_000, len(values))) - 1 for values in drawn]
+    return {
+        "From the validation asked for on, all values are at least the threshold; the one before "
+        "it is below.": [
+            *(case(rises, threshold) for threshold in (0.6, 0.7, 0.84)),
+            case(rises, 0.7, (3, 10, 20, 21, 30, 44, 50, 90)),
+            case([-3, -1, -2, -1], -1.5, (0, 1, 2, 3)),
+        ],
+        "If no value is below the threshold, it is the first validation, even if that is at 0 "
+        "steps.": [
+            *(case(rises, 0.05), case([0.5, 0.4], 0.3), case([0.5], 0.1, (7,))),
+            case([0.3, 0.2, 0.9], 0, (0, 100, 200)),
+        ],
+        "If the last value is below the threshold, there is no such validation: return None. "
+        "(np.argmax of a condition that is nowhere true is 0, the first place.)": [
+            *(case(rises, 0.95), case(rises, 0.88), case([0.5], 0.6), case([0.9, 0.8], 0.85)),
+        ],
+        "A value that equals the threshold has reached it: only a smaller one is below.": [
+            *(case(rises, 0.85), case([0.2, 0.6, 0.6], 0.6), case([1, 0, 1, 1], 1)),
+        ],
+        "However little a value is below the threshold, it is below.": [
+            case([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7),
+            case([0.9, 0.7 - 1e-9], 0.7),
+        ],
+        "It must hold for all curves and all distances between validations.": [
+            case(values, threshold, steps)
+            for values, steps in zip(drawn, apart, strict=True)
+            for threshold in (0.5, 0.6, 0.8)
+        ],
+    }
+
+
+def _number_or_none(value) -> np.ndarray:
+    return np.asarray(None) if value is None else number(value)
+
+
+STEPS_TO = Table(
+    _solved_steps_to,
+    _steps_to_cases,
+    mistakes={
+        "That is the position in the list, not the number of environment steps: look it up in "
+        "`steps`.": lambda s, values, threshold: _solved_steps_to(
+            np.arange(len(s)), values, threshold
+        ),
+        "That is the first validation at or above the threshold, but the curve falls below it "
+        "again. Asked for is from where on it stays.": _first,
+        "That is the last validation at or above the threshold: asked for is the first of those "
+        "from which on it stays.": _last,
+        "You give None for every curve: is there a `return` for the others?": lambda *_: None,
+    },
+    read=_number_or_none,
+)
 
 
 @exercise(
@@ -123,72 +161,10 @@ STEPS_TO_MISTAKES = {
         "each value that is at least threshold, until one is below. If you kept none: None.",
     ),
     figure=_draw_steps_to,
+    table=STEPS_TO,
 )
 def steps_to(answer) -> None:
     """`steps_to(steps, values, threshold)`: the steps from which on it stays there, or None."""
-    written = getattr(answer, "__wrapped__", answer)
-    expect(callable(written), "Hand over the function itself, not what it gives back.")
-
-    @functools.wraps(written)
-    def boxed(*arguments):
-        try:
-            return (written(*arguments),)  # None is a right answer here
-        except IndexError as error:
-            _, values, threshold = arguments
-            case = "no value is below it" if (values >= threshold).all() else "the last is below it"
-            raise CheckFailed(
-                f"For the values {values.tolist()} and the threshold {threshold} your function "
-                f"stops with IndexError: {error}. Perhaps you look for a place that there is not, "
-                f"when {case}."
-            ) from error
-
-    ask = guarded(boxed)
-    steps = np.arange(1, 9) * 50_000
-    rises = np.array([0.1, 0.35, 0.6, 0.75, 0.5, 0.8, 0.9, 0.85])
-    generator = stream(Use.EXERCISE, 7)
-    cases = [(steps, rises, 0.6), (steps, rises, 0.7), (steps, rises, 0.05), (steps, rises, 0.88)]
-    cases += [(steps, generator.uniform(0.4, 1, 8).round(1), 0.6) for _ in range(20)]
-
-    never = ask(steps, rises, 0.95)[0]
-    if never is not None:
-        why = "Return None where the curve never reaches the threshold"
-        if never == steps[0] or (never == 0 and not isinstance(never, bool)):
-            why += "; np.argmax of a condition that is nowhere true is 0, the first place"
-        elif never == steps[-1]:
-            why += "; the last validation would say that it reached it there"
-        raise CheckFailed(f"{why}. You give {_plain(never)}.")
-
-    given = [ask(s.copy(), v.copy(), t)[0] for s, v, t in cases]
-    right = [_solved_steps_to(*case) for case in cases]
-    wrong = [k for k in range(len(cases)) if not _same(given[k], right[k])]
-    if not wrong:
-        return
-    if all(one is None for one in given):
-        raise CheckFailed("You give None for every curve: is there a `return` for the others?")
-    for message, mistake in STEPS_TO_MISTAKES.items():
-        if all(_same(given[k], mistake(*cases[k])) for k in wrong):
-            raise CheckFailed(message)
-    k = wrong[0]
-    other = [given[j] for j in wrong if given[j] is not None and given[j] not in steps]
-    if other and np.ndim(other[0]) == 0:
-        raise CheckFailed(
-            f"{show(other[0])} is none of the validations {steps.tolist()}: nothing was measured "
-            "there. Return an element of `steps`, without interpolation."
-        )
-    raise CheckFailed(
-        f"For the values {cases[k][1].tolist()} and the threshold {cases[k][2]} you give "
-        f"{_plain(given[k])}, expected {_plain(right[k])}."
-    )
-
-
-def _plain(value) -> str:
-    return show(value.item() if isinstance(value, np.generic) else value)
-
-
-def _same(one, other) -> bool:
-    if one is None or other is None:
-        return one is other
-    return np.ndim(one) == 0 and not isinstance(one, str) and float(one) == float(other)
 
 
 def _share(a, b, split=np.abs, seen=np.abs, statistic=np.mean, size=None) -> float:
@@ -232,51 +208,97 @@ def _one_sided(a, b) -> float:
     return _share(a, b, np.positive, np.positive)
 
 
+def _permutation_cases():
+    generator = stream(Use.EXERCISE, 72)
+
+    def case(a, b):
+        return np.array(a), np.array(b)
+
+    def drawn(*sizes, parts=1):
+        return [case(*(generator.integers(-99, 99, n) / parts for n in both)) for both in sizes]
+
+    return {
+        "Go through all splits, each once, without chance and without a formula. p is the share of "
+        "those whose difference is at least as large as the observed one, in absolute value; the "
+        "observed split is one of them.": [
+            *(case([1, 2, 3], [4, 5, 6]), case([1.5, 4], [0.25, 8]), case([1], [2])),
+            *drawn((3, 3), (2, 2), (4, 4)),
+        ],
+        "The groups may differ in size: the first group of each split is as large as a, and the "
+        "difference is that of the means.": [
+            *(case([1.0, 2.0], [2.0, 4.0, 9.0]), case([3.0, 3.5, 8.0, 1.0], [2.0, 2.5])),
+            *(case([7], [1, 2, 4]), case([1, 2, 4, 9], [3])),
+            *drawn((2, 4), (4, 3), (3, 2), (3, 5), (1, 6)),
+        ],
+        "Two equal values count as two: deal out positions, range(len(a) + len(b)), not values.": [
+            *(case([1.0, 1.0, 6.0], [2.0, 8.0]), case([1, 2, 2], [2, 5]), case([3, 3], [3, 3])),
+            *(case([0, 1, 1], [1, 0, 0]), case([5.0], [5.0, 5.0, 1.0])),
+        ],
+        "Differences that are equal up to 1e-9 count as equal: sums of decimals are rounded.": [
+            *(case([0.5, 0.1], [0.4, 0.9, 0.2]), case([0.1, 0.7, 0.3], [0.2, 0.6, 0.4])),
+            *drawn((3, 4), (4, 3), (2, 5), (3, 3), (4, 4), parts=100),
+            case([0.9, 0.92, 0.94], [0.8, 0.82, 0.85]),
+            case([1000.1, 1000.7], [1000.2, 1000.6, 1000.3]),
+        ],
+        "Differences that are further apart than 1e-9 count as different, however small.": [
+            case([1e-6, 2e-6, 4e-6], [0.0, 0.5e-6, 1e-6]),
+            case([0.5, 0.7, 0.900001], [0.5, 0.6, 0.9]),
+        ],
+    }
+
+
 DOUBLED = (
     "You double a one-sided share. That is right only for equally large groups, and only in the "
     "direction of the observed difference: count the splits with an absolute difference at least "
     "as large."
 )
-PERMUTATION_MISTAKES = {
-    "That is one-sided: it counts only splits in which the first group is ahead as far. Without a "
-    "direction fixed beforehand the other direction counts too: take the absolute value of both "
-    "differences.": _one_sided,
-    "That is one-sided: the other direction counts too, so take the absolute value of both "
-    "differences.": lambda a, b: _one_sided(b, a),
-    "That is one-sided: the absolute value of the observed difference is taken, but not that of "
-    "the splits' differences.": lambda a, b: _share(a, b, np.positive),
-    "The absolute value of the splits' differences is taken, but not that of the observed one, "
-    "which may be negative.": lambda a, b: _share(a, b, seen=np.positive),
-    DOUBLED: lambda a, b: 2 * min(_one_sided(a, b), _one_sided(b, a)),
-    DOUBLED + " A share is never above 1.": lambda a, b: 2 * _one_sided(a, b),
-    DOUBLED + " Cutting off at 1 does not mend it.": lambda a, b: min(1, 2 * _one_sided(a, b)),
-    "Splits with exactly the observed difference are left out, and the observed split is one of "
-    "them, so that your p can be 0. Count differences *at least* as large (>=, with 1e-9 for "
-    "rounding).": lambda a, b: float(
-        np.mean(np.abs(_differences(a, b)) > abs(np.mean(a) - np.mean(b)) + 1e-9)
-    ),
-    "You leave out the observed split. It is one of all splits, and counts as large.": (
-        lambda a, b: (_share(a, b) * _splits(a, b) - 1) / (_splits(a, b) - 1)
-    ),
-    "You count all splits, but not the observed one among those as large.": (
-        lambda a, b: _share(a, b) - 1 / _splits(a, b)
-    ),
-    "That is the number of splits. Divide by how many splits there are.": (
-        lambda a, b: _share(a, b) * _splits(a, b)
-    ),
-    "That is in percent. Return the share itself, from 0 to 1.": lambda a, b: 100 * _share(a, b),
-    "That is the share of the splits with a *smaller* difference, 1 − p: the p-value is the share "
-    "with one at least as large.": lambda a, b: 1 - _share(a, b),
-    "You compare the sums of the groups. With groups of different size take the means.": (
-        lambda a, b: _share(a, b, statistic=np.sum)
-    ),
-    "You compare medians; the task asks for the difference of the means.": (
-        lambda a, b: _share(a, b, statistic=np.median)
-    ),
-    "Your first group is always half of all values. It must be as large as a.": (
-        lambda a, b: _share(a, b, size=(len(a) + len(b)) // 2)
-    ),
-}
+PERMUTATION = Table(
+    _share,
+    _permutation_cases,
+    mistakes={
+        "That is one-sided: it counts only splits in which the first group is ahead as far. "
+        "Without a direction fixed beforehand the other direction counts too: take the absolute "
+        "value of both differences.": _one_sided,
+        "That is one-sided: the other direction counts too, so take the absolute value of both "
+        "differences.": lambda a, b: _one_sided(b, a),
+        "That is one-sided: the absolute value of the observed difference is taken, but not that "
+        "of the splits' differences.": lambda a, b: _share(a, b, np.positive),
+        "The absolute value of the splits' differences is taken, but not that of the observed one, "
+        "which may be negative.": lambda a, b: _share(a, b, seen=np.positive),
+        DOUBLED: lambda a, b: 2 * min(_one_sided(a, b), _one_sided(b, a)),
+        DOUBLED + " A share is never above 1.": lambda a, b: 2 * _one_sided(a, b),
+        DOUBLED + " Cutting off at 1 does not mend it.": lambda a, b: min(1, 2 * _one_sided(a, b)),
+        "Splits with exactly the observed difference are left out, and the observed split is one "
+        "of them, so that your p can be 0. Count differences *at least* as large (>=, with 1e-9 "
+        "for rounding).": lambda a, b: float(
+            np.mean(np.abs(_differences(a, b)) > abs(np.mean(a) - np.mean(b)) + 1e-9)
+        ),
+        "You leave out the observed split. It is one of all splits, and counts as large.": (
+            lambda a, b: (_share(a, b) * _splits(a, b) - 1) / (_splits(a, b) - 1)
+        ),
+        "You count all splits, but not the observed one among those as large.": (
+            lambda a, b: _share(a, b) - 1 / _splits(a, b)
+        ),
+        "That is the number of splits. Divide by how many splits there are.": (
+            lambda a, b: _share(a, b) * _splits(a, b)
+        ),
+        "That is in percent. Return the share itself, from 0 to 1.": lambda a, b: (
+            100 * _share(a, b)
+        ),
+        "That is the share of the splits with a *smaller* difference, 1 − p: the p-value is the "
+        "share with one at least as large.": lambda a, b: 1 - _share(a, b),
+        "You compare the sums of the groups. With groups of different size take the means.": (
+            lambda a, b: _share(a, b, statistic=np.sum)
+        ),
+        "You compare medians; the task asks for the difference of the means.": (
+            lambda a, b: _share(a, b, statistic=np.median)
+        ),
+        "Your first group is always half of all values. It must be as large as a.": (
+            lambda a, b: _share(a, b, size=(len(a) + len(b)) // 2)
+        ),
+    },
+    read=number,
+)
 
 
 @exercise(
@@ -292,55 +314,10 @@ PERMUTATION_MISTAKES = {
         "divide by the number of splits.",
     ),
     figure=_draw_permutation,
+    table=PERMUTATION,
 )
 def permutation_p(answer) -> None:
     """`permutation_p(a, b)`: exact and two-sided, of the difference of the means."""
-    expect(callable(answer), "Hand over the function itself, not what it gives back.")
-    generator = stream(Use.EXERCISE, 72)
-    cases = [((0.9, 0.92, 0.94), (0.8, 0.82, 0.85)), ((0.1, 0.2, 0.3), (0.4, 0.5, 0.6))]
-    cases += [((1.0, 2.0), (2.0, 4.0, 9.0)), ((3.0, 3.5, 8.0, 1.0), (2.0, 2.5))]
-    cases += [((0.5, 0.1), (0.4, 0.9, 0.2))]  # ties, which rounding breaks
-    cases += [((1.0, 1.0, 6.0), (2.0, 8.0))]  # equal values, which count as two
-    cases += [
-        tuple(tuple(generator.normal(0, 1, n).round(2).tolist()) for n in sizes)
-        for sizes in ((3, 3), (2, 4), (4, 3), (3, 2), (3, 5))
-    ]
-
-    @functools.wraps(answer)
-    @functools.cache
-    def ask(a, b):
-        value = answer(np.array(a), np.array(b))
-        expect(isinstance(value, Real), f"Return a number, not {show(value)}.")
-        return value
-
-    def exact(a, b):  # the same values as whole numbers, so that all means are exact
-        factor = 100 * len(a) * len(b)
-        return tuple(tuple(float(round(x * factor)) for x in own) for own in (a, b))
-
-    def only_if(holds):
-        """A mistake that is known by when it happens: the answer itself then, else nothing."""
-        return lambda a, b: ask(a, b) if holds(a, b) else ()
-
-    mistakes = {
-        "Rounding: with whole numbers your function is right, but sums of decimals differ in their "
-        "last digits, so that differences that should be equal are not. Count a split if its "
-        "difference is at least the observed one − 1e-9.": only_if(
-            lambda *_: all(close(ask(*exact(*case)), _share(*exact(*case))) for case in cases)
-        ),
-        "You are wrong where two values are equal, which count as two: deal out the positions, "
-        "range(len(a) + len(b)), not the values. `x not in chosen` drops every value equal to a "
-        "chosen one.": only_if(lambda a, b: len({*a, *b}) < len(a) + len(b)),
-        **PERMUTATION_MISTAKES,
-        "That is no share of the splits: it is not a multiple of 1 / their number. Go through all "
-        "of them, each once, instead of drawing some at random or taking a formula.": only_if(
-            lambda *_: (
-                not all(
-                    close(count := ask(*case) * _splits(*case), np.round(count)) for case in cases
-                )
-            )
-        ),
-    }
-    compare(ask, _share, cases, mistakes)
 
 
 def _at(table: dict[str, np.ndarray], steps: float) -> int:
@@ -409,6 +386,7 @@ def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool, str]]:
         "overlap at all? `equal`: what would few seeds show if there *were* a small difference?",
     ),
     figure=_draw_recorded,
+    function=False,
 )
 def ablation_reading(answer) -> None:
     """A dict that says of each statement whether it is True or False, and the smallest p."""
@@ -418,7 +396,7 @@ def ablation_reading(answer) -> None:
     names = [*right, "smallest_p"]
     missing = [name for name in names if answer.get(name) is None]
     expect(not missing, f"No answer yet for {', '.join(missing)}.")
-    unknown = [str(name) for name in answer if name not in names]
+    unknown = [show(name) for name in answer if name not in names]
     expect(not unknown, f"There is no {', '.join(unknown)}.")
     for name in right:
         expect(
@@ -433,11 +411,11 @@ def ablation_reading(answer) -> None:
     least = one * (1 + (sizes[0] == sizes[1]))  # equal groups have a mirrored split
     wrong = [name for name, (true, _) in right.items() if bool(answer[name]) != true]
     why = ""
-    if abs(p - least) > 1e-6:
+    if not close(p, least, 1e-4):
         wrong.append("smallest_p")
         if p <= 0:
             why = " The observed split is one of the splits, so p is never 0."
-        elif abs(p - one) <= 1e-6:
+        elif close(p, one, 1e-4):
             why = (
                 " Your `smallest_p` is one-sided: between equally large groups, the split with the "
                 "groups exchanged has the same absolute difference."

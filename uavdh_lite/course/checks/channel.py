@@ -4,7 +4,9 @@ import numpy as np
 
 from uavdh_lite.channel import Channel
 from uavdh_lite.channel import rate as solved_rate
-from uavdh_lite.course.checks.exercise import close, compare, exercise, expect, guarded, show
+from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, guarded, show
+from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.values import Unreadable, number
 from uavdh_lite.streams import Use, stream
 
 CHANNEL = Channel()
@@ -15,6 +17,42 @@ def _draw_rate(ax):
     ax.plot(snr_db, solved_rate(snr_db))
     ax.set(xlabel="SNR, dB", ylabel="rate, data units a slot", title="1 at 0 dB")
     ax.grid(alpha=0.3)
+
+
+def _ratio(snr_db):
+    return 10 ** (snr_db / 10)
+
+
+RATE = Table(
+    solved_rate,
+    lambda: {
+        "The rate is log2(1 + SNR) of a ratio of powers, and 0 dB is a ratio of 1.": [(0.0,)],
+        "10 dB more are ten times the power, so the ratio is 10 ** (snr_db / 10).": [
+            *((snr_db,) for snr_db in (10.0, -10.0, 3.0, 20, -15.0, 25.5))
+        ],
+        "That holds far from 0 dB too: no rate is exactly 0, and none is rounded.": [
+            *((snr_db,) for snr_db in (-30.0, -60.0, 55.25, 150.0, 0.001))
+        ],
+        "An array has a rate for each element: use np.log2 and ** on the whole array, without a "
+        "loop, `if` or `math`.": [
+            (np.array(snr_db),)
+            for snr_db in ([6.0], [-3.0, 7.5, -41.0], [0, 10, -20], [[-3.0, 0.0], [3.0, 20.0]], [])
+        ],
+    },
+    mistakes={
+        "The SNR is given in decibels, but the 1 is added to a plain ratio: convert it first, "
+        "10 ** (snr_db / 10).": lambda snr_db: np.log2(1 + snr_db),
+        "That is the natural logarithm, which counts the data in another unit. The formula has the "
+        "logarithm to base 2, np.log2.": lambda snr_db: np.log(1 + _ratio(snr_db)),
+        "Power ratios have 10 dB a factor of ten: divide by 10, not by 20 (that is for "
+        "amplitudes).": lambda snr_db: np.log2(1 + _ratio(snr_db / 2)),
+        "The 1 of log2(1 + SNR) is missing: without it the rate is negative below 0 dB.": (
+            lambda snr_db: np.log2(_ratio(snr_db))
+        ),
+        "That is base 10. Take np.log2.": lambda snr_db: np.log10(1 + _ratio(snr_db)),
+    },
+    smallest=1e-15,
+)
 
 
 @exercise(
@@ -29,29 +67,10 @@ def _draw_rate(ax):
         "raised to it? The 1 is added to the ratio, and numpy has the logarithm to base 2.",
     ),
     figure=_draw_rate,
+    table=RATE,
 )
 def rate_from_snr(rate) -> None:
     """`rate(snr_db)`: data units in a slot, for numbers and arrays (eq. 4)."""
-    mistakes = {
-        "The SNR is given in decibels, but the 1 is added to a plain ratio: convert it first, "
-        "10 ** (snr_db / 10).": lambda snr_db: np.log2(1 + snr_db),
-        "That is the natural logarithm, which counts the data in another unit. The formula has the "
-        "logarithm to base 2, np.log2.": (lambda snr_db: np.log(1 + 10 ** (snr_db / 10))),
-        "Power ratios have 10 dB a factor of ten: divide by 10, not by 20 (that is for "
-        "amplitudes).": lambda snr_db: np.log2(1 + 10 ** (snr_db / 20)),
-        "The 1 of log2(1 + SNR) is missing: without it the rate is negative below 0 dB.": (
-            lambda snr_db: np.log2(10 ** (snr_db / 10))
-        ),
-        "That is base 10. Take np.log2.": lambda snr_db: np.log10(1 + 10 ** (snr_db / 10)),
-    }
-    with np.errstate(invalid="ignore"):
-        compare(rate, solved_rate, [(0.0,), (10.0,), (-15.0,), (25.0,)], mistakes)
-    several = np.array([[-3.0, 0.0], [3.0, 20.0]])
-    expect(
-        close(rate(several), solved_rate(several)),
-        "It is right for single numbers but not for arrays: use np.log2 and ** on the whole "
-        "array, without a loop or `math`.",
-    )
 
 
 def _same_loss_distance(nlos_m):
@@ -71,6 +90,31 @@ def _draw_crossover(ax):
     ax.legend()
 
 
+LOS, NLOS = CHANNEL.path_loss_exponent_los, CHANNEL.path_loss_exponent_nlos
+SAME_LOSS = Table(
+    _same_loss_distance,
+    lambda: {
+        "The loss 10 α log10(d) with α_LoS at your distance must be the one with α_NLoS at the "
+        "distance given.": [(20.0,), (2.0,), (55,), (7.5,), (180.0,), (1000.0,)],
+        "Both losses are 0 dB at 1 m; nearer, the distance in sight is the shorter one.": [
+            *((distance,) for distance in (1.0, 0.5, 0.03))
+        ],
+    },
+    mistakes={
+        "The exponents are the wrong way round: behind a building the signal fades faster, so "
+        "the equal distance in sight must be the longer one.": lambda d: d ** (LOS / NLOS),
+        "The loss is a power of the distance, so the ratio of the exponents belongs in the "
+        "exponent, not in front.": lambda d: d * NLOS / LOS,
+        "That is the loss in dB, not a distance: solve for the distance.": (
+            lambda d: 10 * NLOS * np.log10(d)
+        ),
+        "You add the altitude of 10 m, but d is the length of the whole link already, through the "
+        "air: take it as it is.": lambda d: np.hypot(d, 10) ** (NLOS / LOS),
+    },
+    read=number,
+)
+
+
 @exercise(
     "1.2",
     "Where the two path losses cross",
@@ -83,33 +127,25 @@ def _draw_crossover(ax):
         "power inside of it. For the crossing: which distance does such a power leave as it is?",
     ),
     figure=_draw_crossover,
+    function=False,
 )
 def path_loss_crossover(answer) -> None:
     """`(same_loss_m, crossover_m)`: functions of the NLoS distance and of nothing, both in m."""
     expect(
-        isinstance(answer, tuple) and len(answer) == 2,
+        isinstance(answer, tuple | list) and len(answer) == 2 and all(map(callable, answer)),
         "Hand over both functions: path_loss_crossover((same_loss_m, crossover_m)).",
     )
-    same_loss_m, crossover_m = map(guarded, answer)
-    los, nlos = CHANNEL.path_loss_exponent_los, CHANNEL.path_loss_exponent_nlos
-    mistakes = {
-        "The exponents are the wrong way round: behind a building the signal fades faster, so "
-        "the equal distance in sight must be the longer one.": lambda d: d ** (los / nlos),
-        "The loss is a power of the distance, so the ratio of the exponents belongs in the "
-        "exponent, not in front.": lambda d: d * nlos / los,
-        "That is the loss in dB, not a distance: solve for the distance.": (
-            lambda d: 10 * nlos * np.log10(d)
-        ),
-        "You add the altitude of 10 m, but d is the length of the whole link already, through the "
-        "air: take it as it is.": lambda d: np.hypot(d, 10) ** (nlos / los),
-    }
-    compare(same_loss_m, _same_loss_distance, [(20.0,), (2.0,), (55.0,)], mistakes)
-    distance = crossover_m()
+    SAME_LOSS(answer[0])
+    given = guarded(answer[1])()
+    try:
+        distance = float(number(given))
+    except Unreadable:
+        distance = 0.0
     expect(
-        np.ndim(distance) == 0 and not isinstance(distance, str) and distance > 0,
-        f"crossover_m must give back a distance above 0 m; yours is {show(distance)}.",
+        0 < distance < np.inf,
+        f"crossover_m must give back a distance above 0 m; yours is {show(given)}.",
     )
-    losses = [show(float(10 * exponent * np.log10(distance))) for exponent in (los, nlos)]
+    losses = [show(float(10 * exponent * np.log10(distance))) for exponent in (LOS, NLOS)]
     expect(
         close(distance, 1.0),
         f"At {show(distance)} m the loss is {losses[0]} dB in sight and {losses[1]} dB behind a "
@@ -127,6 +163,19 @@ def _draw_mean_rate(ax):
     ax.legend()
 
 
+def _moments(snr_db, variance, power=0.5):
+    """Mean and standard deviation of the rate over the fading; `power` 1 makes a mistake."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(120)
+    weights /= weights.sum()
+    rates = solved_rate(snr_db + variance**power * nodes)
+    mean = weights @ rates
+    return mean, np.sqrt(weights @ rates**2 - mean**2)
+
+
+FADING = ((0.0, 5.0), (-8, 30), (12.0, 2.0), (-20.0, 9.0), (0.0, 60.0))
+SEEDS, FEW, MANY = 1000, 40, 400_000
+
+
 @exercise(
     "1.3",
     "What fading does to the mean rate",
@@ -141,50 +190,59 @@ def _draw_mean_rate(ax):
     figure=_draw_mean_rate,
 )
 def mean_rate(answer) -> None:
-    """`mean_rate(snr_db, variance_db2, draws, generator)`: Monte Carlo mean over the fading."""
+    """`mean_rate(snr_db, variance_db2, draws, generator)`: Monte Carlo mean over the fading.
 
-    def expected(snr_db, variance):
-        nodes, weights = np.polynomial.hermite_e.hermegauss(80)
-        return weights @ solved_rate(snr_db + np.sqrt(variance) * nodes) / weights.sum()
+    A right answer is refused with a probability below 1e-7: every limit is at 6 standard errors or
+    more. One whose mean is off by 2 %, or that makes half as many draws, is accepted with one of
+    less than 1e-6.
+    """
 
-    draws = 60_000
+    def ask(snr_db, variance, draws, seed):
+        given = answer(snr_db, variance, draws, stream(Use.EXERCISE, seed))
+        try:
+            return float(number(given))
+        except Unreadable as problem:
+            call = f"mean_rate({snr_db}, {variance}, {draws}, generator)"
+            raise CheckFailed(f"{call} gives {show(given)}: {problem}") from None
 
-    def ask(snr_db, variance, seed=0):
-        return answer(snr_db, variance, draws, stream(Use.EXERCISE, seed))
-
-    expect(
-        np.ndim(ask(0.0, 5.0)) == 0,
-        "One number is expected, the mean over the draws; you give back an array.",
-    )
-    expect(
-        close(ask(3.0, 0.0), solved_rate(3.0), 1e-3),
-        "Without fading (variance 0) the mean rate is the rate at the mean SNR, and yours is not.",
-    )
-    mean, wide = ask(-8.0, 30.0), expected(-8.0, 30.0)
-    fading_db = stream(Use.EXERCISE, 0).normal(0, np.sqrt(30), draws)
-    rates, too_wide = (solved_rate(-8.0 + f * fading_db) for f in (1, np.sqrt(30)))
-    mistakes = {
+    for snr_db, draws in ((3.0, 5), (-11, 1)):
+        expect(
+            close(ask(snr_db, 0.0, draws, 0), solved_rate(snr_db), 1e-6),
+            "Without fading (variance 0) the mean rate is the rate at the mean SNR, and yours is "
+            f"not: at {snr_db} dB it is {show(ask(snr_db, 0.0, draws, 0))}.",
+        )
+    few = np.array([[ask(*case, FEW, seed) for seed in range(SEEDS)] for case in FADING])
+    mean, error = few.mean(1), few.std(1, ddof=1) / np.sqrt(SEEDS) + 1e-9
+    (right, spread), (wide, _) = (np.transpose([_moments(*c, p) for c in FADING]) for p in (0.5, 1))
+    for message, value in {
         "The fading is far too strong: generator.normal wants the standard deviation, the root of "
-        "the variance.": too_wide.mean(),
-        "That is the rate at the mean SNR: average the rates, not the SNRs. The logarithm of a "
-        "mean is not the mean of the logarithms.": solved_rate(-8.0 + fading_db.mean()),
-        "You add the fading to the rate. It is in dB: add it to the SNR, then compute the rate.": (
-            (solved_rate(-8.0) + fading_db).mean()
-        ),
-        "That is the median of the rates. The mean is asked for.": np.median(rates),
-        "You average the SNR as a ratio and then take one logarithm: take the rate of every draw, "
-        "then the mean.": solved_rate(-8.0 + 10 * np.log10((10 ** (fading_db / 10)).mean())),
-        "That is the rate in a single slot: simulate `draws` slots, each with fading of its own.": (
-            rates[0]
-        ),
-    }
-    for message, value in mistakes.items():
-        expect(not close(mean, value, 1e-6), message)
+        "the variance.": wide,
+        "On average that is the rate at the mean SNR. The fading belongs to the SNR, in dB, not to "
+        "the rate; and average the rates, not the SNRs: the logarithm of a mean is not the mean "
+        "of the logarithms, nor is the median.": solved_rate(np.array(FADING)[:, 0]),
+    }.items():
+        agrees, right_too = (abs(mean - one) < 6.5 * error for one in (value, right))
+        expect(right_too.all() or not agrees.all(), message)
+    for k, (case, single) in enumerate(zip(FADING, spread, strict=True)):
+        at = "At {} dB with a variance of {} dB²".format(*case)
+
+        def near(given, limit, at=at, expected=right[k]):
+            expect(
+                abs(given - expected) < limit,
+                f"{at} the mean rate is {expected:.4g}; yours is {given:.4g}, and chance explains "
+                f"no more than {limit:.2g}. Turn each SNR into a rate, then average the rates.",
+            )
+
+        near(mean[k], 6.5 * error[k])
+        draws = (single / (few[k].std(ddof=1) + 1e-12)) ** 2
+        expect(
+            FEW / 1.6 < draws < 1.6 * FEW,
+            f"{at} yours has the right mean, but scatters from seed to seed as the mean of "
+            f"{draws:.3g} draws does, instead of {FEW}: simulate `draws` slots, each with a fading "
+            "of its own.",
+        )
+        near(ask(*case, MANY, 1), 6.5 * single / np.sqrt(MANY))
     expect(
-        close(mean, wide, 0.03),
-        f"At −8 dB with a variance of 30 dB² the mean rate is {wide:.4g}; you give {mean:.4g}.",
-    )
-    expect(
-        ask(0.0, 5.0, 1) == ask(0.0, 5.0, 1) != ask(0.0, 5.0, 2),
+        ask(0.0, 5.0, 9, 1) == ask(0.0, 5.0, 9, 1) != ask(0.0, 5.0, 9, 2),
         "All chance must come from the generator that is passed in: same seed, same result.",
     )

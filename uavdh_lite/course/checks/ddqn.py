@@ -1,80 +1,160 @@
 """Exercises of notebook 5, DDQN."""
 
 import functools
+import operator
 from collections import Counter
 
 import numpy as np
 import torch
 
-from uavdh_lite.course.checks.exercise import (
-    CheckFailed,
-    close,
-    compare,
-    exercise,
-    expect,
-    guarded,
-    show,
-)
+from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, guarded, show
+from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.values import Unreadable, numbers
 from uavdh_lite.ddqn import ddqn_target, softmax_policy
 from uavdh_lite.environment import ACTIONS
 from uavdh_lite.streams import Use, stream
 
 
-def _with_tensors(answer, slips):
-    """A function of tensors as one of arrays: gets a copy of each, gives back an array.
-
-    Arguments:
-        slips: what to say of an error, by a part of its own message.
-    """
-
-    @functools.wraps(answer)
-    def call(*arguments):
-        given = [torch.tensor(a) if isinstance(a, np.ndarray) else a for a in arguments]
-        try:
-            result = answer(*given)
-        except CheckFailed as error:
-            if error.__cause__ is None:
-                raise
-            cause = error.__cause__  # without all the tensors in the message
-            name = getattr(answer, "__name__", "your function")
-            known = [slip for part, slip in slips.items() if part in str(cause)]
-            text = f"{name} stops with {type(cause).__name__}: {cause}"
-            raise CheckFailed(" ".join([text.rstrip(".") + ".", *known])) from cause
-        for before, after in zip(arguments, given, strict=True):
-            expect(
-                not isinstance(before, np.ndarray)
-                or np.array_equal(before, after.detach().numpy()),
-                "Your function changes a tensor that it is given, in place. It belongs to the "
-                "caller: compute a new one.",
-            )
-        expect(
-            isinstance(result, torch.Tensor),
-            f"A torch tensor is expected; you give back a {type(result).__name__}.",
-        )
-        return result.detach().numpy()
-
-    return call
+def _tensor(value) -> np.ndarray:
+    if not isinstance(value, torch.Tensor):
+        raise Unreadable("a torch tensor is expected.")
+    return numbers(value)
 
 
 def _softmax(q_values, temperature):
-    return softmax_policy(torch.tensor(q_values), temperature).numpy()
-
-
-def _naive_softmax(q_values, temperature, top=0):
-    powers = np.exp((q_values - top) / np.float32(temperature))
-    return powers / powers.sum(1, keepdims=True)
+    return softmax_policy(q_values, temperature)
 
 
 def _draw_policy(ax):
     q_values = np.array([[1000, 999.75, 999.5, 999, 998, 997]], np.float32)
     places = np.arange(len(ACTIONS))
     for k, temperature in enumerate((0.1, 0.5, 2.0)):
-        shares = _softmax(q_values, temperature)[0]
+        shares = _softmax(torch.tensor(q_values), temperature)[0].numpy()
         ax.bar(places + 0.27 * (k - 1), shares, 0.27, label=f"β = {temperature}")
     names = [f"{name}\n{q:g}" for name, q in zip(ACTIONS, q_values[0], strict=True)]
     ax.set_xticks(places, names, fontsize="small")
     ax.set(xlabel="action and its Q-value", ylabel="probability")
     ax.legend()
+
+
+def _powers(top=None, over=1, exponents=torch.div):
+    """A softmax with a mistake: what is subtracted from q / β, what the sum is over."""
+
+    def mistake(q_values, temperature):
+        tops = {
+            None: lambda: 0,
+            "row": lambda: q_values.amax(1, True),
+            "batch": q_values.max,
+            "column": lambda: q_values.amax(0, True),
+            "mean": lambda: q_values.mean(1, keepdim=True),
+            "least": lambda: q_values.amin(1, True),
+            "first": lambda: q_values[:, :1],
+        }
+        powers = torch.exp(exponents(q_values - tops[top](), temperature))
+        sums = {1: lambda: powers.sum(1, True), 0: lambda: powers.sum(0, True), 2: powers.sum}
+        return powers / sums[over]() if over is not None else powers
+
+    return mistake
+
+
+def _policy_cases():
+    generator = stream(Use.EXERCISE, 0)
+
+    def case(rows, temperature, kind=torch.float32):
+        return torch.tensor(rows, dtype=kind), temperature
+
+    def few(count):
+        return generator.integers(-8, 9, (count, 6)) / 4
+
+    near = [1000, 999.875, 999.75, 999.5, 999, 998]
+    return {
+        "Each row is exp(Q/β), divided by the sum of its own row (dim=1), so that it sums to 1; "
+        "keepdim=True makes a column of the sums.": [
+            case(few(1), 1.0),
+            case(few(2), 0.5),
+            *(case(few(count), 1, torch.float64) for count in (5, 6)),
+        ],
+        "Divide Q by β: a small β makes the best action likelier, a large one all alike.": [
+            *(case(few(count), beta) for count, beta in ((1, 0.25), (2, 2.0), (6, 0.7), (3, 40.0))),
+            case([[0.5] * 6], 0.1),
+        ],
+        "No exponent may be above 0, since exp(1000 / 0.1) is infinite, and infinity over infinity "
+        "is nan. Subtract the state's largest Q-value first; that changes no probability.": [
+            case([near], 0.125),
+            case([near[::-1]], 0.125),
+            case([[900.0, 1000, 0, -1000, 0, 0]], 0.1),
+        ],
+        "All Q-values of a state may be far below 0: then every exp(Q/β) is 0, and 0 over 0 is "
+        "nan.": [
+            case([[-q for q in near]], 0.125),
+            case([[-1000.0] * 6], 0.1),
+        ],
+        "Within a row the best action may be far above the others, whichever it is: subtract the "
+        "maximum of the row, nothing smaller.": [
+            case([[0.0, 0, 0, 1000, 0, 0]], 0.1),
+            case([[1000.0, 0, 0, 0, 0, 0]], 0.1),
+            case([[0.0, -1000, 1000, 0, 1000, 0]], 0.5),
+        ],
+        "Rows of a batch may be far apart: subtract from each row its own maximum.": [
+            case([near, [q - 1000 for q in near]], 0.125),
+            case([[q - 1500 for q in near], near[::-1], [0.0] * 6], 0.125),
+        ],
+    }
+
+
+POLICY = Table(
+    _softmax,
+    _policy_cases,
+    mistakes={
+        "You normalise over the batch: each column sums to 1, and states get into each other's "
+        "way. Sum over the actions, dim=1, so that each row does.": (
+            *(_powers(top, 0) for top in (None, "row", "batch", "column")),
+            *(_powers(top, 0, torch.mul) for top in (None, "row")),
+        ),
+        "You divide by the sum of the whole batch. Each state has a policy of its own: sum over "
+        "dim=1, with keepdim=True.": tuple(_powers(top, 2) for top in (None, "row", "batch")),
+        "These are the exponentials, in the right ratios, but a row does not sum to 1: divide them "
+        "by their sum over the actions.": tuple(
+            _powers(top, None) for top in (None, "row", "batch")
+        ),
+        "It overflows: exp of 1000 / 0.1 is infinite, and infinity over infinity is nan. Subtract "
+        "the state's largest Q-value before you take exp; that changes no probability.": _powers(),
+        "You subtract the largest Q-value of the whole batch, and in a state whose values lie far "
+        "below it all exponentials become 0. Subtract the maximum of each row.": _powers("batch"),
+        "You subtract each action's maximum over the states, dim=0. That changes the gaps within a "
+        "row: subtract from each row its own maximum, dim=1.": _powers("column"),
+        **{
+            "You subtract something smaller than the maximum of each row"
+            f"{what}. Where the best action lies far above it, exp still overflows.": _powers(top)
+            for what, top in ((", its mean", "mean"), (", its minimum", "least"), ("", "first"))
+        },
+        "You multiply by the temperature instead of dividing by it: a cold policy, with a small β, "
+        "must be the sharper one.": tuple(
+            _powers(top, exponents=torch.mul) for top in (None, "row", "batch")
+        ),
+        "The temperature has no effect. Inside of exp it matters; a factor in front of it cancels "
+        "when you divide by the sum.": tuple(
+            _powers(top, exponents=lambda q, b: q) for top in (None, "row", "batch")
+        ),
+        "The sign is wrong: the action with the largest Q-value must be the likeliest.": (
+            lambda q, b: _softmax(-q, b)
+        ),
+        "These are logarithms of probabilities. The probabilities are asked for.": (
+            lambda q, b: torch.log_softmax(q / b, 1)
+        ),
+        "That is the greedy policy, with 1 for the best action. At a temperature above 0 the "
+        "others have a chance too.": lambda q, b: torch.eye(q.shape[1])[q.argmax(1)],
+    },
+    read=_tensor,
+    tolerance=1e-4,
+    smallest=1e-7,
+    errors={
+        "return_types": "Along a dimension, max gives two things, the values and where they are: "
+        "take `.values`, or use amax.",
+        "must match the size": "A sum or maximum of each row goes with the rows only as a column: "
+        "keepdim=True makes (B, 1) of (B,).",
+    },
+)
 
 
 @exercise(
@@ -90,82 +170,10 @@ def _draw_policy(ax):
         "each row, leaves no exponent above 0, and one that is exactly 0?",
     ),
     figure=_draw_policy,
+    table=POLICY,
 )
 def stable_policy(answer) -> None:
     """`policy(q_values, temperature)`: the softmax policy (eq. 12), (B, 6), for any Q-values."""
-    expect(callable(answer), "Hand over the function itself: its name, without brackets behind it.")
-    slips = {
-        "return_types": "Along a dimension, max gives two things, the values and where they are: "
-        "take `.values`, or use amax.",
-        "must match the size": "A sum or maximum of each row goes with the rows only as a column: "
-        "keepdim=True makes (B, 1) of (B,).",
-    }
-    policy = _with_tensors(answer, slips)
-    generator = stream(Use.EXERCISE, 0)
-    few = generator.integers(-8, 9, (2, 6)).astype(np.float32) / 4
-    square = generator.integers(-8, 9, (6, 6)).astype(np.float32) / 4
-    with np.errstate(all="ignore"):
-        given = policy(few, 0.5)
-    if given.shape == few.shape and not close(given.sum(1), np.ones(2)):
-        expect(
-            not close(given.sum(0), np.ones(6)),
-            "You normalise over the batch: each column sums to 1, and states get into each other's "
-            "way. Sum over the actions, dim=1, so that each row does.",
-        )
-        expect(
-            not close(given.sum(), 1),
-            "You divide by the sum of the whole batch. Each state has a policy of its own: sum "
-            "over dim=1, with keepdim=True.",
-        )
-        off = given / _softmax(few, 0.5)
-        expect(
-            not close(off, np.repeat(off[:, :1], 6, 1), 1e-3),
-            "These are the exponentials, in the right ratios, but a row does not sum to 1: divide "
-            "them by their sum over the actions.",
-        )
-    mistakes = {
-        "You subtract each action's maximum over the states, dim=0. That changes the gaps within a "
-        "row: subtract from each row its own maximum, dim=1.": (
-            lambda q, b: _naive_softmax(q, b, q.max(0))
-        ),
-        "You multiply by the temperature instead of dividing by it: a cold policy, with a small "
-        "β, must be the sharper one.": lambda q, b: _naive_softmax(q, 1 / b),
-        "The temperature has no effect. Inside of exp it matters; a factor in front of it "
-        "cancels when you divide by the sum.": lambda q, b: _naive_softmax(q, 1.0),
-        "The sign is wrong: the action with the largest Q-value must be the likeliest.": (
-            lambda q, b: _naive_softmax(-q, b)
-        ),
-        "These are shares of the Q-values themselves. Take the exponential first.": (
-            lambda q, b: q / b / (q / b).sum(1, keepdims=True)
-        ),
-        "These are logarithms of probabilities. The probabilities are asked for.": (
-            lambda q, b: np.log(_naive_softmax(q, b))
-        ),
-        "That is the greedy policy, with 1 for the best action. At a temperature above 0 the "
-        "others have a chance too.": lambda q, b: np.eye(q.shape[1])[q.argmax(1)],
-    }
-    with np.errstate(all="ignore"):
-        compare(policy, _softmax, [(few, 0.5), (few, 2.0), (square, 0.7)], mistakes, 1e-3)
-    large = np.array([[1000, 999.875, 999.75, 999.5, 999, 998]], np.float32)
-    apart = np.concatenate([large, large - 1000])
-    overflows = {
-        "You subtract the largest Q-value of the whole batch, and in a state whose values lie far "
-        "below it all exponentials become 0. Subtract the maximum of each row.": (
-            lambda q, b: _naive_softmax(q, b, q.max())
-        ),
-        "You subtract something smaller than the maximum of each row. Where the best action lies "
-        "far above it, exp still overflows.": (
-            lambda q, b: _naive_softmax(q, b, q.mean(1, keepdims=True))
-        ),
-        "It overflows: exp of 1000 / 0.1 is infinite, and infinity over infinity is nan. Subtract "
-        "the state's largest Q-value before you take exp; that changes no probability.": (
-            _naive_softmax
-        ),
-    }
-    alone = np.array([[1000, 0, 0, 0, 0, 0]], np.float32)
-    with np.errstate(all="ignore"):
-        cases = [(large, 0.1), (-large, 0.1), (apart, 0.1), (alone, 0.1)]
-        compare(policy, _softmax, cases, overflows, 5e-3)
 
 
 class _Ring:
@@ -184,82 +192,71 @@ class _Ring:
 
 
 class _Tested:
-    """A student's ring whose methods are called with items, and talks of them by their numbers."""
+    """A student's ring, asked and spoken of by the numbers of its items, 0 for the first added."""
 
     def __init__(self, ring: type, capacity: int):
-        self.numbers: dict[tuple, int] = {}
+        self.items: list[tuple] = []
+        self.numbers: dict[int, int] = {}
         self.capacity = capacity
         self.ring = self._call(f"Ring({capacity})", lambda: ring(capacity))
 
-    def _call(self, what: str, function):
+    def _call(self, what: str, function, none: bool = False):
+        when = ""
+        if self.items:
+            items = "1 item" if len(self.items) == 1 else f"{len(self.items)} items"
+            when = f" after {items}, with capacity {self.capacity},"
         try:
-            return function()
-        except NotImplementedError:
-            raise CheckFailed(f"{what.split('(')[0]} is not written yet.") from None
-        except Exception as error:
-            text = f"{what}{self._when()} stops with {type(error).__name__}: {error}"
-            raise CheckFailed(f"{text}. {self._why(what, error)}".strip()) from error
+            return guarded(function, f"{what}{when}", none)()
+        except CheckFailed as failed:
+            raise CheckFailed(f"{failed} {self._why(what, failed.__cause__)}".strip()) from None
 
-    def _why(self, what: str, error: Exception) -> str:
+    def _why(self, what: str, error: BaseException | None) -> str:
         """What is probably wrong if a method stops with this error."""
-        stored = len(self.numbers)
         if isinstance(error, IndexError) and what.startswith("add"):
             return "A list has only the places that were appended, or made in __init__."
-        if isinstance(error, IndexError) and stored < self.capacity:
-            return f"So far only {stored} of {self.capacity} places are filled: draw from those."
+        if isinstance(error, IndexError) and len(self.items) < self.capacity:
+            return f"Only {len(self.items)} of {self.capacity} places are filled: draw from those."
         if "larger" in str(error):
             return "A sample may be larger than the number of items stored: items may repeat."
+        if "inhomogeneous" in str(error) or "dimensional" in str(error):
+            return "generator.choice makes arrays of items: draw places, generator.integers."
+        if "ambiguous" in str(error):
+            return "Items may hold arrays: do not compare them, keep their places."
         return ""
-
-    def _when(self) -> str:
-        if not self.numbers:
-            return ""
-        items = "1 item" if len(self.numbers) == 1 else f"{len(self.numbers)} items"
-        return f" after {items}, with capacity {self.capacity},"
 
     def add(self, count: int) -> None:
         for _ in range(count):
-            number = len(self.numbers)
-            item = (f"state {number}", number % 6, number / 10, f"state {number + 1}")
-            self.numbers[item] = number
-            self._call("add(item)", lambda item=item: self.ring.add(item))
+            number = len(self.items)
+            item = (np.full(2, number % 3), number % 6, number / 10, f"state {number % 4}")
+            self._call("add(item)", lambda item=item: self.ring.add(item), none=True)
+            self.items.append(item)
+            self.numbers[id(item)] = number
 
-    def sample(self, size: int, seed: int) -> list[int]:
-        """The numbers of the items in one sample, 0 for the first ever added."""
-        generator = stream(Use.EXERCISE, seed)
+    def sample(self, size: int, seed: int | np.random.Generator) -> list[int]:
+        """The numbers of the items in one sample."""
+        generator = stream(Use.EXERCISE, seed) if isinstance(seed, int) else seed
         what = f"sample({size}, generator)"
         given = self._call(what, lambda: self.ring.sample(size, generator))
-        expect(given is not None, "sample gives back None: is there a `return` at its end?")
         given = self._call(what, lambda: list(given))
         expect(
             len(given) == size,
-            f"{what}{self._when()} gives back {len(given)} items, expected {size}: the newest "
-            "counts as one of them, and an item may come more than once.",
+            f"{what} gives back {len(given)} items, expected {size}: the newest counts as one of "
+            "them, and an item may come more than once.",
         )
-        numbers = [self._number(item) for item in given]
-        for item, number in zip(given, numbers, strict=True):
+        for item in given:
+            empty = item is None or (isinstance(item, int | float) and item == 0)
             expect(
-                number >= 0 or (item is not None and not _is_zero(item)),
-                f"{what}{self._when()} gives back {item!r}: a place that nothing was stored in "
-                "yet. Draw only from those that are filled.",
+                not empty,
+                f"{what} gives back {item!r}: a place that nothing was stored in yet. Draw only "
+                "from those that are filled.",
             )
             expect(
-                number >= 0,
-                f"{what} gives back {show(item)}, which is none of the items that were added. "
-                "Draw places (generator.integers) and take the items from there: "
-                "generator.choice makes arrays of them.",
+                id(item) in self.numbers,
+                f"{what} gives back {show(item)}, which is none of the tuples that were added to "
+                "this ring. Draw places (generator.integers) and take the items from there: "
+                "generator.choice makes arrays of them. And each ring has its own items.",
             )
-        return numbers
-
-    def _number(self, item) -> int:
-        try:
-            return self.numbers.get(item, -1)
-        except TypeError:  # not even hashable
-            return -1
-
-
-def _is_zero(item) -> bool:
-    return np.ndim(item) == 0 and not isinstance(item, str) and item == 0
+        return [self.numbers[id(item)] for item in given]
 
 
 def _draw_ring(ax):
@@ -294,6 +291,7 @@ def _draw_ring(ax):
         "size items one is the newest, drawn or not.",
     ),
     figure=_draw_ring,
+    function=False,
 )
 def ring_buffer(answer) -> None:
     """The class `Ring(capacity)` with `add(item)` and `sample(size, generator)`."""
@@ -304,18 +302,26 @@ def ring_buffer(answer) -> None:
     for method in ("add", "sample"):
         expect(hasattr(answer, method), f"The class has no method {method}.")
     for capacity in (5, 1, 7):
-        ring = _Tested(answer, capacity)
+        ring, other = _Tested(answer, capacity), _Tested(answer, 3)
         for count in range(1, 3 * capacity + 2):
             ring.add(1)
+            other.add(2)
             _expect_newest(ring, count)
             _expect_stored(ring, count)
-    for capacity, count in ((8, 3), (8, 8), (8, 27)):
-        ring = _Tested(answer, capacity)
-        ring.add(count)
-        _expect_uniform(ring, count)
     expect(
         ring.sample(12, 1) == ring.sample(12, 1) != ring.sample(12, 2),
         "All chance must come from the generator that is passed in: same seed, same sample.",
+    )
+    for capacity, count in ((1000, 1), (8, 3), (8, 27), (8, 8)):
+        ring = _Tested(answer, capacity)
+        ring.add(count)
+        _expect_uniform(ring, count)
+        _expect_newest(ring, count)
+    generator = stream(Use.EXERCISE, 3)
+    expect(
+        ring.sample(12, generator) != ring.sample(12, generator),
+        "Two samples in a row, with the same generator, are equal: draw from it, and make no "
+        "generator of your own.",
     )
 
 
@@ -385,23 +391,41 @@ def _expect_stored(ring: _Tested, count: int) -> None:
 
 
 def _expect_uniform(ring: _Tested, count: int) -> None:
-    """Besides one newest item, all stored ones are equally likely."""
-    samples, size, capacity = 500, 9, ring.capacity
-    drawn = Counter(n for seed in range(samples) for n in ring.sample(size, seed))
-    drawn[count - 1] -= samples
-    stored = range(max(0, count - capacity), count)
-    mean = samples * (size - 1) / len(stored)
-    if drawn[count - 1] == 0:
-        raise CheckFailed(
-            "The newest item comes exactly once in each sample. The others must be drawn from all "
-            "stored items, the newest included."
-        )
-    off = max(abs(drawn[n] - mean) for n in stored)
+    """Besides one newest item, all stored ones are equally likely, and drawn independently.
+
+    A right answer fails with a probability below 1e-7: chi-square is compared with its quantile of
+    1 - 1e-8, the share of equal pairs with 6 standard errors. One of 8 items that is drawn half as
+    often as the others is found with a probability above 0.999.
+    """
+    samples, size, generator = 600, 9, stream(Use.EXERCISE, count)
+    stored = range(max(0, count - ring.capacity), count)
+    others = []
+    for _ in range(samples):
+        drawn = ring.sample(size, generator)
+        drawn.remove(count - 1)
+        others.append(drawn)
+    total = Counter(number for drawn in others for number in drawn)
     expect(
-        off < 5 * np.sqrt(mean),
-        f"After {count} items, with capacity {capacity}, the items besides the newest are not "
-        f"equally likely: {dict((n + 1, drawn[n]) for n in stored)} draws by number. Draw each "
+        total[count - 1] or not others,
+        "The newest item comes exactly once in each sample. The others must be drawn from all "
+        "stored items, the newest included.",
+    )
+    mean, items = samples * (size - 1) / len(stored), len(stored)
+    off = sum((total[number] - mean) ** 2 / mean for number in stored)
+    expect(
+        off < {1: 1e-9, 3: 37.0, 8: 52.0}[items],
+        f"After {count} items, with capacity {ring.capacity}, the items besides the newest are not "
+        f"equally likely: {dict((n + 1, total[n]) for n in stored)} draws by number. Draw each "
         "place from generator.integers(0, number stored).",
+    )
+    pairs = [len(set(ring.sample(3, generator))) for _ in range(3 * samples)]
+    # Of two independent draws: none new, one new (equal or with the newest), two different new ones
+    right = np.array([1, 3 * (items - 1), (items - 1) * (items - 2)]) / items**2
+    found = np.bincount(pairs, minlength=4)[1:4] / len(pairs)
+    expect(
+        (abs(found - right) <= 6 * np.sqrt(right * (1 - right) / len(pairs)) + 1e-9).all(),
+        "Each item is drawn as often as it should be, but not independently of the others in its "
+        "sample: draw every place by itself, generator.integers(0, number stored, size − 1).",
     )
 
 
@@ -410,29 +434,28 @@ def _numbered(items: set[int]) -> str:
 
 
 def _target(reward, terminal, discount, online_next, target_next):
-    tensors = (torch.tensor(a) for a in (reward, discount * ~terminal, online_next, target_next))
-    return ddqn_target(*tensors).numpy()
+    return ddqn_target(reward, discount * ~terminal, online_next, target_next)
 
 
 def _judged(reward, terminal, discount, chooser, judge, masked=True):
-    value = judge[np.arange(len(judge)), chooser.argmax(1)]
+    value = judge.gather(1, chooser.argmax(1, True)).squeeze(1)
     return reward + discount * value * (~terminal if masked else 1)
 
 
 BY_HAND = (  # the table of exercise 5.3, as the arguments of `target`
-    np.float32([1, -0.2]),
-    np.array([False, True]),
+    torch.tensor([1, -0.2]),
+    torch.tensor([False, True]),
     0.9,
-    np.float32([[2, 5, 3], [1, 0, 4]]),
-    np.float32([[4, 2, 6], [3, 5, 2]]),
+    torch.tensor([[2.0, 5, 3], [1, 0, 4]]),
+    torch.tensor([[4.0, 2, 6], [3, 5, 2]]),
 )
 
 
 def _draw_target(ax):
     reward, terminal, _, online, target = BY_HAND
     places, names = np.arange(2), []
-    wrong = reward + 0.9 * target.max(1)
-    double = _target(*BY_HAND)
+    wrong = (reward + 0.9 * target.amax(1)).numpy()
+    double = _target(*BY_HAND).numpy()
     for shift, values, label, colour in (
         (-0.2, wrong, "the wrong function's target", "0.7"),
         (0.2, double, "target y", "C0"),
@@ -448,41 +471,40 @@ def _draw_target(ax):
     ax.legend()
 
 
-def _transitions(size: int, seed: int) -> tuple:
-    """The arguments of `target` for random transitions, some of them terminal."""
-    generator = stream(Use.EXERCISE, seed)
-    online = generator.normal(5, 2, (size, 6)).astype(np.float32)
-    target = (online + generator.normal(0, 2, (size, 6))).astype(np.float32)
-    reward = generator.normal(1, 2, size).astype(np.float32)
-    terminal = generator.random(size) < 0.4
-    terminal[:2] = True, False
-    return reward, terminal, 0.9, online, target
+def _target_cases():
+    def case(size, seed, discount, ends=0.4, at=5.0, kind=np.float32):
+        generator = stream(Use.EXERCISE, seed)
+        online = generator.normal(at, 2, (size, 6)).round(2)
+        target = (online + generator.normal(0, 2, (size, 6))).round(2)
+        reward, terminal = generator.normal(1, 2, size).round(2), generator.random(size) < ends
+        reward, online, target = (torch.tensor(a.astype(kind)) for a in (reward, online, target))
+        return reward, torch.tensor(terminal), discount, online, target
+
+    return {
+        "There is one target for each transition, (B,): of each row of target_next take the entry "
+        "at the number of the best action by online_next.": [
+            *(case(size, size, 0.9, ends=0) for size in (1, 8, 6)),
+            case(3, 1, 1.0, ends=0, kind=np.float64),
+        ],
+        "The best action counts also if all Q-values are far below 0, or close together.": [
+            case(4, 3, 0.9, ends=0, at=-50.0),
+            (*case(2, 4, 0.5, ends=0)[:3], torch.tensor([[1, 1.0001, 1, 1, 1, 1]] * 2), BY_ROW),
+        ],
+        "The value of the next state counts γ times, the reward in full.": [
+            *(case(2, seed, discount, ends=0) for seed, discount in enumerate((0.5, 0.99, 0.0, 1)))
+        ],
+        "At a terminal transition the target is the reward alone.": [
+            *(case(1, 5, discount, ends=2) for discount in (0.9, 1.0)),
+            *(case(size, seed, 0.8) for seed, size in enumerate((2, 6, 32, 7))),
+        ],
+    }
 
 
-@exercise(
-    "5.3",
-    "The double-DQN target",
-    points=2,
-    minutes=12,
-    hints=(
-        "One network is asked which action is best in the next state, the other what that action "
-        "is worth. And what is a next state worth after the episode has ended?",
-        "The wrong function lets one network do both. argmax says which action is best; with the "
-        "number of that action in each row, look up its worth. And a Boolean counts as 0 or 1 in a "
-        "product: which of the two terms falls away at the end?",
-    ),
-    figure=_draw_target,
-)
-def double_target(answer) -> None:
-    """`target(reward, terminal, discount, online_next, target_next)`: y, (B,) (eq. 10); by hand."""
-    expect(
-        isinstance(answer, tuple) and len(answer) == 2,
-        "Hand over both, the function and your two numbers: ((target, by_hand)).",
-    )
-    answer, by_hand = answer
-    expect(callable(answer), "Hand over the function itself: its name, without brackets behind it.")
-    answer = guarded(answer)
-    mistakes = {
+BY_ROW = torch.tensor([[1.0, -7, 2, 3, 4, 5], [6.0, 8, 7, 9, 1, 0]])
+TARGET = Table(
+    _target,
+    _target_cases,
+    mistakes={
         "That is what the wrong function gives: one network both chooses and judges, and a value "
         "is added after the end of an episode.": (
             lambda r, t, d, online, target: _judged(r, t, d, target, target, masked=False)
@@ -522,39 +544,55 @@ def double_target(answer) -> None:
         ),
         "You add the number of the best action (that is what argmax gives), not its Q-value: look "
         "it up in target_next.": (lambda r, t, d, online, target: r + d * online.argmax(1) * ~t),
-    }
-    slips = {
+    },
+    read=_tensor,
+    tolerance=1e-5,
+    smallest=1e-5,
+    errors={
         "must match the size": "One of them is for each transition, (B,), the other has a number "
         "for each action, (B, 6): pick the best action's first. A single index, target_next[best], "
         "takes rows.",
         "out of bounds": "The first index is the row, the transition; the second the action.",
         "could not be broadcast": "As many rows as columns are needed: torch.arange(B), with B the "
         "number of transitions.",
-    }
-    _expect_by_hand(by_hand, mistakes)
-    target = _with_tensors(answer, slips)
-    # More rows than actions come first: `target_next[best]` then has rows to take. As many rows as
-    # actions hide a wrong axis.
-    cases = [_transitions(size, seed) for seed, size in enumerate((8, 6, 32))]
-    shape = target(*cases[0]).shape
+    },
+)
+
+
+@exercise(
+    "5.3",
+    "The double-DQN target",
+    points=2,
+    minutes=12,
+    hints=(
+        "One network is asked which action is best in the next state, the other what that action "
+        "is worth. And what is a next state worth after the episode has ended?",
+        "The wrong function lets one network do both. argmax says which action is best; with the "
+        "number of that action in each row, look up its worth. And a Boolean counts as 0 or 1 in a "
+        "product: which of the two terms falls away at the end?",
+    ),
+    figure=_draw_target,
+    function=False,
+)
+def double_target(answer) -> None:
+    """`target(reward, terminal, discount, online_next, target_next)`: y, (B,) (eq. 10); by hand."""
     expect(
-        shape != (8, 8),
-        "You give back a (B, B) matrix. Either target_next[:, best] looks up every action in every "
-        "state: torch.arange(B) in place of the colon takes one from each row. Or a column (B, 1) "
-        "was added to a row (B,): it needs squeeze(1).",
+        isinstance(answer, tuple | list) and len(answer) == 2,
+        "Hand over both, the function and your two numbers: ((target, by_hand)).",
     )
+    target, by_hand = answer
     expect(
-        shape != (8, 6),
-        "You give back numbers for all actions, (B, 6). Choose the best action's: one target for "
-        "each transition, (B,).",
+        callable(target) and not isinstance(target, type),
+        "Hand over the function itself: its name, without brackets behind it.",
     )
-    compare(target, _target, cases, mistakes)
+    _expect_by_hand(by_hand, TARGET.mistakes)
+    TARGET(target)
 
 
 def _expect_by_hand(by_hand, mistakes) -> None:
     try:
-        given = np.array(by_hand, float)
-    except (TypeError, ValueError):
+        given = numbers(by_hand)
+    except Unreadable:
         given = np.zeros(0)
     expect(given.shape == (2,), "by_hand is a list of two numbers, the y of each row of the table.")
     right = _target(*BY_HAND)
@@ -566,9 +604,6 @@ def _expect_by_hand(by_hand, mistakes) -> None:
             raise CheckFailed(f"by_hand: {message}")
     rows = " and ".join(("first", "second")[k] for k in wrong)
     raise CheckFailed(f"by_hand: not yet right in the {rows} row of the table.")
-
-
-RATE = 0.25
 
 
 def _draw_soft_update(ax):
@@ -587,6 +622,71 @@ def _draw_soft_update(ax):
     ax.legend()
 
 
+def _moved(keep=None, take=None):
+    """The new target weights; `keep` and `take` make mistakes in the two shares."""
+
+    def update(target, online, rate):
+        old = 1 - rate if keep is None else keep(rate)
+        new = rate if take is None else take(rate)
+        pairs = zip(target, online, strict=True)
+        return np.concatenate([np.ravel(old * t + new * o) for t, o in pairs])
+
+    return update
+
+
+def _update_cases():
+    def case(rate, *shapes, kind=np.float64, seed=0):
+        generator = stream(Use.EXERCISE, seed)
+        target, online = (
+            [generator.normal(0, 1, shape).round(2).astype(kind) for shape in shapes]
+            for _ in range(2)
+        )
+        return target, online, rate
+
+    layers = (3,), (2, 3), (4, 1, 2)
+    return {
+        "Each target weight becomes 1 − τ of itself plus τ of the online weight.": [
+            *(case(rate, (2,), seed=k) for k, rate in enumerate((0.25, 0.5, 0.9))),
+            *(case(rate, (1,), seed=k) for k, rate in enumerate((0.005, 0.01, 0.3))),
+        ],
+        "With τ = 0 nothing changes, with τ = 1 the target weights become the online ones.": [
+            *(case(rate, (2,), seed=5) for rate in (0.0, 1.0, 0, 1))
+        ],
+        "All tensors of the lists take part, whatever their shapes.": [
+            *(case(rate, *layers, seed=6) for rate in (0.25, 0.7)),
+            *(case(0.1, *layers, (), kind=np.float32, seed=7), case(0.2, (1, 1), (5, 0), (2,)))[:3],
+        ],
+    }
+
+
+UPDATE = Table(
+    _moved(),
+    _update_cases,
+    mistakes={
+        "The rates are swapped: τ is the share of the online weights, 1 − τ that of the old "
+        "target. With τ = 0.005 yours would jump nearly all the way.": (
+            _moved(lambda rate: rate, lambda rate: 1 - rate)
+        ),
+        "You add τ θ, but do not shrink the old target to 1 − τ of itself: the weights would grow "
+        "and grow.": _moved(keep=lambda rate: 1),
+        "You copy the online weights: the target must go only the share τ of the way.": (
+            _moved(lambda rate: 0, lambda rate: 1)
+        ),
+        "The sign of the difference is wrong: the target moves away from the online weights.": (
+            _moved(lambda rate: 1 + rate, lambda rate: -rate)
+        ),
+        "You add θ, not τ θ, to what is left of the target: the two shares must make 1.": (
+            _moved(take=lambda rate: 1)
+        ),
+        "The target is only shrunk to 1 − τ of itself: τ θ is not added.": (
+            _moved(take=lambda rate: 0)
+        ),
+    },
+    tolerance=1e-5,
+    smallest=1e-6,
+)
+
+
 @exercise(
     "5.4",
     "The soft update, in place",
@@ -602,107 +702,61 @@ def _draw_soft_update(ax):
     figure=_draw_soft_update,
 )
 def soft_update_in_place(answer) -> None:
-    """`soft_update(target, online, rate)`: lists of tensors; θ̄ ← (1 − τ) θ̄ + τ θ, in place."""
-    expect(callable(answer), "Hand over the function itself: its name, without brackets behind it.")
-    # What gives back nothing is right here, so the guard around the answer is taken off.
-    update = getattr(answer, "__wrapped__", answer)
-    target, online = _weights(0), _weights(1)
-    tensors, before, kept = list(target), _copies(target), _copies(online)
-    returned = _run(update, target, online, RATE)
-    expect(
-        len(online) == len(kept) and all(map(torch.equal, online, kept)),
-        "The online weights have changed. They only give: the target follows them.",
-    )
-    after = _copies(tensors)
-    expected = [(1 - RATE) * old + RATE * new for old, new in zip(before, kept, strict=True)]
-    if not _equal(after, expected):
+    """`soft_update(target, online, rate)`: the target weights move towards the online ones."""
+    update = answer.__wrapped__  # what gives back nothing is right here
+
+    @functools.wraps(update)
+    def asked(target, online, rate):
+        target, online = ([torch.tensor(a) for a in arrays] for arrays in (target, online))
+        tensors, kept, before = list(target), list(online), [_copies(t) for t in (target, online)]
+        returned = update(target, online, rate)
+        given = " The target weights are as they were" if _equal(tensors, before[0]) else ""
         expect(
-            not (_equal(after, before) and isinstance(returned, list | tuple)),
-            "The target weights are as they were. Nothing reads what you return: change the "
-            "tensors themselves, in place (lerp_, mul_, copy_).",
+            len(online) == len(kept) and _equal(kept, before[1]) and _equal(online, before[1]),
+            "The online weights have changed. They only give: the target follows them.",
         )
-        _name_what_is_wrong(target, tensors, before, kept, expected)
-    for rate in (1.0, 0.0, 0.005):
-        expected = [(1 - rate) * t + rate * o for t, o in zip(tensors, online, strict=True)]
-        _run(update, target, online, rate)
+        if given and 0 < rate < 1:
+            right = _moved()(*before, rate)
+            expect(
+                len(target) != len(tensors) or not _equal([_flat(target)], [right]),
+                f"The list has new tensors in it, with the right values, but{given.lower()} in "
+                "the network, which holds the old ones. Change the tensors themselves, in place "
+                "(lerp_, mul_, copy_).",
+            )
+            expect(
+                not isinstance(returned, list | tuple),
+                f"{given.strip()}. Nothing reads what you return: change the tensors themselves, "
+                "in place (lerp_, mul_, copy_).",
+            )
+            raise CheckFailed(
+                f"{given.strip()}. `t = …` only gives a new tensor the name t: change the tensor "
+                "itself, in place (lerp_, mul_, copy_)."
+            )
         expect(
-            _equal(tensors, expected),
-            f"Right for τ = {RATE}, but not for τ = {rate}: use `rate` in both places.",
+            len(target) == len(tensors) and all(map(operator.is_, target, tensors)),
+            "The list `target` has other tensors in it than before. The network holds the old "
+            "ones: change these, in place.",
         )
-    _run(update, target, online, 1.0)
-    for tensor in online:
-        tensor += 1
-    expect(
-        not _equal(tensors, online),
-        "After an update with τ = 1 target and online share their memory: what changes one of "
-        "them later changes the other. Copy the values.",
-    )
-
-
-def _name_what_is_wrong(target, tensors, before, online, expected) -> None:
-    """Raise `CheckFailed` for a first update that did not give what was expected."""
-    after = _copies(tensors)
-    if _equal(after, before):
-        in_list = _equal(target, expected)
-        raise CheckFailed(
-            "The list has new tensors in it, with the right values, but those that the network "
-            "holds are as they were. Change the tensors themselves, in place (lerp_, mul_, copy_)."
-            if in_list
-            else "The target weights are as they were. `t = …` only gives a new tensor the name "
-            "t: change the tensor itself, in place (lerp_, mul_, copy_)."
+        for tensor in online:
+            tensor += 1
+        expect(
+            not (tensors and rate == 1 and _equal(tensors, online)),
+            "After an update with τ = 1 target and online share their memory: what changes one of "
+            "them later changes the other. Copy the values.",
         )
-    pairs = list(zip(before, online, strict=True))
-    known = {
-        "The rates are swapped: τ is the share of the online weights, 1 − τ that of the old "
-        "target. With τ = 0.005 yours would jump nearly all the way.": (
-            [RATE * old + (1 - RATE) * new for old, new in pairs]
-        ),
-        "You add τ θ, but do not shrink the old target to 1 − τ of itself: the weights would grow "
-        "and grow.": [old + RATE * new for old, new in pairs],
-        "You copy the online weights: the target must go only the share τ of the way.": online,
-        "The sign of the difference is wrong: the target moves away from the online weights.": (
-            [old - RATE * (new - old) for old, new in pairs]
-        ),
-        "You add θ, not τ θ, to what is left of the target: the two shares must make 1.": (
-            [(1 - RATE) * old + new for old, new in pairs]
-        ),
-        "The target is only shrunk to 1 − τ of itself: τ θ is not added.": (
-            [(1 - RATE) * old for old in before]
-        ),
-    }
-    for message, mistake in known.items():
-        if _equal(after, mistake):
-            raise CheckFailed(message)
-    right = [_equal([a], [e]) for a, e in zip(after, expected, strict=True)]
-    expect(
-        not any(right),
-        f"Of {len(right)} tensors {sum(right)} are updated. Is the `return` inside the loop?",
-    )
-    raise CheckFailed(
-        f"With τ = {RATE} a target weight of {before[0][0]:.4g} and an online weight of "
-        f"{online[0][0]:.4g} give {after[0][0]:.4g}, expected {expected[0][0]:.4g}."
-    )
+        return _flat(tensors)
+
+    UPDATE(asked)
 
 
-def _weights(seed: int) -> list[torch.Tensor]:
-    generator = stream(Use.EXERCISE, seed)
-    return [torch.tensor(generator.normal(0, 1, shape)) for shape in (3, (2, 3), (4, 1, 2))]
+def _copies(tensors) -> list[np.ndarray]:
+    return [tensor.detach().numpy().copy() for tensor in tensors]
 
 
-def _copies(tensors) -> list[torch.Tensor]:
-    return [tensor.detach().clone() for tensor in tensors]
+def _flat(tensors) -> np.ndarray:
+    return np.concatenate([tensor.detach().numpy().ravel() for tensor in tensors])
 
 
-def _equal(some, others) -> bool:
-    return all(close(a.detach(), b, 1e-6) for a, b in zip(some, others, strict=True))
-
-
-def _run(update, target, online, rate):
-    try:
-        return update(target, online, rate)
-    except NotImplementedError:
-        raise CheckFailed("soft_update is not written yet.") from None
-    except Exception as error:
-        raise CheckFailed(
-            f"soft_update(target, online, {rate}) stops with {type(error).__name__}: {error}"
-        ) from error
+def _equal(tensors, arrays) -> bool:
+    pairs = zip(tensors, arrays, strict=True)
+    return all(close(numbers(t), numbers(a), 1e-6) for t, a in pairs)

@@ -440,6 +440,7 @@ def _draw_policy(ax):
         "up Rewards()(outcome), and take the first action of the one with the highest return.",
     ),
     figure=_draw_policy,
+    seconds=300,
 )
 def policy(answer) -> None:
     """`policy(environment, state)`: actions for a batch, with a higher return than greedy."""

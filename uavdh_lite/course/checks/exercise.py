@@ -1,4 +1,4 @@
-"""What all exercises share: hints, and checks whose messages say what is probably wrong."""
+"""What all exercises share: a check, hints, and a notebook that survives whatever is handed in."""
 
 import functools
 from collections.abc import Callable, Iterator
@@ -10,18 +10,27 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.trial import (
+    CheckFailed,
+    Stopped,
+    contained,
+    expect,
+    guarded,
+    refused,
+    stops_with,
+    within,
+)
+from uavdh_lite.course.checks.values import close, show
 from uavdh_lite.plotting import png
+
+__all__ = ["EXERCISES", "CheckFailed", "Exercise", "close", "exercise", "expect", "guarded", "show"]
 
 EXERCISES: dict[str, "Exercise"] = {}
 """All exercises by the name of their check, in the order of the notebooks."""
 
-
-class CheckFailed(AssertionError):
-    """An answer is not right yet; the message says what is probably wrong with it."""
-
-    def _render_traceback_(self) -> list[str]:
-        """What a notebook shows of it: the message alone, not the check's own code."""
-        return [f"Not yet. {self}"]
+SECONDS = 10.0
+"""So long an answer may take, unless its exercise says otherwise."""
 
 
 @dataclass(eq=False)
@@ -33,6 +42,11 @@ class Exercise:
         minutes: that a student is expected to need.
         words: two hints in words, from vague to nearly there.
         figure: draws what the solution produces on an Axes; the third hint.
+        check: takes the answer and raises `CheckFailed`; after the table, if there is one.
+        table: cases and mistakes of a function.
+        function: whether the answer is one function.
+        seconds: how long the check may take; `SECONDS` if not given.
+        refused: what an answer may not use, by class and name, with what to say.
     """
 
     number: str
@@ -42,6 +56,10 @@ class Exercise:
     words: tuple[str, str]
     figure: Callable[[Axes], Any]
     check: Callable[[Any], None]
+    table: Table | None = None
+    function: bool = True
+    seconds: float | None = None
+    refused: dict[tuple[type, str], str] = field(default_factory=dict)
     given: list[int] = field(default_factory=list)  # hints asked for so far
 
     @property
@@ -52,12 +70,30 @@ class Exercise:
 
     def __call__(self, answer) -> None:
         """Check an answer; raises `CheckFailed` with what is probably wrong with it."""
-        if callable(answer) and not isinstance(answer, type):
-            answer = guarded(answer)
         if answer is None or answer is ...:
             raise CheckFailed(f"Exercise {self.number} has no answer yet.")
-        self.check(answer)
+        with contained(), refused(self.refused):
+            within(self.seconds or SECONDS, lambda: self._run(answer))
         print(f"Exercise {self.number}: right.")
+
+    def _run(self, answer) -> None:
+        if self.function:
+            expect(
+                callable(answer) and not isinstance(answer, type),
+                "Hand over the function itself: its name, without brackets behind it. You hand "
+                f"over {show(answer)}.",
+            )
+        try:
+            if self.table:
+                self.table(answer)
+            self.check(guarded(answer) if self.function else answer)
+        except (CheckFailed, Stopped):
+            raise
+        except BaseException as error:  # also what an answer raises where it is only looked at
+            raise CheckFailed(
+                f"The check cannot make sense of this answer: it {stops_with(error)} Does yours "
+                "give back what the exercise asks for?"
+            ) from error
 
     def hint(self, number: int | None = None) -> None:
         """Show the next hint, or the one of this number: 1 and 2 in words, 3 as a figure."""
@@ -82,33 +118,20 @@ class Exercise:
         return png(figure, dpi=90)
 
 
-def exercise(number: str, title: str, *, points: int, minutes: int, hints, figure):
-    """Make an exercise of a check: a function that takes the answer and raises `CheckFailed`."""
+def exercise(number: str, title: str, *, points: int, minutes: int, hints, figure, **options):
+    """Make an exercise of a check: a function that takes the answer and raises `CheckFailed`.
+
+    Arguments:
+        options: `table`, `function`, `seconds` and `refused` of `Exercise`.
+    """
 
     def register(check: Callable[[Any], None]) -> Exercise:
-        one = Exercise(number, title, points, minutes, tuple(hints), figure, check)
-        functools.update_wrapper(one, check, updated=())
-        EXERCISES[check.__name__] = one
-        return one
+        made = Exercise(number, title, points, minutes, tuple(hints), figure, check, **options)
+        functools.update_wrapper(made, check, updated=())
+        EXERCISES[check.__name__] = made
+        return made
 
     return register
-
-
-def expect(holds, message: str) -> None:
-    """Raise `CheckFailed` with the message unless it holds."""
-    if not holds:
-        raise CheckFailed(message)
-
-
-def close(answer, expected, tolerance: float = 1e-4) -> bool:
-    """Whether an answer has the expected shape and values, up to a relative tolerance."""
-    try:
-        answer = np.asarray(answer, float)
-    except (TypeError, ValueError):
-        return False
-    expected = np.asarray(expected, float)
-    same = answer.shape == expected.shape
-    return bool(same and np.allclose(answer, expected, tolerance, tolerance * 1e-2, equal_nan=True))
 
 
 def compare(
@@ -151,41 +174,3 @@ def replaced(owner: type, name: str, value) -> Iterator[None]:
         yield
     finally:
         setattr(owner, name, kept)
-
-
-def show(value) -> str:
-    """A value in a message: numbers to four digits, large arrays by their shape."""
-    if isinstance(value, float | np.floating):
-        return f"{value:.4g}"
-    if isinstance(value, np.ndarray) and value.size > 12:
-        return f"<array of shape {value.shape}>"
-    if isinstance(value, np.ndarray):
-        return np.array2string(value, precision=4, separator=", ").replace("\n", "")
-    return repr(value)
-
-
-def guarded(answer: Callable) -> Callable:
-    """The student's function, with its errors and a forgotten `return` turned into messages.
-
-    A check that is given one function gets it like this; one that takes several apart does it.
-    """
-
-    @functools.wraps(answer)
-    def call(*arguments, **keywords):
-        name = getattr(answer, "__name__", "your function")
-        try:
-            result = answer(*arguments, **keywords)
-        except NotImplementedError:
-            raise CheckFailed(f"{name} is not written yet.") from None
-        except CheckFailed:
-            raise
-        except Exception as error:
-            given = ", ".join(map(show, arguments))
-            raise CheckFailed(
-                f"{name}({given}) stops with {type(error).__name__}: {error}"
-            ) from error
-        if result is None:
-            raise CheckFailed(f"{name} gives back None: is there a `return` at its end?")
-        return result
-
-    return call

@@ -183,6 +183,7 @@ def _draw_flight(ax):
         "down the eastern side and along row 4. Spend there what is left beyond the way home.",
     ),
     figure=_draw_flight,
+    function=False,
 )
 def flown_by_hand(answer) -> None:
     """A list of action names that collects 90 % in the village mission and lands in time."""

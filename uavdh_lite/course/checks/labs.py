@@ -58,6 +58,8 @@ def _draw_leads(ax):
         f"of {POINTS}.",
     ),
     figure=_draw_leads,
+    function=False,
+    seconds=300,
 )
 def failure_seed(answer) -> None:
     """The seed of a mission in which greedy is at least 40 points ahead of the agent."""
@@ -190,6 +192,7 @@ def _draw_worst(ax):
         "the cells with city.landing_distance >= 0. Keep the device with the lowest maximum.",
     ),
     figure=_draw_worst,
+    seconds=60,
 )
 def worst_device_cell(answer) -> None:
     """`worst_device_cell(environment)`: (row, column) with the lowest best mean rate."""

@@ -266,6 +266,8 @@ def _draw_defeat(ax):
         "it never landed in. Leave two of them, far apart, or the ways get too long for greedy.",
     ),
     figure=_draw_defeat,
+    function=False,
+    seconds=300,
 )
 def defeat(answer) -> None:
     """The text of a 16×16 city in which greedy does well and the shipped agent does not."""

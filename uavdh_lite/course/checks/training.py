@@ -1,12 +1,14 @@
 """Exercises of notebook 6, training."""
 
-import functools
+import itertools
 from dataclasses import fields, replace
 
 import numpy as np
 import torch
 
-from uavdh_lite.course.checks.exercise import CheckFailed, compare, exercise, expect
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
+from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.values import Unreadable, number
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments.runs import keep_freed_memory
 from uavdh_lite.plotting import BLUE, GREEN, ORANGE, VERMILION
@@ -26,22 +28,21 @@ def _n_step(rewards, terminals, values, n, discount):
     return total + factor * values[min(n, len(rewards))]
 
 
-def _wrong(power=0, shift=0, plain=False, bootstraps=False, goes_on=False, last_lost=False, more=0):
+def _wrong(power=0, shift=0, plain=False, bootstraps=False, goes_on=False, last_lost=False):
     """The n-step return with a mistake.
 
     Arguments:
         power, shift: added to the exponent of the last discount, to the index of the value.
         plain: rewards are not discounted. bootstraps: adds a value after a terminal too.
         goes_on: does not stop at a terminal. last_lost: leaves out the terminal's reward.
-        more: added to the number of rewards.
     """
 
     def mistake(rewards, terminals, values, n, discount):
-        steps = min(n + more, len(rewards))
+        steps = min(n, len(rewards))
         ended = np.flatnonzero(terminals[:steps])
         ends = bool(len(ended)) and not goes_on
         steps = int(ended[0]) + 1 if ends else steps
-        summed = np.array(rewards[:steps])
+        summed = np.array(rewards[:steps], float)
         if ends and last_lost:
             summed[-1] = 0
         total = (summed * (1.0 if plain else discount ** np.arange(steps))).sum()
@@ -89,34 +90,48 @@ def _draw_n_step(ax):
     ax.legend()
 
 
-@exercise(
-    "6.1",
-    "The n-step return",
-    points=2,
-    minutes=15,
-    hints=(
-        "Write it down for n = 1 and n = 2, then for n = 2 with the first step terminal. After m "
-        "rewards, with which power of γ and of which state does the value come?",
-        "Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor "
-        "by γ, and return if terminals[k]. After m = min(n, T) steps add factor · values[m].",
-    ),
-    figure=_draw_n_step,
-)
-def n_step_return(answer) -> None:
-    """`n_step(rewards, terminals, values, n, discount)`: the target of the first state."""
-    expect(callable(answer), "Hand over the function itself: its name, without brackets behind it.")
+def _n_step_cases():
+    def case(rewards, ends, n, discount, seed=0):
+        length = len(rewards) if np.ndim(rewards) else rewards
+        drawn, terminals, values = _stored(length, ends, seed)
+        return np.array(rewards) if np.ndim(rewards) else drawn, terminals, values, n, discount
 
-    @functools.wraps(answer)
-    def copied(*arguments):
-        arrays = [array.copy() for array in arguments[:3]]
-        value = answer(*arrays, *arguments[3:])
-        expect(
-            all(map(np.array_equal, arrays, arguments[:3])),
-            "Your function changes the arrays that it is given. They are the memory: only read.",
-        )
-        return value
+    whole = np.array([1, 2, 4]), np.zeros(3, bool), np.array([8, 16, 32, 64])
+    return {
+        "With n = 1 it is rewards[0], and then γ times values[1], the value of the next state.": [
+            *(case(3, (), 1, discount, seed) for seed, discount in enumerate((0.9, 0.5, 1.0, 0.0)))
+        ],
+        "Reward k counts γ^k times. After m rewards the UAV is in state m: γ^m values[m] comes "
+        "last.": [
+            *(case(6, (), n, d, n) for n, d in ((2, 0.9), (3, 0.8), (4, 0.99), (5, 0.3))),
+            *((*whole, n, d) for n, d in ((2, 0.5), (2, 1.0), (2, 1))),
+        ],
+        "A terminal step among the m ends the sum with its own reward, and no value is added.": [
+            *(case(6, (2, 4), n, d, 7) for n, d in ((3, 0.8), (4, 0.95), (5, 1.0))),
+            *(case(5, (0,), n, d, 8) for n, d in ((1, 0.7), (3, 0.95))),
+            *(case(4, (0, 1, 2, 3), n, 0.6, 9) for n in (2, 4)),
+        ],
+        "A terminal step after the first m belongs to the future: the value of state m counts.": [
+            *(case(6, (2, 4), n, 0.8, 7) for n in (1, 2)),
+            *(case(6, (5,), n, 0.9, 10) for n in (4, 5)),
+        ],
+        "Where fewer than n steps are stored, m = T: sum those that there are, then add "
+        "γ^T values[T].": [
+            *(case(6, (), n, 0.9, 1) for n in (6, 7, 20)),
+            *(case(1, (), n, 0.4, 2) for n in (1, 3)),
+            *((*whole, n, 0.5) for n in (3, 1000)),
+        ],
+        "Where fewer than n steps are stored, a terminal step still ends the sum.": [
+            *((*_stored(6, (2, 4), 7), 9, 0.8), (*_stored(4, (3,), 4), 4, 0.9)),
+            *((*_stored(3, (2,), 5), 8, 0.75), (*_stored(1, (0,), 6), 2, 0.9)),
+        ],
+    }
 
-    mistakes = {
+
+N_STEP = Table(
+    _n_step,
+    _n_step_cases,
+    mistakes={
         "You look for a terminal step in the whole memory, but only a terminal among the m steps "
         "matters: before it comes, the value counts.": (
             lambda r, t, v, n, d: _n_step(r, t, 0 * v if t.any() else v, n, d)
@@ -131,8 +146,6 @@ def n_step_return(answer) -> None:
         "γ^m.": _wrong(power=1),
         "You take the value of the state before the last step. After m rewards the UAV is in "
         "state m, values[m].": _wrong(shift=-1),
-        "You take the value of a state too late. After m rewards the UAV is in state m, "
-        "values[m].": _wrong(shift=1),
         "A value is added after a terminal step. The episode is over there: nothing follows.": (
             _wrong(bootstraps=True)
         ),
@@ -142,51 +155,50 @@ def n_step_return(answer) -> None:
             _wrong(last_lost=True)
         ),
         "The rewards are not discounted: reward k counts γ^k times.": _wrong(plain=True),
-        "You sum n + 1 rewards. With n = 1 it is rewards[0] alone, then the value.": _wrong(more=1),
-        "You sum n − 1 rewards. With n = 1 it is rewards[0], then the value.": _wrong(more=-1),
         "The powers of γ of the rewards are one too high: rewards[0] counts in full.": (
             lambda r, t, v, n, d: _n_step(d * r, t, v, n, d)
         ),
         "You take the last value that is stored. After n rewards the UAV is in state n, "
         "values[n].": lambda r, t, v, n, d: _n_step(r, t, np.full(len(v), v[-1]), n, d),
-        "n has no effect: that is the return over one step.": lambda r, t, v, n, d: _n_step(
-            r, t, v, 1, d
+        "n has no effect: that is the return over one step.": (
+            lambda r, t, v, n, d: _n_step(r, t, v, 1, d)
         ),
         "The value at the end is missing: what comes after the n rewards counts too.": (
             lambda r, t, v, n, d: _n_step(r, t, 0 * v, n, d)
         ),
         "The value at the end is not discounted: it comes with γ^m.": (
-            lambda r, t, v, n, d: _n_step(r, t, v / d ** min(n, len(r)), n, d)
+            lambda r, t, v, n, d: (
+                _n_step(r, t, 0 * v, n, d) + v[min(n, len(r))] * (not t[: min(n, len(r))].any())
+            )
         ),
-    }
-    open_end, ends = _stored(6, (), 0), _stored(6, (2, 4), 1)
-    cases = [(*open_end, n, 0.9) for n in (1, 2, 3)]
-    cases += [(*ends, n, 0.8) for n in (1, 2, 3, 4, 5)]
-    cases += [(*_stored(5, (0,), 2), 3, 0.95)]
-    compare(copied, _n_step, cases, mistakes)
-    short = [(*open_end, n, 0.9) for n in (6, 7, 20)] + [(*_stored(1, (), 3), 3, 0.9)]
-    short += [(*ends, 9, 0.9), (*_stored(4, (3,), 4), 4, 0.9), (*_stored(3, (2,), 5), 8, 0.9)]
-    too_many = {
         "Where fewer than n steps are stored, the power of γ is that of the steps that there "
-        "are, not n.": lambda r, t, v, n, d: _n_step(r, t, v * d ** (n - min(n, len(r))), n, d),
+        "are, not n.": lambda r, t, v, n, d: _n_step(r, t, v * d ** max(0, n - len(r)), n, d),
         "Where fewer than n steps are stored, no value is added. Add that of the last state "
         "stored, values[T].": lambda r, t, v, n, d: _n_step(
             r, t, v if n <= len(r) else 0 * v, n, d
         ),
-        "Where fewer than n steps are stored, you take the value before the last: there is one "
-        "more than rewards, values[T].": lambda r, t, v, n, d: _n_step(
-            r, t, v if n <= len(r) else np.r_[v[:-1], v[-2]], n, d
-        ),
-    }
-    try:
-        compare(copied, _n_step, short, too_many)
-    except CheckFailed as error:
-        if isinstance(error.__cause__, IndexError):
-            raise CheckFailed(
-                "It stops with an IndexError where fewer than n steps are stored. Sum as many as "
-                "there are, then add the value of the last state, values[T]."
-            ) from None
-        raise
+    },
+    read=number,
+    errors={"IndexError": "There are T rewards and T + 1 values."},
+)
+
+
+@exercise(
+    "6.1",
+    "The n-step return",
+    points=2,
+    minutes=15,
+    hints=(
+        "Write it down for n = 1 and n = 2, then for n = 2 with the first step terminal. After m "
+        "rewards, with which power of γ and of which state does the value come?",
+        "Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor "
+        "by γ, and return if terminals[k]. After m = min(n, T) steps add factor · values[m].",
+    ),
+    figure=_draw_n_step,
+    table=N_STEP,
+)
+def n_step_return(answer) -> None:
+    """`n_step(rewards, terminals, values, n, discount)`: the target of the first state."""
 
 
 NAMES = ("lazy", "crashes", "good", "wanders")
@@ -233,6 +245,88 @@ def _draw_diagnosis(ax):
     ax.legend(loc="upper left", fontsize="small")
 
 
+DEFINITIONS = {
+    "lazy": "An agent that uses less than 25 % of the flying time is lazy, whatever else it does.",
+    "crashes": "Of those that use 25 % of their time or more, one crashes if fewer than 90 % land.",
+    "good": "Of those that are neither lazy nor crash, one is good if it collects at least 80 %.",
+    "wanders": "What is neither lazy nor crashes, and collects less than 80 %, wanders.",
+}
+
+
+def _diagnosis_cases():
+    """The recorded runs, and all that is at a limit, a little off it, or far from it."""
+    near = [
+        (0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1)
+        for limit in (0.9, 0.8, 0.25)  # of landed, collection_ratio, time_used
+    ]
+    grid = [*RUNS.values(), *itertools.product(*near)]
+    return {
+        text: [case for case in grid if _diagnose(*case) == name]
+        for name, text in DEFINITIONS.items()
+    }
+
+
+def _name(value) -> np.ndarray:
+    if not (isinstance(value, str) and value in NAMES):
+        raise Unreadable(f"expected is one of {', '.join(NAMES)}, as text.")
+    return np.asarray(str(value))
+
+
+def _in_order(*order, least=0.8, landed_least=0.9, time=0.25):
+    """Ask in this order; the first that holds counts."""
+
+    def mistake(landed, collected, used):
+        holds = {
+            "lazy": used < time,
+            "crashes": landed < landed_least,
+            "good": collected >= least,
+        }
+        return next((name for name in order if holds[name]), "wanders")
+
+    return mistake
+
+
+RIGHT_ORDER = ("lazy", "crashes", "good")
+DIAGNOSIS = Table(
+    _diagnose,
+    _diagnosis_cases,
+    mistakes={
+        "Exactly 90 % landed is enough: it crashes if *fewer* than 90 % land.": (
+            _in_order(*RIGHT_ORDER, landed_least=0.9 + 1e-9)
+        ),
+        "Exactly 80 % collected is good: *at least* 80 %.": (
+            _in_order(*RIGHT_ORDER, least=0.8 + 1e-9)
+        ),
+        "Exactly 25 % of the time is not lazy any more: *less* than 25 %.": (
+            _in_order(*RIGHT_ORDER, time=0.25 + 1e-9)
+        ),
+        "You ask for the landings first: an agent that hardly flies is lazy, also if it crashes "
+        "now and then.": _in_order("crashes", "lazy", "good"),
+        "An agent that collects much but crashes is not good: what it collects does not come "
+        "home. Look at `landed` before you look at what it collects.": (
+            _in_order("lazy", "good", "crashes")
+        ),
+        "You ask first for what it collects: the time and the landings come before.": (
+            _in_order("good", "lazy", "crashes")
+        ),
+        "You ask for the time last: it comes first, an agent that uses little of it is lazy, "
+        "however much it lands or collects.": _in_order("crashes", "good", "lazy"),
+        "The collection ratio alone is asked for, not its product with the share that landed.": (
+            lambda landed, c, t: _diagnose(landed, c * landed, t)
+        ),
+        "Lazy and wandering are confused: the lazy one uses little of its time.": (
+            lambda landed, c, t: {"lazy": "wanders", "wanders": "lazy"}.get(
+                name := _diagnose(landed, c, t), name
+            )
+        ),
+        "The numbers are shares between 0 and 1, not percentages: 90 % is 0.9.": (
+            lambda landed, c, t: _diagnose(landed / 100, c / 100, t / 100)
+        ),
+    },
+    read=_name,
+)
+
+
 @exercise(
     "6.2",
     "What is wrong with this agent?",
@@ -245,76 +339,10 @@ def _draw_diagnosis(ax):
         'it is "good", else it "wanders".',
     ),
     figure=_draw_diagnosis,
+    table=DIAGNOSIS,
 )
 def diagnosis(answer) -> None:
     """`diagnose(landed, collection_ratio, time_used)`: one of `NAMES`."""
-    expect(callable(answer), "Hand over the function itself: its name, without brackets behind it.")
-    mistakes = {
-        "Exactly 90 % landed is enough: it crashes if *fewer* than 90 % land.": (
-            lambda landed, c, t: _diagnose(landed - 1e-9, c, t)
-        ),
-        "Exactly 80 % collected is good: *at least* 80 %.": lambda landed, c, t: _diagnose(
-            landed, c - 1e-9, t
-        ),
-        "Exactly 25 % of the time is not lazy any more: *less* than 25 %.": lambda landed, c, t: (
-            _diagnose(landed, c, t - 1e-9)
-        ),
-        "You ask for the landings first: an agent that hardly flies is lazy, also if it crashes "
-        "now and then.": lambda landed, c, t: (
-            "crashes" if landed < 0.9 else _diagnose(landed, c, t)
-        ),
-        "An agent that collects much but crashes is not good: what it collects does not come "
-        "home. Look at `landed` before you look at what it collects.": lambda landed, c, t: (
-            "good" if c >= 0.8 and t >= 0.25 else _diagnose(landed, c, t)
-        ),
-        "You ask first for what it collects: the time and the landings come before.": (
-            lambda landed, c, t: "good" if c >= 0.8 else _diagnose(landed, c, t)
-        ),
-        "You ask for the time last: it comes first, an agent that uses little of it is lazy, "
-        "however much it lands or collects.": lambda landed, c, t: (
-            _diagnose(landed, c, 1.0) if landed < 0.9 or c >= 0.8 else _diagnose(landed, c, t)
-        ),
-        "The collection ratio alone is asked for, not its product with the share that landed.": (
-            lambda landed, c, t: _diagnose(landed, c * landed, t)
-        ),
-        "Lazy and wandering are confused: the lazy one uses little of its time.": (
-            lambda landed, c, t: {"lazy": "wanders", "wanders": "lazy"}.get(
-                name := _diagnose(landed, c, t), name
-            )
-        ),
-        "The numbers are shares between 0 and 1, not percentages: 90 % is 0.9.": (
-            lambda landed, c, t: _diagnose(landed / 100, c / 100, t / 100)
-        ),
-    }
-    generator = stream(Use.EXERCISE, 0)
-    landed = np.where(generator.random(300) < 0.4, 0.5, 0.9) + generator.random(300) * 0.1
-    ratio, used = generator.random((2, 300))
-    drawn = np.transpose([landed, ratio, used**1.5]).round(3).tolist()
-    edges = [
-        (0.9, 0.5, 0.5),
-        (0.95, 0.8, 0.5),
-        (0.95, 0.5, 0.25),
-        (0.9, 0.8, 0.25),
-        (1.0, 0.8, 1.0),
-    ]
-    cases = [*RUNS.values(), *(tuple(row) for row in drawn), *edges]
-    given = {case: answer(*case) for case in cases}
-    for case, name in given.items():
-        expect(
-            isinstance(name, str) and name in NAMES,
-            f"diagnose{case} gives {name!r}, expected one of {', '.join(NAMES)}, as text.",
-        )
-    wrong = [case for case in cases if given[case] != _diagnose(*case)]
-    if not wrong:
-        return
-    for message, mistake in mistakes.items():
-        if all(given[case] == mistake(*case) for case in wrong):
-            raise CheckFailed(message)
-    case = wrong[0]
-    raise CheckFailed(
-        "An agent with landed {}, collection ratio {} and time used {} is {!r}; you say {!r}. Go "
-        "through the definitions in their order.".format(*case, _diagnose(*case), given[case])
-    )
 
 
 LAZY = replace(
@@ -379,6 +407,8 @@ def _draw_schedules(ax):
         "(temperature about 1), limit the pull of large errors (huber_delta), use all the steps.",
     ),
     figure=_draw_schedules,
+    function=False,
+    seconds=3600,
 )
 def mended_recipe(answer) -> None:
     """A recipe that differs from `LAZY` in `MAY_CHANGE` and trains a useful agent."""

@@ -1,0 +1,187 @@
+"""A check as data: cases by the rule that they test, and what typical mistakes would give."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from uavdh_lite.course.checks.trial import CheckFailed, expect, guarded, name_of, stops_with
+from uavdh_lite.course.checks.values import Unreadable, called, differing, numbers, show
+
+CHANGED = (
+    "{call}: your function changes what it is given. That belongs to the caller: only read it, "
+    "and make something new for the result."
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a call led to: a value, or why there is none."""
+
+    value: np.ndarray | None
+    problem: str = ""
+    error: BaseException | None = None
+
+
+@dataclass(eq=False)
+class Table:
+    """What a function must give back. Call the table with the function to check it.
+
+    Arguments:
+        solution: the right function.
+        rules: a function that makes the cases: tuples of arguments by the rule that they test,
+            a sentence; from what is basic to what is special.
+        mistakes: by what to say of it, a function that makes the mistake, or several that make it
+            in different ways. It is named only if one agrees with the answer on every case.
+        read: turns what the answer gives back into an array, or raises `Unreadable`.
+        tolerance: relative. smallest: absolute.
+        errors: what to say, besides the rule, if an answer stops with an error whose message has
+            this text in it.
+        where: says of a case and a place in a large result what should be there.
+        again: whether each case is asked twice.
+    """
+
+    solution: Callable
+    rules: Callable[[], dict[str, list[tuple]]]
+    mistakes: dict[str, Callable | tuple[Callable, ...]] = field(default_factory=dict)
+    read: Callable[[Any], np.ndarray] = numbers
+    tolerance: float = 1e-6
+    smallest: float = 1e-9
+    errors: dict[str, str] = field(default_factory=dict)
+    where: Callable[..., str] | None = None
+    again: bool = True
+
+    @cached_property
+    def cases(self) -> list[tuple[str, tuple]]:
+        """All cases, each with its rule."""
+        return [(rule, case) for rule, several in self.rules().items() for case in several]
+
+    @cached_property
+    def right(self) -> list[Outcome]:
+        """What the solution gives in each case."""
+        return [self.outcome(self.solution, case) for _, case in self.cases]
+
+    def __call__(self, answer: Callable) -> None:
+        """Check a function.
+
+        Raises:
+            CheckFailed: with the mistake, or with the smallest case that fails and its rule.
+        """
+        given = [self.ask(answer, case, k % 2 == 1) for k, (_, case) in enumerate(self.cases)]
+        wrong = [k for k, right in enumerate(self.right) if not self.same(given[k], right)]
+        if not wrong:
+            if self.again:
+                self._repeat(answer, given)
+            return
+        order = [*wrong, *(k for k in range(len(given)) if k not in set(wrong))]
+        for message, made in self.mistakes.items():
+            for mistake in made if isinstance(made, tuple) else (made,):
+                if all(self.same(given[k], self.outcome(mistake, self.cases[k][1])) for k in order):
+                    raise CheckFailed(message)
+        rule = self.cases[wrong[0]][0]
+        own = [k for k in wrong if self.cases[k][0] == rule]
+        k = min(own, key=lambda k: len(called("", self.cases[k][1])))
+        raise CheckFailed(self._failure(called(name_of(answer), self.cases[k][1]), k, given[k]))
+
+    def _failure(self, call: str, k: int, given: Outcome) -> str:
+        """What is said of the case that fails."""
+        rule, case = self.cases[k]
+        right = self.right[k].value
+        if given.problem:
+            known = [text for part, text in self.errors.items() if part in given.problem]
+            return " ".join([f"{call} {given.problem}", *known, rule])
+        if given.value.shape != right.shape:
+            return f"{call} has the shape {given.value.shape}, expected {right.shape}. {rule}"
+        there = ""
+        if self.where and right.ndim:
+            place = np.argwhere(~np.isclose(given.value, right, self.tolerance, self.smallest))[0]
+            there = f" {self.where(*case, tuple(place.tolist()))}"
+        return f"{call} {differing(given.value, right)}. {rule}{there}"
+
+    def _repeat(self, answer: Callable, given: list[Outcome]) -> None:
+        """Ask all cases again, the last one first."""
+        for k in reversed(range(len(given))):
+            case = self.cases[k][1]
+            other = self.ask(answer, case, k % 2 == 0)
+            if not self.same(other, given[k]):
+                call, first = called(name_of(answer), case), given[k].value
+                said = other.problem or differing(other.value, first)
+                raise CheckFailed(
+                    f"{call} was right at first; asked again after other calls, it {said}. The "
+                    "result must depend on the arguments alone, not on earlier calls or on chance."
+                )
+
+    def ask(self, answer: Callable, case: tuple, read_only: bool) -> Outcome:
+        """The outcome of a student's function, which must leave its arguments as they are."""
+        given = tuple(_copied(argument, read_only) for argument in case)
+        outcome = self.outcome(answer, given, students=True)
+        call = called(name_of(answer), case)
+        changed = any(not _equal(one, other) for one, other in zip(given, case, strict=True))
+        read = isinstance(outcome.error, ValueError) and "read-only" in str(outcome.error)
+        expect(not (changed or read), CHANGED.format(call=call))
+        return outcome
+
+    def outcome(self, function: Callable, case: tuple, students: bool = False) -> Outcome:
+        """What a function gives in a case."""
+        try:
+            value = (guarded(function) if students else function)(*case)
+        except CheckFailed as failed:
+            if failed.__cause__ is not None:
+                return Outcome(None, stops_with(failed.__cause__), failed.__cause__)
+            if "gives back None" not in str(failed):
+                raise
+            value = None
+        except Exception as error:
+            return Outcome(None, stops_with(error), error)
+        shared = isinstance(value, np.ndarray) and any(
+            isinstance(argument, np.ndarray) and np.shares_memory(value, argument)
+            for argument in case
+        )
+        expect(
+            not (students and shared),
+            "You give back memory of an array that you are given, so that what changes one of them "
+            "later changes the other. Make a new array.",
+        )
+        try:
+            return Outcome(self.read(value))
+        except Unreadable as problem:
+            if value is None:
+                said = "gives back None: is a `return` missing, at the end or in one branch?"
+                return Outcome(None, said)
+            return Outcome(None, f"gives back {show(value)}; {problem}")
+
+    def same(self, one: Outcome, other: Outcome) -> bool:
+        """Whether two outcomes are the same value, or the same kind of failure."""
+        if one.value is None or other.value is None:
+            kinds = (type(one.error), one.value is None), (type(other.error), other.value is None)
+            return kinds[0] == kinds[1] and (one.error is not None or one.problem == other.problem)
+        kinds = one.value.dtype.kind + other.value.dtype.kind
+        if one.value.shape != other.value.shape or not set(kinds) <= set("biuf"):
+            return np.array_equal(one.value, other.value)
+        return bool(
+            np.allclose(one.value, other.value, self.tolerance, self.smallest, equal_nan=True)
+        )
+
+
+def _copied(argument, read_only: bool):
+    if isinstance(argument, np.ndarray):
+        argument = argument.copy()
+        argument.flags.writeable = not read_only
+        return argument
+    if hasattr(argument, "detach"):
+        return argument.clone()
+    if isinstance(argument, list):
+        return [_copied(part, read_only) for part in argument]
+    return argument
+
+
+def _equal(one, other) -> bool:
+    if isinstance(other, np.ndarray):
+        return np.array_equal(one, other, equal_nan=other.dtype.kind == "f")
+    if hasattr(other, "detach"):
+        return bool(one.shape == other.shape and ((one == other) | (one != one)).all())
+    if isinstance(other, list):
+        return len(one) == len(other) and all(map(_equal, one, other))
+    return not isinstance(other, float | int | str) or one == other
