@@ -50,7 +50,7 @@ if __name__ == "__main__":
     started = time.perf_counter()
     cities = CityGenerator().draw(1000, seed=0)
     drawn = time.perf_counter()
-    bits, _ = Environment(cities)._sight_bits
+    bits, *_ = Environment(cities)._sight_bits
     seconds = time.perf_counter() - drawn
     print(
         f"1000 cities: drawn in {drawn - started:.1f} s, line of sight in {seconds:.1f} s, ", end=""

@@ -218,21 +218,24 @@ class Environment:
         return read_only(sight.reshape(cells, cells))
 
     @cached_property
-    def _sight_bits(self) -> tuple[np.ndarray, np.ndarray]:
-        """Line of sight as bits: bytes, and where the row of each device cell starts in them.
+    def _sight_bits(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Line of sight as bits: a row of bytes for each device cell, with a bit for each UAV cell.
 
-        In the row of a device cell the UAV's cell with the number i of its city has bit i.
+        Returns the bytes of all rows, and for each cell (n,): where its row begins as a device
+        cell; and as a UAV cell, which byte of a row has its bit, and the bit alone.
         """
         cities = self.cities
         bytes_of_row = -(-(cities.sizes**2) // 8)[cities.city]
-        start = np.cumsum(bytes_of_row) - bytes_of_row
+        row_of = np.cumsum(bytes_of_row) - bytes_of_row
         bits = np.empty(bytes_of_row.sum(), np.uint8)
         for part in cities.alike(PAIRS):
             packed = np.packbits(self._sight(part), axis=-1, bitorder="little")
             packed = packed.reshape(len(part), -1)
-            first = start[cities.first_cell[part]][:, None]
+            first = row_of[cities.first_cell[part]][:, None]
             bits[first + np.arange(packed.shape[1])] = packed
-        return read_only(bits), read_only(start)
+        byte_of, place = np.divmod(cities.within, 8)
+        bit_of = np.left_shift(1, place).astype(np.uint8)
+        return read_only(bits), read_only(row_of), read_only(byte_of), read_only(bit_of)
 
     def _sight(self, part: np.ndarray) -> np.ndarray:
         """Line of sight in some cities of one size; (C, M², M²) bool."""
@@ -374,24 +377,21 @@ class Environment:
         """
         slots, width = self.channel.slots, 2 * self.cities.size - 1
         place, moves, gain_db = self._path_gain_db
-        bits, start_of_row = self._sight_bits
+        bits, row_of, byte_of, bit_of = self._sight_bits
         devices = np.array(device_cells.T, int, order="C")
-        row, start = start_of_row.take(devices), place.take(uav_cell)
+        row, start = row_of.take(devices), place.take(uav_cell)
         without_sight = moves.take(place.take(next_cell) - start + width) - start
         without_sight = place.take(devices) + without_sight
         transmit = self._transmit_snr_db.take(self.cities.city.take(uav_cell))
         snr_db = np.empty((slots, *devices.shape), np.float32)
         entered = (slots + 1) // 2 - 1  # first slot with i/δ ≥ 1/2
-        for cell, part in ((uav_cell, range(entered)), (next_cell, range(entered, slots))):
-            within = self.cities.within.take(cell)
-            bit = np.left_shift(1, within & 7).astype(np.uint8)
-            sight = (bits.take(row + (within >> 3)) & bit).astype(bool)
+        for cell, part in ((uav_cell, slice(entered)), (next_cell, slice(entered, slots))):
+            sight = (bits.take(row + byte_of.take(cell)) & bit_of.take(cell)).astype(bool)
             entry = without_sight + sight * (gain_db.shape[1] // 2)
             deviation = self.channel.fading_db(np.float32(1), sight)
-            for slot in part:
-                gain_db[slot].take(entry, out=snr_db[slot], mode="clip")
-                snr_db[slot] += transmit
-                snr_db[slot] += fading[:, slot].T * deviation
+            gain_db[part].take(entry, axis=1, out=snr_db[part], mode="clip")
+            snr_db[part] += transmit
+            snr_db[part] += fading[:, part].transpose(1, 2, 0) * deviation
         return snr_db.transpose(2, 0, 1)
 
     @cached_property

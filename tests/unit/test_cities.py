@@ -234,7 +234,7 @@ def test_memory_is_a_bit_for_each_pair_of_cells_and_one_wide_map_for_each_city()
     environment.step(
         SCENARIO.sample(cities, 9, stream(Use.TEST)), np.zeros(9, int), stream(Use.TEST)
     )
-    bits, _ = environment._sight_bits
+    bits, *_ = environment._sight_bits
     assert bits.nbytes == 3 * 64 * 8 + 3 * 81 * 11  # rows of whole bytes
     (wide,) = Observation(cities).buffers()
     assert wide.numel() * wide.element_size() == 6 * 3 * 25 * 25
