@@ -170,7 +170,7 @@ class Environment:
     ### Several cities
     With `Cities` for the `city`, every episode of a batch is in a city of its own, the one in
     which its cells are. It goes on as it would over that city alone. Line of sight takes a bit for
-    each pair of cells of a city, 8 kB for 16 × 16 cells, and all else 100 bytes a cell.
+    each pair of cells of a city, 8 kB for 16 × 16 cells, and all else about 120 bytes a cell.
 
     Reference: Bayerlein et al., Globecom 2020, sections II and III.
     """
