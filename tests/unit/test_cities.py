@@ -138,7 +138,8 @@ def test_a_set_of_one_city_is_that_city():
         assert equal(given, alone_in_set)
     assert Cities((city,)).fingerprint == city.fingerprint
     assert Cities((city,)).name == city.name and BOTH.name == "2 cities"
-    assert BOTH.fingerprint not in (SMALL.fingerprint, LARGE.fingerprint)
+    others = (SMALL, LARGE, Cities((SMALL, SMALL)), Cities((LARGE, SMALL)))
+    assert BOTH.fingerprint not in [other.fingerprint for other in others]
 
 
 def test_every_episode_is_in_one_city_and_all_cities_are_equally_likely():

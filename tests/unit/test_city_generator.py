@@ -69,6 +69,18 @@ def test_open_land_is_a_side_without_buildings():
     assert all(empty_side(city) for city in opened.cities)
 
 
+def test_hardly_any_buildings_are_not_a_city():
+    cities = CityGenerator(kinds=("scattered",), open_land=1.0).draw(40, 0).cities
+    assert min(city.buildings.mean() for city in cities) >= LEAST_BUILT
+
+
+def test_buildings_in_a_no_fly_zone_stay_and_count_as_tall():
+    low = {"low_share": (1.0, 1.0), "kinds": ("blocks",), "size": 24}
+    for zones, tall in ((0, False), (4, True)):
+        cities = CityGenerator(no_fly_zones=(zones, zones), **low).draw(10, 0)
+        assert (cities.buildings & cities.no_fly).any() == tall
+
+
 def test_low_buildings_and_no_fly_zones_come_up_in_the_shares_asked_for():
     generator = CityGenerator(low_share=(0.5, 0.5), no_fly_zones=(2, 2))
     cities = generator.draw(60, 1)
