@@ -449,8 +449,9 @@ def schedule(
     uploaded = np.empty((slots, count), np.float32)
     for slot in range(slots):
         snr = snr_db[:, slot].T + empty_db
-        np.maximum.reduce(snr, axis=0, out=best_snr[slot])
-        best[slot] = devices - ((snr == best_snr[slot]) * countdown).max(0)  # argmax, but faster
+        np.maximum.reduce(snr, out=best_snr[slot])
+        first = (snr == best_snr[slot]) * countdown
+        best[slot] = devices - np.maximum.reduce(first)  # argmax, but faster
         place = best[slot].astype(int) * count + episodes
         had = flat.take(place)
         amount = uploaded[slot] = np.minimum(rate(best_snr[slot]), had)
