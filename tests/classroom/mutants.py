@@ -93,7 +93,7 @@ def _replacements(node: ast.AST) -> Iterator[ast.AST]:
         case ast.Constant(value=None):
             yield ast.Constant(0)
         case ast.Call(func=func, args=args, keywords=keywords):
-            if len(args) >= 2:
+            if len(args) >= 2 and getattr(func, "id", "") not in ("min", "max"):
                 yield changed(args=[args[1], args[0], *args[2:]])
             for k in range(len(keywords)):
                 yield changed(keywords=keywords[:k] + keywords[k + 1 :])

@@ -84,7 +84,7 @@ VALUES = [
 ]
 FUNCTIONS = [endless, catches_all, sleeps, leaves, interrupts, calls_itself, generates]
 FUNCTIONS += [raises_rudely, builtins.print, builtins.len, np.sum, type, os.getcwd]
-QUICK = [name for name, one in checks.EXERCISES.items() if one.number.split(".")[0] in "1567"]
+QUICK = [name for name, one in checks.EXERCISES.items() if one.number.split(".")[0] in "1234567"]
 QUICK.remove("mended_recipe")
 
 

@@ -107,15 +107,15 @@ def count(
 
 MISTAKES = {
     "city_cell": [
-        (cell(back, check=False), "no negative row or column|end at M"),
+        (cell(back, check=False), "no negative row or column"),
         (cell(lambda p, u, m: p - u + m - 1), "the other direction"),
         (cell(lambda p, u, m: p + u - m), "off by one"),
         (cell(lambda p, u, m: u - p + m - 1), "wrong way"),
-        (cell(back, last=1), "end at M"),
+        (cell(back, last=1), "or M or more"),
         (cell(back, first=1), "Row 0 and column 0"),
-        (cell(back, last=-1), "last row is M − 1"),
-        (forgets_return, "Is a `return` missing"),
-        (lambda place, uav, size: -1, "as a pair"),
+        (cell(back, last=-1), "so are row M − 1"),
+        (forgets_return, "is a `return` missing|gives None"),
+        (lambda place, uav, size: -1, "two numbers are expected"),
     ],
     "centre": [
         (opposite_shift, "wrong way"),
@@ -123,13 +123,16 @@ MISTAKES = {
         (centred(shift=-1), "one cell too far north-west"),
         (centred(fill=0), "value `outside`"),
         (swapped, "Rows and columns are swapped"),
-        (of_the_layers_type, "outside. may be any number.*map of floats"),
-        (slice_too_late, "ValueError.*begins in row M − 1 − uav"),
+        (of_the_layers_type, "outside. may be any number. Make a map of floats"),
+        (
+            slice_too_late,
+            "begins in row M − 1 − uav|with the UAV's cell in the middle|too far south-east",
+        ),
         (centred(dtype=int), "whole numbers where the layer has fractions"),
         (wrapping, "goes round at the border"),
-        (erases, "changes the layer"),
-        (centred(sign=-1), "the place .* of the map .* must be"),
-        (lambda layer, uav, outside: np.pad(layer, len(layer) - 1), "2M − 1 cells a side"),
+        (erases, "changes what it is given"),
+        (centred(sign=-1), "the place .* of the map "),
+        (lambda layer, uav, outside: np.pad(layer, len(layer) - 1), "has the shape .*2M − 1"),
     ],
     "network_weights": [
         (count(bias=0), "biases are missing"),
@@ -143,6 +146,6 @@ MISTAKES = {
         (count(flat=True), "not side² alone"),
         (count(layer_bias=True), "a bias of its own; yours count one a layer"),
         (count(last_bias=0), "biases of the output"),
-        (lambda *case: 2_308_854, "gives 2308854, expected"),
+        (lambda *case: 2_308_854, "gives 2308854, expected 113"),
     ],
 }

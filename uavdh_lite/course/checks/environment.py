@@ -1,31 +1,47 @@
 """Exercises of notebook 3, the environment."""
 
-import functools
-import itertools
-
 import numpy as np
 
 from uavdh_lite.channel import rate
 from uavdh_lite.city import City
-from uavdh_lite.course.checks.exercise import CheckFailed, close, compare, exercise, expect, show
+from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, show
+from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.values import Unreadable, pair, truth
 from uavdh_lite.environment import (
-    ACTIONS,
     HOVER,
     LAND,
     MOVES,
     Environment,
     Outcome,
     Rewards,
-    schedule,
 )
 from uavdh_lite.plotting import BLUE, GREEN, ORANGE, RED
 from uavdh_lite.streams import Use, stream
 
 
 def _slot(snr_db, data_left):
-    """The device that gets the slot and what it uploads, from the library's scheduler; (2,)."""
-    served, uploaded, _ = schedule(snr_db[None, None], data_left[None])
-    return np.array([served[0, 0], uploaded[0, 0]], float)
+    """The device that gets the slot and what it uploads; (-1, 0) if all are empty."""
+    return _served(lambda snr, left: np.where(left > 0, snr, -np.inf), _limited)(snr_db, data_left)
+
+
+def _limited(snr_db, left):
+    return min(rate(snr_db), left)
+
+
+def _served(choice, amount, nobody=True):
+    """The device with the highest `choice`, and what it uploads; mistakes have other ones.
+
+    Arguments:
+        nobody: whether (-1, 0) is given back if all are empty.
+    """
+
+    def slot(snr_db, left):
+        if nobody and not (left > 0).any():
+            return -1, 0.0
+        device = int(np.argmax(choice(snr_db, left)))
+        return device, amount(snr_db[device], left[device])
+
+    return slot
 
 
 def _draw_slot(ax):
@@ -45,6 +61,118 @@ def _draw_slot(ax):
     ax.legend()
 
 
+def _slot_cases():
+    generator = stream(Use.EXERCISE, 3)
+
+    def case(*arguments):
+        return tuple(np.array(values) for values in arguments)
+
+    def drawn(count, share=0.6):
+        left = generator.uniform(0.2, 8, count) * (generator.random(count) < share)
+        left[generator.integers(count)] = 1.5
+        return case(generator.normal(0, 8, count).round(2), left.round(2))
+
+    return {
+        "If no device has data left, nobody may send: −1 and 0.": [
+            case([3.0, 8.0], [0.0, 0.0]),
+            *(case([-4.0, -9.0, -6.0], [0, 0, 0]), case([5.0], [0.0]), case([-70.0], [0.0])),
+        ],
+        "The device with the highest SNR is served, however little it is ahead, whatever it has "
+        "left; its number is an index into snr_db.": [
+            *(case([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]), case([-3, -1], [9, 9]), case([2], [9])),
+            *(case([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0]), case([1e-9, 0.0], [9.0, 9.0])),
+            *(case([9.0, 3.0], [1.0, 50.0]), case([-20.5, -20.4, -20.45], [1.0, 2.0, 3.0])),
+        ],
+        "It uploads what the slot carries, rate(snr_db), but no more than it has left.": [
+            *(case([10.0, 3.0], [0.7, 8.0]), case([0.0, -1.0], [9.0, 9.0]), case([0], [1])),
+            *(case([-30.0], [5.0]), case([40.0], [1e-6]), case([60.0, 2.0], [1000.0, 5.0])),
+        ],
+        "A device without data is not served: of those that have data left, the highest SNR "
+        "wins.": [
+            *(case([4.0, 9.0, -2.0], [50.0, 0.0, 40.0]), case([12, 5, 9], [0, 50, 40])),
+            *(case([9.0, 3.0, 6.0], [0.0, 0.0, 2.0]), case([9.0, 8.0, 7.0], [0.0, 5.0, 6.0])),
+        ],
+        "That holds for the lowest SNRs too: none is too low to be served.": [
+            *(case([-6.0, -11.0], [0.0, 8.0]), case([-30.0, -53.5, -60.0], [0.0, 4.0, 5.0])),
+            *(case([5.0, -140.0], [0.0, 1.0]), case([-100.0, -99.0], [2.0, 0.0])),
+        ],
+        "A device has data left if it is more than 0, however little.": [
+            *(case([8.0, 3.0], [0.05, 9.0]), case([8.0, 3.0], [1e-7, 9.0])),
+            *(case([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0]), case([1.0], [1e-4])),
+        ],
+        "It must hold for any number of devices.": [
+            drawn(count) for count in (1, 2, 2, 3, 3, 4, 5, 5, 8, 13)
+        ],
+    }
+
+
+def _among_the_rest(snr_db, left, full=False):
+    """The index counts the devices with data left only; `full` looks it up among all."""
+    rest = left > 0
+    if not rest.any():
+        return -1, 0.0
+    device = int(snr_db[rest].argmax())
+    snr_db, left = (snr_db, left) if full else (snr_db[rest], left[rest])
+    return device, _limited(snr_db[device], left[device])
+
+
+def _best(snr_db, left):
+    return np.where(left > 0, snr_db, -np.inf)
+
+
+def _nobody_if_empty(snr_db, left):
+    device = int(snr_db.argmax())
+    return (device, _limited(snr_db[device], left[device])) if left[device] > 0 else (-1, 0.0)
+
+
+SLOT = Table(
+    _slot,
+    _slot_cases,
+    mistakes={
+        "If the device with the best SNR is empty, nobody sends in yours: the next best device "
+        "sends, of those with data left.": _nobody_if_empty,
+        "You serve a device that has nothing left: the slot goes to the best of those with data "
+        "left.": tuple(
+            _served(lambda snr, left: snr, _limited, nobody) for nobody in (True, False)
+        ),
+        "The device uploads more than it has: it is the smaller of the rate and the data left.": (
+            _served(_best, lambda snr, left: rate(snr))
+        ),
+        "The device uploads all it has, but a slot carries no more than the rate, log2(1 + SNR).": (
+            _served(_best, lambda snr, left: left)
+        ),
+        "You upload as many data units as the SNR has decibels: turn it into a rate first, "
+        "rate(snr_db).": _served(_best, min),
+        "Of the rate and the data left the device uploads the smaller, min.": (
+            _served(_best, lambda snr, left: max(rate(snr), left))
+        ),
+        "Your number counts only the devices with data left. Count all of them: the result is an "
+        "index into snr_db.": _among_the_rest,
+        "Your index counts the filtered array, the devices with data left, but you use it in the "
+        "full arrays.": lambda snr, left: _among_the_rest(snr, left, full=True),
+        "An SNR times 0 is 0 dB, which is better than a negative SNR: an empty device must get "
+        "−infinity instead.": _served(lambda snr, left: snr * (left > 0), _limited),
+        "An empty device gets a number in place of its SNR that real SNRs can be below: it must "
+        "get −infinity.": tuple(
+            _served(lambda snr, left, low=low: np.where(left > 0, snr, low), _limited)
+            for low in (-1, -10, -15, -20, -50, -99, -100)
+        ),
+        "The slot goes to the device with the largest upload, but the rule is the best SNR.": (
+            _served(lambda snr, left: np.minimum(rate(snr), left), _limited)
+        ),
+        "The slot goes to the device with the most data, but the rule is the best SNR.": (
+            _served(lambda snr, left: left, _limited)
+        ),
+        "That is the device with the worst SNR of those with data left.": (
+            _served(lambda snr, left: np.where(left > 0, -snr, -np.inf), _limited)
+        ),
+        "If all devices are empty, nobody is served: −1 and 0.": _served(_best, _limited, False),
+    },
+    read=pair,
+    smallest=1e-12,
+)
+
+
 @exercise(
     "3.1",
     "Who gets the slot?",
@@ -58,113 +186,10 @@ def _draw_slot(ax):
         "two amounts.",
     ),
     figure=_draw_slot,
+    table=SLOT,
 )
 def tdma_slot(answer) -> None:
     """`slot(snr_db, data_left)`: the device served, or -1, and the data units it uploads."""
-
-    def ask(snr_db, data_left):
-        snr_db, data_left = np.array(snr_db, float), np.array(data_left, float)
-        copies = snr_db.copy(), data_left.copy()
-        result = answer(*copies)
-        expect(
-            isinstance(result, tuple | list | np.ndarray) and np.shape(result) == (2,),
-            "Give back two numbers, the device and what it uploads: `return device, uploaded`. "
-            f"Yours is {show(result)}.",
-        )
-        expect(
-            (copies[1] == data_left).all() and (copies[0] == snr_db).all(),
-            "Your function changes the arrays that it is given. It only says what is uploaded: "
-            "take a copy if you need to change something.",
-        )
-        return np.array(result, float)
-
-    ask.__name__ = getattr(answer, "__name__", "your function")
-
-    def text(snr_db, data_left):
-        return f"With the SNRs {snr_db} dB and the data left {data_left}"
-
-    for snr_db in ([3.0, 8.0], [-4.0, -9.0, -6.0]):
-        left = [0.0] * len(snr_db)
-        device, uploaded = ask(snr_db, left)
-        expect(
-            device == -1 and uploaded == 0,
-            f"{text(snr_db, left)} nobody may send: device -1, 0 data units. You give "
-            f"({device:g}, {uploaded:.4g}).",
-        )
-
-    def case(*arguments):
-        return tuple(np.array(values, float) for values in arguments)
-
-    def among_the_rest(snr_db, left):
-        snr_db, left = snr_db[left > 0], left[left > 0]
-        return one(lambda snr, left: snr, limited)(snr_db, left)
-
-    def nobody_if_empty(snr_db, left):
-        device = int(snr_db.argmax())
-        return (device, limited(snr_db[device], left[device])) if left[device] else (-1, 0)
-
-    def one(choice, amount):
-        def mistake(snr_db, left):
-            device = int(choice(snr_db, left).argmax())
-            return device, amount(snr_db[device], left[device])
-
-        return mistake
-
-    def best(snr_db, left):
-        return np.where(left > 0, snr_db, -np.inf)
-
-    def limited(snr_db, left):
-        return min(rate(snr_db), left)
-
-    mistakes = {
-        "If the device with the best SNR is empty, nobody sends in yours: the next best device "
-        "sends, of those with data left.": nobody_if_empty,
-        "You serve a device that has nothing left: the slot goes to the best of those with data "
-        "left.": one(lambda snr, left: snr, limited),
-        "The device uploads more than it has: it is the smaller of the rate and the data left.": (
-            one(best, lambda snr, left: rate(snr))
-        ),
-        "You serve a device that has nothing left and let it upload more than it has.": (
-            one(lambda snr, left: snr, lambda snr, left: rate(snr))
-        ),
-        "The device uploads all it has, but a slot carries no more than the rate, log2(1 + SNR).": (
-            one(best, lambda snr, left: left)
-        ),
-        "You upload as many data units as the SNR has decibels: turn it into a rate first, "
-        "rate(snr_db).": one(best, min),
-        "The rate is larger than the data left or smaller; the device uploads the smaller, min.": (
-            one(best, lambda snr, left: max(rate(snr), left))
-        ),
-        "Your number counts only the devices with data left. Count all of them: the result is an "
-        "index into snr_db.": among_the_rest,
-        "Your index counts the filtered array, the devices with data left, but you use it in the "
-        "full arrays.": one(lambda snr, left: snr[left > 0], limited),
-        "An SNR times 0 is 0 dB, which is better than a negative SNR: an empty device must get "
-        "−infinity instead.": one(lambda snr, left: snr * (left > 0), limited),
-        "The slot goes to the device with the largest upload, but the rule is the best SNR.": (
-            one(lambda snr, left: np.minimum(rate(snr), left), limited)
-        ),
-        "The slot goes to the device with the most data, but the rule is the best SNR.": (
-            one(lambda snr, left: left, limited)
-        ),
-        "That is the device with the worst SNR of those with data left.": one(
-            lambda snr, left: np.where(left > 0, -snr, -np.inf), limited
-        ),
-    }
-    generator = stream(Use.EXERCISE, 3)
-    cases = [
-        case([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]),
-        case([4.0, 9.0, -2.0], [50.0, 0.0, 40.0]),
-        case([12.0, 5.0, 9.0], [0.0, 50.0, 40.0]),
-        case([-6.0, -11.0], [0.0, 8.0]),
-        case([10.0, 3.0], [0.7, 8.0]),
-    ]
-    for _ in range(20):
-        count = generator.integers(1, 6)
-        left = generator.uniform(0.2, 8, count) * (generator.random(count) < 0.6)
-        if left.any():
-            cases.append(case(generator.normal(0, 8, count), left))
-    compare(ask, _slot, cases, mistakes)
 
 
 FLIGHTS = {
@@ -230,7 +255,9 @@ def rewards_by_hand(answer) -> None:
     """`rewards_by_hand()`: two lists, the rewards of the steps of flights A and B."""
     given = answer()
     expect(
-        isinstance(given, tuple | list) and len(given) == 2 and all(map(np.ndim, given)),
+        isinstance(given, tuple | list)
+        and len(given) == 2
+        and all(hasattr(part, "__len__") and hasattr(part, "__getitem__") for part in given),
         "Give back two lists, the rewards of flight A and those of flight B.",
     )
     for name, numbers in zip(FLIGHTS, given, strict=True):
@@ -244,9 +271,13 @@ def rewards_by_hand(answer) -> None:
             f"Flight {name}: these are the sums of the rewards so far. The reward of each step by "
             "itself is asked for.",
         )
-        for step, number in enumerate(numbers):
+        for step, number in enumerate(list(numbers)):
             if number is None or number is ...:
                 raise CheckFailed(f"Flight {name}, step {step + 1} has no number yet.")
+            expect(
+                close(number, number, 1) and np.ndim(number) == 0,
+                f"Flight {name}, step {step + 1}: a number is expected, not {show(number)}.",
+            )
             reason = _why_not(name, step, number)
             expect(
                 not reason, f"Flight {name}, step {step + 1}: {show(number)} is not right. {reason}"
@@ -337,6 +368,123 @@ def _draw_reward(ax):
     ax.legend(fontsize="small")
 
 
+def _batch(kinds, seed=0, whole=False):
+    """Steps with random uploads; a kind is (intervened, landed, crashed)."""
+    events = np.reshape(kinds, (-1, 3)).astype(bool)
+    uploaded = stream(Use.EXERCISE, seed).uniform(0, 4, (len(events), 4)).round(2)
+    uploaded *= ~events[:, 1:].any(1)[:, None]  # the step that ends an episode uploads nothing
+    return uploaded.round().astype(int) if whole else uploaded, *events.T
+
+
+def _reward_cases():
+    nothing, refused, landed, crashed = (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)
+    both = (1, 0, 1)
+    several = [nothing, refused, landed, crashed, both, nothing, refused]
+    return {
+        "An ordinary step earns the sum of its own four slots, .sum(1), less 0.2.": [
+            *(_batch([nothing] * count, count) for count in (1, 2, 5)),
+            _batch([nothing] * 4, 9),
+            _batch([nothing] * 3, 4, whole=True),
+        ],
+        "Only the step that lands is free of the 0.2.": [
+            *(_batch([landed]), _batch([landed, nothing], 1), _batch([nothing, nothing, landed])),
+        ],
+        "An intervention costs 1, besides the 0.2.": [
+            *(_batch([refused]), _batch([refused, nothing], 2), _batch([nothing, refused, landed])),
+        ],
+        "A crash costs 150, besides the 0.2.": [
+            *(_batch([crashed]), _batch([crashed, nothing], 3), _batch([landed, crashed, refused])),
+        ],
+        "All that applies is added: with an intervention in the step that crashes, too.": [
+            *(_batch([both]), _batch([both, crashed, refused])),
+        ],
+        "Each episode of a batch has its own reward; as many episodes as slots make no "
+        "difference.": [
+            *(_batch(several[k : k + 4], k) for k in range(4)),
+            *(_batch(several * copies, copies) for copies in (1, 3)),
+            _batch(several, 5, whole=True),
+        ],
+    }
+
+
+def _priced(data=None, movement=None, safety=None, crash=None):
+    """The reward with another term."""
+
+    def mistake(uploaded, intervened, landed, crashed):
+        terms = (
+            uploaded.sum(1) if data is None else data(uploaded),
+            -0.2 * (~landed if movement is None else movement(intervened, landed, crashed)),
+            -1.0 * intervened if safety is None else safety(intervened),
+            -150.0 * (crashed if crash is None else crash(crashed, landed)),
+        )
+        return sum(terms)
+
+    return mistake
+
+
+def _nothing(*_):
+    return 0
+
+
+def _either(first):
+    """Intervention and crash exclude each other; which one counts if both happen."""
+
+    def mistake(u, i, landed, c):
+        events = np.where(i, -1.0, -150.0 * c) if first == "i" else np.where(c, -150.0, -1.0 * i)
+        return u.sum(1) - 0.2 * ~landed + events
+
+    return mistake
+
+
+REWARD = Table(
+    _rewards,
+    _reward_cases,
+    mistakes={
+        "You sum the uploads of all episodes together: each has its own reward, .sum(1).": (
+            _priced(data=lambda uploaded: uploaded.sum())
+        ),
+        "You sum over the episodes: the slots are the second axis of uploaded, .sum(1).": (
+            _priced(data=lambda uploaded: uploaded.sum(0))
+        ),
+        "You take the mean of the four slots: the reward counts all that was uploaded, their "
+        "sum.": _priced(data=lambda uploaded: uploaded.mean(1)),
+        "Only one of the four slots counts in yours: sum over all.": (
+            _priced(data=lambda uploaded: uploaded[:, 0])
+        ),
+        "You charge 0.2 for the step that lands too: it is free of it.": (
+            _priced(movement=lambda i, landed, c: np.ones(len(landed)))
+        ),
+        "You charge 0.2 only where the UAV has landed: it is the other way round.": (
+            _priced(movement=lambda i, landed, c: landed)
+        ),
+        "An intervention costs 1 in addition to the 0.2 for the step, not instead of it.": (
+            _priced(movement=lambda i, landed, c: ~(landed | i))
+        ),
+        "A crash comes in addition to the 0.2 for the step, not instead of it.": (
+            _priced(movement=lambda i, landed, c: ~(landed | c))
+        ),
+        "A step with an intervention or a crash costs the 0.2 too.": (
+            _priced(movement=lambda i, landed, c: ~(landed | c | i))
+        ),
+        "The 0.2 for the step is missing.": _priced(movement=_nothing),
+        "The penalty for an intervention is missing.": _priced(safety=_nothing),
+        "The penalty for a crash is missing.": _priced(crash=_nothing),
+        "The terms for intervention and crash exclude each other in yours. In one step both can "
+        "happen, and then both count.": (_either("i"), _either("c")),
+        "You punish each step without a landing as a crash: crashed says which.": (
+            _priced(crash=lambda crashed, landed: ~landed)
+        ),
+        "The prices have the wrong sign: they are subtracted.": (
+            lambda u, i, landed, c: 2 * u.sum(1) - _rewards(u, i, landed, c)
+        ),
+    },
+    errors={
+        "truth value": "`if`, `and` and `or` cannot decide for a whole batch, where some episodes "
+        "have landed and some have not. Use np.where, or multiply by the Boolean array.",
+    },
+)
+
+
 @exercise(
     "3.3",
     "The reward of a batch",
@@ -349,108 +497,17 @@ def _draw_reward(ax):
         "says where it is due; for one of them the array says where it is not.",
     ),
     figure=_draw_reward,
+    table=REWARD,
 )
 def reward(answer) -> None:
     """`reward(uploaded, intervened, landed, crashed)`: (B,), for a batch of steps."""
-    constants = Rewards()
-
-    @functools.wraps(answer)
-    def ask(*arrays):
-        copies = [array.copy() for array in arrays]
-        try:
-            result = answer(*copies)
-        except CheckFailed as failed:
-            if "truth value" not in str(failed):
-                raise
-            raise CheckFailed(
-                "`if`, `and` and `or` cannot decide for a whole batch, where some episodes have "
-                "landed and some have not. Use np.where, or multiply by the Boolean array."
-            ) from None
-        expect(
-            all((a == b).all() for a, b in zip(arrays, copies, strict=True)),
-            "Your function changes the arrays that it is given: make a new one for the reward.",
-        )
-        return result
-
-    def variant(data=None, movement=None, safety=None, crash=None):
-        def mistake(uploaded, intervened, landed, crashed):
-            terms = (
-                uploaded.sum(1) if data is None else data(uploaded),
-                -0.2 * ~landed if movement is None else movement(intervened, landed, crashed),
-                -1.0 * intervened if safety is None else safety(intervened),
-                constants.crash * crashed if crash is None else crash(crashed, landed),
-            )
-            return sum(terms)
-
-        return mistake
-
-    def nothing(*_):
-        return 0
-
-    def always(intervened, landed, crashed):
-        return np.full(len(landed), -0.2)
-
-    mistakes = {
-        "You sum over the episodes: the slots are the second axis of uploaded, .sum(1).": (
-            variant(data=lambda uploaded: uploaded.sum(0) if len(uploaded) == 4 else np.nan)
-        ),
-        "You sum the uploads of all episodes together: each has its own reward, .sum(1).": (
-            variant(data=lambda uploaded: uploaded.sum())
-        ),
-        "You take the mean of the four slots: the reward counts all that was uploaded, their "
-        "sum.": variant(data=lambda uploaded: uploaded.mean(1)),
-        "Only one of the four slots counts in yours: sum over all.": (
-            variant(data=lambda uploaded: uploaded[:, 0])
-        ),
-        "You charge 0.2 for the step that lands too: it is free of it.": variant(movement=always),
-        "You charge 0.2 only where the UAV has landed: it is the other way round.": (
-            variant(movement=lambda i, landed, c: -0.2 * landed)
-        ),
-        "An intervention costs 1 in addition to the 0.2 for the step, not instead of it.": (
-            variant(movement=lambda i, landed, c: -0.2 * ~(landed | i))
-        ),
-        "A crash comes in addition to the 0.2 for the step, not instead of it.": (
-            variant(movement=lambda i, landed, c: -0.2 * ~(landed | c))
-        ),
-        "A step with an intervention or a crash costs the 0.2 too.": (
-            variant(movement=lambda i, landed, c: -0.2 * ~(landed | c | i))
-        ),
-        "The 0.2 for the step is missing.": variant(movement=nothing),
-        "The penalty for an intervention is missing.": variant(safety=nothing),
-        "The penalty for a crash is missing.": variant(crash=nothing),
-        "The terms for intervention and crash exclude each other in yours. In one step both can "
-        "happen, and then both count.": (
-            lambda u, i, landed, c: u.sum(1) - 0.2 * ~landed + np.where(i, -1.0, -150.0 * c)
-        ),
-        "The terms for intervention and crash exclude each other in yours. In one step both may "
-        "happen, and then both count.": (
-            lambda u, i, landed, c: u.sum(1) - 0.2 * ~landed + np.where(c, -150.0, -1.0 * i)
-        ),
-        "You punish each step without a landing as a crash: crashed says which.": (
-            variant(crash=lambda crashed, landed: constants.crash * ~landed)
-        ),
-        "The prices have the wrong sign: they are subtracted.": (
-            lambda u, i, landed, c: 2 * u.sum(1) - _rewards(u, i, landed, c)
-        ),
-    }
-
-    def batch(uploaded, *events):
-        return np.array(uploaded, float), *(np.array(event, bool) for event in events)
-
-    generator = stream(Use.EXERCISE, 0)
-    kinds = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 0, 0)])
-    uploaded = generator.uniform(0, 4, (6, 4)) * ~kinds[:, 1:].any(1)[:, None]
-    for rows in (kinds[:4], kinds):  # first as many episodes as slots: then any axis fits
-        compare(ask, _rewards, [batch(uploaded[: len(rows)], *rows.T)], mistakes)
-    for k in range(6):
-        compare(ask, _rewards, [batch(uploaded[k : k + 1], *kinds[k : k + 1].T)], {})
 
 
 class _Town(City):
     """A city that is short in messages."""
 
     def __repr__(self) -> str:
-        return "city"
+        return "CITY_OF_HINT_3" if self.name == "small" else f"City({self.name!r})"
 
 
 PLAIN = _Town.from_text("plain", ". . . . .\n. . . . .\n. . L . .\n. . . . .\n. . . . .")
@@ -462,6 +519,19 @@ SMALL = _Town.from_text(
     . . . b N
     B . . . .
     . . L . L
+    """,
+)
+
+LARGE = _Town.from_text(
+    "seven",
+    """
+    . N . . b . .
+    . . B . . L .
+    N . . b . . N
+    . b . L . B .
+    L . N . . . b
+    . . . . N . .
+    B . . L . . N
     """,
 )
 
@@ -505,46 +575,114 @@ def _kind(city, cell, action):
     return "low building" if city.buildings[row, col] else "move"
 
 
-# What may be wrong if the cell is wrong, and if only the second value is, by kind of action.
-REASONS = {
-    "move": (
-        "North is one row up (row − 1), east one column to the right (col + 1), and the actions "
-        "are numbered north, east, south, west, hover, land.",
-        "Nothing is in the way there, so the controller does not intervene.",
-    ),
-    "hover": (
-        "Hovering stays in the cell.",
-        "Hovering is always allowed: the controller does not intervene, also if the UAV stays "
-        "where it is.",
-    ),
-    "land": (
-        "A UAV that lands stays in its cell.",
-        "That cell is in the landing zone, so that landing is allowed.",
-    ),
-    "land outside": (
-        "That cell is not in the landing zone: the UAV hovers instead, in its cell.",
-        "That cell is not in the landing zone: the controller intervenes there too.",
-    ),
-    "edge": (
-        "That leaves the grid, so the UAV hovers instead, in its cell.",
-        "That leaves the grid: the UAV stays in its cell because the controller intervenes, so "
-        "say True. (Limiting row and column to the grid hides it.)",
-    ),
-    "no-fly zone": (
-        "That cell is a no-fly zone: the UAV hovers instead, in its cell.",
-        "That cell is a no-fly zone, so the controller intervenes.",
-    ),
-    "tall building": (
-        "That cell is a tall building, one that is in city.no_fly: the UAV hovers instead.",
-        "That cell is a tall building, one that is in city.no_fly: the controller intervenes.",
-    ),
-    "low building": (
-        "That building is low and may be flown over: only city.no_fly says where the UAV may not "
-        "go, city.buildings is about the radio link.",
-        "That building is low and may be flown over: only city.no_fly says where the controller "
-        "intervenes.",
-    ),
+KINDS = {
+    "move": "North is one row up (row − 1), east one column to the right (col + 1); the actions "
+    "are numbered north, east, south, west, hover, land. Nothing is in the way there, so the "
+    "controller does not intervene. Rows and columns go from 0 to M − 1.",
+    "hover": "Hovering stays in the cell and is always allowed: the controller does not intervene.",
+    "land": "A UAV that lands stays in its cell; in the landing zone the controller does not "
+    "intervene.",
+    "land outside": "That cell is not in the landing zone, so landing is not allowed: the UAV "
+    "hovers instead, in its cell, and the controller intervenes.",
+    "edge": "That leaves the grid: the UAV hovers instead, in its cell, and the controller "
+    "intervenes. (To numpy, row or column −1 is the last one: no error warns you.)",
+    "no-fly zone": "The target is a no-fly zone: the UAV hovers instead, in its cell, and the "
+    "controller intervenes.",
+    "tall building": "The target is a tall building, one that is in city.no_fly: the UAV hovers "
+    "instead, in its cell, and the controller intervenes.",
+    "low building": "The building in the target cell is low and may be flown over: only "
+    "city.no_fly says where the UAV may not go, city.buildings is about the radio link.",
 }
+
+
+def _safe_step_cases():
+    cities = PLAIN, SMALL, LARGE, _Town.from_text("two", "L .\n. N"), _Town.load("village")
+    cases = {text: [] for text in KINDS.values()}
+    for city in cities:
+        for cell in _inner_first(city, np.argwhere(~city.no_fly).tolist()):
+            for action in range(6):
+                cases[KINDS[_kind(city, cell, action)]].append((city, cell, action))
+    return cases
+
+
+def _cell_and_flag(value) -> np.ndarray:
+    try:
+        cell, flag = value
+        cell = pair(cell)
+    except (Unreadable, TypeError, ValueError):
+        raise Unreadable(
+            "give back the cell and whether the controller intervened, `return (row, col), "
+            "intervened`."
+        ) from None
+    try:
+        return np.append(cell, truth(flag))
+    except Unreadable:
+        raise Unreadable(
+            "whether the controller intervened must be True or False. If you wrote ~, write `not`: "
+            "in Python ~True is −2 and ~False is −1, and both count as True."
+        ) from None
+
+
+def _stepping(no_fly="no_fly", flip="", off="stays", land=True, flag=True):
+    """The controller with a mistake: other layers, layers by [col, row], what is off the grid."""
+
+    def mistake(city, cell, action):
+        if action == HOVER:
+            return cell, False
+        if action == LAND:
+            place = cell[::-1] if "landing" in flip else cell
+            return cell, land and not city.landing[place]
+        row, col = np.add(cell, MOVES[action]).tolist()
+        if not (0 <= row < city.size and 0 <= col < city.size):
+            if off == "stays":
+                return cell, flag
+            if off == "limited":
+                return cell, False
+            row, col = row % city.size, col % city.size
+        layers = no_fly.split()
+        if any(
+            getattr(city, one)[(col, row) if "no_fly" in flip else (row, col)] for one in layers
+        ):
+            return cell, flag
+        return (row, col), False
+
+    return mistake
+
+
+def _turned(order):
+    return lambda city, cell, action: _stepping()(city, cell, order[action])
+
+
+SAFE_STEP = Table(
+    _safe_step,
+    _safe_step_cases,
+    mistakes={
+        "You look up city.no_fly[col, row]. The row comes first: city.no_fly[row, col].": (
+            _stepping(flip="no_fly")
+        ),
+        "You look up city.landing[col, row]. The row comes first: city.landing[row, col].": (
+            _stepping(flip="landing")
+        ),
+        "The UAV must not come back on the opposite side: off the grid it hovers instead.": (
+            _stepping(off="wraps")
+        ),
+        "Limiting row and column to the grid keeps the UAV in its cell, but hides that the "
+        "controller intervenes there: say True.": _stepping(off="limited"),
+        "Buildings may be flown over if they are low: only city.no_fly says where the UAV may not "
+        "go.": (_stepping("no_fly buildings"), _stepping("buildings")),
+        "Landing is not always allowed: outside the landing zone the controller intervenes.": (
+            _stepping(land=False)
+        ),
+        "You never say that the controller intervenes in a move.": _stepping(flag=False),
+        "North and south are the wrong way round: north is one row up, row − 1.": (
+            _turned((2, 1, 0, 3, 4, 5))
+        ),
+        "East and west are the wrong way round: east is col + 1.": _turned((0, 3, 2, 1, 4, 5)),
+    },
+    read=_cell_and_flag,
+    errors={"out of bounds": "You look up a cell that does not exist: ask for the grid first."},
+    again=False,
+)
 
 
 @exercise(
@@ -560,100 +698,13 @@ REASONS = {
         "cell, and that counts as an intervention.",
     ),
     figure=_draw_safe_step,
+    table=SAFE_STEP,
 )
 def safe_step(answer) -> None:
     """`safe_step(city, cell, action)`: the next cell, and whether the controller intervened."""
-
-    def ask(city, cell, action):
-        call = f"From {cell}, {ACTIONS[action]}"
-        try:
-            result = answer(city, cell, action)
-        except CheckFailed as failed:
-            if not isinstance(failed.__cause__, IndexError):
-                raise
-            raise CheckFailed(
-                f"{call}: you look up a cell that does not exist ({failed.__cause__}). Ask first "
-                f"whether row and column are from 0 to {city.size - 1}."
-            ) from None
-        right = (
-            isinstance(result, tuple | list)
-            and len(result) == 2
-            and np.shape(result[0]) == (2,)
-            and np.ndim(result[1]) == 0
-        )
-        expect(
-            right,
-            f"{call}: give back the cell and whether the controller intervened, `return (row, "
-            f"col), intervened`. Yours is {show(result)}.",
-        )
-        expect(
-            result[1] in (0, 1),
-            f"{call}: whether the controller intervened must be True or False; yours is "
-            f"{show(result[1])}. If you wrote ~, write `not`: in Python ~True is −2 and ~False is "
-            "−1, and both count as True.",
-        )
-        return tuple(int(number) for number in result[0]), bool(result[1])
-
-    for city in (PLAIN, SMALL, _Town.load("village")):
-        cells = _inner_first(city, np.argwhere(~city.no_fly).tolist())
-        for kind, (_, flag_wrong) in REASONS.items():
-            for cell, action in itertools.product(cells, range(6)):
-                if _kind(city, cell, action) != kind:
-                    continue
-                said, flag = ask(city, cell, action)
-                right, intervened = _safe_step(city, cell, action)
-                call = f"In a city of {city.size}×{city.size} cells, from {cell}, {ACTIONS[action]}"
-                if city is SMALL:
-                    call = (
-                        f"In the city of hint 3 (safe_step.hint(3)), from {cell}, {ACTIONS[action]}"
-                    )
-                if (said, flag) != (right, intervened):
-                    _expect_row_first(ask)
-                expect(
-                    said == right,
-                    f"{call} leads to {said} in yours, and should to {right}. "
-                    f"{_why_not_there(city, cell, action, said, flag)}",
-                )
-                expect(
-                    flag == intervened,
-                    f"{call}: the cell is right, but you say {flag}, not {intervened}. "
-                    f"{flag_wrong}",
-                )
-
-
-def _expect_row_first(ask):
-    """No layer is looked up as [col, row]; with the right order or other mistakes all is well."""
-    cells = list(map(tuple, np.argwhere(~SMALL.no_fly).tolist()))
-    inside = [
-        (cell, action, (col, row))
-        for cell, action in itertools.product(cells, range(4))
-        for row, col in [np.add(cell, MOVES[action]).tolist()]
-        if min(row, col) >= 0 and max(row, col) < SMALL.size
-    ]
-    for layer, looked_up in (
-        ("no_fly", [ask(SMALL, c, a)[1] == SMALL.no_fly[place] for c, a, place in inside]),
-        ("landing", [ask(SMALL, c, LAND)[1] != SMALL.landing[c[::-1]] for c in cells]),
-    ):
-        expect(
-            not all(looked_up),
-            f"You look up city.{layer}[col, row]. The row comes first: city.{layer}[row, col].",
-        )
 
 
 def _inner_first(city, cells):
     """Cells as tuples, from the middle to the border: there more may be special."""
     middle = (city.size - 1) / 2
     return sorted(map(tuple, cells), key=lambda cell: max(abs(k - middle) for k in cell))
-
-
-def _why_not_there(city, cell, action, said, flag):
-    """What is probably wrong with an answer that leads to the wrong cell."""
-    kind, target = _kind(city, cell, action), np.add(cell, MOVES[action]).tolist()
-    reason = REASONS[kind][0]
-    if kind == "move" and said == cell and flag and {0, city.size - 1} & set(target):
-        return f"Rows and columns go from 0 to {city.size - 1}, so that cell is in the grid."
-    if kind == "edge" and city.size - 1 in np.abs(np.subtract(said, cell)):
-        return "The UAV must not come back on the opposite side: it hovers instead."
-    if kind == "edge" and -1 in target:
-        return f"{reason} (In numpy, row or column −1 means the last one: no error warns you.)"
-    return reason

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from uavdh_lite.course.checks.exercise import CheckFailed, close, compare, exercise, expect
+from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.values import number, truth, truths
 from uavdh_lite.plotting import ORANGE
 from uavdh_lite.shadowing import crossed_cells, line_of_sight
 from uavdh_lite.streams import Use, stream
@@ -10,8 +12,9 @@ from uavdh_lite.streams import Use, stream
 
 def _crosses(start, end, cell):
     """Whether the segment between two cell centres crosses the open interior of a cell."""
-    crossed = crossed_cells(end[0] - start[0], end[1] - start[1]) + start
-    return list(cell) in crossed.tolist()
+    (rows, cols), (r, c) = ((one[0] - start[0], one[1] - start[1]) for one in (end, cell))
+    inside = min(rows, 0) <= r <= max(rows, 0) and min(cols, 0) <= c <= max(cols, 0)
+    return inside and (start == end or 2 * abs(rows * c - cols * r) < abs(rows) + abs(cols))
 
 
 def _draw_crosses(ax):
@@ -42,85 +45,101 @@ def _within(start, end, cell, formula):
     return inside and formula(rows, cols, r, c)
 
 
-FORMULAS = {
-    "You forget the factor 2: it is twice |R·c − C·r| that must be below |R| + |C|.": (
-        lambda rows, cols, r, c: abs(rows * c - cols * r) < abs(rows) + abs(cols)
-    ),
-    "|R + C| is not |R| + |C|: on the way up or left R or C is negative, and they cancel.": (
-        lambda rows, cols, r, c: 2 * abs(rows * c - cols * r) < abs(rows + cols)
-    ),
-    "R·c − C·r may be negative: take its absolute value.": (
-        lambda rows, cols, r, c: 2 * (rows * c - cols * r) < abs(rows) + abs(cols)
-    ),
-}
 TOUCHING = (
-    "The segment only touches that cell at a corner, which is not crossing its open interior. "
-    "Compare with < instead of <=, and in whole numbers: rounded ones cannot tell touching from "
-    "crossing."
+    "A segment that only touches a cell at a corner does not cross its open interior. Compare with "
+    "< instead of <=, and in whole numbers: rounded ones cannot tell touching from crossing."
 )
-RAYS = (
-    # what is asked, what to say of it, and the (start, end, cell) that ask it
-    (
+
+
+def _crosses_cases():
+    drawn = stream(Use.EXERCISE, 2).integers(0, 9, (300, 3, 2)).tolist()
+    others = [tuple(map(tuple, case)) for case in drawn]
+    signs = [
+        (start, end, cell)
+        for start, end in (((4, 5), (1, 3)), ((4, 2), (2, 5)), ((1, 5), (3, 2)), ((5, 5), (2, 6)))
+        for cell in np.ndindex(6, 7)
+    ]
+    plain = [case for case in (*signs, *others) if _crosses(*case) or not _touches(*case)]
+    return {
         "The segment begins and ends in the middle of a cell, so it crosses these two cells too. "
-        "Are rows and columns measured from start?",
-        [((2, 3), (4, 8), (2, 3)), ((2, 3), (4, 8), (4, 8)), ((5, 5), (5, 2), (5, 2))],
-    ),
-    (
+        "Measure rows and columns from start.": [
+            *(((2, 3), (4, 8), (2, 3)), ((2, 3), (4, 8), (4, 8)), ((1, 0), (3, 2), (1, 0))),
+            *(((0, 0), (2, 5), (0, 0)), ((0, 0), (2, 5), (2, 5))),
+        ],
         "Along a row or a column the segment runs through the middle of each cell between its "
-        "ends, and through no other.",
-        [
-            ((3, 2), (3, 7), (3, 5)),
-            ((3, 2), (3, 7), (4, 5)),
-            ((1, 4), (6, 4), (2, 4)),
-            ((6, 4), (1, 4), (3, 5)),
+        "ends, and through no other; no slope is needed, compare products.": [
+            *(((3, 2), (3, 7), (3, 5)), ((3, 2), (3, 7), (4, 5)), ((1, 4), (6, 4), (2, 4))),
+            *(((6, 4), (1, 4), (3, 5)), ((0, 0), (0, 4), (0, 2)), ((0, 0), (3, 0), (1, 1))),
         ],
-    ),
-    (
-        "Both ends are the same point, in the middle of one cell: it lies inside that cell and no "
-        "other.",
-        [((4, 6), (4, 6), (4, 6)), ((4, 6), (4, 6), (4, 7))],
-    ),
-    (
-        "Not all cells of the rectangle between the two ends are crossed: ask how far the cell's "
-        "centre is from the line.",
-        [((1, 1), (7, 6), (1, 6)), ((1, 1), (7, 6), (7, 1)), ((8, 2), (3, 9), (3, 3))],
-    ),
-    (
-        "That cell is on the line, but beyond the end of the segment: only cells in the rectangle "
-        "between the two ends can be crossed.",
-        [((2, 2), (4, 4), (6, 6)), ((3, 5), (3, 8), (3, 1)), ((5, 5), (7, 9), (3, 1))],
-    ),
-    (
-        "Up and left R and C are negative: do comparisons and sums take care of their signs?",
-        [
-            (start, end, cell)
-            for start, end in (((4, 5), (1, 3)), ((4, 2), (2, 5)), ((1, 5), (3, 2)))
-            for cell in np.ndindex(6, 7)
-            if _crosses(start, end, cell) or not _touches(start, end, cell)
+        "If both ends are the same point, in the middle of one cell, it lies inside that cell and "
+        "no other.": [
+            *(((4, 6), (4, 6), (4, 6)), ((4, 6), (4, 6), (4, 7)), ((0, 0), (0, 0), (0, 0))),
+            *(((0, 0), (0, 0), (1, 0)), ((4, 6), (4, 6), (3, 6))),
         ],
-    ),
-    (
-        TOUCHING,
-        [
-            ((1, 1), (4, 4), (1, 2)),
-            ((1, 1), (4, 4), (3, 2)),
-            ((6, 1), (2, 5), (5, 1)),
-            ((0, 0), (3, 9), (1, 1)),
-            ((0, 0), (3, 9), (0, 2)),
-            ((2, 9), (9, 2), (4, 8)),
+        "Not all cells of the rectangle between the two ends are crossed: the cell's centre must "
+        "be near the line, by the condition of the exercise.": [
+            *(((1, 1), (7, 6), (1, 6)), ((1, 1), (7, 6), (7, 1)), ((8, 2), (3, 9), (3, 3))),
+            *(((0, 0), (4, 5), (0, 3)), ((0, 0), (4, 5), (3, 1)), ((0, 0), (4, 6), (1, 3))),
+        ],
+        "A cell that is on the line beyond an end of the segment is not crossed: only cells in the "
+        "rectangle between the two ends can be.": [
+            *(((2, 2), (4, 4), (6, 6)), ((3, 5), (3, 8), (3, 1)), ((5, 5), (7, 9), (3, 1))),
+            *(((0, 0), (0, 3), (0, 4)), ((0, 0), (3, 1), (4, 1)), ((3, 3), (0, 0), (4, 4))),
+        ],
+        "A ray may go up or left: R and C are then negative, and so may R·c − C·r be. Comparisons "
+        "and sums must take care of the signs (min, max, abs).": plain,
+        TOUCHING: [
+            *(((1, 1), (4, 4), (1, 2)), ((1, 1), (4, 4), (3, 2)), ((6, 1), (2, 5), (5, 1))),
+            *(((0, 0), (3, 9), (1, 1)), ((0, 0), (3, 9), (0, 2)), ((2, 9), (9, 2), (4, 8))),
             ((0, 0), (7, 21), (3, 8)),
+            *(case for case in (*signs, *others) if case not in set(plain)),
         ],
-    ),
-    (
-        "The segment cuts off only a small corner of that cell, and that counts. Points sampled "
-        "along the ray step over it, and so does Bresenham's line: compare whole numbers.",
-        [((0, 0), (100, 101), (0, 1)), ((0, 0), (9, 10), (0, 1)), ((70, 3), (0, 74), (70, 4))],
-    ),
-    (
-        "The segment misses that cell, if only by a hair: no tolerance is needed, nor sampled "
-        "points, if you compare whole numbers.",
-        [((0, 0), (100, 101), (1, 0)), ((0, 0), (9, 10), (1, 0)), ((70, 3), (0, 74), (69, 3))],
-    ),
+        "A segment that cuts off only a small corner of a cell crosses it. Points sampled along "
+        "the ray step over it, and so does Bresenham's line: compare whole numbers.": [
+            *(((0, 0), (100, 101), (0, 1)), ((0, 0), (9, 10), (0, 1)), ((70, 3), (0, 74), (70, 4))),
+            ((0, 0), (10**6, 10**6 + 1), (0, 1)),
+        ],
+        "A segment that misses a cell by a hair does not cross it: no tolerance is needed, nor "
+        "sampled points, if you compare whole numbers.": [
+            *(((0, 0), (100, 101), (1, 0)), ((0, 0), (9, 10), (1, 0)), ((70, 3), (0, 74), (69, 3))),
+            ((0, 0), (10**6, 10**6 + 1), (1, 0)),
+        ],
+    }
+
+
+def _within(formula):
+    """Whether the cell is in the rectangle and the formula of R, C, r, c holds."""
+
+    def mistake(start, end, cell):
+        (rows, cols), (r, c) = ((one[0] - start[0], one[1] - start[1]) for one in (end, cell))
+        inside = min(rows, 0) <= r <= max(rows, 0) and min(cols, 0) <= c <= max(cols, 0)
+        return inside and ((rows == cols == 0) or formula(rows, cols, r, c))
+
+    def also_points(start, end, cell):
+        return mistake(start, end, cell) and start != end
+
+    return mistake, also_points
+
+
+CROSSES = Table(
+    _crosses,
+    _crosses_cases,
+    mistakes={
+        "You forget the factor 2: it is twice |R·c − C·r| that must be below |R| + |C|.": (
+            _within(lambda rows, cols, r, c: abs(rows * c - cols * r) < abs(rows) + abs(cols))
+        ),
+        "|R + C| is not |R| + |C|: on the way up or left R or C is negative, and they cancel.": (
+            _within(lambda rows, cols, r, c: 2 * abs(rows * c - cols * r) < abs(rows + cols))
+        ),
+        "R·c − C·r may be negative: take its absolute value.": (
+            _within(lambda rows, cols, r, c: 2 * (rows * c - cols * r) < abs(rows) + abs(cols))
+        ),
+        TOUCHING: _within(
+            lambda rows, cols, r, c: 2 * abs(rows * c - cols * r) <= abs(rows) + abs(cols)
+        ),
+    },
+    read=truth,
+    errors={"ZeroDivision": "A ray along a row or a column has no slope one way."},
 )
 
 
@@ -137,54 +156,10 @@ RAYS = (
         "and the condition, 0 < 0, must not be asked.",
     ),
     figure=_draw_crosses,
+    table=CROSSES,
 )
 def crosses(answer) -> None:
     """`crosses(start, end, cell)`: does the segment cross the open interior of the cell?"""
-
-    def ask(start, end, cell):
-        try:
-            value = answer(start, end, cell)
-        except CheckFailed as failed:
-            if not isinstance(failed.__cause__, ZeroDivisionError):
-                raise
-            raise CheckFailed(
-                f"From {start} to {end} you divide by zero: a ray along a row or a column has no "
-                "slope one way. Compare products instead of dividing."
-            ) from None
-        expect(
-            np.ndim(value) == 0 and isinstance(value, bool | np.bool_ | int),
-            f"One truth value is expected, True or False; you give back {value!r}.",
-        )
-        return bool(value)
-
-    cases = [
-        (case, message, k < 6) for k, (message, several) in enumerate(RAYS) for case in several
-    ]
-    for drawn in stream(Use.EXERCISE, 2).integers(0, 9, (300, 3, 2)).tolist():
-        case = tuple(tuple(cell) for cell in drawn)
-        touching = not _crosses(*case) and _touches(*case)
-        cases.append((case, TOUCHING if touching else "Draw it on squared paper.", not touching))
-    wrong = [one for one in cases if ask(*one[0]) != _crosses(*one[0])]
-    if not wrong:
-        return
-    for message, formula in FORMULAS.items():
-        moving = [case for case, *_ in cases if case[0] != case[1]]
-        if all(ask(*case) == _within(*case, formula) for case in moving):
-            raise CheckFailed(message)
-    (start, end, cell), message, either_way = wrong[0]
-    (rows, cols), (r, c) = (np.subtract(one, start).tolist() for one in (end, cell))
-    right = _crosses(start, end, cell)
-    if either_way and any(start) and ask((0, 0), (rows, cols), (r, c)) == right:
-        message = "Moved so that it starts at (0, 0), yours is right: measure all cells from start."
-    elif either_way and start != end and ask(end, start, cell) == right:
-        message = (
-            f"The other way round, from {end} to {start}, yours is right. A ray may go up or left: "
-            "is there a `min`, `max` or `abs` missing?"
-        )
-    raise CheckFailed(
-        f"From {start} to {end}, that is, R = {rows} and C = {cols}, and the cell {cell} it is "
-        f"{right}, you say {not right}. {message}"
-    )
 
 
 def _blocked(buildings, device, cell, diagonal=True, touching=False, ends=True):
@@ -240,16 +215,95 @@ def _random_town(seed, size, device):
     return buildings, device
 
 
-TOWNS = (
-    (_town(".... .#.. #... ...."), (1, 0)),
-    (_town("..... .#... ..#.. ...#. ....."), (3, 0)),
-    (_town("...... .#.... ..#... .....# .#..#. ......"), (0, 3)),
-    # Through shared corners at slopes of 1 to 3, down left and up right
-    (_town("....... ..#.... ...#... ....... ...#... ....#.. ......."), (1, 4)),
-    (_town("....... ..#.... ...#... ....... ...#... ....#.. ......."), (5, 2)),
-    _random_town(1, 7, (2, 5)),
-    _random_town(4, 8, (6, 1)),
-    _random_town(5, 9, (4, 7)),
+SLOPES = "....... ..#.... ...#... ....... ...#... ....#.. ......."  # shared corners, slopes 1 to 3
+
+
+def _shadow_cases():
+    def corner(size, at, *buildings):
+        town = np.zeros((size, size), bool)
+        for place in buildings:
+            town[place] = True
+        return town, at
+
+    border = [  # the corner lies at the border, or the device or the UAV does
+        *(corner(2, (0, 0), (0, 1), (1, 0)), corner(3, (2, 0), (1, 0), (2, 1))),
+        *(corner(3, (0, 2), (0, 1), (1, 2)), corner(4, (3, 3), (2, 3), (3, 2))),
+    ]
+    return {
+        "Nothing is hidden where there is no building, the device's own cell included: False "
+        "everywhere.": [
+            (np.zeros((size, size), bool), at)
+            for size, at in ((1, (0, 0)), (2, (1, 0)), (3, (0, 2)), (5, (2, 2)))
+        ],
+        "A building that the ray crosses hides all behind it; the UAV's own cell counts, too. "
+        "Cells are counted from the device, rows first.": [
+            *(corner(3, (0, 0), (0, 1)), corner(3, (2, 1), (1, 1)), corner(4, (1, 3), (2, 0))),
+            *((_town(".... .#.. #... ...."), (1, 0)), corner(5, (0, 4), (1, 2), (3, 4))),
+        ],
+        "A ray that only touches one building at a corner is not hidden by it.": [
+            *(corner(2, (0, 0), (0, 1)), corner(3, (0, 0), (1, 2)), corner(4, (3, 0), (2, 0))),
+        ],
+        "A ray through the corner that two diagonally adjacent buildings share, between them, is "
+        "hidden.": [
+            *border,
+            (_town("..... .#... ..#.. ...#. ....."), (3, 0)),
+        ],
+        "The crossed cells are not sorted along the ray, and rays of any slope pass through "
+        "corners, not those at 45° alone.": [
+            *((_town(SLOPES), at) for at in ((1, 4), (5, 2), (0, 0), (6, 5))),
+            (_town("...... .#.... ..#... .....# .#..#. ......"), (0, 3)),
+        ],
+        "It must hold in any city.": [
+            _random_town(*town)
+            for town in (
+                (1, 7, (2, 5)),
+                (4, 8, (6, 1)),
+                (5, 9, (4, 7)),
+                (6, 3, (0, 1)),
+                (7, 6, (5, 5)),
+            )
+        ],
+    }
+
+
+def _hidden(buildings, device, place):
+    cell = tuple(place)
+    reason = _blocked(buildings, device, cell)
+    return f"A UAV over {cell} is {'hidden: ' + reason if reason else 'seen'}."
+
+
+SHADOW = Table(
+    lambda buildings, device: ~line_of_sight(buildings)[device],
+    _shadow_cases,
+    mistakes={
+        "It is True where there is line of sight: the shadow is where the link is blocked.": (
+            lambda b, d: ~_shadow_map(b, d)
+        ),
+        "Rows and columns are swapped: index [row, col], and the device is (row, col) too.": (
+            lambda b, d: _shadow_map(b, d).T
+        ),
+        "Rows and columns are swapped: the device is given as (row, col), not as (x, y).": (
+            lambda b, d: _shadow_map(b.T, d).T
+        ),
+        "You block each ray that touches a building at a corner. One building there is only "
+        "touched; it takes both, on either side of the ray.": (
+            lambda b, d: _shadow_map(b, d, touching=True)
+        ),
+        "You leave out the shared corners: a ray between two buildings that touch there is "
+        "hidden.": lambda b, d: _shadow_map(b, d, diagonal=False),
+        "A UAV over a building sees through it in your map: the cells at both ends of the segment "
+        "are crossed too.": lambda b, d: _shadow_map(b, d, ends=False),
+        "The device's own cell is dark in your map: nothing is between the device and a UAV right "
+        "above it, unless the cell is a building.": _device_dark,
+        "crossed_cells counts from (0, 0): add the device's row and column to what it gives, or "
+        "you look at buildings somewhere else.": _not_moved,
+    },
+    read=truths,
+    where=_hidden,
+    errors={
+        "out of bounds": "Do you look beyond the grid? No cell outside the rectangle from the "
+        "device to the UAV matters.",
+    },
 )
 
 
@@ -285,77 +339,10 @@ def _draw_shadow(ax):
         "geometry is needed.",
     ),
     figure=_draw_shadow,
+    table=SHADOW,
 )
 def shadow_map(answer) -> None:
     """`shadow_map(buildings, device)`: (M, M) bool, True where the link is blocked."""
-    mistakes = {
-        "It is True where there is line of sight: the shadow is where the link is blocked.": (
-            lambda b, d: ~_shadow_map(b, d)
-        ),
-        "Rows and columns are swapped: index [row, col], and the device is (row, col) too.": (
-            lambda b, d: _shadow_map(b, d).T
-        ),
-        "Rows and columns are swapped: the device is given as (row, col), not as (x, y).": (
-            lambda b, d: _shadow_map(b.T, d).T
-        ),
-        "You block each ray that touches a building at a corner. One building there is only "
-        "touched; it takes both, on either side of the ray.": (
-            lambda b, d: _shadow_map(b, d, touching=True)
-        ),
-        "A UAV over a building sees through it in your map: the cells at both ends of the segment "
-        "are crossed too.": lambda b, d: _shadow_map(b, d, ends=False),
-        "The device's own cell is dark in your map: nothing is between the device and a UAV right "
-        "above it, unless the cell is a building.": _device_dark,
-        "crossed_cells counts from (0, 0): add the device's row and column to what it gives, or "
-        "you look at buildings somewhere else.": _not_moved,
-    }
-    given = []
-    for buildings, device in TOWNS:
-        shadow, copy = None, buildings.copy()
-        try:
-            shadow = np.asarray(answer(copy, device))
-        except CheckFailed as failed:
-            if isinstance(failed.__cause__, IndexError):
-                raise CheckFailed(
-                    f"{failed} Do you look beyond the grid? No cell outside the rectangle from the "
-                    "device to the UAV matters."
-                ) from None
-            raise
-        expect(
-            shadow.shape == buildings.shape,
-            f"The map has one entry for each cell, {buildings.shape}; yours has the shape "
-            f"{shadow.shape}.",
-        )
-        expect(
-            shadow.dtype == bool,
-            f"The map is an array of Booleans; yours has the dtype {shadow.dtype}.",
-        )
-        expect(
-            (copy == buildings).all(),
-            "Your function changes the array `buildings` that it is given: make an array of your "
-            "own for the result.",
-        )
-        given.append(shadow)
-    solved = [~line_of_sight(buildings)[device] for buildings, device in TOWNS]
-    wrong = [k for k in range(len(TOWNS)) if (given[k] != solved[k]).any()]
-    if not wrong:
-        return
-    for message, mistake in mistakes.items():
-        if all(np.array_equal(given[k], mistake(*TOWNS[k])) for k in wrong):
-            raise CheckFailed(message)
-    buildings, device = TOWNS[wrong[0]]
-    cell = tuple(np.argwhere(given[wrong[0]] != solved[wrong[0]])[0].tolist())
-    where = [tuple(one) for one in np.argwhere(buildings).tolist()]
-    reason = _blocked(buildings, device, cell) or "the ray crosses no building"
-    corner = (
-        " The crossed cells are not sorted along the ray, and rays of any slope pass through "
-        "corners, not those at 45° alone."
-    )
-    raise CheckFailed(
-        f"With the device at {device} and buildings at {where}, a UAV over {cell} is "
-        f"{'hidden' if solved[wrong[0]][cell] else 'seen'}: {reason}. Yours says the opposite."
-        f"{corner if 'corner' in reason else ''}"
-    )
 
 
 def _asymmetric_share(sight):
@@ -376,6 +363,111 @@ def _draw_asymmetric(ax):
     ax.grid(alpha=0.3)
 
 
+def _matrix(sight):
+    return sight.reshape(len(sight) ** 2, -1)
+
+
+def _differing(sight):
+    return (_matrix(sight) != _matrix(sight).T).sum()
+
+
+def _southeast(sight):
+    """Whether the pairs whose first cell is above and left of the second are asymmetric."""
+    rows, cols, other_rows, other_cols = np.indices(sight.shape)
+    chosen = (rows < other_rows) & (cols < other_cols)
+    return (sight != sight.transpose(2, 3, 0, 1))[chosen]
+
+
+def _pairs(sight):
+    return len(sight) ** 2 * (len(sight) ** 2 - 1) / 2
+
+
+def _asymmetric_cases():
+    def table(size, *blocked, fill=True):
+        sight = np.full((size,) * 4, fill)
+        for place in blocked:
+            sight[place] = not fill
+        return (sight,)
+
+    generator = stream(Use.EXERCISE, 7)
+    drawn = [generator.random((size,) * 4) < share for size in (2, 3, 4) for share in (0.5, 0.9)]
+    buildings = stream(Use.EXERCISE, 3).random((7, 7)) < 0.25
+    return {
+        "Where both directions agree in all pairs, the share is 0: asked for is not what is seen, "
+        "but what differs.": [
+            *(table(2), table(3, fill=False), table(2, (0, 1, 1, 0), (1, 0, 0, 1))),
+            (line_of_sight(buildings),),
+        ],
+        "One of the n (n − 1) / 2 unordered pairs of different cells is asymmetric if one "
+        "direction is blocked and the other is not, whichever of the two; n is M².": [
+            *(table(2, (0, 1, 1, 0)), table(2, (1, 0, 0, 1)), table(2, (0, 0, 1, 1), fill=False)),
+            *(table(3, (2, 1, 0, 2)), table(3, (0, 0, 0, 2), (2, 2, 0, 0))),
+        ],
+        "A cell and itself are no pair: what stands at [i, j, i, j] does not matter.": [
+            *(table(2, (0, 1, 0, 1)), table(2, (0, 0, 0, 0), (0, 0, 1, 0))),
+        ],
+        "It must hold for any table.": [
+            (np.tril(np.ones((9, 9), bool)).reshape(3, 3, 3, 3),),
+            *((sight,) for sight in drawn),
+            (line_of_sight(buildings, "bresenham"),),
+        ],
+    }
+
+
+ASYMMETRIC = Table(
+    _asymmetric_share,
+    _asymmetric_cases,
+    mistakes={
+        "Pairs of a cell with itself are in your count: there are n (n − 1) / 2 pairs of different "
+        "cells, not n².": lambda s: _differing(s) / s.size,
+        "Yours is twice the share: the matrix shows each asymmetric pair twice, at [i, j] and at "
+        "[j, i].": lambda s: _differing(s) / _pairs(s),
+        "Yours is half the share or less: if you count each pair once, divide by the number of "
+        "unordered pairs, n (n − 1) / 2.": lambda s: _differing(s) / 2 / s.size,
+        "Yours is half the share: if you count each pair once, divide by the unordered pairs, "
+        "n (n − 1) / 2, not by the ordered ones.": lambda s: _differing(s) / 4 / _pairs(s),
+        "Pairs of a cell with itself are in your count of pairs: n (n − 1) / 2, not n (n + 1) / "
+        "2.": lambda s: _differing(s) / 2 / (_pairs(s) + len(s) ** 2),
+        "That is the share of the symmetric pairs.": lambda s: 1 - _asymmetric_share(s),
+        "That is the number of pairs: divide by the number of all pairs.": (
+            lambda s: _differing(s) / 2
+        ),
+        "That is the number of pairs, each counted twice: divide by the number of all pairs.": (
+            _differing
+        ),
+        "A share is between 0 and 1, not in percent.": lambda s: 100 * _asymmetric_share(s),
+        ".T of an array with four axes reverses them all, so rows change places with columns. Only "
+        "the two cells may: reshape to (n, n) first, or transpose(2, 3, 0, 1).": (
+            lambda s: (s != s.T).sum() / 2 / _pairs(s)
+        ),
+        "sight.T reverses all four axes, so rows change places with columns: reshape to (n, n) "
+        "first. And leave the pairs of a cell with itself out of the count.": (
+            lambda s: (s != s.T).mean()
+        ),
+        "You swap row and column within each cell: swap the two cells, transpose(2, 3, 0, 1).": (
+            lambda s: (s != s.transpose(1, 0, 3, 2)).sum() / 2 / _pairs(s)
+        ),
+        "You count one direction only: a pair is asymmetric too if the first cell does not see the "
+        "second, but the second sees the first.": (
+            lambda s: np.triu(_matrix(s) & ~_matrix(s).T).sum() / _pairs(s)
+        ),
+        "You count one direction only: a pair is asymmetric too if the first cell sees the second, "
+        "but the second does not see the first.": (
+            lambda s: np.tril(_matrix(s) & ~_matrix(s).T).sum() / _pairs(s)
+        ),
+        "You take only pairs of which one cell is above *and* to the left of the other. Number the "
+        "cells, row · M + col, and take all with number 1 < number 2.": (
+            lambda s: _southeast(s).sum() / _pairs(s)
+        ),
+        "You take only pairs of which one cell is above *and* to the left of the other, also to "
+        "divide by: number the cells, and take all with number 1 < number 2.": (
+            lambda s: _southeast(s).mean()
+        ),
+    },
+    read=number,
+)
+
+
 @exercise(
     "2.3",
     "How asymmetric is a table?",
@@ -388,102 +480,7 @@ def _draw_asymmetric(ax):
         "twice. There are n (n − 1) / 2 unordered pairs of different cells.",
     ),
     figure=_draw_asymmetric,
+    table=ASYMMETRIC,
 )
 def asymmetric_share(answer) -> None:
     """`asymmetric_share(sight)`: share of unordered pairs of cells that depend on direction."""
-
-    def matrix(sight):
-        return sight.reshape(len(sight) ** 2, -1)
-
-    def differing(sight):
-        return (matrix(sight) != matrix(sight).T).sum()
-
-    def southeast(sight):
-        """Whether the pairs whose first cell is above and left of the second are asymmetric."""
-        rows, cols, other_rows, other_cols = np.indices(sight.shape)
-        chosen = (rows < other_rows) & (cols < other_cols)
-        return (sight != sight.transpose(2, 3, 0, 1))[chosen]
-
-    def pairs(sight):
-        return len(sight) ** 2 * (len(sight) ** 2 - 1) / 2
-
-    mistakes = {
-        "Pairs of a cell with itself are in your count: there are n (n − 1) / 2 pairs of different "
-        "cells, not n².": lambda s: differing(s) / s.size,
-        "Yours is twice the share: the matrix shows each asymmetric pair twice, at [i, j] and at "
-        "[j, i].": lambda s: differing(s) / pairs(s),
-        "Yours is half the share or less: if you count each pair once, divide by the number of "
-        "unordered pairs, n (n − 1) / 2.": lambda s: differing(s) / 2 / s.size,
-        "Yours is half the share: if you count each pair once, divide by the unordered pairs, "
-        "n (n − 1) / 2, not by the ordered ones.": lambda s: differing(s) / 4 / pairs(s),
-        "Pairs of a cell with itself are in your count of pairs: n (n − 1) / 2, not n (n + 1) / "
-        "2.": lambda s: differing(s) / 2 / (pairs(s) + len(s) ** 2),
-        "That is the share of the symmetric pairs.": lambda s: 1 - _asymmetric_share(s),
-        "That is the number of pairs: divide by the number of all pairs.": (
-            lambda s: differing(s) / 2
-        ),
-        "That is the number of pairs, each counted twice: divide by the number of all pairs.": (
-            differing
-        ),
-        "A share is between 0 and 1, not in percent.": lambda s: 100 * _asymmetric_share(s),
-        ".T of an array with four axes reverses them all, so rows change places with columns. Only "
-        "the two cells may: reshape to (n, n) first, or transpose(2, 3, 0, 1).": (
-            lambda s: (s != s.T).sum() / 2 / pairs(s)
-        ),
-        "sight.T reverses all four axes, so rows change places with columns: reshape to (n, n) "
-        "first. And leave the pairs of a cell with itself out of the count.": (
-            lambda s: (s != s.T).mean()
-        ),
-        "You swap row and column within each cell: swap the two cells, transpose(2, 3, 0, 1).": (
-            lambda s: (s != s.transpose(1, 0, 3, 2)).sum() / 2 / pairs(s)
-        ),
-        "You count one direction only: a pair is asymmetric too if the first cell does not see the "
-        "second, but the second sees the first.": (
-            lambda s: np.triu(matrix(s) & ~matrix(s).T).sum() / pairs(s)
-        ),
-        "You count one direction only: a pair is asymmetric too if the first cell sees the second, "
-        "but the second does not see the first.": (
-            lambda s: np.tril(matrix(s) & ~matrix(s).T).sum() / pairs(s)
-        ),
-        "You take only pairs of which one cell is above *and* to the left of the other. Number the "
-        "cells, row · M + col, and take all with number 1 < number 2.": (
-            lambda s: southeast(s).sum() / pairs(s)
-        ),
-        "You take only pairs of which one cell is above *and* to the left of the other, also to "
-        "divide by: number the cells, and take all with number 1 < number 2.": (
-            lambda s: southeast(s).mean()
-        ),
-    }
-    buildings = stream(Use.EXERCISE, 3).random((7, 7)) < 0.25
-    generator = stream(Use.EXERCISE, 7)
-    one_way = np.ones((2, 2, 2, 2), bool)
-    one_way[0, 1, 1, 0] = False  # one of 6 pairs
-    lower = np.tril(np.ones((9, 9), bool)).reshape(3, 3, 3, 3)
-    tables = [one_way, lower, line_of_sight(buildings, "bresenham"), line_of_sight(buildings)]
-    tables += [generator.random((size,) * 4) < 0.5 for size in (2, 3, 4)]
-    expect(
-        np.ndim(answer(tables[3].copy())) == 0,
-        "One number is expected, the share of the pairs; you give back an array.",
-    )
-    expect(
-        close(answer(np.ones((3,) * 4, bool)), 0.0),
-        "Where all cells see each other, no pair depends on the direction: the share is 0, and "
-        "yours is not. Asked for is not what is seen, but what differs.",
-    )
-
-    def ask(sight):
-        return answer(sight.copy())
-
-    ask.__name__ = getattr(answer, "__name__", "your function")
-    try:
-        compare(ask, _asymmetric_share, [(table,) for table in tables], mistakes)
-    except CheckFailed as failed:
-        sight = next((one for one in tables if not close(ask(one), _asymmetric_share(one))), None)
-        if "<array" not in str(failed) or not _asymmetric_share(sight):
-            raise
-        pair = np.argwhere(sight & ~sight.transpose(2, 3, 0, 1))[0].tolist()
-        a, b = tuple(pair[:2]), tuple(pair[2:])
-        raise CheckFailed(
-            f"{failed} One of its asymmetric pairs: a device in {a} is seen from {b}, but a device "
-            f"in {b} is not seen from {a}."
-        ) from None

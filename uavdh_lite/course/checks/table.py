@@ -92,7 +92,10 @@ class Table:
         if given.problem:
             known = [text for part, text in self.errors.items() if part in given.problem]
             return " ".join([f"{call} {given.problem}", *known, rule])
-        if given.value.shape != right.shape:
+        if (
+            given.value.shape != right.shape
+            and "O" not in given.value.dtype.kind + right.dtype.kind
+        ):
             return f"{call} has the shape {given.value.shape}, expected {right.shape}. {rule}"
         there = ""
         if self.where and right.ndim:

@@ -89,7 +89,7 @@ def truth(value) -> np.ndarray:
     array = _bare(value) if array is None else array
     if array is None or array.ndim or array.dtype.kind not in "biu" or array not in (0, 1):
         raise Unreadable("one truth value is expected, True or False.")
-    return array.astype(float)
+    return array.astype(bool)
 
 
 def truths(value) -> np.ndarray:
@@ -102,7 +102,7 @@ def truths(value) -> np.ndarray:
     if array is None or array.dtype != bool:
         kind = "" if array is None else f", not of {array.dtype}"
         raise Unreadable(f"an array of Booleans is expected{kind}.")
-    return array.astype(float)
+    return array.astype(bool)
 
 
 def _bare(value) -> np.ndarray | None:
@@ -176,7 +176,7 @@ def called(name: str, arguments: Iterable[Any]) -> str:
 def differing(given: np.ndarray, expected: np.ndarray) -> str:
     """What is given and what is expected, with as many digits as it takes to tell them apart."""
     where = ""
-    if given.size > 12:
+    if given.size > 12 and given.shape == expected.shape:
         unequal = given != expected
         if given.dtype.kind == "f":
             unequal = ~np.isclose(given, expected, 1e-6, 1e-9, equal_nan=True)
@@ -192,7 +192,7 @@ def differing(given: np.ndarray, expected: np.ndarray) -> str:
 def _plain(array: np.ndarray) -> Any:
     """Whole numbers as such, so that they show no decimals."""
     array = np.asarray(array)
-    if array.dtype.kind not in "biuf":
+    if array.dtype.kind not in "iuf":
         return array.tolist()
     is_whole = np.isfinite(array).all() and (array == np.rint(array)).all()
     return (array.astype(int) if is_whole and (abs(array) < 1e15).all() else array).tolist()
