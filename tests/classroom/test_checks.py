@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from uavdh_lite.course import checks
-from uavdh_lite.course.checks.exercise import close, compare
+from uavdh_lite.course.checks.table import Table
 from uavdh_lite.course.checks.training import RUNS
+from uavdh_lite.course.checks.values import close
 from uavdh_lite.storage import read_table
 
 HERE = Path(__file__).parent
@@ -115,14 +116,30 @@ def test_what_a_notebook_shows_of_a_failed_check():
     assert checks.CheckFailed("A reason.")._render_traceback_() == ["Not yet. A reason."]
 
 
-def test_compare_names_a_mistake_only_if_it_explains_all_that_is_wrong():
-    mistakes = {"it forgets the 1": lambda x: x}
+def plus_one(mistakes):
+    cases = {"One more.": [(12,), (1,)], "Also for large numbers.": [(1000.25,)]}
+    return Table(lambda x: x + 1, lambda: cases, mistakes)
+
+
+def test_a_mistake_is_named_only_if_it_agrees_on_every_case():
+    table = plus_one({"it forgets the 1": lambda x: x})
+    table(lambda x: x + 1)
     with pytest.raises(checks.CheckFailed, match="forgets the 1"):
-        compare(lambda x: x, lambda x: x + 1, [(1,), (2,)], mistakes)
-    with pytest.raises(checks.CheckFailed, match=r"expected 2\b"):
-        compare(lambda x: {1: 1, 2: 7}[x], lambda x: x + 1, [(1,), (2,)], mistakes)
+        table(lambda x: x)
+    with pytest.raises(checks.CheckFailed, match=r"\(1\) gives 7, expected 2\. One more\."):
+        table(lambda x: 7 if x == 1 else x)
+    with pytest.raises(checks.CheckFailed, match=r"\(12\) gives 12, expected 13\. One more\."):
+        table(lambda x: x + (x != 12))
+
+
+def test_the_smallest_failing_case_comes_with_its_rule_and_the_digits_that_differ():
+    table = plus_one({})
+    with pytest.raises(checks.CheckFailed, match=r"gives 1001\.3, expected 1001\.2\. Also"):
+        table(lambda x: x + 1 + 0.01 * (x > 100))
     with pytest.raises(checks.CheckFailed, match=r"has the shape \(1,\), expected \(\)"):
-        compare(lambda x: [x + 1], lambda x: x + 1, [(1,)], mistakes)
+        table(lambda x: [x + 1])
+    with pytest.raises(checks.CheckFailed, match=r"\(1000.25\) stops with KeyError: 1. Also for"):
+        table(lambda x: {}[1] if x > 100 else x + 1)
 
 
 def test_close_compares_shapes_and_takes_anything():

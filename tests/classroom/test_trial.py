@@ -84,8 +84,7 @@ VALUES = [
 ]
 FUNCTIONS = [endless, catches_all, sleeps, leaves, interrupts, calls_itself, generates]
 FUNCTIONS += [raises_rudely, builtins.print, builtins.len, np.sum, type, os.getcwd]
-QUICK = [name for name, one in checks.EXERCISES.items() if one.number.split(".")[0] in "1234567"]
-QUICK.remove("mended_recipe")
+QUICK = [name for name in checks.EXERCISES if name not in ("policy", "mended_recipe")]
 
 
 @pytest.fixture(autouse=True)
@@ -140,7 +139,7 @@ def test_an_endless_loop_is_stopped_and_not_only_left_alone():
     before = threading.active_count()
     for answer in (endless, catches_all):
         said_of("rate_from_snr", answer)
-    assert threading.active_count() == before
+    assert threading.active_count() <= before
 
 
 def test_work_within_its_time_raises_its_own_errors():

@@ -145,7 +145,7 @@ MISTAKES = {
         (normal_interval, "normal approximation"),
         (clipped_interval, "cut off at 0 and 1"),
         (one_error, "z = 1"),
-        (on_a_grid, "grid of shares"),
+        (on_a_grid, "At both ends of the interval"),
         (no_denominator, r"1 \+ z²/n is missing"),
         (lambda k, n: (0.9, 1.0), "expected"),
     ],
@@ -156,7 +156,7 @@ MISTAKES = {
         (lambda s, h: math.ceil((1.96 * s / (h / 2)) ** 2), "halve it again"),
         (lambda s, h: int((1.96 * s / h) ** 2) + 1, "you add one there"),
         (lambda s, h: math.ceil((1.645 * s / h) ** 2), "90 %"),
-        (lambda s, h: np.ceil((1.96 * s / h) ** 2), "no int"),
+        (lambda s, h: np.ceil((1.96 * s / h) ** 2), "an int is expected"),
     ],
     "lead": [
         (add_variances, "unpaired"),
@@ -167,7 +167,7 @@ MISTAKES = {
         (lambda a, b: lead_of(a - b, len(a) - 1), "root of n − 1"),
         (mean_in_the_middle, "order is"),
         (middle_of_differences, "quantiles of the differences"),
-        (in_place, "changes its arguments"),
+        (in_place, "changes what it is given"),
         (half_width, "not mean and half width"),
     ],
     "policy": [

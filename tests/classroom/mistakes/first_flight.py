@@ -29,7 +29,7 @@ MISTAKES = {
         (lambda c, i, landed: (sum(i) - sum(c)) / sum(i) if landed else 0, "left at the devices"),
         (lambda c, i, landed: 0 if landed else sum(c) / sum(i), "wrong way round"),
         (_per_device, "had no data at the start"),
-        (_sorts_first, "changes the lists"),
+        (_sorts_first, "changes what it is given"),
     ],
     "flown_by_hand": [
         (["south", "up"], "Step 2 is 'up', which is no action"),

@@ -609,7 +609,7 @@ def _cell_and_flag(value) -> np.ndarray:
     try:
         cell, flag = value
         cell = pair(cell)
-    except (Unreadable, TypeError, ValueError):
+    except Exception:
         raise Unreadable(
             "give back the cell and whether the controller intervened, `return (row, col), "
             "intervened`."

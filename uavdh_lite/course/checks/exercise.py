@@ -1,12 +1,10 @@
 """What all exercises share: a check, hints, and a notebook that survives whatever is handed in."""
 
 import functools
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -132,45 +130,3 @@ def exercise(number: str, title: str, *, points: int, minutes: int, hints, figur
         return made
 
     return register
-
-
-def compare(
-    answer: Callable,
-    solution: Callable,
-    cases: list[tuple],
-    mistakes: dict[str, Callable],
-    tolerance: float = 1e-4,
-) -> None:
-    """Compare a function with the solution on all cases; name the mistake if it is a known one.
-
-    Arguments:
-        cases: tuples of arguments.
-        mistakes: by what to say about it, a function that makes the mistake. The first one that
-            gives what the answer gives, wherever the answer is wrong, is named.
-        tolerance: relative.
-    """
-    given = [answer(*case) for case in cases]
-    wrong = [k for k, case in enumerate(cases) if not close(given[k], solution(*case), tolerance)]
-    if not wrong:
-        return
-    for message, mistake in mistakes.items():
-        if all(close(given[k], mistake(*cases[k]), tolerance) for k in wrong):
-            raise CheckFailed(message)
-    case, value = cases[wrong[0]], given[wrong[0]]
-    expected, name = solution(*case), getattr(answer, "__name__", "your function")
-    shapes = np.shape(value), np.shape(expected)
-    call = f"{name}({', '.join(map(show, case))})"
-    if shapes[0] != shapes[1]:
-        raise CheckFailed(f"{call} has the shape {shapes[0]}, expected {shapes[1]}.")
-    raise CheckFailed(f"{call} gives {show(value)}, expected {show(expected)}.")
-
-
-@contextmanager
-def replaced(owner: type, name: str, value) -> Iterator[None]:
-    """Another value for a class's attribute, such as one that refuses, while an answer runs."""
-    kept = vars(owner)[name]
-    setattr(owner, name, value)
-    try:
-        yield
-    finally:
-        setattr(owner, name, kept)

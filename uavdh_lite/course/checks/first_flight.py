@@ -1,10 +1,10 @@
 """Exercises of notebook 0, the first flight."""
 
-import functools
-
 import numpy as np
 
-from uavdh_lite.course.checks.exercise import CheckFailed, compare, exercise, expect
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
+from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.values import number, show
 from uavdh_lite.environment import ACTIONS, LAND, MOVES
 from uavdh_lite.missions import HandFlight, Mission, environment_of
 from uavdh_lite.planners import Genie
@@ -16,9 +16,16 @@ def _score(collected, initial, landed):
     return sum(collected) / sum(initial) if landed else 0.0
 
 
-def _mean_of_ratios(collected, initial, landed):
-    ratios = [part / whole for part, whole in zip(collected, initial, strict=True) if whole]
-    return sum(ratios) / len(ratios)
+def _mean_of_ratios(without=True, used=True):
+    """A mistake: whether devices without data are left out of it, and `landed` is used."""
+
+    def mistake(collected, initial, landed):
+        if used and not landed:
+            return 0.0
+        pairs = [pair for pair in zip(collected, initial, strict=True) if pair[1] or not without]
+        return sum(part / whole for part, whole in pairs) / len(pairs)
+
+    return mistake
 
 
 def _draw_score(ax):
@@ -35,44 +42,51 @@ def _draw_score(ax):
     ax.grid(alpha=0.3)
 
 
-@exercise(
-    "0.1",
-    "The score of one flight",
-    points=1,
-    minutes=5,
-    hints=(
-        "A data unit counts the same whichever device it comes from. So what is divided by what? "
-        "And when is the score 0, whatever was collected?",
-        "Divide the sum of all that was collected by the sum of all that was there. Return that "
-        "if `landed` is true, and 0 if it is not.",
-    ),
-    figure=_draw_score,
-)
-def flight_score(answer) -> None:
-    """`score(collected, initial, landed)`: the collected share of all data, 0 without landing."""
-    expect(callable(answer), "Hand over the function itself: its name, without brackets behind it.")
+def _score_cases():
+    generator = stream(Use.EXERCISE, 1)
+    flights = []
+    for count in (1, 3, 5, 8):
+        initial = generator.uniform(5, 20, count).round(1)
+        flights.append(((initial * generator.uniform(0.1, 0.9, count)).round(1), initial))
+    drawn = [(c.tolist(), i.tolist(), True) for c, i in flights]
+    return {
+        "The score of a UAV that has landed is the sum of all that was collected over the sum of "
+        "all that was there: every data unit counts the same.": [
+            *(([20.0, 0.0], [20.0, 5.0], True), ([6, 1], [8, 2], True), ([1.5], [6.0], True)),
+            *drawn,
+        ],
+        "All of the data is a score of 1, none of it a score of 0.": [
+            *(([0.0, 0], [20.0, 5], True), ([20.0, 5.0], [20.0, 5.0], True), ([0], [3], True)),
+        ],
+        "A UAV that has not landed scores 0, whatever it collected.": [
+            *((c, i, False) for c, i, _ in drawn[:2]),
+            *(([18.0, 5.0], [20.0, 5.0], False), ([3.0], [3.0], False)),
+        ],
+        "A device may have had no data at the start: divide once, by the sum.": [
+            *(([6.0, 0.0, 2.0], [12.0, 0.0, 4.0], True), ([0, 1], [0, 4], True)),
+            ([0.0, 2.0], [0.0, 2.0], False),
+        ],
+        "Large and small amounts count alike, and nothing is rounded.": [
+            *(([1e-6, 0.0], [2e-6, 1e-6], True), ([1e9, 1.0], [3e9, 1.0], True)),
+        ],
+    }
 
-    @functools.wraps(answer)
-    def copied(collected, initial, landed):
-        lists = list(collected), list(initial)
-        value = answer(*lists, landed)
-        expect(
-            lists == (collected, initial),
-            "Your function changes the lists that it is given (`sort`, `pop`, `lists[k] = …`). "
-            "They belong to the caller: only read them.",
-        )
-        return value
 
-    mistakes = {
+SCORE = Table(
+    _score,
+    _score_cases,
+    mistakes={
         "You average the devices' own ratios, so that a device with little data counts as much "
-        "as one with a lot. Add up first, then divide once.": lambda c, i, landed: (
-            _mean_of_ratios(c, i, landed) * bool(landed)
+        "as one with a lot. Add up first, then divide once.": (
+            *(_mean_of_ratios(without) for without in (True, False)),
         ),
         "`landed` is not used: a UAV that did not land brings nothing home, and scores 0.": (
             lambda c, i, landed: _score(c, i, True)
         ),
         "You average the devices' own ratios (a device with little data then counts as much as one "
-        "with a lot: add up first, then divide once), and `landed` is not used.": _mean_of_ratios,
+        "with a lot: add up first, then divide once), and `landed` is not used.": (
+            *(_mean_of_ratios(without, used=False) for without in (True, False)),
+        ),
         "`landed` the wrong way round: it is True for a UAV that came home.": (
             lambda c, i, landed: _score(c, i, not landed)
         ),
@@ -91,23 +105,27 @@ def flight_score(answer) -> None:
         "Only the first device counts. Take the sum over all of them.": (
             lambda c, i, landed: c[0] / i[0] * landed
         ),
-    }
-    generator = stream(Use.EXERCISE, 1)
-    cases = [([20.0, 0.0], [20.0, 5.0], True), ([18.0, 5.0], [20.0, 5.0], False)]
-    for number in (1, 3, 5):
-        initial = generator.uniform(5, 20, number).round(1)
-        collected = (initial * generator.uniform(0.1, 0.9, number)).round(1)
-        cases.append((collected.tolist(), initial.tolist(), True))
-    compare(copied, _score, cases, mistakes)
-    try:
-        compare(copied, _score, [([6.0, 0.0, 2.0], [12.0, 0.0, 4.0], True)], mistakes)
-    except CheckFailed as error:
-        if "ZeroDivisionError" not in str(error):
-            raise
-        raise CheckFailed(
-            "It stops where a device had no data at the start, since you divide by each device's "
-            "own data. Divide once, by the sum."
-        ) from None
+    },
+    read=number,
+)
+
+
+@exercise(
+    "0.1",
+    "The score of one flight",
+    points=1,
+    minutes=5,
+    hints=(
+        "A data unit counts the same whichever device it comes from. So what is divided by what? "
+        "And when is the score 0, whatever was collected?",
+        "Divide the sum of all that was collected by the sum of all that was there. Return that "
+        "if `landed` is true, and 0 if it is not.",
+    ),
+    figure=_draw_score,
+    table=SCORE,
+)
+def flight_score(answer) -> None:
+    """`score(collected, initial, landed)`: the collected share of all data, 0 without landing."""
 
 
 DEVICES, DATA, FLYING_TIME, LEAST_SHARE = ((4, 1), (0, 7)), (15.0, 15.0), 21, 0.9
@@ -214,10 +232,10 @@ def _expect_known(step: int, name) -> None:
         return
     known = ", ".join(ACTIONS)
     if isinstance(name, int | np.integer):
-        raise CheckFailed(f"Step {step} is the number {name}. Give names: {known}.")
-    almost = str(name).strip().lower()
+        raise CheckFailed(f"Step {step} is the number {show(name)}. Give names: {known}.")
+    almost = name.strip().lower() if isinstance(name, str) else ""
     meant = f" Did you mean {almost!r}?" if almost in ACTIONS else ""
-    raise CheckFailed(f"Step {step} is {name!r}, which is no action. There are {known}.{meant}")
+    raise CheckFailed(f"Step {step} is {show(name)}, which is no action. There are {known}.{meant}")
 
 
 def _refusal(city, cell: tuple[int, int], name: str) -> str:

@@ -6,6 +6,7 @@ from uavdh_lite.channel import rate_map
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.evaluation import briefly
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
+from uavdh_lite.course.checks.values import Unreadable, pair, show
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.missions import Mission, environment_of
@@ -65,11 +66,11 @@ def failure_seed(answer) -> None:
     """The seed of a mission in which greedy is at least 40 points ahead of the agent."""
     expect(
         isinstance(answer, int | np.integer) and not isinstance(answer, bool),
-        f"Hand over one seed, a whole number (int), not {repr(answer)[:60]}.",
+        f"Hand over one seed, a whole number (int), not {show(answer)}.",
     )
     expect(
         answer in SEEDS,
-        f"The seed {answer} is out of range: it must be from {SEEDS[0]} to {SEEDS[-1]:,}.",
+        f"The seed {show(answer)} is out of range: it must be from {SEEDS[0]} to {SEEDS[-1]:,}.",
     )
     points = results(int(answer))
     lead = points["greedy"] - points["agent"]
@@ -204,15 +205,15 @@ def worst_device_cell(answer) -> None:
         value = ask(environment)
         size = environment.city.size
         try:
-            cell = tuple(int(part) for part in value)
-        except (TypeError, ValueError):
+            cell = tuple(pair(value).tolist())
+        except Unreadable:
             cell = ()
         expect(
-            len(cell) == 2,
-            f"You give {str(value)[:60]}. Hand over (row, column); divmod(number, {size}) makes "
+            len(cell) == 2 and all(part.is_integer() for part in cell),
+            f"You give {show(value)}. Hand over (row, column); divmod(number, {size}) makes "
             "both of a cell's number.",
         )
-        given.append(cell)
+        given.append(tuple(map(int, cell)))
     rates = [_solved_rates(environment) for environment in environments]
     wrong = [k for k, cell in enumerate(given) if cell not in _lowest(rates[k])]
     if not wrong:

@@ -1,13 +1,15 @@
 """Exercises of notebook 9, scenarios."""
 
 from collections import deque
+from contextlib import suppress
 
 import numpy as np
 
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
-from uavdh_lite.course.checks.evaluation import briefly
-from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect, replaced
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
+from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.values import Unreadable, numbers
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import CityError
 from uavdh_lite.evaluation import Policy, evaluate
@@ -40,17 +42,56 @@ N . . B .
 """
 
 
-def _cities() -> list[City]:
-    texts = {"corners": SMALL, "walls": WALLED, "diagonals": DIAGONAL}
-    cities = [City.from_text(name, text) for name, text in texts.items()]
-    generator = stream(Use.EXERCISE, 91)
-    while len(cities) < 9:
+class _Drawn(City):
+    """A city that a message shows by its signs."""
+
+    def __repr__(self) -> str:
+        return f"City.from_text({self.name!r}, {_text(self)!r})" if self.size < 9 else self.name
+
+
+def _city_cases():
+    texts = {"corners": SMALL, "walls": WALLED, "diagonals": DIAGONAL, "open": "L .\n. ."}
+    texts |= {"wall": "L . N\n. N .\nN . .", "low": "L b .\nb . .\n. . .", "two": TWO, "four": FREE}
+    small = {name: (_Drawn.from_text(name, text),) for name, text in texts.items()}
+    generator, drawn = stream(Use.EXERCISE, 91), []
+    while len(drawn) < 7:
         kinds = generator.choice(5, (8, 8), p=(0.55, 0.15, 0.14, 0.04, 0.12))
-        try:
-            cities.append(City.from_kinds(f"random city {len(cities)}", kinds))
-        except CityError:  # no landing cell, or one that is walled in
-            continue
-    return [*cities, City.load("manhattan"), City.load("open_field")]
+        with suppress(CityError):  # no landing cell, or one that is walled in
+            drawn.append((_Drawn.from_kinds(f"random city {len(drawn)}", kinds),))
+    return {
+        "A cell of the landing zone has 0, each other one more than its nearest neighbour: north, "
+        "east, south, west, not diagonally.": [small["open"]],
+        "The shortest way counts: take the cell that has waited longest. And off the grid there is "
+        "nothing: row or column −1 is Python's last one, without an IndexError, so test that "
+        "0 <= row < M and 0 <= column < M.": [small["four"]],
+        "All landing cells are starting points: the nearest counts.": [small["two"]],
+        "Low buildings may be flown over: what the UAV may not enter is city.no_fly.": [
+            small["low"]
+        ],
+        "No-fly cells, and all from which no landing cell can be reached, have −1.": [
+            small["wall"]
+        ],
+        "The way goes round all walls, whatever the city.": [
+            *(small[name] for name in ("corners", "walls", "diagonals")),
+            *drawn,
+            *((_Drawn.load(name),) for name in ("manhattan", "open_field")),
+        ],
+    }
+
+
+FREE = """
+L . . .
+. . . .
+. . . .
+. . . .
+"""
+TWO = """
+. . . . .
+. L . . .
+. . . . .
+. . . L .
+. . . . .
+"""
 
 
 def _search(city: City, closed: np.ndarray, moves, wrap=False, starts=None) -> np.ndarray:
@@ -85,16 +126,6 @@ def _as_the_crow_flies(city: City) -> np.ndarray:
     return np.min(lengths, axis=0)
 
 
-def _joined(city: City, given: np.ndarray) -> bool:
-    """Whether all of `given` lies between the lengths in a city joined at its edges and ours.
-
-    How short its ways are depends on the sides at which the answer wraps around.
-    """
-    ways = [_search(city, city.no_fly, FOUR, wrap=True), given, _SOLVED(city)]
-    shortest, own, longest = (np.where(way < 0, np.inf, way) for way in ways)
-    return bool((shortest <= own).all() and (own <= longest).all())
-
-
 def _with(value):
     """The solution with another value where there is no way."""
 
@@ -110,31 +141,50 @@ def _plus_one(city):
     return np.where(distance < 0, -1, distance + 1)
 
 
-REACHABLE_MISTAKES = {
-    "You move diagonally too. The UAV has four moves: north, east, south, west.": (
-        lambda city: _search(city, city.no_fly, EIGHT)
-    ),
-    "You fly through no-fly cells: a cell with city.no_fly may not be entered.": (
-        lambda city: _search(city, np.zeros_like(city.no_fly), FOUR)
-    ),
-    "You count moves as if nothing stood in the way. A search has to go round the no-fly cells.": (
-        lambda city: np.where(city.no_fly, -1, _as_the_crow_flies(city))
-    ),
-    "You treat every building as a wall. Low buildings may be flown over: what the UAV may not "
-    "enter is city.no_fly, which holds the tall ones already.": (
-        lambda city: _search(city, city.no_fly | city.buildings, FOUR)
-    ),
-    "Only buildings stop you. The UAV may not enter no-fly cells, and may fly over low buildings: "
-    "ask city.no_fly.": lambda city: _search(city, city.buildings, FOUR),
-    "You start from one landing cell only. The nearest of all counts: put all of them into the "
-    "queue, with distance 0.": (
-        lambda city: _search(city, city.no_fly, FOUR, starts=city.landing_cells[:1])
-    ),
-    "Your landing cells have 1. Over the zone no move is needed: start with 0 (the landing "
-    "itself is not counted here).": _plus_one,
-    "Cells without a way have 0, as if they were landing zone: mark them with −1.": _with(0),
-    "Cells without a way have infinity; mark them with −1.": _with(np.inf),
-}
+def _distances(value) -> np.ndarray:
+    array = numbers(value)
+    if array.ndim == 2 and (np.isinf(array).any() or np.asarray(value).dtype.kind not in "iu"):
+        raise Unreadable("make it an array of ints; where there is no way it has −1.")
+    return array
+
+
+def _at(city, place):
+    return f"That is at row {place[0]}, column {place[1]}."
+
+
+REACHABLE = Table(
+    _SOLVED,
+    _city_cases,
+    mistakes={
+        "You move diagonally too. The UAV has four moves: north, east, south, west.": (
+            lambda city: _search(city, city.no_fly, EIGHT)
+        ),
+        "You fly through no-fly cells: a cell with city.no_fly may not be entered.": (
+            lambda city: _search(city, np.zeros_like(city.no_fly), FOUR)
+        ),
+        "You count moves as if nothing stood in the way. A search has to go round the no-fly "
+        "cells.": (lambda city: np.where(city.no_fly, -1, _as_the_crow_flies(city))),
+        "You treat every building as a wall. Low buildings may be flown over: what the UAV may not "
+        "enter is city.no_fly, which holds the tall ones already.": (
+            lambda city: _search(city, city.no_fly | city.buildings, FOUR)
+        ),
+        "Only buildings stop you. The UAV may not enter no-fly cells, and may fly over low "
+        "buildings: ask city.no_fly.": lambda city: _search(city, city.buildings, FOUR),
+        "You start from one landing cell only. The nearest of all counts: put all of them into the "
+        "queue, with distance 0.": (
+            lambda city: _search(city, city.no_fly, FOUR, starts=city.landing_cells[:1])
+        ),
+        "Your landing cells have 1. Over the zone no move is needed: start with 0 (the landing "
+        "itself is not counted here).": _plus_one,
+        "Cells without a way have 0, as if they were landing zone: mark them with −1.": _with(0),
+        "Your city is joined at its edges: row or column −1 is Python's last one, without an "
+        "IndexError. Test that 0 <= row < M and 0 <= column < M.": (
+            lambda city: _search(city, city.no_fly, FOUR, wrap=True)
+        ),
+    },
+    read=_distances,
+    where=_at,
+)
 
 
 def _draw_reachable(ax):
@@ -157,53 +207,14 @@ def _draw_reachable(ax):
         "the grid, no no-fly cell and still −1 gets one more and goes to the end.",
     ),
     figure=_draw_reachable,
+    table=REACHABLE,
+    refused={
+        (City, "landing_distance"): "City.landing_distance is the solution: write the search "
+        "yourself.",
+    },
 )
 def reachable(answer) -> None:
     """`reachable(city)`: moves to the nearest landing cell, (M, M), −1 where there is no way."""
-    ask = briefly(answer)
-
-    def refused(city):
-        raise CheckFailed("City.landing_distance is the solution: write the search yourself.")
-
-    cities = _cities()
-    with replaced(City, "landing_distance", property(refused)):
-        given = [np.array(ask(city)) for city in cities]
-    right = [_SOLVED(city) for city in cities]
-    for city, one, expected in zip(cities, given, right, strict=True):
-        expect(
-            one.shape == expected.shape,
-            f"For a city of {city.size} × {city.size} cells you give an array of the shape "
-            f"{one.shape}; expected is {expected.shape}.",
-        )
-        expect(np.issubdtype(one.dtype, np.number), f"{one.dtype} are no numbers.")
-    wrong = [k for k in range(len(cities)) if not np.array_equal(given[k], right[k])]
-    if not wrong:
-        kind = next((one.dtype for one in given if not np.issubdtype(one.dtype, np.integer)), None)
-        expect(kind is None, f"The numbers are right but of type {kind}: make it an int array.")
-        return
-    for message, mistake in REACHABLE_MISTAKES.items():
-        if all(np.array_equal(given[k], mistake(cities[k])) for k in wrong):
-            raise CheckFailed(message)
-    if all(_joined(cities[k], given[k]) for k in wrong):
-        raise CheckFailed(
-            "Your city is joined at its edges: row or column −1 is Python's last one, without an "
-            "IndexError, so a move off the grid comes in on the other side. Test that "
-            "0 <= row < M and 0 <= column < M."
-        )
-    k = wrong[0]
-    row, col = np.argwhere(given[k] != right[k])[0]
-    if all(np.array_equal(given[j][right[j] >= 0], right[j][right[j] >= 0]) for j in wrong):
-        raise CheckFailed(
-            "Where there is a way all is right. Cells from which no landing cell can be reached, "
-            f"and no-fly cells, must have −1; you give {given[k][row, col]} at row {row}, column "
-            f"{col}, in the city below.\n{_text(cities[k])}"
-        )
-    longer = given[k][row, col] > right[k][row, col] >= 0
-    why = "There is a shorter way: take the cell that has waited longest." if longer else ""
-    raise CheckFailed(
-        f"At row {row}, column {col} you give {given[k][row, col]}, expected "
-        f"{right[k][row, col]}, in the city below. {why}\n{_text(cities[k])}"
-    )
 
 
 def _text(city: City) -> str:

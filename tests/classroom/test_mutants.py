@@ -1,0 +1,82 @@
+"""Each solution with one small fault in it is refused, with a rule or a mistake named."""
+
+import warnings
+
+import pytest
+from mutants import SCRIPTS, mutants, solutions
+
+from uavdh_lite.course import checks
+from uavdh_lite.course.checks import exercise as shared
+
+# Not mutated: `policy` may be any rule that is good enough, and values are no functions
+ALL = {
+    (script, name): [mutant for mutant in mutants(script) if mutant.exercise == name]
+    for script in sorted(SCRIPTS.glob("*.py"))
+    for name in solutions(script)[2]
+    if name != "policy"
+}
+ALL = {key: made for key, made in ALL.items() if made}
+
+EQUIVALENT = {  # by exercise: which faults change no result, and why
+    "mean_rate": {"rate(snr_db - fading_db)": "the fading is symmetric"},
+    "crosses": {"abs(cols * r - rows * c)": "the absolute value is the same"},
+    "shadow_map": {"for side in (1, -1):": "the order of the sides makes no difference"},
+    "tdma_slot": {
+        "device = np.where(data_left > 0, snr_db, -np.inf).argmax()": "numpy's integer is as good",
+    },
+    "reward": {"- intervened -": "1.0 times it is the same"},
+    "soft_update_in_place": {
+        "zip(target, online):": "the lists are equally long",
+        "strict=False": "the lists are equally long",
+    },
+    "steps_to": {"reached = step": "numpy's integer is as good as Python's"},
+    "permutation_p": {
+        "return np.mean(as_large)": "numpy's float is as good as Python's",
+        "np.mean(b) - np.mean(a)": "the absolute value is the same",
+        "values[~first].mean() - values[first]": "the absolute value is the same",
+        "difference > observed - 1e-09": "no difference is off by exactly 1e-9",
+    },
+    "reachable": {
+        "(row, int(col)) for": "numpy's integers are as good as Python's",
+        "(int(row), col) for": "numpy's integers are as good as Python's",
+    },
+    "worst_device_cell": {"divmod(number, city.size)": "numpy's integer is as good as Python's"},
+    "flight_score": {"return -1e-09": "within the tolerance of rounding"},
+    "n_step_return": {"(-1e-09, 1.0)": "within the tolerance of rounding"},
+}
+
+
+SLOW = ("crosses", "reachable", "safe_step", "shadow_map")  # 100 s of 140 s on one busy core
+
+
+@pytest.mark.parametrize(
+    "script, name",
+    [
+        pytest.param(*key, id=key[1], marks=[pytest.mark.long] if key[1] in SLOW else [])
+        for key in ALL
+    ],
+)
+def test_mutants_of_a_solution_are_refused_with_a_reason(script, name, monkeypatch, capsys):
+    monkeypatch.setattr(shared, "SECONDS", 5)
+    around, solved, handed = solutions(script)
+    space = {"__name__": "answers"}
+    exec(around, space)
+    exec("\n".join(solved.values()), space)
+    checks.EXERCISES[name](eval(handed[name], space))
+    passed, untold = [], []
+    for mutant in ALL[script, name]:
+        exec("\n".join([*solved.values(), mutant.source]), space)
+        equivalent = any(part in mutant.key.split(" -> ")[1] for part in EQUIVALENT.get(name, ()))
+        try:
+            with warnings.catch_warnings():
+                checks.EXERCISES[name](eval(handed[name], space))
+        except checks.CheckFailed as failed:
+            assert not equivalent, mutant.key
+            text = str(failed)
+            assert "cannot make sense" not in text, text
+            if text.rstrip(".").endswith("expected") or len(text) < 15:
+                untold.append(mutant.key)
+        else:
+            if not equivalent:
+                passed.append(mutant.key)
+    assert not passed and not untold
