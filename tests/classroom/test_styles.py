@@ -1,0 +1,189 @@
+"""Right answers pass, however they are written."""
+
+import functools
+import itertools
+import math
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mutants import SCRIPTS, solutions
+
+from uavdh_lite.course import checks
+
+
+class Callable:
+    def __init__(self, function):
+        self.function = function
+
+    def __call__(self, *arguments):
+        return self.function(*arguments)
+
+    method = __call__
+
+
+def star(function):
+    def answer(*anything):
+        return function(*anything)
+
+    return answer
+
+
+WRITTEN = {
+    "as it is": lambda function: function,
+    "lambda": lambda function: lambda *arguments: function(*arguments),
+    "any arguments": star,
+    "partial": functools.partial,
+    "object": Callable,
+    "method": lambda function: Callable(function).method,
+    "wrapped": lambda function: functools.wraps(function)(star(function)),
+}
+ONE_NUMBER = {
+    "float": float,
+    "numpy": np.float64,
+    "single element of an array": lambda x: np.array([x])[0],
+    "array without axes": np.asarray,
+    "fraction": lambda x: Fraction(float(x)),
+    "decimal": lambda x: Decimal(float(x)),
+    "tensor": lambda x: torch.tensor(float(x), dtype=torch.float64, requires_grad=True),
+    "long double": np.longdouble,
+}
+SEVERAL = {
+    "list": list,
+    "tuple": tuple,
+    "array": np.array,
+    "tensor": lambda x: torch.tensor(np.array(x, float)),
+}
+NUMBERS = ("flight_score", "n_step_return", "permutation_p", "asymmetric_share", "network_weights")
+ROWS = ("tdma_slot", "wilson", "lead")
+FUNCTIONS = [
+    name
+    for name, one in checks.EXERCISES.items()
+    if one.table and name not in ("safe_step", "reachable")
+]
+
+
+@functools.cache
+def solved(name):
+    for script in sorted(SCRIPTS.glob("*.py")):
+        around, functions, handed = solutions(script)
+        if name in handed:
+            space = {"__name__": "answers"}
+            exec("\n".join([around, *functions.values()]), space)
+            return eval(handed[name], space)
+    raise KeyError(name)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+@given(written=st.sampled_from(sorted(WRITTEN)))
+@settings(max_examples=len(WRITTEN), deadline=None, derandomize=True)
+def test_a_function_of_any_kind_passes(name, written):
+    checks.EXERCISES[name](WRITTEN[written](solved(name)))
+
+
+@pytest.mark.parametrize("name", [*NUMBERS, *ROWS])
+@given(data=st.data())
+@settings(
+    max_examples=10,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+def test_numbers_of_any_type_pass(name, data):
+    forms = ONE_NUMBER if name in NUMBERS else SEVERAL
+    form = forms[data.draw(st.sampled_from(sorted(forms)))]
+    checks.EXERCISES[name](lambda *arguments: form(solved(name)(*arguments)))
+
+
+def by_recursion(rewards, terminals, values, n, discount):
+    if n == 0 or len(rewards) == 0:
+        return values[0]
+    if terminals[0]:
+        return rewards[0]
+    rest = by_recursion(rewards[1:], terminals[1:], values[1:], n - 1, discount)
+    return rewards[0] + discount * rest
+
+
+def by_logarithms(q_values, temperature):
+    return torch.exp(q_values / temperature - torch.logsumexp(q_values / temperature, 1, True))
+
+
+def by_one_hot(reward, terminal, discount, online_next, target_next):
+    chosen = torch.nn.functional.one_hot(online_next.argmax(1), 6).to(target_next)
+    return torch.where(terminal, reward, reward + discount * (chosen * target_next).sum(1))
+
+
+def by_sets(a, b):
+    values = [Fraction(float(x)).limit_denominator(10**7) for x in (*a, *b)]
+    total, places = sum(values), range(len(values))
+
+    def difference(chosen):
+        own = sum(values[k] for k in chosen)
+        return abs(own / len(a) - (total - own) / len(b))
+
+    seen = difference(range(len(a)))
+    larger = [
+        difference(c) >= seen - Fraction(1, 10**9) for c in itertools.combinations(places, len(a))
+    ]
+    return Fraction(sum(larger), len(larger))
+
+
+def by_padding(layer, uav, outside):
+    m = len(layer) - 1
+    (r, c), wide = uav, np.pad(layer.astype(np.float64), m, constant_values=outside)
+    return wide[r:][: 2 * m + 1][:, c:][:, : 2 * m + 1].tolist()
+
+
+def by_search(successes, trials):
+    share, ends = successes / trials, []
+    for far in (0.0, 1.0):
+        near, away = share, far
+        for _ in range(200):
+            q = (near + away) / 2
+            inside = abs(share - q) <= 1.96 * math.sqrt(q * (1 - q) / trials)
+            near, away = (q, away) if inside else (near, q)
+        ends.append(near)
+    return ends
+
+
+def in_loops(uploaded, intervened, landed, crashed):
+    return [
+        sum(map(float, u)) - (0 if land else 0.2) - (1 if i else 0) - (150 if c else 0)
+        for u, i, land, c in zip(uploaded, intervened, landed, crashed, strict=True)
+    ]
+
+
+def by_sorting(snr_db, data_left):
+    order = sorted(range(len(snr_db)), key=lambda k: (data_left[k] > 0, snr_db[k]))
+    best = order[-1]
+    carried = math.log2(1 + 10 ** (float(snr_db[best]) / 10))
+    return [best, min(carried, float(data_left[best]))] if data_left[best] > 0 else [-1, 0]
+
+
+def blended(target, online, rate):
+    for t, o in zip(target, online, strict=True):
+        t[...] = torch.lerp(t, o, float(rate))
+
+
+OTHERS = {
+    "n_step_return": by_recursion,
+    "stable_policy": lambda q, beta: by_logarithms(q.double(), beta).float(),
+    "permutation_p": by_sets,
+    "centre": by_padding,
+    "wilson": by_search,
+    "reward": in_loops,
+    "tdma_slot": by_sorting,
+    "soft_update_in_place": blended,
+    "double_target": (by_one_hot, (2.8, Fraction(-1, 5))),
+    "rate_from_snr": lambda snr_db: np.logaddexp2(0, np.asarray(snr_db) / 10 * np.log2(10)),
+    "episodes_needed": lambda s, h: -int(-((1.96 * s / h) ** 2) // 1),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_another_way_to_solve_it_passes(name):
+    checks.EXERCISES[name](OTHERS[name])
