@@ -2,11 +2,15 @@
 
 import warnings
 
+import numpy as np
 import pytest
+import torch
 from mutants import SCRIPTS, mutants, solutions
 
 from uavdh_lite.course import checks
 from uavdh_lite.course.checks import exercise as shared
+from uavdh_lite.course.checks.channel import SAME_LOSS
+from uavdh_lite.course.checks.ddqn import TARGET
 
 # Not mutated: `policy` may be any rule that is good enough, and values are no functions
 ALL = {
@@ -80,3 +84,46 @@ def test_mutants_of_a_solution_are_refused_with_a_reason(script, name, monkeypat
             if not equivalent:
                 passed.append(mutant.key)
     assert not passed and not untold
+
+
+TABLES = {name: one.table for name, one in checks.EXERCISES.items() if one.table}
+TABLES |= {"path_loss_crossover": SAME_LOSS, "double_target": TARGET}
+
+
+def refused(table, answer):
+    with pytest.raises(checks.CheckFailed) as caught, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        table(answer)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_every_parameter_matters_and_no_result_may_be_rounded(name):
+    table = TABLES[name]
+    first = table.cases[0][1]
+    for k in range(len(first)):
+        refused(table, lambda *case, k=k: table.solution(*case[:k], first[k], *case[k + 1 :]))
+    if all(right.value.dtype.kind == "f" for right in table.right):
+        whole = all((right.value == np.rint(right.value)).all() for right in table.right)
+
+        def changed(change):
+            def answer(*case):
+                result = table.solution(*case)
+                if isinstance(result, torch.Tensor):
+                    return change(result)
+                return change(np.asarray(result, float))
+
+            return answer
+
+        refused(table, changed(lambda result: result * 0))
+        if not whole:
+            refused(table, changed(lambda result: result.round(decimals=2)))
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_each_named_mistake_is_recognised_as_itself(name):
+    table = TABLES[name]
+    for message, made in table.mistakes.items():
+        for mistake in made if isinstance(made, tuple) else (made,):
+            said = refused(table, mistake)
+            assert said == message, said

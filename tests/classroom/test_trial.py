@@ -84,7 +84,7 @@ VALUES = [
 ]
 FUNCTIONS = [endless, catches_all, sleeps, leaves, interrupts, calls_itself, generates]
 FUNCTIONS += [raises_rudely, builtins.print, builtins.len, np.sum, type, os.getcwd]
-QUICK = [name for name in checks.EXERCISES if name not in ("policy", "mended_recipe")]
+QUICK = list(checks.EXERCISES)
 
 
 @pytest.fixture(autouse=True)
@@ -203,3 +203,26 @@ def test_exit_in_a_notebook_leaves_no_kernel(monkeypatch):
 
     assert "stops with SystemExit" in said_of("rate_from_snr", rate)
     assert not asked and Shell.user_ns["exit"] is before
+
+
+def test_a_kernel_lives_on(tmp_path):
+    nbformat = pytest.importorskip("nbformat")
+    nbclient = pytest.importorskip("nbclient")
+    cells = [
+        "from uavdh_lite.course import checks\n"
+        "from uavdh_lite.course.checks import exercise\nexercise.SECONDS = 2",
+        "def rate(snr_db):\n    while True:\n        print(snr_db)\nchecks.rate_from_snr(rate)",
+        "def rate(snr_db):\n    exit()\nchecks.rate_from_snr(rate)",
+        "def rate(snr_db):\n    raise KeyboardInterrupt\nchecks.rate_from_snr(rate)",
+        "print('alive', type(exit).__name__)",
+    ]
+    notebook = nbformat.v4.new_notebook(cells=list(map(nbformat.v4.new_code_cell, cells)))
+    nbclient.NotebookClient(notebook, timeout=60, allow_errors=True).execute(cwd=str(tmp_path))
+    said = [
+        "".join("\n".join(out.get("traceback", [])) + out.get("text", "") for out in cell.outputs)
+        for cell in notebook.cells
+    ]
+    assert "rate(0) had not ended after 2 seconds" in said[1] and len(said[1]) < 3 * PRINTED
+    assert "rate(0) stops with SystemExit" in said[2] and "Traceback" not in said[2]
+    assert "rate(0) stops with KeyboardInterrupt" in said[3]
+    assert said[4].startswith("alive") and "function" not in said[4]

@@ -371,7 +371,7 @@ def _draw_reward(ax):
 def _batch(kinds, seed=0, whole=False):
     """Steps with random uploads; a kind is (intervened, landed, crashed)."""
     events = np.reshape(kinds, (-1, 3)).astype(bool)
-    uploaded = stream(Use.EXERCISE, seed).uniform(0, 4, (len(events), 4)).round(2)
+    uploaded = stream(Use.EXERCISE, seed).uniform(0, 4, (len(events), 4)).round(3)
     uploaded *= ~events[:, 1:].any(1)[:, None]  # the step that ends an episode uploads nothing
     return uploaded.round().astype(int) if whole else uploaded, *events.T
 

@@ -12,7 +12,7 @@ from uavdh_lite.agent import Agent
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
 from uavdh_lite.course.checks.table import Table
 from uavdh_lite.course.checks.trial import stops_with
-from uavdh_lite.course.checks.values import Unreadable, numbers, pair, shorten, whole
+from uavdh_lite.course.checks.values import Unreadable, numbers, pair, show, whole
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
 from uavdh_lite.evaluation import evaluate, wilson_interval
 from uavdh_lite.missions import environment_of
@@ -497,7 +497,7 @@ def policy(answer) -> None:
         try:
             shape = numbers(given).shape
         except Unreadable as problem:
-            raise CheckFailed(f"Your policy gives {shorten(repr(given))}: {problem}") from None
+            raise CheckFailed(f"Your policy gives {show(given)}: {problem}") from None
         action = np.asarray(given)
         expect(
             shape == (count,),
