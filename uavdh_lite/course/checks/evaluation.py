@@ -498,7 +498,7 @@ def policy(answer) -> None:
             shape = numbers(given).shape
         except Unreadable as problem:
             raise CheckFailed(f"Your policy gives {show(given)}: {problem}") from None
-        action = np.asarray(given)
+        action = np.asarray(given.detach() if hasattr(given, "detach") else given)
         expect(
             shape == (count,),
             f"For {count} episodes you give an array of the shape {shape}. One action an "
