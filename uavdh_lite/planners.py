@@ -4,13 +4,14 @@ Each is a policy: actions for a batch of states. None of them learns.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from uavdh_lite.channel import rate
 from uavdh_lite.city import read_only
-from uavdh_lite.environment import ACTIONS, HOVER, LAND, Environment, State, schedule
+from uavdh_lite.environment import ACTIONS, HOVER, LAND, Environment, State
 from uavdh_lite.streams import Use, stream
 
 PAIRS = 2**22  # pairs of cells whose paths are searched at a time
@@ -127,134 +128,325 @@ class Plan:
     beam: int
 
 
+SETS = 32  # for each cell, a search keeps this many times its beam: all sets of 5 devices
+NARROW = (1, 4, 16)  # what the first searches keep for each cell
+BETTER = 1e-3  # a flight must be worth that much more than the best one known
+LEVELS = 8  # parts of a device's data in the tables of the bound
+TOGETHER = 2**17  # cells times sets of emptied devices that are searched together
+
+
 @dataclass(frozen=True, eq=False)
 class Genie:
     """A search over whole flights that knows where shadows lie and the channel's mean SNR.
 
     It simulates every move with the mean SNR (fading 0 dB). For each step, cell and set of emptied
-    devices it keeps the `beam` candidates that have collected the most data, and drops those that
-    cannot land in time.
+    devices it keeps the `beam` candidates that have collected the most data, but no more than 32
+    times as many for each cell. It drops those that cannot land in time, and those that cannot beat
+    the best flight known (branch and bound): each device with data left costs some time, or the
+    data. Narrow searches come first, to know a good flight early.
 
     With `grow`, it searches again with four times the beam, as long as that finds a better flight
     and the beam does not exceed `widest`: memory and time grow with it. With `time_cost` 0.2, the
     paper's movement reward, it maximises the return; with a small one, the data collected.
 
-    During a flight it plans again every `replan` steps, from the data that is really left, with the
-    beam that the episode's first plan needed. Called with a state alone, it makes a plan and
-    returns its first step.
+    During a flight it searches again every `replan` steps, from the data that is really left, with
+    the beam that the episode's first plan needed, and changes its plan only for a better one.
+    Called with a state alone, it makes a plan and returns its first step.
     """
 
     environment: Environment
     beam: int = 2
     grow: bool = True
-    widest: int = 128
+    widest: int = 8
     time_cost: float = 0.2
     replan: int = 5
 
     def plan(self, state: State, episode: int = 0) -> Plan:
         """The best flight found for one episode of the batch."""
-        plan = self._search(state, episode, self.beam)
-        while self.grow and plan.beam * 4 <= self.widest:
-            wider = self._search(state, episode, plan.beam * 4)
-            if wider.value <= plan.value + 1e-3:
-                break
-            plan = wider
-        return plan
+        return self.plans(state[[episode]])[0]
 
-    def _search(self, state: State, episode: int, beam: int) -> Plan:
-        """One search with a beam of this width."""
-        city = self.environment.city
-        home = city.landing_distance.ravel()
-        next_cell, forbidden = self.environment.next_cell, self.environment.forbidden
-        snr_db = self._mean_snr_db(state.device_cells[episode])
-        total = state.data_left[episode].sum()
-        time_left = int(state.time_left[episode])
+    def plans(self, state: State) -> list[Plan]:
+        """The best flight found for each episode of the batch."""
+        return [plan for part in self._parts(state) for plan in self._first_plans(state[part])]
 
-        cell = state.uav_cell[[episode]].astype(int)
-        left = state.data_left[[episode]]
+    def _first_plans(self, state: State) -> list[Plan]:
+        problem = _Problem(self.environment, state, self.time_cost)
+        plans = [Plan(np.full(time, HOVER), 0.0, -np.inf, self.beam) for time in state.time_left]
+        beams = np.full(len(state), self.beam)
+        for per_cell in (*NARROW, None):
+            plans = self._search(problem, plans, beams, per_cell)
+        while self.grow and 0 < beams.max() * 4 <= self.widest:
+            beams = beams * 4
+            wider = self._search(problem, plans, beams)
+            better = np.array([new is not old for new, old in zip(wider, plans, strict=True)])
+            plans, beams = wider, np.where(better, beams, 0)  # no beam: not searched again
+        return plans
+
+    def _search(
+        self, problem: "_Problem", plans: list[Plan], beams: np.ndarray, per_cell: int | None = None
+    ) -> list[Plan]:
+        """For each episode a better plan, found with a beam of its width, or else the old plan."""
+        value = np.array([plan.value for plan in plans]) + BETTER
+        episode = np.flatnonzero((beams > 0) & (problem.start_cell >= 0))
+        cell, left = problem.start_cell[episode], problem.data[:, episode]
         layers: list[tuple[np.ndarray, np.ndarray]] = []  # parent and action of each candidate
-        best_value, best_end = -np.inf, None
-        for step in range(time_left):
-            collected = total - left.sum(axis=1)
-            over_zone = np.flatnonzero(home[cell] == 0)
-            if len(over_zone):  # land now
-                end = over_zone[collected[over_zone].argmax()]
-                value = collected[end] - self.time_cost * step
-                if value > best_value:
-                    best_value, best_end = value, (step, end)
-            parent, action = np.divmod(np.arange(len(cell) * LAND), LAND)
-            target = next_cell[cell[parent], action].astype(int)
-            possible = ~forbidden[cell[parent], action]
-            possible &= (home[target] >= 0) & (home[target] + 1 <= time_left - step - 1)
-            # No flight can be better than to collect all by the time it is home.
-            possible &= total - self.time_cost * (step + 1 + home[target]) > best_value
-            parent, action, target = parent[possible], action[possible], target[possible]
+        ends: dict[int, tuple[int, int]] = {}
+        for step in range(problem.time.max()):
+            # Land now.
+            over = np.flatnonzero(problem.home[cell] == 0)
+            landed = problem.value(episode[over], left[:, over], step)
+            for i in np.unique(episode[over[landed > value[episode[over]]]]):
+                row = np.where(episode[over] == i, landed, -np.inf).argmax()
+                value[i], ends[i] = landed[row], (step, int(over[row]))
+            # Move on.
+            possible = problem.can_be_better(episode, cell, step, value)
+            parent, action = possible.nonzero()
             if not len(parent):
                 break
-            _, _, after = schedule(snr_db[cell[parent], action], left[parent])
-            keep = _best(target, after, beam)
-            layers.append((parent[keep], action[keep]))
-            cell, left = target[keep], after[keep]
-        if best_end is None:  # no landing is possible
-            return Plan(np.full(time_left, HOVER), 0.0, -np.inf, beam)
-        actions = self._trace(layers, best_end)
-        collected = best_value + self.time_cost * best_end[0]
-        return Plan(actions, float(collected), float(best_value), beam)
-
-    def _trace(self, layers, end: tuple[int, int]) -> np.ndarray:
-        """The actions that lead to a candidate, given as (step, index), and then `land`."""
-        step, candidate = end
-        actions = [LAND]
-        for parent, action in reversed(layers[:step]):
-            actions.append(action[candidate])
-            candidate = parent[candidate]
-        return np.array(actions[::-1])
-
-    def _mean_snr_db(self, device_cells: np.ndarray) -> np.ndarray:
-        """SNR without fading, dB, `[cell, action, slot, device]`, for all actions but landing."""
-        environment = self.environment
-        cells = np.repeat(np.arange(environment.city.size**2), LAND)
-        target = environment.next_cell[:, :LAND].ravel()
-        slots, devices = environment.channel.slots, len(device_cells)
-        quiet = np.zeros((len(cells), slots, devices), np.float32)
-        placed = np.broadcast_to(device_cells, (len(cells), devices))
-        return environment.snr_db(placed, cells, target, quiet).reshape(-1, LAND, slots, devices)
+            episode, cell = episode[parent], cell[parent]
+            left = problem.collect(episode, cell, action, left.take(parent, axis=1))
+            cell = problem.target[cell, action]
+            hope = problem.bound(episode, cell, left, step + 1) > value[episode]
+            kept = np.flatnonzero(hope)
+            episode, cell, left = episode[kept], cell[kept], left.take(kept, axis=1)
+            place, beam = episode * len(problem.home) + cell, beams[episode]
+            most = beam * SETS if per_cell is None else np.full(len(beam), per_cell)
+            best = _best(place, left, beam, most)
+            episode, cell, left = episode[best], cell[best], left.take(best, axis=1)
+            layers.append((parent[kept[best]], action[kept[best]]))
+        plans = list(plans)
+        for i, end in ends.items():
+            actions = _trace(layers, end)
+            collected = value[i] + self.time_cost * end[0]
+            plans[i] = Plan(actions, float(collected), float(value[i]), int(beams[i]))
+        return plans
 
     def __call__(self, state: State) -> np.ndarray:
-        return np.array([self.plan(state, episode).actions[0] for episode in range(len(state))])
+        return np.array([plan.actions[0] for plan in self.plans(state)])
 
     def begin(self, start: State) -> Callable[[State, np.ndarray], np.ndarray]:
         """The function that flies the episodes of `start`; each has its own plan for the flight."""
-        plans: list[Plan | None] = [None] * len(start)
+        plans: dict[int, Plan] = {}
         planned_at = np.zeros(len(start), int)  # the flying time left when the plan was made
 
         def act(state: State, episodes: np.ndarray) -> np.ndarray:
-            actions = np.empty(len(state), int)
-            for row, episode in enumerate(episodes):
-                time_left = int(state.time_left[row])
-                plan, age = plans[episode], planned_at[episode] - time_left
-                if plan is None:
-                    plan, age = self.plan(state, row), 0
-                elif age >= min(self.replan, len(plan.actions)):
-                    plan, age = self._search(state, row, plan.beam), 0
-                plans[episode], planned_at[episode] = plan, time_left + age
-                actions[row] = plan.actions[age]
-            return actions
+            new = np.array([episode not in plans for episode in episodes])
+            age = np.where(new, 0, planned_at[episodes] - state.time_left)
+            due = age >= self.replan
+            rest = []
+            for episode, steps in zip(episodes[due], age[due], strict=True):
+                plan = plans[episode]
+                rest.append(replace(plan, actions=plan.actions[steps:]))
+            age[due] = 0
+            planned_at[episodes] = state.time_left + age
+            plans.update(zip(episodes[new], self.plans(state[new]), strict=True))
+            plans.update(zip(episodes[due], self._better_plans(state[due], rest), strict=True))
+            return np.array([plans[e].actions[a] for e, a in zip(episodes, age, strict=True)])
 
         return act
 
+    def _parts(self, state: State) -> list[slice]:
+        """The episodes that are searched together: more save time and take more memory."""
+        sets = min(2 ** state.data_left.shape[1], SETS)
+        count = max(1, TOGETHER // (len(self.environment.city.flight_cells) * sets))
+        return [slice(first, first + count) for first in range(0, len(state), count)]
 
-def _best(cell: np.ndarray, left: np.ndarray, beam: int) -> np.ndarray:
-    """For each cell and set of emptied devices, the `beam` candidates with the least data left.
+    def _better_plans(self, state: State, plans: list[Plan]) -> list[Plan]:
+        """The plans for the flight from here, or better ones."""
+        better: list[Plan] = []
+        for part in self._parts(state):
+            problem = _Problem(self.environment, state[part], self.time_cost)
+            known = problem.expect(plans[part])
+            better += self._search(problem, known, np.array([plan.beam for plan in known]))
+        return better
 
-    Equal candidates count once. Returns their indices.
+
+class _Problem:
+    """The flights from E states, with mean rates: what a move collects, and what is still possible.
+
+    The C cells from which a landing cell can be reached have numbers of their own. In each episode
+    the devices with data come first; K is the largest number of them. A candidate of a search is an
+    episode, a cell and the data left, (K, n) for n candidates.
     """
-    group = cell << left.shape[1] | (left == 0) @ (1 << np.arange(left.shape[1]))
-    order = np.lexsort((*left.T, left.sum(axis=1), group))
-    group, left = group[order], left[order]
-    same = np.r_[False, group[1:] == group[:-1]]
-    equal = same & np.r_[False, (left[1:] == left[:-1]).all(axis=1)]
-    order, group = order[~equal], group[~equal]
-    first = np.r_[True, group[1:] != group[:-1]]
-    start = np.maximum.accumulate(np.where(first, np.arange(len(group)), 0))
-    return order[np.arange(len(group)) - start < beam]
+
+    def __init__(self, environment: Environment, state: State, time_cost: float):
+        home = environment.city.landing_distance.ravel()
+        cells = np.flatnonzero(home >= 0)
+        index = np.full(len(home), -1)
+        index[cells] = np.arange(len(cells))
+        self.time_cost = time_cost
+        self.time = state.time_left.astype(int)
+        self.start_cell = index[state.uav_cell]
+        self.home = home[cells]
+        self.target = index[environment.next_cell[cells, :LAND]]
+        after = np.where(environment.forbidden[cells, :LAND], np.iinfo(np.int16).max, 0)
+        self.home_after = after + self.home[self.target]
+
+        order = (state.data_left <= 0).argsort(axis=1, kind="stable")
+        order = order[:, : max(1, (state.data_left > 0).sum(axis=1).max())]
+        self.data = np.take_along_axis(state.data_left, order, axis=1).T.copy()  # (K, E)
+        self.total = self.data.sum(axis=0).astype(float)
+        devices = np.take_along_axis(state.device_cells, order, axis=1)
+        self.rates = self._mean_rates(environment, cells, devices)
+        self._set_bounds()
+
+    def _mean_rates(self, environment, cells, devices) -> np.ndarray:
+        """Data units in a slot without fading; (δ, K, E·C·actions)."""
+        episodes, K = devices.shape
+        moves = len(cells) * LAND
+        placed = np.repeat(devices, moves, axis=0)
+        cell = np.tile(np.repeat(cells, LAND), episodes)
+        target = np.tile(environment.next_cell[cells, :LAND].ravel(), episodes)
+        quiet = np.zeros((len(cell), environment.channel.slots, K), np.float32)
+        snr_db = environment.snr_db(placed, cell, target, quiet)
+        return rate(np.ascontiguousarray(snr_db.transpose(1, 2, 0)))
+
+    def _set_bounds(self) -> None:
+        """Tables of what each device costs at least, whatever happens to the others."""
+        cells, (K, episodes) = len(self.home), self.data.shape
+        part = self.data[:, :, None] / LEVELS
+        # The most data from one device in a flight that lands in t units of time; (K, E, C).
+        rates = self.rates.sum(axis=0).reshape(K, episodes, cells, LAND)
+        rates = np.ascontiguousarray(np.moveaxis(rates, 3, 0))
+        most = np.full((K, episodes, cells), -np.inf, np.float32)
+        most[..., self.home == 0] = 0
+        # The time to collect so many parts and land.
+        needed = part * np.arange(1, LEVELS)[:, None, None, None] - 1e-4
+        self.needed_time = np.ones((LEVELS, K, episodes, cells), np.int16)
+        self.needed_time[0] += self.home.astype(np.int16)
+        for _ in range(self.time.max()):
+            missing = most < needed
+            if not missing.any():
+                break
+            self.needed_time[1:] += missing
+            ahead = (most.take(self.target[:, a], axis=2) + rates[a] for a in range(LAND))
+            most = np.maximum.reduce(list(ahead))
+        # With so many parts left: lose one more than with one part less, or take the time for it.
+        cost = self.time_cost * (self.needed_time - 1.0)
+        loss = [cost[0], cost[0]]
+        for more in cost[1:]:
+            loss.append(np.minimum(loss[-1] + part, more))
+        self.loss = np.array(loss, np.float32)
+        self.part = part
+        scale = np.where(self.data > 0, LEVELS / np.maximum(self.data, 1e-9), 0)
+        self.scale = scale.astype(np.float32)
+
+    def can_be_better(self, episode, cell, step: int, value) -> np.ndarray:
+        """The moves after which a landing in time is possible, and worth it; (n, actions) bool."""
+        landing = step + 1 + self.home_after[cell]  # steps before the landing
+        in_time = landing < self.time[episode, None]
+        # No flight can be better than to collect all by the time it is home.
+        most = self.total[episode, None] - self.time_cost * landing
+        return in_time & (most > value[episode, None])
+
+    def collect(self, episode, cell, action, left) -> np.ndarray:
+        """The data left after a move; (K, n). As `environment.schedule`, with mean rates."""
+        left = left.copy()
+        move = (episode * len(self.home) + cell) * LAND + action
+        for rates in self.rates:
+            offered = rates.take(move, axis=1) * (left > 0)
+            served = offered == offered.max(axis=0)
+            free = ~served[0]
+            for device in served[1:]:  # one device a slot: the first of those with equal rates
+                device &= free
+                free &= ~device
+            left -= np.minimum(offered, left) * served
+        return left
+
+    def value(self, episode, left, step: int) -> np.ndarray:
+        """What flights are worth that land after so many steps; (n,)."""
+        return self.total[episode] - left.sum(axis=0) - self.time_cost * step
+
+    def bound(self, episode, cell, left, step: int) -> np.ndarray:
+        """No flight that goes on from here is worth more; (n,).
+
+        Of all devices, one costs the most. In the time left, no device gives more than if it were
+        alone.
+        """
+        column = episode * len(self.home) + cell
+        level = (left * self.scale.take(episode, axis=1)).astype(int)
+        device = np.arange(len(left))[:, None]
+        loss = self.loss[level, device, episode, cell].max(axis=0)
+        parts = (self.needed_time <= (self.time - step)[:, None]).sum(axis=0)
+        reach = (parts * self.part).astype(np.float32).reshape(len(left), -1)
+        short = np.maximum(left - reach.take(column, axis=1), 0).sum(axis=0)
+        loss = np.maximum(loss, short + self.time_cost * self.home[cell])
+        return self.total[episode] - self.time_cost * step - loss
+
+    def expect(self, plans: list[Plan]) -> list[Plan]:
+        """The plans with what they are worth from here on."""
+        length = max(len(plan.actions) for plan in plans)
+        actions = np.array([np.resize(plan.actions, length) for plan in plans])
+        episode, cell, left = np.arange(len(plans)), self.start_cell, self.data
+        known = [replace(plan, value=-np.inf, collected=0.0) for plan in plans]
+        for step, action in enumerate(actions.T):
+            lands = action[episode] == LAND
+            values = self.value(episode, left, step)
+            for i, value in zip(episode[lands], values[lands], strict=True):
+                collected = float(value + self.time_cost * step)
+                known[i] = replace(plans[i], value=float(value), collected=collected)
+            episode, cell, left = episode[~lands], cell[~lands], left[:, ~lands]
+            if not len(episode):
+                break
+            left = self.collect(episode, cell, action[episode], left)
+            cell = self.target[cell, action[episode]]
+        return known
+
+
+def _trace(layers: list[tuple[np.ndarray, np.ndarray]], end: tuple[int, int]) -> np.ndarray:
+    """The actions that lead to a candidate, given as (step, index), and then `land`."""
+    step, candidate = end
+    actions = [LAND]
+    for parent, action in reversed(layers[:step]):
+        actions.append(action[candidate])
+        candidate = parent[candidate]
+    return np.array(actions[::-1])
+
+
+def _best(
+    place: np.ndarray, left: np.ndarray, beam: np.ndarray, per_cell: np.ndarray
+) -> np.ndarray:
+    """Indices of the candidates with the least data left.
+
+    There are at most `beam` for each place and set of emptied devices, and at most `per_cell` for
+    each place. Equal candidates count once.
+
+    Arguments:
+        place: (n,) ints, of episode and cell.
+        left: (K, n).
+        beam, per_cell: (n,) ints, the same for all candidates of a place.
+    """
+    K = len(left)
+    total = left.sum(axis=0)
+    group = place << K | (1 << np.arange(K)) @ (left == 0)
+    order = _ranked(group, total)
+    group, ranked = group[order], total[order]
+    alike = (group[1:] == group[:-1]) & (ranked[1:] == ranked[:-1])
+    if alike.any():  # only now compare device by device
+        tied = np.flatnonzero(np.r_[alike, False] | np.r_[False, alike])
+        rows = order[tied]
+        order[tied] = rows[np.lexsort((*left.take(rows, axis=1), ranked[tied], group[tied]))]
+        pairs = np.flatnonzero(alike)
+        pair = left.take(order[pairs], axis=1) == left.take(order[pairs + 1], axis=1)
+        alike[pairs] = pair.all(axis=0)
+        different = np.r_[True, ~alike]
+        order, group = order[different], group[different]
+    order = order[_rank(group) < beam[order]]
+    if (per_cell < beam << K).any():
+        order = order[_ranked(place[order], total[order])]
+        order = order[_rank(place[order]) < per_cell[order]]
+    return order
+
+
+def _ranked(group: np.ndarray, amount: np.ndarray) -> np.ndarray:
+    """Indices that sort by group, then by amount."""
+    if group.max(initial=0) < 2**31:  # both in one number: floats from 0 on sort like their bits
+        return (group << 32 | amount.view(np.int32)).argsort(kind="stable")
+    return np.lexsort((amount, group))
+
+
+def _rank(group: np.ndarray) -> np.ndarray:
+    """The position of each entry in its group; equal groups stand together."""
+    first = np.r_[True, group[1:] != group[:-1]][: len(group)]
+    index = np.arange(len(group))
+    return index - np.maximum.accumulate(np.where(first, index, 0))

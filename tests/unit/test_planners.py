@@ -7,7 +7,7 @@ import pytest
 from uavdh_lite.city import City
 from uavdh_lite.environment import HOVER, LAND, Environment, Rewards, State
 from uavdh_lite.evaluation import evaluate, fly
-from uavdh_lite.planners import Genie, Greedy, Random
+from uavdh_lite.planners import Genie, Greedy, Random, _best, _Problem
 from uavdh_lite.scenario import SCENARIOS, Scenario, place
 from uavdh_lite.streams import Use, stream
 
@@ -144,10 +144,11 @@ def test_the_beam_grows_once_an_episode_and_never_beyond_the_widest(small, monke
     """A first plan that ever wider beams improve: 2, 8, 32, and the next would be too wide."""
     beams, search = [], Genie._search
 
-    def improving(self, state, episode, beam):
-        beams.append(beam)
-        plan = search(self, state, episode, beam)
-        return replace(plan, value=float(beam))
+    def improving(self, problem, plans, widths, per_cell=None):
+        found = search(self, problem, plans, widths, per_cell)
+        if per_cell is None:
+            beams.append(int(widths[0]))
+        return [replace(plan, value=plan.value + 1, beam=int(widths[0])) for plan in found]
 
     monkeypatch.setattr(Genie, "_search", improving)
     start = place(small.city, (0, 0), [(2, 3)], [20.0], 14, 2)
@@ -178,6 +179,86 @@ def test_a_genie_keeps_nothing_between_flights(small):
     after, alone = (fly(small, one, second, Quiet()) for one in (genie, Genie(small)))
     assert after.records()["collection_ratio"] == alone.records()["collection_ratio"]
     assert vars(genie).keys() == vars(Genie(small)).keys()
+
+
+def some_states(environment, generator, count=40):
+    """Flights under way on the small map: any cell, some devices already empty."""
+    scenario = Scenario("s", "s", (1, 3), (3.0, 12.0), (4, 7))
+    return scenario.sample_anywhere(environment.city, count, generator, 1)
+
+
+def test_no_flight_is_worth_more_than_its_bound(small, generator):
+    """All ways to move from many states, against the bound of the state that they start from."""
+    state = some_states(small, generator)
+    problem = _Problem(small, state, 0.2)
+    episodes = np.arange(len(state))
+    bound = problem.bound(episodes, problem.start_cell, problem.data, 0)
+    episode, cell, left = episodes, problem.start_cell, problem.data
+    best = np.full(len(state), -np.inf)
+    for step in range(problem.time.max()):
+        over = (problem.home[cell] == 0) & (step < problem.time[episode])
+        np.maximum.at(best, episode[over], problem.value(episode, left, step)[over])
+        parent, action = np.divmod(np.arange(len(cell) * LAND), LAND)
+        alive = problem.home_after[cell[parent], action] + step + 1 < problem.time[episode[parent]]
+        parent, action = parent[alive], action[alive]
+        episode, cell = episode[parent], cell[parent]
+        left = problem.collect(episode, cell, action, left[:, parent])
+        cell = problem.target[cell, action]
+    assert np.isfinite(best).all()
+    assert (best <= bound + 1e-3).all()
+    assert (bound - best < 0.5).mean() > 0.3  # and it says something
+    assert [plan.value for plan in Genie(small, beam=10_000).plans(state)] == pytest.approx(
+        best.tolist(), abs=2e-3
+    )
+
+
+def test_a_planned_move_collects_what_the_environment_does_without_fading(small, generator):
+    state = some_states(small, generator, 400)
+    problem = _Problem(small, state, 0.2)
+    action = generator.integers(0, LAND, len(state))
+    quiet = np.zeros((len(state), 4, 3), np.float32)
+    after, _ = small.transition(state, action, quiet)
+    left = problem.collect(np.arange(len(state)), problem.start_cell, action, problem.data)
+    assert left.sum(axis=0) == pytest.approx(after.data_left.sum(axis=1), abs=1e-4)
+    np.testing.assert_allclose(np.sort(left, axis=0).T, np.sort(after.data_left), atol=1e-4)
+
+
+def test_a_plan_is_worth_what_its_flight_without_fading_brings():
+    environment = Environment(City.load("manhattan"))
+    start = SCENARIOS["manhattan"].sample(environment.city, 6, stream(Use.TEST, 4))
+    genie = Genie(environment)
+    plans = genie.plans(start)
+    flown = fly(environment, Genie(environment, replan=1000), start, Quiet())
+    values = [plan.value for plan in plans]
+    assert values == pytest.approx(flown.cumulative_reward.tolist(), abs=1e-3)
+    known = _Problem(environment, start, 0.2).expect(plans)
+    assert [plan.value for plan in known] == pytest.approx(values, abs=1e-3)
+    for episode in (0, 5):  # alone and in a batch
+        alone = genie.plan(start, episode)
+        assert alone.value == plans[episode].value
+        assert alone.actions.tolist() == plans[episode].actions.tolist()
+
+
+def test_without_fading_a_genie_keeps_to_its_plan(small):
+    start = place(small.city, (0, 0), [(3, 3), (2, 0)], [9.0, 9.0], 14, 2)
+    plan = Genie(small).plan(start)
+    flown = fly(small, Genie(small, replan=1), start, Quiet(), record=True)
+    assert [int(step.action[0]) for step in flown.history] == plan.actions.tolist()
+
+
+def test_the_best_candidates_of_a_cell():
+    """Three places; in the first, two sets of emptied devices, and one candidate twice."""
+    place = np.array([0, 0, 0, 0, 0, 0, 1, 2])
+    left = np.array([[3, 2, 2, 1, 0, 0, 5, 0], [3, 3, 3, 5, 9, 8, 5, 0]], np.float32)
+
+    def best(beam, per_cell):
+        wide = np.full(len(place), 1)
+        return sorted(_best(place, left, beam * wide, per_cell * wide).tolist())
+
+    assert best(9, 99) == [0, 1, 3, 4, 5, 6, 7]  # 2 is as 1
+    assert best(1, 99) == [1, 5, 6, 7]
+    assert best(2, 2) == [0, 1, 6, 7]
+    assert best(2, 1) == [1, 6, 7]
 
 
 def test_a_genie_called_with_a_state_takes_the_first_step_of_its_plan(small):
