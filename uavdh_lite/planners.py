@@ -248,7 +248,7 @@ class Genie:
     def _parts(self, state: State) -> list[slice]:
         """The episodes that are searched together: more save time and take more memory."""
         sets = min(2 ** state.data_left.shape[1], SETS)
-        count = max(1, TOGETHER // (len(self.environment.city.flight_cells) * sets))
+        count = max(1, TOGETHER // (self.environment.city.size**2 * sets))
         return [slice(first, first + count) for first in range(0, len(state), count)]
 
     def _better_plans(self, state: State, plans: list[Plan]) -> list[Plan]:
