@@ -222,15 +222,20 @@ SMALL = replace(
 QUANTILE = replace(
     LITE,
     name="quantile",
-    steps=1_000_000,
+    steps=1_500_000,
+    observation="global_local",
+    data_scale=5.0,
     failsafe=True,
+    kernel_size=3,
+    strides=(1, 2),
     quantiles=32,
+    discount=0.97,
     huber_delta=1.0,
     advantage_learning=0.5,
     crash_reward=PAPER.crash_reward,
     exploring_starts=0.0,
 )
-"""`LITE` with three ideas from beyond the paper, and without what they make unnecessary:
+"""`LITE` with ideas from beyond the paper, and without what they make unnecessary:
 
 - `failsafe`: nothing crashes, so the agent need not learn from crashes. It needs no `crash_reward`
   that grows, and no `exploring_starts`.
@@ -238,7 +243,12 @@ QUANTILE = replace(
   than its mean.
 - `advantage_learning` 0.5: the gaps between the best action and the others become twice as wide, so
   that errors of the network no longer decide.
-- `steps`: half of `LITE`'s.
+- `observation` in two resolutions, with kernels of 3×3 and a first stride of 1: the network sees
+  each cell near the UAV, and the rest of the city coarsely. A first stride of 3 over the whole map
+  blurs what the UAV has to fly around.
+- `data_scale` 5: the average over 3×3 cells makes a device's data nine times as small.
+- `discount` 0.97: without crashes to fear, looking further ahead costs nothing and pays in the end.
+- `steps`: three quarters of `LITE`'s.
 """
 
 RECIPES = {recipe.name: recipe for recipe in (PAPER, LITE, SMALL, QUANTILE)}

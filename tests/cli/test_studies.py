@@ -79,7 +79,7 @@ def test_a_killed_grid_goes_on_to_the_same_runs(finished, tmp_path):
 
 def test_bad_values_are_one_line(tmp_path, capsys):
     for options, message in {
-        "--study weather": "unknown study 'weather': choose one of centring, deviations",
+        "--study weather": "unknown study 'weather': choose one of centring, deviations, parts",
         "--variants centred sideways": "unknown variant 'sideways': choose from centred, non_",
         "--steps 4000": "runs of 4000 steps: a study's curves need 5000 at least",
     }.items():

@@ -13,10 +13,11 @@ from uavdh_lite.experiments.ablation import (
     deviations,
     final_scores,
     find_study,
+    parts,
     run_study,
 )
 from uavdh_lite.experiments.runs import SAVED
-from uavdh_lite.recipe import LITE, PAPER, SMALL
+from uavdh_lite.recipe import LITE, PAPER, QUANTILE, SMALL
 from uavdh_lite.storage import read_table
 
 RECIPE = replace(
@@ -109,6 +110,19 @@ def test_each_deviation_is_undone_alone():
     assert len(variants) == 11 and all(recipe != LITE for recipe in variants.values())
     assert deviations(PAPER) == {"all": PAPER}
     assert set(centring(LITE)) == {"centred", "non_centred"}
+
+
+def test_each_part_is_left_out_alone():
+    variants = parts(QUANTILE)
+    assert variants["all"] == QUANTILE
+    assert replace(variants["none"], steps=LITE.steps) == LITE
+    assert variants["without_quantiles"] == replace(
+        QUANTILE, quantiles=0, huber_delta=LITE.huber_delta
+    )
+    unguarded = variants["without_failsafe"]
+    assert not unguarded.failsafe and unguarded.crash_reward == LITE.crash_reward
+    for name, recipe in variants.items():
+        assert recipe.steps == QUANTILE.steps and (name == "all" or recipe != QUANTILE)
 
 
 def test_unknown_study_variant_and_backend(run, tmp_path):

@@ -46,7 +46,7 @@ def _ablation(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..
         variants; their defaults below are those of the recipe that you name.
 
         Arguments:
-            study: what is left out or changed: centring or deviations.
+            study: what is left out or changed: centring, deviations or parts.
             variants: names of the study's variants to run, by default all.
             scenario: what to train for: manhattan, open_field, village, harbour or metropolis.
             recipe: how to train: lite, paper, small or quantile.

@@ -15,7 +15,7 @@ from tqdm.auto import tqdm
 
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.experiments.runs import SAVED, train
-from uavdh_lite.recipe import PAPER, Recipe
+from uavdh_lite.recipe import LITE, PAPER, Recipe
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import read_table, write_json, write_table
 from uavdh_lite.training import BIN, Trainer
@@ -36,6 +36,22 @@ DEVIATIONS = {
     "exploring_starts": ("exploring_starts",),
 }
 
+# What `quantile` adds to `lite`. Without the failsafe, crashes must be learned from again.
+PARTS = {
+    "failsafe": ("failsafe", "crash_reward", "exploring_starts"),
+    "quantiles": ("quantiles", "huber_delta"),
+    "advantage_learning": ("advantage_learning",),
+    "two_resolutions": (
+        "observation",
+        "pooling",
+        "local_size",
+        "data_scale",
+        "kernel_size",
+        "strides",
+    ),
+    "discount": ("discount",),
+}
+
 
 def centring(recipe: Recipe) -> dict[str, Recipe]:
     """The paper's ablation: the map centred on the UAV, and the city in place."""
@@ -45,15 +61,34 @@ def centring(recipe: Recipe) -> dict[str, Recipe]:
 
 def deviations(recipe: Recipe) -> dict[str, Recipe]:
     """The recipe, and for each departure from `paper` the recipe with the paper's value instead."""
-    variants = {"all": recipe}
-    for name, fields in DEVIATIONS.items():
-        undone = replace(recipe, **{field: getattr(PAPER, field) for field in fields})
+    return {"all": recipe} | _undone(recipe, DEVIATIONS, PAPER)
+
+
+def parts(recipe: Recipe) -> dict[str, Recipe]:
+    """The recipe, the recipe without each part of `PARTS`, and `lite`, which has none of them."""
+    none = replace(
+        LITE,
+        steps=recipe.steps,
+        validation_interval=recipe.validation_interval,
+        validation_episodes=recipe.validation_episodes,
+    )
+    return {"all": recipe} | _undone(recipe, PARTS, LITE) | {"none": none}
+
+
+def _undone(
+    recipe: Recipe, groups: dict[str, tuple[str, ...]], reference: Recipe
+) -> dict[str, Recipe]:
+    """For each group of fields in which the recipe departs from the reference: the recipe with the
+    reference's values in them, by the name `without_GROUP`."""
+    variants = {}
+    for name, fields in groups.items():
+        undone = replace(recipe, **{field: getattr(reference, field) for field in fields})
         if undone != recipe:
             variants[f"without_{name}"] = undone
     return variants
 
 
-STUDIES = {"centring": centring, "deviations": deviations}
+STUDIES = {"centring": centring, "deviations": deviations, "parts": parts}
 
 
 def find_study(name: str, recipe: Recipe, only: Collection[str] = ()) -> dict[str, Recipe]:
