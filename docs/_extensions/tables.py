@@ -31,6 +31,7 @@ SIGNS = {"ge": "≥", "gt": ">", "le": "≤"}
 CRAL, RETURN = "collection_ratio_and_landed", "cumulative_reward"
 POLICIES = {
     "agent": "**shipped agent**",
+    "quantile": "**quantile agent**, beyond the paper",
     "random": "random",
     "greedy": "greedy: to the nearest device, home in time",
     "genie": "genie, plans for the return",
@@ -41,6 +42,7 @@ NAMES = {
     "without_leaky_relus": "leaky ReLUs",
     "without_replay": "replay memory: 50,000 transitions, half of them random at first",
 }
+SHARES = ("has_landed", "collection_ratio", CRAL)
 BEST_GENIE = {CRAL: "genie_data", RETURN: "genie"}
 
 
@@ -207,16 +209,19 @@ def evaluations(*agents: str) -> str:
 
 
 def comparison(scenario: str) -> str:
-    """The shipped agent, the planners and the paper's agents."""
+    """The shipped agents, the planners and, where it has one, the paper's agent."""
     flown, about = _comparison(scenario)
     rows = []
     for policy, columns in flown.items():
-        shares = [mean_interval(columns[m]) for m in RESULTS[scenario]]
+        shares = [mean_interval(columns[metric]) for metric in SHARES]
         total = _number(mean_interval(columns[RETURN]))
-        rows.append([POLICIES[policy], *map(_percent, shares), total])
-    paper = [f"{100 * value:g} %" for value in RESULTS[scenario].values()]
-    rows.append(["paper's agent, on its own map", *paper, ""])
-    head = ["", "landed", "collected", "collected and landed", "return"]
+        time = _percent(mean_interval(columns["time_used"]))
+        name = POLICIES[policy.removeprefix(f"{scenario}_")]
+        rows.append([name, *map(_percent, shares), total, time])
+    if scenario in RESULTS:
+        paper = [f"{100 * value:g} %" for value in RESULTS[scenario].values()]
+        rows.append(["paper's agent, on its own map", *paper, "", ""])
+    head = ["", "landed", "collected", "collected and landed", "return", "time used"]
     return f"{_table(head, rows)}\nMade with {_made_with(about)}.\n"
 
 

@@ -51,7 +51,7 @@ def help_of(capsys, *arguments):
 def test_demo_prints_the_table_beside_the_papers_and_draws(tmp_path, capsys):
     assert main(["demo", "--episodes", "40", "--out", str(tmp_path / "d.png")]) == 0
     output = capsys.readouterr().out
-    assert "paper" in output and "94.6%" in output and "collection ratio and landed" in output
+    assert "paper" in output and "94.6%" in output and "collected and landed" in output
     with Image.open(tmp_path / "d.png") as image:
         assert min(image.size) > 1000
         assert np.asarray(image).std() > 20
@@ -90,11 +90,19 @@ def test_shipped_agents_land_and_collect(name, tmp_path):
 
 def test_compare_writes_every_episode_and_prints_shares(tmp_path, capsys):
     out = tmp_path / "table.csv.gz"
-    assert main(["compare", "--episodes", "3", "--replan", "50", "--out", str(out)]) == 0
+    options = ["--episodes", "3", "--replan", "50", "--others", "manhattan_early"]
+    assert main(["compare", *options, "--out", str(out)]) == 0
     output = capsys.readouterr().out
     assert "as a share of the genie's" in output
     policy, count = np.unique(read_table(out)["policy"], return_counts=True)
-    assert policy.tolist() == ["agent", "genie", "genie_data", "greedy", "random"]
+    assert policy.tolist() == [
+        "agent",
+        "genie",
+        "genie_data",
+        "greedy",
+        "manhattan_early",
+        "random",
+    ]
     assert (count == 3).all()
     about = json.loads((tmp_path / "table.json").read_text())
     assert about["command"].startswith("python -m uavdh_lite compare") and about["seed"] == 0

@@ -1,16 +1,28 @@
+import numpy as np
 import pytest
 
-from uavdh_lite.experiments.demo import draw_flights, fly_agent, paper_agents
+from uavdh_lite.experiments.demo import AGENTS, GREEDY, draw_flights, fly_all, paper_agents
 
 
 @pytest.fixture(scope="module")
-def flown():
-    return [fly_agent(name, 3, 0, "cpu") for name in paper_agents()]
+def all_flown():
+    return [fly_all(name, 3, 0, "cpu") for name in paper_agents()]
 
 
-def test_each_agent_flies_over_its_own_city(flown):
-    assert [environment.city.name for environment, _ in flown] == ["manhattan", "open_field"]
-    assert all(len(flights.start) == 3 for _, flights in flown)
+@pytest.fixture
+def flown(all_flown):
+    return [(environment, next(iter(flights.values()))) for environment, flights in all_flown]
+
+
+def test_all_fly_the_same_missions_over_each_city(all_flown):
+    assert [environment.city.name for environment, _ in all_flown] == ["manhattan", "open_field"]
+    assert list(all_flown[0][1]) == [*AGENTS, GREEDY]  # manhattan has all of them
+    for _, flights in all_flown:
+        for of_policy in flights.values():
+            assert len(of_policy.start) == 3
+            for name in ("uav_cell", "device_cells", "time_left", "data_left"):
+                mine, rules = getattr(of_policy.start, name), getattr(flights[GREEDY].start, name)
+                np.testing.assert_array_equal(mine, rules)
 
 
 @pytest.mark.parametrize(("agents", "count"), [(2, 4), (1, 3)])

@@ -12,6 +12,7 @@ from uavdh_lite.cli.parsing import CommandLine
 def compare(
     *,
     checkpoint: str = "manhattan",
+    others: tuple[str, ...] = (),
     city: str | None = None,
     episodes: PositiveInt = 1000,
     seed: NonNegativeInt = 0,
@@ -28,6 +29,7 @@ def compare(
 
     Arguments:
         checkpoint: a checkpoint file, or the name of a shipped agent.
+        others: names of shipped agents of the same city to compare with, too.
         city: another city of the same size: a PNG, or the name of a shipped one.
         episodes: number of random missions.
         seed: seed of the missions, the fading and the random planner.
@@ -36,13 +38,14 @@ def compare(
         device: what the network runs on.
         out: the table, by default comparison-SCENARIO.csv.gz, with a JSON file next to it.
     """
+    from uavdh_lite.environment import Environment
     from uavdh_lite.experiments import comparison
     from uavdh_lite.provenance import provenance
 
     agent = open_agent(checkpoint, city, device)
-    environment = agent.environment
+    environment = Environment(agent.city)
     started = time.perf_counter()
-    policies = comparison.entrants(environment, agent, seed, replan)
+    policies = comparison.entrants(environment, agent, seed, replan, others)
     results = comparison.compare(environment, agent.scenario, policies, episodes, seed, jobs)
     out = out or Path(f"comparison-{agent.scenario.name}.csv.gz")
     about = {

@@ -14,7 +14,7 @@ def demo(
     seed: NonNegativeInt = 0,
     device: Device = "cpu",
 ) -> None:
-    """Evaluate the shipped agents next to the paper's results, and draw four flights.
+    """Fly the shipped agents next to a simple rule and the paper's results, and draw four flights.
 
     Arguments:
         episodes: number of random missions.
@@ -22,17 +22,18 @@ def demo(
         seed: seed of the missions and the fading.
         device: what the network runs on.
     """
-    from uavdh_lite.experiments.demo import draw_flights, fly_agent, paper_agents
-    from uavdh_lite.experiments.report import paper_table
+    from uavdh_lite.experiments.demo import draw_flights, fly_all, paper_agents
+    from uavdh_lite.experiments.report import policies_table
     from uavdh_lite.paper import RESULTS
     from uavdh_lite.plotting import save_figure
 
     flown = []
     for name in paper_agents():
-        environment, flights = fly_agent(name, episodes, seed, require_device(device))
-        flown.append((environment, flights))
+        environment, flights = fly_all(name, episodes, seed, require_device(device))
+        flown.append((environment, next(iter(flights.values()))))
+        metrics = {policy: of_policy.metrics() for policy, of_policy in flights.items()}
         print(f"{name}: {episodes} random missions, seed {seed}")
-        print(f"{paper_table(flights.metrics(), RESULTS[name])}\n")
+        print(f"{policies_table(metrics, RESULTS[name])}\n")
     figure, count = draw_flights(flown)
     save_figure(figure, out)
     print(f"The first {count} flights are drawn in {out}.")

@@ -1,6 +1,6 @@
 """Policies side by side: the same missions with the same fading."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -22,19 +22,26 @@ Columns = dict[str, np.ndarray]
 
 
 def entrants(
-    environment: Environment, agent: Policy, seed: int = 0, replan: int = 5
+    environment: Environment,
+    agent: Policy,
+    seed: int = 0,
+    replan: int = 5,
+    others: Iterable[str] = (),
 ) -> dict[str, Callable[[], Policy]]:
     """The agent and what it is compared with, for `compare`.
 
     These are `random`, `greedy`, `genie` (which plans for the return) and `genie_data` (which plans
-    for the data).
+    for the data). Agents trained with the failsafe use it in any environment; the others fly
+    without it if the environment has none.
 
     Arguments:
         seed: of the random policy.
         replan: steps after which the genies plan again.
+        others: names of shipped agents to compare with, too.
     """
     return {
         "agent": lambda: agent,
+        **{name: partial(find_policy, name, environment) for name in others},
         "random": partial(find_policy, "random", environment, seed),
         "greedy": partial(find_policy, "greedy", environment),
         "genie": partial(Genie, environment, replan=replan),
@@ -156,10 +163,11 @@ def save_comparison(path: Path, results: dict[str, Columns], about: dict) -> Non
 def summary(results: dict[str, Columns]) -> str:
     """The metrics of all policies, and where the agent of `entrants` stands, as text."""
     shown = ("has_landed", "collection_ratio", "collection_ratio_and_landed", "cumulative_reward")
-    lines = [f"{'':<12}" + "".join(f"{metric:>30}" for metric in shown)]
+    wide = max(12, *(len(policy) + 2 for policy in results))
+    lines = [f"{'':<{wide}}" + "".join(f"{metric:>30}" for metric in shown)]
     for policy, columns in results.items():
         means = (interval_text(mean_interval(columns[metric])) for metric in shown)
-        lines.append(f"{policy:<12}" + "".join(f"{mean:>30}" for mean in means))
+        lines.append(f"{policy:<{wide}}" + "".join(f"{mean:>30}" for mean in means))
     for metric, genie in (
         ("collection_ratio_and_landed", "genie_data"),
         ("cumulative_reward", "genie"),

@@ -1,12 +1,18 @@
-"""The shipped agents on the paper's two maps: their flights, and a figure of some."""
+"""The shipped agents on the paper's two maps, next to the planners: their flights, and a figure."""
 
 from matplotlib.figure import Figure
 
 from uavdh_lite.checkpoint import load_agent, shipped_agents
+from uavdh_lite.city import City
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import Flights, evaluate
 from uavdh_lite.paper import RESULTS
+from uavdh_lite.planners import Greedy
 from uavdh_lite.plotting import add_legend, draw_trajectory
+
+# The shipped agents of a city, the best first: label, and what follows the city in their names.
+AGENTS = {"beyond it: quantile agent": "_quantile", "the paper's method: DDQN": ""}
+GREEDY = "greedy rule"
 
 
 def paper_agents() -> list[str]:
@@ -14,11 +20,25 @@ def paper_agents() -> list[str]:
     return [name for name in RESULTS if name in shipped_agents()]
 
 
-def fly_agent(name: str, episodes: int, seed: int, device: str) -> tuple[Environment, Flights]:
-    """Fly a shipped agent on random missions of its own city, with every step kept."""
-    agent = load_agent(name, device)
-    environment = agent.environment
-    return environment, evaluate(environment, agent, agent.scenario, episodes, seed, record=True)
+def fly_all(
+    name: str, episodes: int, seed: int, device: str
+) -> tuple[Environment, dict[str, Flights]]:
+    """A city's shipped agents, the best first, and greedy over the same random missions.
+
+    Every step of the agents' flights is kept.
+    """
+    agents = {
+        label: load_agent(name + suffix, device)
+        for label, suffix in AGENTS.items()
+        if name + suffix in shipped_agents()
+    }
+    scenario = next(iter(agents.values())).scenario
+    environment = Environment(City.load(scenario.city))
+    policies = agents | {GREEDY: Greedy(environment)}
+    return environment, {
+        label: evaluate(environment, policy, scenario, episodes, seed, record=label in agents)
+        for label, policy in policies.items()
+    }
 
 
 def draw_flights(flown: list[tuple[Environment, Flights]]) -> tuple[Figure, int]:

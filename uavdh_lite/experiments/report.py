@@ -17,12 +17,24 @@ def metrics_table(metrics: dict[str, Interval]) -> str:
     return "\n".join(lines)
 
 
-def paper_table(metrics: dict[str, Interval], paper: dict[str, float]) -> str:
-    """The metrics that the paper reports, next to its results; then the share of time used."""
-    lines = [f"{'':<28}{'this agent':>12}{'95 % interval':>20}{'paper':>10}"]
-    for name, theirs in paper.items():
-        mean, low, high = metrics[name]
-        between = f"{low:.1%} to {high:.1%}"
-        lines.append(f"{name.replace('_', ' '):<28}{mean:>12.1%}{between:>20}{theirs:>10.1%}")
-    lines.append(f"{'flying time used':<28}{metrics['time_used'].mean:>12.1%}")
-    return "\n".join(lines)
+def policies_table(results: dict[str, dict[str, Interval]], paper: dict[str, float]) -> str:
+    """A line for each policy, from `Flights.metrics`; the last one has the paper's results.
+
+    The 95 % interval is that of the share collected and landed.
+    """
+    head = ["landed", "collected", "collected and landed", "95 % interval", "return", "time used"]
+    widths = [26, *(max(len(name), 8) + 2 for name in head)]
+    widths[4] = 18
+    rows = [["", *head]]
+    for policy, metrics in results.items():
+        _, low, high = metrics["collection_ratio_and_landed"]
+        shares = [f"{metrics[name].mean:.1%}" for name in paper]
+        total, time = metrics["cumulative_reward"].mean, metrics["time_used"].mean
+        rows.append([policy, *shares, f"{low:.1%} to {high:.1%}", f"{total:.1f}", f"{time:.1%}"])
+    theirs = [f"{share:.1%}" for share in paper.values()]
+    rows.append(["the paper, on its own map", *theirs, "", "", ""])
+    return "\n".join(
+        row[0].ljust(widths[0])
+        + "".join(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))
+        for row in rows
+    )
