@@ -83,7 +83,7 @@ class Recipe:
     exploring_spare_time: int = option(
         5, "flying time that these have left at least, beyond the way home", ge=0
     )
-    # Validation: the agent kept is the one with the best collection ratio and landed in these
+    # Validation: the agent kept is the one with the highest return in these
     validation_interval: int = option(50_000, "environment steps between greedy validations", ge=1)
     validation_episodes: int = option(
         1000, "scenarios flown in each validation, always the same", ge=1

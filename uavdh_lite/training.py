@@ -296,16 +296,19 @@ class Trainer:
         """End the run's thread, if it has one."""
 
     def validate(self) -> bool:
-        """Fly the validation scenarios greedily; whether this is the best agent so far."""
+        """Fly the validation scenarios greedily; whether the agent has its highest return so far.
+
+        The return has the paper's constants: data collected, less a price for time and crashes.
+        """
         episodes = self.recipe.validation_episodes
         flights = evaluate(
             self.environment, self.agent, self.scenario, episodes, VALIDATION_SEED, Use.VALIDATION
         )
         means = {name: float(values.mean()) for name, values in flights.records().items()}
-        best = max((row["collection_ratio_and_landed"] for row in self.validation_rows), default=-1)
+        best = max((row["cumulative_reward"] for row in self.validation_rows), default=-np.inf)
         counts = {"steps": self.steps, "updates": self.updates, "seconds": round(self.seconds, 1)}
         self.validation_rows.append(counts | means)
-        return means["collection_ratio_and_landed"] > best
+        return means["cumulative_reward"] > best
 
     def save(self, path: Path) -> None:
         """Write everything the run needs to go on as if it had never stopped."""

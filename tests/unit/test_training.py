@@ -2,6 +2,7 @@ import copy
 import threading
 from contextlib import closing
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -134,6 +135,18 @@ def test_with_the_failsafe_a_learner_is_never_corrected(trainer):
     own.validate()
     row = own.validation_rows[-1]
     assert row["has_landed"] == 1 and row["sent_home"] == row["safety_interventions"] == 0
+
+
+def test_the_agent_with_the_highest_return_is_the_best(trainer, monkeypatch):
+    own = trainer()
+    kept = []
+    for collected, total in ((0.5, -3.0), (0.4, 2.0), (0.9, 1.0), (0.8, 2.5)):
+        means = {"collection_ratio_and_landed": collected, "cumulative_reward": total}
+        records = {name: np.full(2, value) for name, value in means.items()}
+        flights = SimpleNamespace(records=lambda records=records: records)
+        monkeypatch.setattr("uavdh_lite.training.evaluate", lambda *_, flights=flights: flights)
+        kept.append(own.validate())
+    assert kept == [True, True, False, True]
 
 
 def test_a_training_from_before_the_failsafe_goes_on(trainer, tmp_path, monkeypatch):

@@ -36,7 +36,7 @@ def train(
 
     | file | content |
     | --- | --- |
-    | `best.safetensors` | the agent with the best validation so far: the result |
+    | `best.safetensors` | the agent with the highest return in validation so far: the result |
     | `training.safetensors` | everything needed to resume, written at each validation |
     | `training.csv` | a row for every 5000 environment steps: ordinary training episodes |
     | `validation.csv` | a row for each greedy validation |
