@@ -116,20 +116,17 @@ class Agent:
 def saliency(agent: Agent, state: State) -> np.ndarray:
     """How much the best action's Q-value depends on each cell of what the network sees; (W, W).
 
-    This is the magnitude of gradient times input, summed over the layers: to first order, how much
-    the Q-value would change if the cell were empty.
+    This is the magnitude of gradient times input, summed over the layers of the observation's
+    `full_map`: to first order, how much the Q-value would change if the cell were empty.
 
     Arguments:
         state: a batch of one.
-
-    Raises `InputError` for agents that see two maps (`global_local`).
     """
-    maps, time = agent.observation(state)
-    if len(maps) != 1:
-        raise InputError("saliency needs one map: this agent sees a global and a local one")
-    layers = maps[0].requires_grad_()
-    q_values = only_allowed(agent.network([layers], time).cpu(), agent.allowed(state))
-    (gradient,) = torch.autograd.grad(q_values.max(), layers)
+    observation = agent.observation
+    layers = observation.full_map(state).requires_grad_()
+    q_values = agent.network(observation.views(layers), observation.time(state)).cpu()
+    best = only_allowed(q_values, agent.allowed(state)).max()
+    (gradient,) = torch.autograd.grad(best, layers)
     return (gradient * layers.detach())[0].abs().sum(0).cpu().numpy()
 
 

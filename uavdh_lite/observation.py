@@ -85,15 +85,25 @@ class Observation(nn.Module):
         return [(5 if self.kind == "centred" else 6, self.width, self.width)]
 
     def forward(self, state: State) -> tuple[list[Tensor], Tensor]:
-        time = self._tensor(state.time_left).float()[:, None] / self.time_scale
+        return self.views(self.full_map(state)), self.time(state)
+
+    def time(self, state: State) -> Tensor:
+        """The remaining flying time as the network sees it; (B, 1)."""
+        return self._tensor(state.time_left).float()[:, None] / self.time_scale
+
+    def full_map(self, state: State) -> Tensor:
+        """The whole map at full resolution, of which the network sees its `views`."""
         if self.kind == "non_centred":
-            return [self.in_place_map(state)], time
-        centred = self.centred_map(state)
-        if self.kind == "centred":
-            return [centred], time
+            return self.in_place_map(state)
+        return self.centred_map(state)
+
+    def views(self, full: Tensor) -> list[Tensor]:
+        """The network's maps, from the `full_map`: itself, or the pooled one and its middle."""
+        if self.kind != "global_local":
+            return [full]
         margin = (self.width - self.local_size) // 2
         inside = slice(margin, margin + self.local_size)
-        return [avg_pool2d(centred, self.pooling), centred[:, :, inside, inside]], time
+        return [avg_pool2d(full, self.pooling), full[:, :, inside, inside]]
 
     def centred_map(self, state: State) -> Tensor:
         """All layers shifted so that the UAV's cell is in the middle; (B, 5, W, W)."""

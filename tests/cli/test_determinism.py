@@ -39,14 +39,23 @@ def test_a_hash_seed_changes_nothing(capsys):
     assert process.stdout == capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", ["manhattan", "open_field"])
-def test_shipped_agents_score_what_was_recorded(name):
+@pytest.mark.parametrize(
+    ("name", "policy"),
+    [
+        ("manhattan", "agent"),
+        ("manhattan_quantile", "manhattan_quantile"),
+        ("open_field", "agent"),
+        ("harbour", "agent"),
+    ],
+)
+def test_shipped_agents_score_what_was_recorded(name, policy):
     """Where it was recorded to six digits; on another machine within half a point."""
-    table = read_table(data_folder() / "runs" / f"comparison-{name}.csv.gz")
-    recorded = table[METRIC][table["policy"] == "agent"].mean()
     agent = load_agent(name)
-    flights = evaluate(Environment(agent.city), agent, agent.scenario, 1000, seed=0)
-    assert flights.records()[METRIC].mean() == pytest.approx(recorded, abs=0.005)
+    path = data_folder() / "runs" / f"comparison-{agent.scenario.name}.csv.gz"
+    table = read_table(path)
+    recorded = table[METRIC][table["policy"] == policy]
+    flights = evaluate(Environment(agent.city), agent, agent.scenario, len(recorded), seed=0)
+    assert flights.records()[METRIC].mean() == pytest.approx(recorded.mean(), abs=0.005)
 
 
 def test_other_numbers_of_threads_decide_alike():

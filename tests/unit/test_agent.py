@@ -11,7 +11,6 @@ from uavdh_lite.agent import Agent, saliency, value_map
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.environment import Environment
-from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.observation import Observation
 from uavdh_lite.recipe import LITE
@@ -49,11 +48,36 @@ def test_saliency_of_a_linear_network_is_weight_times_input(city, state):
     assert network.weight.grad is None  # nothing is left behind in the network
 
 
-def test_saliency_needs_one_map(city, state):
-    agent = load_agent("manhattan")
-    two = Observation(city, "global_local")
-    with pytest.raises(InputError, match="saliency needs one map"):
-        saliency(replace(agent, observation=two), state)
+class LinearOverViews(nn.Module):
+    """Q-values that are sums over all maps, each entry with its weight."""
+
+    def __init__(self, shapes):
+        super().__init__()
+        generator = torch.Generator().manual_seed(0)
+        self.weights = [torch.randn(6, *shape, generator=generator) for shape in shapes]
+
+    def forward(self, maps, time):
+        pairs = zip(self.weights, maps, strict=True)
+        return sum(torch.einsum("alrc,blrc->ba", weight, layers) for weight, layers in pairs)
+
+
+def test_saliency_with_two_views_is_the_change_when_a_cell_is_emptied(city, state):
+    observation = Observation(city, "global_local", pooling=3, local_size=9)
+    network = LinearOverViews(observation.map_shapes())
+    agent = Agent(network, observation, LITE, SCENARIOS["manhattan"], city)
+    full, best = observation.full_map(state), int(agent(state)[0])
+    found = saliency(agent, state)
+    assert found.shape == (31, 31)
+    for row, col in [(15, 15), (12, 14), (0, 3), (30, 30), (18, 19)]:
+        expected = 0.0
+        for layer in range(5):
+            emptied = full.clone()
+            emptied[0, layer, row, col] = 0
+            change = network(observation.views(full), None) - network(
+                observation.views(emptied), None
+            )
+            expected += abs(float(change[0, best]))
+        assert found[row, col] == pytest.approx(expected, abs=1e-4)
 
 
 def test_value_map_moves_the_uav_and_nothing_else(city, state):

@@ -1,7 +1,6 @@
 """Watch it think: the Q-values, the policy and what the network sees, at each step of a flight."""
 
 import numpy as np
-import torch
 from matplotlib.figure import Figure
 
 from uavdh_lite.agent import Agent, saliency, value_map
@@ -17,7 +16,7 @@ from uavdh_lite.plotting import BLUE
 with extra("notebooks"):
     import ipywidgets
 
-NO_AGENT = "Choose an agent; the cities manhattan and open_field have some."
+NO_AGENT = "Choose an agent; the cities manhattan, open_field and harbour have some."
 CHOSEN, OTHER = BLUE, "#BBBBBB"
 
 
@@ -64,8 +63,7 @@ class Thoughts:
 
     def _add_images(self) -> list:
         """Seven empty pictures, each with its scale: five layers, saliency, largest Q-values."""
-        (maps, *_), _ = self.agent.observation(self.states[0])
-        width, size = maps.shape[-1], self.agent.city.size
+        width, size = self.agent.observation.width, self.agent.city.size
         most = max(float(self.states[0].data_initial.max()) / self.agent.recipe.data_scale, 1e-6)
         images = []
         for k, ax in enumerate(self.pictures):
@@ -92,11 +90,10 @@ class Thoughts:
         for number, ((_, bar), value) in enumerate(zip(self.changing, values, strict=True)):
             bar.set_width(value)
             bar.set_color(CHOSEN if number % len(ACTIONS) == int(q.argmax()) else OTHER)
-        with torch.no_grad():
-            (maps, *_), _ = self.agent.observation(state)
+        full_map = self.agent.observation.full_map(state)[0]
         seen = saliency(self.agent, state)
         worth = value_map(self.agent, state)
-        layers = [*maps[0, : len(LAYERS)].numpy(), seen / max(seen.max(), 1e-9), worth]
+        layers = [*full_map[: len(LAYERS)].numpy(), seen / max(seen.max(), 1e-9), worth]
         for image, layer in zip(self.images, layers, strict=True):
             image.set_data(layer)
         self.images[-1].set_clim(np.nanmin(worth), np.nanmax(worth))
