@@ -231,8 +231,9 @@ QUANTILE = replace(
     quantiles=32,
     discount=0.97,
     huber_delta=1.0,
-    advantage_learning=0.5,
+    advantage_learning=0.8,
     crash_reward=PAPER.crash_reward,
+    movement_reward=-0.05,
     exploring_starts=0.0,
 )
 """`LITE` with ideas from beyond the paper, and without what they make unnecessary:
@@ -241,13 +242,15 @@ QUANTILE = replace(
   that grows, and no `exploring_starts`.
 - `quantiles` 32, with `huber_delta` as their κ: the distribution of the return is a richer target
   than its mean.
-- `advantage_learning` 0.5: the gaps between the best action and the others become twice as wide, so
-  that errors of the network no longer decide.
+- `advantage_learning` 0.8: the gaps between the best action and the others become five times as
+  wide, so that errors of the network no longer decide.
+- `movement_reward` −0.05: a detour for little data pays sooner. Without wider gaps the agent would
+  hover more, since all actions are worth about the same once the data is collected.
 - `observation` in two resolutions, with kernels of 3×3 and a first stride of 1: the network sees
   each cell near the UAV, and the rest of the city coarsely. A first stride of 3 over the whole map
   blurs what the UAV has to fly around.
 - `data_scale` 5: the average over 3×3 cells makes a device's data nine times as small.
-- `discount` 0.97: without crashes to fear, looking further ahead costs nothing and pays in the end.
+- `discount` 0.97: far data counts for more. It learns more slowly, and wastes less time in the end.
 - `steps`: three quarters of `LITE`'s.
 """
 

@@ -50,6 +50,7 @@ PARTS = {
         "strides",
     ),
     "discount": ("discount",),
+    "movement_reward": ("movement_reward",),
 }
 
 
