@@ -225,32 +225,39 @@ def comparison(scenario: str) -> str:
     return f"{_table(head, rows)}\nMade with {_made_with(about)}.\n"
 
 
+def _agents(scenario: str, flown: dict) -> dict[str, str]:
+    """The shipped agents of a comparison: what tables call them, and their names there."""
+    names = {"agent": "agent", "quantile agent": f"{scenario}_quantile"}
+    return {label: name for label, name in names.items() if name in flown}
+
+
 def lead(scenario: str) -> str:
-    """The agent against greedy and genie on the same missions, in pairs."""
+    """The agents against greedy and genie on the same missions, in pairs."""
     flown, _ = _comparison(scenario)
-    agent, greedy = flown["agent"], flown["greedy"]
     rows = []
-    for metric, name, factor, show in (
-        (CRAL, "collected and landed, points", 100, _number),
-        (RETURN, "return, data units", 1, _number),
-    ):
-        difference = bootstrap_interval(factor * (agent[metric] - greedy[metric]))
-        part = share(agent[metric], flown[BEST_GENIE[metric]][metric])
-        rows.append([name, show(difference), _percent(part)])
-    return _table(["", "agent minus greedy", "agent as a share of the best genie"], rows)
+    for label, policy in _agents(scenario, flown).items():
+        for metric, name, factor in (
+            (CRAL, "collected and landed, points", 100),
+            (RETURN, "return, data units", 1),
+        ):
+            mine = flown[policy][metric]
+            difference = bootstrap_interval(factor * (mine - flown["greedy"][metric]))
+            part = share(mine, flown[BEST_GENIE[metric]][metric])
+            rows.append([label, name, _number(difference), _percent(part)])
+    return _table(["", "", "minus greedy", "as a share of the best genie"], rows)
 
 
 def by_flying_time(scenario: str) -> str:
-    """Collected and landed of agent, greedy and genie by the flying time that was drawn."""
+    """Collected and landed of agents, greedy and genie by the flying time that was drawn."""
     flown, _ = _comparison(scenario)
-    shown = ("agent", "greedy", "genie_data")
-    parts = [breakdown(flown[p][CRAL], flown[p]["flying_time"]) for p in shown]
+    shown = _agents(scenario, flown) | {"greedy": "greedy", "genie, for the data": "genie_data"}
+    parts = [breakdown(flown[p][CRAL], flown[p]["flying_time"]) for p in shown.values()]
     rows = [
         [label, count, *(_percent(part[2]) for part in group)]
         for group in zip(*parts, strict=True)
         for label, count, _ in group[:1]
     ]
-    return _table(["flying time", "missions", "agent", "greedy", "genie, for the data"], rows)
+    return _table(["flying time", "missions", *shown], rows)
 
 
 def _runs(study: str) -> dict[str, dict]:

@@ -21,6 +21,12 @@ from uavdh_lite.course.checks.ablation import steps_to, permutation_p, ablation_
 from uavdh_lite.course.checks.evaluation import wilson, episodes_needed, lead, policy
 from uavdh_lite.course.checks.scenarios import reachable, defeat
 from uavdh_lite.course.checks.labs import failure_seed, worst_device_cell
+from uavdh_lite.course.checks.beyond import (
+    failsafe_mask,
+    quantile_loss,
+    advantage_target,
+    longest_way,
+)
 
 # isort: on
 from uavdh_lite.course.checks.exercise import EXERCISES, CheckFailed, Exercise
@@ -30,6 +36,7 @@ __all__ = [
     "CheckFailed",
     "Exercise",
     "ablation_reading",
+    "advantage_target",
     "asymmetric_share",
     "centre",
     "city_cell",
@@ -38,10 +45,12 @@ __all__ = [
     "diagnosis",
     "double_target",
     "episodes_needed",
+    "failsafe_mask",
     "failure_seed",
     "flight_score",
     "flown_by_hand",
     "lead",
+    "longest_way",
     "mean_rate",
     "mended_recipe",
     "n_step_return",
@@ -49,6 +58,7 @@ __all__ = [
     "path_loss_crossover",
     "permutation_p",
     "policy",
+    "quantile_loss",
     "rate_from_snr",
     "reachable",
     "reward",

@@ -1,0 +1,146 @@
+"""Wrong answers to the exercises of notebook 12, and what the message must say of each."""
+
+import numpy as np
+
+
+def moves_home(distance):
+    return np.where(distance < 0, np.inf, distance)
+
+
+def fits(distance, next_cell, cell, time_left):
+    in_time = moves_home(distance)[next_cell[cell]] + 1 <= time_left[:, None] - 1
+    in_time[:, 5] |= distance[cell] == 0
+    return in_time
+
+
+def no_landing_time(distance, next_cell, cell, time_left):
+    in_time = moves_home(distance)[next_cell[cell]] <= time_left[:, None] - 1
+    in_time[:, 5] |= distance[cell] == 0
+    return in_time
+
+
+def no_action_time(distance, next_cell, cell, time_left):
+    in_time = moves_home(distance)[next_cell[cell]] + 1 <= time_left[:, None]
+    in_time[:, 5] |= distance[cell] == 0
+    return in_time
+
+
+def too_careful(distance, next_cell, cell, time_left):
+    in_time = moves_home(distance)[next_cell[cell]] + 1 < time_left[:, None] - 1
+    in_time[:, 5] |= distance[cell] == 0
+    return in_time
+
+
+def minus_one_is_near(distance, next_cell, cell, time_left):
+    in_time = distance[next_cell[cell]] + 1 <= time_left[:, None] - 1
+    in_time[:, 5] |= distance[cell] == 0
+    return in_time
+
+
+def landing_like_the_others(distance, next_cell, cell, time_left):
+    return moves_home(distance)[next_cell[cell]] + 1 <= time_left[:, None] - 1
+
+
+def landing_everywhere(distance, next_cell, cell, time_left):
+    in_time = landing_like_the_others(distance, next_cell, cell, time_left)
+    in_time[:, 5] = True
+    return in_time
+
+
+def as_numbers(*case):
+    return fits(*case).astype(int)
+
+
+def in_place(distance, next_cell, cell, time_left):
+    result = fits(distance, next_cell, cell, time_left)
+    time_left -= 1
+    return result
+
+
+def loss(theta, y, kappa, level=0.5, power=0.5, sign=1, over="rows"):
+    tau = (np.arange(len(theta)) + level) / len(theta)
+    u = y[None, :] - theta[:, None]
+    huber = np.where(abs(u) <= kappa, power * u**2, kappa * (abs(u) - kappa / 2))
+    table = abs(tau[:, None] - (sign * u < 0)) * huber
+    return {"rows": table.mean(1).sum(), "all": table.mean(), "none": table.sum()}[over]
+
+
+def pinball(theta, y, kappa):
+    tau = (np.arange(len(theta)) + 0.5) / len(theta)
+    u = y[None, :] - theta[:, None]
+    return (u * (tau[:, None] - (u < 0))).mean(1).sum()
+
+
+def target(y, q_values, allowed, action, alpha, low=-np.inf, sign=1):
+    best = np.where(allowed, q_values, low).max(1)
+    return y - sign * alpha * (best - q_values[np.arange(len(y)), action])
+
+
+def of_all_actions(y, q_values, allowed, action, alpha):
+    return target(y, q_values, np.full_like(allowed, True), action, alpha)
+
+
+def at_rest(y, q_values, allowed, action, alpha):
+    return y - (y - target(y, q_values, allowed, action, 1)) / (1 - alpha)
+
+
+def longest(data, discount, cost, back=2, late=1, landing=0):
+    way = 1
+    while discount ** (way - late) * data > cost * sum(
+        discount**t for t in range(back * way + landing)
+    ):
+        way += 1
+    return way - 1
+
+
+def undiscounted_costs(data, discount, cost):
+    way = 1
+    while discount ** (way - 1) * data > cost * 2 * way:
+        way += 1
+    return way - 1
+
+
+def undiscounted_data(data, discount, cost):
+    way = 1
+    while data > cost * sum(discount**t for t in range(2 * way)):
+        way += 1
+    return way - 1
+
+
+MISTAKES = {
+    "failsafe_mask": [
+        (no_landing_time, "A unit of time is missing"),
+        (no_action_time, "A unit of time is missing"),
+        (too_careful, "just enough is enough"),
+        (minus_one_is_near, "−1 means that there is no way"),
+        (landing_like_the_others, "ends the flight"),
+        (landing_everywhere, "in the landing zone only"),
+        (as_numbers, "array of Booleans is expected"),
+        (in_place, "changes what it is given"),
+    ],
+    "quantile_loss": [
+        (lambda theta, y, kappa: loss(theta, y, kappa, level=0), "left ends"),
+        (lambda theta, y, kappa: loss(theta, y, kappa, level=1), "right ends"),
+        (lambda theta, y, kappa: loss(theta, y, kappa, power=1), "the half is missing"),
+        (lambda theta, y, kappa: loss(theta, y, kappa, sign=-1), "the other sign"),
+        (lambda theta, y, kappa: loss(theta, y, kappa, over="all"), "their losses are added up"),
+        (lambda theta, y, kappa: loss(theta, y, kappa, over="none"), "the mean over them"),
+        (lambda theta, y, kappa: loss(theta, y, np.inf), "square all errors"),
+        (pinball, "the pinball loss"),
+    ],
+    "advantage_target": [
+        (of_all_actions, "among all"),
+        (lambda *case: target(*case, low=0), "take −inf"),
+        (lambda *case: target(*case, sign=-1), "The sign is wrong"),
+        (at_rest, "at rest"),
+        (lambda y, *others: target(y, *others) * 0 + y, "expected"),
+    ],
+    "longest_way": [
+        (lambda *case: longest(*case) + 1, "does not pay"),
+        (lambda *case: longest(*case, back=1), "way back is missing"),
+        (lambda *case: longest(*case, late=0), "not γ\\^way"),
+        (lambda *case: longest(*case, landing=1), "Landing is free"),
+        (undiscounted_costs, "costs are discounted, too"),
+        (undiscounted_data, "less the later"),
+    ],
+}

@@ -1,0 +1,449 @@
+"""Exercises of notebook 12, beyond the paper."""
+
+import functools
+
+import numpy as np
+
+from uavdh_lite.city import City
+from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.values import number, numbers, truths, whole
+from uavdh_lite.environment import LAND, Environment
+from uavdh_lite.plotting import BLUE, VERMILION
+from uavdh_lite.streams import Use, stream
+
+
+def _fits(distance, next_cell, cell, time_left, after=1, landing=1, strict=0, off=np.inf):
+    """Which actions leave time to land; the keywords make mistakes.
+
+    Arguments:
+        after: what the action itself takes.
+        landing: what landing takes.
+        strict: 1 if the time must be more than enough.
+        off: the distance where there is no way.
+    """
+    home = np.where(distance < 0, off, distance)
+    fits = home[next_cell[cell]] + landing + strict <= time_left[:, None] - after
+    fits[:, LAND] |= distance[cell] == 0
+    return fits
+
+
+def _without_landing(*case):
+    distance, next_cell, cell, time_left = case
+    home = np.where(distance < 0, np.inf, distance)
+    return home[next_cell[cell]] + 1 <= time_left[:, None] - 1
+
+
+def _landing_anywhere(*case):
+    fits = _fits(*case)
+    fits[:, LAND] = True
+    return fits
+
+
+def _from_here(distance, next_cell, cell, time_left):
+    home = np.where(distance < 0, np.inf, distance)
+    return np.repeat((home[cell] + 2 <= time_left)[:, None], 6, 1)
+
+
+def _situations() -> dict[str, list[tuple]]:
+    """Distance, moves, cells and times of small cities, one of them with cells cut off."""
+    cut_off = City.from_text("cut off", "L . . B .\n. . . B .\n. B . B B\n. . . . .\n. . . . L")
+    generator = stream(Use.EXERCISE, 12)
+    cases: list[list[tuple]] = []
+    for city in (cut_off, City.load("village")):
+        environment = Environment(city)
+        distance = city.landing_distance.ravel()
+        cells = np.flatnonzero(~city.no_fly.ravel())
+        cases.append([])
+        for count in (1, 6, 40):
+            cell = generator.choice(cells, count)
+            spare = generator.integers(-2, 3, count)
+            time_left = (np.maximum(distance[cell], 0) + 1 + spare).clip(1)
+            cases[-1].append((distance, environment.next_cell, cell, time_left))
+    return {
+        "An action fits if the units for itself, for the way home after it and for the landing are "
+        "at most time_left; to land at once, in the zone, always fits. (Here some cells have no "
+        "way home.)": cases[0],
+        "An action fits if the units for itself, for the way home after it and for the landing are "
+        "at most time_left; to land at once, in the zone, always fits.": cases[1],
+    }
+
+
+def _draw_failsafe(ax):
+    city = City.load("village")
+    environment = Environment(city)
+    cells = np.flatnonzero(~city.no_fly.ravel())
+    distance = city.landing_distance.ravel()
+    fits = _fits(distance, environment.next_cell, cells, np.full(len(cells), 5))
+    counts = np.full(city.size**2, np.nan)
+    counts[cells] = fits.sum(1)
+    image = ax.imshow(counts.reshape(city.size, city.size), cmap="viridis")
+    ax.figure.colorbar(image, label="actions that fit")
+    ax.set(title="village, five units of time left", xlabel="column", ylabel="row")
+
+
+MASK = Table(
+    _fits,
+    _situations,
+    {
+        "A unit of time is missing: the action itself takes one, and the landing another.": (
+            functools.partial(_fits, landing=0)
+        ),
+        "You forget both units: one for the action, one for the landing.": (
+            functools.partial(_fits, after=0, landing=0)
+        ),
+        "Time that is just enough is enough: <=, not <.": functools.partial(_fits, strict=1),
+        "A distance of −1 means that there is no way, and is not less than 0 moves.": (
+            functools.partial(_fits, off=-1)
+        ),
+        "Landing in the landing zone ends the flight: it fits with any time, also with one unit.": (
+            _without_landing
+        ),
+        "Landing fits in the landing zone only. Elsewhere it is refused, and costs a unit of time "
+        "like hovering.": _landing_anywhere,
+        "Ask for the distance from the cell that the action leads to, not from the cell where the "
+        "UAV is.": _from_here,
+    },
+    read=truths,
+)
+
+
+@exercise(
+    "12.1",
+    "The failsafe's mask",
+    points=2,
+    minutes=15,
+    hints=(
+        "Look at the cell that each action leads to. How many units of time are left when the UAV "
+        "is there, and how many does it take from there to be on the ground?",
+        "distance[next_cell[cell]] is (B, 6): moves home after each action. One unit more for "
+        "landing must fit into time_left − 1. Then two special cases: −1, and landing at once.",
+    ),
+    figure=_draw_failsafe,
+    table=MASK,
+)
+def failsafe_mask(answer) -> None:
+    """`fits(distance, next_cell, cell, time_left)`: the actions that leave time to land, (B, 6)."""
+
+
+def _quantile_loss(theta, y, kappa, level=None, below=None, shape=None, half=0.5):
+    """The quantile Huber loss; the keywords make mistakes."""
+    count = len(theta)
+    tau = (np.arange(count) + 0.5) / count if level is None else level(count)
+    u = y[None, :] - theta[:, None]
+    size = np.abs(u)
+    huber = np.where(size <= kappa, half * u**2, kappa * (size - kappa / 2))
+    huber = huber if shape is None else shape(u, size, kappa)
+    negative = u < 0 if below is None else below(u)
+    return (np.abs(tau[:, None] - negative) * huber).mean(1).sum()
+
+
+def _means(theta, y, kappa, over):
+    count = len(theta)
+    tau, u = ((np.arange(count) + 0.5) / count)[:, None], y[None, :] - theta[:, None]
+    size = np.abs(u)
+    huber = np.where(size <= kappa, 0.5 * u**2, kappa * (size - kappa / 2))
+    return over(np.abs(tau - (u < 0)) * huber)
+
+
+def _distributions() -> dict[str, list[tuple]]:
+    generator = stream(Use.EXERCISE, 13)
+
+    def drawn(quantiles, samples):
+        return [
+            (generator.normal(0, 2, quantiles), generator.normal(0, 4, samples), kappa)
+            for kappa in (0.5, 1.0, 3.0)
+        ]
+
+    return {
+        "With one quantile its level is 1/2, and the loss is the mean over the samples.": (
+            drawn(1, 1) + drawn(1, 5)
+        ),
+        "Each quantile has the mean over all samples; these means are added up.": (
+            drawn(2, 3) + drawn(4, 4) + drawn(32, 1) + drawn(8, 50)
+        ),
+    }
+
+
+def _draw_quantile_loss(ax):
+    y = np.linspace(-4, 4, 161)
+    for k, colour in ((0, BLUE), (4, VERMILION)):
+        losses = []
+        for value in y:
+            theta = np.full(5, value)
+            theta[k] = 0.0
+            losses.append(_quantile_loss(theta, np.array([value]), 1.0))
+        ax.plot(y, losses, color=colour, label=f"θ_{k + 1} = 0 of five, the others exact")
+    ax.set(xlabel="the only sample y", ylabel="loss, κ = 1")
+    ax.legend(fontsize="small")
+
+
+LOSS = Table(
+    _quantile_loss,
+    _distributions,
+    {
+        "The levels are the middles of N equal parts, (i − 1/2)/N: yours are their left ends, "
+        "which begin at 0.": functools.partial(_quantile_loss, level=lambda n: np.arange(n) / n),
+        "The levels are the middles of N equal parts, (i − 1/2)/N: yours are their right ends, "
+        "which end at 1.": (
+            functools.partial(_quantile_loss, level=lambda n: np.arange(1, n + 1) / n)
+        ),
+        "The error is u = y − θ: yours has the other sign, so that weights for too high and too "
+        "low are swapped.": functools.partial(_quantile_loss, below=lambda u: u > 0),
+        "The weight is |τ − 1| where u < 0, not τ everywhere: without it nothing makes the "
+        "quantiles differ.": functools.partial(_quantile_loss, below=lambda u: 0 * u),
+        "Within kappa the loss is u²/2: the half is missing.": (
+            functools.partial(_quantile_loss, half=1.0)
+        ),
+        "That is the pinball loss: within kappa, Huber's loss is u²/2.": (
+            functools.partial(_quantile_loss, shape=lambda u, size, k: size)
+        ),
+        "You square all errors: beyond kappa, Huber's loss is kappa · (|u| − kappa/2).": (
+            functools.partial(_quantile_loss, shape=lambda u, size, k: u**2 / 2)
+        ),
+        "Beyond kappa the loss is kappa · (|u| − kappa/2): the factor kappa in front is missing.": (
+            functools.partial(
+                _quantile_loss,
+                shape=lambda u, size, k: np.where(size <= k, u**2 / 2, size - k / 2),
+            )
+        ),
+        "You average over the quantiles as well: their losses are added up.": (
+            functools.partial(_means, over=np.mean)
+        ),
+        "You add up the samples as well: each quantile's loss is the mean over them.": (
+            functools.partial(_means, over=np.sum)
+        ),
+        "You average over the quantiles and add up the samples: it is the other way round.": (
+            functools.partial(_means, over=lambda table: table.mean(0).sum())
+        ),
+    },
+    read=number,
+)
+
+
+@exercise(
+    "12.2",
+    "The quantile Huber loss",
+    points=3,
+    minutes=15,
+    hints=(
+        "Make a table of all errors first: N rows, one for each quantile, and a column for each "
+        "sample. Weight and Huber's loss are tables of the same shape.",
+        "u = y[None, :] − theta[:, None]. The weight of row i is its level where u ≥ 0, and one "
+        "minus the level where u < 0. Average each row, then add the rows up.",
+    ),
+    figure=_draw_quantile_loss,
+    table=LOSS,
+)
+def quantile_loss(answer) -> None:
+    """`quantile_loss(theta, y, kappa)`: a number, for N quantiles and any number of samples."""
+
+
+def _advantage_target(y, q_values, allowed, action, alpha, best=None, share=None):
+    """y minus α times the gap; the keywords make mistakes."""
+    taken = q_values[np.arange(len(action)), action]
+    top = np.where(allowed, q_values, -np.inf).max(1) if best is None else best(q_values, allowed)
+    gap = top - taken
+    return y - alpha * gap if share is None else share(y, gap, top, taken, alpha)
+
+
+def _minibatches() -> dict[str, list[tuple]]:
+    generator = stream(Use.EXERCISE, 14)
+
+    def drawn(count, shift, share):
+        cases = []
+        for alpha in (0.0, 0.3, 0.8):
+            q_values = generator.normal(shift, 3, (count, 6))
+            action = generator.integers(0, 6, count)
+            allowed = generator.random((count, 6)) < share
+            allowed[np.arange(count), action] = True
+            cases.append((generator.normal(shift, 3, count), q_values, allowed, action, alpha))
+        return cases
+
+    return {
+        "The gap is the largest Q-value of the row minus that of the action taken.": (
+            drawn(1, 0.0, 2.0) + drawn(3, 0.0, 2.0)
+        ),
+        "Only actions that are allowed count for the maximum, whatever the Q-values' signs.": (
+            drawn(1, -20.0, 0.6) + drawn(6, -20.0, 0.6) + drawn(8, 10.0, 0.6)
+        ),
+    }
+
+
+def _draw_advantage_target(ax):
+    q_values = np.array([[2.0, 1.6, 1.9, 0.8, 1.7, 0.2]])
+    allowed, places = np.ones((1, 6), bool), np.arange(6)
+    for offset, alpha, colour in ((-0.2, 0.0, "0.7"), (0.2, 0.5, BLUE)):
+        targets = [
+            _advantage_target(q_values[:, k], q_values, allowed, np.array([k]), alpha)[0]
+            for k in places
+        ]
+        ax.bar(places + offset, targets, 0.4, color=colour, label=f"α = {alpha}")
+    ax.set(xlabel="action taken", ylabel="target, if y is the Q-value")
+    ax.legend()
+
+
+def _advantage_target_wrong(share):
+    return functools.partial(_advantage_target, share=share)
+
+
+TARGET = Table(
+    _advantage_target,
+    _minibatches,
+    {
+        "The best action is sought among all, also those that are not allowed: a Q-value that is "
+        "never learned must not count.": (
+            functools.partial(_advantage_target, best=lambda q, allowed: q.max(1))
+        ),
+        "You set Q-values that are not allowed to 0. If all others are below 0, that is the "
+        "largest: take −inf.": (
+            functools.partial(
+                _advantage_target, best=lambda q, allowed: np.where(allowed, q, 0).max(1)
+            )
+        ),
+        "The maximum is over the actions of each state, axis=1, not over the whole batch.": (
+            functools.partial(
+                _advantage_target, best=lambda q, allowed: q[allowed].max() + 0 * q[:, 0]
+            )
+        ),
+        "The sign is wrong: the gap is taken away from the target, so that worse actions get "
+        "worse.": _advantage_target_wrong(lambda y, gap, top, taken, alpha: y + alpha * gap),
+        "You take the whole gap away: only the share alpha of it.": (
+            _advantage_target_wrong(lambda y, gap, top, taken, alpha: y - gap)
+        ),
+        "Dividing by 1 − alpha is what comes out in the end, at rest. The target of one update "
+        "takes alpha times the gap.": (
+            _advantage_target_wrong(lambda y, gap, top, taken, alpha: y - gap / (1 - alpha))
+        ),
+        "You take alpha times the best Q-value: it is the gap to the action taken that counts.": (
+            _advantage_target_wrong(lambda y, gap, top, taken, alpha: y - alpha * top)
+        ),
+        "You take alpha times the taken action's Q-value: it is its gap to the best that "
+        "counts.": _advantage_target_wrong(lambda y, gap, top, taken, alpha: y - alpha * taken),
+        "You compare with y instead of the Q-value of the action taken.": (
+            _advantage_target_wrong(lambda y, gap, top, taken, alpha: y - alpha * (top - y))
+        ),
+        "The targets y are missing: you give back the part that is taken away.": (
+            _advantage_target_wrong(lambda y, gap, top, taken, alpha: alpha * gap)
+        ),
+    },
+    read=numbers,
+)
+
+
+@exercise(
+    "12.3",
+    "The target of advantage learning",
+    points=2,
+    minutes=10,
+    hints=(
+        "Two Q-values of each row are needed: of the best action that is allowed, and of the "
+        "action that was taken. What is the gap of the best action itself?",
+        "np.where(allowed, q_values, −np.inf).max(axis=1) is the best one's. For the other, index "
+        "q_values with np.arange(B) and action. Then y − alpha · gap.",
+    ),
+    figure=_draw_advantage_target,
+    table=TARGET,
+)
+def advantage_target(answer) -> None:
+    """`target(y, q_values, allowed, action, alpha)`: the targets with wider gaps, (B,)."""
+
+
+def _detour(data, way, discount, cost, delay=1, back=2, free=False):
+    """The discounted reward of flying there and back; the keywords make mistakes."""
+    moves = np.arange(back * way)
+    steps = len(moves) if free else (discount**moves).sum()
+    return discount ** (way - delay) * data - cost * steps
+
+
+def _longest_way(data, discount, cost, worth=_detour):
+    way = 0
+    while worth(data, way + 1, discount, cost) > 0:
+        way += 1
+    return way
+
+
+def _detours() -> dict[str, list[tuple]]:
+    """So little data that even without a discount for it the search comes to an end."""
+    return {
+        "Without a discount, γ = 1, it pays as long as data > 2 · way · cost.": (
+            [(5.0, 1.0, 0.11), (20.0, 1.0, 0.23)]
+        ),
+        "It pays if data · γ^(way − 1) is more than the sum of cost · γ^t, t from 0 to "
+        "2 · way − 1.": [
+            (1.5, 0.95, 0.11),
+            (4.0, 0.95, 0.23),
+            (3.0, 0.97, 0.11),
+            (7.0, 0.97, 0.23),
+        ],
+        "If not even a way of 1 pays, the answer is 0.": [(0.05, 0.8, 0.11)],
+        "A way of 1 has two moves.": [(0.5, 0.8, 0.11)],
+    }
+
+
+def _draw_longest_way(ax):
+    discounts = np.linspace(0.9, 0.99, 46)
+    for data, colour in ((5.0, BLUE), (20.0, VERMILION)):
+        ways = [_longest_way(data, float(discount), 0.1) for discount in discounts]
+        ax.step(discounts, ways, color=colour, label=f"{data:g} data units")
+    ax.set(xlabel="discount γ", ylabel="longest way that pays, moves")
+    ax.legend()
+
+
+def _longest_way_wrong(**changes):
+    return functools.partial(_longest_way, worth=functools.partial(_detour, **changes))
+
+
+WAY = Table(
+    _longest_way,
+    _detours,
+    {
+        "That is the shortest way that does not pay: asked for is the longest that does.": (
+            lambda *case: _longest_way(*case) + 1
+        ),
+        "The way back is missing: it takes as many moves, and each costs.": _longest_way_wrong(
+            back=1
+        ),
+        "The data comes in the last move of the way there, which is step way − 1 when the first "
+        "is step 0: γ^(way − 1), not γ^way.": _longest_way_wrong(delay=0),
+        "The costs are discounted, too: that of step t counts γ^t.": _longest_way_wrong(free=True),
+        "The data counts less the later it comes: γ^(way − 1).": (
+            functools.partial(
+                _longest_way,
+                worth=lambda data, way, discount, cost: (
+                    data - cost * (discount ** np.arange(2 * way)).sum()
+                ),
+            )
+        ),
+        "Landing is free: only the 2 · way moves cost.": (
+            functools.partial(
+                _longest_way,
+                worth=lambda data, way, discount, cost: (
+                    discount ** (way - 1) * data - cost * (discount ** np.arange(2 * way + 1)).sum()
+                ),
+            )
+        ),
+        "That is the number of moves there and back: asked for is the way to the device.": (
+            lambda *case: 2 * _longest_way(*case)
+        ),
+    },
+    read=whole,
+)
+
+
+@exercise(
+    "12.4",
+    "How far does a discount reach?",
+    points=2,
+    minutes=12,
+    hints=(
+        "Write down the rewards of all steps for a way of 2: four of them. Which are negative, in "
+        "which step does the data come, and what does each count, seen from the start?",
+        "For a way of w: minus cost · γ^t for t = 0 … 2w − 1, plus data · γ^(w − 1). It falls with "
+        "w. Raise w in a loop as long as the next way still pays.",
+    ),
+    figure=_draw_longest_way,
+    table=WAY,
+)
+def longest_way(answer) -> None:
+    """`longest_way(data, discount, cost)`: the most moves to a device that pay, an int."""
