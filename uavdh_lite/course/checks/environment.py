@@ -503,15 +503,18 @@ def reward(answer) -> None:
     """`reward(uploaded, intervened, landed, crashed)`: (B,), for a batch of steps."""
 
 
-class _Town(City):
-    """A city that is short in messages."""
+class Town(City):
+    """A city that a message shows by its signs, or by its name if it is known or large."""
 
     def __repr__(self) -> str:
-        return "CITY_OF_HINT_3" if self.name == "small" else f"City({self.name!r})"
+        if self.name == "small":
+            return "CITY_OF_HINT_3"
+        text = "\n".join(" ".join(".NbLB"[kind] for kind in row) for row in self.kinds)
+        return f"City.from_text({self.name!r}, {text!r})" if self.size < 8 else self.name
 
 
-PLAIN = _Town.from_text("plain", ". . . . .\n. . . . .\n. . L . .\n. . . . .\n. . . . .")
-SMALL = _Town.from_text(
+PLAIN = Town.from_text("plain", ". . . . .\n. . . . .\n. . L . .\n. . . . .\n. . . . .")
+SMALL = Town.from_text(
     "small",
     """
     L . . . B
@@ -522,7 +525,7 @@ SMALL = _Town.from_text(
     """,
 )
 
-LARGE = _Town.from_text(
+LARGE = Town.from_text(
     "seven",
     """
     . N . . b . .
@@ -596,7 +599,7 @@ KINDS = {
 
 
 def _safe_step_cases():
-    cities = PLAIN, SMALL, LARGE, _Town.from_text("two", "L .\n. N"), _Town.load("village")
+    cities = PLAIN, SMALL, LARGE, Town.from_text("two", "L .\n. N"), Town.load("village")
     cases = {text: [] for text in KINDS.values()}
     for city in cities:
         for cell in _inner_first(city, np.argwhere(~city.no_fly).tolist()):
@@ -680,6 +683,7 @@ SAFE_STEP = Table(
         "East and west are the wrong way round: east is col + 1.": _turned((0, 3, 2, 1, 4, 5)),
     },
     read=_cell_and_flag,
+    shown=lambda array: (tuple(array[:2].astype(int).tolist()), bool(array[2])),
     errors={"out of bounds": "You look up a cell that does not exist: ask for the grid first."},
     again=False,
 )

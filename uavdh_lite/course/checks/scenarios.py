@@ -7,6 +7,7 @@ import numpy as np
 
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
+from uavdh_lite.course.checks.environment import Town
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
 from uavdh_lite.course.checks.table import Table
 from uavdh_lite.course.checks.values import Unreadable, numbers
@@ -42,22 +43,15 @@ N . . B .
 """
 
 
-class _Drawn(City):
-    """A city that a message shows by its signs."""
-
-    def __repr__(self) -> str:
-        return f"City.from_text({self.name!r}, {_text(self)!r})" if self.size < 9 else self.name
-
-
 def _city_cases():
     texts = {"corners": SMALL, "walls": WALLED, "diagonals": DIAGONAL, "open": "L .\n. ."}
     texts |= {"wall": "L . N\n. N .\nN . .", "low": "L b .\nb . .\n. . .", "two": TWO, "four": FREE}
-    small = {name: (_Drawn.from_text(name, text),) for name, text in texts.items()}
+    small = {name: (Town.from_text(name, text),) for name, text in texts.items()}
     generator, drawn = stream(Use.EXERCISE, 91), []
     while len(drawn) < 7:
         kinds = generator.choice(5, (8, 8), p=(0.55, 0.15, 0.14, 0.04, 0.12))
         with suppress(CityError):  # no landing cell, or one that is walled in
-            drawn.append((_Drawn.from_kinds(f"random city {len(drawn)}", kinds),))
+            drawn.append((Town.from_kinds(f"random city {len(drawn)}", kinds),))
     return {
         "A cell of the landing zone has 0, each other one more than its nearest neighbour: north, "
         "east, south, west, not diagonally.": [small["open"]],
@@ -74,7 +68,7 @@ def _city_cases():
         "The way goes round all walls, whatever the city.": [
             *(small[name] for name in ("corners", "walls", "diagonals")),
             *drawn,
-            *((_Drawn.load(name),) for name in ("manhattan", "open_field")),
+            *((Town.load(name),) for name in ("manhattan", "open_field")),
         ],
     }
 

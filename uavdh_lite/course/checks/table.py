@@ -39,6 +39,7 @@ class Table:
         tolerance: relative. smallest: absolute.
         errors: what to say, besides the rule, if an answer stops with an error whose message has
             this text in it.
+        shown: makes of an array that was read what a message shows.
         where: says of a case and a place in a large result what should be there.
         again: whether each case is asked twice.
     """
@@ -50,6 +51,7 @@ class Table:
     tolerance: float = 1e-6
     smallest: float = 1e-9
     errors: dict[str, str] = field(default_factory=dict)
+    shown: Callable[[np.ndarray], Any] | None = None
     where: Callable[..., str] | None = None
     again: bool = True
 
@@ -101,6 +103,9 @@ class Table:
         if self.where and right.ndim:
             place = np.argwhere(~np.isclose(given.value, right, self.tolerance, self.smallest))[0]
             there = f" {self.where(*case, tuple(place.tolist()))}"
+        if self.shown:
+            gives, expected = (show(self.shown(value)) for value in (given.value, right))
+            return f"{call} gives {gives}, expected {expected}. {rule}{there}"
         return f"{call} {differing(given.value, right)}. {rule}{there}"
 
     def _repeat(self, answer: Callable, given: list[Outcome]) -> None:
