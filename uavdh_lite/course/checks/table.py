@@ -84,7 +84,7 @@ class Table:
                     raise CheckFailed(message)
         rule = self.cases[wrong[0]][0]
         own = [k for k in wrong if self.cases[k][0] == rule]
-        k = min(own, key=lambda k: len(called("", self.cases[k][1])))
+        k = min(own, key=lambda k: _extent(self.cases[k][1]))
         raise CheckFailed(self._failure(called(name_of(answer), self.cases[k][1]), k, given[k]))
 
     def _failure(self, call: str, k: int, given: Outcome) -> str:
@@ -171,6 +171,12 @@ class Table:
         return bool(
             np.allclose(one.value, other.value, self.tolerance, self.smallest, equal_nan=True)
         )
+
+
+def _extent(case: tuple) -> tuple[int, int]:
+    """How large a case is: arrays, tensors and cities by their size, then the text of the call."""
+    sizes = [a.numel() if hasattr(a, "numel") else getattr(a, "size", 0) for a in case]
+    return sum(sizes), len(called("", case))
 
 
 def _copied(argument, read_only: bool):
