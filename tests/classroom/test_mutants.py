@@ -46,6 +46,12 @@ EQUIVALENT = {  # by exercise: which faults change no result, and why
     },
     "worst_device_cell": {"divmod(number, city.size)": "numpy's integer is as good as Python's"},
     "flight_score": {"return -1e-09": "within the tolerance of rounding"},
+    "quantile_loss": {
+        "np.abs(u) < kappa": "where |u| is κ both lines agree",
+        "(u < 0) - levels": "the absolute value is the same",
+        "(u <= 0)": "an error of 0 costs nothing",
+    },
+    "longest_way": {"way = -1": "a way of 0 always pays"},
     "n_step_return": {"(-1e-09, 1.0)": "within the tolerance of rounding"},
 }
 

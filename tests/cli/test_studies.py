@@ -81,7 +81,7 @@ def test_bad_values_are_one_line(tmp_path, capsys):
     for options, message in {
         "--study weather": "unknown study 'weather': choose one of centring, deviations, parts",
         "--variants centred sideways": "unknown variant 'sideways': choose from centred, non_",
-        "--steps 4000": "runs of 4000 steps: a study's curves need 5000 at least",
+        "--steps 4000": "runs of 4000 steps: a study's curves need at least 5000",
     }.items():
         assert main(ablation(tmp_path / "a", *options.split())) == 2
         error = capsys.readouterr().err

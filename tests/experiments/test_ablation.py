@@ -136,6 +136,6 @@ def test_unknown_study_variant_and_backend(run, tmp_path):
 
 def test_runs_too_short_for_a_curve_are_refused_before_they_run(run, tmp_path):
     variants = centring(replace(RECIPE, steps=4000))
-    with pytest.raises(InputError, match="runs of 4000 steps: a study's curves need 5000 at leas"):
+    with pytest.raises(InputError, match="runs of 4000 steps: a study's curves need at least 500"):
         run(tmp_path / "a", variants=variants)
     assert not (tmp_path / "a").exists()

@@ -89,6 +89,7 @@ def test_picture_shows_the_flight():
 def test_window(monkeypatch):
     import matplotlib.pyplot as plt
 
+    plt.close("all")  # of other tests
     paused = []
     monkeypatch.setattr(plt, "pause", paused.append)
     env = gymnasium.make(ID, scenario="village", render_mode="human")

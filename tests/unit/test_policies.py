@@ -22,7 +22,12 @@ def village():
 
 def test_a_citys_own_agents_come_first_and_planners_fly_over_any(environment, village):
     planners = ["greedy", "genie", "random"]
-    assert policies_for(environment) == ["manhattan", "manhattan_early", *planners]
+    assert policies_for(environment) == [
+        "manhattan",
+        "manhattan_early",
+        "manhattan_quantile",
+        *planners,
+    ]
     assert policies_for(village) == planners
     assert set(policies_for(environment)) < set(known_policies())
 

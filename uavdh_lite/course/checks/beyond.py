@@ -367,7 +367,7 @@ def _detours() -> dict[str, list[tuple]]:
     """So little data that even without a discount for it the search comes to an end."""
     return {
         "Without a discount, γ = 1, it pays as long as data > 2 · way · cost.": (
-            [(5.0, 1.0, 0.11), (20.0, 1.0, 0.23)]
+            [(5.0, 1.0, 0.11), (20.0, 1.0, 0.23), (6.0, 1.0, 1.0)]
         ),
         "It pays if data · γ^(way − 1) is more than the sum of cost · γ^t, t from 0 to "
         "2 · way − 1.": [
