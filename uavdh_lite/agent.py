@@ -48,6 +48,15 @@ def build(recipe: Recipe, city: City | Cities) -> tuple[Observation, QNetwork]:
     return observation, QNetwork(*layers)
 
 
+def choices(environment: Environment, state: State) -> Tensor | None:
+    """What a learner chooses from: the allowed actions, (B, 6) bool; None, for all of them,
+    without the failsafe.
+    """
+    if not environment.failsafe:
+        return None
+    return torch.from_numpy(environment.allowed_actions(state))
+
+
 @dataclass(frozen=True, eq=False)
 class Agent:
     """The greedy policy of a network: `agent(state)` gives the actions, (B,) ints.
@@ -87,9 +96,7 @@ class Agent:
 
         It never took the other actions in training, so their Q-values mean nothing.
         """
-        if not self.recipe.failsafe:
-            return None
-        return torch.from_numpy(self.environment.allowed_actions(state))
+        return choices(self.environment, state)
 
     def knows(self, city: City | Cities) -> bool:
         """Whether this is the city that the agent was trained in."""

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from uavdh_lite import streams
 from uavdh_lite.advantage_learning import action_gap, widen_gap
-from uavdh_lite.agent import Agent, build
+from uavdh_lite.agent import Agent, build, choices
 from uavdh_lite.checkpoint import load, save
 from uavdh_lite.city import City
 from uavdh_lite.ddqn import DDQN, Networks, draw_actions, only_allowed, softmax_policy
@@ -197,10 +197,8 @@ class Trainer:
         return draw_actions(probabilities, self.generator)
 
     def _allowed(self, state: State) -> Tensor | None:
-        """The actions to choose from, (B, 6) bool; None, for all of them, without the failsafe."""
-        if not self.recipe.failsafe:
-            return None
-        return torch.from_numpy(self.environment.allowed_actions(state)).to(self.device)
+        allowed = choices(self.environment, state)
+        return None if allowed is None else allowed.to(self.device)
 
     def _draw_minibatch(self) -> Minibatch | None:
         """A minibatch from the memory with its targets; None until the memory is prefilled."""

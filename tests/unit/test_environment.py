@@ -3,9 +3,10 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, reject, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference import ReferenceEpisode, cached_line_of_sight
+from strategies import cities
 
 from uavdh_lite.channel import Channel
 from uavdh_lite.city import City
@@ -348,20 +349,9 @@ def test_half_way_counts_as_in_the_cell_being_entered(uav, action, slots, entere
 
 
 @st.composite
-def cities(draw):
-    size = draw(st.integers(3, 7))
-    signs = draw(st.text("....LLNbB", min_size=size**2, max_size=size**2))
-    rows = [signs[i : i + size] for i in range(0, size**2, size)]
-    try:
-        return City.from_text("drawn", "\n".join(rows))
-    except CityError:
-        reject()
-
-
-@st.composite
 def flights(draw):
     """An environment, three starts, and actions for three episodes."""
-    city = draw(cities())
+    city = draw(cities(3))
     most = draw(st.integers(1, min(5, len(city.device_cells))))
     least = draw(st.integers(1, most))
     low, high = sorted(draw(st.tuples(st.floats(0.01, 30), st.floats(0.01, 30))))

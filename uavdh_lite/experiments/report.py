@@ -23,8 +23,6 @@ def policies_table(results: dict[str, dict[str, Interval]], paper: dict[str, flo
     The 95 % interval is that of the share collected and landed.
     """
     head = ["landed", "collected", "collected and landed", "95 % interval", "return", "time used"]
-    widths = [26, *(max(len(name), 8) + 2 for name in head)]
-    widths[4] = 18
     rows = [["", *head]]
     for policy, metrics in results.items():
         _, low, high = metrics["collection_ratio_and_landed"]
@@ -33,6 +31,7 @@ def policies_table(results: dict[str, dict[str, Interval]], paper: dict[str, flo
         rows.append([policy, *shares, f"{low:.1%} to {high:.1%}", f"{total:.1f}", f"{time:.1%}"])
     theirs = [f"{share:.1%}" for share in paper.values()]
     rows.append(["the paper, on its own map", *theirs, "", "", ""])
+    widths = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)]
     return "\n".join(
         row[0].ljust(widths[0])
         + "".join(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))

@@ -1,0 +1,19 @@
+"""What hypothesis draws for more than one file of tests."""
+
+from hypothesis import reject
+from hypothesis import strategies as st
+
+from uavdh_lite.city import City
+from uavdh_lite.errors import CityError
+
+
+@st.composite
+def cities(draw, least: int):
+    """Cities of `least` to 7 cells on a side."""
+    size = draw(st.integers(least, 7))
+    signs = draw(st.text("....LLNbB", min_size=size**2, max_size=size**2))
+    rows = [signs[i : i + size] for i in range(0, size**2, size)]
+    try:
+        return City.from_text("drawn", "\n".join(rows))
+    except CityError:
+        reject()
