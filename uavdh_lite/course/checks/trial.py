@@ -145,20 +145,26 @@ def _stop(thread: threading.Thread) -> None:
 
 
 class _Brief(io.TextIOBase):
-    """Passes on what is printed, up to `PRINTED` characters."""
+    """Passes on what is printed, up to `PRINTED` characters.
+
+    From then on it leaves the stream alone: a thread that is stopped inside it may keep its lock,
+    and then nobody prints any more.
+    """
 
     def __init__(self, stream):
         self.stream, self.left = stream, PRINTED
 
     def write(self, text: str) -> int:
-        self.stream.write(text[: max(0, self.left)])
-        if self.left > 0 and self.left < len(text):
-            self.stream.write(" … (your function prints more)\n")
+        if self.left > 0:
+            self.stream.write(text[: self.left])
+            if self.left < len(text):
+                self.stream.write(" … (your function prints more)\n")
         self.left -= len(text)
         return len(text)
 
     def flush(self) -> None:
-        self.stream.flush()
+        if self.left > 0:
+            self.stream.flush()
 
 
 def _leave(*_):
