@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from uavdh_lite.city import Cities, City
+from uavdh_lite.city import Cities, City, one_city
 from uavdh_lite.ddqn import only_allowed
 from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import InputError
@@ -20,9 +20,10 @@ from uavdh_lite.scenario import Scenario
 CHUNK = 256  # states a forward pass: more would only spill out of the processor's cache
 
 
-def build(recipe: Recipe, city: City | Cities) -> tuple[Observation, QNetwork]:
+def build(recipe: Recipe, city: City | Cities, size: int = 0) -> tuple[Observation, QNetwork]:
     """The observation and the untrained network of a recipe for a city, or for several.
 
+    The network is made for cities of up to `size` cells on a side, or for the largest given.
     The weights come from torch's global generator; wrap the call in `torch.random.fork_rng` to
     leave it unchanged.
     """
@@ -33,6 +34,7 @@ def build(recipe: Recipe, city: City | Cities) -> tuple[Observation, QNetwork]:
         recipe.time_scale,
         recipe.pooling,
         recipe.local_size,
+        size,
     )
     layers = (
         observation.map_shapes(),
@@ -66,15 +68,16 @@ class Agent:
     | field | meaning |
     | --- | --- |
     | `network`, `observation` | the network and what it sees, on one device |
-    | `recipe`, `scenario`, `city` | what it was trained with |
-    | `training` | seed, environment steps, validation metrics, command, versions |
+    | `recipe`, `scenario` | what it was trained with |
+    | `city` | the city that it flies over, or the cities that it was trained in |
+    | `training` | seed, cities, environment steps, validation metrics, command, versions |
     """
 
     network: nn.Module
     observation: Observation
     recipe: Recipe
     scenario: Scenario
-    city: City
+    city: City | Cities
     training: dict = field(default_factory=dict)
 
     @torch.no_grad()
@@ -88,7 +91,7 @@ class Agent:
 
     @cached_property
     def environment(self) -> Environment:
-        """The environment it was trained in: the city, with the failsafe if the recipe has it."""
+        """The city or cities, with the failsafe if the recipe has it."""
         return Environment(self.city, failsafe=self.recipe.failsafe)
 
     def allowed(self, state: State) -> Tensor | None:
@@ -99,23 +102,26 @@ class Agent:
         return choices(self.environment, state)
 
     def knows(self, city: City | Cities) -> bool:
-        """Whether this is the city that the agent was trained in."""
-        return city.fingerprint == self.city.fingerprint
+        """Whether it was trained for this city: in it, or in many of its size or larger ones."""
+        if city.fingerprint == self.city.fingerprint:
+            return True
+        return self.training.get("cities", 1) > 1 and city.size <= self.observation.size
 
-    def over(self, city: City) -> "Agent":
-        """The same network over another city of the same size, which it was not trained for.
+    def over(self, city: City | Cities) -> "Agent":
+        """The same network over another city, or several; a smaller one lies in no-fly cells.
 
-        Raises `InputError` if the size differs: the network's first fully connected layer is made
-        for one size only.
+        Raises `InputError` for a larger city: the network's first fully connected layer is made
+        for maps of one size only.
         """
-        if self.knows(city):
+        if city.fingerprint == self.city.fingerprint:
             return self
-        if city.size != self.city.size:
+        size = self.observation.size
+        if city.size > size:
             raise InputError(
-                f"this agent was trained for a city of {self.city.size} cells on a side "
+                f"this agent was trained for cities of up to {size} cells on a side "
                 f"({self.city.name}), {city.name} has {city.size}: train one for it"
             )
-        observation, _ = build(self.recipe, city)
+        observation, _ = build(self.recipe, city, size)
         device = next(self.network.parameters()).device
         return replace(self, city=city, observation=observation.to(device))
 
@@ -145,7 +151,7 @@ def value_map(agent: Agent, state: State) -> np.ndarray:
     Arguments:
         state: a batch of one.
     """
-    city = agent.city
+    city = one_city(agent.city)
     cells = city.flight_cells
     elsewhere = replace(state[np.zeros(len(cells), int)], uav_cell=cells.astype(np.int16))
     values = np.full(city.size**2, np.nan)

@@ -6,19 +6,20 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
 from uavdh_lite.agent import Agent, build
-from uavdh_lite.city import City
+from uavdh_lite.city import Cities, City, as_cities
 from uavdh_lite.errors import CheckpointError, InputError
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import data_folder, write_atomically
 
-FORMAT = 5
+FORMAT = 6
 
 
 def save(path: str | Path, kind: str, tensors: dict[str, Tensor], about: dict) -> None:
@@ -93,13 +94,15 @@ def _digest(header: str, tensors: dict[str, Tensor]) -> str:
 
 
 def save_agent(path: str | Path, agent: Agent) -> None:
-    """Write an agent: weights, city, recipe, scenario and how it was trained."""
+    """Write an agent: weights, city or cities, recipe, scenario and how it was trained."""
     tensors = {f"network.{name}": value for name, value in agent.network.state_dict().items()}
-    tensors["city"] = torch.tensor(agent.city.kinds)
+    cities = as_cities(agent.city).cities
+    tensors["cities"] = torch.from_numpy(np.concatenate([city.kinds.ravel() for city in cities]))
     about = {
         "recipe": agent.recipe.as_json(),
         "scenario": asdict(agent.scenario),
-        "city": {"name": agent.city.name, "fingerprint": agent.city.fingerprint},
+        "cities": [{"name": city.name, "size": city.size} for city in cities],
+        "size": agent.observation.size,
         "training": agent.training,
     }
     save(path, "agent", tensors, about)
@@ -116,11 +119,15 @@ def load_agent(path: str | Path, device: str = "cpu") -> Agent:
                 f"no agent named {path.stem!r}: give the path of a checkpoint, or one of {shipped}"
             )
     tensors, about = load(path, "agent")
+    if "city" in about:  # of format 5 or older: one city
+        kinds = tensors.pop("city")
+        tensors["cities"], size = kinds.flatten(), len(kinds)
+        about |= {"cities": [{"name": about["city"]["name"], "size": size}], "size": size}
     try:
         recipe = Recipe.from_json(about["recipe"])
         scenario = scenario_from_json(about["scenario"])
-        city = City.from_kinds(about["city"]["name"], tensors.pop("city").numpy())
-        observation, network = build(recipe, city)
+        city = _cities(about["cities"], tensors.pop("cities").numpy())
+        observation, network = build(recipe, city, about["size"])
         network.load_state_dict({k.removeprefix("network."): v for k, v in tensors.items()})
     except (InputError, RuntimeError, KeyError, TypeError) as error:
         raise CheckpointError(
@@ -128,6 +135,16 @@ def load_agent(path: str | Path, device: str = "cpu") -> Agent:
         ) from None
     network.to(device).eval()
     return Agent(network, observation.to(device), recipe, scenario, city, about["training"])
+
+
+def _cities(about: list[dict], kinds: np.ndarray) -> City | Cities:
+    """The city or cities with these names and sizes, and these kinds of cells in a row."""
+    cells = np.split(kinds, np.cumsum([one["size"] ** 2 for one in about])[:-1])
+    cities = [
+        City.from_kinds(one["name"], own.reshape(one["size"], -1))
+        for one, own in zip(about, cells, strict=True)
+    ]
+    return cities[0] if len(cities) == 1 else Cities(tuple(cities))
 
 
 def scenario_from_json(values: dict) -> Scenario:

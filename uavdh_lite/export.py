@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from uavdh_lite.agent import Agent
+from uavdh_lite.city import one_city
 from uavdh_lite.environment import ACTIONS
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.scenario import Scenario
@@ -87,6 +88,6 @@ def _about(agent: Agent) -> dict:
         "observation": agent.recipe.observation,
         "data_scale": agent.recipe.data_scale,
         "time_scale": agent.recipe.time_scale,
-        "city": {"name": agent.city.name, "rows": agent.city.text.split()},
+        "city": {"name": agent.city.name, "rows": one_city(agent.city).text.split()},
         "scenario": scenario.name,
     }

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from uavdh_lite.city import Cities, City
+from uavdh_lite.city import Cities, City, load_city
 from uavdh_lite.environment import ACTIONS, Environment, Outcome, Rewards, State
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights, Policy, Step
@@ -37,7 +37,7 @@ class _Simulator:
         city: City | Cities | None,
     ):
         self.scenario = find_scenario(scenario) if isinstance(scenario, str) else scenario
-        city = City.load(self.scenario.city) if city is None else city
+        city = load_city(self.scenario.city) if city is None else city
         self.environment = Environment(city, failsafe=failsafe)
         self.rewards = rewards
         self._observation = Observation(

@@ -1,7 +1,8 @@
 """What the network sees: maps for a whole batch, built from compact states on the agent's device.
 
-B is the batch size and M the number of cells on a side of the largest city. A map of W = 2M − 1
-cells on a side shows the whole city wherever the UAV is.
+B is the batch size and M the number of cells on a side of the largest city, or more if the network
+is to see larger ones, too. A map of W = 2M − 1 cells on a side shows the whole city wherever the
+UAV is.
 """
 
 import numpy as np
@@ -27,7 +28,7 @@ class Observation(nn.Module):
     | `global_local` | two: the centred map average-pooled by `pooling`, (B, 5, W//g, W//g), and its middle, `local_size` cells on a side, at full resolution, (B, 5, l, l) |
 
     The layers are those of `LAYERS`. Outside the city the no-fly zone is 1 and all else is 0; so it
-    is around a city that is smaller than the largest. In the non-centred map the city is in the
+    is around a city that is smaller than M. In the non-centred map the city is in the
     middle, or half a cell north-west of it. `time`, (B, 1), is the remaining flying time. Data is
     divided by `data_scale`, time by `time_scale`.
 
@@ -37,6 +38,7 @@ class Observation(nn.Module):
 
     Arguments:
         city: the city of all episodes, or the cities among which their cells say theirs.
+        size: M, if it is to be more than the largest city has.
     """  # noqa: E501
 
     wide: Tensor
@@ -49,6 +51,7 @@ class Observation(nn.Module):
         time_scale: float = 1.0,
         pooling: int = 3,
         local_size: int = 17,
+        size: int = 0,
     ):
         super().__init__()
         if kind not in KINDS:
@@ -56,7 +59,7 @@ class Observation(nn.Module):
         self.kind, self.data_scale, self.time_scale = kind, data_scale, time_scale
         self.pooling, self.local_size = pooling, local_size
         self.cities = as_cities(city)
-        self.size = self.cities.size
+        self.size = max(size, self.cities.size)
         self.width = 2 * self.size - 1
         if kind == "global_local" and not (local_size % 2 == 1 and local_size <= self.width):
             raise InputError(

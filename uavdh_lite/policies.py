@@ -25,7 +25,7 @@ def known_policies() -> list[str]:
 def policies_for(environment: Environment) -> list[str]:
     """The names of the policies that can fly over this city: its own agents first.
 
-    A shipped agent knows only the city it was trained in; the planners fly over any.
+    A shipped agent knows only the cities it was trained for; the planners fly over any.
     """
     agents = [name for name in shipped_agents() if _shipped(name).knows(environment.city)]
     return [*agents, *PLANNERS]
@@ -47,7 +47,7 @@ def find_policy(name: str, environment: Environment, seed: int = 0) -> Policy:
     if not agent.knows(environment.city):
         city = environment.city.name
         raise InputError(f"agent {name} was trained in {agent.city.name}, not in {city}")
-    return agent
+    return agent.over(environment.city)
 
 
 @cache

@@ -15,7 +15,7 @@ class Scenario:
     """The ranges from which an episode is drawn, both ends included."""
 
     name: str
-    city: str = option("manhattan", "a shipped city's name, or the path of a PNG")
+    city: str = option("manhattan", "a shipped city's name, the path of a PNG, or a folder of PNGs")
     devices: tuple[int, int] = option((2, 5), "least and most number of devices")
     data: tuple[float, float] = option((5.0, 20.0), "least and most data of a device, data units")
     flying_time: tuple[int, int] = option((35, 70), "least and most flying time, units of time")

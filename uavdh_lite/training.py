@@ -15,7 +15,7 @@ from uavdh_lite import streams
 from uavdh_lite.advantage_learning import action_gap, widen_gap
 from uavdh_lite.agent import Agent, build, choices
 from uavdh_lite.checkpoint import load, save
-from uavdh_lite.city import City
+from uavdh_lite.city import Cities, City, load_city
 from uavdh_lite.ddqn import DDQN, Networks, draw_actions, only_allowed, softmax_policy
 from uavdh_lite.environment import ACTIONS, Environment, Outcome, Rewards, State
 from uavdh_lite.errors import InputError
@@ -120,7 +120,7 @@ class Trainer:
     `close` to end its second thread, if it has one.
 
     Arguments:
-        city: the city to fly over; the scenario's own if None.
+        city: the city to fly over, or several, one for each episode; the scenario's own if None.
         device: `cpu`, `cuda` or `mps`.
     """
 
@@ -131,11 +131,11 @@ class Trainer:
         scenario: Scenario,
         recipe: Recipe,
         seed: int,
-        city: City | None = None,
+        city: City | Cities | None = None,
         device: str = "cpu",
     ):
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
-        self.city = city if city is not None else City.load(scenario.city)
+        self.city = city if city is not None else load_city(scenario.city)
         self.device = torch.device(device)
         self.environment = Environment(self.city, failsafe=recipe.failsafe)
         self.generator = stream(Use.TRAINING, seed)
@@ -270,6 +270,7 @@ class Trainer:
         """The agent as it is now; it shares the weights with the run."""
         training = {
             "seed": self.seed,
+            "cities": len(self.environment.cities),
             "steps": self.steps,
             "updates": self.updates,
             "seconds": round(self.seconds, 1),

@@ -120,7 +120,7 @@ def test_weights_that_do_not_fit_the_recipe_are_refused(agent, tmp_path):
         load_agent(tmp_path / "a.safetensors")
 
 
-def test_another_city_of_the_same_size_is_flown_and_of_another_size_refused(agent, generator):
+def test_another_city_of_the_same_size_is_flown_and_a_larger_one_refused(agent, generator):
     turned = City(
         "turned",
         *(
@@ -132,7 +132,7 @@ def test_another_city_of_the_same_size_is_flown_and_of_another_size_refused(agen
     assert moved.city is turned and moved.network is agent.network
     assert moved(agent.scenario.sample(turned, 4, generator)).shape == (4,)
     with pytest.raises(
-        InputError, match=r"for a city of 5 cells on a side \(corridor\), manhattan has 16"
+        InputError, match=r"cities of up to 5 cells on a side \(corridor\), manhattan has 16"
     ):
         agent.over(City.load("manhattan"))
 
@@ -163,6 +163,7 @@ OLDER = {  # by format: Q-values of two states, crash rewards at the start and a
     2: ([[0.6350755, 0.3239658, 0.2056790], [0.6246894, 0.3164198, 0.1991273]], (-5, -20)),
     3: ([[-0.0355664, 0.2586487, 0.1302439], [-0.0443347, 0.2665804, 0.1387281]], (-10, -150)),
     4: ([[0.6350755, 0.3239658, 0.2056790], [0.6246894, 0.3164198, 0.1991273]], (-5, -20)),
+    5: ([[-0.0319342, -0.0832703, -0.044084], [-0.0167241, -0.0766186, -0.0439011]], (-150, -150)),
 }
 
 
@@ -174,7 +175,7 @@ def test_a_checkpoint_of_an_older_format_still_decides_as_it_did(number):
     expected, crash_rewards = OLDER[number]
     assert agent.q_values(state)[:2, :3].numpy() == pytest.approx(np.array(expected), abs=1e-6)
     assert (agent.recipe.crash_reward, agent.recipe.crash_reward_end) == crash_rewards
-    assert agent.training["streams"] == 1
+    assert agent.training["streams"] == (1 if number < 5 else 2)
 
 
 def test_an_older_agent_is_saved_in_the_new_format(tmp_path):

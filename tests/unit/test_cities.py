@@ -1,12 +1,15 @@
 """Many cities at once: every episode goes on as it would over its city alone."""
 
-from dataclasses import fields
+from contextlib import closing
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 import torch
 
+from uavdh_lite.agent import value_map
 from uavdh_lite.channel import Channel
+from uavdh_lite.checkpoint import load_agent, save_agent
 from uavdh_lite.city import Cities, City
 from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.environment import Environment, Rewards, State
@@ -17,6 +20,7 @@ from uavdh_lite.planners import Greedy
 from uavdh_lite.replay import Replay
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream
+from uavdh_lite.training import OverlappedTrainer, Trainer
 
 SCENARIO = Scenario("any", devices=(1, 4), data=(2.0, 15.0), flying_time=(10, 40))
 SMALL = City.from_text("small", "L . \n . b")
@@ -239,3 +243,72 @@ def test_memory_is_a_bit_for_each_pair_of_cells_and_one_wide_map_for_each_city()
     assert bits.nbytes == 3 * 64 * 8 + 3 * 81 * 11  # rows of whole bytes
     (wide,) = Observation(cities).buffers()
     assert wide.numel() * wide.element_size() == 6 * 3 * 25 * 25
+
+
+@pytest.fixture
+def begin(quick):
+    """A function that begins a quick run over eight random cities."""
+    recipe = replace(quick, steps=1200, failsafe=True, quantiles=4, huber_delta=1.0)
+    scenario = Scenario("any", devices=(1, 2), data=(2.0, 15.0), flying_time=(10, 30))
+    return lambda trainer=Trainer: trainer(scenario, recipe, 0, drawn(8, 9))
+
+
+def weights(trainer):
+    return torch.cat([p.detach().flatten() for p in trainer.learner.online.parameters()])
+
+
+def test_a_training_over_many_cities_resumes_to_the_same_weights(begin, tmp_path):
+    whole, stopped, resumed, overlapped = begin(), begin(), begin(), begin(OverlappedTrainer)
+    with closing(overlapped):
+        while not whole.finished:
+            whole.step()
+            overlapped.step()
+    while stopped.steps < 500:
+        stopped.step()
+    stopped.save(tmp_path / "run")
+    resumed.restore(tmp_path / "run")
+    while not resumed.finished:
+        resumed.step()
+    assert torch.equal(weights(whole), weights(resumed))
+    assert torch.equal(weights(whole), weights(overlapped))
+    batch = whole.replay.sample(500, stream(Use.TEST), 0.9, 1)
+    assert len(np.unique(whole.environment.cities.city[batch.state.uav_cell])) == 8
+
+
+def test_an_agent_of_many_cities_comes_back_and_flies_others(begin, tmp_path):
+    agent = begin().agent
+    save_agent(tmp_path / "agent.safetensors", agent)
+    loaded = load_agent(tmp_path / "agent.safetensors")
+    assert loaded.city.fingerprint == agent.city.fingerprint
+    assert [city.name for city in loaded.city.cities] == [city.name for city in agent.city.cities]
+    state = agent.scenario.sample(agent.city, 50, stream(Use.TEST))
+    assert torch.equal(loaded.q_values(state), agent.q_values(state))
+    own = loaded.city[0]
+    over, rows = (
+        loaded.over(own),
+        np.flatnonzero(loaded.environment.cities.city[state.uav_cell] == 0),
+    )
+    assert own.size == 8 and loaded.city.size == 9  # so its own city lies in no-fly cells
+    expected = loaded.q_values(state)[rows]
+    alone = over.q_values(loaded.environment.alone(state[rows])[1])
+    torch.testing.assert_close(alone, expected)
+    new = CityGenerator(size=8).draw(1, seed=9)[0]
+    assert loaded.knows(new) and loaded.knows(own) and over.knows(new)
+    assert evaluate(
+        loaded.over(new).environment, loaded.over(new), agent.scenario, 5, 0
+    ).end.landed.all()
+    large = CityGenerator(size=10).draw(1, seed=9)[0]
+    assert not loaded.knows(large)
+    with pytest.raises(InputError, match="cities of up to 9 cells"):
+        loaded.over(large)
+
+
+def test_an_agent_of_one_city_knows_no_other(corridor, quick):
+    agent = Trainer(Scenario("corridor", devices=(1, 1)), quick, 0, corridor).agent
+    assert agent.knows(corridor) and not agent.knows(SMALL) and agent.over(SMALL).city is SMALL
+
+
+def test_what_needs_one_city_says_so(begin):
+    agent = begin().agent
+    with pytest.raises(CityError, match=r"8 cities: name one of them, or another \(--city\)"):
+        value_map(agent, agent.scenario.sample(agent.city, 1, stream(Use.TEST)))

@@ -25,9 +25,9 @@ def require_device(device: Device) -> Device:
 
 
 def open_agent(checkpoint: str, city: str | None, device: Device = "cpu") -> "Agent":
-    """The agent of a file or a shipped one, over its own city or another of the same size."""
+    """The agent of a file or a shipped one, over its own city, another, or a folder of them."""
     from uavdh_lite.checkpoint import load_agent
-    from uavdh_lite.city import City
+    from uavdh_lite.city import load_city
 
     agent = load_agent(checkpoint, require_device(device))
-    return agent if city is None else agent.over(City.load(city))
+    return agent if city is None else agent.over(load_city(city))

@@ -30,7 +30,7 @@ def compare(
     Arguments:
         checkpoint: a checkpoint file, or the name of a shipped agent.
         others: names of shipped agents of the same city to compare with, too.
-        city: another city of the same size: a PNG, or the name of a shipped one.
+        city: another city, of the same size or smaller: a PNG, or the name of a shipped one.
         episodes: number of random missions.
         seed: seed of the missions, the fading and the random planner.
         replan: steps after which the genies plan again; fewer take longer.

@@ -12,7 +12,7 @@ def export(*, checkpoint: str, city: str | None = None, out: Path = Path("agent.
 
     Arguments:
         checkpoint: a checkpoint file, or the name of a shipped agent.
-        city: another city of the same size: a PNG, or the name of a shipped one.
+        city: another city, of the same size or smaller: a PNG, or the name of a shipped one.
         out: the file.
     """
     from uavdh_lite.export import export_onnx

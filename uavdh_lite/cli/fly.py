@@ -33,7 +33,7 @@ def fly(
 
     Arguments:
         checkpoint: a checkpoint file, or the name of a shipped agent.
-        city: another city of the same size: a PNG, or the name of a shipped one.
+        city: another city, of the same size or smaller: a PNG, or the name of a shipped one.
         devices: cells of the devices, such as 4,4 8,11.
         data: data units of each device.
         flying_time: units of time.
@@ -46,6 +46,7 @@ def fly(
     """
     from matplotlib.figure import Figure
 
+    from uavdh_lite.city import one_city
     from uavdh_lite.environment import Environment
     from uavdh_lite.missions import Mission, load_mission
     from uavdh_lite.missions import save_mission as save
@@ -64,7 +65,7 @@ def fly(
     else:
         flown = Mission.draw(
             agent.scenario,
-            agent.city,
+            one_city(agent.city),
             seed,
             start=None if start is None else cell(start),
             devices=None if devices is None else tuple(map(cell, devices)),
