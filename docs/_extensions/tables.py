@@ -30,8 +30,8 @@ DATA = Path(__file__).parents[2] / "data"
 SIGNS = {"ge": "≥", "gt": ">", "le": "≤"}
 CRAL, RETURN = "collection_ratio_and_landed", "cumulative_reward"
 POLICIES = {
-    "agent": "**shipped agent**",
-    "quantile": "**quantile agent**, beyond the paper",
+    "agent": "**quantile agent**, beyond the paper",
+    "ddqn": "**DDQN agent**, the paper's method",
     "random": "random",
     "greedy": "greedy: to the nearest device, home in time",
     "genie": "genie, plans for the return",
@@ -227,7 +227,7 @@ def comparison(scenario: str) -> str:
 
 def _agents(scenario: str, flown: dict) -> dict[str, str]:
     """The shipped agents of a comparison: what tables call them, and their names there."""
-    names = {"agent": "agent", "quantile agent": f"{scenario}_quantile"}
+    names = {"quantile agent": "agent", "DDQN agent": f"{scenario}_ddqn"}
     return {label: name for label, name in names.items() if name in flown}
 
 

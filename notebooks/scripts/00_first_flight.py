@@ -76,6 +76,9 @@ for name, values in flights.records().items():
 # left. It does not know the channel's formulae, the shadows drawn here in grey, or the luck of the
 # radio link. It learned what they do.
 #
+# (This agent goes beyond the paper; notebook 12 says how. Notebooks 3 to 9 teach the paper's method, whose
+# agent is called `manhattan_ddqn`.)
+#
 # ## 0.2 One agent, any mission
 #
 # The same network flies with two to five devices, wherever they stand, with 5 to 20 data units each and 35
@@ -102,9 +105,9 @@ Quiz("half_the_time")
 show(mission(devices=[(0, 12), (8, 1), (12, 14)], data=[12, 15, 18], flying_time=35))
 
 # %% [markdown]
-# Now it has to choose. It leaves the device with the least data, at (0, 12), almost untouched, empties the
-# other two and is home in time. Nobody told it the distance home: it learned to read it from the map and
-# the remaining time.
+# Now it has to choose. It leaves the device that is farthest from its start untouched, empties the other two and is
+# home in time. Which device to leave, nobody told it: that it learned. A safety controller sees to it that there is
+# always time for the way home.
 #
 # Move the devices, their data and the time with the sliders (with a running kernel):
 

@@ -115,6 +115,46 @@ for action in 3 * [EAST] + 3 * [SOUTH] + 2 * [EAST]:
 # The first steps bring next to nothing. As the UAV comes into the device's street, data comes in. The agent's
 # problem is all here: pay now, earn later, and be home in time.
 #
+# ### Learning by reward
+#
+# Nobody tells an agent which action is right. It sees a *state*, its *policy* picks an *action*, the world answers with
+# a *reward* and the next state, and so on to the end of the episode. What counts is the sum of all rewards, the
+# *return*. An agent learns by reward when it changes its policy so that the mean return rises:
+
+# %%
+figure = Figure(figsize=(7, 1.9), layout="constrained")
+ax = figure.subplots()
+boxes = {"policy": (0.12, "Which action here?"), "world": (0.88, "city, channel, luck")}
+for name, (x, text) in boxes.items():
+    ax.text(x, 0.5, f"{name}\n{text}", ha="center", va="center", bbox={"boxstyle": "round", "fc": "0.92", "ec": "0.4"})
+for y, (begin, end), text in ((0.72, (0.26, 0.76), "action"), (0.28, (0.76, 0.26), "reward and next state")):
+    ax.annotate("", (end, y), (begin, y), arrowprops={"arrowstyle": "->", "lw": 1.5})
+    ax.text(0.51, y + 0.06, text, ha="center")
+ax.set(xlim=(0, 1), ylim=(0, 1))
+ax.axis("off")
+figure
+
+# %% [markdown]
+# The ledger of the flight at the top, by the simple planner. Bars are the rewards of single steps, the line is their
+# sum so far; where it ends is the return.
+
+# %%
+ledger = [rewards.terms(flown.outcome) for flown in flights.history]
+data, price = (np.array([terms[name][0] for terms in ledger]) for name in ("data", "movement"))
+figure = Figure(figsize=(8, 3), layout="constrained")
+ax = figure.subplots()
+ax.bar(range(1, len(data) + 1), data, label="data uploaded in the step")
+ax.bar(range(1, len(data) + 1), price, label="price of the step")
+ax.step(range(1, len(data) + 1), np.cumsum(data + price), "k", where="mid", label="sum so far")
+ax.set(xlabel="step", ylabel="reward, data units")
+ax.legend()
+print(f"return {(data + price).sum():.2f} = data {data.sum():.2f}, price of {(price < 0).sum()} steps {price.sum():.2f}")
+figure
+
+# %% [markdown]
+# On the way to the second device the sum falls, step by step. An agent that minded the next reward only would never set out. It
+# has to learn that a step which costs now is worth what comes much later: notebook 5 is about that.
+#
 # ## 3.4 The safety controller
 #
 # What does the city do with a move that it does not allow?

@@ -133,6 +133,40 @@ explore(lambda cell: both(cell), cell=slider)
 both((0, 0), (8, 7), (15, 15))
 
 # %% [markdown]
+# ### Centring in three lines
+#
+# The layer is laid into a wide one, with 15 cells of something around it, and a window is cut out whose first cell is
+# the UAV's own number: then the UAV is in its middle.
+
+# %%
+def centre(layer, row, col, outside):
+    wide = np.pad(layer.astype(float), len(layer) - 1, constant_values=outside)
+    return wide[row : row + 2 * len(layer) - 1, col : col + 2 * len(layer) - 1]
+
+row, col = 4, 13
+(maps,), _ = centred(place(city, (row, col), [(4, 7), (11, 11)], [15, 10], 50, 5))
+assert (centre(city.no_fly, row, col, outside=1) == maps[0, 1].numpy()).all()
+
+# %% [markdown]
+# Two other ways look right and are not. `np.roll` shifts the layer and needs no wider one, but what leaves on one side
+# comes back on the other. And zeros around the city say that one may fly there:
+
+# %%
+rolled = np.roll(city.no_fly, (8 - row, 8 - col), axis=(0, 1))
+figure = Figure(figsize=(9.5, 3.4), layout="constrained")
+pictures = {"centred": centre(city.no_fly, row, col, 1), "np.roll, 16×16": rolled,
+            "zeros around it": centre(city.no_fly, row, col, 0)}
+for ax, (title, picture) in zip(figure.subplots(1, 3), pictures.items()):
+    ax.imshow(picture, cmap="magma_r", vmin=0, vmax=1)
+    middle = len(picture) // 2
+    ax.plot(middle, middle, "+", color="#0072B2", ms=11)
+    ax.set(title=f"no-fly zone, {title}", xticks=[], yticks=[])
+figure
+
+# %% [markdown]
+# The UAV is two columns from the eastern edge of the city. On the left, all is dark beyond it. In the middle picture the western
+# side of the city begins there, as if the UAV could fly on into it. On the right, the border cannot be seen.
+#
 # ## 4.3 What a neuron can know
 #
 # A convolution slides one small pattern of weights over the picture, so it treats all places alike. A
@@ -227,8 +261,24 @@ for recipe in (PAPER, LITE):
 
 # %% [markdown]
 # The difference between the kinds is the sixth layer: 16 kernels × 5 × 5 = 400 weights. The difference between the recipes is the
-# stride: `lite` lets its convolutions skip cells, and the flattened picture is much smaller.
-#
+# stride: `lite` lets its convolutions skip cells, and the flattened picture is much smaller. How small, one can
+# count. A kernel of $k$ cells on a side fits into $n$ cells at $n - k + 1$ places, and with a *stride* of $s$ only every
+# $s$-th of them is used:
+
+# %%
+def places(n, k, stride):
+    return (n - k) // stride + 1
+
+for recipe in (PAPER, LITE):
+    sides = [31]
+    for stride in recipe.strides:
+        sides.append(places(sides[-1], recipe.kernel_size, stride))
+    numbers = recipe.kernels * sides[-1] ** 2
+    _, network = build(recipe, city)
+    assert network.head[0].in_features == numbers + 1  # and the flying time
+    print(f"{recipe.name:<6}", " → ".join(map(str, sides)), f"cells on a side, {numbers} numbers after flattening")
+
+# %% [markdown]
 # ## 4.5 At the border
 #
 # Wherever the UAV is, $1 - 256/961 = 73\,\%$ of the frame lie outside the city; with the UAV in a corner

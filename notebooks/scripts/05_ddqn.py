@@ -32,7 +32,7 @@ from uavdh_lite.evaluation import bootstrap_interval, evaluate
 torch.set_num_threads(1)  # the networks here are small
 
 # %%
-agent = load_agent("manhattan")
+agent = load_agent("manhattan_ddqn")
 flights = evaluate(Environment(agent.city), agent, agent.scenario, 500, seed=0, record=True)
 expected = agent.q_values(flights.start).amax(1).numpy()
 own_rewards, earned = agent.recipe.rewards_at(agent.training["steps"]), 0.0
@@ -55,7 +55,7 @@ figure
 # | **What you'll learn** | Q-learning, function approximation, combined experience replay, double Q-learning, soft targets, the softmax policy |
 # | **What you'll need** | Notebooks 3 and 4; means, variances, gradients, the idea of a neural network. 65 minutes to read, 30 seconds to run; 10 minutes of exercises |
 #
-# Above: 500 test missions of the shipped agent, what its network expects at the start and what the flight then
+# Above: 500 test missions of the shipped DDQN agent, what its network expects at the start and what the flight then
 # earns. Section 5.5 comes back to it.
 #
 # ## 5.1 Q-learning in a table
@@ -149,6 +149,67 @@ y = ddqn_target(reward, discount, q.T[after + 6 * left], q.T[after + 6 * left])
 print(f"largest error of the Bellman equation: {(y - q.T[cell + 6 * full, action]).abs().max():.4f}")
 
 # %% [markdown]
+# ### What the discount does
+#
+# A reward that comes $k$ steps later counts $\gamma^k$ of what it would count now:
+
+# %%
+print("steps ahead ", *(f"{k:>7}" for k in (1, 10, 20, 40, 70)), "   1/(1−γ)")
+for gamma in (0.9, 0.95, 0.97, 0.99):
+    print(f"γ = {gamma:<8}", *(f"{gamma**k:>7.1%}" for k in (1, 10, 20, 40, 70)), f"{1 / (1 - gamma):>9.0f}")
+print(f"a crash, −150, 40 steps ahead, γ = 0.95: {-150 * 0.95**40:.0f} now")
+
+# %% [markdown]
+# The *horizon* $1/(1-\gamma)$ is how far ahead an agent looks, in round numbers: beyond two or three times of that,
+# nothing counts. With 0.95 even a crash fades: 40 steps ahead it weighs as much as a detour of a hundred steps at
+# −0.2. A device 20 steps away counts a third of its data. So why not 0.99? Values of far steps are sums of many uncertain
+# terms, and harder to learn.
+#
+# ### Where an episode ends
+#
+# After a landing nothing follows, so there $y = r$; in `step` above the discount is 0. Forget that flag, and learn the
+# same table once more:
+
+# %%
+def landing_values(remember):
+    learner, generator = q_table(12, alpha=0.5, batch=8), np.random.default_rng(0)
+    for _ in range(800):
+        cell, full, action = generator.integers((6, 2, 3), size=(8, 3)).T
+        after, left, reward, discount = step(cell, full == 1, action)
+        discount = discount if remember else np.full(8, 0.95)
+        learn_from(learner, row(cell + 6 * full, 12), *tensors(action, reward, discount), row(after + 6 * left, 12))
+    return learner.online.weight.detach()[:, 6]  # cell 0, with data waiting
+
+for remember in (True, False):
+    values = zip(("west", "east", "land"), landing_values(remember).tolist())
+    print(f"{'with' if remember else 'without'} the flag:", ", ".join(f"{name} {value:.2f}" for name, value in values))
+
+# %% [markdown]
+# Without the flag, "land" with the data still waiting is worth 0.95 of the best that cell 0 has to offer, as if the flight
+# went on after the landing. In training the errors of a network then suffice to make the UAV land at once.
+#
+# The same holds for *n-step targets*, which sum $n$ rewards before they ask the network. Four steps of an episode with the
+# rewards −0.2, 3.8, −0.2 and 0, the last one a landing, and $n = 3$, $\gamma = 0.9$. By hand: from the first step
+# $y = -0.2 + 0.9 \cdot 3.8 + 0.81 \cdot (-0.2) + 0.729\,Q = 3.058 + 0.729\,Q$ of the fourth state; from the second,
+# $3.8 + 0.9 \cdot (-0.2) + 0.81 \cdot 0 = 3.62$ and no $Q$, since the episode ends within the three steps. The library's
+# memory, asked for as many transitions as it needs to show each once:
+
+# %%
+from uavdh_lite.replay import Replay
+
+def stored(number):
+    nothing = np.zeros((len(number), 1))
+    return State(number, 0 * number, nothing, nothing, nothing, number < 0)
+
+memory = Replay(capacity=10, environments=1, max_devices=1)
+for t, r in enumerate((-0.2, 3.8, -0.2, 0.0)):
+    memory.add(stored(np.array([t])), action=0, reward=r, terminal=t == 3, next_state=stored(np.array([t + 1])))
+batch = memory.sample(100, np.random.default_rng(0), discount=0.9, steps=3)
+for t in range(4):
+    (k, *_) = np.flatnonzero(batch.state.uav_cell == t)
+    print(f"step {t}: y = {batch.reward[k]:6.3f} + {batch.discount[k]:.3f} Q(step {batch.next_state.uav_cell[k]})")
+
+# %% [markdown]
 # ## 5.2 From the table to a function
 #
 # How many rows has a table for the paper's city, with five devices that hold up to 20 whole data units?
@@ -221,12 +282,6 @@ print(f"guessing: {(best > best.amax(1, keepdim=True) - 1e-4).float().mean():.0%
 # library's `sample` does that. (Of the environment's state, the street needs one field, for the row of its table.)
 
 # %%
-from uavdh_lite.replay import Replay
-
-def stored(number):
-    nothing = np.zeros((len(number), 1))
-    return State(number, 0 * number, nothing, nothing, nothing, number < 0)
-
 memory = Replay(capacity=50, environments=1, max_devices=1)
 for t in np.arange(100):
     memory.add(stored(t[None]), action=0, reward=0, terminal=False, next_state=stored(t[None] + 1))
@@ -397,7 +452,7 @@ figure
 # another quarter; not all, since the judge is an older copy of the same table, and their errors are related. Two
 # tables get it right, but need a second learner.
 #
-# ## 5.5 What the shipped agent expects, and what it earns
+# ## 5.5 What the DDQN agent expects, and what it earns
 #
 # An agent with such a bias expects more than it gets. In the figure at the top each point is a mission: the largest
 # Q-value at its start, and the sum of its rewards, that of step $t$ times $\gamma^t$. The rewards are those that it
@@ -470,7 +525,7 @@ for tau, runs in sorted({**by_rate, 0.1: networks}.items()):
 Quiz("cold_policy")
 
 # %% [markdown]
-# Heat the shipped agent, in many states along its flights, and in the one
+# Heat the DDQN agent, in many states along its flights, and in the one
 # among them with the median gap between the best two actions:
 
 # %%
@@ -516,7 +571,19 @@ draw_policy(0.5)
 # ## 5.8 The paper's network
 #
 # What remains is to replace the table by the paper's network, and the row by the map of notebook 4. The rest stays
-# as it is. (Notebook 6 puts it together.)
+# as it is. (Notebook 6 puts it together.) The whole method, and where the library has each line:
+#
+# | for every step | in the library |
+# | --- | --- |
+# | draw $a$ from $\pi(\cdot \mid s)$, the softmax of $Q_\theta(s, \cdot)/\beta$ | `softmax_policy`, `draw_actions` |
+# | fly: $s, a \to r, s'$ | `environment.step` |
+# | put $(s, a, r, s')$ into the memory | `replay.add` |
+# | draw a minibatch, the newest among it | `replay.sample` |
+# | $y = r + \gamma\, Q_{\bar\theta}(s', \arg\max_{a'} Q_\theta(s', a'))$, or $y = r$ at the end | `learner.targets` |
+# | one gradient step on $(Q_\theta(s, a) - y)^2$ | `learner.update` |
+# | $\bar\theta \leftarrow (1 - \tau)\,\bar\theta + \tau\,\theta$ | the same, its last line |
+#
+# The network, layer by layer:
 
 # %%
 from uavdh_lite.agent import build

@@ -3,7 +3,7 @@
 #
 # Notebook 5 had the update. Here it is repeated tens of thousands of times, and turns an agent that
 # flies at random into one that serves devices and lands in time. You train one yourself, read the
-# curves of the shipped agent's run, and make training fail in two ways, to know them when you meet them.
+# curves of the shipped DDQN agent's run, and make training fail in two ways, to know them when you meet them.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -50,14 +50,14 @@ def draw_validation(ax, table, title):
 
 figure = Figure(figsize=(7, 3.6), layout="constrained")
 ax = figure.subplots()
-draw_validation(ax, read_table(RUN / "validation.csv"), "the shipped agent's run, 1000 missions a point")
+draw_validation(ax, read_table(RUN / "validation.csv"), "the DDQN agent's run, 1000 missions a point")
 ax.legend(loc="center right")
 figure
 
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Train an agent for a village, read the curves of the shipped agent's training, make an agent that crashes and one that is lazy, and fly an early agent next to the final one |
+# | **What you'll do** | Train an agent for a village, read the curves of the shipped DDQN agent's training, make an agent that crashes and one that is lazy, and fly an early agent next to the final one |
 # | **What you'll learn** | The order of things in the training loop, what each curve says, and which knobs decide whether it learns |
 # | **What you'll need** | Notebooks 3 and 5. 25 minutes to read, 60 seconds to run; 15 minutes of exercises |
 #
@@ -96,7 +96,7 @@ for name, value in LITE.as_json().items():
 
 # %% [markdown]
 # The left column trains for more than a day on a laptop, the right one for about 20 minutes (the shipped
-# agents took two to four times its steps). The docstring of `LITE` in `recipe.py` gives the reason for each line. Four of
+# DDQN agents took two to four times its steps). The docstring of `LITE` in `recipe.py` gives the reason for each line. Four of
 # them are needed below:
 #
 # - `huber_delta`: the loss is the squared error up to this error and grows linearly beyond it, so that a
@@ -154,7 +154,7 @@ draw_runs([learned], ["the village"])
 #
 # ## 6.3 Reading the curves of a real run
 #
-# The shipped agent of the Manhattan city, seen from inside:
+# The DDQN agent of the Manhattan city, seen from inside:
 
 # %%
 about = json.loads((RUN / "about.json").read_text())
@@ -277,7 +277,7 @@ for variant, name in rows.items():
 # %% [markdown]
 # ## 6.6 Early and late
 #
-# `manhattan_early` comes from the same recipe, from a run that was stopped after 300,000 of 2,000,000 steps.
+# `manhattan_ddqn_early` comes from the same recipe, from a run that was stopped after 300,000 of 2,000,000 steps.
 # Both fly the same mission with the same fading:
 
 # %%
@@ -286,8 +286,8 @@ from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import bootstrap_interval, evaluate
 from uavdh_lite.plotting import add_legend, draw_trajectory
 
-agents = {name: load_agent(name) for name in ("manhattan_early", "manhattan")}
-environment = Environment(agents["manhattan"].city)
+agents = {name: load_agent(name) for name in ("manhattan_ddqn_early", "manhattan_ddqn")}
+environment = Environment(agents["manhattan_ddqn"].city)
 flights = {name: evaluate(environment, agent, agent.scenario, 200, seed=0, record=True)
            for name, agent in agents.items()}
 

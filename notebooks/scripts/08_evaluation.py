@@ -35,7 +35,8 @@ POLICIES = ("agent", "random", "greedy", "genie", "genie_data")
 # %%
 def policies(city):
     table = read_table(RUNS / f"comparison-{city}.csv.gz")
-    return {p: {k: v[table["policy"] == p] for k, v in table.items()} for p in POLICIES}
+    rows = {p: table["policy"] == p for p in POLICIES} | {"agent": table["policy"] == f"{city}_ddqn"}
+    return {p: {k: v[rows[p]] for k, v in table.items()} for p in POLICIES}
 
 cities = {city: policies(city) for city in ("manhattan", "open_field")}
 METRIC = "collection_ratio_and_landed"
@@ -76,7 +77,7 @@ for city in cities:
 # %% [markdown]
 # | policy | what it knows |
 # | --- | --- |
-# | `agent` | the map, the devices, their data and the remaining time, through its network; it has learned what to do |
+# | `agent` | (trained by the paper's method, `manhattan_ddqn` and `open_field_ddqn`) the map, the devices, their data and the remaining time, through its network; it has learned what to do |
 # | `random` | nothing |
 # | `greedy` | the same as the agent; a person wrote its rule: to the nearest device with data, and home in time |
 # | `genie` | also the channel's mean rate at every cell; it searches over whole flights for the highest return |
@@ -202,7 +203,7 @@ from uavdh_lite.evaluation import evaluate
 from uavdh_lite.plotting import add_legend, draw_trajectory
 
 # %%
-agent = load_agent("manhattan")
+agent = load_agent("manhattan_ddqn")
 environment = Environment(agent.city)
 flights = evaluate(environment, agent, agent.scenario, 1000, seed=0, record=True)
 assert (flights.start.time_left == results["agent"]["flying_time"]).all()  # the missions of the table

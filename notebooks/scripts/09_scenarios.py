@@ -29,7 +29,7 @@ from uavdh_lite.planners import Greedy
 from uavdh_lite.plotting import add_legend, draw_trajectory
 from uavdh_lite.scenario import place
 
-agents = {city: load_agent(city) for city in ("manhattan", "open_field")}
+agents = {city: load_agent(f"{city}_ddqn") for city in ("manhattan", "open_field")}
 environments = {city: Environment(agent.city) for city, agent in agents.items()}
 
 # %%
@@ -212,7 +212,7 @@ print(f"mean error {error.mean():+.2f}, largest {np.abs(error).max():.2f}, of va
 
 # %%
 starts = agent.scenario.sample(agent.city, 200, np.random.default_rng(0))
-for name in ("manhattan_early", "manhattan"):
+for name in ("manhattan_ddqn_early", "manhattan_ddqn"):
     said = load_agent(name).q_values(starts).numpy()
     print(f"{name:<16}land {said[:, LAND].mean():5.1f}, the best action {said.max(axis=1).mean():5.1f}")
 print(f"after this flight, in the zone again: land {q[-1, LAND]:.2f}")

@@ -36,7 +36,7 @@ from uavdh_lite.plotting import BLUE, VERMILION, draw_city, draw_flight, draw_tr
 torch.set_num_threads(1)
 
 # %%
-agents = {"DDQN": load_agent("manhattan"), "new": load_agent("manhattan_quantile")}
+agents = {"DDQN": load_agent("manhattan_ddqn"), "new": load_agent("manhattan")}
 COLOURS = {"DDQN": VERMILION, "new": BLUE}
 city, missions = agents["new"].city, agents["new"].scenario
 flights = {name: evaluate(agent.environment, agent, missions, 200, seed=0, record=True)
@@ -85,8 +85,8 @@ figure
 # | **What you'll learn** | What to guarantee and what to learn; the distribution of returns, quantile regression, the action gap, two resolutions, the horizon of a discount |
 # | **What you'll need** | Notebooks 5 to 7. 35 minutes to read, 60 seconds to run; 50 minutes of exercises |
 #
-# Above is the mission of the 200 in which the paper's learner, `manhattan`, wastes most compared with the new
-# agent, `manhattan_quantile`. It was chosen for that, so look at the means, too. The two agents differ in:
+# Above is the mission of the 200 in which the paper's learner, `manhattan_ddqn`, wastes most compared with the new
+# agent, `manhattan`. It was chosen for that, so look at the means, too. The two agents differ in:
 
 # %%
 recipes = {name: agent.recipe.as_json() for name, agent in agents.items()}

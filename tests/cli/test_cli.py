@@ -68,6 +68,7 @@ def test_evaluate_writes_json(tmp_path, capsys):
         "cumulative_reward",
         "time_used",
         "safety_interventions",
+        "sent_home",
     ]
     for interval in values.values():
         assert list(interval) == ["mean", "low", "high"]
@@ -90,7 +91,7 @@ def test_shipped_agents_land_and_collect(name, tmp_path):
 
 def test_compare_writes_every_episode_and_prints_shares(tmp_path, capsys):
     out = tmp_path / "table.csv.gz"
-    options = ["--episodes", "3", "--replan", "50", "--others", "manhattan_early"]
+    options = ["--episodes", "3", "--replan", "50", "--others", "manhattan_ddqn_early"]
     assert main(["compare", *options, "--out", str(out)]) == 0
     output = capsys.readouterr().out
     assert "as a share of the genie's" in output
@@ -100,7 +101,7 @@ def test_compare_writes_every_episode_and_prints_shares(tmp_path, capsys):
         "genie",
         "genie_data",
         "greedy",
-        "manhattan_early",
+        "manhattan_ddqn_early",
         "random",
     ]
     assert (count == 3).all()
@@ -177,7 +178,7 @@ def test_help_shows_the_values_of_the_recipe_that_is_named(command, capsys):
 
 def test_help_shows_the_values_of_the_scenario_that_is_named(capsys):
     output = help_of(capsys, "train", "--kernels", "3", "--scenario=harbour", "--resume")
-    assert "a shipped city's name, or the path of a PNG [default: harbour]" in output
+    assert "a shipped city's name, the path of a PNG, or a folder of PNGs [default: harbour]" in output
     assert "least and most number of devices [default: 3 10]" in output
     assert "flying time, units of time [default: 50 150]" in output
 

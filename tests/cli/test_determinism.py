@@ -43,8 +43,9 @@ def test_a_hash_seed_changes_nothing(capsys):
     ("name", "policy"),
     [
         ("manhattan", "agent"),
-        ("manhattan_quantile", "manhattan_quantile"),
+        ("manhattan_ddqn", "manhattan_ddqn"),
         ("open_field", "agent"),
+        ("open_field_ddqn", "open_field_ddqn"),
         ("harbour", "agent"),
     ],
 )

@@ -12,8 +12,8 @@ from uavdh_lite.storage import read_table
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 POLICIES = {
-    "**agent**": "agent",
-    "**quantile agent**": "{}_quantile",
+    "**quantile agent**": "agent",
+    "**DDQN agent**": "{}_ddqn",
     "greedy": "greedy",
     "genie": "genie",
     "random": "random",

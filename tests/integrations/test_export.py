@@ -17,7 +17,7 @@ from uavdh_lite.training import Trainer
 
 
 def test_decisions_agree(tmp_path):
-    agent = load_agent("manhattan")
+    agent = load_agent("manhattan_ddqn")
     assert export_onnx(agent, tmp_path / "a.onnx", states=200) < TOLERANCE
     session = onnxruntime.InferenceSession(tmp_path / "a.onnx")
     state = agent.scenario.sample(agent.city, 50, np.random.default_rng(1))  # another batch size
@@ -50,7 +50,7 @@ def test_the_q_values_of_a_network_with_quantiles(tmp_path, corridor, corridor_s
 
 
 def test_a_file_that_decides_otherwise_is_not_written(tmp_path, monkeypatch):
-    agent = load_agent("manhattan_early")
+    agent = load_agent("manhattan_ddqn_early")
     q_values = type(agent).q_values
     monkeypatch.setattr(
         type(agent), "q_values", lambda self, state: q_values(self, state) + torch.eye(6)[0]
@@ -62,5 +62,5 @@ def test_a_file_that_decides_otherwise_is_not_written(tmp_path, monkeypatch):
 
 def test_command(tmp_path, capsys):
     out = tmp_path / "agent.onnx"
-    assert main(["export", "--checkpoint", "manhattan_early", "--out", str(out)]) == 0
+    assert main(["export", "--checkpoint", "manhattan_ddqn_early", "--out", str(out)]) == 0
     assert out.stat().st_size > 900_000 and "decides as the agent" in capsys.readouterr().out

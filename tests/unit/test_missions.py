@@ -96,7 +96,7 @@ def test_a_flight_depends_on_mission_and_seed_alone(environment, mission, name):
     assert (first.uploaded == second.uploaded).all()
 
 
-@pytest.mark.parametrize("name", ["manhattan", "manhattan_early"])
+@pytest.mark.parametrize("name", ["manhattan", "manhattan_ddqn"])
 def test_a_flight_by_hand_is_the_policys_with_the_same_actions(environment, mission, name):
     flown = mission.fly(environment, find_policy(name, environment))
     by_hand = HandFlight(environment, mission)

@@ -24,8 +24,8 @@ def test_a_citys_own_agents_come_first_and_planners_fly_over_any(environment, vi
     planners = ["greedy", "genie", "random"]
     assert policies_for(environment) == [
         "manhattan",
-        "manhattan_early",
-        "manhattan_quantile",
+        "manhattan_ddqn",
+        "manhattan_ddqn_early",
         *planners,
     ]
     assert policies_for(village) == planners

@@ -50,7 +50,6 @@ PARTS = {
         "strides",
     ),
     "discount": ("discount",),
-    "movement_reward": ("movement_reward",),
 }
 
 

@@ -11,7 +11,7 @@ from uavdh_lite.planners import Greedy
 from uavdh_lite.plotting import add_legend, draw_trajectory
 
 # The shipped agents of a city, the best first: label, and what follows the city in their names.
-AGENTS = {"beyond it: quantile agent": "_quantile", "the paper's method: DDQN": ""}
+AGENTS = {"beyond it: quantile agent": "", "the paper's method: DDQN": "_ddqn"}
 GREEDY = "greedy rule"
 
 

@@ -82,7 +82,7 @@ checks.reachable(reachable)
 # from one seed to another, and more where crashes are many: look for a city with 10 points or more to spare.
 
 # %%
-agent = load_agent("manhattan")
+agent = load_agent("manhattan_ddqn")
 
 def trial(text, missions=100, seed=0):
     city = City.from_text("your text", text)

@@ -14,10 +14,10 @@ def leads(seeds):
     for seed in seeds:
         mission = Mission.draw(find_scenario("manhattan"), environment.city, seed)
         share = {}
-        for name in ("greedy", "manhattan"):
+        for name in ("greedy", "manhattan_ddqn"):
             end = mission.fly(environment, find_policy(name, environment)).end
             share[name] = float(end.collection_ratio[0]) * bool(end.landed[0])
-        yield seed, 100 * (share["greedy"] - share["manhattan"])
+        yield seed, 100 * (share["greedy"] - share["manhattan_ddqn"])
 
 
 SMALL_LEAD = next(seed for seed, lead in leads(range(100, 200)) if 0 <= lead < 40)

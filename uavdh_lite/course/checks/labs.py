@@ -25,7 +25,7 @@ def results(seed: int) -> dict[str, float]:
     return {
         name: 100
         * float(mission.fly(environment, find_policy(own, environment)).records()[SCORE][0])
-        for name, own in (("greedy", "greedy"), ("agent", "manhattan"))
+        for name, own in (("greedy", "greedy"), ("agent", "manhattan_ddqn"))
     }
 
 
@@ -36,7 +36,7 @@ def _draw_leads(ax):
     environment, scenario = environment_of("manhattan"), find_scenario("manhattan")
     greedy, agent = (
         evaluate(environment, find_policy(name, environment), scenario, MISSIONS, 0).records()
-        for name in ("greedy", "manhattan")
+        for name in ("greedy", "manhattan_ddqn")
     )
     lead = 100 * (greedy[SCORE] - agent[SCORE])
     ax.plot(np.sort(lead)[::-1], ".")

@@ -221,7 +221,7 @@ MISSIONS, SEED, GREEDY, BEHIND, CHANGED = 100, 92, 0.90, 0.30, 16
 
 def _fly(city: City, policy: Policy) -> dict[str, float]:
     """Mean metrics on the fixed missions over this city."""
-    scenario = load_agent("manhattan").scenario
+    scenario = load_agent("manhattan_ddqn").scenario
     records = evaluate(Environment(city), policy, scenario, MISSIONS, SEED).records()
     return {name: float(values.mean()) for name, values in records.items()}
 
@@ -232,7 +232,7 @@ def _greedy(city: City) -> dict[str, float]:
 
 def _changed(city: City) -> int:
     """In how many cells the city differs from the agent's own."""
-    return int((city.kinds != load_agent("manhattan").city.kinds).sum())
+    return int((city.kinds != load_agent("manhattan_ddqn").city.kinds).sum())
 
 
 def _moved_zone() -> City:
@@ -244,7 +244,7 @@ def _moved_zone() -> City:
 
 
 def _draw_defeat(ax):
-    agent, city = load_agent("manhattan"), _moved_zone()
+    agent, city = load_agent("manhattan_ddqn"), _moved_zone()
     names = ("has_landed", "collection_ratio", "collection_ratio_and_landed")
     flown = {
         "agent, at home": _fly(agent.city, agent),
@@ -280,7 +280,7 @@ def defeat(answer) -> None:
         isinstance(answer, str),
         "Hand over the city as one text, a line a row, as City.from_text reads it.",
     )
-    agent = load_agent("manhattan")
+    agent = load_agent("manhattan_ddqn")
     size = agent.city.size
     rows = ["".join(line.split()) for line in answer.strip().splitlines()]
     expect(len(rows) == size, f"Your text has {len(rows)} rows of signs; it must have {size}.")
