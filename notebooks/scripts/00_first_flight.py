@@ -188,8 +188,8 @@ assert len(set(ratios)) > 1
 print(f"from {min(ratios):.0%} to {max(ratios):.0%}")
 
 # %% [markdown]
-# A few points of the total: one slot is a single draw, but a flight has more than a hundred of them, and they
-# average out.
+# A slot is a single draw, but a flight has more than a hundred of them, and most of their luck averages out. What is
+# left decides, at the end, whether there is still time for one device more.
 #
 # ## Further reading, and where to go from here
 #

@@ -33,9 +33,9 @@ def test_the_best_values_stay_and_the_gaps_double(generator):
     left = discount * best[np.maximum(np.arange(4) - 1, 0)]
     network = nn.Linear(4, 2, bias=False)
     nn.init.zeros_(network.weight)
-    ddqn = DDQN(network, torch.optim.Adam(network.parameters(), 0.02), 0.05)
+    ddqn = DDQN(network, torch.optim.Adam(network.parameters(), 0.02), 0.2)
     one_hot = torch.eye(4)
-    for _ in range(2500):
+    for _ in range(1000):
         state, action = generator.integers(0, 4, 16), torch.tensor(generator.integers(0, 2, 16))
         after = np.maximum(state + 2 * action.numpy() - 1, 0)
         end = torch.tensor(after == 4)

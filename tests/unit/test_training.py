@@ -9,7 +9,6 @@ import pytest
 import torch
 
 from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import evaluate
 from uavdh_lite.recipe import LITE, PAPER
 from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.training import BIN, OverlappedTrainer, Trainer
@@ -42,9 +41,10 @@ def test_same_seed_same_weights_other_seed_other_weights(trainer):
 
 @either
 def test_two_threads_train_the_same_weights(trainer, corridor, corridor_scenario, quick, changes):
+    changes = {"steps": 1500, **changes}
     two = OverlappedTrainer(corridor_scenario, replace(quick, **changes), 0, corridor)
     assert torch.equal(run(two), run(trainer(**changes)))
-    assert two.updates > 200
+    assert two.updates > 70
 
 
 def test_an_error_in_the_second_thread_arrives(corridor, corridor_scenario, quick):
@@ -119,7 +119,7 @@ def test_targets_beyond_the_paper(trainer):
 
 def test_with_the_failsafe_a_learner_is_never_corrected(trainer):
     """It chooses among the allowed actions, from the first random ones on."""
-    own = trainer(**BEYOND)
+    own = trainer(steps=2000, **BEYOND)
     outcomes, step = [], own.environment.step
 
     def recorded(*arguments):
@@ -151,8 +151,8 @@ def test_the_agent_with_the_highest_return_is_the_best(trainer, monkeypatch):
 
 def test_a_training_from_before_the_failsafe_goes_on(trainer, tmp_path, monkeypatch):
     """Its recipe lacks the newer fields, which then had no effect."""
-    half = trainer()
-    while half.steps < 1800:
+    half = trainer(steps=1600)
+    while half.steps < 800:
         half.step()
     newer = {"failsafe", "quantiles", "advantage_learning"}
     identity = half.identity()
@@ -161,9 +161,9 @@ def test_a_training_from_before_the_failsafe_goes_on(trainer, tmp_path, monkeypa
     monkeypatch.setattr("uavdh_lite.checkpoint.FORMAT", 4)
     half.save(tmp_path / "t.safetensors")
     monkeypatch.undo()
-    again = trainer()
+    again = trainer(steps=1600)
     again.restore(tmp_path / "t.safetensors")
-    assert torch.equal(run(again), run(trainer()))
+    assert torch.equal(run(again), run(trainer(steps=1600)))
 
 
 def test_a_cold_policy_is_greedy(trainer):
@@ -234,27 +234,3 @@ def test_a_larger_city_trains_with_global_and_local_maps():
     assert trainer.updates > 0
     trainer.validate()
     assert 0 <= trainer.validation_rows[-1]["collection_ratio"] <= 1
-
-
-def test_a_corridor_world_is_solved_in_seconds(trainer):
-    """Fly east to the device, collect, fly back, land in time: all learned from reward alone."""
-    own = trainer(
-        steps=12_000,
-        hidden=(64,),
-        batch_size=64,
-        learning_rate=3e-3,
-        target_update_rate=0.05,
-        temperature=1.0,
-        crash_reward=-5.0,
-        crash_reward_end=-20.0,
-        crash_reward_growth=0.75,
-    )
-
-    def cral():
-        flights = evaluate(own.environment, own.agent, own.scenario, 300, seed=1)
-        return flights.records()["collection_ratio_and_landed"].mean()
-
-    before = cral()
-    run(own)
-    assert before < 0.3
-    assert cral() > 0.9
