@@ -409,3 +409,11 @@ def test_the_channel_axes_follow_the_rates():
     assert high > 2 * low
     lab.constants["cell_edge_snr_db"].value = -15
     assert lab.curve.get_ylim()[1] < high
+
+
+def test_a_click_outside_the_city_moves_nothing():
+    lab = ChannelLab("village")
+    before = lab.device, lab.uav
+    for cell in ((-1, 3), (3, 8)):
+        lab.clicked(cell)
+    assert (lab.device, lab.uav) == before

@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 import torch
+from matplotlib.figure import Figure
 
 from uavdh_lite.agent import value_map
 from uavdh_lite.channel import Channel
@@ -17,6 +18,7 @@ from uavdh_lite.errors import CityError, InputError
 from uavdh_lite.evaluation import alone, evaluate, fly
 from uavdh_lite.observation import Observation
 from uavdh_lite.planners import Greedy
+from uavdh_lite.plotting import draw_cities
 from uavdh_lite.replay import Replay
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream
@@ -312,3 +314,15 @@ def test_what_needs_one_city_says_so(begin):
     agent = begin().agent
     with pytest.raises(CityError, match=r"8 cities: name one of them, or another \(--city\)"):
         value_map(agent, agent.scenario.sample(agent.city, 1, stream(Use.TEST)))
+
+
+def test_an_environment_of_one_city_is_alone_already():
+    environment = Environment(LARGE)
+    state = SCENARIO.sample(LARGE, 3, stream(Use.TEST))
+    assert environment.alone(state) == (environment, state)
+
+
+def test_a_page_of_cities_leaves_the_rest_of_its_places_empty():
+    figure = Figure()
+    draw_cities(figure, Cities((SMALL, LARGE, SMALL)), columns=2)
+    assert [ax.axison for ax in figure.axes] == [True, True, True, False]

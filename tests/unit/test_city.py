@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from PIL import Image
 
-from uavdh_lite.city import COLOURS, City, shipped_cities
+from uavdh_lite.city import COLOURS, MAX_SIZE, City, shipped_cities
 from uavdh_lite.errors import CityError
 
 PICTURE = """
@@ -180,3 +180,14 @@ def test_layers_cannot_be_changed():
     city = City.from_text("drawn", PICTURE)
     with pytest.raises(ValueError, match="read-only"):
         city.landing[0, 0] = False
+
+
+def test_layers_of_different_shapes_and_too_large_a_city_are_refused():
+    landing, other = np.ones((4, 4), bool), np.zeros((3, 3), bool)
+    with pytest.raises(
+        CityError, match=r"odd: the layers landing, no_fly, buildings differ in shape"
+    ):
+        City("odd", landing, other, other)
+    side = MAX_SIZE + 1
+    with pytest.raises(CityError, match=f"{side} cells on a side, at most {MAX_SIZE} fit"):
+        City("large", *np.zeros((3, side, side), bool))

@@ -1,5 +1,7 @@
 """The Gymnasium environments: the checkers pass, and both are the library's simulator."""
 
+from contextlib import closing
+
 import gymnasium
 import numpy as np
 import pytest
@@ -280,3 +282,9 @@ def test_every_episode_has_a_city_of_its_own(observation):
         if terminated.any():
             assert infos["final_info"]["has_landed"][terminated].all()
     assert (cities.city[envs.unwrapped.state.uav_cell] != where[0]).any()
+
+
+def test_without_a_render_mode_nothing_is_drawn():
+    with closing(vector(2)) as envs:
+        envs.reset(seed=0)
+        assert envs.render() is None

@@ -7,7 +7,7 @@ import pytest
 from uavdh_lite.city import City
 from uavdh_lite.environment import HOVER, LAND, Environment, Rewards, State
 from uavdh_lite.evaluation import evaluate, fly
-from uavdh_lite.planners import Genie, Greedy, Random, _best, _Problem
+from uavdh_lite.planners import Genie, Greedy, Random, _best, _Problem, _ranked
 from uavdh_lite.scenario import SCENARIOS, Scenario, place
 from uavdh_lite.streams import Use, stream
 
@@ -265,3 +265,14 @@ def test_a_genie_called_with_a_state_takes_the_first_step_of_its_plan(small):
     state = place(small.city, (0, 0), [(2, 3)], [20.0], 14, 2)
     genie = Genie(small)
     assert genie(state).tolist() == [genie.plan(state, 0).actions[0]]
+
+
+def test_plans_are_ranked_alike_however_many_groups_there_are():
+    generator = stream(Use.TEST)
+    group, amount = generator.integers(0, 5, 200), generator.random(200).astype(np.float32)
+    many = group * 2**31  # too large to share a number with the amount
+    np.testing.assert_array_equal(_ranked(group, amount), _ranked(many, amount))
+    order = _ranked(group, amount)
+    assert (np.diff(group[order]) >= 0).all()
+    same = np.diff(group[order]) == 0
+    assert (np.diff(amount[order])[same] >= 0).all()
