@@ -19,6 +19,22 @@ from uavdh_lite.scenario import Scenario
 
 CHUNK = 256  # states a forward pass: more would only spill out of the processor's cache
 
+NETWORK = (
+    "observation",
+    "data_scale",
+    "time_scale",
+    "pooling",
+    "local_size",
+    "kernels",
+    "kernel_size",
+    "strides",
+    "hidden",
+    "layer_norm",
+    "leak",
+    "quantiles",
+)
+"""The fields of a recipe on which `build` depends."""
+
 
 def build(recipe: Recipe, city: City | Cities, size: int = 0) -> tuple[Observation, QNetwork]:
     """The observation and the untrained network of a recipe for a city, or for several.

@@ -336,11 +336,6 @@ class CellsByCity(NamedTuple):
     counts: np.ndarray
 
 
-def load_city(path: str | Path) -> City | Cities:
-    """The city of a PNG file or of a shipped name, or the cities of all PNG files in a folder."""
-    return Cities.load(path) if Path(path).is_dir() else City.load(path)
-
-
 def one_city(city: City | Cities) -> City:
     """The city where there is only one; raises `CityError` for several."""
     if isinstance(city, Cities):

@@ -16,17 +16,19 @@ are connected.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from uavdh_lite.city import SIGNS, Cities, City, grow
 from uavdh_lite.config import option, require_bounds
-from uavdh_lite.errors import InputError
+from uavdh_lite.errors import CityError, InputError
 from uavdh_lite.streams import Use, stream
 
 LEAST_BUILT = 0.12  # share of cells with buildings
 MOST_CUT_OFF = 0.03  # share of cells that become no-fly zone or building because nobody gets there
 MOST_TRIES = 200  # before the parameters count as impossible
+RANDOM = "random:"  # what the name of random cities begins with, for `load_city`
 FREE, NO_FLY, LOW, LANDING, TALL = (SIGNS.index(sign) for sign in ".NbLB")
 
 
@@ -96,6 +98,26 @@ class CityGenerator:
             f"no city with these parameters in {MOST_TRIES} tries: "
             "ask for fewer landing zones or no-fly zones, or for a larger size"
         )
+
+
+def load_city(name: str | Path) -> City | Cities:
+    """The city or the cities of a name.
+
+    | name | what |
+    | --- | --- |
+    | `manhattan` | a shipped city |
+    | `my_city.png` | the city of a PNG file |
+    | `my_cities` | the cities of all PNG files in this folder |
+    | `random:300:1` | the first 300 random cities of seed 1, of 16×16 cells |
+
+    Raises `CityError` for anything else.
+    """
+    if str(name).startswith(RANDOM):
+        numbers = str(name).removeprefix(RANDOM).split(":")
+        if len(numbers) != 2 or not all(map(str.isdecimal, numbers)):
+            raise CityError(f"{name}: write random:COUNT:SEED, such as {RANDOM}300:1")
+        return CityGenerator().draw(*map(int, numbers))
+    return Cities.load(name) if Path(name).is_dir() else City.load(name)
 
 
 def _whole(generator: np.random.Generator, least: int, most: int) -> int:

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from uavdh_lite.city import Cities, City, load_city
+from uavdh_lite.city import Cities, City
+from uavdh_lite.city_generator import load_city
 from uavdh_lite.environment import ACTIONS, Environment, Outcome, Rewards, State
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights, Policy, Step

@@ -3,7 +3,7 @@
 Each is a policy: actions for a batch of states. None of them learns.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -167,10 +167,17 @@ class Genie:
 
     def plans(self, state: State) -> list[Plan]:
         """The best flight found for each episode of the batch."""
-        return [plan for part in self._parts(state) for plan in self._first_plans(state[part])]
+        return self._in_parts(state, lambda part: self._first_plans(state[part]))
+
+    def _in_parts(self, state: State, plan: Callable[[np.ndarray], list[Plan]]) -> list[Plan]:
+        """The plans that `plan` makes for the episodes of each part, in the order of `state`."""
+        plans: dict[int, Plan] = {}
+        for part in self._parts(state):
+            plans |= zip(part.tolist(), plan(part), strict=True)
+        return [plans[episode] for episode in range(len(state))]
 
     def _first_plans(self, state: State) -> list[Plan]:
-        problem = _Problem(self.environment, state, self.time_cost)
+        problem = _Problem(*self.environment.alone(state), self.time_cost)
         plans = [Plan(np.full(time, HOVER), 0.0, -np.inf, self.beam) for time in state.time_left]
         beams = np.full(len(state), self.beam)
         for per_cell in (*NARROW, None):
@@ -245,20 +252,26 @@ class Genie:
 
         return act
 
-    def _parts(self, state: State) -> list[slice]:
-        """The episodes that are searched together: more save time and take more memory."""
+    def _parts(self, state: State) -> Iterator[np.ndarray]:
+        """The episodes that are searched together, as indices: over one city, and no more than fit
+        into memory."""
+        cities = self.environment.cities
         sets = min(2 ** state.data_left.shape[1], SETS)
-        count = max(1, TOGETHER // (self.environment.city.size**2 * sets))
-        return [slice(first, first + count) for first in range(0, len(state), count)]
+        city = cities.city[state.uav_cell]
+        for one in np.unique(city):
+            episodes = np.flatnonzero(city == one)
+            count = max(1, TOGETHER // (int(cities.sizes[one]) ** 2 * sets))
+            yield from (episodes[i : i + count] for i in range(0, len(episodes), count))
 
     def _better_plans(self, state: State, plans: list[Plan]) -> list[Plan]:
         """The plans for the flight from here, or better ones."""
-        better: list[Plan] = []
-        for part in self._parts(state):
-            problem = _Problem(self.environment, state[part], self.time_cost)
-            known = problem.expect(plans[part])
-            better += self._search(problem, known, np.array([plan.beam for plan in known]))
-        return better
+
+        def better(part: np.ndarray) -> list[Plan]:
+            problem = _Problem(*self.environment.alone(state[part]), self.time_cost)
+            known = problem.expect([plans[episode] for episode in part])
+            return self._search(problem, known, np.array([plan.beam for plan in known]))
+
+        return self._in_parts(state, better)
 
 
 class _Problem:

@@ -5,6 +5,7 @@ from functools import cache
 
 from uavdh_lite.agent import Agent
 from uavdh_lite.checkpoint import load_agent, shipped_agents
+from uavdh_lite.city import Cities, City
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Policy
@@ -25,10 +26,16 @@ def known_policies() -> list[str]:
 def policies_for(environment: Environment) -> list[str]:
     """The names of the policies that can fly over this city: its own agents first.
 
-    A shipped agent knows only the cities it was trained for; the planners fly over any.
+    A shipped agent knows the cities it was trained for, or all of its size; the planners fly over
+    any.
     """
-    agents = [name for name in shipped_agents() if _shipped(name).knows(environment.city)]
-    return [*agents, *PLANNERS]
+    return [*agents_for(environment.city), *PLANNERS]
+
+
+def agents_for(city: City | Cities) -> list[str]:
+    """The names of the shipped agents that know this city: its own first, then those of any."""
+    knowing = [name for name in shipped_agents() if _shipped(name).knows(city)]
+    return sorted(knowing, key=lambda name: isinstance(_shipped(name).city, Cities))
 
 
 def find_policy(name: str, environment: Environment, seed: int = 0) -> Policy:

@@ -251,7 +251,19 @@ QUANTILE = replace(
 - `steps`: three quarters of `LITE`'s.
 """
 
-RECIPES = {recipe.name: recipe for recipe in (PAPER, LITE, SMALL, QUANTILE)}
+FINE_TUNE = replace(
+    QUANTILE,
+    name="fine_tune",
+    steps=200_000,
+    learning_rate=2e-4,
+    replay_prefill=5_000,
+    temperature=0.1,
+    validation_interval=20_000,
+)
+"""`QUANTILE` for an agent that flies well already, so that it learns one city by heart
+(`train --from any_city`): smaller steps, and no time spent on exploring."""
+
+RECIPES = {recipe.name: recipe for recipe in (PAPER, LITE, SMALL, QUANTILE, FINE_TUNE)}
 
 
 def find_recipe(name: str) -> Recipe:

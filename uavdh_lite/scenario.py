@@ -15,7 +15,7 @@ class Scenario:
     """The ranges from which an episode is drawn, both ends included."""
 
     name: str
-    city: str = option("manhattan", "a shipped city's name, the path of a PNG, or a folder of PNGs")
+    city: str = option("manhattan", "a shipped city, a PNG, a folder of PNGs, or random:COUNT:SEED")
     devices: tuple[int, int] = option((2, 5), "least and most number of devices")
     data: tuple[float, float] = option((5.0, 20.0), "least and most data of a device, data units")
     flying_time: tuple[int, int] = option((35, 70), "least and most flying time, units of time")
@@ -123,6 +123,9 @@ SCENARIOS = {
         Scenario("village", "village", devices=(1, 2), data=(5.0, 15.0), flying_time=(20, 35)),
         Scenario("harbour", "harbour", devices=(3, 10), flying_time=(50, 150)),
         Scenario("metropolis", "metropolis", devices=(3, 10), flying_time=(100, 250)),
+        Scenario(
+            "any_city", "random:2000:0", devices=(1, 6), data=(1.0, 25.0), flying_time=(20, 70)
+        ),
     )
 }
 
@@ -132,6 +135,11 @@ def find_scenario(name: str) -> Scenario:
     if name not in SCENARIOS:
         raise InputError(f"unknown scenario {name!r}: choose one of {', '.join(SCENARIOS)}")
     return SCENARIOS[name]
+
+
+def scenario_for(city: str) -> Scenario:
+    """The preset of a city's name, or else that for any city."""
+    return SCENARIOS.get(city, SCENARIOS["any_city"])
 
 
 def place(

@@ -13,9 +13,10 @@ from torch import Tensor
 
 from uavdh_lite import streams
 from uavdh_lite.advantage_learning import action_gap, widen_gap
-from uavdh_lite.agent import Agent, build, choices
+from uavdh_lite.agent import NETWORK, Agent, build, choices
 from uavdh_lite.checkpoint import load, save
-from uavdh_lite.city import Cities, City, load_city
+from uavdh_lite.city import Cities, City
+from uavdh_lite.city_generator import load_city
 from uavdh_lite.ddqn import DDQN, Networks, draw_actions, only_allowed, softmax_policy
 from uavdh_lite.environment import ACTIONS, Environment, Outcome, Rewards, State
 from uavdh_lite.errors import InputError
@@ -122,6 +123,10 @@ class Trainer:
     Arguments:
         city: the city to fly over, or several, one for each episode; the scenario's own if None.
         device: `cpu`, `cuda` or `mps`.
+        begin_with: the agent whose weights the run begins with, to fine-tune it; None for random
+            ones.
+
+    Raises `InputError` if that agent's network or observation is not that of the recipe.
     """
 
     threads = 1
@@ -133,6 +138,7 @@ class Trainer:
         seed: int,
         city: City | Cities | None = None,
         device: str = "cpu",
+        begin_with: Agent | None = None,
     ):
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
         self.city = city if city is not None else load_city(scenario.city)
@@ -141,7 +147,11 @@ class Trainer:
         self.generator = stream(Use.TRAINING, seed)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(torch_seed(Use.WEIGHTS, seed))
-            self.observation, network = build(recipe, self.city)
+            size = 0 if begin_with is None else begin_with.observation.size
+            self.observation, network = build(recipe, self.city, size)
+        if begin_with is not None:
+            _require_same_network(recipe, begin_with.recipe)
+            network.load_state_dict(begin_with.network.state_dict())
         self.observation.to(self.device)
         network.to(self.device)
         optimiser = torch.optim.Adam(
@@ -403,6 +413,20 @@ class OverlappedTrainer(Trainer):
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
+
+
+def _require_same_network(recipe: Recipe, other: Recipe) -> None:
+    """Raise `InputError` if the weights of one recipe do not fit the other."""
+    difference = [
+        f"{name} is {getattr(other, name)} there, {getattr(recipe, name)} here"
+        for name in NETWORK
+        if getattr(recipe, name) != getattr(other, name)
+    ]
+    if difference:
+        raise InputError(
+            f"recipe {recipe.name} has another network than the agent to begin with: "
+            + "; ".join(difference)
+        )
 
 
 def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

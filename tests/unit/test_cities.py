@@ -17,7 +17,7 @@ from uavdh_lite.environment import Environment, Rewards, State
 from uavdh_lite.errors import CityError, InputError
 from uavdh_lite.evaluation import alone, evaluate, fly
 from uavdh_lite.observation import Observation
-from uavdh_lite.planners import Greedy
+from uavdh_lite.planners import Genie, Greedy
 from uavdh_lite.plotting import draw_cities
 from uavdh_lite.replay import Replay
 from uavdh_lite.scenario import Scenario
@@ -235,6 +235,21 @@ def test_what_is_of_a_single_city_says_so():
     assert isinstance(one, State)
 
 
+def test_the_genie_plans_each_episode_over_its_own_city():
+    environment = Environment(drawn(8, 10))
+    start = SCENARIO.sample(environment.cities, 40, stream(Use.TEST))
+    flights = fly(environment, Genie(environment), start, stream(Use.TEST), record=True)
+    plans = Genie(environment).plans(start)
+    assert flights.end.landed.all() and len(set(environment.cities.city[start.uav_cell])) == 8
+    for rows, one, own_start in over_each(environment, start):
+        own = Genie(one).plans(own_start)
+        for row, plan in zip(rows, own, strict=True):
+            assert np.array_equal(plans[row].actions, plan.actions)
+            assert plans[row].value == plan.value
+    greedy = fly(environment, Greedy(environment), start, stream(Use.TEST))
+    assert flights.end.collection_ratio.mean() > greedy.end.collection_ratio.mean()
+
+
 def test_memory_is_a_bit_for_each_pair_of_cells_and_one_wide_map_for_each_city():
     cities = drawn(8, 9, each=3)
     environment = Environment(cities)
@@ -326,3 +341,20 @@ def test_a_page_of_cities_leaves_the_rest_of_its_places_empty():
     figure = Figure()
     draw_cities(figure, Cities((SMALL, LARGE, SMALL)), columns=2)
     assert [ax.axison for ax in figure.axes] == [True, True, True, False]
+
+
+def test_an_agent_is_fine_tuned_over_one_city_from_its_own_weights(begin, quick):
+    agent, city = begin().agent, CityGenerator(size=8).draw(1, seed=9)[0]
+    run = Trainer(agent.scenario, agent.recipe, 1, city, begin_with=agent)
+    start = agent.scenario.sample(city, 30, stream(Use.TEST))
+    expected = agent.over(city).q_values(start)
+    assert torch.equal(run.agent.q_values(start), expected)
+    assert run.agent.observation.size == 9 and not run.agent.knows(agent.city)
+    before = weights(run).clone()
+    while run.updates < 3:
+        run.step()
+    assert not torch.equal(weights(run), before)
+    assert torch.equal(agent.over(city).q_values(start), expected)  # it keeps its own weights
+    other = replace(agent.recipe, hidden=(7,), quantiles=5)
+    with pytest.raises(InputError, match=r"hidden is .* there, \(7,\) here; quantiles is 4 there"):
+        Trainer(agent.scenario, other, 1, city, begin_with=agent)

@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavdh_lite.city import KINDS
-from uavdh_lite.city_generator import LEAST_BUILT, CityGenerator
-from uavdh_lite.errors import InputError
+from uavdh_lite.city import KINDS, City
+from uavdh_lite.city_generator import LEAST_BUILT, CityGenerator, load_city
+from uavdh_lite.errors import CityError, InputError
 
 DEFAULT = CityGenerator()
 
@@ -133,3 +133,21 @@ def test_no_cities_are_refused():
 def test_parameters_that_leave_no_room_are_an_error():
     with pytest.raises(InputError, match="fewer landing zones"):
         CityGenerator(size=8, landing_zones=(8, 8)).draw(1, 0)
+
+
+def test_a_name_stands_for_a_city_or_for_many(tmp_path):
+    assert load_city("village").fingerprint == City.load("village").fingerprint
+    random = load_city("random:3:7")
+    assert random.fingerprint == DEFAULT.draw(3, 7).fingerprint
+    for city in random.cities:
+        city.save(tmp_path / f"{city.name}.png")
+    assert len(load_city(tmp_path)) == 3
+    assert load_city(tmp_path / f"{random[0].name}.png").fingerprint == random[0].fingerprint
+
+
+@pytest.mark.parametrize(
+    "name", ["random:", "random:3", "random:3:x", "random:-1:0", "random:1:2:3"]
+)
+def test_a_wrong_name_of_random_cities_says_how_to_write_it(name):
+    with pytest.raises(CityError, match=f"{name}: write random:COUNT:SEED, such as random:300:1"):
+        load_city(name)

@@ -138,7 +138,7 @@ def test_round_trip_and_replay(original, tmp_path):
 
 
 @settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 10**6), scenario=st.sampled_from(sorted(SCENARIOS)))
+@given(seed=st.integers(0, 10**6), scenario=st.sampled_from(sorted(set(SCENARIOS) - {"any_city"})))
 def test_every_random_mission_survives(seed, scenario, tmp_path_factory):
     preset = SCENARIOS[scenario]
     mission = Mission.draw(preset, City.load(preset.city), seed)

@@ -48,8 +48,9 @@ def _ablation(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..
         Arguments:
             study: what is left out or changed: centring, deviations or parts.
             variants: names of the study's variants to run, by default all.
-            scenario: what to train for: manhattan, open_field, village, harbour or metropolis.
-            recipe: how to train: lite, paper, small or quantile.
+            scenario: what to train for: manhattan, open_field, village, harbour, metropolis or
+                any_city, which is over 2000 random cities.
+            recipe: how to train: lite, paper, small, quantile or fine_tune.
             seeds: number of runs of each variant, with the seeds 0, 1, and so on.
             jobs: number of runs at a time.
             backend: where they run: loky, on this machine; dask, on the workers of a Dask cluster.

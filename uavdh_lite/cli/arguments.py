@@ -8,6 +8,7 @@ from uavdh_lite.errors import InputError
 
 if TYPE_CHECKING:
     from uavdh_lite.agent import Agent
+    from uavdh_lite.city import City
 
 Device = Literal["cpu", "cuda", "mps"]
 Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
@@ -24,10 +25,27 @@ def require_device(device: Device) -> Device:
     return device
 
 
-def open_agent(checkpoint: str, city: str | None, device: Device = "cpu") -> "Agent":
-    """The agent of a file or a shipped one, over its own city, another, or a folder of them."""
-    from uavdh_lite.checkpoint import load_agent
-    from uavdh_lite.city import load_city
+def open_agent(
+    checkpoint: str | None, city: "str | City | None", device: Device = "cpu"
+) -> "Agent":
+    """The agent of a file or a shipped one, over its own city, another, or several.
 
-    agent = load_agent(checkpoint, require_device(device))
-    return agent if city is None else agent.over(load_city(city))
+    Without a checkpoint it is the shipped agent that knows the city best; without a city, that of
+    manhattan. Raises `InputError` if there is none.
+    """
+    from uavdh_lite.checkpoint import load_agent
+    from uavdh_lite.city_generator import load_city
+    from uavdh_lite.policies import agents_for
+
+    if city is None:
+        return load_agent(checkpoint or "manhattan", require_device(device))
+    wanted = load_city(city) if isinstance(city, str) else city
+    if checkpoint is None:
+        knowing = agents_for(wanted)
+        if not knowing:
+            raise InputError(
+                f"no shipped agent flies over {wanted.size} × {wanted.size} cells: train an "
+                "agent for it (train --city), and give its file as --checkpoint"
+            )
+        checkpoint = knowing[0]
+    return load_agent(checkpoint, require_device(device)).over(wanted)

@@ -11,7 +11,7 @@ from uavdh_lite.cli.parsing import CommandLine
 
 def compare(
     *,
-    checkpoint: str = "manhattan",
+    checkpoint: str | None = None,
     others: tuple[str, ...] = (),
     city: str | None = None,
     episodes: PositiveInt = 1000,
@@ -28,9 +28,11 @@ def compare(
     the same fading. The metrics of every episode are written as a table.
 
     Arguments:
-        checkpoint: a checkpoint file, or the name of a shipped agent.
+        checkpoint: a checkpoint file, or the name of a shipped agent; by default the one that knows
+            the city best.
         others: names of shipped agents of the same city to compare with, too.
-        city: another city, of the same size or smaller: a PNG, or the name of a shipped one.
+        city: another city, of the same size or smaller: a PNG, a folder of PNGs, the name of a
+            shipped one, or random:COUNT:SEED.
         episodes: number of random missions.
         seed: seed of the missions, the fading and the random planner.
         replan: steps after which the genies plan again; fewer take longer.

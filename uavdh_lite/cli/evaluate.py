@@ -20,7 +20,8 @@ def evaluate(
 
     Arguments:
         checkpoint: a checkpoint file, or the name of a shipped agent.
-        city: another city, of the same size or smaller: a PNG, or the name of a shipped one.
+        city: another city, of the same size or smaller: a PNG, a folder of PNGs, the name of a
+            shipped one, or random:COUNT:SEED.
         episodes: number of random missions.
         seed: seed of the missions and the fading.
         device: what the network runs on.

@@ -15,7 +15,7 @@ Cells = Annotated[tuple[str, ...] | None, Parameter(metavar="ROW,COL...")]
 
 def fly(
     *,
-    checkpoint: str = "manhattan",
+    checkpoint: str | None = None,
     city: str | None = None,
     devices: Cells = None,
     data: Annotated[tuple[float, ...] | None, Parameter(metavar="UNITS...")] = None,
@@ -32,7 +32,8 @@ def fly(
     Whatever you leave out is drawn at random.
 
     Arguments:
-        checkpoint: a checkpoint file, or the name of a shipped agent.
+        checkpoint: a checkpoint file, or the name of a shipped agent; by default the one that knows
+            the city best.
         city: another city, of the same size or smaller: a PNG, or the name of a shipped one.
         devices: cells of the devices, such as 4,4 8,11.
         data: data units of each device.
@@ -58,11 +59,11 @@ def fly(
         save_figure,
     )
 
-    agent = open_agent(checkpoint, city, device)
     if mission is not None:
         flown = load_mission(mission)
-        agent = agent.over(flown.city)
+        agent = open_agent(checkpoint, flown.city, device)
     else:
+        agent = open_agent(checkpoint, city, device)
         flown = Mission.draw(
             agent.scenario,
             one_city(agent.city),

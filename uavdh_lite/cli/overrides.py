@@ -20,15 +20,23 @@ if TYPE_CHECKING:
 Preset = TypeVar("Preset", "Scenario", "Recipe")
 Arguments = Annotated[str, Parameter(allow_leading_hyphen=True, show=False)]
 """The parameter of a command that parses its arguments itself."""
+BeginWith = Annotated[str | None, Parameter(name="--from")]
+"""The parameter for the agent that a training begins with."""
 
 
 def named_presets(arguments: Sequence[str]) -> tuple["Scenario", "Recipe"]:
-    """The scenario and the recipe that the arguments name, or the default ones."""
+    """The scenario and the recipe that the arguments name, or the default ones.
+
+    Whoever begins with an agent (`--from`) fine-tunes it; others train from nothing.
+    """
     from uavdh_lite.recipe import find_recipe
     from uavdh_lite.scenario import find_scenario
 
-    def names(*, scenario: str = "manhattan", recipe: str = "lite"):
-        return find_scenario(scenario), find_recipe(recipe)
+    def names(
+        *, scenario: str | None = None, recipe: str | None = None, begin_with: BeginWith = None
+    ):
+        defaults = ("manhattan", "lite") if begin_with is None else ("any_city", "fine_tune")
+        return find_scenario(scenario or defaults[0]), find_recipe(recipe or defaults[1])
 
     app = application()
     app.help_flags, app.version_flags = (), ()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 from cyclopts.types import NonNegativeInt, PositiveInt
 
 from uavdh_lite.cli.arguments import Device, Flag, require_device
-from uavdh_lite.cli.overrides import Arguments, named_presets, options_of, with_values
+from uavdh_lite.cli.overrides import Arguments, BeginWith, named_presets, options_of, with_values
 from uavdh_lite.cli.parsing import CommandLine, application, run
 
 if TYPE_CHECKING:
@@ -28,8 +28,9 @@ def _train(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..., 
 
     def train(
         *,
-        scenario: str = "manhattan",
-        recipe: str = "lite",
+        scenario: str = named_scenario.name,
+        recipe: str = named_recipe.name,
+        begin_with: BeginWith = None,
         seed: NonNegativeInt = 0,
         out: Path | None = None,
         resume: Flag = False,
@@ -47,8 +48,11 @@ def _train(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..., 
         that you name. The defaults below are those of that scenario and that recipe.
 
         Arguments:
-            scenario: what to train for: manhattan, open_field, village, harbour or metropolis.
-            recipe: how to train: lite, paper, small or quantile.
+            scenario: what to train for: manhattan, open_field, village, harbour, metropolis or
+                any_city, which is over 2000 random cities.
+            recipe: how to train: lite, paper, small, quantile or fine_tune.
+            begin_with: an agent to go on from, a checkpoint file or the name of a shipped one. Then
+                the defaults are --scenario any_city and --recipe fine_tune.
             seed: seed of the weights, the episodes and the exploration.
             out: folder of the run, by default runs/SCENARIO-RECIPE-SEED.
             resume: continue the run in that folder.
@@ -59,6 +63,7 @@ def _train(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..., 
         """
         import torch
 
+        from uavdh_lite.checkpoint import load_agent
         from uavdh_lite.experiments import runs
         from uavdh_lite.training import OverlappedTrainer, Trainer
 
@@ -68,6 +73,7 @@ def _train(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..., 
             with_values(named_recipe, recipe_values),
             seed,
             device=require_device(device),
+            begin_with=None if begin_with is None else load_agent(begin_with),
         )
         best = runs.train(
             trainer,

@@ -11,19 +11,21 @@ from matplotlib.figure import Figure
 from uavdh_lite.city import COLOURS, LAYERS, City, shipped_cities
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import CityError, InputError, extra
+from uavdh_lite.evaluation import Flights
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.views import Map
+from uavdh_lite.labs.views import Map, policy_title
 from uavdh_lite.labs.widgets import CellPicker, status
 from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import draw_city, png
-from uavdh_lite.policies import PLANNERS, find_policy
+from uavdh_lite.policies import PLANNERS, agents_for, find_policy
 from uavdh_lite.scenario import Scenario
 
 with extra("notebooks"):
     import ipywidgets
 
 LARGEST = 50  # cells on a side; in larger cities, planners take minutes
-COMMAND = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
+TRAIN = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
+FINE_TUNE = "python -m uavdh_lite train --from {agent} --city my_city.png --out runs/my_city"
 BRUSHES = {
     "free": 0,
     "no-fly zone": 1,
@@ -103,8 +105,9 @@ class Draft:
 class CityLab(ipywidgets.VBox):
     """Paint buildings, no-fly zones and landing cells on a grid.
 
-    The shipped agents know only the cities that they were trained in. The planners fly over any
-    city, and the lab shows the command that trains an agent for yours.
+    The planners and the agent for any city fly over what you have painted, next to the greedy
+    planner; the agent only if the city is not larger than those that it was trained in. The lab
+    shows the command that trains an agent for your city alone.
 
     Arguments:
         city: the name of a shipped city to start from.
@@ -127,15 +130,15 @@ class CityLab(ipywidgets.VBox):
         self.brush = ipywidgets.ToggleButtons(
             options=list(BRUSHES), value="tall building", description="paint"
         )
-        self.policy = ipywidgets.Dropdown(options=list(PLANNERS), description="planner")
+        self.policy = ipywidgets.Dropdown(description="policy")
         self.fly = ipywidgets.Button(description="fly", icon="plane", tooltip="a random mission")
         self.picker = CellPicker(self.paint)
         self.message = ipywidgets.HTML(layout={"min_height": "28px"})
         self.result, self.take_home = ipywidgets.HTML(), ipywidgets.HTML()
         figure = Figure(figsize=(4.6, 4.6), dpi=100)
         self.ax = figure.add_axes((0.07, 0.05, 0.92, 0.93))
-        self.canvas, self.map = Canvas(figure), Map()
-        self.views = ipywidgets.HBox([self.canvas.picture])
+        self.canvas, self.maps = Canvas(figure), [Map(), Map()]
+        self.views = ipywidgets.HBox([self.canvas.picture], layout={"flex_flow": "row wrap"})
         super().__init__(
             [
                 ipywidgets.HBox([self.base, self.size, self.blank, self.upload]),
@@ -205,14 +208,31 @@ class CityLab(ipywidgets.VBox):
             return
         self._say("")
         self.fly.disabled = False
-        most = min(3, len(city.device_cells))
+        agents = self._offer_policies(city)
+        if agents:
+            command = FINE_TUNE.format(agent=agents[-1])
+        else:
+            command = TRAIN.format(devices=f"1 {min(3, len(city.device_cells))}")
         self.take_home.value = (
-            f"{save}; the shipped agents know only their own cities. To train one for this city: "
-            f"<code>{html.escape(COMMAND.format(devices=f'1 {most}'))}</code>"
+            f"{save}; to train an agent for this city: <code>{html.escape(command)}</code>"
         )
 
+    def _offer_policies(self, city: City) -> list[str]:
+        """Let one choose from the policies for this city; returns the agents among them."""
+        agents = agents_for(city)
+        names = [*agents, *PLANNERS]
+        options = [(policy_title(name), name) for name in names]
+        if self.policy.options != tuple(options):
+            chosen = self.policy.value
+            self.policy.options = options
+            self.policy.value = chosen if chosen in names else names[0]
+        return agents
+
     def _fly(self) -> None:
-        """Fly a mission of up to three devices, with time to cross the city about twice."""
+        """Fly a mission of up to three devices, with time to cross the city about twice.
+
+        The greedy planner flies it, too, for comparison.
+        """
         try:
             city = self.draft.city()
             most = min(3, len(city.device_cells))
@@ -221,20 +241,30 @@ class CityLab(ipywidgets.VBox):
             environment = Environment(city)
             mission = Mission.draw(scenario, city, self._missions)
             self.result.value = f"{self.policy.value} is planning …"
-            flights = mission.fly(environment, find_policy(self.policy.value, environment))
+            flown = {
+                name: mission.fly(environment, find_policy(name, environment))
+                for name in dict.fromkeys([self.policy.value, "greedy"])
+            }
         except InputError as error:
             self._say(str(error))
             return
         self._missions += 1
+        self.result.value = "<br>".join(map(self._told, flown, flown.values()))
+        for each, (name, flights) in zip(self.maps, flown.items(), strict=False):
+            each.set_city(environment, mission, policy_title(name))
+            each.show(flights)
+        shown = [each.canvas.picture for each in self.maps[: len(flown)]]
+        self.views.children = [self.canvas.picture, *shown]
+
+    @staticmethod
+    def _told(name: str, flights: Flights) -> str:
+        """A flight in a line."""
         end, start = flights.end, flights.start
-        self.result.value = (
-            f"{'landed' if end.landed[0] else 'crashed'} after {flights.steps[0]} of "
-            f"{start.time_left[0]} units of time, {end.data_collected.sum():.1f} of "
-            f"{start.data_initial.sum():.1f} data units collected"
+        return (
+            f"{policy_title(name)}: {'landed' if end.landed[0] else 'crashed'} after "
+            f"{flights.steps[0]} of {start.time_left[0]} units of time, "
+            f"{end.data_collected.sum():.1f} of {start.data_initial.sum():.1f} data units collected"
         )
-        self.map.set_city(environment, mission, self.policy.value)
-        self.map.show(flights)
-        self.views.children = [self.canvas.picture, self.map.canvas.picture]
 
     def _say(self, text: str) -> None:
         self.message.value = status(text)

@@ -10,7 +10,7 @@ from uavdh_lite.labs.views import Map, legend, policy_title
 from uavdh_lite.labs.widgets import table
 from uavdh_lite.missions import HandFlight, Mission, environment_of
 from uavdh_lite.policies import find_policy, policies_for
-from uavdh_lite.scenario import SCENARIOS
+from uavdh_lite.scenario import scenario_for
 
 with extra("notebooks"):
     import ipywidgets
@@ -72,7 +72,7 @@ class FlyLab(ipywidgets.VBox):
     def _start(self) -> None:
         """Start the chosen mission from its beginning."""
         self.environment = environment_of(self.city.value)
-        scenario, city = SCENARIOS[self.city.value], self.environment.city
+        scenario, city = scenario_for(self.city.value), self.environment.city
         self.flight = HandFlight(self.environment, Mission.draw(scenario, city, self.seed.value))
         self.map.set_city(self.environment, self.flight.mission, "your flight")
         self.score.value = ""

@@ -10,7 +10,7 @@ from uavdh_lite.labs.widgets import CellPicker, status, table
 from uavdh_lite.missions import Mission, environment_of
 from uavdh_lite.plotting import device_colour
 from uavdh_lite.policies import find_policy, policies_for
-from uavdh_lite.scenario import SCENARIOS
+from uavdh_lite.scenario import scenario_for
 
 with extra("notebooks"):
     import ipywidgets
@@ -24,7 +24,7 @@ class MissionLab(ipywidgets.VBox):
     """Set a mission, fly it, and compare two policies on it under the same fading.
 
     Arguments:
-        city: the name of a shipped city to start with.
+        city: the name of a shipped city to start with, or the path of a PNG with your own.
     """
 
     _silent = False
@@ -32,6 +32,8 @@ class MissionLab(ipywidgets.VBox):
 
     def __init__(self, city: str = "manhattan"):
         self._build()
+        if city not in self.city.options:
+            self.city.options = [*self.city.options, city]
         self.city.value = city
         self._set_city()
         super().__init__([self._controls(), self.message, self.views, self.numbers, legend()])
@@ -104,7 +106,7 @@ class MissionLab(ipywidgets.VBox):
     def _set_city(self) -> None:
         """Start again, in the chosen city."""
         self.environment = environment_of(self.city.value)
-        self.scenario = SCENARIOS[self.city.value]
+        self.scenario = scenario_for(self.city.value)
         with self._quiet():
             self.time.max = self.scenario.flying_time[1]
             names = policies_for(self.environment)
