@@ -9,6 +9,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PatchCollection
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
@@ -16,7 +17,7 @@ from matplotlib.patheffects import withStroke
 from PIL import Image
 
 from uavdh_lite.city import Cities, City
-from uavdh_lite.environment import LAND, Environment, State
+from uavdh_lite.environment import LAND, Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Trajectory, alone
 from uavdh_lite.storage import write_atomically
@@ -40,7 +41,9 @@ LANDING: Style = {
 }
 TALL: Style = {"facecolor": "#4D4D4D", "linewidth": 0}
 LOW: Style = {"facecolor": "#D9C9A3", "edgecolor": "#6B5B35", "hatch": "..", "linewidth": 0}
-SHADOW = 0.12  # darkness that one device's shadow adds
+SHADOW, DEEPEST = "#AFA3D1", 5  # the ground from which this many devices are hidden, or more
+THIN, THICK = 0.05, 0.17  # width of an arrow, cells: nothing uploaded, and as much as in any step
+LEVELS = 4  # widths in between
 
 
 def device_colour(device: int | np.integer) -> str:
@@ -53,11 +56,10 @@ def draw_city(ax: Axes, city: City, shadow_sum: np.ndarray | None = None) -> Axe
 
     Arguments:
         shadow_sum: (M, M), for how many devices a cell lies in a building's shadow, from the
-            function `shadow_sum`; the more, the darker.
+            function `shadow_sum`; the more, the deeper the violet.
     """
     if shadow_sum is not None:
-        grey = 1 - np.minimum(SHADOW * shadow_sum, 0.6)
-        ax.imshow(grey, cmap="gray", vmin=0, vmax=1, interpolation="nearest", zorder=0)
+        ax.imshow(_shadow_colours(shadow_sum), interpolation="nearest", zorder=0)
     tall = city.buildings & city.no_fly
     for mask, style in (
         (city.landing, LANDING),
@@ -77,6 +79,12 @@ def draw_city(ax: Axes, city: City, shadow_sum: np.ndarray | None = None) -> Axe
         ax.grid(which="minor", color="#DDDDDD", linewidth=0.4, zorder=0.5)
     ax.tick_params(which="both", length=0, labelsize="small")
     return ax
+
+
+def _shadow_colours(hidden: np.ndarray) -> np.ndarray:
+    """Colours from white to `SHADOW` for numbers of hidden devices; (..., 3)."""
+    depth = np.sqrt(np.minimum(hidden / DEEPEST, 1))[..., None]
+    return 1 - depth * (1 - np.array(to_rgb(SHADOW)))
 
 
 def draw_cities(figure: Figure, cities: Cities, columns: int) -> None:
@@ -114,8 +122,9 @@ def draw_flight(
     """What a flight adds to the map: its path, its devices, start and end; returns the artists.
 
     Arrows and hover marks have the colour of the device that uploaded most in that step, black if
-    none did; the number next to a device is its data at the start. Arrows are drawn a little to the
-    right of the path, so that there and back differ; a hover mark grows with the time spent there.
+    none did; the thicker an arrow, the more was uploaded in its step. The number next to a device
+    is its data at the start. Arrows are drawn a little to the right of the path, so that there and
+    back differ; a hover mark grows with the time spent there.
 
     Arguments:
         steps: draw only this many steps, and the UAV where it then is; None for all.
@@ -129,23 +138,25 @@ def draw_flight(
     down, right = np.diff(row), np.diff(col)
     moved = (down != 0) | (right != 0)
     artists: list[Artist] = []
-    if moved.any():
+    widths = _arrow_widths(trajectory)[:steps]
+    for width in np.unique(widths[moved]):
+        these = moved & (widths == width)
         aside = 0.14  # of a cell, to the right of the direction of flight; y points south here
         artists.append(
             ax.quiver(
-                col[:-1][moved] - aside * down[moved],
-                row[:-1][moved] + aside * right[moved],
-                right[moved],
-                down[moved],
-                color=list(colours[moved]),
+                col[:-1][these] - aside * down[these],
+                row[:-1][these] + aside * right[these],
+                right[these],
+                down[these],
+                color=list(colours[these]),
                 angles="xy",
                 scale_units="xy",
                 scale=1,
                 units="xy",
-                width=0.13,
-                headwidth=3.2,
-                headlength=3.2,
-                headaxislength=3,
+                width=width,
+                headwidth=2 + 0.17 / width,  # thin arrows keep a head that one can see
+                headlength=2 + 0.17 / width,
+                headaxislength=1.8 + 0.17 / width,
                 zorder=4,
             )
         )
@@ -156,7 +167,7 @@ def draw_flight(
         for ring, colour in enumerate(dict.fromkeys(colours[here])):
             size = 5 + 3 * ring + 1.5 * np.sqrt((here & (colours == colour)).sum())
             artists += ax.plot(x, y, "o", mfc="none", mec=colour, zorder=5, ms=size, mew=1.4)
-    artists += _draw_devices(ax, city, trajectory.start)
+    artists += _draw_devices(ax, city, trajectory)
     artists += ax.plot(col[0], row[0], "^", color="white", mec="black", ms=9, zorder=7)
     in_the_air = steps < total or (not trajectory.landed and trajectory.time_left[-1] > 0)
     if in_the_air:
@@ -168,20 +179,37 @@ def draw_flight(
     return artists
 
 
-def _draw_devices(ax: Axes, city: City, start: State) -> list[Artist]:
-    """The devices of an episode with their data at the start."""
+def _arrow_widths(trajectory: Trajectory) -> np.ndarray:
+    """The width of each step's arrow, cells: by what it uploaded, in a few levels; (T,)."""
+    uploaded = -np.diff(trajectory.data_left.sum(axis=1))
+    share = uploaded / max(uploaded.max(initial=0), 1e-9)
+    return THIN + (THICK - THIN) * np.ceil(LEVELS * share) / LEVELS
+
+
+def _draw_devices(ax: Axes, city: City, trajectory: Trajectory) -> list[Artist]:
+    """The devices of an episode with their data at the start, written where the route is not."""
     artists: list[Artist] = []
-    for device in np.flatnonzero(start.data_initial[0] > 0):
+    start = trajectory.start
+    devices = np.flatnonzero(start.data_initial[0] > 0)
+    crowd = np.full((city.size + 2, city.size + 2), 1000)  # a border without room
+    crowd[1:-1, 1:-1] = 0
+    for cells in (trajectory.uav_cell, start.device_cells[0, devices]):
+        row, col = np.divmod(cells.astype(int), city.size)
+        np.add.at(crowd, (row + 1, col + 1), 1)
+    for device in devices:
         y, x = divmod(int(start.device_cells[0, device]), city.size)
         colour = device_colour(device)
         artists += ax.plot(x, y, "X", color=colour, mec="white", mew=0.8, ms=11, zorder=6)
-        left, below = x > city.size - 2, y < 1  # the number stays inside the map
+        east, south = min(
+            ((1, 0), (-1, 0), (1, 1), (-1, 1)),  # north-east if all are equally good
+            key=lambda side: _crowd_at(crowd[y : y + 3, x : x + 3], *side),
+        )
         artists.append(
             ax.annotate(
                 f"{start.data_initial[0, device]:.0f}",
                 (x, y),
-                (-7 if left else 7, -13 if below else 5),
-                ha="right" if left else "left",
+                (7 * east, -13 if south else 5),
+                ha="right" if east < 0 else "left",
                 textcoords="offset points",
                 fontsize="small",
                 fontweight="bold",
@@ -191,6 +219,12 @@ def _draw_devices(ax: Axes, city: City, start: State) -> list[Artist]:
             )
         )
     return artists
+
+
+def _crowd_at(around: np.ndarray, east: int, south: int) -> int:
+    """What is in the way of a label in a corner of 3×3 cells: twice in the corner itself."""
+    row, col = (2 if south else 0), 1 + east
+    return int(2 * around[row, col] + around[row, 1] + around[1, col])
 
 
 def _step_colour(trajectory: Trajectory, step: int) -> str:
@@ -217,15 +251,15 @@ def add_legend(figure: Figure, devices: int) -> None:
         Patch(label="no-fly zone", **NO_FLY),
         Patch(label="tall building", **TALL),
         Patch(label="low building: may be flown over", **LOW),
-        Patch(label="shadow: no line of sight, darker for more devices", facecolor=str(1 - SHADOW)),
+        Patch(label="shadow: no line of sight, deeper for more devices", facecolor=SHADOW),
         mark("^", "start", mfc="white", mec="black", ms=9),
         mark("D", "landing", mfc="white", mec="black", ms=7),
         mark("*", "crash", mfc=RED, mec="black", ms=13),
-        mark("$→$", "moving, no upload", color="black", ms=12),
+        mark("$→$", "move: thicker for more data, black for none", color="black", ms=12),
         mark("o", "hovering", mfc="none", mec="black", mew=1.4, ms=8),
     ]
     handles += [
-        mark("X", f"device {k}, and flight while it is served", color=device_colour(k), ms=10)
+        mark("X", f"device {k}, and moves while it is served", color=device_colour(k), ms=10)
         for k in range(devices)
     ]
     columns = 3 if figure.get_figwidth() >= 9 else 2

@@ -10,15 +10,19 @@ from matplotlib.quiver import Quiver
 from PIL import Image
 
 from uavdh_lite.city import City
-from uavdh_lite.environment import EAST, HOVER, LAND, WEST, Environment
+from uavdh_lite.environment import EAST, HOVER, LAND, SOUTH, WEST, Environment
 from uavdh_lite.evaluation import fly
 from uavdh_lite.plotting import (
     DEVICE_COLOURS,
     RED,
+    TALL,
+    THICK,
+    THIN,
     add_legend,
     caption,
     draw_city,
     draw_curves,
+    draw_flight,
     draw_trajectory,
     pixels,
     png,
@@ -71,17 +75,56 @@ def test_shadow_sum_counts_the_devices_out_of_sight():
 def test_trajectory_has_an_arrow_for_each_move_in_the_served_devices_colour(figure, corridor):
     environment, trajectory = flight(corridor, [EAST, EAST, HOVER, WEST, WEST, LAND])
     ax = draw_trajectory(figure.subplots(), environment, trajectory)
-    (arrows,) = [c for c in ax.collections if isinstance(c, Quiver)]
-    assert arrows.U.tolist() == [1, 1, -1, -1] and not arrows.V.any()
-    collected = trajectory.data_left[:-1, 0] > trajectory.data_left[1:, 0]
-    moves = [0, 1, 3, 4]
-    expected = [to_rgba(DEVICE_COLOURS[0]) if collected[t] else to_rgba("black") for t in moves]
-    assert arrows.get_facecolor().tolist() == [list(colour) for colour in expected]
-    assert to_rgba("black") in expected and to_rgba(DEVICE_COLOURS[0]) in expected
+    arrows = [c for c in ax.collections if isinstance(c, Quiver)]
+    east = [(x, u) for each in arrows for x, u in zip(each.X, each.U, strict=True) if u > 0]
+    assert sorted(east) == [(0, 1), (1, 1)] and not any(each.V.any() for each in arrows)
+    assert sorted(x for each in arrows for x, u in zip(each.X, each.U, strict=True) if u < 0) == [
+        1,
+        2,
+    ]
+    uploaded = trajectory.data_left[:-1, 0] - trajectory.data_left[1:, 0]
+    served = [t for t in (0, 1, 3, 4) if uploaded[t] > 0]
+    colours = [tuple(colour) for each in arrows for colour in each.get_facecolor().tolist()]
+    assert colours.count(to_rgba(DEVICE_COLOURS[0])) == len(served) > 0
+    assert colours.count(to_rgba("black")) == 4 - len(served) > 0
     markers = [line.get_marker() for line in ax.lines]
     assert markers == ["o", "X", "^", "D"]  # hover, device, start, landing
     assert caption(trajectory) == "Time 6/9; data 1.5/1.5"
     assert ax.get_xlabel() == f"column\n{caption(trajectory)}"
+
+
+def test_the_more_a_step_uploads_the_thicker_is_its_arrow(figure, corridor):
+    environment, trajectory = flight(corridor, [EAST, EAST, WEST, WEST, LAND], data=50.0)
+    uploaded = np.array([0.0, 0.001, 1.0, 4.0, 0.0])  # by hand
+    left = 50 - np.cumsum([0.0, *uploaded])
+    trajectory = replace(trajectory, data_left=np.stack([left, 0 * left], axis=1))
+    draw_flight(figure.subplots(), environment.city, trajectory)
+    arrows = [c for c in figure.axes[0].collections if isinstance(c, Quiver)]
+    widths = {each.width: len(each.U) for each in arrows}
+    assert widths == pytest.approx({THIN: 1, THIN + (THICK - THIN) / 4: 2, THICK: 1})
+
+
+def test_a_label_is_written_where_the_route_is_not(figure):
+    city = City.from_text("open", "\n".join(["L...."] + ["....."] * 4))
+    environment = Environment(city)
+    start = place(city, (0, 0), [(2, 2), (0, 4)], [9.0, 9.0], 9, max_devices=2)
+    around = iter([EAST, EAST, EAST, SOUTH, SOUTH, HOVER, HOVER, HOVER, HOVER])
+    flights = fly(
+        environment, lambda _: np.array([next(around)]), start, stream(Use.TEST), record=True
+    )
+    ax = draw_trajectory(figure.subplots(), environment, flights.trajectory(0))
+    inside, corner = (text.xyann for text in ax.texts)
+    assert inside[0] < 0  # the route passes to the north and to the east
+    assert corner[0] < 0 and corner[1] < 0  # the north-eastern corner of the map has no other room
+
+
+def test_shadows_are_never_as_dark_as_buildings(figure):
+    city = City.from_text("drawn", "L.N\n.bB\n..B")
+    ax = draw_city(figure.subplots(), city, shadow_sum=np.arange(9).reshape(3, 3) * 10)
+    colours = np.asarray(ax.images[0].get_array())
+    assert (colours[0, 0] == 1).all() and colours.min() > 0.6 > max(to_rgba(TALL["facecolor"])[:3])
+    one, two = (draw_city(figure.subplots(), city, np.full((3, 3), n)).images[0] for n in (1, 2))
+    assert (np.asarray(one.get_array()) > np.asarray(two.get_array())).all()
 
 
 def test_a_crash_is_marked(figure, corridor):
