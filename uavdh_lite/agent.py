@@ -16,6 +16,7 @@ from uavdh_lite.observation import Observation
 from uavdh_lite.quantile import QuantileNetwork
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
+from uavdh_lite.symmetry import mean_over_symmetries
 
 CHUNK = 256  # states a forward pass: more would only spill out of the processor's cache
 
@@ -87,6 +88,7 @@ class Agent:
     | `recipe`, `scenario` | what it was trained with |
     | `city` | the city that it flies over, or the cities that it was trained in |
     | `training` | seed, cities, environment steps, validation metrics, command, versions |
+    | `symmetric` | act on the mean Q-values over the eight symmetries; agents of many cities do |
     """
 
     network: nn.Module
@@ -95,12 +97,22 @@ class Agent:
     scenario: Scenario
     city: City | Cities
     training: dict = field(default_factory=dict)
+    symmetric: bool = False
 
     @torch.no_grad()
     def q_values(self, state: State) -> Tensor:
         """Q-values of all actions, (B, 6), on the CPU."""
         chunks = (state[start : start + CHUNK] for start in range(0, len(state), CHUNK))
-        return torch.cat([self.network(*self.observation(chunk)).cpu() for chunk in chunks])
+        return torch.cat([self._q_values(chunk).cpu() for chunk in chunks])
+
+    def _q_values(self, state: State) -> Tensor:
+        observation = self.observation
+        if not self.symmetric:
+            return self.network(*observation(state))
+        time = observation.time(state)
+        return mean_over_symmetries(
+            lambda maps: self.network(observation.views(maps), time), observation.full_map(state)
+        )
 
     def __call__(self, state: State) -> np.ndarray:
         return only_allowed(self.q_values(state), self.allowed(state)).argmax(dim=1).numpy()

@@ -109,7 +109,10 @@ def save_agent(path: str | Path, agent: Agent) -> None:
 
 
 def load_agent(path: str | Path, device: str = "cpu") -> Agent:
-    """Read an agent; a bare name such as `manhattan` means a shipped one."""
+    """Read an agent; a bare name such as `manhattan` means a shipped one.
+
+    An agent of many cities flies by the mean over the eight symmetries, `Agent.symmetric`.
+    """
     path = Path(path)
     if path.suffix == "" and not path.exists():
         path = data_folder() / "checkpoints" / f"{path.name}.safetensors"
@@ -134,7 +137,9 @@ def load_agent(path: str | Path, device: str = "cpu") -> Agent:
             f"{path}: does not fit this version of uavdh_lite ({error})"
         ) from None
     network.to(device).eval()
-    return Agent(network, observation.to(device), recipe, scenario, city, about["training"])
+    training = about["training"]
+    symmetric = training.get("cities", 1) > 1  # in many cities, all directions are alike
+    return Agent(network, observation.to(device), recipe, scenario, city, training, symmetric)
 
 
 def _cities(about: list[dict], kinds: np.ndarray) -> City | Cities:

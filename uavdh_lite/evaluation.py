@@ -239,14 +239,36 @@ def wilson_interval(values: np.ndarray) -> Interval:
     return Interval(share, float(low), float(high))
 
 
-def bootstrap_interval(values: np.ndarray, resamples: int = 2000) -> Interval:
+def bootstrap_interval(
+    values: np.ndarray, resamples: int = 2000, groups: np.ndarray | None = None
+) -> Interval:
     """The mean of independent values, (N,), with its 95 % percentile bootstrap interval.
 
     If all values are equal, the interval is a point; that does not mean certainty.
+
+    Arguments:
+        groups: which values belong together, (N,), such as the missions of one city. Then whole
+            groups are drawn again: the interval is for missions in other cities of the same kind.
     """
-    generator = stream(Use.BOOTSTRAP)
-    means = [
-        values[generator.integers(0, len(values), len(values))].mean() for _ in range(resamples)
-    ]
+    if groups is None:
+        generator = stream(Use.BOOTSTRAP)
+        means = [
+            values[generator.integers(0, len(values), len(values))].mean() for _ in range(resamples)
+        ]
+    else:
+        counts, sums = drawn_again(groups, resamples, np.ones(len(values)), values)
+        means = sums / counts
     low, high = np.quantile(means, [0.025, 0.975])
     return Interval(float(values.mean()), float(low), float(high))
+
+
+def drawn_again(groups: np.ndarray, resamples: int, *columns: np.ndarray) -> list[np.ndarray]:
+    """The sum of each column, (N,), over groups that are drawn again; (resamples,) each.
+
+    All columns get the same draws.
+    """
+    _, member = np.unique(groups, return_inverse=True)
+    by_group = [np.bincount(member, column) for column in columns]
+    count = len(by_group[0])
+    drawn = stream(Use.BOOTSTRAP).integers(0, count, (resamples, count))
+    return [sums[drawn].sum(axis=1) for sums in by_group]

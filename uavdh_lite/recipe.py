@@ -254,11 +254,12 @@ QUANTILE = replace(
 FINE_TUNE = replace(
     QUANTILE,
     name="fine_tune",
-    steps=200_000,
+    steps=100_000,
     learning_rate=2e-4,
     replay_prefill=5_000,
     temperature=0.1,
-    validation_interval=20_000,
+    validation_interval=10_000,
+    validation_episodes=500,
 )
 """`QUANTILE` for an agent that flies well already, so that it learns one city by heart
 (`train --from any_city`): smaller steps, and no time spent on exploring."""

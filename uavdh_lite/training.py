@@ -277,7 +277,10 @@ class Trainer:
 
     @property
     def agent(self) -> Agent:
-        """The agent as it is now; it shares the weights with the run."""
+        """The agent as it is now; it shares the weights with the run.
+
+        It flies by one view of the map, which is eight times as fast as by all symmetries.
+        """
         training = {
             "seed": self.seed,
             "cities": len(self.environment.cities),

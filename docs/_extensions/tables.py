@@ -9,7 +9,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,17 @@ POLICIES = {
     "greedy": "greedy: to the nearest device, home in time",
     "genie": "genie, plans for the return",
     "genie_data": "genie, plans for the data",
+}
+NAMED = {  # in the comparisons of the agent for any city
+    ("any_city", "agent"): "**any_city**, which saw none of these cities",
+    **{
+        (f"any_city-{city}", "agent"): "**any_city**, which never saw this city"
+        for city in ("manhattan", "open_field", "village")
+    },
+    **{
+        (f"any_city-{city}", city): f"`{city}`, which knows only this city"
+        for city in ("manhattan", "open_field")
+    },
 }
 NAMES = {
     "without_huber_loss": "Huber loss",
@@ -216,7 +227,7 @@ def comparison(scenario: str) -> str:
         shares = [mean_interval(columns[metric]) for metric in SHARES]
         total = _number(mean_interval(columns[RETURN]))
         time = _percent(mean_interval(columns["time_used"]))
-        name = POLICIES[policy.removeprefix(f"{scenario}_")]
+        name = NAMED.get((scenario, policy)) or POLICIES[policy.removeprefix(f"{scenario}_")]
         rows.append([name, *map(_percent, shares), total, time])
     if scenario in RESULTS:
         paper = [f"{100 * value:g} %" for value in RESULTS[scenario].values()]
@@ -227,6 +238,8 @@ def comparison(scenario: str) -> str:
 
 def _agents(scenario: str, flown: dict) -> dict[str, str]:
     """The shipped agents of a comparison: what tables call them, and their names there."""
+    if scenario.startswith("any_city"):
+        return {"`any_city`": "agent"}
     names = {"quantile agent": "agent", "DDQN agent": f"{scenario}_ddqn"}
     return {label: name for label, name in names.items() if name in flown}
 
@@ -241,23 +254,45 @@ def lead(scenario: str) -> str:
             (RETURN, "return, data units", 1),
         ):
             mine = flown[policy][metric]
-            difference = bootstrap_interval(factor * (mine - flown["greedy"][metric]))
-            part = share(mine, flown[BEST_GENIE[metric]][metric])
+            cities = flown[policy].get("city")
+            difference = bootstrap_interval(
+                factor * (mine - flown["greedy"][metric]), groups=cities
+            )
+            part = share(mine, flown[BEST_GENIE[metric]][metric], cities)
             rows.append([label, name, _number(difference), _percent(part)])
     return _table(["", "", "minus greedy", "as a share of the best genie"], rows)
 
 
 def by_flying_time(scenario: str) -> str:
     """Collected and landed of agents, greedy and genie by the flying time that was drawn."""
+    return _by(scenario, "flying time", lambda columns: columns["flying_time"])
+
+
+def by_devices(scenario: str) -> str:
+    """The same by the number of devices."""
+    return _by(scenario, "devices", lambda columns: columns["devices"])
+
+
+def by_kind(scenario: str) -> str:
+    """The same by the kind of random city."""
+    return _by(scenario, "kind of city", lambda columns: kind_of(columns["city"]))
+
+
+def kind_of(city: np.ndarray) -> np.ndarray:
+    """The kinds of random cities, (N,), from their names."""
+    return np.array([name.rsplit("_", 2)[0] for name in city.tolist()])
+
+
+def _by(scenario: str, title: str, by: Callable[[dict[str, np.ndarray]], np.ndarray]) -> str:
     flown, _ = _comparison(scenario)
     shown = _agents(scenario, flown) | {"greedy": "greedy", "genie, for the data": "genie_data"}
-    parts = [breakdown(flown[p][CRAL], flown[p]["flying_time"]) for p in shown.values()]
+    parts = [breakdown(flown[p][CRAL], by(flown[p])) for p in shown.values()]
     rows = [
         [label, count, *(_percent(part[2]) for part in group)]
         for group in zip(*parts, strict=True)
         for label, count, _ in group[:1]
     ]
-    return _table(["flying time", "missions", *shown], rows)
+    return _table([title, "missions", *shown], rows)
 
 
 def _runs(study: str) -> dict[str, dict]:

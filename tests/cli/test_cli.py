@@ -6,10 +6,11 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from uavdh_lite.checkpoint import load_agent, shipped_agents
-from uavdh_lite.city import Cities
+from uavdh_lite.city import Cities, City
 from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.cli.main import main
 from uavdh_lite.paper import RESULTS
@@ -152,6 +153,37 @@ def test_train_takes_a_city_and_ranges_of_ones_own(corridor, tmp_path, capsys):
     assert agent.recipe.huber_delta is None and agent.recipe.layer_norm is False
 
 
+def test_without_a_checkpoint_the_agent_flies_that_knows_the_city_best(tmp_path, capsys):
+    mine, out = tmp_path / "mine.png", tmp_path / "f.png"
+    CityGenerator(size=12).draw(1, seed=3)[0].save(mine)
+    assert main(["fly", "--city", str(mine), "--out", str(out)]) == 0
+    by_default = capsys.readouterr().out
+    assert main(["fly", "--checkpoint", "any_city", "--city", str(mine), "--out", str(out)]) == 0
+    assert capsys.readouterr().out == by_default
+    table = tmp_path / "c.csv.gz"
+    compare = ["compare", "--episodes", "2", "--out", str(table)]
+    assert main([*compare, "--city", "random:2:5"]) == 0
+    assert "any_city: 2 random missions" in capsys.readouterr().out
+    assert main([*compare, "--city", "open_field"]) == 0
+    assert "open_field: 2 random missions" in capsys.readouterr().out
+
+
+def test_train_goes_on_from_an_agent(tmp_path, capsys):
+    mine, run = tmp_path / "mine.png", tmp_path / "run"
+    city = CityGenerator(size=12).draw(1, seed=3)[0]
+    city.save(mine)
+    arguments = ["train", "--from", "any_city", "--city", str(mine), "--out", str(run)]
+    small = ["--steps", "320", "--replay-prefill", "160", "--validation-episodes", "5"]
+    assert main([*arguments, *small]) == 0
+    tuned, general = load_agent(run / "best.safetensors"), load_agent("any_city")
+    assert tuned.recipe.name == "fine_tune" and tuned.scenario.name == "any_city"
+    assert tuned.knows(city) and not tuned.knows(City.load("village"))
+    before, after = (
+        torch.cat([p.flatten() for p in a.network.parameters()]) for a in (general, tuned)
+    )
+    assert 0 < (after - before).abs().max() < 0.1
+
+
 @pytest.mark.parametrize("command", ["train", "ablation"])
 def test_help_explains_every_field(command, capsys):
     output = help_of(capsys, command)
@@ -227,6 +259,9 @@ def test_options_given_twice_hold_as_given_last(tmp_path, capsys):
         ("evaluate --checkpoint none.safetensors", "none.safetensors: no such file"),
         ("evaluate --checkpoint manhattan --episodes 0", "for --episodes. Must be > 0"),
         ("evaluate --checkpoint manhattan --city metropolis", "metropolis has 50"),
+        ("compare --city metropolis", "no shipped agent flies over 50 × 50 cells: train an agent"),
+        ("evaluate --checkpoint any_city --city random:3", "random:3: write random:COUNT:SEED"),
+        ("train --from manhattan_ddqn --city village", "has another network than the agent"),
         ("fly --devices 2,2", "device 0 stands on a building at (2, 2)"),
         ("fly --devices 4,4 4,4", "device 1 is at (4, 4), where another device stands"),
         ("fly --devices 4,4 --data -3", "device 0 has -3.0 data units"),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from uavdh_lite.city import City
+from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments.comparison import (
@@ -15,7 +16,7 @@ from uavdh_lite.experiments.comparison import (
     summary,
 )
 from uavdh_lite.planners import Genie, Greedy
-from uavdh_lite.scenario import SCENARIOS
+from uavdh_lite.scenario import SCENARIOS, Scenario
 from uavdh_lite.storage import read_table
 
 
@@ -39,6 +40,16 @@ def test_parts_and_processes_change_nothing(village, jobs, chunk):
         np.testing.assert_array_equal(results[name]["devices"], (data > 0).sum(axis=1))
 
 
+def test_over_several_cities_each_episode_names_its_city():
+    cities = CityGenerator(size=8).draw(3, seed=5)
+    environment, scenario = Environment(cities), Scenario("few", devices=(1, 2))
+    policies = {"greedy": lambda: Greedy(environment)}
+    results = compare(environment, scenario, policies, 20, seed=4, chunk=7)
+    flights = evaluate(environment, Greedy(environment), scenario, 20, seed=4)
+    expected = [cities[c].name for c in cities.city[flights.start.uav_cell]]
+    assert results["greedy"]["city"].tolist() == expected and len(set(expected)) == 3
+
+
 def test_the_genie_beats_greedy_at_what_it_is_asked_for():
     environment, scenario = Environment(City.load("open_field")), SCENARIOS["open_field"]
     policies = {
@@ -57,6 +68,7 @@ def test_share_pairs_the_episodes(generator):
     reference = generator.uniform(1, 100, 200)
     exact = share(0.9 * reference, reference)
     assert exact == pytest.approx((0.9, 0.9, 0.9))  # unpaired, it would be some 0.9 ± 0.1
+    assert share(0.9 * reference, reference, np.arange(200) // 9) == pytest.approx((0.9, 0.9, 0.9))
     noisy = share(0.9 * reference + generator.normal(0, 5, 200), reference)
     assert noisy.low < noisy.mean < noisy.high
 

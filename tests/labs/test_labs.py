@@ -14,6 +14,7 @@ from PIL import Image
 from uavdh_lite import labs
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
+from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.environment import ACTIONS
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.labs import ChannelLab, CityLab, FlyLab, Labs, MissionLab, ThinkLab
@@ -207,7 +208,7 @@ def test_a_planner_has_no_q_values():
 
 
 def test_a_city_without_an_agent_says_so():
-    lab = ThinkLab("village")
+    lab = ThinkLab("metropolis")
     assert lab.charts.agent is None and list(lab.flights) == ["greedy"]
 
 
@@ -298,17 +299,42 @@ def test_painting_a_city_says_at_once_what_it_lacks():
     assert np.argwhere(lab.draft.buildings).tolist() == [[3, 3], [3, 4]]
 
 
-def test_planners_fly_in_a_painted_city_and_it_can_be_taken_home():
+def test_the_agent_and_planners_fly_in_a_painted_city_and_it_can_be_taken_home():
     lab = CityLab("village")
-    for policy in ("greedy", "genie"):
+    stroke(lab, (7, 6))  # a city that nobody has seen
+    assert lab.policy.value == "any_city"
+    for policy in ("any_city", "genie", "greedy"):
         lab.policy.value = policy
         lab.fly.click()
-        assert len(lab.views.children) == 2 and "color" in lab.message.value
-    assert "train --city my_city.png --devices 1 3" in lab.take_home.value
+        side_by_side = 2 if policy == "greedy" else 3  # the city, the policy, and greedy
+        assert len(lab.views.children) == side_by_side and "color" in lab.message.value
+        assert lab.result.value.count("landed after") == side_by_side - 1
+    assert "train --from any_city --city my_city.png" in lab.take_home.value
     coded = lab.take_home.value.split("base64,")[1].split('"')[0]
     assert (Draft.from_png(base64.b64decode(coded)).kinds == lab.draft.kinds).all()
     stroke(lab, (7, 7))
     assert len(lab.views.children) == 1  # the flight was in another city
+
+
+def test_over_a_large_city_only_planners_fly():
+    lab = CityLab("village")
+    assert lab.policy.value == "any_city"
+    lab.base.value = "harbour"
+    assert lab.policy.value == "harbour"  # its own agent
+    stroke(lab, (31, 31))
+    assert [name for _, name in lab.policy.options] == ["greedy", "genie", "random"]
+    assert "train --city my_city.png --devices 1 3" in lab.take_home.value
+    lab.base.value = "open_field"
+    assert lab.policy.value == "greedy"  # what was chosen stays chosen
+    assert lab.policy.options[0] == ("open_field agent", "open_field")
+
+
+def test_the_mission_lab_takes_a_city_of_ones_own(tmp_path):
+    city = CityGenerator(size=12).draw(1, seed=3)[0]
+    city.save(tmp_path / "mine.png")
+    lab = MissionLab(str(tmp_path / "mine.png"))
+    assert lab.policy.value == "any_city" and lab.flights["any_city"].end.landed[0]
+    assert lab.environment.city.fingerprint == city.fingerprint
 
 
 def test_uploads_are_taken_or_refused_with_a_reason():

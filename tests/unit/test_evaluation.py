@@ -129,6 +129,19 @@ def test_bootstrap_interval_covers_the_truth_about_95_times_in_100(generator):
     assert 178 <= covered <= 199
 
 
+def test_bootstrap_interval_of_groups_draws_whole_groups_again(generator):
+    """Fifty values, each of them ten times, are no more than fifty values."""
+    once = generator.normal(10, 2, 50)
+    values, groups = np.repeat(once, 10), np.repeat(generator.permutation(50), 10)
+    mean, low, high = bootstrap_interval(values, groups=groups)
+    half = 1.96 * once.std() / np.sqrt(50)
+    assert (mean, low, high) == pytest.approx((once.mean(), mean - half, mean + half), abs=0.07)
+    each = bootstrap_interval(values, groups=np.arange(500))
+    assert each.high - each.low == pytest.approx(2 * half / np.sqrt(10), rel=0.1)
+    uneven = bootstrap_interval(np.array([0.0, 3.0, 3.0]), groups=np.array([7, -1, -1]))
+    assert uneven == (2, 0, 3)  # each draw of two groups: 0, 2 or 3
+
+
 def test_bootstrap_interval_of_equal_values_is_a_point():
     assert bootstrap_interval(np.ones(20)) == (1, 1, 1)
 

@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 
 from uavdh_lite.city import City
+from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.planners import Genie, Greedy
-from uavdh_lite.policies import find_policy, known_policies, policies_for
+from uavdh_lite.policies import agents_for, find_policy, known_policies, policies_for
 from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.streams import Use, stream
 
@@ -26,9 +27,12 @@ def test_a_citys_own_agents_come_first_and_planners_fly_over_any(environment, vi
         "manhattan",
         "manhattan_ddqn",
         "manhattan_ddqn_early",
+        "any_city",
         *planners,
     ]
-    assert policies_for(village) == planners
+    assert policies_for(village) == ["any_city", *planners]
+    assert policies_for(Environment(City.load("metropolis"))) == planners
+    assert agents_for(CityGenerator().draw(2, seed=5)) == ["any_city"]
     assert set(policies_for(environment)) < set(known_policies())
 
 

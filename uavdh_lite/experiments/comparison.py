@@ -10,7 +10,7 @@ import numpy as np
 from tqdm.auto import tqdm
 
 from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import Flights, Interval, Policy, fly, mean_interval
+from uavdh_lite.evaluation import Flights, Interval, Policy, drawn_again, fly, mean_interval
 from uavdh_lite.experiments.report import interval_text
 from uavdh_lite.planners import Genie
 from uavdh_lite.policies import find_policy
@@ -61,7 +61,8 @@ def compare(
     """Fly every policy on the same random missions with the same fading.
 
     Returns for each policy the metrics of `Flights.records` and what was drawn for the episodes:
-    `devices`, `flying_time`, `data` (the sum over devices, data units); (N,) each.
+    `devices`, `flying_time`, `data` (the sum over devices, data units), and over several cities
+    `city`, a name; (N,) each.
 
     Arguments:
         policies: functions that make a policy, by name; each is called in its own process.
@@ -100,13 +101,18 @@ def _fly_part(environment, scenario, policy, episodes: int, seed: int, part: sli
     others = np.ones(episodes, bool)
     others[part] = False
     flights = fly(environment, policy(), replace(start, landed=others), generator)
-    return {name: values[part] for name, values in columns(flights).items()}
+    return {name: values[part] for name, values in columns(environment, flights).items()}
 
 
-def columns(flights: Flights) -> Columns:
-    """What was drawn for each episode, then its metrics; (N,) each."""
-    data = flights.start.data_initial
+def columns(environment: Environment, flights: Flights) -> Columns:
+    """What was drawn for each episode, then its metrics; (N,) each.
+
+    Over several cities, `city` is the name of the episode's.
+    """
+    data, cities = flights.start.data_initial, environment.cities
+    names = np.array([city.name for city in cities.cities])
     return {
+        **({"city": names[cities.city[flights.start.uav_cell]]} if len(cities) > 1 else {}),
         "devices": (data > 0).sum(axis=1),
         "flying_time": flights.start.time_left.astype(int),
         "data": data.sum(axis=1).astype(float),
@@ -114,16 +120,19 @@ def columns(flights: Flights) -> Columns:
     }
 
 
-def share(values: np.ndarray, reference: np.ndarray) -> Interval:
+def share(values: np.ndarray, reference: np.ndarray, groups: np.ndarray | None = None) -> Interval:
     """The mean of `values` as a share of that of `reference`, over the same N episodes.
 
-    The 95 % interval resamples episodes, keeping the two values of each together.
+    The 95 % interval resamples episodes, keeping the two values of each together, or `groups` of
+    them as `bootstrap_interval` does.
     """
-    generator = stream(Use.BOOTSTRAP)
-    rows = generator.integers(0, len(values), (2000, len(values)))
-    low, high = np.quantile(
-        values[rows].mean(axis=1) / reference[rows].mean(axis=1), [0.025, 0.975]
-    )
+    if groups is None:
+        rows = stream(Use.BOOTSTRAP).integers(0, len(values), (2000, len(values)))
+        shares = values[rows].mean(axis=1) / reference[rows].mean(axis=1)
+    else:
+        sums, of_reference = drawn_again(groups, 2000, values, reference)
+        shares = sums / of_reference
+    low, high = np.quantile(shares, [0.025, 0.975])
     return Interval(float(values.mean() / reference.mean()), float(low), float(high))
 
 
@@ -132,11 +141,13 @@ def breakdown(
 ) -> list[tuple[str, int, Interval]]:
     """The mean of `values` within groups of episodes: (label, number of episodes, mean).
 
-    Groups are the different values of `by` if there are few, otherwise ranges with about equally
-    many episodes.
+    Groups are the different values of `by` if there are few or they are words, otherwise ranges
+    with about equally many episodes.
     """
     different = np.unique(by)
-    if len(different) <= groups + 1:
+    if by.dtype.kind == "U":
+        members = [(value.replace("_", " "), by == value) for value in different.tolist()]
+    elif len(different) <= groups + 1:
         members = [(f"{value:g}", by == value) for value in different]
     else:
         edges = np.quantile(by, np.linspace(0, 1, groups + 1))

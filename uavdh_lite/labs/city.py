@@ -25,7 +25,7 @@ with extra("notebooks"):
 
 LARGEST = 50  # cells on a side; in larger cities, planners take minutes
 TRAIN = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
-FINE_TUNE = "python -m uavdh_lite train --from {agent} --city my_city.png --out runs/my_city"
+FINE_TUNE = "python -m uavdh_lite train --from any_city --city my_city.png --out runs/my_city"
 BRUSHES = {
     "free": 0,
     "no-fly zone": 1,
@@ -208,9 +208,8 @@ class CityLab(ipywidgets.VBox):
             return
         self._say("")
         self.fly.disabled = False
-        agents = self._offer_policies(city)
-        if agents:
-            command = FINE_TUNE.format(agent=agents[-1])
+        if "any_city" in self._offer_policies(city):
+            command = FINE_TUNE
         else:
             command = TRAIN.format(devices=f"1 {min(3, len(city.device_cells))}")
         self.take_home.value = (
@@ -218,15 +217,14 @@ class CityLab(ipywidgets.VBox):
         )
 
     def _offer_policies(self, city: City) -> list[str]:
-        """Let one choose from the policies for this city; returns the agents among them."""
-        agents = agents_for(city)
-        names = [*agents, *PLANNERS]
+        """Let one choose from the policies for this city; returns their names."""
+        names = [*agents_for(city), *PLANNERS]
         options = [(policy_title(name), name) for name in names]
         if self.policy.options != tuple(options):
             chosen = self.policy.value
             self.policy.options = options
             self.policy.value = chosen if chosen in names else names[0]
-        return agents
+        return names
 
     def _fly(self) -> None:
         """Fly a mission of up to three devices, with time to cross the city about twice.

@@ -39,7 +39,7 @@ LABS = {
     ),
     "City": (
         CityLab,
-        "Paint a city and let the planners fly in it.",
+        "Paint a city and let an agent fly in it that has never seen it.",
     ),
 }
 

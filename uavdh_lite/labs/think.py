@@ -16,7 +16,7 @@ from uavdh_lite.plotting import BLUE
 with extra("notebooks"):
     import ipywidgets
 
-NO_AGENT = "Choose an agent; the cities manhattan, open_field and harbour have some."
+NO_AGENT = "Choose an agent: all cities but metropolis have one."
 CHOSEN, OTHER = BLUE, "#BBBBBB"
 
 

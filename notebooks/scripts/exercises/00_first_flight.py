@@ -67,8 +67,8 @@ picture([])
 #
 # You are the agent. In the mission above the UAV starts at (row 0, column 0) and has 21 units of flying time. Each of
 # two devices has 15 data units; one stands at (4, 1), in a cell where the UAV may not fly (red), the other at (0, 7), in
-# the far corner. Blue is the start and landing zone, black cells are tall buildings. Grey shades say what is in sight: over
-# a white cell the UAV sees both devices, over a light grey one a building hides one of them, over a darker one both.
+# the far corner. Blue is the start and landing zone, black cells are tall buildings. Shades of violet say what is in sight: over
+# a white cell the UAV sees both devices, over a pale violet one a building hides one of them, over a deeper one both.
 #
 # Write the list of all actions of the flight, by their names: `"north"` (one row up), `"east"` (one column to the right),
 # `"south"`, `"west"`, `"hover"` (stay) and `"land"`. Each takes one unit of time, also the landing, which must be the

@@ -1,0 +1,351 @@
+# %% [markdown]
+# # 13 · Any city
+#
+# The agents of the notebooks before this one know one city each. Here one network flies over cities that it has never
+# seen, the moment they are drawn. It was trained like the agent of notebook 12. Only its cities are new: 2000 of them,
+# another one for each mission.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
+from glob import glob
+from importlib.metadata import distributions
+
+project = [path for path in ("..", ".", *glob("*")) if glob(f"{path}/uavdh_lite/city.py")]
+assert project, "the project's folder is not here: clone or upload it, then run this cell again"
+# %cd -q {project[0]}/notebooks
+if not any(distributions(name="uavdh_lite")):
+    print("installing uavdh_lite from its folder")
+    # %pip install -q .. ipywidgets
+
+# %%
+# %matplotlib inline
+import inspect
+from dataclasses import replace
+
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.city import City
+from uavdh_lite.city_generator import CityGenerator, load_city
+from uavdh_lite.evaluation import evaluate
+from uavdh_lite.planners import Greedy
+from uavdh_lite.plotting import BLUE, VERMILION, draw_cities, draw_trajectory
+from uavdh_lite.streams import Use, stream
+
+torch.set_num_threads(1)
+
+# %%
+agent = load_agent("any_city")
+missions = agent.scenario
+unseen = load_city("random:100:1")
+there = agent.over(unseen)
+flown = evaluate(there.environment, there, missions, 200, seed=0, record=True)
+
+# %%
+kinds = np.array([unseen[c].name.split("_")[0] for c in unseen.city[flown.start.uav_cell]])
+figure = Figure(figsize=(10, 11), layout="constrained")
+for ax, kind in zip(figure.subplots(2, 2).flat, ("blocks", "scattered", "courtyards", "old")):
+    draw_trajectory(ax, there.environment, flown.trajectory(int(np.argmax(kinds == kind))))
+    ax.set_title(kind.replace("old", "old town"))
+figure
+
+# %% [markdown]
+# | | |
+# | --- | --- |
+# | **What you'll do** | Draw cities by the hundred, fly an agent over one that you have just typed, compare seen with unseen cities, look at one mission from eight sides, and fine-tune |
+# | **What you'll learn** | Why a centred map can carry over to a new city; what "unseen" proves; why missions in one city are worth less than missions in many; symmetry as a free lunch, or nearly |
+# | **What you'll need** | Notebooks 4, 8 and 12. 25 minutes to read, 60 seconds to run; 45 minutes of exercises |
+#
+# The four flights above are the first over each kind of city. The agent has learned in none of these cities.
+#
+# ## 13.1 Cities by the thousand
+#
+# Nobody draws 2000 cities by hand. `CityGenerator` does it at random, in four kinds: streets with blocks, scattered houses,
+# courtyards with gates, and an old town with narrow lanes.
+
+# %%
+figure = Figure(figsize=(12, 3.4), layout="constrained")
+draw_cities(figure, CityGenerator().draw(6, seed=3), columns=6)
+figure
+
+# %% [markdown]
+# Every city has what a city needs: one to three landing zones, and every cell over which the UAV may fly can be
+# reached. Equal seeds give equal cities, so `random:100:1` names a hundred of them for good: the first hundred of
+# seed 1. The agent learned in `random:2000:0`. Are any of these in both sets?
+
+# %%
+learned = {city.fingerprint for city in agent.city.cities}
+print(f"{len(learned)} different cities to learn in, {len(unseen)} to test in, "
+      f"{sum(city.fingerprint in learned for city in unseen.cities)} in both")
+
+# %% [markdown]
+# That is what *unseen* means here: other cities, but from the same generator. It says nothing yet of cities that
+# no such generator would draw; we come back to that.
+#
+# ## 13.2 Is one network enough?
+#
+# What has to change in the network for that? Nothing. Its input always showed buildings, no-fly zones and landing
+# zones. An agent that only ever sees one city can learn its streets by heart instead of looking. An agent that is in
+# another city each time has to look.
+#
+# So let the `manhattan` agent of notebook 12 fly over the unseen cities, too. And the greedy rule, which
+# knows the shortest way between any two cells of any city.
+
+# %%
+pilots = {"any_city": there, "manhattan": load_agent("manhattan").over(unseen), "greedy": Greedy(there.environment)}
+flights = {name: evaluate(there.environment, pilot, missions, 300, seed=0, record=name == "any_city")
+           for name, pilot in pilots.items()}
+records = {name: flown.records() for name, flown in flights.items()}
+for name, record in records.items():
+    print(f"{name:<10}landed {record['has_landed'].mean():.0%}   "
+          f"collected and landed {record['collection_ratio_and_landed'].mean():.1%}   "
+          f"return {record['cumulative_reward'].mean():5.1f}")
+collected = {name: record["collection_ratio_and_landed"] for name, record in records.items()}
+assert collected["any_city"].mean() > collected["manhattan"].mean() + 0.02
+
+# %% [markdown]
+# All land: the failsafe of notebook 12 sees to that. The specialist of Manhattan does look at its map, or it would
+# collect next to nothing here. But in streets that it has not learned it collects less than the agent that learned in many cities. The
+# greedy rule knows all distances exactly; that is hard to beat for a network that sees most of the map blurred.
+#
+# ## 13.3 Draw your own
+#
+# Type a city, and fly. Ten cells on a side will do:
+
+# %%
+mine = City.from_text("mine", """
+    L L . . . . . . . .
+    . . . B B . B B B .
+    . . . B B . . . B .
+    . b . . . . B . B .
+    . b . B B . B . . .
+    . . . B . . B B B .
+    . N N . . . . . . .
+    . N N . B B B . B .
+    . . . . B . . . B .
+    . . . . B B B . . .
+""")
+pilot = agent.over(mine)
+flight = evaluate(pilot.environment, pilot, missions, 1, seed=5, record=True)
+
+# %%
+figure = Figure(figsize=(9, 4.4), layout="constrained")
+left, right = figure.subplots(1, 2)
+draw_trajectory(left, pilot.environment, flight.trajectory(0))
+right.imshow(pilot.observation.full_map(flight.start)[0, 1], cmap="Reds", vmin=0, vmax=1.6)
+right.plot(15, 15, "o", color=BLUE)
+right.set(title="what the network sees as no-fly cells", xlabel="cell, the UAV is at 15", ylabel="cell")
+figure
+
+# %% [markdown]
+# The network was made for 16 cells on a side. A smaller city lies in the middle of no-fly cells (right), as every city does at its
+# border. So the same network takes any city up to that size. A larger one does not fit: the first
+# fully connected layer has a weight for each place on the map.
+#
+# The labs do the same with the mouse: in the city editor of notebook 10, paint a city and press *fly*.
+#
+# ## 13.4 Seen and unseen
+#
+# Does it know its 2000 cities better than new ones? If so, it has learned some of them by heart, and more cities
+# would help. Fly as many missions over cities that it learned in:
+
+# %%
+seen = load_city("random:100:0")  # the first hundred of the 2000
+assert all(city.fingerprint in learned for city in seen.cities)
+known = agent.over(seen)
+there_and_known = {"unseen": there, "seen": known}
+ahead = {}
+for name, pilot in there_and_known.items():
+    by_agent, by_greedy = (evaluate(pilot.environment, one, missions, 400, seed=1).records()["collection_ratio_and_landed"]
+                           for one in (pilot, Greedy(pilot.environment)))
+    ahead[name] = by_agent - by_greedy
+    print(f"{name:<7}agent {by_agent.mean():.1%}, greedy {by_greedy.mean():.1%}, "
+          f"difference {100 * ahead[name].mean():+.1f} ± {196 * ahead[name].std() / 20:.1f} points")
+
+# %% [markdown]
+# The cities differ, and so do the missions in them. So each line compares with greedy on the same missions: that takes
+# most of the luck out. Where the two intervals overlap widely, there is no gap to be seen. With 2000 cities, learning them by heart is harder than learning to fly.
+#
+# ### What is a mission worth?
+#
+# A hundred missions in one city say little about cities: they all share its walls. The same number of missions,
+# spread over fewer cities, knows less. How much less? Fly 600 missions in 12 cities, and take the interval twice: as if the missions were independent, and with
+# the cities as what was drawn.
+
+# %%
+few = load_city("random:12:7")
+over_few = agent.over(few)
+flown = evaluate(over_few.environment, over_few, missions, 600, seed=2)
+values = flown.records()["collection_ratio_and_landed"]
+city_of = few.city[flown.start.uav_cell]
+
+# %%
+generator = stream(Use.BOOTSTRAP, 13)
+members = [values[city_of == c] for c in range(len(few))]
+def spread(means):
+    return np.quantile(means, [0.025, 0.975])
+by_mission = spread([generator.choice(values, len(values)).mean() for _ in range(2000)])
+by_city = spread([np.concatenate([members[c] for c in generator.integers(0, len(few), len(few))]).mean() for _ in range(2000)])
+print(f"missions drawn again: {by_mission[0]:.3f} to {by_mission[1]:.3f}, width {np.ptp(by_mission):.3f}")
+print(f"cities drawn again:   {by_city[0]:.3f} to {by_city[1]:.3f}, width {np.ptp(by_city):.3f}")
+
+# %% [markdown]
+# If you want to know about these twelve cities, take the first. If you want to know about *cities*, take the second: next
+# time, twelve others will be drawn. With a city of its own for each mission the two would be the same. That
+# is why the results page flies over 300 cities.
+#
+# ### Where it fails
+#
+# A mean hides the flights that went wrong. These are the ten of the 300 missions of 13.2 in which the agent is furthest
+# behind greedy:
+
+# %%
+behind = collected["any_city"] - collected["greedy"]
+figure = Figure(figsize=(14, 6.6), layout="constrained")
+for ax, mission in zip(figure.subplots(2, 5).flat, behind.argsort()[:10]):
+    draw_trajectory(ax, there.environment, flights["any_city"].trajectory(int(mission)))
+    ax.set_title(f"mission {mission}: {100 * behind[mission]:+.0f} points")
+    ax.set(xlabel="", ylabel="", xticks=[], yticks=[])
+figure
+
+# %% [markdown]
+# Look for what they share. A device behind walls that takes a long way round, or little time to spare, is where a wrong
+# turn cannot be made good. The agent knows the walls near it cell by cell, and those further off only as averages over
+# three by three cells.
+#
+# ## 13.5 One mission from eight sides
+#
+# Turn a map by a right angle, or hold it against a mirror: it is another city, but the same task. East becomes
+# north, and that is all. Nobody told the network. Does it know? To ask, turn the map, and turn the answer back:
+
+# %%
+from uavdh_lite.symmetry import SYMMETRIES, turned, turned_actions
+
+print(inspect.getsource(turned_actions))
+
+# %% [markdown]
+# Now all eight views of 500 states in mid-flight, by the network alone:
+
+# %%
+state = missions.sample_anywhere(unseen, 500, stream(Use.EXPLORATION, 13), spare_time=5)
+maps, time = there.observation.full_map(state), there.observation.time(state)
+with torch.no_grad():
+    answers = torch.stack([
+        there.network(there.observation.views(turned(maps, *symmetry)), time)[:, turned_actions(*symmetry)]
+        for symmetry in SYMMETRIES])
+
+# %%
+best = answers.where(there.allowed(state), torch.tensor(-torch.inf)).argmax(-1)
+agree = (best == best[0]).all(0)
+print(f"all eight views agree on the action in {agree.float().mean():.0%} of the states")
+
+# %% [markdown]
+# It has learned part of the symmetry, but by no means all. Where the views differ, which one is right? Often two actions are
+# equally good. Elsewhere the mean of all eight Q-values is a better guess than any one of them: their errors are partly
+# independent, as those of several networks would be. Such a mean is an *equivariant ensemble*. It needs no training, and
+# takes eight times the computing time in flight. The shipped agent acts on it; without it, this is what it would collect in the missions of 13.2:
+
+# %%
+one_view = replace(there, symmetric=False)
+by_one = evaluate(there.environment, one_view, missions, 300, seed=0).records()
+for name in ("collection_ratio_and_landed", "cumulative_reward"):
+    gain = records["any_city"][name] - by_one[name]
+    print(f"{name:<28} one view {by_one[name].mean():6.3f}, eight {records['any_city'][name].mean():6.3f}, "
+          f"gain {gain.mean():+.3f} ± {1.96 * gain.std() / np.sqrt(len(gain)):.3f}")
+
+# %% [markdown]
+# Both flew the same missions with the same fading. A single look makes an agent turn back and forth where two actions seem nearly
+# equal; the mean decides more steadily. It cannot help where all eight views are wrong in the same way.
+#
+# Could one not build the symmetry into the network, or turn every minibatch at random? Yes, both; with 2000 random
+# cities the second is done already, since no direction is special in them.
+#
+# ## 13.6 Learn one city by heart
+#
+# The shipped network is a start for any city. If you care about a single one, go on from there:
+#
+# ```text
+# python -m uavdh_lite train --from any_city --city my_city.png
+# ```
+#
+# The recipe `fine_tune` does the rest: the weights of `any_city` to begin with, small steps, hardly any exploring. These
+# runs on Manhattan are recorded: three that begin with `any_city`, and the runs of notebook 12, which begin with
+# nothing.
+
+# %%
+from pathlib import Path
+
+from uavdh_lite.storage import read_table
+
+runs = {"fine_tune": (BLUE, "from any_city"), "quantile": (VERMILION, "from nothing")}
+curves = {(recipe, path.parent.name): read_table(path)
+          for recipe in runs for path in sorted(Path("../data/runs").glob(f"manhattan-{recipe}-*/validation.csv"))}
+
+# %%
+figure = Figure(figsize=(8, 4), layout="constrained")
+ax = figure.subplots()
+for (recipe, run), curve in curves.items():
+    colour, label = runs[recipe]
+    first = run.endswith("-0")
+    ax.plot(curve["steps"], curve["collection_ratio_and_landed"], color=colour, label=label if first else None)
+ax.set(xscale="log", xlabel="environment steps", ylabel="collected and landed, validation")
+ax.legend()
+figure
+
+# %%
+for recipe, (_, label) in runs.items():
+    ends = [(int(curve["steps"][-1]), float(curve["collection_ratio_and_landed"].max()))
+            for (of, _), curve in curves.items() if of == recipe]
+    print(f"{label:<14}", ", ".join(f"{steps:,} steps: {best:.3f}" for steps, best in ends))
+
+# %% [markdown]
+# A run that begins with `any_city` starts where the other arrives late. Other cities gain more or less: the less a city
+# is like those of the generator, the more there is to learn.
+#
+# ## Recap
+#
+# - A network that flies over another city in each mission must look at the map; one that has a single city need not.
+# - *Unseen* is a claim about a source of cities. Test on cities that were not learned in, and say where they come from.
+# - Missions in one city share its walls. Draw whole cities again for an interval that is about cities.
+# - Turned and mirrored maps are the same task. A mean over the eight views is a cheap ensemble.
+# - Go on from a general agent for a city of your own. It takes minutes.
+#
+# ## Exercises
+#
+# Two with their answers. More, to write yourself, with checks and hints, are in
+# [`exercises/13_any_city`](exercises/13_any_city/13_any_city.ipynb).
+#
+# **1.** Take the unseen cities kind by kind. Where is the agent furthest behind greedy, or ahead of it?
+
+# %%
+kinds = np.array([unseen[c].name.rsplit("_", 2)[0] for c in unseen.city[
+    missions.sample(unseen, 300, stream(Use.TEST, 0)).uav_cell]])
+for kind in np.unique(kinds):
+    difference = (collected["any_city"] - collected["greedy"])[kinds == kind]
+    half = 1.96 * difference.std() / np.sqrt(len(difference))
+    print(f"{kind:<11}{len(difference):>4} missions, {100 * difference.mean():+.1f} ± {100 * half:.1f} points")
+
+# %% [markdown]
+# `evaluate` draws its missions from the stream `Use.TEST` of its seed, so drawing them again says which city each was in. With so few
+# missions of each kind, most differences are within their intervals: look at the results page for more of them.
+#
+# **2.** Fly over `manhattan` with `any_city`, next to the agent that knows no other city.
+
+# %%
+home = load_agent("manhattan")
+both = {"any_city": agent.over(home.city), "manhattan": home}
+scores = {name: evaluate(home.environment, pilot, home.scenario, 300, seed=0).records()["collection_ratio_and_landed"]
+          for name, pilot in both.items()}
+print({name: f"{values.mean():.1%}" for name, values in scores.items()})
+
+# %% [markdown]
+# The specialist is ahead in its own city. How far ahead is the price of knowing all the others, with this network and this much
+# training.
+#
+# ## Further reading
+#
+# - Theile, Bayerlein, Caccamo, Sangiovanni-Vincentelli: *Equivariant Ensembles and Regularization for Reinforcement Learning in Map-based Path Planning*, IROS 2024: the eight views.
+# - Cobbe, Klimov, Hesse, Kim, Schulman: *Quantifying Generalization in Reinforcement Learning*, ICML 2019: how many levels one must see.
+# - Kirk, Zhang, Grefenstette, Rocktäschel: *A Survey of Zero-shot Generalisation in Deep Reinforcement Learning*, JAIR 2023.
