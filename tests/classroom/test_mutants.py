@@ -52,6 +52,10 @@ EQUIVALENT = {  # by exercise: which faults change no result, and why
         "(u <= 0)": "an error of 0 costs nothing",
     },
     "longest_way": {"way = -1": "a way of 0 always pays"},
+    "clustered_half_width": {
+        "values.mean() - values": "the squares are the same",
+        "city != one": "all differences add up to 0, so the others' sum has the same square",
+    },
     "n_step_return": {"(-1e-09, 1.0)": "within the tolerance of rounding"},
 }
 

@@ -58,7 +58,14 @@ SEVERAL = {
     "array": np.array,
     "tensor": lambda x: torch.tensor(np.array(x, float)),
 }
-NUMBERS = ("flight_score", "n_step_return", "permutation_p", "asymmetric_share", "network_weights")
+NUMBERS = (
+    "flight_score",
+    "n_step_return",
+    "permutation_p",
+    "asymmetric_share",
+    "network_weights",
+    "clustered_half_width",
+)
 ROWS = ("tdma_slot", "wilson", "lead")
 FUNCTIONS = [
     name
@@ -169,7 +176,43 @@ def blended(target, online, rate):
         t[...] = torch.lerp(t, o, float(rate))
 
 
+def by_padding_layers(layers, uav, size):
+    around = size - 1
+    wide = [np.pad(layer, around, constant_values=k == 1) for k, layer in enumerate(layers)]
+    (r, c), side = uav, 2 * size - 1
+    return np.stack(wide)[:, r : r + side, c : c + side].copy()
+
+
+def by_transposing(q_of, layers):
+    """All eight maps in one stack; the cells next to the middle say which move is which."""
+    w = layers.shape[1]
+    names, middle = np.arange(w * w).reshape(1, w, w), w // 2
+
+    def eight(one):
+        four = [one, one[:, ::-1], one[:, :, ::-1], one[:, ::-1, ::-1]]
+        return np.stack([*four, *(np.swapaxes(x, 1, 2) for x in four)])
+
+    def moves(one):
+        return [one[0, middle + r, middle + c] for r, c in ((-1, 0), (0, 1), (1, 0), (0, -1))]
+
+    wanted, rows = moves(names), []
+    for named, q in zip(eight(names), q_of(eight(layers)), strict=True):
+        found = moves(named)
+        rows.append([*(q[found.index(name)] for name in wanted), *q[4:]])
+    return np.mean(rows, axis=0)
+
+
+def by_matrix(values, city):
+    off = values - np.mean(values)
+    count = len(set(city.tolist()))
+    together = off @ (city[:, None] == city) @ off
+    return 1.96 * math.sqrt(count / (count - 1) * max(together, 0)) / len(city)
+
+
 OTHERS = {
+    "small_city_map": by_padding_layers,
+    "symmetric_q": by_transposing,
+    "clustered_half_width": by_matrix,
     "n_step_return": by_recursion,
     "stable_policy": lambda q, beta: by_logarithms(q.double(), beta).float(),
     "permutation_p": by_sets,

@@ -27,6 +27,11 @@ from uavdh_lite.course.checks.beyond import (
     advantage_target,
     longest_way,
 )
+from uavdh_lite.course.checks.any_city import (
+    small_city_map,
+    symmetric_q,
+    clustered_half_width,
+)
 
 # isort: on
 from uavdh_lite.course.checks.exercise import EXERCISES, CheckFailed, Exercise
@@ -40,6 +45,7 @@ __all__ = [
     "asymmetric_share",
     "centre",
     "city_cell",
+    "clustered_half_width",
     "crosses",
     "defeat",
     "diagnosis",
@@ -66,9 +72,11 @@ __all__ = [
     "ring_buffer",
     "safe_step",
     "shadow_map",
+    "small_city_map",
     "soft_update_in_place",
     "stable_policy",
     "steps_to",
+    "symmetric_q",
     "tdma_slot",
     "wilson",
     "worst_device_cell",
