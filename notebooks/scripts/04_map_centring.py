@@ -19,6 +19,8 @@ if not any(distributions(name="uavdh_lite")):
 
 # %%
 # %matplotlib inline
+from dataclasses import replace
+
 import numpy as np
 import torch
 from matplotlib.figure import Figure
@@ -49,9 +51,9 @@ show(maps[0], LAYERS)
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Look through the agent's eyes, move the UAV and watch the frame move, count the weights that each frame costs, and look at the border |
-# | **What you'll learn** | What the five layers hold, why padding outside the city is a no-fly zone, and what a neuron after flattening means in either frame |
-# | **What you'll need** | Notebook 1; what a neural network is. 28 minutes to read, 10 seconds to run; 10 minutes of exercises |
+# | **What you'll do** | Look through the agent's eyes, stop its clock, move the UAV and watch the frame move, count the weights that each frame costs, and look at the border |
+# | **What you'll learn** | What the five layers hold, why the flying time goes with them, why padding outside the city is a no-fly zone, and what a neuron after flattening means in either frame |
+# | **What you'll need** | Notebook 1; what a neural network is. 32 minutes to read, 15 seconds to run; 10 minutes of exercises |
 #
 # ## 4.1 The layers
 #
@@ -79,6 +81,72 @@ Quiz("frame_size")
 # What is outside the city? No landing zone, no building, no device, but a no-fly zone: the safety
 # controller treats the border as one, so the picture says the same.
 #
+# ### Why the flying time is an input
+#
+# The picture alone does not say what to do. Here is one picture at three times, and the action that a trained agent
+# takes. The agent is `manhattan_ddqn`, which has learned by itself to land in time (notebook 6).
+
+# %%
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.environment import ACTIONS, Environment
+
+agent = load_agent("manhattan_ddqn")
+
+# %%
+over_street = place(city, (11, 8), [(4, 7), (11, 11)], [15, 10], flying_time=50, max_devices=5)
+
+def at_time(state, units):
+    return replace(state, time_left=np.full_like(state.time_left, units))
+
+for units in (50, 14, 10):
+    print(f"{units} units of time left: {ACTIONS[agent(at_time(over_street, units))[0]]}")
+
+# %% [markdown]
+# One device is far in the north, the other near in the east, and the nearest landing zone is in the south-east. With
+# much time the UAV flies to the far device first, with less to the near one, and with just enough for the way home it
+# flies home. A policy that sees only the picture has to do the same thing all three times.
+#
+# What does that cost? Let the same agent fly test missions with a stopped clock: it sees the true maps, but always
+# the same time. Whatever it believes, the true time runs out.
+
+# %%
+from uavdh_lite.evaluation import evaluate
+
+RECORDS = {"landed": "has_landed", "collected": "collection_ratio",
+           "collected and landed": "collection_ratio_and_landed"}
+
+# %%
+def fly_missions(policy):
+    metrics = evaluate(Environment(city), policy, agent.scenario, 200, seed=0).metrics()
+    return [metrics[name].mean for name in RECORDS.values()]
+
+# %%
+times = (5, 10, 20, 30, 40, 50, 60)
+stopped = np.array([fly_missions(lambda state: agent(at_time(state, t))) for t in times])
+running = fly_missions(agent)
+
+# %%
+from uavdh_lite.plotting import BLUE, GREEN, ORANGE
+
+figure = Figure(figsize=(7, 3.4), layout="constrained")
+left, right = figure.subplots(1, 2, sharey=True, width_ratios=(6, 1))
+for k, (name, colour, mark) in enumerate(zip(RECORDS, (BLUE, ORANGE, GREEN), "os^")):
+    left.plot(times, stopped[:, k], mark + "-", color=colour, label=name)
+    right.plot(0.1 * k, running[k], mark, color=colour)
+left.set(xlabel="units of time that the stopped clock shows", ylabel="share, 200 missions", ylim=(-0.03, 1.05))
+right.set(xlabel="true time", xlim=(-0.3, 0.5), xticks=[])
+left.legend(loc="lower center", fontsize="small")
+figure
+
+# %%
+assert running[2] > stopped[:, 2].max() + 0.2
+print(f"collected and landed: {running[2]:.0%} with the true time, {stopped[:, 2].max():.0%} with the best stopped clock")
+
+# %% [markdown]
+# A clock that shows little time sends the UAV home with little data. One that shows much time lets it collect nearly all
+# and crash in many missions. No constant comes near the agent that sees the time. (To stop a trained agent's clock is not
+# the same as to train one without the time: that one could learn a compromise, such as to go home early.)
+#
 # ## 4.2 Two frames
 #
 # The UAV is always in the middle of the centred map, so its position need not be told. In the
@@ -91,7 +159,8 @@ print("map", tuple(fixed.shape))
 show(fixed[0], (*LAYERS, "position"))
 
 # %% [markdown]
-# Move the UAV. In the upper frame the world moves, in the lower one the UAV does. Orange: a device;
+# Move the UAV. In the upper frame the world moves, in the lower one the UAV does. The upper numbers count cells from
+# the UAV, the lower ones are the city's rows and columns. Orange: a device;
 # blue: the landing zone; grey: a building; pink: a no-fly zone, or outside the city.
 
 # %%
@@ -108,7 +177,8 @@ def draw_frame(ax, observation, cell, uav, title):
     (maps,), _ = observation(place(city, cell, [(4, 7), (11, 11)], [15, 10], 50, 5))
     ax.imshow(colours(maps[0].numpy()), interpolation="nearest")
     ax.plot(*uav, "^", color="white", mec="black", ms=9)
-    ax.set(title=title, xticks=[], yticks=[])
+    grid = {0: -15, 15: 0, 30: 15} if observation is centred else {7: 0, 22: 15}  # in the frame: its label
+    ax.set(title=title, xticks=list(grid), xticklabels=grid.values(), yticks=list(grid), yticklabels=grid.values())
 
 # %%
 def both(*cells):
@@ -191,8 +261,6 @@ figure
 Quiz("linear_model")
 
 # %%
-from dataclasses import replace
-
 from uavdh_lite.scenario import SCENARIOS
 
 generator = np.random.default_rng(0)
@@ -309,7 +377,8 @@ for kind in ("centred", "global_local"):
 # %% [markdown]
 # ## Recap
 #
-# - The input is five layers and the flying time. Outside the city everything is no-fly zone.
+# - The input is five layers and the flying time. Without the time, the same picture asks for different actions.
+# - Outside the city everything is no-fly zone.
 # - Centring turns absolute places into relative ones. We argue that these decide between actions;
 #   notebook 7 tests it.
 # - It costs a map of $2M - 1$ cells a side. For large cities, global and local maps cut that.

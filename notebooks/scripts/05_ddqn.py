@@ -5,6 +5,10 @@
 # ("double"). The agent acts by *Q-values*: for each action, the reward to come if it takes this action now and the
 # best ones afterwards, later rewards counted less. This notebook goes from a table of 36 such numbers to the paper's network of 2.3 million weights, and measures on the
 # way what each part of the method is good for.
+#
+# The figure below shows what such numbers are worth. Each point is one of 500 test missions of a trained agent. Its
+# height is the largest Q-value at the start, so what the agent expects. Its place from left to right is what
+# the flight then earns. Section 5.5 comes back to it.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -27,7 +31,8 @@ from torch import nn
 
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.environment import ACTIONS, Environment, Outcome, Rewards, State
-from uavdh_lite.evaluation import bootstrap_interval, evaluate
+from uavdh_lite.evaluation import bootstrap_interval, evaluate, mean_interval
+from uavdh_lite.plotting import BLUE, GREEN, ORANGE, VERMILION
 
 torch.set_num_threads(1)  # the networks here are small
 
@@ -36,13 +41,13 @@ agent = load_agent("manhattan_ddqn")
 flights = evaluate(Environment(agent.city), agent, agent.scenario, 500, seed=0, record=True)
 expected = agent.q_values(flights.start).amax(1).numpy()
 own_rewards, earned = agent.recipe.rewards_at(agent.training["steps"]), 0.0
-for flown in reversed(flights.history):
+for flown in reversed(flights.history):  # the discounted sum of rewards, from the last step back to the first
     earned = own_rewards(flown.outcome) + agent.recipe.discount * earned
 
 # %%
 figure = Figure(figsize=(5, 4), layout="constrained")
 ax = figure.subplots()
-ax.plot(earned, expected, ".", alpha=0.5, label="one flight")
+ax.plot(earned, expected, ".", color=BLUE, alpha=0.5, label="one flight")
 ax.axline((0, 0), slope=1, color="black", lw=1, label="earned = expected")
 ax.set(xlabel="discounted reward earned in the flight", ylabel="largest Q-value at its start")
 ax.legend()
@@ -51,12 +56,9 @@ figure
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Learn a table of Q-values, replace it by a network, compare three ways to use a memory, measure the maximisation bias, slow down the targets, turn the temperature, and open the paper's network |
-# | **What you'll learn** | Q-learning, function approximation, combined experience replay, double Q-learning, soft targets, the softmax policy |
-# | **What you'll need** | Notebooks 3 and 4; means, variances, gradients, the idea of a neural network. 65 minutes to read, 30 seconds to run; 10 minutes of exercises |
-#
-# Above: 500 test missions of the shipped DDQN agent, what its network expects at the start and what the flight then
-# earns. Section 5.5 comes back to it.
+# | **What you'll do** | Learn a table of Q-values, replace it by a network, compare three ways to use a memory, make a memory too large and too small, measure the maximisation bias, slow down the targets, turn the temperature, open the paper's network, and ask a trained one about shadows |
+# | **What you'll learn** | Q-learning, function approximation, combined experience replay, double Q-learning, soft targets, the softmax policy, probing a network |
+# | **What you'll need** | Notebooks 3 and 4; means, variances, gradients, the idea of a neural network. 75 minutes to read, 45 seconds to run; 10 minutes of exercises |
 #
 # ## 5.1 Q-learning in a table
 #
@@ -224,16 +226,40 @@ print(f"{cells} cells × 70 times × {places:.1e} places × 21⁵ amounts = {cel
 # Nobody visits them all. A new state must be treated like similar ones, and a table knows no similarity: a row never
 # visited is never changed. A network treats states alike whose inputs are alike. A test: a street of 12 cells, the
 # device in any of them. A network learns from five of its places. We ask in how many states its largest Q-value
-# belongs to a best action, with the device in these places and in the other seven. First all states; their right
-# values come from repeating the target:
+# belongs to a best action, with the device in these places and in the other seven. First every step that is possible
+# in this street: 12 cells, data waiting or not, 12 places of the device, 3 actions.
+
+# %%
+from typing import NamedTuple
+
+class Steps(NamedTuple):
+    """Steps of the street; each field is a tensor with one entry for each step."""
+    action: torch.Tensor
+    reward: torch.Tensor
+    discount: torch.Tensor
+    cell: torch.Tensor  # the state before the step
+    full: torch.Tensor
+    device: torch.Tensor
+    after: torch.Tensor  # cell and data after it
+    left: torch.Tensor
+
+    def rows(self, chosen):
+        return Steps(*(field[chosen] for field in self))
 
 # %%
 cell, full, device, action = np.indices((12, 2, 12, 3)).reshape(4, -1)
 after, left, reward, discount = step(cell, full == 1, action, device, end=11)
-ALL = (*tensors(action, reward, discount), *map(torch.from_numpy, (cell, full, device, after, left)))
-best, following = torch.zeros(288, 3), (after * 2 + left) * 12 + device
-for _ in range(300):  # value iteration
-    best = ddqn_target(ALL[1], ALL[2], best[following], best[following]).view(288, 3)
+every_step = Steps(*tensors(action, reward, discount), *map(torch.from_numpy, (cell, full, device, after, left)))
+every_state = every_step.rows(slice(None, None, 3))  # each state is there three times, once for each action
+
+# %% [markdown]
+# The right values of all 288 states come from repeating the target until nothing changes any more. This is called
+# *value iteration*:
+
+# %%
+best, following = torch.zeros(288, 3), (after * 2 + left) * 12 + device  # `following`: the number of the next state
+for _ in range(300):
+    best = ddqn_target(every_step.reward, every_step.discount, best[following], best[following]).view(288, 3)
 
 # %% [markdown]
 # The network gets how far and on which side the device is, how far the landing zone is, and whether there is data
@@ -247,20 +273,29 @@ def small_network():
     return nn.Sequential(nn.Linear(3, 32), nn.ReLU(), nn.Linear(32, 32), nn.ReLU(), nn.Linear(32, 3))
 
 # %%
+def learn_steps(learner, chosen, inputs):
+    s = every_step.rows(chosen)
+    then = inputs(s.after, s.left, s.device)
+    learn_from(learner, inputs(s.cell, s.full, s.device), s.action, s.reward, s.discount, then)
+
+@torch.no_grad()
+def right_and_error(network, inputs):
+    q = network(*inputs(every_state.cell, every_state.full, every_state.device))
+    value = best.gather(1, q.argmax(1, keepdim=True)).squeeze(1)  # of the action that the network takes
+    return (value > best.amax(1) - 1e-4).numpy(), (q - best).abs().mean(1).numpy()
+
+# %%
 def five_places(tau, seed):
     torch.manual_seed(seed)
     network, generator = small_network(), np.random.default_rng(seed)
     learner = DDQN(network, torch.optim.Adam(network.parameters(), 0.01), tau)
-    known = np.isin(ALL[5], generator.permutation(12)[:5])
+    places = generator.permutation(12)[:5]
+    known = np.flatnonzero(np.isin(every_step.device, places))
     for _ in range(1000):
-        some = generator.choice(np.flatnonzero(known), 64)
-        action, reward, discount, cell, full, device, after, left = (x[some] for x in ALL)
-        learn_from(learner, inputs(cell, full, device), action, reward, discount, inputs(after, left, device))
-    with torch.no_grad():
-        q = network(*inputs(*ALL[3:6]))[::3]  # each state is there once for each action
-    chosen = best.gather(1, q.argmax(1, keepdim=True)).squeeze(1)
-    right, known = (chosen > best.amax(1) - 1e-4).numpy(), known[::3]
-    return right[known].mean(), right[~known].mean(), (q - best).abs().mean().item()
+        learn_steps(learner, generator.choice(known, 64), inputs)
+    right, error = right_and_error(network, inputs)
+    at_known = np.isin(every_state.device, places)
+    return right[at_known].mean(), right[~at_known].mean(), float(error.mean())
 
 # %%
 networks = [five_places(tau=0.1, seed=seed) for seed in range(3)]
@@ -285,54 +320,81 @@ print(f"guessing: {(best > best.amax(1, keepdim=True) - 1e-4).float().mean():.0%
 memory = Replay(capacity=50, environments=1, max_devices=1)
 for t in np.arange(100):
     memory.add(stored(t[None]), action=0, reward=0, terminal=False, next_state=stored(t[None] + 1))
-print(*(memory.sample(6, generator, discount=0.95).state.uav_cell for _ in range(3)))
+minibatches = [memory.sample(6, generator, discount=0.95).state.uav_cell for _ in range(3)]
+
+# %%
+figure, steps = Figure(figsize=(8, 2.3), layout="constrained"), np.arange(40, 100)
+ax = figure.subplots()
+for k, drawn in enumerate(minibatches):
+    colour = np.where(steps < 50, "white", "0.85").astype(object)
+    colour[np.isin(steps, drawn)], colour[steps == drawn[0]] = BLUE, ORANGE  # the newest comes first in a minibatch
+    ax.bar(steps, 0.7, 0.9, bottom=k, color=colour, edgecolor="0.6", lw=0.5)
+for label, colour in (("forgotten", "white"), ("in the memory", "0.85"), ("drawn", BLUE), ("the newest", ORANGE)):
+    ax.bar(0, 0, color=colour, edgecolor="0.6", label=label)  # for the legend
+ax.set(xlabel="number of the step", xlim=(39, 100), ylabel="minibatch", ylim=(2.85, -0.15))
+ax.set_yticks([0.35, 1.35, 2.35], ["1st", "2nd", "3rd"])
+figure.legend(loc="outside upper center", ncols=4, frameon=False)
+figure
 
 # %% [markdown]
-# Step 99 comes first in each minibatch; the others are drawn from the last 50. So all rows *but* the first are a
-# minibatch of plain replay, and three learners can be compared: *newest only*, *plain* and *combined*, the last
-# two with four rows. Each learns in 20 streets of 8 cells side by side, with 16 rows for each street in one table:
-# 20 repetitions. (Rows are drawn from all streets together, so four a street is an average.)
+# Three minibatches of six. The newest step is in each, and the first in it; the others are drawn from the last 50. So all
+# *but* the first are a minibatch of plain replay, and three learners can be compared: *newest only*, *plain* and
+# *combined*, the last two with four steps in a minibatch.
+#
+# To repeat everything 20 times at the price of one run, 20 streets of 8 cells lie side by side in one table. Each has 16
+# rows of its own, 8 with and 8 without data. The memory holds the steps of all streets, and a minibatch has the
+# newest step of each street first. So *plain* draws five steps a street and leaves out the newest. (The others are
+# drawn from all streets together, so four a street is an average.)
 #
 # First the memory is filled by flying at random, then learning begins, with actions from the softmax policy of 5.7.
 # In two of three worlds the way is closed behind cell 4 while the memory is filled, and nobody gets to the device in
 # cell 7; then it opens.
 
 # %%
-STREETS, MODES = 20, {"newest only": (1, 0), "plain": (5, 1), "combined": (4, 0)}  # rows drawn, left out
+STREETS = 20
+DRAWN = {"newest only": 1, "plain": 5, "combined": 4}  # steps in a minibatch, for each street
+LEFT_OUT = {"newest only": 0, "plain": 1, "combined": 0}  # of these
 
+def row_in_table(cell, full):
+    return 16 * np.arange(STREETS) + 8 * full + cell
+
+def learn_minibatch(learner, batch, out):
+    now, then = (row(state.uav_cell[out:], 16 * STREETS) for state in (batch.state, batch.next_state))
+    learn_from(learner, now, *tensors(batch.action[out:], batch.reward[out:], batch.discount[out:]), then)
+
+# %%
 def learn(mode, capacity, filled, end=7, steps=1500, seed=0):
-    drawn, out = (STREETS * rows for rows in MODES[mode])
-    generator, own, history = np.random.default_rng(seed), 16 * np.arange(STREETS), []
-    learner, memory = q_table(320, 0.3, drawn - out), Replay(capacity * STREETS, STREETS, 1)
+    drawn, out = STREETS * DRAWN[mode], STREETS * LEFT_OUT[mode]
+    generator, history = np.random.default_rng(seed), []
+    learner, memory = q_table(16 * STREETS, 0.3, drawn - out), Replay(capacity * STREETS, STREETS, 1)
     cell, full = np.zeros(STREETS, int), np.ones(STREETS, bool)
     for t in range(filled + steps):
-        now, action = own + cell + 8 * full, generator.integers(0, 3, STREETS)
+        now, action = row_in_table(cell, full), generator.integers(0, 3, STREETS)
         if t >= filled:
             action = draw_actions(softmax_policy(learner.online.weight.detach().T[now], 0.5), generator)
         cell, full, reward, discount = step(cell, full, action, 7, end if t < filled else 7)
-        memory.add(stored(now), action, reward, discount == 0, stored(own + cell + 8 * full))
-        cell, full = np.where(discount == 0, 0, cell), full | (discount == 0)
+        memory.add(stored(now), action, reward, discount == 0, stored(row_in_table(cell, full)))
+        cell, full = np.where(discount == 0, 0, cell), full | (discount == 0)  # a new flight after a landing
         if t >= filled:
             history.append(reward)
-            learn_from(learner, *minibatch(memory.sample(drawn, generator, 0.95), out))
+            learn_minibatch(learner, memory.sample(drawn, generator, 0.95), out)
     return np.reshape(history, (15, -1, STREETS)).mean(1)
 
 # %%
-def minibatch(batch, out):
-    now, then = (row(state.uav_cell[out:], 320) for state in (batch.state, batch.next_state))
-    return now, *tensors(batch.action[out:], batch.reward[out:], batch.discount[out:]), then
+worlds = {"nothing changes": {"capacity": 20_000, "filled": 500},
+          "way opens, memory of 500": {"capacity": 500, "filled": 5000, "end": 4},
+          "way opens, memory of 20,000": {"capacity": 20_000, "filled": 5000, "end": 4}}
 
-worlds = {"nothing changes": (20_000, 500), "way opens, memory of 500": (500, 5000, 4),
-          "way opens, memory of 20,000": (20_000, 5000, 4)}
-curves = {world: {mode: learn(mode, *given) for mode in MODES} for world, given in worlds.items()}
+# %%
+curves = {world: {mode: learn(mode, **given) for mode in DRAWN} for world, given in worlds.items()}
 
 # %%
 figure, x = Figure(figsize=(10.5, 3.5), layout="constrained"), range(50, 1500, 100)
 for ax, (world, by_mode) in zip(figure.subplots(1, 3, sharey=True), curves.items()):
-    for (mode, values), style in zip(by_mode.items(), (":", "--", "-")):
+    for (mode, values), style, colour in zip(by_mode.items(), (":", "--", "-"), (GREEN, VERMILION, BLUE)):
         middle, error = values.mean(1), 2 * values.std(1) / np.sqrt(STREETS)
-        ax.plot(x, middle, style, label=mode)
-        ax.fill_between(x, middle - error, middle + error, alpha=0.2, lw=0)
+        ax.plot(x, middle, style, color=colour, label=mode)
+        ax.fill_between(x, middle - error, middle + error, color=colour, alpha=0.2, lw=0)
         print(f"{world:<28}{mode:<12}first 500 steps {values[:5].mean():+.2f}, last 500 {values[-5:].mean():+.2f}")
     ax.set(title=world, xlabel="steps of learning", ylabel="reward per step")
 figure.axes[0].legend()
@@ -354,6 +416,72 @@ figure
 # present it as that. And the paper's memory? It holds 50,000 steps, and an update draws 128: a new step waits 390
 # updates, on average, for its first draw. In a run of a million that is short, so expect little; but it costs
 # nothing either. (With N environments side by side, as in recipe `lite`, the library puts in the newest N.)
+#
+# ### A memory that is too small
+#
+# A table forgets nothing: what it learns in one row leaves the others alone. A network does forget, and the memory is
+# what reminds it. Take the street of 5.2, where missions differ by the device's place. A network learns for 1000 updates
+# from all of them. Then the missions change: for 300 updates, devices stand only in the first four cells, and every
+# update comes with eight new steps. What becomes of the other missions, of which none is flown? (This network sees places
+# as *one-hot* inputs, a 1 for the cell and zeros for all others. So one place says little about the next; the relative
+# inputs of 5.2 say more.)
+
+# %%
+def one_hot_inputs(cell, full, device):
+    places = [nn.functional.one_hot(place, 12) for place in (cell, device)]
+    return (torch.cat([*places, full[:, None]], 1).float(),)
+
+# %%
+near_steps = np.flatnonzero(every_step.device < 4)
+far_states = (every_state.device >= 4).numpy()
+
+# %%
+def learn_all_missions(seed):
+    torch.manual_seed(seed)
+    network = nn.Sequential(nn.Linear(25, 32), nn.ReLU(), nn.Linear(32, 32), nn.ReLU(), nn.Linear(32, 3))
+    learner, generator = DDQN(network, torch.optim.Adam(network.parameters(), 0.01), 0.1), np.random.default_rng(seed)
+    flown = generator.integers(0, len(every_step.action), 8000)
+    for _ in range(1000):
+        learn_steps(learner, generator.choice(flown, 64), one_hot_inputs)
+    return learner, flown
+
+# %%
+from copy import deepcopy
+
+def missions_change(learner, flown, capacity, seed):
+    learner, generator, errors = deepcopy(learner), np.random.default_rng(seed), []
+    for t in range(300):
+        if t % 10 == 0:
+            errors.append(right_and_error(learner.online, one_hot_inputs)[1][far_states].mean())
+        flown = np.r_[flown, generator.choice(near_steps, 8)]
+        learn_steps(learner, generator.choice(flown[-capacity:], 64), one_hot_inputs)
+    return np.array(errors)
+
+# %%
+sizes, errors = {"memory of 500 steps": 500, "memory of all steps": 10_400}, {}
+for seed in range(3):
+    learner, flown = learn_all_missions(seed)
+    for name, size in sizes.items():
+        errors[name, seed] = missions_change(learner, flown, size, seed)
+
+# %%
+figure = Figure(figsize=(6.5, 3.4), layout="constrained")
+ax = figure.subplots()
+for (name, seed), values in errors.items():
+    style = {"color": VERMILION} if sizes[name] == 500 else {"color": BLUE, "linestyle": "--"}
+    ax.plot(range(0, 300, 10), values, **style, label=name if seed == 0 else None)
+    print(f"{name}, seed {seed}: error {values[0]:.2f} before the change, {values[-5:].mean():.2f} at the end")
+ax.set(xlabel="updates since the missions changed", ylabel="mean error of Q-values,\nmissions no longer flown", ylim=0)
+ax.legend(fontsize="small")
+figure
+
+# %% [markdown]
+# Each line is a seed; both memories begin with the same network. The large memory still holds the old missions, and the
+# network goes on learning from them. The small one holds none of them any more after 63 updates, and from then on
+# nothing mends what the new steps spoil. The seeds differ, so compare the memories seed by seed.
+#
+# In training, each mission is drawn at random, so a memory is too small if it holds only a few missions. One that is too
+# large holds steps of a policy or a world that are gone. Nobody knows the right size beforehand; it is a knob.
 #
 # ## 5.4 The maximisation bias
 #
@@ -399,7 +527,9 @@ print("".join(inspect.getsourcelines(ddqn_target)[0][-2:]))
 # - *single*: Q-learning as in 5.1.
 # - *slow target*: one table, and the maximum of a target table that follows slowly ($\tau = 0.005$, section 5.6).
 # - *DDQN*: the same, but the table chooses and the slow target judges.
-# - *double*: two tables, each the other's judge; a coin decides which of them learns from a step.
+# - *double*: two tables, each the other's judge; a coin decides which of them learns from a step. (In the library the
+#   judge is a learner's `target`. So each learner gets the other's table as its target, with $\tau = 0$, so that
+#   nothing else moves it.)
 
 # %%
 N = 100
@@ -436,8 +566,8 @@ learned = {"single": flying_on(single), "slow target": flying_on_slow_target(),
 # %%
 figure = Figure(figsize=(6.5, 3.6), layout="constrained")
 ax = figure.subplots()
-for (name, values), style in zip(learned.items(), (":", "-.", "-", "--")):
-    ax.plot(values.mean(1), style, label=name)
+for (name, values), style, colour in zip(learned.items(), (":", "-.", "-", "--"), (VERMILION, ORANGE, BLUE, GREEN)):
+    ax.plot(values.mean(1), style, color=colour, label=name)
     last = values[-500:].mean(0)
     print(f"{name:<12}{last.mean():+.3f} ± {2 * last.std() / np.sqrt(N):.3f} in the last 500 updates")
 ax.axhline(-0.19, color="black", lw=1, label="true value")
@@ -476,9 +606,39 @@ assert abs((expected - earned).mean()) < 0.05 * earned.mean()
 #
 # $$\bar\theta \leftarrow (1 - \tau)\,\bar\theta + \tau\,\theta$$
 #
-# If $\theta$ stood still, $(1-\tau)^k$ of the distance would be left after $k$ updates; with $\tau = 0.005$, half of
-# it after 138. So $\bar\theta$ is about the mean of $\theta$ over the last $1/\tau$ updates: calmer, and late. Here
-# it is for the Q-value of one action with a noisy reward, whose mean goes from 0 to 2 after 750 updates:
+# Let an online weight jump from 0 to 1 and stay there. After $k$ updates $(1-\tau)^k$ of the distance is left. The
+# *half-life* is the $k$ after which that is one half:
+
+# %%
+from uavdh_lite.ddqn import soft_update
+
+def follow_jump(tau, updates=500):
+    online, target = nn.Linear(1, 1, bias=False), nn.Linear(1, 1, bias=False)
+    nn.init.ones_(online.weight)
+    nn.init.zeros_(target.weight)
+    path = []
+    for _ in range(updates + 1):
+        path.append(target.weight.item())
+        soft_update(target, online, tau)
+    return path
+
+# %%
+figure = Figure(figsize=(6.5, 3.2), layout="constrained")
+ax = figure.subplots()
+ax.plot([-50, 0, 0, 500], [0, 0, 1, 1], color="0.6", label="online weight")
+for tau, colour in ((0.05, ORANGE), (0.005, BLUE)):
+    half_life = np.log(0.5) / np.log(1 - tau)
+    ax.plot(follow_jump(tau), color=colour, label=f"target weight, τ = {tau}")
+    ax.plot([half_life, half_life], [0, 0.5], ":", color=colour)
+    ax.plot(half_life, 0.5, "o", color=colour, label=f"half-life: {half_life:.0f} updates")
+ax.set(xlabel="updates after the jump", ylabel="weight")
+ax.legend(loc="lower right", fontsize="small")
+figure
+
+# %% [markdown]
+# So $\bar\theta$ is about the mean of $\theta$ over the last $1/\tau$ updates, an *exponential moving average*: late,
+# but calm. The Q-value of one action with a noisy reward shows both. The mean of the reward goes from 0 to 2 after 750
+# updates:
 
 # %%
 def follow(tau):
@@ -492,8 +652,8 @@ def follow(tau):
 figure = Figure(figsize=(6.5, 3.4), layout="constrained")
 ax = figure.subplots()
 ax.plot(follow(1.0)[0], color="0.75", lw=0.8, label="online")
-for tau in (0.05, 0.005):
-    ax.plot(follow(tau)[1], label=f"target, τ = {tau}")
+for tau, colour in ((0.05, ORANGE), (0.005, BLUE)):
+    ax.plot(follow(tau)[1], color=colour, label=f"target, τ = {tau}")
 ax.set(xlabel="updates", ylabel="Q-value")
 ax.legend()
 figure
@@ -544,9 +704,9 @@ for beta in (0.1, 2.0):
 def draw_policy(temperature):
     figure = Figure(figsize=(9, 3.3), layout="constrained")
     left, right = figure.subplots(1, 2)
-    left.bar(ACTIONS, softmax_policy(one_state, temperature)[0].numpy())
+    left.bar(ACTIONS, softmax_policy(one_state, temperature)[0].numpy(), color=BLUE)
     left.set(ylim=(0, 1), ylabel="probability", title=f"one state, β = {temperature:.2g}")
-    right.semilogx(betas, taken)
+    right.semilogx(betas, taken, color=BLUE)
     right.axvline(temperature, color="black", linestyle=":")
     right.set(xlabel="temperature β", ylabel="probability", ylim=(0, 1), title="the best action, mean over all states")
     return figure
@@ -583,18 +743,56 @@ draw_policy(0.5)
 # | one gradient step on $(Q_\theta(s, a) - y)^2$ | `learner.update` |
 # | $\bar\theta \leftarrow (1 - \tau)\,\bar\theta + \tau\,\theta$ | the same, its last line |
 #
-# The network, layer by layer:
+# And the network itself. *Hooks* note the shape of what comes out of each layer when a state goes through:
 
 # %%
 from uavdh_lite.agent import build
 from uavdh_lite.recipe import PAPER
 
 observation, network = build(PAPER, agent.city)
-(maps,), time = observation(flights.start[:1])
-print(f"input   {tuple(maps.shape)}, and the flying time")
-for layer in network.convolutions[0]:
-    maps = layer(maps)
-    print(f"{type(layer).__name__:<8}{tuple(maps.shape)}")
+layers = [layer for layer in network.modules() if isinstance(layer, (nn.Conv2d, nn.Flatten, nn.Linear))]
+shapes = []
+hooks = [layer.register_forward_hook(lambda layer, given, out: shapes.append(tuple(out.shape[1:]))) for layer in layers]
+
+# %%
+maps, time = observation(flights.start[:1])
+network(maps, time)
+for hook in hooks:
+    hook.remove()
+
+# %%
+from matplotlib.patches import Rectangle
+
+def draw_shape(ax, x, shape, colour):
+    """Maps as a stack of squares, a list of numbers as a bar; returns the x after it."""
+    if len(shape) == 1:
+        height = 4 * np.log2(shape[0])
+        ax.add_patch(Rectangle((x, -height / 2), 3, height, fc=colour, ec="white"))
+        return x + 3
+    count, side, _ = shape
+    for k in range(count):
+        corner = x + 0.9 * k, 0.9 * k - side / 2
+        ax.add_patch(Rectangle(corner, side, side, fc=colour, ec="white", lw=0.5, zorder=-k))
+    return x + side + 0.9 * count
+
+# %%
+kinds = {nn.Conv2d: ("convolution", BLUE), nn.Flatten: ("flattened", GREEN), nn.Linear: ("fully\nconnected", GREEN)}
+drawn = [("maps", ORANGE), *(kinds[type(layer)] for layer in layers[:-1]), ("Q-values", VERMILION)]
+figure, x = Figure(figsize=(8, 2.9), layout="constrained"), 0
+ax = figure.subplots()
+for (name, colour), shape in zip(drawn, [tuple(maps[0].shape[1:]), *shapes]):
+    end, numbers = draw_shape(ax, x, shape, colour), "×".join(map(str, shape))
+    if name == "flattened":  # the flying time joins here
+        ax.add_patch(Rectangle((x, 27), 3, 3, fc=ORANGE))
+        ax.text(x + 1.5, 32, f"+ {time.shape[1]}: time", ha="center", fontsize="small")
+    ax.text((x + end) / 2, -32, f"{numbers}\n{name}", ha="center", va="top", fontsize="small")
+    x = end + (12 if len(shape) == 3 else 22)
+ax.set(xlim=(-5, x - 5), ylim=(-52, 38), aspect="equal")
+ax.axis("off")
+figure
+
+# %% [markdown]
+# Each square is one map, each bar a list of numbers. The weights:
 
 # %%
 for layer in network.head:
@@ -604,15 +802,183 @@ print(f"{sum(p.numel() for p in network.parameters()):,} weights in all")
 
 # %% [markdown]
 # Kernels are 5×5; the two convolutions have 8432 weights. Nearly all weights, 94 %, are in the first fully connected
-# layer, which takes the 8464 numbers of the flattened maps and the flying time. The last layer gives the six Q-values.
+# layer, which takes all numbers of the flattened maps and the flying time.
+#
+# ## 5.9 What the network knows of shadows
+#
+# A building between the UAV and a device takes most of the signal (notebook 1). No input says so: the network sees
+# buildings and devices, and learns from rewards alone. Has it found out? First a *probe*: fit a linear model that reads
+# from the last hidden layer whether the UAV sees the device. If the probe is right about states that it was not fitted to,
+# the layer holds that knowledge.
+#
+# Near devices are seen more often than far ones, so distance alone would be a good guess. To rule that out, each
+# example in which the device is seen gets a partner at the same distance in which it is not.
+
+# %%
+from dataclasses import replace
+
+from matplotlib.colors import to_rgb
+
+environment, city = Environment(agent.city), agent.city
+generator = np.random.default_rng(0)
+
+# %%
+def one_device(count):
+    """States on the way, with data at one device only."""
+    state = agent.scenario.sample_anywhere(city, count, generator, spare_time=5)
+    data = np.zeros_like(state.data_left)
+    data[:, 0] = 20
+    return replace(state, data_initial=data, data_left=data)
+
+def to_device(state):  # rows south and columns east, from the UAV to the device
+    row, col = np.divmod(state.device_cells[:, 0].astype(int), city.size)
+    uav_row, uav_col = np.divmod(state.uav_cell.astype(int), city.size)
+    return row - uav_row, col - uav_col
+
+# %%
+state = one_device(12_000)
+seen = environment.line_of_sight[state.device_cells[:, 0], state.uav_cell]
+distance = np.hypot(*to_device(state))
+pairs = []
+for d in np.unique(distance):
+    with_sight, without = np.flatnonzero((distance == d) & seen), np.flatnonzero((distance == d) & ~seen)
+    pairs += list(zip(with_sight, without))  # as many of one as of the other
+chosen = np.ravel(pairs)
+state, seen, distance = state[chosen], seen[chosen], distance[chosen]
+
+# %% [markdown]
+# The probe is fitted where the device stands in an even cell, and tested where it stands in an odd one, so it has not met
+# those places. Next to the trained network it gets the distance alone, and a network of the same shape without any
+# training:
+
+# %%
+@torch.no_grad()
+def last_hidden(network):
+    kept = []
+    hook = network.head[-1].register_forward_hook(lambda layer, given, out: kept.append(given[0]))
+    for start in range(0, len(state), 256):
+        network(*agent.observation(state[start : start + 256]))
+    hook.remove()
+    return torch.cat(kept).numpy()
+
+# %%
+def probe(x):
+    fitted = state.device_cells[:, 0] % 2 == 0
+    x = (x - x[fitted].mean(0)) / (x[fitted].std(0) + 1e-6)
+    y = np.where(seen, 1.0, -1.0)
+    weights = np.linalg.solve(x[fitted].T @ x[fitted] + 30 * np.eye(x.shape[1]), x[fitted].T @ y[fitted])
+    return np.sign(x[~fitted] @ weights) == y[~fitted]
+
+# %%
+torch.manual_seed(0)
+_, untrained = build(agent.recipe, city)
+right = {"distance alone": probe(distance[:, None]), "untrained network": probe(last_hidden(untrained)),
+         "trained network": probe(last_hidden(agent.network))}
+assert right["trained network"].mean() > right["untrained network"].mean() + 0.05
+
+# %%
+figure = Figure(figsize=(6, 2.4), layout="constrained")
+ax = figure.subplots()
+for k, (name, correct) in enumerate(right.items()):
+    mean, low, high = mean_interval(correct)
+    ax.barh(k, mean, color=(GREEN, ORANGE, BLUE)[k])
+    ax.plot([low, high], [k, k], color="black")
+    ax.text(0.02, k, f"{name}: {mean:.0%}", va="center", color="white" if k != 1 else "black")
+ax.axvline(0.5, color="black", linestyle=":")
+ax.set(xlim=(0, 1), yticks=[], xlabel=f"right about line of sight, {len(correct)} held-out states")
+ax.invert_yaxis()
+figure
+
+# %% [markdown]
+# The dotted line is guessing, the black lines are 95 % intervals. The distance says nothing, by construction. An
+# untrained network mixes the picture at random, and a little can be read from the mixture. Training puts much
+# more there. But what can be read need not be used. And the network has seen one city only: it may
+# know the dark corners by heart.
+#
+# So change the picture. Take states in which a device near by is hidden and little time is left, and wipe out the
+# buildings between the UAV and the device. For comparison, wipe out those of the equal area on the *other* side of
+# the UAV. Only the layer "buildings" changes; where one may fly stays as it is.
+
+# %%
+state = one_device(20_000)
+state = replace(state, time_left=(city.landing_distance.ravel()[state.uav_cell] + 6).astype(np.int16))
+hidden = ~environment.line_of_sight[state.device_cells[:, 0], state.uav_cell]
+state = state[hidden & (np.hypot(*to_device(state)) <= 5)]
+
+# %%
+def between(state):
+    """The cells of the map between the UAV, in its middle, and the device."""
+    cells = np.arange(1 - city.size, city.size)
+    down, right = (offset[:, None] for offset in to_device(state))
+    rows, cols = ((np.minimum(d, 0) <= cells) & (cells <= np.maximum(d, 0)) for d in (down, right))
+    return torch.from_numpy(rows[:, :, None] & cols[:, None, :])
+
+# %%
+maps, time = agent.observation.full_map(state), agent.observation.time(state)
+in_between = between(state)
+opposite = in_between.flip(1, 2)
+enough = (maps[:, 2] * opposite).sum((1, 2)) >= (maps[:, 2] * in_between).sum((1, 2))
+
+# %%
+@torch.no_grad()
+def value(removed):
+    edited = maps[enough].clone()
+    edited[:, 2] *= ~removed[enough]
+    return agent.network([edited], time[enough]).amax(1).numpy()
+
+as_it_is = value(torch.zeros_like(in_between))
+gains = {"between UAV and device": value(in_between) - as_it_is, "on the other side": value(opposite) - as_it_is}
+
+# %%
+colour = {"between UAV and device": VERMILION, "on the other side": GREEN}
+
+def draw_removed(ax, example):
+    buildings = maps[example, 2].numpy() > 0
+    picture = np.where(buildings[..., None], 0.5, 1.0) * np.ones(3)
+    for c, part in zip(colour.values(), (in_between, opposite)):
+        picture[part[example].numpy() & buildings] = to_rgb(c)
+    down, right = to_device(state[[example]])
+    ax.imshow(picture, extent=(-15.5, 15.5, 15.5, -15.5))
+    ax.plot(0, 0, "^", color="white", mec="black", ms=8)
+    ax.plot(right, down, "X", color=ORANGE, mec="black", ms=8)
+    ax.set(xlim=(-6.5, 6.5), ylim=(6.5, -6.5), xticks=[], yticks=[], title="one example")
+
+# %%
+figure = Figure(figsize=(7, 2.9), layout="constrained")
+drawing, ax = figure.subplots(1, 2, width_ratios=(1, 1.5))
+draw_removed(drawing, example=np.flatnonzero(enough)[0])
+for k, (name, gain) in enumerate(gains.items()):
+    mean, low, high = mean_interval(gain)
+    ax.barh(k, mean, color=colour[name])
+    ax.plot([low, high], [k, k], color="black")
+ax.set(xlabel=f"largest Q-value goes up by, {len(gain)} states", ylim=(1.5, -0.5))
+ax.set_yticks([0, 1], [f"removed\n{name}" for name in gains])
+figure
+
+# %%
+more = gains["between UAV and device"] - gains["on the other side"]
+mean, low, high = mean_interval(more)
+print(f"difference {mean:+.2f}, 95 % from {low:+.2f} to {high:+.2f}; above 0 in {(more > 0).mean():.0%} of the states")
+print(f"mean value of these states {as_it_is.mean():.1f}")
+assert mean > 0.1
+
+# %% [markdown]
+# White triangle: the UAV; orange cross: the device; grey and coloured: buildings. On average the largest Q-value goes up a
+# little whatever building is wiped out. It goes up more if it is one in the way. So the network has learned from
+# rewards that buildings *between* it and a device cost something, and it looks at them.
+#
+# It is no ray tracer: the gain is small next to the value, and in some states it is the other way round. And a city with a
+# missing building is new to this network, so such a test shows what it looks at, not how well it would fly there.
 #
 # ## Recap
 #
 # - Q-learning moves Q-values towards $r + \gamma \max Q$ of the next state, whatever policy has flown.
 # - A network carries over to new states, if its inputs make them similar to known ones.
-# - Replay uses steps several times. Combined replay costs nothing and helps when a large memory is out of date.
+# - Replay uses steps several times. Combined replay costs nothing and helps when a large memory is out of date. With a
+#   small one a network forgets missions that it no longer flies.
 # - The maximum of noisy estimates is too high. A slow target removes half of the bias, as a judge most of it.
 # - Soft targets are calm and late. The softmax policy explores where gaps are small compared with $\beta$.
+# - A probe says what a hidden layer knows; a change of the input says what the network uses.
 #
 # ## Exercises
 #
