@@ -357,7 +357,7 @@ def _legend(city: City) -> str:
         (_tag("path", d=_squares(cell), fill_opacity=SHADOW), "no line of sight to the device"),
         (_arrow((-0.5, 0), (1, 0), 0, "#000", 1, aside=0), "a step, little or no data"),
         (_arrow((-0.5, 0), (1, 0), 1, "#000", 1, aside=0), "much data"),
-        (_ring((0, 0), 0.2, "#000", 0.9), "hovering"),
+        (_ring((0, 0), 0.2, "#000", 0.75), "hovering"),
     ]
     paper = _tag("rect", x=-0.5, y=-0.5, width=1, height=1, fill="#fff")
     pictures = [_image(_svg("-.5 -.5 1 1", paper, s, width=16, height=16), "") for s, _ in signs]
@@ -590,7 +590,7 @@ def _arrow(
 def _ring(place: tuple[float, float], share: float, colour: str, breadth: float) -> str:
     (x, y), width = place, _width(share, breadth)
     style = {"fill": "none", "stroke": colour, "stroke_width": width}
-    return _tag("circle", cx=x, cy=y, r=0.4 * breadth, **style)
+    return _tag("circle", cx=x, cy=y, r=0.52 * breadth, **style)
 
 
 def _count(scene: _Scene, cell: int, count: int) -> str:
@@ -658,14 +658,13 @@ def _uav(scene: _Scene, flight: Trajectory) -> str:
             if flight.landed
             else (RED, "M-.13 -.13L.13 .13M-.13 .13L.13 -.13")
         )
-        right = -0.5 if x > scene.city.size - 1.5 else 0.5
-        down = 0.5 if y < 0.5 else -0.5
+        aside = -0.5 if max(x, y) > scene.city.size - 1.5 else 0.5  # not where hovering is counted
         drawn.append(
             _tag(
                 "g",
                 _tag("circle", r=0.34, fill=colour, stroke="#fff"),
                 _tag("path", d=mark, fill="none", stroke="#fff", stroke_width=0.1),
-                transform=f"translate({right} {down})",
+                transform=f"translate({aside} {aside})",
                 data_from=len(flight.action) - 0.5,
             )
         )

@@ -365,6 +365,7 @@ def test_it_fits_narrow_pages(show, flights, width):
         viewport={"width": width, "height": 800},
     )
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    assert page.locator("output").evaluate("each => each.scrollWidth <= each.clientWidth")
     shoot(page, f"{width}")
 
 

@@ -136,7 +136,7 @@ def test_a_flight_that_the_failsafe_lands_has_landed(corridor):
     says = data_of(player)["flights"][0]["says"]
     assert "flies west" in says[3]  # what it did, not what was chosen
     (map_,) = maps(player)
-    assert not elements(map_, "circle", data_from="3")
+    assert not elements(map_, "g", data_from="3")  # no ring: it does not hover there
 
 
 def test_the_picture_has_an_arrow_for_each_move_and_rings_for_hovering(corridor):
