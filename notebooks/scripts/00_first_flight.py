@@ -24,6 +24,7 @@ from matplotlib.figure import Figure
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import evaluate, fly
+from uavdh_lite.player import play
 from uavdh_lite.plotting import add_legend, draw_trajectory
 from uavdh_lite.scenario import place
 
@@ -61,7 +62,19 @@ show(flights)
 # - **Grey** cells lie in the radio shadow of buildings, the darker for the more devices.
 #
 # Below the map: how long it flew of the time it had (landing takes one unit too), and how much it
-# collected. In numbers:
+# collected.
+#
+# Now watch the same flight step by step. Play it, or drag the slider:
+
+# %%
+play(environment, flights.trajectory(0))
+
+# %% [markdown]
+# Here the width of an arrow, and of the line from the device, says how much is sent. The number next to a
+# device is its name. White cells see the device that is sending, and grey ones do not: point at a device to see
+# its shadow alone. Wide arrows lie where the UAV is near and in sight.
+#
+# The flight in numbers:
 
 # %%
 for name, values in flights.records().items():

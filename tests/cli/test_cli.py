@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import fields
@@ -119,6 +120,13 @@ def test_fly_takes_devices_data_and_time(tmp_path, capsys):
     assert "/50" in output and "/17.5" in output and "landed" in output
     assert out.stat().st_size > 10_000
     assert main(["fly", "--seed", "4", "--out", str(out)]) == 0
+
+
+def test_fly_writes_a_page_that_plays_the_flight(tmp_path, capsys):
+    page = tmp_path / "f.html"
+    assert main(["fly", "--seed", "4", "--out", str(page)]) == 0
+    data = re.search(r"data (\S+)/(\S+)\. ", capsys.readouterr().out).groups()
+    assert f"{data[0]} of {data[1]} units of data" in page.read_text(encoding="utf-8")
 
 
 def test_city_checks_and_draws(tmp_path, capsys):

@@ -34,6 +34,8 @@ def test_what_is_in_the_wheel(built):
         "uavdh_lite/schemas/mission.schema.json",
         "uavdh_lite/labs/app/labs.ipynb",
         "uavdh_lite/course/quizzes.toml",
+        "uavdh_lite/player.css",
+        "uavdh_lite/player.js",
     ):
         assert name in names
     kept = {str(p.relative_to(ROOT)) for p in (ROOT / "uavdh_lite").rglob("*.*") if p.is_file()}

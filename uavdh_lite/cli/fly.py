@@ -43,7 +43,7 @@ def fly(
         save_mission: write the mission to this file, to share it.
         seed: seed of the fading, and of whatever you leave out.
         device: what the network runs on.
-        out: the figure; a name that ends in .gif makes an animation.
+        out: the figure; a name that ends in .gif makes an animation, in .html a page that plays it.
     """
     from matplotlib.figure import Figure
 
@@ -51,6 +51,7 @@ def fly(
     from uavdh_lite.environment import Environment
     from uavdh_lite.missions import Mission, load_mission
     from uavdh_lite.missions import save_mission as save
+    from uavdh_lite.player import play
     from uavdh_lite.plotting import (
         add_legend,
         caption,
@@ -80,6 +81,8 @@ def fly(
 
     if out.suffix == ".gif":
         save_animation(flown.city, trajectory, out)
+    elif out.suffix == ".html":
+        play(environment, trajectory).save(out)
     else:
         figure = Figure(figsize=(7, 9), layout="constrained")
         draw_trajectory(figure.subplots(), environment, trajectory)
