@@ -36,6 +36,7 @@ from uavdh_lite.storage import write_atomically
 # On a map of 16 × 16 cells, in cells:
 ASIDE = 0.16  # arrows lie this far to the right of the path, so that there and back differ
 THINNEST, WIDEST = 0.05, 0.3  # an arrow of no upload, and of the largest one
+SHADE = {"fill": SHADOW, "fill_opacity": 0.6}
 WIDEST_LINK = 0.5  # a line from a device that carries the largest upload
 # By the hatches of `plotting`: lines from (x, y) by (dx, dy), from a cell's north-west corner. A
 # line of no length is a dot.
@@ -92,7 +93,7 @@ def play(environment: Environment, trajectories: Trajectory | Mapping[str, Traje
 
     The map is that of `draw_city`. An arrow is a step, a ring is hovering, with the number of steps
     so far. Their colour says which device uploaded most, black if none did, and their width how
-    much. While the film runs, so does the line from the device. Cells are grey while the device
+    much. While the film runs, so does the line from the device. Cells are violet while the device
     that uploads, or that is pointed at, has no line of sight to them.
 
     Arguments:
@@ -354,7 +355,7 @@ def _legend(city: City) -> str:
     cell = np.ones((1, 1), bool)
     signs = [(_cells(cell, style, 1), name) for mask, style, name in _kinds(city) if mask.any()]
     signs += [
-        (_tag("path", d=_squares(cell), fill_opacity=SHADOW), "no line of sight to the device"),
+        (_tag("path", d=_squares(cell), **SHADE), "no line of sight to the device"),
         (_arrow((-0.5, 0), (1, 0), 0, "#000", 1, aside=0), "a step, little or no data"),
         (_arrow((-0.5, 0), (1, 0), 1, "#000", 1, aside=0), "much data"),
         (_ring((0, 0), 0.2, "#000", 0.75), "hovering"),
@@ -439,7 +440,7 @@ def _shadows(scene: _Scene) -> list[str]:
         _tag(
             "path",
             d=_squares(~sight[k].reshape(shape)),
-            fill_opacity=SHADOW,
+            **SHADE,
             visibility="hidden",
             data_shadow=k,
         )

@@ -56,10 +56,10 @@ show(flights)
 # - The white **triangle** is where the UAV starts, the **diamond** where it lands. Both are in the blue
 #   zones: only there it may.
 # - Each **cross** is a device on the ground; the number next to it is how much data it has to send.
-# - An **arrow** is one unit of flying time. Its colour says which device sent the most during it, not how
-#   much: far away or round a corner it may be a thousandth of a unit. Black means that none did. A
+# - An **arrow** is one unit of flying time. Its colour says which device sent the most during it, and its width
+#   how much: far away or round a corner it may be a thousandth of a unit. Black means that none did. A
 #   **ring** is hovering.
-# - **Grey** cells lie in the radio shadow of buildings, the darker for the more devices.
+# - **Violet** cells lie in the radio shadow of buildings, deeper for more devices.
 #
 # Below the map: how long it flew of the time it had (landing takes one unit too), and how much it
 # collected.
@@ -71,7 +71,7 @@ play(environment, flights.trajectory(0))
 
 # %% [markdown]
 # Here the width of an arrow, and of the line from the device, says how much is sent. The number next to a
-# device is its name. White cells see the device that is sending, and grey ones do not: point at a device to see
+# device is its name. White cells see the device that is sending, and violet ones do not: point at a device to see
 # its shadow alone. Wide arrows lie where the UAV is near and in sight.
 #
 # The flight in numbers:
@@ -86,7 +86,7 @@ for name, values in flights.records().items():
 # is a share; `safety_interventions` counts moves that were refused.)
 #
 # What does the agent know? The city, where the devices stand, how much data each has left, and the time
-# left. It does not know the channel's formulae, the shadows drawn here in grey, or the luck of the
+# left. It does not know the channel's formulae, the shadows drawn here in violet, or the luck of the
 # radio link. It learned what they do.
 #
 # (This agent goes beyond the paper; notebook 12 says how. Notebooks 3 to 9 teach the paper's method, whose

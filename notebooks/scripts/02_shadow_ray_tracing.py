@@ -31,7 +31,7 @@ device = (4, 4)
 figure = Figure(figsize=(6, 6), layout="constrained")
 ax = draw_city(figure.subplots(), city, shadow_sum=4 * ~sight[device])
 ax.plot(device[1], device[0], "X", color=ORANGE, mec="white", ms=13)
-ax.set_title("grey: where the device at the cross cannot be seen")
+ax.set_title("violet: where the device at the cross cannot be seen")
 figure
 
 # %% [markdown]
@@ -179,7 +179,7 @@ draw_shadow(7, 9)
 #
 # ## 2.4 Several devices: the shading of the paper's figures
 #
-# The paper shades each cell by the number of devices that are hidden from it: the darker, the more.
+# The paper shades each cell by the number of devices that are hidden from it: the deeper, the more.
 # Sum the maps:
 
 # %%

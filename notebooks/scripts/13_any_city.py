@@ -29,6 +29,7 @@ from matplotlib.figure import Figure
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.city_generator import CityGenerator, load_city
+from uavdh_lite.course.quiz import Quiz
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.planners import Greedy
 from uavdh_lite.plotting import BLUE, VERMILION, draw_cities, draw_trajectory
@@ -109,7 +110,11 @@ assert collected["any_city"].mean() > collected["manhattan"].mean() + 0.02
 # All land: the failsafe of notebook 12 sees to that. The specialist of Manhattan does look at its map, or it would
 # collect next to nothing here. But in streets that it has not learned it collects less than the agent that learned in many cities. The
 # greedy rule knows all distances exactly; that is hard to beat for a network that sees most of the map blurred.
-#
+
+# %%
+Quiz("centred_in_a_new_city")
+
+# %% [markdown]
 # ## 13.3 Draw your own
 #
 # Type a city, and fly. Ten cells on a side will do:
@@ -167,7 +172,11 @@ for name, pilot in there_and_known.items():
 # %% [markdown]
 # The cities differ, and so do the missions in them. So each line compares with greedy on the same missions: that takes
 # most of the luck out. Where the two intervals overlap widely, there is no gap to be seen. With 2000 cities, learning them by heart is harder than learning to fly.
-#
+
+# %%
+Quiz("what_unseen_proves")
+
+# %% [markdown]
 # ### What is a mission worth?
 #
 # A hundred missions in one city say little about cities: they all share its walls. The same number of missions,
@@ -195,7 +204,11 @@ print(f"cities drawn again:   {by_city[0]:.3f} to {by_city[1]:.3f}, width {np.pt
 # If you want to know about these twelve cities, take the first. If you want to know about *cities*, take the second: next
 # time, twelve others will be drawn. With a city of its own for each mission the two would be the same. That
 # is why the results page flies over 300 cities.
-#
+
+# %%
+Quiz("draw_cities_again")
+
+# %% [markdown]
 # ### Where it fails
 #
 # A mean hides the flights that went wrong. These are the ten of the 300 missions of 13.2 in which the agent is furthest
