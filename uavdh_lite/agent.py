@@ -88,7 +88,7 @@ class Agent:
     | `recipe`, `scenario` | what it was trained with |
     | `city` | the city that it flies over, or the cities that it was trained in |
     | `training` | seed, cities, environment steps, validation metrics, command, versions |
-    | `symmetric` | act on the mean Q-values over the eight symmetries; agents of many cities do |
+    | `symmetric` | act on the mean Q-values over the eight symmetries |
     """
 
     network: nn.Module

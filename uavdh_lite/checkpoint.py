@@ -111,7 +111,8 @@ def save_agent(path: str | Path, agent: Agent) -> None:
 def load_agent(path: str | Path, device: str = "cpu") -> Agent:
     """Read an agent; a bare name such as `manhattan` means a shipped one.
 
-    An agent of many cities flies by the mean over the eight symmetries, `Agent.symmetric`.
+    An agent that was trained over many cities, or that went on from such a one, acts on the mean
+    over the eight symmetries: `Agent.symmetric`.
     """
     path = Path(path)
     if path.suffix == "" and not path.exists():
@@ -138,7 +139,7 @@ def load_agent(path: str | Path, device: str = "cpu") -> Agent:
         ) from None
     network.to(device).eval()
     training = about["training"]
-    symmetric = training.get("cities", 1) > 1  # in many cities, all directions are alike
+    symmetric = training.get("symmetric", False)
     return Agent(network, observation.to(device), recipe, scenario, city, training, symmetric)
 
 

@@ -152,6 +152,8 @@ class Trainer:
         if begin_with is not None:
             _require_same_network(recipe, begin_with.recipe)
             network.load_state_dict(begin_with.network.state_dict())
+        of_many_cities = len(self.environment.cities) > 1  # in which all directions are alike
+        self.symmetric = of_many_cities or (begin_with is not None and begin_with.symmetric)
         self.observation.to(self.device)
         network.to(self.device)
         optimiser = torch.optim.Adam(
@@ -284,6 +286,7 @@ class Trainer:
         training = {
             "seed": self.seed,
             "cities": len(self.environment.cities),
+            "symmetric": self.symmetric,
             "steps": self.steps,
             "updates": self.updates,
             "seconds": round(self.seconds, 1),

@@ -351,6 +351,11 @@ def test_an_agent_is_fine_tuned_over_one_city_from_its_own_weights(begin, quick)
     expected = agent.over(city).q_values(start)
     assert torch.equal(run.agent.q_values(start), expected)
     assert run.agent.observation.size == 9 and not run.agent.knows(agent.city)
+    assert agent.training["symmetric"] and not run.agent.training["symmetric"]
+    tuned = Trainer(
+        agent.scenario, agent.recipe, 1, city, begin_with=replace(agent, symmetric=True)
+    )
+    assert tuned.agent.training["symmetric"]
     before = weights(run).clone()
     while run.updates < 3:
         run.step()
