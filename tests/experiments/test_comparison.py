@@ -124,3 +124,15 @@ def test_the_summary_has_all_policies_and_the_agents_share(results):
     part = share(results["agent"]["cumulative_reward"], results["genie"]["cumulative_reward"])
     assert lines[7].endswith(f"{part.mean:.4f} ({part.low:.4f} to {part.high:.4f})")
     assert sum(line.startswith(("devices", "flying_time", "data")) for line in lines) >= 3
+
+
+def test_groups_are_named_by_their_ends_or_their_words():
+    by = np.repeat([1, 2, 3, 4, 5, 6], [6, 3, 3, 6, 3, 3])
+    labels = [label for label, _, _ in breakdown(np.arange(24.0), by)]
+    assert labels == ["1", "2 to 3", "4", "5 to 6"]
+    kinds = np.array(["old_town", "blocks", "old_town"])
+    words = breakdown(np.array([1.0, 5.0, 3.0]), kinds)
+    assert [(label, count, mean.mean) for label, count, mean in words] == [
+        ("blocks", 1, 5.0),
+        ("old town", 2, 2.0),
+    ]

@@ -152,11 +152,13 @@ def breakdown(
     else:
         edges = np.quantile(by, np.linspace(0, 1, groups + 1))
         group_of = np.searchsorted(edges[1:-1], by, side="right")
-        members = [
-            (f"{by[group_of == g].min():.4g} to {by[group_of == g].max():.4g}", group_of == g)
-            for g in np.unique(group_of)
-        ]
+        members = [(_range(by[group_of == g]), group_of == g) for g in np.unique(group_of)]
     return [(label, int(inside.sum()), mean_interval(values[inside])) for label, inside in members]
+
+
+def _range(values: np.ndarray) -> str:
+    """As in `2 to 3`, or `4`."""
+    return " to ".join(dict.fromkeys(f"{end:.4g}" for end in (values.min(), values.max())))
 
 
 def save_comparison(path: Path, results: dict[str, Columns], about: dict) -> None:
