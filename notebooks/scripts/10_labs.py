@@ -117,13 +117,13 @@ training
 # %% [markdown]
 # ## 10.6 City editor
 #
-# Paint with the mouse down. What the city still lacks is said at once. Planners fly in it; the shipped agents
-# know only their own cities, and the line below the map says how to train one for yours.
+# Paint with the mouse down. What the city still lacks is said at once. The agent `any_city` flies in what you have
+# painted, next to the greedy planner (notebook 13), and the line below the map says how to train it further for your city.
 
 # %%
 city = CityLab("village")
 city.fly.click()
-pictures(city.canvas, city.map.canvas)
+pictures(city.canvas, *(each.canvas for each in city.maps))
 
 # %%
 city

@@ -108,8 +108,8 @@ assert collected["any_city"].mean() > collected["manhattan"].mean() + 0.02
 
 # %% [markdown]
 # All land: the failsafe of notebook 12 sees to that. The specialist of Manhattan does look at its map, or it would
-# collect next to nothing here. But in streets that it has not learned it collects less than the agent that learned in many cities. The
-# greedy rule knows all distances exactly; that is hard to beat for a network that sees most of the map blurred.
+# collect next to nothing here. But in streets that it has not learned it collects less than the agent that learned in many
+# cities. That one is about level with greedy, which knows all distances exactly while the network sees most of the map blurred.
 
 # %%
 Quiz("centred_in_a_new_city")
@@ -224,9 +224,8 @@ for ax, mission in zip(figure.subplots(2, 5).flat, behind.argsort()[:10]):
 figure
 
 # %% [markdown]
-# Look for what they share. A device behind walls that takes a long way round, or little time to spare, is where a wrong
-# turn cannot be made good. The agent knows the walls near it cell by cell, and those further off only as averages over
-# three by three cells.
+# Look for what they share: walls and no-fly zones with a long way round to the devices behind them. The agent knows
+# the walls near it cell by cell, and those further off only as averages over three by three cells.
 #
 # ## 13.5 One mission from eight sides
 #
@@ -314,8 +313,9 @@ for recipe, (_, label) in runs.items():
     print(f"{label:<14}", ", ".join(f"{steps:,} steps: {best:.3f}" for steps, best in ends))
 
 # %% [markdown]
-# A run that begins with `any_city` starts where the other arrives late. Other cities gain more or less: the less a city
-# is like those of the generator, the more there is to learn.
+# A run that begins with `any_city` starts where the other arrives late. Validations look at one view of the map, to save time. In
+# flight the fine-tuned agents act on all eight, and then collect as much as the agent that was trained for Manhattan alone (see
+# the results page).
 #
 # ## Recap
 #
@@ -341,8 +341,8 @@ for kind in np.unique(kinds):
     print(f"{kind:<11}{len(difference):>4} missions, {100 * difference.mean():+.1f} ± {100 * half:.1f} points")
 
 # %% [markdown]
-# `evaluate` draws its missions from the stream `Use.TEST` of its seed, so drawing them again says which city each was in. With so few
-# missions of each kind, most differences are within their intervals: look at the results page for more of them.
+# `evaluate` draws its missions from the stream `Use.TEST` of its seed, so drawing them again says which city each was in. With so
+# few missions of each kind the intervals are wide; the results page has a thousand missions.
 #
 # **2.** Fly over `manhattan` with `any_city`, next to the agent that knows no other city.
 
