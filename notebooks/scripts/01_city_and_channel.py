@@ -3,8 +3,9 @@
 #
 # A UAV can only collect what the radio channel lets through. This notebook builds that channel,
 # number by number: how the signal fades with distance, what a building does to it, how much chance
-# is in it, and how many units of data arrive. At the end it answers a question that the agent of
-# the later notebooks has to learn: *where should the UAV be to serve a device?*
+# is in it, and how much data arrives. Data is counted in *data units*: one unit is what a device sends in
+# one time slot while its signal arrives just as strong as the noise. At the end the notebook answers a
+# question that the agent of the later notebooks has to learn: *where should the UAV be to serve a device?*
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -124,12 +125,12 @@ print(f"straight above the device: {above_db:.2f} dB")
 # %% [markdown]
 # ## 1.4 From SNR to data
 #
-# While the UAV makes one move, there are four communication *slots*. In one slot a device can send
-# (eq. 4)
+# While the UAV makes one move, there are four communication *slots* (notebook 3 draws them). In one slot
+# a device can send (eq. 4)
 #
 # $$R = \log_2(1 + \mathrm{SNR})$$
 #
-# data units. The unit is what a slot carries at an SNR of 0 dB, signal as strong as noise:
+# data units. A signal as strong as the noise, an SNR of 0 dB, makes $\log_2 2 = 1$ unit:
 
 # %%
 from uavdh_lite.channel import rate

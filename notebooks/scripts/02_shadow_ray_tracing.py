@@ -20,10 +20,11 @@ if not any(distributions(name="uavdh_lite")):
 # %matplotlib inline
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from uavdh_lite.city import City
-from uavdh_lite.plotting import ORANGE, draw_city
-from uavdh_lite.shadowing import crossed_cells, line_of_sight
+from uavdh_lite.plotting import BLUE, ORANGE, SKY_BLUE, TALL, VERMILION, draw_city
+from uavdh_lite.shadowing import crossed_cells, line_of_sight, passed_corners
 
 city = City.load("manhattan")
 sight = line_of_sight(city.buildings)
@@ -37,9 +38,9 @@ figure
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Follow one ray from cell to cell, turn it into a test with whole numbers, compute whole shadow maps, and compare with the rasterised rays that the paper's authors used |
+# | **What you'll do** | Follow one ray from cell to cell, turn it into a test with whole numbers, compute whole shadow maps, and compare with sampled rays and with the rasterised rays that the paper's authors used |
 # | **What you'll learn** | Exact geometry without rounding, what "blocked" means at a corner, where Bresenham's lines go wrong, and what it costs |
-# | **What you'll need** | Notebook 1, the equation of a line. 28 minutes to read, 10 seconds to run; 12 minutes of exercises |
+# | **What you'll need** | Notebook 1, the equation of a line. 32 minutes to read, 20 seconds to run; 12 minutes of exercises |
 #
 # ## 2.1 One ray
 #
@@ -53,44 +54,74 @@ crossed = crossed_cells(2, 5)
 print(crossed.tolist())
 
 # %%
-def draw_ray(rows, cols):
-    figure = Figure(figsize=(5.5, 3.2), layout="constrained")
-    ax = figure.subplots()
-    for row, col in crossed_cells(rows, cols):
-        ax.fill_between([col - 0.5, col + 0.5], row - 0.5, row + 0.5, color="#9DC3E6")
-    ax.plot([0, cols], [0, rows], "o-", color="black")
-    low, high = min(cols, 0) - 1, max(cols, 0) + 1
-    ax.set(xticks=range(low, high + 1), yticks=range(min(rows, 0) - 1, max(rows, 0) + 2))
-    ax.set(xlabel="column", ylabel="row", aspect="equal")
-    ax.set_xticks(np.arange(low, high) + 0.5, minor=True)
-    ax.set_yticks(np.arange(min(rows, 0) - 1, max(rows, 0) + 1) + 0.5, minor=True)
-    ax.grid(which="minor")
-    ax.invert_yaxis()
-    return figure
+def paint(ax, cells, **style):
+    for row, col in cells:
+        ax.add_patch(Rectangle((col - 0.5, row - 0.5), 1, 1, **style))
 
-draw_ray(2, 5)
+def draw_ray(ax, rows, cols, cells=(), margin=0):
+    paint(ax, cells, color=SKY_BLUE, alpha=0.6, lw=0)
+    ax.plot([0, cols], [0, rows], "o-", color="black", zorder=3)
+    for axis, end in ((ax.xaxis, cols), (ax.yaxis, rows)):
+        axis.set_ticks(range(-margin, end + margin + 1))
+        axis.set_ticks(np.arange(-margin, end + margin) + 0.5, minor=True)
+    ax.grid(which="minor", color="0.6")
+    ax.tick_params(which="both", length=0)
+    ax.set(xlabel="column", ylabel="row", aspect="equal", xlim=(-margin - 0.5, cols + margin + 0.5),
+           ylim=(rows + margin + 0.5, -margin - 0.5))
+
+# %%
+figure = Figure(figsize=(5.5, 2.7), layout="constrained")
+draw_ray(figure.subplots(), 2, 5, crossed)
+figure
 
 # %% [markdown]
-# How does the program know? For each cell it asks whether the line passes the cell's square or not.
-# The line through (0, 0) and $(R, C)$ is the set of points $(r, c)$ with $R\,c - C\,r = 0$. The left side
-# is (up to a factor) the distance of a point from the line. At a corner of a square of side 1, row and
-# column differ from its middle's by ±½, so $R\,c - C\,r$ differs by at most $(|R| + |C|)/2$. So the line
-# misses the square's inside exactly if
-#
-# $$|R\,c - C\,r| \;\ge\; \frac{|R| + |C|}{2}.$$
-#
-# A segment ends, a line does not: only cells in the rectangle from (0, 0) to $(R, C)$ are asked. All
-# are whole numbers once both sides are doubled, so there is no rounding and no tolerance. Check
-# it for the cell (1, 1) by hand, then for all:
+# The blue cells are crossed, two of them only just. How does the program know? The line through (0, 0)
+# and $(R, C)$ is the set of points $(r, c)$ with $R\,c - C\,r = 0$. On one side of it this number is
+# positive, on the other side negative. Compute it at the corners of the cells, doubled, so that it
+# is whole:
 
 # %%
 R, C = 2, 5
-for row, col in ((1, 1), (1, 3), (2, 3), (0, 2)):
-    left, right = 2 * abs(R * col - C * row), abs(R) + abs(C)
-    print((row, col), f"{left} < {right}: {'crossed' if left < right else 'missed'}")
+figure = Figure(figsize=(5.5, 2.9), layout="constrained")
+ax = figure.subplots()
+draw_ray(ax, R, C, crossed)
+for r, c in np.ndindex(R + 2, C + 2):
+    value = R * (2 * c - 1) - C * (2 * r - 1)  # twice the number at row r - 1/2, column c - 1/2
+    box = {"boxstyle": "round", "fc": BLUE if value > 0 else VERMILION, "lw": 0}
+    ax.text(c - 0.5, r - 0.5, f"{value:+d}", ha="center", va="center", color="white", fontsize=9, bbox=box)
+figure
 
 # %% [markdown]
-# Look at (1, 1): $2\cdot|2 \cdot 1 - 5 \cdot 1| = 6 < 7$. The picture shows how near it was. The
+# A crossed cell has corners on both sides of the line: plus and minus, blue and red. The other cells
+# have four corners of one colour, so the line passes them by. That is the whole test.
+#
+# It needs only the middle of a cell, not its corners. From the middle to a corner, row and column change
+# by ½. So $R\,c - C\,r$ changes by $(|R| + |C|)/2$ at the two corners where it changes most. If the number at the
+# middle is at least that large, all corners have its sign, or 0 where the line touches one. If it is
+# smaller, one corner has the other sign. The line misses the inside of the cell in the first case only:
+#
+# $$|R\,c - C\,r| \;\ge\; \frac{|R| + |C|}{2}.$$
+#
+# Here is $2\,|R\,c - C\,r|$ in the middle of each cell. The dashed lines are where it equals
+# $|R| + |C| = 7$:
+
+# %%
+figure = Figure(figsize=(5.5, 3.6), layout="constrained")
+ax = figure.subplots()
+draw_ray(ax, R, C, crossed, margin=1)
+for r, c in np.ndindex(R + 3, C + 3):
+    number = 2 * abs(R * (c - 1) - C * (r - 1))
+    ax.plot(c - 1, r - 1, ".", color=BLUE if number < R + C else "0.6")
+    ax.text(c - 0.95, r - 1.12, number, fontsize=9, zorder=5, bbox={"fc": "white", "lw": 0, "pad": 0.5})
+for side in (-1, 1):
+    ax.axline((side * (R + C) / (2 * R), 0), slope=R / C, color=BLUE, ls="--", lw=1)
+ax.add_patch(Rectangle((-0.5, -0.5), C + 1, R + 1, fill=False, lw=2.5))
+figure
+
+# %% [markdown]
+# Cells with less than 7 have their middle between the dashed lines: the blue dots. (1, 1) is just inside with 6, (0, 2)
+# just outside with 8. A segment ends, a line does not: so only cells in the thick rectangle, from
+# (0, 0) to $(R, C)$, are asked. All numbers are whole, so there is no rounding and no tolerance. The
 # library's own lines are these:
 
 # %%
@@ -108,24 +139,97 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("touching_a_corner")
 
 # %% [markdown]
-# A diagonal ray passes exactly through corners. Touching is not crossing: with `<` and not `<=`, the
-# cells that it only touches stay out.
+# A diagonal ray passes exactly through corners. At each corner it touches two more cells, one on either
+# side. Touching is not crossing: with `<` and not `<=`, they stay out. The library lists them as pairs:
 
 # %%
-print(crossed_cells(3, 3).tolist())
-draw_ray(3, 3)
+figure = Figure(figsize=(3.6, 3.6), layout="constrained")
+ax = figure.subplots()
+draw_ray(ax, 3, 3, crossed_cells(3, 3))
+for letter, pair in zip("abc", passed_corners(3, 3)):
+    for row, col in pair:
+        ax.text(col, row, letter, ha="center", va="center")
+figure
 
 # %% [markdown]
-# One case needs a rule of its own. Two buildings touch at a corner, and a ray goes exactly through it: it
-# crosses neither, but walls that meet leave no gap. Such a pair blocks the ray; `passed_corners` lists the
-# pairs. A careful reader may decide otherwise; what matters is that it is *one* decision, and the same in
-# both directions. If the device sees the UAV, the UAV sees the device:
+# Four cells are crossed. The two cells with the same letter are a pair: they meet where the ray passes
+# between them. What if there are buildings in them?
+
+# %%
+figure = Figure(figsize=(7, 2.7), layout="constrained")
+for ax, cells in zip(figure.subplots(1, 3), ([(1, 2)], [(1, 2), (3, 2)], [(1, 2), (2, 1)])):
+    blocks = np.zeros((4, 4), bool)
+    blocks[tuple(zip(*cells))] = True
+    draw_ray(ax, 3, 3)
+    paint(ax, cells, **TALL)
+    ax.set_title("seen" if line_of_sight(blocks)[0, 0, 3, 3] else "blocked")
+figure
+
+# %% [markdown]
+# One building of a pair does not block the ray, nor do two of different pairs. Both of one pair do: walls
+# that meet leave no gap. One could decide otherwise; what matters is that it is *one* decision, and the
+# same in both directions. If the device sees the UAV, the UAV sees the device:
 
 # %%
 pairs = sight.reshape(256, 256)
 assert (pairs == pairs.T).all()
 free = ~city.buildings.ravel()
 print(f"{pairs.mean():.1%} of all pairs see each other, {pairs[free][:, free].mean():.1%} of the pairs of free cells")
+
+# %% [markdown]
+# ### Why not sample the ray?
+#
+# A simpler program walks along the ray in small steps and notes in which cell it is. Here are steps as
+# long as a cell, next to the exact answer:
+
+# %%
+def sample(start, end, step):
+    way = np.subtract(end, start)
+    length = np.hypot(way[..., :1], way[..., 1:]).clip(step)
+    for walked in np.arange(0, length.max() + step, step):
+        yield start + np.minimum(walked / length, 1) * way
+
+# %%
+points = np.array(list(sample(np.array([0, 0]), (2, 5), step=1)))
+found = set(map(tuple, np.rint(points).astype(int).tolist()))
+missed = set(map(tuple, crossed.tolist())) - found
+
+# %%
+figure = Figure(figsize=(5.5, 5.2), layout="constrained")
+for ax, cells, title in zip(figure.subplots(2, 1), (crossed, found), ("exact", "sampled")):
+    draw_ray(ax, 2, 5, cells)
+    ax.set_title(title)
+ax.plot(points[:, 1], points[:, 0], "o", color=ORANGE, mec="black", zorder=4)
+paint(ax, missed, facecolor="none", edgecolor=VERMILION, hatch="///", lw=2)
+figure
+
+# %% [markdown]
+# The steps jump over the hatched cells: the ray is in each of them for less than a step. A building there would be
+# missed. How often does that decide? Count the pairs of cells that get the wrong answer, in both cities of the paper and in
+# one where every fifth cell, drawn at random, is a building:
+
+# %%
+def wrong_pairs(buildings, step):
+    cells = np.argwhere(np.ones_like(buildings))
+    blocked = np.zeros((256, 256), bool)
+    for points in sample(cells[:, None], cells, step):
+        row, col = np.moveaxis(np.rint(points).astype(int), -1, 0)
+        blocked |= buildings[row, col]
+    return (blocked == line_of_sight(buildings).reshape(256, 256)).sum()
+
+# %%
+maps = {"manhattan": city.buildings, "open_field": City.load("open_field").buildings,
+        "random": np.random.default_rng(0).random((16, 16)) < 0.2}
+
+# %%
+print(f"{'step, cells':<14}", *(f"{name:>12}" for name in maps))
+for step in (1, 1 / 2, 1 / 4, 1 / 8, 1 / 16):
+    print(f"{step:<14}", *(f"{wrong_pairs(buildings, step):>12}" for buildings in maps.values()))
+
+# %% [markdown]
+# Smaller steps make fewer mistakes, but how small is small enough depends on the city. In the random city
+# some mistakes stay. There the ray passes between two buildings at their common corner, and no point of it is in
+# either of them. The exact test has no step to choose.
 
 # %% [markdown]
 # ## 2.2 All rays at once
@@ -200,15 +304,68 @@ figure
 # ## 2.5 Bresenham's lines, and where they differ
 #
 # The authors' code traces rays with Bresenham's algorithm, which was made to draw lines on a screen.
-# It steps from cell to cell and picks the nearest to the line, so it skips cells that the line
-# crosses only a little. Rays go from the device to each cell of the border, and a cell counts as seen
-# if some ray reaches it before it meets a building.
+# It goes from cell to cell, one row or one column at a time, and a running error says which of the two:
+
+# %%
+def bresenham(rows, cols):
+    path, error = [(0, 0)], abs(cols) - abs(rows)
+    while path[-1] != (rows, cols):
+        row, col = path[-1]
+        if 4 * error > abs(cols) - abs(rows):
+            path, error = [*path, (row, col + np.sign(cols))], error - abs(rows)
+        else:
+            path, error = [*path, (row + np.sign(rows), col)], error + abs(cols)
+    return path
+
+# %%
+def compare(ax, path, title):
+    exact, path = set(map(tuple, crossed.tolist())), set(path)
+    draw_ray(ax, 2, 5, path)
+    paint(ax, path - exact, facecolor="none", edgecolor="0.3", hatch="..", lw=0)
+    paint(ax, exact - path, facecolor="none", edgecolor=VERMILION, hatch="///", lw=2)
+    ax.set_title(title)
+
+# %%
+figure = Figure(figsize=(5.5, 5.2), layout="constrained")
+upper, lower = figure.subplots(2, 1)
+compare(upper, map(tuple, crossed.tolist()), "exact")
+compare(lower, bresenham(2, 5), "Bresenham, from (0, 0)")
+figure
+
+# %% [markdown]
+# Bresenham's line skips the hatched cell, which the ray clips, and takes the dotted one, which the ray only
+# comes near.
 
 # %%
 Quiz("both_ways")
 
 # %%
+figure = Figure(figsize=(5.5, 2.7), layout="constrained")
+back = [(2 + row, 5 + col) for row, col in bresenham(-2, -5)]
+compare(figure.subplots(), back, "Bresenham, from (2, 5)")
+figure
+
+# %% [markdown]
+# From the other end, the same ray skips another cell. So a building can block one direction only. In the
+# authors' code rays go from the device to each cell of the border, and a cell counts as seen if some ray
+# reaches it before it meets a building. The library's `method="bresenham"` does the same:
+
+# %%
+device, border, seen = (4, 4), [0, 15], set()
+for row, col in np.ndindex(16, 16):
+    for r, c in bresenham(row - 4, col - 4) if row in border or col in border else ():
+        if city.buildings[4 + r, 4 + c]:
+            break
+        seen.add((4 + r, 4 + c))
+
+# %%
 fan = line_of_sight(city.buildings, "bresenham")
+assert seen == set(map(tuple, np.argwhere(fan[device])))
+
+# %% [markdown]
+# How many pairs does that change in the city?
+
+# %%
 rays = fan.reshape(256, 256)
 asked = free[:, None] & free & ~np.eye(256, dtype=bool)  # device and UAV over different free cells
 print(f"The two differ in {(rays != pairs)[asked].mean():.1%} of the pairs of different free cells.")
@@ -272,6 +429,8 @@ figure
 #   whole numbers.
 # - Which cells are crossed depends only on the displacement, so one array operation decides all pairs
 #   that share it.
+# - Two buildings that meet at a corner block the ray between them.
+# - Samples along a ray jump over cells.
 # - Exact lines of sight are symmetric; Bresenham's fan is not, and differs in some pairs.
 #
 # ## Exercises

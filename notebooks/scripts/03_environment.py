@@ -201,34 +201,75 @@ print("crashed:", outcome.crashed[0], "reward", rewards(outcome)[0])
 between = place(environment.city, (4, 8), [(4, 6), (4, 10), (6, 8)], [12, 12, 1.5], 30, 5)
 fading = environment.draw_fading(between, np.random.default_rng(19))
 after, outcome = environment.transition(between, np.array([ACTIONS.index("hover")]), fading)
-print("served  ", outcome.served[0].tolist())
-print("uploaded", outcome.uploaded[0].astype(float).round(2).tolist())
-print("left    ", after.data_left[0, :3].astype(float).round(2).tolist())
-
-# %% [markdown]
-# Three devices at the same distance: each slot goes to the luckiest. A device that is empty makes way,
-# and the last slot of a device carries only what is left.
-#
-# The UAV is a little further in every slot. Its SNR is computed from where it is in that slot, not
-# from where it started:
+snr_db = environment.snr_db(between.device_cells, between.uav_cell, after.uav_cell, fading)[0]
+left = between.data_left[0].copy()
 
 # %%
-west = place(environment.city, (4, 8), [(4, 5)], [50], 30, 5)
-quiet = np.zeros_like(environment.draw_fading(west, generator))
-_, outcome = environment.transition(west, np.array([ACTIONS.index("west")]), quiet)
-print("approaching:", outcome.uploaded[0].astype(float).round(2).tolist())
+from uavdh_lite.plotting import BLUE, VERMILION, device_colour, draw_city
+
+figure = Figure(figsize=(6, 2.6), layout="constrained")
+ax = figure.subplots()
+for slot, device in np.ndindex(4, 3):
+    served = outcome.served[0, slot] == device
+    words = f"{snr_db[slot, device]:z.1f} dB" if left[device] > 0 else "empty"
+    words += f"\nsends {outcome.uploaded[0, slot]:.2f}" if served else ""
+    colour = device_colour(device) if served else "0.95"
+    ax.barh(device, 1, 0.9, left=slot + 0.5, color=colour, alpha=0.6, edgecolor="white")
+    ax.text(slot + 1, device, words, ha="center", va="center", fontweight="bold" if served else None)
+    left[device] -= served * outcome.uploaded[0, slot]
+ax.set(xticks=range(1, 5), yticks=range(3), yticklabels=[f"device {k}" for k in range(3)])
+ax.set(xlabel="communication slot", xlim=(0.5, 4.5), ylim=(2.5, -0.5))
+ax.tick_params(length=0)
+figure
 
 # %% [markdown]
-# It starts three cells away, 30 m, and each slot is a quarter of a cell nearer: 27.5, 25, 22.5 and 20 m.
-# Up to half-way the line of sight is that of the cell it leaves, from then on of the cell it enters.
+# Each box has the SNR of a device. The one that sends has its colour, and the data units that it sends. All three are
+# equally far from the UAV, so luck decides. Device 2 gets the first two slots. The second carries only what
+# it has left, and then it makes way.
+#
+# The UAV is a little further in every slot. Where it is decides the distance and whether it sees the
+# device. Here it flies east, round the corner of a building, without fading:
+
+# %%
+corner = place(environment.city, (4, 2), [(5, 4)], [50], 30, 5)
+quiet = np.zeros_like(environment.draw_fading(corner, generator))
+_, outcome = environment.transition(corner, np.array([EAST]), quiet)
+share = np.arange(1, 5) / 4  # of the way, in each slot
+nearest = np.where(share < 0.5, 2, 3)  # the column; half-way counts as the cell that it enters
+sight = environment.line_of_sight[5 * 16 + 4, 4 * 16 + nearest]
+
+# %%
+figure = Figure(figsize=(7, 3), layout="constrained")
+left, right = figure.subplots(1, 2)
+draw_city(left, environment.city).set(xlim=(1.5, 4.5), ylim=(5.5, 3.5), xticks=range(2, 5), yticks=(4, 5))
+left.plot(4, 5, "X", color=device_colour(0), mec="black", ms=13)
+left.annotate("", (3, 4), (2, 4), arrowprops={"arrowstyle": "->"})
+for slot, (part, seen) in enumerate(zip(share, sight), 1):
+    left.plot(2 + part, 4, "o", color=BLUE if seen else VERMILION, ms=8)
+    left.text(2 + part, 3.8, slot, ha="center")
+right.bar(range(1, 5), outcome.uploaded[0], color=[BLUE if seen else VERMILION for seen in sight])
+right.set(xlabel="communication slot", ylabel="data units uploaded", xticks=range(1, 5))
+figure
+
+# %% [markdown]
+# In slot 1 the UAV is a quarter of the way, in slot 4 at its goal. There the line of sight is that of the nearest
+# cell. Half-way, in slot 2, both are equally near: then the cell counts that the UAV enters. So only slot 1
+# (red) is in the shadow. From then on the device is seen (blue), and each slot carries a little more because the
+# UAV comes nearer. The same by hand, with the channel of notebook 1:
+
+# %%
+from uavdh_lite.channel import rate
+
+squared_m2 = 100 * ((2 - share) ** 2 + 1**2 + 1)  # cells of 10 m, flying 10 m high
+by_hand = rate(environment.channel.mean_snr_db(squared_m2, sight, environment.city.size))
+assert np.allclose(by_hand, outcome.uploaded[0], atol=1e-4)
+print(by_hand.round(2).tolist())
 #
 # ## 3.6 Fly it yourself
 #
 # With a running kernel the buttons below move the UAV; the figure under them shows the start.
 
 # %%
-from uavdh_lite.plotting import device_colour, draw_city
-
 def mark_devices(ax, state):
     for device in np.flatnonzero(state.data_initial[0]):
         row, col = divmod(int(state.device_cells[0, device]), 16)

@@ -379,4 +379,4 @@ assert mended["crash reward"] > mended["Huber loss"] + 0.1
 #
 # - Henderson et al.: *Deep Reinforcement Learning that Matters*, AAAI 2018: seeds, and what curves hide.
 # - Andrychowicz et al.: *What Matters in On-Policy Reinforcement Learning?*, ICLR 2021: a study of knobs.
-# - `data/runs/what_led_to_lite.md`: every experiment that led to the recipe, also those that failed.
+# - `docs/results/history.md`, on the site under Results: every experiment that led to the recipe, also those that failed.
