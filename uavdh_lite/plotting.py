@@ -251,7 +251,7 @@ def add_legend(figure: Figure, devices: int) -> None:
         Patch(label="no-fly zone", **NO_FLY),
         Patch(label="tall building", **TALL),
         Patch(label="low building: may be flown over", **LOW),
-        Patch(label="shadow: no line of sight, deeper for more devices", facecolor=SHADOW),
+        Patch(label="shadow, deeper for more devices", facecolor=SHADOW),
         mark("^", "start", mfc="white", mec="black", ms=9),
         mark("D", "landing", mfc="white", mec="black", ms=7),
         mark("*", "crash", mfc=RED, mec="black", ms=13),

@@ -217,10 +217,10 @@ def test_flying_by_keys_ends_with_a_score(page):
         page.keyboard.press(keys[action])
         expect(lab).to_contain_text(f"{left - number} units of time left")
     page.keyboard.press(keys[others[-1]])
-    expect(lab.locator("tr")).to_have_count(5)  # they come one by one
+    expect(lab.locator("tr")).to_have_count(6)  # they come one by one
     scores = [row.locator("td").all_inner_texts() for row in lab.locator("tr").all()]
-    assert [row[0] for row in scores[1:]] == ["you", "greedy", "genie", "random"]
-    assert scores[1][1] == "yes" and scores[1][1:] == scores[2][1:]
+    assert [row[0] for row in scores[1:]] == ["you", "any_city agent", "greedy", "genie", "random"]
+    assert scores[1][1] == "yes" and scores[1][1:] == scores[3][1:]
     assert fits(page)
     shoot(page, "fly")
 
@@ -301,7 +301,7 @@ def test_a_city_is_painted_uploaded_and_flown(page):
     upload(Draft(City.load("village").kinds).png())
     until(page, lambda: painted(link).size == 8)
     lab.get_by_role("button", name=re.compile(r"fly$")).click()
-    expect(lab.locator("img:visible")).to_have_count(2)
+    expect(lab.locator("img:visible")).to_have_count(3)  # the drawing, and two flights over it
     assert fits(page)
     shoot(page, "city")
 

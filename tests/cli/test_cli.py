@@ -218,7 +218,7 @@ def test_help_shows_the_values_of_the_recipe_that_is_named(command, capsys):
 
 def test_help_shows_the_values_of_the_scenario_that_is_named(capsys):
     output = help_of(capsys, "train", "--kernels", "3", "--scenario=harbour", "--resume")
-    assert "the path of a PNG, or a folder of PNGs [default: harbour]" in output
+    assert "a folder of PNGs, or random:COUNT:SEED [default: harbour]" in output
     assert "least and most number of devices [default: 3 10]" in output
     assert "flying time, units of time [default: 50 150]" in output
 
