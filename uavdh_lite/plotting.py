@@ -59,7 +59,7 @@ def draw_city(ax: Axes, city: City, shadow_sum: np.ndarray | None = None) -> Axe
             function `shadow_sum`; the more, the deeper the violet.
     """
     if shadow_sum is not None:
-        ax.imshow(_shadow_colours(shadow_sum), interpolation="nearest", zorder=0)
+        ax.imshow(shadow_colours(shadow_sum), interpolation="nearest", zorder=0)
     tall = city.buildings & city.no_fly
     for mask, style in (
         (city.landing, LANDING),
@@ -81,7 +81,7 @@ def draw_city(ax: Axes, city: City, shadow_sum: np.ndarray | None = None) -> Axe
     return ax
 
 
-def _shadow_colours(hidden: np.ndarray) -> np.ndarray:
+def shadow_colours(hidden: np.ndarray) -> np.ndarray:
     """Colours from white to `SHADOW` for numbers of hidden devices; (..., 3)."""
     depth = np.sqrt(np.minimum(hidden / DEEPEST, 1))[..., None]
     return 1 - depth * (1 - np.array(to_rgb(SHADOW)))

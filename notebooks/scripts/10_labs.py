@@ -117,7 +117,11 @@ training
 # %% [markdown]
 # ## 10.6 City editor
 #
-# Paint with the mouse down. What the city still lacks is said at once. The agent `any_city` flies in what you have
+# Paint with the mouse down: cell by cell, as rectangles, or all that is connected; mirrored, if you like. Every step
+# can be undone. What the city still lacks is said at once. Move the mouse without its button, and you see the shadow
+# that a device under it would lie in. *random city* draws one to begin with.
+#
+# The agent `any_city` flies in what you have
 # painted, next to the greedy planner (notebook 13), and the line below the map says how to train it further for your city.
 
 # %%

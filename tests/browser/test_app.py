@@ -21,7 +21,7 @@ from tornado.websocket import websocket_connect
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import ACTIONS
-from uavdh_lite.labs.city import Draft
+from uavdh_lite.labs.draft import Draft
 from uavdh_lite.labs.fly import KEYS
 from uavdh_lite.missions import Mission, environment_of
 from uavdh_lite.policies import find_policy
@@ -275,16 +275,27 @@ def test_a_city_is_painted_uploaded_and_flown(page):
     expect(status).not_to_contain_text("landing")
     lab.get_by_role("button", name="tall building").click()
 
-    def drag():
+    def drag(down=0.5):
         box = lab.locator("img:visible").first.bounding_box()
         page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
         page.mouse.down()
-        page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 0.5 * box["height"], steps=12)
+        page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + down * box["height"], steps=12)
         page.mouse.up()
 
     drag()
     link = lab.get_by_role("link", name="save as PNG")
     until(page, lambda: painted(link).buildings.sum() == 3)
+    lab.get_by_role("button", name="rectangle").click()
+    drag(down=0.8)
+    until(page, lambda: painted(link).buildings.sum() == 9)
+    page.keyboard.press("z")
+    until(page, lambda: painted(link).buildings.sum() == 3)
+    lab.get_by_role("button", name="redo").click()
+    until(page, lambda: painted(link).buildings.sum() == 9)
+    lab.get_by_role("button", name="undo").click()
+    until(page, lambda: painted(link).buildings.sum() == 3)
+    lab.locator("img:visible").first.hover(position={"x": 60, "y": 60})
+    expect(lab.get_by_text("of the cells without a building")).to_be_visible()
 
     def upload(data):
         with page.expect_file_chooser() as chooser:

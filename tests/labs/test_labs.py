@@ -18,12 +18,18 @@ from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.environment import ACTIONS
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.labs import ChannelLab, CityLab, FlyLab, Labs, MissionLab, ThinkLab
-from uavdh_lite.labs.city import Draft
+from uavdh_lite.labs.draft import Draft
 from uavdh_lite.labs.think import Thoughts
+from uavdh_lite.missions import environment_of
+from uavdh_lite.shadowing import line_of_sight
+
+
+def read(picture):
+    return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")).astype(int)
 
 
 def pixels(widget):
-    return np.asarray(Image.open(io.BytesIO(widget.value)).convert("RGB")).astype(int)
+    return read(widget.value)
 
 
 def click(lab, cell, index=0):
@@ -135,6 +141,31 @@ def test_two_policies_meet_the_same_mission_and_fading(lab):
     assert first is second
     click(lab, (8, 8), index=1)
     assert (8, 8) in lab.mission.devices
+
+
+def test_a_sentence_says_which_flight_was_better(lab):
+    assert "collected" not in lab.numbers.value.split("</table>")[1]  # one flight: no comparison
+    lab.policy.value = "greedy"
+    told = {}
+    for other in ("genie", "random", "manhattan"):
+        lab.other.value = other
+        told[other] = lab.numbers.value.split("<p>")[1].removesuffix("</p>")
+        one, two = lab.flights.values()
+        assert one.end.landed[0] and two.end.landed[0]
+        more = one.end.data_collected.sum() - two.end.data_collected.sum()
+        sooner = two.steps[0] - one.steps[0]
+        if abs(more) >= 0.05:
+            assert f"{abs(more):.1f} data units {'more' if more > 0 else 'fewer'}" in told[other]
+        if sooner:
+            assert f"landed {abs(sooner)} unit" in told[other]
+            assert ("sooner" if sooner > 0 else "later") in told[other]
+    assert len(set(told.values())) == 3
+    lab.other.value, lab.time.value = "random", 37
+    for seed in range(30):
+        lab.seed.value = seed
+        if not lab.flights["random"].end.landed[0]:
+            break
+    assert "greedy landed, random crashed." in lab.numbers.value
 
 
 @pytest.mark.parametrize("city", ["village", "open_field", "harbour"])
@@ -277,7 +308,7 @@ def test_the_channel_lab_follows_clicks_and_sliders():
 
 def stroke(lab, cell, **event):
     x, y = lab.ax.transData.transform((cell[1], cell[0]))
-    event = {"type": "mousedown", "dataX": x, "dataY": 460 - y} | event
+    event = {"type": "mousedown", "dataX": x, "dataY": lab.canvas.figure.bbox.height - y} | event
     lab.clicks._handle_mouse_msg(None, event, [])
 
 
@@ -297,6 +328,91 @@ def test_painting_a_city_says_at_once_what_it_lacks():
     stroke(lab, (3, 4), type="mousemove", buttons=1)  # drawn over, button down
     stroke(lab, (5, 5), type="mousemove", buttons=0)
     assert np.argwhere(lab.draft.buildings).tolist() == [[3, 3], [3, 4]]
+
+
+def test_rectangles_fills_and_mirrors_are_painted_and_each_stroke_is_undone_at_once():
+    lab = CityLab("open_field")
+    start = lab.draft.kinds.copy()
+    assert lab.undo.disabled and lab.redo.disabled
+    lab.tool.value = "rectangle"
+    stroke(lab, (12, 2))
+    stroke(lab, (14, 6), type="mousemove", buttons=1)
+    stroke(lab, (13, 4), type="mousemove", buttons=1)  # back again: it shrinks
+    assert np.argwhere(lab.draft.kinds != start).tolist() == [
+        [12, 2], [12, 3], [12, 4], [13, 2], [13, 3], [13, 4],
+    ]  # fmt: skip
+    lab.brush.value, lab.tool.value = "low building", "fill"
+    stroke(lab, (13, 3))
+    stroke(lab, (0, 15), type="mousemove", buttons=1)  # a fill is where it began
+    low = lab.draft.buildings & ~lab.draft.no_fly
+    before = Draft(start)
+    assert (low & ~(before.buildings & ~before.no_fly)).sum() == 6
+    lab.undo.click()
+    assert lab.draft.buildings[13, 3] and lab.draft.no_fly[13, 3]  # tall again
+    lab.key_events._handle_mouse_msg(None, {"type": "keydown", "key": "z"}, [])
+    assert (lab.draft.kinds == start).all() and lab.undo.disabled
+    lab.redo.click()
+    lab.key_events._handle_mouse_msg(None, {"type": "keydown", "key": "y"}, [])
+    assert not lab.draft.no_fly[13, 3] and lab.redo.disabled
+    lab.tool.value, lab.brush.value, lab.mirror.value = "brush", "no-fly zone", "both"
+    stroke(lab, (15, 5))
+    assert lab.draft.no_fly[[15, 15, 0, 0], [5, 10, 5, 10]].all()
+
+
+def test_a_rectangle_can_be_picked_by_numbers():
+    lab = CityLab("village")
+    lab.size.value = 5
+    lab.blank.click()
+    lab.tool.value = "rectangle"
+    pick(lab, 1, 1)
+    assert "opposite corner" in lab.message.value and not lab.draft.buildings.any()
+    pick(lab, 2, 3)
+    assert lab.draft.buildings.sum() == 6 and lab.draft.buildings[1:3, 1:4].all()
+    pick(lab, 4, 4)
+    lab.tool.value = "brush"  # the corner is forgotten
+    assert "opposite corner" not in lab.message.value
+    pick(lab, 4, 0)
+    assert lab.draft.buildings.sum() == 7
+    lab.undo.click()
+    lab.undo.click()
+    lab.undo.click()  # before the blank city
+    assert (lab.draft.kinds == City.load("village").kinds).all()
+    assert lab.picker.row.max == 7
+
+
+def test_random_cities_are_all_different_and_too_small_ones_are_refused():
+    lab = CityLab("village")
+    lab.size.value = 10
+    drawn = []
+    for _ in range(2):
+        lab.random.click()
+        drawn.append(lab.draft.kinds)
+        assert lab.draft.size == 10 and not lab.fly.disabled
+    assert (drawn[0] != drawn[1]).any()
+    lab.size.value = 5
+    lab.random.click()
+    assert "must be at least 8" in lab.message.value and lab.draft.size == 10
+
+
+def test_the_mouse_shows_the_shadow_of_a_device_under_it():
+    lab = CityLab("village")
+    plain = lab.canvas.picture.value
+    sight = environment_of("village").line_of_sight
+    stroke(lab, (2, 3), type="mousemove", buttons=0)
+    shown = lab.canvas.picture.value
+    draft = lab.draft
+    seen = sight[2 * 8 + 3].reshape(8, 8)[~draft.buildings].mean()
+    assert f"sees {seen:.0%}" in lab.seen.value and shown != plain
+    assert (draft.kinds == City.load("village").kinds).all()  # looking paints nothing
+    building = tuple(np.argwhere(draft.buildings)[0])
+    stroke(lab, building, type="mousemove", buttons=0)
+    assert lab.seen.value == "" and (pixels(lab.canvas.picture) == read(plain)).all()
+    stroke(lab, (2, 3), type="mousemove", buttons=0)
+    assert lab.canvas.picture.value == shown and len(lab.ax.images) == len(lab.ax.lines) == 0
+    stroke(lab, (4, 4))  # painting: the shadow is that of the new city
+    stroke(lab, (2, 3), type="mousemove", buttons=0)
+    after = line_of_sight(lab.draft.buildings)[2, 3][~lab.draft.buildings].mean()
+    assert f"sees {after:.0%}" in lab.seen.value
 
 
 def test_the_agent_and_planners_fly_in_a_painted_city_and_it_can_be_taken_home():

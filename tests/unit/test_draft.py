@@ -11,7 +11,7 @@ from PIL import Image
 
 from uavdh_lite.city import City
 from uavdh_lite.errors import CityError
-from uavdh_lite.labs.city import BRUSHES, UPLOAD_BYTES, Draft
+from uavdh_lite.labs.draft import BRUSHES, MIRRORS, UPLOAD_BYTES, Draft, History, rectangle
 
 
 def test_brushes_make_the_layers_they_name():
@@ -80,3 +80,67 @@ def test_any_strokes_are_a_city_or_an_error_of_ours(data):
     except CityError:
         return
     assert (city.kinds == draft.kinds).all()
+
+
+def test_a_region_is_what_touches_and_is_alike():
+    draft = Draft(
+        City.from_text(
+            "c",
+            """
+        L . B .
+        . B . .
+        B . . B
+        . . B B
+    """,
+        ).kinds
+    )
+    assert draft.region((0, 0)) == [(0, 0)]
+    assert draft.region((0, 1)) == [(0, 1)]  # corners do not touch
+    assert draft.region((3, 0)) == [
+        (0, 3), (1, 2), (1, 3), (2, 1), (2, 2), (3, 0), (3, 1),
+    ]  # fmt: skip
+    assert draft.region((2, 3)) == [(2, 3), (3, 2), (3, 3)]
+    assert draft.region((4, 0)) == draft.region((-1, 0)) == []
+
+
+@given(st.integers(4, 7), st.sampled_from(list(MIRRORS)), st.data())
+def test_mirrored_cells_look_the_same_from_the_other_side(size, mirror, data):
+    cell = st.tuples(st.integers(0, size - 1), st.integers(0, size - 1))
+    cells = data.draw(st.lists(cell, min_size=1, max_size=4))
+    draft = Draft.blank(size)
+    for each in draft.mirrored(cells, mirror):
+        draft.paint(each, "tall building")
+    painted = draft.buildings
+    assert all(painted[each] for each in cells)
+    for axis in MIRRORS[mirror]:
+        assert (painted == np.flip(painted, axis)).all()
+    assert painted.sum() <= len(set(cells)) * 2 ** len(MIRRORS[mirror])
+    if mirror == "left and right":
+        row, col = cells[0]
+        assert painted[row, size - 1 - col]
+
+
+def test_a_rectangle_has_any_two_corners():
+    expected = [(1, 2), (1, 3), (2, 2), (2, 3), (3, 2), (3, 3)]
+    for corner, opposite in (((1, 2), (3, 3)), ((3, 2), (1, 3)), ((3, 3), (1, 2))):
+        assert rectangle(corner, opposite) == expected
+    assert rectangle((1, 1), (1, 1)) == [(1, 1)]
+
+
+def test_history_goes_back_and_forth_and_forgets_what_was_undone():
+    history = History(most=3)
+    assert history.move(-1) is None and history.move(1) is None
+    states = [np.full((4, 4), k) for k in range(5)]
+    for state in states[:2]:
+        history.record(state)
+    states[1][0, 0] = 9  # what is kept is a copy
+    assert (history.move(-1) == 0).all() and history.move(-1) is None
+    assert (history.move(1) == 1).all() and not history.can(1)
+    history.move(-1)
+    history.record(states[2])
+    assert history.move(1) is None  # 1 was undone
+    history.record(states[3], new=False)  # in place of 2
+    assert (history.move(-1) == 0).all() and (history.move(1) == 3).all()
+    history.record(states[4])
+    history.record(states[2])  # a fourth: the first is forgotten
+    assert [history.move(-1)[0, 0] for _ in range(2)] == [4, 3] and history.move(-1) is None

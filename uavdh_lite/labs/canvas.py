@@ -50,26 +50,32 @@ class Canvas:
         """Call `handler(ax, x, y)`, in data coordinates, for every click inside an Axes."""
         return self._watch(["click"], lambda event: self._locate(event, handler))
 
-    def on_drag(self, handler: Callable[[Axes, list[tuple[float, float]]], None]) -> Event:
-        """Call `handler(ax, points)` while the mouse moves with its button down.
+    def on_drag(
+        self,
+        handler: Callable[[Axes, list[tuple[float, float]], bool], None],
+        hover: Callable[[Axes, float, float], None],
+    ) -> Event:
+        """Call `handler(ax, points, began)` while the mouse moves with its button down.
 
         The points, (x, y) in data coordinates, lead from the last event to this one and are at
-        most half a unit apart: browsers report only some positions of a fast mouse.
+        most half a unit apart: browsers report only some positions of a fast mouse. `began` is
+        True when the button goes down. Without a button, `hover(ax, x, y)` is called instead.
         """
         last = None
 
         def located(ax, x, y):
             nonlocal last
-            start = (x, y) if last is None else last
+            start, began = ((x, y), True) if last is None else (last, False)
             steps = int(2 * max(abs(x - start[0]), abs(y - start[1]))) + 2
             last = x, y
-            handler(ax, np.linspace(start, (x, y), steps).tolist())
+            handler(ax, np.linspace(start, (x, y), steps).tolist(), began)
 
         def drawn(event):
             nonlocal last
             if event.get("type") != "mousemove":
                 last = None
             elif event.get("buttons") != 1:
+                self._locate(event, hover)
                 return
             self._locate(event, located)
 

@@ -2,108 +2,39 @@
 
 import base64
 import html
-import tempfile
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from uavdh_lite.city import COLOURS, LAYERS, City, shipped_cities
+from uavdh_lite.city import City, shipped_cities
+from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import CityError, InputError, extra
 from uavdh_lite.evaluation import Flights
 from uavdh_lite.labs.canvas import Canvas
+from uavdh_lite.labs.draft import BRUSHES, MIRRORS, UPLOAD_BYTES, Cell, Draft, History, rectangle
 from uavdh_lite.labs.views import Map, policy_title
 from uavdh_lite.labs.widgets import CellPicker, status
 from uavdh_lite.missions import Mission
-from uavdh_lite.plotting import draw_city, png
+from uavdh_lite.plotting import device_colour, draw_city, shadow_colours
 from uavdh_lite.policies import PLANNERS, agents_for, find_policy
 from uavdh_lite.scenario import Scenario
+from uavdh_lite.shadowing import line_of_sight
 
 with extra("notebooks"):
     import ipywidgets
 
+ROW = {"display": "flex", "flex_flow": "row", "width": "max-content"}  # label and buttons
 LARGEST = 50  # cells on a side; in larger cities, planners take minutes
 TRAIN = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
 FINE_TUNE = "python -m uavdh_lite train --from any_city --city my_city.png --out runs/my_city"
-BRUSHES = {
-    "free": 0,
-    "no-fly zone": 1,
-    "low building": 2,
-    "landing zone": 3,
-    "tall building": 4,
-}
-UPLOAD_BYTES = 100_000
-
-
-class Draft:
-    """Kinds of cells on a square grid: a city that may still be incomplete.
-
-    Arguments:
-        kinds: (M, M) indices into `city.KINDS`.
-    """
-
-    def __init__(self, kinds: np.ndarray):
-        self.kinds = np.array(kinds, np.uint8)
-
-    @classmethod
-    def blank(cls, size: int) -> "Draft":
-        """Free cells only."""
-        return cls(np.zeros((size, size), np.uint8))
-
-    @classmethod
-    def from_png(cls, data: bytes) -> "Draft":
-        """The city of an uploaded PNG.
-
-        Raises `CityError` if it has more than `UPLOAD_BYTES`, or if `City.load` refuses it.
-        """
-        if len(data) > UPLOAD_BYTES:
-            raise CityError(f"the file has {len(data):,} bytes, at most {UPLOAD_BYTES:,} are read")
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder, "upload.png")
-            path.write_bytes(data)
-            try:
-                return cls(City.load(path).kinds)
-            except CityError as error:
-                raise CityError(str(error).replace(f"{folder}/", "")) from None
-
-    @property
-    def size(self) -> int:
-        """M, the number of cells on a side."""
-        return len(self.kinds)
-
-    @property
-    def landing(self) -> np.ndarray:
-        return LAYERS[self.kinds][..., 0]
-
-    @property
-    def no_fly(self) -> np.ndarray:
-        return LAYERS[self.kinds][..., 1]
-
-    @property
-    def buildings(self) -> np.ndarray:
-        return LAYERS[self.kinds][..., 2]
-
-    def paint(self, cell: tuple[int, int], brush: str) -> bool:
-        """Paint a cell with one of `BRUSHES`; returns whether it changed. Ignores cells outside."""
-        row, col = cell
-        inside = 0 <= row < self.size and 0 <= col < self.size
-        if not inside or self.kinds[row, col] == BRUSHES[brush]:
-            return False
-        self.kinds[row, col] = BRUSHES[brush]
-        return True
-
-    def city(self, name: str = "my_city") -> City:
-        """The city; raises `CityError` if it is incomplete."""
-        return City.from_kinds(name, self.kinds)
-
-    def png(self) -> bytes:
-        """The PNG file that `City.load` reads, with one pixel for each cell."""
-        return png(COLOURS[self.kinds])
 
 
 class CityLab(ipywidgets.VBox):
     """Paint buildings, no-fly zones and landing cells on a grid.
+
+    A brush, rectangles and fills, mirrored if you like; every step can be undone. While the mouse
+    is over the map, it shows the shadow of a device there.
 
     The planners and the agent for any city fly over what you have painted, next to the greedy
     planner; the agent only if the city is not larger than those that it was trained in. The lab
@@ -114,63 +45,175 @@ class CityLab(ipywidgets.VBox):
     """
 
     def __init__(self, city: str = "village"):
+        self._build()
+        super().__init__(
+            [
+                ipywidgets.HBox([self.base, self.size, self.blank, self.random, self.upload]),
+                self.brush,
+                ipywidgets.HBox([self.tool, self.mirror, self.undo, self.redo]),
+                ipywidgets.HBox([self.picker, self.policy, self.fly]),
+                self.message,
+                self.views,
+                self.seen,
+                self.result,
+                self.take_home,
+            ]
+        )
+        self._listen()
+        self._missions = self._drawn = 0
+        self._history, self._corner = History(), None
+        self.base.value = city
+
+    def _build(self) -> None:
         self.base = ipywidgets.Dropdown(
             options=[("", None), *((name, name) for name in shipped_cities())], description="from"
         )
-        self.size = ipywidgets.BoundedIntText(
-            value=12, min=4, max=LARGEST, description="blank size"
-        )
+        self.size = ipywidgets.BoundedIntText(value=12, min=4, max=LARGEST, description="size")
         self.blank = ipywidgets.Button(description="blank city", icon="square-o")
+        self.random = ipywidgets.Button(description="random city", icon="random")
         self.upload = ipywidgets.FileUpload(
             accept=".png",
             multiple=False,
             description="upload PNG",
             tooltip=f"one pixel for each cell, at most {UPLOAD_BYTES // 1000} kB",
         )
+        self.tool = ipywidgets.ToggleButtons(
+            options=["brush", "rectangle", "fill"],
+            description="tool",
+            tooltips=[
+                "paint cell by cell",
+                "drag from corner to corner",
+                "paint all that touches the cell and is of its kind",
+            ],
+            style={"button_width": "80px", "description_width": "80px"},
+            layout=ROW,
+        )
+        self.mirror = ipywidgets.Dropdown(options=list(MIRRORS), description="mirror")
+        self.undo = ipywidgets.Button(description="undo", icon="undo", tooltip="key z")
+        self.redo = ipywidgets.Button(description="redo", icon="repeat", tooltip="key y")
+        for button in (self.undo, self.redo):
+            button.layout.width = "90px"
         self.brush = ipywidgets.ToggleButtons(
-            options=list(BRUSHES), value="tall building", description="paint"
+            options=list(BRUSHES),
+            value="tall building",
+            description="paint",
+            style={"button_width": "110px", "description_width": "80px"},
+            layout=ROW,
         )
         self.policy = ipywidgets.Dropdown(description="policy")
         self.fly = ipywidgets.Button(description="fly", icon="plane", tooltip="a random mission")
-        self.picker = CellPicker(self.paint)
+        self.picker = CellPicker(self.picked)
         self.message = ipywidgets.HTML(layout={"min_height": "28px"})
         self.result, self.take_home = ipywidgets.HTML(), ipywidgets.HTML()
-        figure = Figure(figsize=(4.6, 4.6), dpi=100)
-        self.ax = figure.add_axes((0.07, 0.05, 0.92, 0.93))
+        self.seen = ipywidgets.HTML(layout={"min_height": "28px"})
+        figure = Figure(figsize=(3.95, 4.2), dpi=100)  # three maps fit next to each other
+        self.ax = figure.add_axes((0.07, 0.06, 0.92, 0.88))
         self.canvas, self.maps = Canvas(figure), [Map(), Map()]
         self.views = ipywidgets.HBox([self.canvas.picture], layout={"flex_flow": "row wrap"})
-        super().__init__(
-            [
-                ipywidgets.HBox([self.base, self.size, self.blank, self.upload]),
-                self.brush,
-                self.picker,
-                self.message,
-                self.views,
-                ipywidgets.HBox([self.policy, self.fly, self.result]),
-                self.take_home,
-            ]
-        )
+
+    def _listen(self) -> None:
         self.base.observe(lambda change: self._load(change.new), "value")
         self.blank.on_click(lambda _: self._take(Draft.blank(self.size.value).kinds))
+        self.random.on_click(lambda _: self._draw_random())
         self.upload.observe(lambda change: self._read(change.new), "value")
+        self.tool.observe(lambda _: self._forget_corner(), "value")
+        self.undo.on_click(lambda _: self._go(-1))
+        self.redo.on_click(lambda _: self._go(1))
         self.fly.on_click(lambda _: self._fly())
         self.clicks = self.canvas.on_drag(
-            lambda ax, points: self.paint(*((round(y), round(x)) for x, y in points))
+            lambda ax, points, began: self.stroke([_cell(*point) for point in points], began),
+            lambda ax, x, y: self.look_from(_cell(x, y)),
         )
-        self._missions = 0
-        self.base.value = city
+        self.key_events = self.canvas.on_key(lambda key: self._go({"z": -1, "y": 1}.get(key, 0)))
 
-    def paint(self, *cells: tuple[int, int]) -> None:
-        """One stroke of the brush on these cells."""
-        if any([self.draft.paint(cell, self.brush.value) for cell in cells]):
+    def stroke(self, cells: list[Cell], began: bool = True) -> None:
+        """Use the tool on these cells, one after the other.
+
+        Arguments:
+            began: whether the stroke begins with them; else they go on with the last one.
+        """
+        shown = self.draft.kinds.copy()
+        if began:
+            self._before, self._first, self._recorded = shown, cells[0], False
+        if self.tool.value == "rectangle":
+            self.draft = Draft(self._before)
+            cells = rectangle(self._first, cells[-1])
+        elif self.tool.value == "fill":
+            cells = self.draft.region(cells[0]) if began else []
+        for cell in self.draft.mirrored(cells, self.mirror.value):
+            self.draft.paint(cell, self.brush.value)
+        if (self.draft.kinds != shown).any():
+            self._history.record(self.draft.kinds, new=not self._recorded)
+            self._recorded = True
             self.base.value = None  # so that the city can be chosen again
             self._show()
+
+    def picked(self, cell: Cell) -> None:
+        """Use the tool on a cell that was picked by numbers; a rectangle takes two."""
+        if self.tool.value != "rectangle":
+            self.stroke([cell])
+        elif self._corner is None:
+            self._corner = cell
+            self._say("now pick the opposite corner")
+        else:
+            corner = self._corner
+            self._show()
+            self.stroke([corner, cell])
+
+    def _forget_corner(self) -> None:
+        if self._corner is not None:
+            self._show()
+
+    def look_from(self, cell: Cell) -> None:
+        """Show the shadow that a device in this cell would lie in, while the mouse is over it."""
+        if cell == self._looked_from:
+            return
+        self._looked_from, size = cell, self.draft.size
+        row, col = cell
+        inside = 0 <= row < size and 0 <= col < size
+        if not inside or self.draft.buildings[cell]:
+            self.seen.value = ""
+            self.canvas.draw()
+            return
+        if self._sight is None:
+            self._sight = line_of_sight(self.draft.buildings)
+        hidden = ~self._sight[cell] & ~self.draft.buildings
+        open_cells = size**2 - self.draft.buildings.sum()
+        self.seen.value = (
+            f"A device in row {row}, column {col} sees {1 - hidden.sum() / open_cells:.0%} of the "
+            "cells without a building; the violet ones lie in its shadow."
+        )
+        shadow = self.ax.imshow(shadow_colours(3.0 * hidden), zorder=0.2, animated=True)
+        (device,) = self.ax.plot(col, row, "X", color=device_colour(0), ms=10, animated=True)
+        self.canvas.draw([(self.ax, artist) for artist in (shadow, *self.ax.collections, device)])
+        shadow.remove()
+        device.remove()
 
     def _load(self, name: str | None) -> None:
         if name is not None:
             self._take(City.load(name).kinds, name)
 
+    def _draw_random(self) -> None:
+        """A city of the size that the field says, another one each time."""
+        try:
+            (city,) = CityGenerator(size=self.size.value).draw(1, self._drawn)
+        except InputError as error:
+            self._say(str(error))
+            return
+        self._drawn += 1
+        self._take(city.kinds)
+
     def _take(self, kinds: np.ndarray, name: str | None = None) -> None:
+        """Go on with another city."""
+        self._history.record(kinds)
+        self._set(kinds, name)
+
+    def _go(self, by: int) -> None:
+        """Undo a step (-1), or redo one (1)."""
+        if by and (kinds := self._history.move(by)) is not None:
+            self._set(kinds)
+
+    def _set(self, kinds: np.ndarray, name: str | None = None) -> None:
         self.draft = Draft(kinds)
         self.base.value = name
         self.picker.row.max = self.picker.column.max = self.draft.size - 1
@@ -190,6 +233,9 @@ class CityLab(ipywidgets.VBox):
         self.upload.value = ()  # so that the same file can be uploaded again
 
     def _show(self) -> None:
+        self._corner = self._sight = self._looked_from = None
+        self.undo.disabled, self.redo.disabled = (not self._history.can(by) for by in (-1, 1))
+        self.seen.value = ""
         self.ax.clear()
         draw_city(self.ax, self.draft).set(xlabel="", ylabel="")
         self.canvas.draw_all()
@@ -266,3 +312,7 @@ class CityLab(ipywidgets.VBox):
 
     def _say(self, text: str) -> None:
         self.message.value = status(text)
+
+
+def _cell(x: float, y: float) -> Cell:
+    return round(y), round(x)

@@ -1,5 +1,6 @@
 """Mission lab: set a mission with clicks and sliders, fly it with any policy, step through it."""
 
+import html
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -220,7 +221,7 @@ class MissionLab(ipywidgets.VBox):
         for each, flights in zip(self.maps, self.flights.values(), strict=False):
             each.show(flights, self.step.value)
         self.charts.show(self.step.value)
-        self.numbers.value = self._table()
+        self.numbers.value = self._table() + f"<p>{html.escape(self._sentence())}</p>"
 
     def _table(self) -> str:
         """The numbers of the paper's captions, at this step and at the end."""
@@ -242,6 +243,29 @@ class MissionLab(ipywidgets.VBox):
                 )
             )
         return table(rows)
+
+    def _sentence(self) -> str:
+        """How the first flight ends compared with the second; empty for one flight alone."""
+        if len(self.flights) < 2:
+            return ""
+        (first, one), (second, other) = self.flights.items()
+        ends = [
+            ("landed" if each.end.landed[0] else "crashed", each.end.data_collected.sum())
+            for each in (one, other)
+        ]
+        if ends[0][0] != ends[1][0]:
+            told = [
+                f"{policy_title(n)} {end}" for n, (end, _) in zip(self.flights, ends, strict=True)
+            ]
+            return f"{told[0]}, {told[1]}."
+        more, sooner = ends[0][1] - ends[1][1], int(other.steps[0] - one.steps[0])
+        data = f"{abs(more):.1f} data units {'more' if more > 0 else 'fewer'} than"
+        data = "as much data as" if abs(more) < 0.05 else data
+        units = "unit" if abs(sooner) == 1 else "units"
+        time = f"{abs(sooner)} {units} of time {'sooner' if sooner > 0 else 'later'}"
+        time = "after as many units of time" if sooner == 0 else time
+        who, whom = policy_title(first), policy_title(second)
+        return f"{who} collected {data} {whom}, and {ends[0][0]} {time}."
 
     def _say(self, text: str) -> None:
         self.message.value = status(text)
