@@ -19,6 +19,12 @@ matplotlib.use("Agg")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 torch.set_num_threads(1)
 
+
+def pytest_xdist_auto_num_workers(config) -> int:
+    """One worker more than cores: browsers, servers and time limits leave their core idle."""
+    return os.cpu_count() + 1
+
+
 CORRIDOR = """
 B B B B B
 B B B B B

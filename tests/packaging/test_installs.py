@@ -1,7 +1,7 @@
 """The core alone, the notebooks' first cell alone and each extra alone do what they promise.
 
-Every run tries the first two in environments of links (`installs`). `python -m pytest -m long
-tests/packaging` lets pip install them all, by the commands that people type, and compares.
+Every run tries all of them in new environments of links (`installs`). `python -m pytest -m long
+tests/packaging` lets pip install them, by the commands that people type, and compares.
 """
 
 import re
@@ -46,7 +46,7 @@ def unpacked(wheel, tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("name", ["core", "bootstrap"])
+@pytest.mark.parametrize("name", INSTALLATIONS)
 def test_an_installation_does_what_it_promises(name, unpacked, tmp_path):
     installation = install(tmp_path / "environment", unpacked, *INSTALLATIONS[name])
     installation.run(PROMISES, name, cwd=tmp_path)
