@@ -342,14 +342,40 @@ def deviations() -> str:
     return f"{_table(head, rows)}\nStreams version {_streams(_runs('deviations-manhattan'))}.\n"
 
 
+def parts() -> str:
+    """What each idea of `quantile` is worth in short runs on `manhattan`: the recipe without it."""
+    table = read_table(DATA / "runs" / "parts-manhattan" / "validation.csv.gz")
+    last = table["steps"] == table["steps"].max()
+    names = {"all": "all: `quantile`", "none": "none: `lite`"}
+    rows, best = [], None
+    for variant in dict.fromkeys(table["variant"].tolist()):
+        end = {name: values[last & (table["variant"] == variant)] for name, values in table.items()}
+        score = end[CRAL].mean()
+        best = score if best is None else best
+        change = "" if variant == "all" else f"{score - best:+.3f}".replace("-", "−")
+        others = [f"{end[name].mean():.2f}" for name in ("cumulative_reward", "time_used")]
+        rows.append(
+            [
+                names.get(variant, variant.replace("_", " ")),
+                *(f"{value:.3f}" for value in end[CRAL]),
+                change,
+                f"{end['has_landed'].min():.3f}",
+                *(number.replace("-", "−") for number in others),
+            ]
+        )
+    head = ["parts", "CRAL, seed 0", "seed 1", "seed 2", "change", "landed, least"]
+    text = _table([*head, "return, mean", "time used, mean"], rows)
+    return f"{text}\nStreams version {_streams(_runs('parts-manhattan'))}.\n"
+
+
 def recorded_runs() -> str:
     """Every training whose curves are in `data/runs`."""
     rows = []
     for path in sorted((DATA / "runs").glob("*/about.json")):
         about = json.loads(path.read_text())
         for name, run in about.get("runs", {path.parent.name: about}).items():
-            if path.parent.name == "deviations-manhattan":
-                continue  # in a table of their own
+            if path.parent.name in ("deviations-manhattan", "parts-manhattan"):
+                continue  # in tables of their own
             rows.append(
                 [
                     f"`{path.parent.name}`",

@@ -76,35 +76,33 @@ print(inspect.getsource(Trainer.step))
 # 3. **Remember.** The transitions, from state to state, go into the replay memory.
 # 4. **Replace** the episodes that ended: they are counted in the current row of `training.csv`, and new ones start in
 #    their places.
-# 5. **Draw** a minibatch from the memory and compute its targets. It is for the *next* step.
-# 6. **Learn** from the minibatch that the step before drew: one gradient step, one soft update (`ddqn.update`).
+# 5. **Draw** a minibatch from the memory and compute its targets.
+# 6. **Learn** from a minibatch: one gradient step, one soft update (`ddqn.update`).
 #
-# Why not learn from the new minibatch at once? Because then learning would have to wait for 1 to 5. With the minibatch of
-# the step before, everything that it needs is there when the step begins. And 1 to 5 need nothing of its result: they
-# use the weights from before the update. The price is that targets are one gradient step old, of about 60,000.
+# One detail: it learns from the minibatch that the step *before* drew. So the targets are one gradient step old, of
+# about 60,000. In return, learning and flying need nothing of each other within a step, and can go on at the same time
+# (`--threads 2`). The weights are the same to the last bit.
 #
-# So learning and flying can go on at the same time. `OverlappedTrainer` (`--threads 2`) starts number 6 on a second thread
-# and does 1 to 5 meanwhile, with a copy of the networks. Both classes compute the same weights, to the last bit.
-#
-# Everything that the loop depends on is in a *recipe*. Two come with the library, the paper's and ours:
+# Everything that the loop depends on is in a *recipe*. Two come with the library, the paper's and ours. These are the
+# constants that this notebook needs; the site's reference has them all, with the reasons:
 
 # %%
+constants = {"steps": "environment steps in all", "environments": "UAVs that fly side by side",
+             "replay_capacity": "transitions in the memory", "temperature": "exploration at the start: notebook 5's β",
+             "huber_delta": "up to this error the loss is its square, beyond it grows linearly",
+             "exploring_starts": "share of episodes that begin under way, anywhere",
+             "crash_reward": "what a crash costs at first", "crash_reward_end": "and at the end",
+             "crash_reward_growth": "over which share of the run it grows",
+             "return_steps": "rewards summed before the target's Q-value takes over (6.5)"}
 paper = find_recipe("paper")
-for name, value in LITE.as_json().items():
-    if getattr(paper, name) != getattr(LITE, name):
-        print(f"{name:<20}{str(getattr(paper, name)):>14}{str(value):>14}")
+for name, meaning in constants.items():
+    print(f"{name:<20}{getattr(paper, name)!s:>9}{getattr(LITE, name)!s:>9}   {meaning}")
 
 # %% [markdown]
-# The left column trains for more than a day on a laptop, the right one for about 20 minutes (the shipped
-# DDQN agents took two to four times its steps). The docstring of `LITE` in `recipe.py` gives the reason for each line. Four of
-# them are needed below:
-#
-# - `huber_delta`: the loss is the squared error up to this error and grows linearly beyond it, so that a
-#   crash does not drown all else. `None`: squared throughout.
-# - `exploring_starts`: this share of the episodes begins under way, anywhere.
-# - `crash_reward`, `crash_reward_growth`: what a crash costs at first, and over which share of the run that
-#   grows to `crash_reward_end`, which is −150 in both.
-# - `return_steps`: how many rewards are summed before the target's Q-value takes over (6.5).
+# The left column, the paper's, trains for more than a day on a laptop, the right one for about 20 minutes (the shipped
+# DDQN agents took two to four times its steps). Two of them matter most below. `huber_delta` keeps a crash from
+# drowning all else in the loss; `None` means squared throughout. And `crash_reward` lets the agent learn to fly far
+# while a crash costs little, and to land in time when it costs all of 150.
 #
 # ## 6.2 Train one now
 #
