@@ -112,6 +112,16 @@ def test_each_deviation_is_undone_alone():
     assert set(centring(LITE)) == {"centred", "non_centred"}
 
 
+def test_a_map_of_another_kind_is_the_third_variant_of_centring():
+    variants = centring(QUANTILE)
+    assert list(variants) == ["centred", "non_centred", "global_local"]
+    assert variants["global_local"] == QUANTILE
+    whole = variants["centred"]
+    assert (whole.kernel_size, whole.strides) == (LITE.kernel_size, LITE.strides)
+    assert whole.data_scale == LITE.data_scale and whole.quantiles == QUANTILE.quantiles
+    assert replace(whole, observation="non_centred") == variants["non_centred"]
+
+
 def test_each_part_is_left_out_alone():
     variants = parts(QUANTILE)
     assert variants["all"] == QUANTILE

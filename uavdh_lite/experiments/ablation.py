@@ -54,9 +54,16 @@ PARTS = {
 
 
 def centring(recipe: Recipe) -> dict[str, Recipe]:
-    """The paper's ablation: the map centred on the UAV, and the city in place."""
-    kinds = ("centred", "non_centred")
-    return {kind: replace(recipe, observation=kind) for kind in kinds}
+    """The paper's ablation: the map centred on the UAV, and the city in place.
+
+    A recipe with a map of another kind is the third variant. The first two then have `LITE`'s
+    network, which is made for whole maps.
+    """
+    kinds, whole = ("centred", "non_centred"), recipe
+    if recipe.observation not in kinds:
+        whole = _with_fields_of(LITE, recipe, PARTS["two_resolutions"])
+    variants = {kind: replace(whole, observation=kind) for kind in kinds}
+    return variants | ({} if whole is recipe else {recipe.observation: recipe})
 
 
 def deviations(recipe: Recipe) -> dict[str, Recipe]:
@@ -82,10 +89,14 @@ def _undone(
     reference's values in them, by the name `without_GROUP`."""
     variants = {}
     for name, fields in groups.items():
-        undone = replace(recipe, **{field: getattr(reference, field) for field in fields})
+        undone = _with_fields_of(reference, recipe, fields)
         if undone != recipe:
             variants[f"without_{name}"] = undone
     return variants
+
+
+def _with_fields_of(reference: Recipe, recipe: Recipe, fields: tuple[str, ...]) -> Recipe:
+    return replace(recipe, **{field: getattr(reference, field) for field in fields})
 
 
 STUDIES = {"centring": centring, "deviations": deviations, "parts": parts}
