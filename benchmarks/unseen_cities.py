@@ -73,7 +73,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
     fly = partial(rows, episodes=arguments.episodes, seed=arguments.seed)
-    about = {"run": "greedy", "observation": "", "learned_in": "", "seed": "", "steps": ""}
+    about = {"run": "greedy", "observation": "none", "learned_in": "none", "seed": 0, "steps": 0}
     table = [row(about, Greedy, UNSEEN, 1, arguments.episodes, arguments.seed)]
     with ProcessPoolExecutor(arguments.jobs) as pool:
         for of_run in pool.map(fly, arguments.runs):

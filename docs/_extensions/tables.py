@@ -368,6 +368,39 @@ def parts() -> str:
     return f"{text}\nStreams version {_streams(_runs('parts-manhattan'))}.\n"
 
 
+def _unseen(**wanted: object) -> list[str]:
+    """The CRAL of each seed among the runs of `unseen_cities` for which all of this holds."""
+    table = read_table(DATA / "runs" / "unseen_cities.csv.gz")
+    rows = np.all([table[name] == value for name, value in wanted.items()], axis=0)
+    return [f"{value:.3f}" for value in table[CRAL][rows]]
+
+
+SEEDS = ["seed 0", "seed 1", "seed 2"]
+
+
+def frames() -> str:
+    """Agents that see 2000 cities in different frames, over cities that none of them has seen."""
+    rows = []
+    for observation in ("centred", "non_centred", "global_local"):
+        for views in (1, 8):
+            runs = {"observation": observation, "learned_in": "random:2000:0", "views": views}
+            rows.append([f"`{observation}`", views, *_unseen(**runs, flown_over="random:300:9")])
+    return _table(["the network sees", "views", *SEEDS], rows)
+
+
+def cities_to_learn_in() -> str:
+    """Agents that learned in more and more cities, over those and over others."""
+    rows = []
+    for count in (1, 10, 100, 2000):
+        runs = {"observation": "global_local", "learned_in": f"random:{count}:0"}
+        seen = _unseen(**runs, views=1, flown_over=f"random:{count}:0")
+        for views in (1, 8):
+            unseen = _unseen(**runs, views=views, flown_over="random:300:9")
+            rows.append([count, views, *unseen, *(seen if views == 1 else [""] * 3)])
+    head = [*SEEDS, *(f"seen, {seed}" for seed in SEEDS)]
+    return _table(["cities", "views", *head], rows)
+
+
 def recorded_runs() -> str:
     """Every training whose curves are in `data/runs`."""
     rows = []

@@ -177,6 +177,43 @@ for name, pilot in there_and_known.items():
 Quiz("what_unseen_proves")
 
 # %% [markdown]
+# ### How many cities does it take?
+#
+# To see learning by heart, give the network fewer cities. These agents learned in 1, 10, 100 or 2000 of them, for
+# 200,000 steps each, a tenth of the shipped agent's, with three seeds. All looked at the map from one side. They flew 500 missions over
+# the cities that they learned in, and 500 over 300 others:
+
+# %%
+from uavdh_lite.storage import read_table
+
+table, CRAL = read_table("../data/runs/unseen_cities.csv.gz"), "collection_ratio_and_landed"
+
+def three_seeds(**wanted):
+    return table[CRAL][np.all([table[name] == value for name, value in wanted.items()], axis=0)]
+
+counts = (1, 10, 100, 2000)
+scores = {"seen": [], "unseen": []}
+for count in counts:
+    runs = {"learned_in": f"random:{count}:0", "observation": "global_local", "views": 1}
+    scores["seen"].append(three_seeds(**runs, flown_over=f"random:{count}:0"))
+    scores["unseen"].append(three_seeds(**runs, flown_over="random:300:9"))
+    print(f"{count:>4} cities: " + ", ".join(f"{name} {' '.join(f'{s:.1%}' for s in scores[name][-1])}" for name in scores))
+
+# %%
+figure = Figure(figsize=(6.5, 3.6), layout="constrained")
+ax = figure.subplots()
+for (name, values), colour in zip(scores.items(), (BLUE, VERMILION)):
+    ax.plot(counts, np.mean(values, axis=1), color=colour, label=f"cities that it had {name}")
+    ax.plot(counts, values, "o", color=colour, alpha=0.6)
+ax.axhline(three_seeds(run="greedy")[0], color="black", ls="--", label="greedy, unseen cities")
+ax.set(xscale="log", xticks=counts, xticklabels=counts, xlabel="cities to learn in", ylabel="collected and landed")
+ax.legend()
+figure
+
+# %% [markdown]
+# GAPTEXT
+
+# %% [markdown]
 # ### What is a mission worth?
 #
 # A hundred missions in one city say little about cities: they all share its walls. The same number of missions,
@@ -274,7 +311,38 @@ for name in ("collection_ratio_and_landed", "cumulative_reward"):
 # Could one not build the symmetry into the network, or turn every minibatch at random? Yes, both; with 2000 random
 # cities the second is done already, since no direction is special in them.
 #
-# ## 13.6 Learn one city by heart
+# ## 13.6 Which frame carries over?
+#
+# Notebook 7 compared maps in one city. There, a network can learn by heart where things are, in whichever frame it sees
+# them. In 2000 cities it cannot. The same ablation over many cities: the map centred on the UAV, the city in place, and
+# the two resolutions of notebook 12, three seeds each, 200,000 steps.
+
+# %%
+curves = read_table("../data/runs/centring-any_city/validation.csv.gz")
+frames = {"centred": BLUE, "non_centred": VERMILION, "global_local": "black"}
+figure = Figure(figsize=(6.5, 3.6), layout="constrained")
+ax = figure.subplots()
+for frame, colour in frames.items():
+    for seed in range(3):
+        run = (curves["variant"] == frame) & (curves["seed"] == seed)
+        ax.plot(curves["steps"][run], curves[CRAL][run], "o-", color=colour, label=frame if seed == 0 else None)
+ax.set(xlabel="environment steps", ylabel="collected and landed, validation", title="2000 cities")
+ax.legend()
+figure
+
+# %% [markdown]
+# And over the 300 cities that none of them has seen, by one view of the map and by the mean of all eight:
+
+# %%
+for frame in frames:
+    runs = {"learned_in": "random:2000:0", "observation": frame, "flown_over": "random:300:9"}
+    one, eight = (three_seeds(**runs, views=views) for views in (1, 8))
+    print(f"{frame:<13}one view {' '.join(f'{s:.1%}' for s in one)}   eight {' '.join(f'{s:.1%}' for s in eight)}")
+
+# %% [markdown]
+# FRAMETEXT
+#
+# ## 13.7 Learn one city by heart
 #
 # The shipped network is a start for any city. If you care about a single one, go on from there:
 #
@@ -288,8 +356,6 @@ for name in ("collection_ratio_and_landed", "cumulative_reward"):
 
 # %%
 from pathlib import Path
-
-from uavdh_lite.storage import read_table
 
 runs = {"fine_tune": (BLUE, "from any_city"), "quantile": (VERMILION, "from nothing")}
 curves = {(recipe, path.parent.name): read_table(path)

@@ -343,6 +343,7 @@ def test_every_control_has_a_name(page):
         assert page.evaluate(NAMELESS) == []
 
 
+@pytest.mark.long
 def test_one_person_more_than_the_limit_has_to_wait(browser):
     with serving("--sessions", "1") as (address, _):
         first, second = browser.new_page(), browser.new_page()
@@ -360,6 +361,7 @@ def test_one_person_more_than_the_limit_has_to_wait(browser):
         second.close()
 
 
+@pytest.mark.long
 def test_an_idle_session_ends_and_the_page_says_so(browser):
     with serving("--idle-seconds", "3") as (address, _):
         page = browser.new_page()

@@ -9,6 +9,8 @@ import pytest
 from jupyter_client import BlockingKernelClient
 from serving import DEADLINE, serving
 
+pytestmark = pytest.mark.long
+
 BUSY = """
 import signal
 signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -71,6 +71,7 @@ def submit(root, student, notebook):
     nbformat.write(notebook, folder / f"{ASSIGNMENT}.ipynb")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "student, points",
     [
@@ -90,6 +91,7 @@ def test_autograde(course, student, points):
         assert submission.max_score == 5 and not submission.needs_manual_grade
 
 
+@pytest.mark.long
 def test_the_commands_are_those_of_the_guide(course):
     guide = (NOTEBOOKS.parent / "docs" / "teach" / "index.md").read_text()
     for command in ("generate_assignment --force", "autograde", "generate_feedback"):
@@ -100,6 +102,7 @@ def test_the_commands_are_those_of_the_guide(course):
     assert sorted(line.split(",")[3] for line in grades[1:]) == ["full", "mixed", "partial"]
 
 
+@pytest.mark.long
 def test_feedback_says_what_is_wrong(course):
     page = (course / "feedback" / "mixed" / ASSIGNMENT / f"{ASSIGNMENT}.html").read_text()
     assert "wrong way round" in page
@@ -107,6 +110,7 @@ def test_feedback_says_what_is_wrong(course):
     assert "is not written yet" in page
 
 
+@pytest.mark.long
 def test_students_notebooks_are_what_nbgrader_makes_of_the_solutions(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", os.environ["PATH"])  # restored afterwards
     assignments.release(STEMS, tmp_path)

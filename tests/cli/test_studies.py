@@ -45,6 +45,7 @@ def assert_same_runs(out, other, *names):
         assert all(torch.equal(ours[key], theirs[key]) for key in theirs)
 
 
+@pytest.mark.long
 def test_any_number_of_jobs_gives_the_same_runs_with_a_table_and_curves(finished, tmp_path):
     jobs = command(tmp_path, "--jobs", "2")
     process = subprocess.run(jobs, capture_output=True, text=True)
@@ -58,6 +59,7 @@ def test_any_number_of_jobs_gives_the_same_runs_with_a_table_and_curves(finished
     assert_same_runs(tmp_path, finished, "centred-0", "centred-1", "non_centred-0", "non_centred-1")
 
 
+@pytest.mark.long
 def test_a_killed_grid_goes_on_to_the_same_runs(finished, tmp_path):
     centred = ("--variants", "centred")
     process = subprocess.Popen(

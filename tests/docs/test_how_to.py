@@ -13,6 +13,8 @@ for package in ("distributed", "gymnasium", "onnxruntime", "psutil", "stable_bas
     pytest.importorskip(package)
 pytest.importorskip("tensorboard")
 
+pytestmark = pytest.mark.long
+
 PAGES = sorted((Path(__file__).parents[2] / "docs" / "how_to").glob("[!i]*.md"))
 COMMAND = ["python", "-m", "uavdh_lite"]
 SHOWN_ONLY = "text"  # what needs other machines

@@ -26,6 +26,8 @@ for package in ("furo", "myst_nb", "sphinx_design", "sphinx-mathjax-offline"):
 for package in ("gymnasium", "ipywidgets", "ipyevents", "psutil", "voila"):
     pytest.importorskip(package)  # modules of the reference import them
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[2]
 DOCS, SOURCE = ROOT / "docs", ROOT / "notebooks"
 NOTEBOOKS = sorted(SOURCE.glob("[0-9][0-9]_*.ipynb"))

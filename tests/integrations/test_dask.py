@@ -14,6 +14,8 @@ from uavdh_lite.experiments.runs import SAVED
 from uavdh_lite.recipe import SMALL
 from uavdh_lite.scenario import find_scenario
 
+pytestmark = pytest.mark.long
+
 RECIPE = replace(
     SMALL,
     steps=5120,

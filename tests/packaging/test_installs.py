@@ -46,6 +46,7 @@ def unpacked(wheel, tmp_path_factory):
     return folder
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", INSTALLATIONS)
 def test_an_installation_does_what_it_promises(name, unpacked, tmp_path):
     installation = install(tmp_path / "environment", unpacked, *INSTALLATIONS[name])
