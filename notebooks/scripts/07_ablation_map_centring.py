@@ -202,7 +202,7 @@ Quiz("three_seeds")
 # | Does the gap depend on the recipe? | Perhaps: with two earlier forms it was under half a point (a crash cost 60) and 2.2 points (150, as now). They differ in more than that, so the cause is open |
 # | Is the recipe fair to both? | Not quite: it was tuned with the centred map |
 # | Is it the centring, or the missing position layer? | Not separated: centring also removes the layer that holds the position |
-# | Does it hold in other cities? | Open: apart from Manhattan only a village was tried, with one seed and a short run; the paper tried one city |
+# | Does it hold in other cities? | For a single other city that is open: only a village was tried, with short runs; the paper tried one city. For one agent over many cities the gap is far wider: notebook 13 has that study |
 #
 # An ablation answers one question. To write down beforehand which one, and what the result would have to
 # look like to say *no*, is most of the work.
