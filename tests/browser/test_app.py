@@ -92,13 +92,17 @@ def size(picture):
 
 
 def click_cell(picture, row, col, cells=16):
-    """Click a cell on a map of the mission lab; its axes' place is that of `labs.views.Map`."""
+    """Click a cell on a map of the mission lab."""
+    picture.click(position=place_of_cell(picture, row, col, cells))
+
+
+def place_of_cell(picture, row, col, cells=16):
+    """Where a cell is on a map of the mission lab; its axes' place is that of `labs.views.Map`."""
     width, height = size(picture)
     side = min(0.93 * width, 0.88 * height)
     left = 0.06 * width + (0.93 * width - side) / 2
     top = height * (1 - 0.06 - 0.88) + (0.88 * height - side) / 2
-    position = {"x": left + (col + 0.5) / cells * side, "y": top + (row + 0.5) / cells * side}
-    picture.click(position=position)
+    return {"x": left + (col + 0.5) / cells * side, "y": top + (row + 0.5) / cells * side}
 
 
 def first_mission(city):
@@ -145,8 +149,19 @@ def test_a_mission_is_set_by_clicks_and_flown(page):
     click_cell(lab.locator("img:visible").first, 3, 2)
     expect(lab.get_by_role("status")).to_contain_text("stands on a building at (3, 2)")
 
+    picture = lab.locator("img:visible").first
+    flown = table(lab)[0]
+    cells = first_mission("manhattan").devices[0], (0, 6)  # far away
+    here, there = (place_of_cell(picture, *cell) for cell in cells)
+    picture.drag_to(picture, source_position=here, target_position=there)
+    until(page, lambda: table(lab)[0] != flown)  # the device stands elsewhere
+    expect(lab.get_by_role("status")).to_have_text("")
+    picture.drag_to(picture, source_position=there, target_position=here)
+    until(page, lambda: table(lab)[0] == flown)
+
     lab.get_by_label("compare with").select_option("greedy")
     until(page, lambda: len(table(lab)) == 2)
+    expect(lab.get_by_text("collected as much data as greedy")).to_be_visible()
     assert [row["policy"] for row in table(lab)] == ["manhattan agent", "greedy"]
     assert collected(lab)[1] == collected(lab, 1)[1]
     assert fits(page)

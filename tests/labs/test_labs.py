@@ -32,12 +32,18 @@ def pixels(widget):
     return read(widget.value)
 
 
-def click(lab, cell, index=0):
-    """A click on the middle of a cell, as the browser reports it."""
+def drag(lab, start, end, index=0):
+    """The mouse pressed in the middle of a cell and released in another, as the browser says."""
     shown = lab.maps[index]
-    x, y = shown.ax.transData.transform((cell[1], cell[0]))
     height = pixels(shown.canvas.picture).shape[0]
-    lab.clicks[index]._handle_mouse_msg(None, {"dataX": x, "dataY": height - y}, [])
+    for kind, cell in (("mousedown", start), ("mouseup", end)):
+        x, y = shown.ax.transData.transform((cell[1], cell[0]))
+        event = {"type": kind, "dataX": x, "dataY": height - y}
+        lab.clicks[index]._handle_mouse_msg(None, event, [])
+
+
+def click(lab, cell, index=0):
+    drag(lab, cell, cell, index)
 
 
 @pytest.fixture
@@ -85,6 +91,22 @@ def test_clicks_add_move_and_remove_devices(lab):
     lab.click.value = "remove"
     click(lab, (7, 1))
     assert lab.mission.devices == before and len(lab.sliders.children) == len(before)
+
+
+def test_devices_and_the_start_are_dragged_whatever_a_click_does(lab):
+    before, start = lab.mission.devices, lab.mission.start
+    assert lab.click.value == "add"
+    drag(lab, before[0], (8, 8))
+    assert lab.mission.devices == ((8, 8), *before[1:])
+    drag(lab, start, (0, 8))
+    assert lab.mission.start == (0, 8)
+    drag(lab, (7, 1), (7, 2))  # nothing there to drag
+    assert lab.mission.devices == ((8, 8), *before[1:])
+    drag(lab, (8, 8), (2, 2))  # onto a building
+    assert "stands on a building" in lab.message.value
+    assert lab.mission.devices == ((8, 8), *before[1:])
+    drag(lab, (8, 8), (-3, 8))  # released outside of the map
+    assert lab.mission.devices == ((8, 8), *before[1:])
 
 
 def test_a_click_sets_the_start(lab):

@@ -50,6 +50,34 @@ class Canvas:
         """Call `handler(ax, x, y)`, in data coordinates, for every click inside an Axes."""
         return self._watch(["click"], lambda event: self._locate(event, handler))
 
+    def on_drop(
+        self, handler: Callable[[Axes, tuple[float, float], tuple[float, float]], None]
+    ) -> Event:
+        """Call `handler(ax, start, end)` when the button is released in the Axes it was pressed in.
+
+        `start` and `end` are (x, y) in data coordinates; for a click they are the same.
+        """
+        pressed = None
+
+        def pressed_at(ax, x, y):
+            nonlocal pressed
+            pressed = ax, (x, y)
+
+        def released_at(ax, x, y):
+            if pressed is not None and pressed[0] is ax:
+                handler(ax, pressed[1], (x, y))
+
+        def moved(event):
+            nonlocal pressed
+            if event.get("type") == "mousedown":
+                pressed = None  # unless it is inside an Axes
+                self._locate(event, pressed_at)
+            else:
+                self._locate(event, released_at)
+                pressed = None
+
+        return self._watch(["mousedown", "mouseup"], moved)
+
     def on_drag(
         self,
         handler: Callable[[Axes, list[tuple[float, float]], bool], None],

@@ -14,7 +14,7 @@ from uavdh_lite.evaluation import Flights
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.labs.draft import BRUSHES, MIRRORS, UPLOAD_BYTES, Cell, Draft, History, rectangle
 from uavdh_lite.labs.views import Map, policy_title
-from uavdh_lite.labs.widgets import CellPicker, status
+from uavdh_lite.labs.widgets import CellPicker, cell_at, status
 from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import device_colour, draw_city, shadow_colours
 from uavdh_lite.policies import PLANNERS, agents_for, find_policy
@@ -121,8 +121,8 @@ class CityLab(ipywidgets.VBox):
         self.redo.on_click(lambda _: self._go(1))
         self.fly.on_click(lambda _: self._fly())
         self.clicks = self.canvas.on_drag(
-            lambda ax, points, began: self.stroke([_cell(*point) for point in points], began),
-            lambda ax, x, y: self.look_from(_cell(x, y)),
+            lambda ax, points, began: self.stroke([cell_at(point) for point in points], began),
+            lambda ax, x, y: self.look_from(cell_at((x, y))),
         )
         self.key_events = self.canvas.on_key(lambda key: self._go({"z": -1, "y": 1}.get(key, 0)))
 
@@ -312,7 +312,3 @@ class CityLab(ipywidgets.VBox):
 
     def _say(self, text: str) -> None:
         self.message.value = status(text)
-
-
-def _cell(x: float, y: float) -> Cell:
-    return round(y), round(x)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from uavdh_lite.city import shipped_cities
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.labs.views import Charts, Map, legend, policy_title
-from uavdh_lite.labs.widgets import CellPicker, status, table
+from uavdh_lite.labs.widgets import CellPicker, cell_at, status, table
 from uavdh_lite.missions import Mission, environment_of
 from uavdh_lite.plotting import device_colour
 from uavdh_lite.policies import find_policy, policies_for
@@ -50,9 +50,9 @@ class MissionLab(ipywidgets.VBox):
             description="click to",
             tooltips=[
                 "click a free cell to add a device",
-                "click a device, then its new cell",
+                "click a device, then its new cell; or drag it, at any time",
                 "click a device to remove it",
-                "click the cell where the UAV starts",
+                "click the cell where the UAV starts; or drag it, at any time",
             ],
             style={"button_width": "70px", "description_width": "80px"},
         )
@@ -100,7 +100,7 @@ class MissionLab(ipywidgets.VBox):
         self.seed.observe(lambda change: self._change(seed=change.new), "value")
         self.step.observe(lambda _: self._show(), "value")
         self.clicks = [
-            each.canvas.on_click(lambda ax, x, y: self.clicked((round(y), round(x))))
+            each.canvas.on_drop(lambda ax, start, end: self.dropped(cell_at(start), cell_at(end)))
             for each in self.maps
         ]
 
@@ -125,6 +125,16 @@ class MissionLab(ipywidgets.VBox):
 
     def _change(self, **changes) -> None:
         self._attempt(lambda: replace(self.mission, **changes))
+
+    def dropped(self, start: tuple[int, int], end: tuple[int, int]) -> None:
+        """Drag a device or the start from one cell to another; the same cell twice is a click."""
+        device = self.mission.device_at(start)
+        if start == end:
+            self.clicked(end)
+        elif device is not None:
+            self._attempt(lambda: self.mission.move(device, end))
+        elif start == self.mission.start:
+            self._change(start=end)
 
     def clicked(self, cell: tuple[int, int]) -> None:
         """Do what `click` says to this cell, (row, column)."""

@@ -11,7 +11,7 @@ from uavdh_lite.plotting import RED, png
 with extra("notebooks"):
     import ipywidgets
 
-__all__ = ["CellPicker", "explore", "png", "status", "table"]
+__all__ = ["CellPicker", "cell_at", "explore", "png", "status", "table"]
 
 
 def explore(draw: Callable[..., Figure], **controls: ipywidgets.ValueWidget) -> ipywidgets.VBox:
@@ -37,6 +37,11 @@ def explore(draw: Callable[..., Figure], **controls: ipywidgets.ValueWidget) -> 
         control.observe(update, "value")
     update()
     return ipywidgets.VBox([*controls.values(), message, picture])
+
+
+def cell_at(point: tuple[float, float]) -> tuple[int, int]:
+    """The cell, (row, column), at a point (x, y) of a city's map."""
+    return round(point[1]), round(point[0])
 
 
 class CellPicker(ipywidgets.HBox):
