@@ -153,6 +153,15 @@ def _read():
 
 RIGHT = _read()
 
+
+def of_a_set(a, b):
+    splits = list(combinations(sorted({*a, *b}), len(a)))
+    total = sum(a) + sum(b)
+    observed = abs(np.mean(a) - np.mean(b))
+    far = [abs(np.mean(s) - (total - sum(s)) / len(b)) >= observed - 1e-9 for s in splits]
+    return np.mean(far)
+
+
 MISTAKES = {
     "steps_to": [
         (position, "position in the list"),
@@ -171,7 +180,8 @@ MISTAKES = {
         (one_sided, "one-sided"),
         (only_larger, "at least"),
         (a_count, "number of splits"),
-        (shuffled, "without chance"),
+        (of_a_set, "Two equal values are two values"),
+        (shuffled, "not on earlier calls or on chance"),
         (shuffled_seeded, "without chance"),
         (normal_test, "without a formula"),
         (lambda a, b: 1 - np.mean([abs(d) < 1 for d in splits(a, b)]), "gives .* expected"),

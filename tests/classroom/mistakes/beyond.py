@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from uavdh_lite.environment import LAND
+
 
 def moves_home(distance):
     return np.where(distance < 0, np.inf, distance)
@@ -107,11 +109,26 @@ def undiscounted_data(data, discount, cost):
     return way - 1
 
 
+def far_is_a_number(distance, next_cell, cell, time_left):
+    home = np.where(distance < 0, 99, distance)
+    result = home[next_cell[cell]] + 2 <= time_left[:, None]
+    result[:, LAND] |= distance[cell] == 0
+    return result
+
+
+def calls_itself(data, discount, cost, way=0):
+    price = cost * sum(discount**t for t in range(2 * way + 2))
+    if data * discount**way <= price:
+        return way
+    return calls_itself(data, discount, cost, way + 1)
+
+
 MISTAKES = {
     "failsafe_mask": [
         (no_landing_time, "A unit of time is missing"),
         (no_action_time, "A unit of time is missing"),
         (too_careful, "just enough is enough"),
+        (far_is_a_number, "no way home"),
         (minus_one_is_near, "−1 means that there is no way"),
         (landing_like_the_others, "ends the flight"),
         (landing_everywhere, "in the landing zone only"),
@@ -131,12 +148,15 @@ MISTAKES = {
     "advantage_target": [
         (of_all_actions, "among all"),
         (lambda *case: target(*case, low=0), "take −inf"),
+        (lambda *case: target(*case, low=-100), "Only actions that are allowed count"),
         (lambda *case: target(*case, sign=-1), "The sign is wrong"),
         (at_rest, "at rest"),
         (lambda y, *others: target(y, *others) * 0 + y, "expected"),
     ],
     "longest_way": [
         (lambda *case: longest(*case) + 1, "does not pay"),
+        (lambda *case: min(longest(*case), 100), "no way is too long"),
+        (calls_itself, "RecursionError"),
         (lambda *case: longest(*case, back=1), "way back is missing"),
         (lambda *case: longest(*case, late=0), "not γ\\^way"),
         (lambda *case: longest(*case, landing=1), "Landing is free"),

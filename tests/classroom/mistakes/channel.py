@@ -22,6 +22,12 @@ MISTAKES = {
     ],
     "mean_rate": [
         (
+            lambda snr, var, n, g: np.log2(
+                1 + 10 ** ((snr + np.random.default_rng(0).normal(0, var**0.5, n)) / 10)
+            ).mean(),
+            "same for every generator",
+        ),
+        (
             lambda snr, var, n, g: np.log2(1 + 10 ** ((snr + g.normal(0, var, n)) / 10)).mean(),
             "root of the variance",
         ),

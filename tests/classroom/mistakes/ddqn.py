@@ -237,6 +237,20 @@ WRONG_TARGETS = [
     ),
 ]
 
+
+def _matrices_only(target, online, rate):
+    for a, b in zip(target, online, strict=True):
+        if a.dim() > 1:
+            a.mul_(1 - rate).add_(rate * b)
+
+
+class OneForAll(_Base):
+    def sample(self, size, generator):
+        stored = self.stored()
+        newest = self.places[(self.count - 1) % self.capacity]
+        return [newest, *[stored[generator.integers(0, len(stored))]] * (size - 1)]
+
+
 MISTAKES = {
     "stable_policy": [
         (lambda q, beta: _softmax(q / beta), "It overflows"),
@@ -258,6 +272,7 @@ MISTAKES = {
         (lambda q, beta: torch.softmax(q / beta, 1).tolist(), "torch tensor is expected"),
     ],
     "ring_buffer": [
+        (OneForAll, "Draw each of them on its own"),
         (Plain, "newest item is not in every sample"),
         (NewestAtTheEnd, "ring is full and begins again"),
         (NextPlace, "to be overwritten next"),
@@ -300,6 +315,7 @@ MISTAKES = {
     ],
     "soft_update_in_place": [
         (_rebinds, "only gives a new tensor the name"),
+        (_matrices_only, "whatever its shape"),
         (_returns, "Nothing reads what you return"),
         (_new_in_list, "list has new tensors"),
         (_swapped, "swapped"),

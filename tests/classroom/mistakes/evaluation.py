@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.evaluation import wilson_interval
 from uavdh_lite.planners import Genie, Greedy
 
 
@@ -142,6 +143,7 @@ def straight_home(environment, state):
 
 MISTAKES = {
     "wilson": [
+        (lambda k, n: np.round(wilson_interval(np.arange(n) < k)[1:], 4), "Do not round"),
         (normal_interval, "normal approximation"),
         (clipped_interval, "cut off at 0 and 1"),
         (one_error, "z = 1"),

@@ -126,6 +126,19 @@ def south_east(sight):
     return count / (len(sight) ** 2 * (len(sight) ** 2 - 1) / 2)
 
 
+def half_its_length(start, end, cell):
+    (rows, cols), (r, c) = (np.subtract(one, start).tolist() for one in (end, cell))
+    inside = min(rows, 0) <= r <= max(rows, 0) and min(cols, 0) <= c <= max(cols, 0)
+    length = np.hypot(rows, cols)
+    return inside and bool(length == 0 or abs(rows * c - cols * r) / length < 0.5)
+
+
+def row_in_the_middle(start, end, cell):
+    (rows, cols), (r, c) = (np.subtract(one, start).tolist() for one in (end, cell))
+    inside = min(rows, 0) <= r <= max(rows, 0) and min(cols, 0) <= c <= max(cols, 0)
+    return inside and (cols == 0 or abs(c * rows / cols - r) < 0.5)
+
+
 MISTAKES = {
     "crosses": [
         (touching, "only touches a cell at a corner"),
@@ -134,6 +147,8 @@ MISTAKES = {
         (down_right, "A ray may go up or left|through the middle of each"),
         (not_shifted, "Measure rows and columns from start"),
         (infinite, "beyond an end of the segment"),
+        (half_its_length, "No other distance will do"),
+        (row_in_the_middle, "No other distance will do"),
         (sampled, "sampled along the ray step over|interior"),
         (inside, "Not all cells of the rectangle"),
         (slope, "stops with ZeroDivision.*no slope"),

@@ -173,6 +173,14 @@ def _share(a, b, split=np.abs, seen=np.abs, statistic=np.mean, size=None) -> flo
     return float(np.mean(split(_differences(a, b, statistic, size)) >= seen(observed) - 1e-9))
 
 
+def _of_a_set(a, b) -> float:
+    """The p-value over splits of the different values only."""
+    values, total = sorted({*a.tolist(), *b.tolist()}), float(np.sum(a) + np.sum(b))
+    splits = np.array([np.sum(own) for own in combinations(values, len(a))])
+    others = (total - splits) / len(b)
+    return float(np.mean(abs(splits / len(a) - others) >= abs(a.mean() - b.mean()) - 1e-9))
+
+
 def _differences(a, b, statistic=np.mean, size=None) -> np.ndarray:
     """The difference for every split of all values into groups as large as a and b."""
     values = np.r_[a, b]
@@ -265,6 +273,7 @@ PERMUTATION = Table(
         "of the splits' differences.": lambda a, b: _share(a, b, np.positive),
         "The absolute value of the splits' differences is taken, but not that of the observed one, "
         "which may be negative.": lambda a, b: _share(a, b, seen=np.positive),
+        "Two equal values are two values all the same: a set keeps one of them only.": _of_a_set,
         DOUBLED: lambda a, b: 2 * min(_one_sided(a, b), _one_sided(b, a)),
         DOUBLED + " A share is never above 1.": lambda a, b: 2 * _one_sided(a, b),
         DOUBLED + " Cutting off at 1 does not mend it.": lambda a, b: min(1, 2 * _one_sided(a, b)),

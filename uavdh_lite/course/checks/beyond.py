@@ -60,6 +60,8 @@ def _situations() -> dict[str, list[tuple]]:
             spare = generator.integers(-2, 3, count)
             time_left = (np.maximum(distance[cell], 0) + 1 + spare).clip(1)
             cases[-1].append((distance, environment.next_cell, cell, time_left))
+        much = np.full(len(cells), 10**6)  # no number stands for "no way home"
+        cases[-1].append((distance, environment.next_cell, cells, much))
     return {
         "An action fits if the units for itself, for the way home after it and for the landing are "
         "at most time_left; to land at once, in the zone, always fits. (Here some cells have no "
@@ -265,7 +267,10 @@ def _minibatches() -> dict[str, list[tuple]]:
             drawn(1, 0.0, 2.0) + drawn(3, 0.0, 2.0)
         ),
         "Only actions that are allowed count for the maximum, whatever the Q-values' signs.": (
-            drawn(1, -20.0, 0.6) + drawn(6, -20.0, 0.6) + drawn(8, 10.0, 0.6)
+            drawn(1, -20.0, 0.6)
+            + drawn(6, -20.0, 0.6)
+            + drawn(8, 10.0, 0.6)
+            + drawn(6, -1e6, 0.6)  # no number is small enough for what is not allowed
         ),
     }
 
@@ -378,6 +383,7 @@ def _detours() -> dict[str, list[tuple]]:
         ],
         "If not even a way of 1 pays, the answer is 0.": [(0.05, 0.8, 0.11)],
         "A way of 1 has two moves.": [(0.5, 0.8, 0.11)],
+        "Search on for as long as it pays: no way is too long.": [(5.0, 1.0, 0.002)],
     }
 
 

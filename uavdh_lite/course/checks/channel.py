@@ -223,6 +223,11 @@ def mean_rate(answer) -> None:
     }.items():
         agrees, right_too = (abs(mean - one) < 6.5 * error for one in (value, right))
         expect(right_too.all() or not agrees.all(), message)
+    expect(
+        ask(0.0, 5.0, 9, 1) != ask(0.0, 5.0, 9, 2),
+        "The result is the same for every generator. Draw the fading from the one that is passed "
+        "in.",
+    )
     for k, (case, single) in enumerate(zip(FADING, spread, strict=True)):
         at = "At {} dB with a variance of {} dB²".format(*case)
 

@@ -372,6 +372,11 @@ def _expect_stored(ring: _Tested, count: int) -> None:
         )
     if found == {count - 1}:
         raise CheckFailed(f"{when} only the newest item is ever drawn. Where are the others?")
+    if found < expected and len(set(ring.sample(60 * ring.capacity, count)[1:])) == 1:
+        raise CheckFailed(
+            f"{when} all items of a sample but the newest are the same one. Draw each of them on "
+            "its own."
+        )
     if found < expected and len(expected - found) == 1:
         raise CheckFailed(
             f"{when} item number {_numbered(expected - found)} is never drawn, though it should "
@@ -728,8 +733,8 @@ def soft_update_in_place(answer) -> None:
                 "in place (lerp_, mul_, copy_).",
             )
             raise CheckFailed(
-                f"{given.strip()}. `t = …` only gives a new tensor the name t: change the tensor "
-                "itself, in place (lerp_, mul_, copy_)."
+                f"{given.strip()}. Change each tensor itself, whatever its shape, in place (lerp_, "
+                "mul_, copy_): `t = …` only gives a new tensor the name t."
             )
         expect(
             len(target) == len(tensors) and all(map(operator.is_, target, tensors)),

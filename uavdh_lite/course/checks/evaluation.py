@@ -41,7 +41,8 @@ def briefly(answer: Callable) -> Callable:
 
 
 def _solved_wilson(successes, trials):
-    return np.array(wilson_interval(np.arange(trials) < successes)[1:])
+    low, high = wilson_interval(np.arange(trials) < successes)[1:]
+    return np.array([low if successes else 0.0, high if successes < trials else 1.0])
 
 
 def _score(p, n, z=Z, middle=True, root=True, below=True):
@@ -114,6 +115,10 @@ WILSON = Table(
         ),
         "That is as coarse as a grid of shares, which is not exact enough. At both ends the "
         "inequality is an equality: solve it for q.": _grid,
+        "Do not round: in many trials the ends are small numbers.": tuple(
+            (lambda k, n, digits=digits: np.round(_solved_wilson(k, n), digits))
+            for digits in (2, 3, 4)
+        ),
         "These are percentages; hand over shares from 0 to 1.": (
             lambda k, n: 100 * _solved_wilson(k, n)
         ),

@@ -86,6 +86,10 @@ def _crosses_cases():
             *(((2, 2), (4, 4), (6, 6)), ((3, 5), (3, 8), (3, 1)), ((5, 5), (7, 9), (3, 1))),
             *(((0, 0), (0, 3), (0, 4)), ((0, 0), (3, 1), (4, 1)), ((3, 3), (0, 0), (4, 4))),
         ],
+        "The cell's centre must be near enough to the line, by the condition of the exercise: "
+        "|R·c − C·r| less than (|R| + |C|) / 2. No other distance will do.": [
+            case for case in plain if (np.subtract(case[1], case[0]) >= 0).all()
+        ],
         "A ray may go up or left: R and C are then negative, and so may R·c − C·r be. Comparisons "
         "and sums must take care of the signs (min, max, abs).": plain,
         TOUCHING: [
