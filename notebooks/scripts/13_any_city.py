@@ -203,7 +203,7 @@ for count in counts:
 figure = Figure(figsize=(6.5, 3.6), layout="constrained")
 ax = figure.subplots()
 for (name, values), colour in zip(scores.items(), (BLUE, VERMILION)):
-    ax.plot(counts, np.mean(values, axis=1), color=colour, label=f"cities that it had {name}")
+    ax.plot(counts, np.mean(values, axis=1), color=colour, label=f"{name} cities")
     ax.plot(counts, values, "o", color=colour, alpha=0.6)
 ax.axhline(three_seeds(run="greedy")[0], color="black", ls="--", label="greedy, unseen cities")
 ax.set(xscale="log", xticks=counts, xticklabels=counts, xlabel="cities to learn in", ylabel="collected and landed")
@@ -211,7 +211,11 @@ ax.legend()
 figure
 
 # %% [markdown]
-# GAPTEXT
+# One city is learned by heart: over 90 % there, and more than 20 points less elsewhere. With ten cities the gap is about
+# 13 points. With a hundred it is nearly closed. (The cities on the two sides are not equally hard, so take the gap as a
+# trend, not to the point. The 300 others happen to be easier than the 2000.) In new cities, each step from 1 to 10 to 100
+# helps in the mean. From 100 to 2000 nothing more is gained in so short a run: it flies only a few missions in each.
+# The shipped agent took ten times as long.
 
 # %% [markdown]
 # ### What is a mission worth?
@@ -340,7 +344,14 @@ for frame in frames:
     print(f"{frame:<13}one view {' '.join(f'{s:.1%}' for s in one)}   eight {' '.join(f'{s:.1%}' for s in eight)}")
 
 # %% [markdown]
-# FRAMETEXT
+# In one city the frame decides how soon an agent learns (notebook 7). Here it decides whether it learns. With the city in
+# place, all three seeds collect about half as much, and are no better after 200,000 steps than after 100,000.
+#
+# Why? In one city, a network that sees it in place can remember for each cell what to do there. In a city that it has
+# never seen there is nothing to remember. It would have to find its own place on the map, and relate every wall to it,
+# for each place separately. In the centred map, a wall two cells to the east is always in the same place of the input.
+# Two resolutions are centred, too, and about a point ahead of the whole map. And the mean of all eight views adds
+# three to four points to the centred frames.
 #
 # ## 13.7 Learn one city by heart
 #
