@@ -23,6 +23,8 @@ from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.storage import data_folder
 from uavdh_lite.streams import Use, stream
 
+pytestmark = pytest.mark.long  # each submission is a process of its own, some of which hang
+
 SMALL = Challenge("village", episodes=40)
 GREEDY = """
 import numpy as np

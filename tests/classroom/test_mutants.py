@@ -63,10 +63,11 @@ EQUIVALENT = {  # by exercise: which faults change no result, and why
 SLOW = ("crosses", "reachable", "safe_step", "shadow_map")  # 100 s of 140 s on one busy core
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "script, name",
     [
-        pytest.param(*key, id=key[1], marks=[pytest.mark.long] if key[1] in SLOW else [])
+        pytest.param(*key, id=key[1], marks=[pytest.mark.longest] if key[1] in SLOW else [])
         for key in ALL
     ],
 )

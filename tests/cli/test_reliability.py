@@ -15,6 +15,8 @@ from uavdh_lite.checkpoint import load
 from uavdh_lite.cli.main import main
 from uavdh_lite.storage import read_table
 
+pytestmark = pytest.mark.long  # processes are started, killed and resumed
+
 OPTIONS = {
     "scenario": "village",
     "recipe": "small",
@@ -171,7 +173,7 @@ def test_a_folder_that_cannot_be_written(tmp_path):
     assert "Read-only file system" in done.stderr and "Traceback" not in done.stderr
 
 
-@pytest.mark.long
+@pytest.mark.longest
 def test_twenty_kills_at_random_moments(tmp_path, uninterrupted):
     """Whenever it is killed, the run resumes, and ends with the weights of an undisturbed one."""
     generator = np.random.default_rng(0)

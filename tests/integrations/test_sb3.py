@@ -13,6 +13,8 @@ import uavdh_lite.gym  # noqa: F401 (registers)
 from uavdh_lite.environment import Rewards
 from uavdh_lite.scenario import Scenario
 
+pytestmark = pytest.mark.long
+
 SETTINGS = {
     DQN: {
         "learning_rate": 1e-3,

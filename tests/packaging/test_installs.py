@@ -1,6 +1,6 @@
 """The core alone, the notebooks' first cell alone and each extra alone do what they promise.
 
-Every run tries all of them in new environments of links (`installs`). `python -m pytest -m long
+Every run tries all of them in new environments of links (`installs`). `python -m pytest -m longest
 tests/packaging` lets pip install them, by the commands that people type, and compares.
 """
 
@@ -86,6 +86,7 @@ def core(wheel, constraints, tmp_path_factory):
 
 
 @pytest.mark.long
+@pytest.mark.longest
 @pytest.mark.parametrize("name", INSTALLATIONS)
 def test_pip_installs_the_same(name, core, constraints, unpacked, tmp_path):
     """An extra is installed on top of the core, by the command that its absence names."""

@@ -69,6 +69,7 @@ def test_every_dependency_is_pinned():
     assert names <= set(pins("environment.txt"))
 
 
+@pytest.mark.long
 def test_types():
     done = subprocess.run([sys.executable, "-m", "mypy"], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
