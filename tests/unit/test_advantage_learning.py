@@ -26,6 +26,7 @@ def test_targets_lose_a_share_of_the_gap():
     assert widened.tolist() == [[7.0, 9.0, 11.0], [20.0, 21.0, 22.0]]
 
 
+@pytest.mark.long
 def test_the_best_values_stay_and_the_gaps_double(generator):
     """The chain of five cells of `test_ddqn`, with α = 1/2: Q = V − (V − Q) / (1 − α)."""
     discount = 0.9

@@ -235,6 +235,7 @@ def test_what_is_of_a_single_city_says_so():
     assert isinstance(one, State)
 
 
+@pytest.mark.long
 def test_the_genie_plans_each_episode_over_its_own_city():
     environment = Environment(drawn(8, 10))
     start = SCENARIO.sample(environment.cities, 40, stream(Use.TEST))
@@ -274,6 +275,7 @@ def weights(trainer):
     return torch.cat([p.detach().flatten() for p in trainer.learner.online.parameters()])
 
 
+@pytest.mark.long
 def test_a_training_over_many_cities_resumes_to_the_same_weights(begin, tmp_path):
     whole, stopped, resumed, overlapped = begin(), begin(), begin(), begin(OverlappedTrainer)
     with closing(overlapped):

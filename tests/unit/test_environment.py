@@ -364,7 +364,7 @@ def flights(draw):
 
 
 @given(flights())
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(derandomize=True, deadline=None, max_examples=100)
 def test_every_flight_keeps_the_rules(flight):
     environment, scenario, actions, seed = flight
     city, size = environment.city, environment.city.size

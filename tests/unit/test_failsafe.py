@@ -36,7 +36,7 @@ def plain_and_safe(city):
 
 
 @given(starts(), st.data())
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(derandomize=True, deadline=None, max_examples=100)
 def test_no_policy_crashes_from_where_a_landing_is_possible(start, data):
     city, state = start
     environment, generator = Environment(city, failsafe=True), stream(Use.TEST, 1)
@@ -49,7 +49,7 @@ def test_no_policy_crashes_from_where_a_landing_is_possible(start, data):
 
 
 @given(starts(), st.integers(0, 5))
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(derandomize=True, deadline=None, max_examples=100)
 def test_no_stubborn_policy_crashes(start, action):
     """Whoever wants the same all the time, off the map or into a wall, is brought home too."""
     city, state = start

@@ -66,6 +66,7 @@ def two_peaks_quantile(level):
     return 10 * level if level < 0.7 else 40.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("quantile", [normal_quantile, two_peaks_quantile])
 def test_quantile_regression_learns_a_known_distribution(quantile, generator):
     """Samples alone, and the loss leads to the quantiles of what they are drawn from."""

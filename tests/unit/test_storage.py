@@ -62,6 +62,7 @@ def test_a_new_file_has_the_umasks_rights_and_the_umask_is_left_alone(tmp_path, 
         os.umask(before)
 
 
+@pytest.mark.long
 def test_a_bomb_is_not_unpacked_into_memory(tmp_path):
     """A small compressed file of a huge table ends with an error, not with the machine's memory."""
     path = tmp_path / "t.csv.gz"

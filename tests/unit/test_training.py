@@ -186,6 +186,7 @@ def test_global_generators_are_neither_used_nor_changed(trainer):
     assert torch.equal(torch.get_rng_state(), before)
 
 
+@pytest.mark.long
 @either
 def test_a_restored_run_goes_on_to_the_same_weights(trainer, tmp_path, changes):
     """With the statistics of the row that was begun before it was saved."""
