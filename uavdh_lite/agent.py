@@ -1,5 +1,6 @@
 """An agent: a trained network, and everything needed to fly with it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -102,16 +103,29 @@ class Agent:
     @torch.no_grad()
     def q_values(self, state: State) -> Tensor:
         """Q-values of all actions, (B, 6), on the CPU."""
-        chunks = (state[start : start + CHUNK] for start in range(0, len(state), CHUNK))
-        return torch.cat([self._q_values(chunk).cpu() for chunk in chunks])
+        return self._in_chunks(self.network, state)
 
-    def _q_values(self, state: State) -> Tensor:
+    @torch.no_grad()
+    def returns(self, state: State) -> Tensor | None:
+        """Quantiles of each action's return at the levels of `midpoints`, (B, 6, N), on the CPU.
+
+        Their mean is the Q-value. None if the network learned the mean alone.
+        """
+        if not isinstance(self.network, QuantileNetwork):
+            return None
+        return self._in_chunks(self.network.quantiles, state)
+
+    def _in_chunks(self, head: Callable[[list[Tensor], Tensor], Tensor], state: State) -> Tensor:
+        chunks = (state[start : start + CHUNK] for start in range(0, len(state), CHUNK))
+        return torch.cat([self._values(head, chunk).cpu() for chunk in chunks])
+
+    def _values(self, head: Callable[[list[Tensor], Tensor], Tensor], state: State) -> Tensor:
         observation = self.observation
         if not self.symmetric:
-            return self.network(*observation(state))
+            return head(*observation(state))
         time = observation.time(state)
         return mean_over_symmetries(
-            lambda maps: self.network(observation.views(maps), time), observation.full_map(state)
+            lambda maps: head(observation.views(maps), time), observation.full_map(state)
         )
 
     def __call__(self, state: State) -> np.ndarray:

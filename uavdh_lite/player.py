@@ -59,6 +59,14 @@ PAGE = """\
 </body>
 </html>
 """
+START = """\
+(() => {{
+"use strict";
+{script}
+for (const root of document.querySelectorAll(".uavdh-player")) {{
+  root.playing ??= start(root); // each is started once
+}}
+}})();"""
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,12 +77,17 @@ class Player:
     | --- | --- |
     | `title` | what is flown, and where |
     | `endings` | how each flight ended, a sentence each |
+    | `drawing` | what is played, as HTML, without the script that plays it |
     | `html` | a part of a page; it loads nothing, and a page may have several |
     """
 
     title: str
     endings: tuple[str, ...]
-    html: str
+    drawing: str
+
+    @property
+    def html(self) -> str:
+        return f"{self.drawing}\n<script>{START.format(script=script())}</script>"
 
     def __repr__(self) -> str:
         return " ".join((f"{self.title}.", *self.endings))
@@ -135,7 +148,12 @@ def play(environment: Environment, trajectories: Trajectory | Mapping[str, Traje
         data_lm_suppress_shortcuts="true",  # the keys are the player's, not JupyterLab's
     )
     endings = tuple(f"{name}: {_ending(f)}" if name else _ending(f) for name, f in flights.items())
-    return Player(title, endings, f"{player}\n<script>{_read('player.js')}</script>")
+    return Player(title, endings, player)
+
+
+def script() -> str:
+    """The functions that play a `drawing`, in JavaScript; `start(root)` begins."""
+    return _read("player.js")
 
 
 def _require_mission(
@@ -636,6 +654,7 @@ def _start(scene: _Scene) -> str:
         "path",
         _tag("title", "start"),
         d=triangle,
+        data_start=f"{y},{x}",
         fill="#fff",
         stroke="#000",
         stroke_width=0.08 * scene.scale,

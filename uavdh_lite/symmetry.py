@@ -35,7 +35,8 @@ def mean_over_symmetries(q_values: Callable[[Tensor], Tensor], maps: Tensor) -> 
     """The mean Q-values of the actions over the eight views of the maps; (B, 6).
 
     Arguments:
-        q_values: gives Q-values, (B, 6), for maps, (B, C, W, W).
+        q_values: gives Q-values, (B, 6), for maps, (B, C, W, W); or quantiles of the return,
+            (B, 6, N), and their means are returned.
         maps: (B, C, W, W), with an odd W if they are centred on a cell.
     """
     views = [

@@ -19,37 +19,40 @@ if not any(distributions(name="uavdh_lite")):
 # %%
 # %matplotlib inline
 import numpy as np
-from IPython.display import Image, display
+from IPython.display import HTML, Image, display
 
 from uavdh_lite.labs import ChannelLab, CityLab, FlyLab, MissionLab, ThinkLab, TrainingLab
 
-def pictures(*canvases):
-    """The labs as they stand, for readers without a kernel."""
-    for canvas in canvases:
+def pictures(stage=None, canvas=None):
+    """A lab as it stands, for readers without a kernel: its flights, and its charts."""
+    if stage is not None:
+        display(HTML(stage.drawing))
+    if canvas is not None:
         display(Image(canvas.picture.value))
 
 # %%
 lab = MissionLab("manhattan")
 lab.other.value = "greedy"
-pictures(lab.maps[0].canvas, lab.maps[1].canvas, lab.charts.canvas)
+pictures(lab.stage, lab.charts.canvas)
 
 # %% [markdown]
 # | | |
 # | --- | --- |
 # | **What you'll do** | Use six labs with mouse and keyboard |
 # | **What you'll learn** | Nothing new: here you try what the other notebooks explain |
-# | **What you'll need** | A running kernel; `pip install -e "..[notebooks]"`, which includes ipyevents for clicks and keys; notebook 0, and for each lab the notebook that is named. 10 minutes to read, 20 seconds to run; 10 minutes of exercises |
+# | **What you'll need** | A running kernel; `pip install -e "..[notebooks]"`, which includes anywidget for what moves in the labs; notebook 0, and for each lab the notebook that is named. 10 minutes to read, 20 seconds to run; 10 minutes of exercises |
 #
 # ## 10.1 Mission lab (notebook 0)
 #
-# Choose what a click does: add a device, move one (a click on it, then one on its new place), remove one, or
-# set where the UAV starts. Sliders set the data and the flying time. A second policy flies the same mission
-# next to the first, with the same fading. *step* moves along the flight, the play button flies.
+# Drag a device or the start to another cell. Drag the right end of a bar to change how much data a device has, or how
+# much time there is. A click adds a device; choose *remove* to take one away. All of it works with keys, too: Tab goes
+# from one to the next, arrow keys move it. Up to three policies fly the mission side by side, with the same fading,
+# and a sentence says how they differ. *Full screen* is for the lecture hall.
 #
 # Above: the agent and the greedy planner on one mission; then, for the agent, the data left, which device has
 # each slot, and the terms of the reward. Both collect all and land, the agent in fewer steps. Now choose
 # `manhattan_ddqn` for the first policy, the agent of the paper's method. When the last device is empty, it turns back
-# and forth for a while (small circles are steps spent hovering): with nothing left to collect its best actions are
+# and forth for a while (rings are steps spent hovering): with nothing left to collect its best actions are
 # worth nearly the same, and the errors of their Q-values decide. Notebook 12 shows what ended that.
 
 # %%
@@ -58,7 +61,12 @@ lab
 # %% [markdown]
 # ## 10.2 Watch it think (notebooks 4 and 5)
 #
-# At every step the six Q-values, the softmax policy at a temperature of your choice, the five layers of
+# At every step, the Q-values are signs around the UAV: the larger, the better, and the best one is blue. An action that the
+# failsafe forbids has none. The bars next to the map are the same Q-values. This agent has learned quantiles of the return, so
+# black lines show where half of the returns lie (thick) and 80% of them (thin). The *action gap*, above the map, is the
+# distance from the best Q-value to the next.
+#
+# Then come the softmax policy at a temperature of your choice, the five layers of
 # the map (the network sees them averaged over 3×3 cells, and the middle in full), and two more pictures. *Saliency* is the gradient of the largest Q-value times the input,
 # summed over the layers, without its sign: how much that value would change, to first order, if what is in a
 # cell vanished. An empty cell is always 0. *Largest Q-value* asks what the mission would be worth if the UAV
@@ -66,9 +74,9 @@ lab
 
 # %%
 think = ThinkLab("manhattan")
-think.step.value = 12
+think.stage.step = 12
 think.temperature.value = 1
-pictures(think.maps[0].canvas, think.charts.canvas)
+pictures(canvas=think.charts.canvas)
 
 # %%
 think
@@ -76,12 +84,12 @@ think
 # %% [markdown]
 # ## 10.3 Fly it yourself (notebook 3)
 #
-# Use the buttons, or the arrow keys while the mouse is over the map. At the end all other policies fly your mission
-# with the same fading. Do not forget to land.
+# Use the buttons, or click the map and use the arrow keys; space hovers, Enter lands. At the end all other policies fly
+# your mission with the same fading, and a second table counts the missions of the session: the first try of each.
 
 # %%
 game = FlyLab("manhattan", seed=3)
-pictures(game.map.canvas)
+pictures(game.stage)
 
 # %%
 game
@@ -98,7 +106,7 @@ game
 link = ChannelLab("manhattan")
 link.click.value = "UAV"
 link.clicked((4, 8))
-pictures(link.canvas)
+pictures(canvas=link.canvas)
 
 # %%
 link
@@ -107,8 +115,10 @@ link
 # ## 10.5 Training live (notebook 6)
 #
 # Under half a minute for the village. The run is in the background: other cells go on working, and *pause*
-# stops it after the step in progress. Try a crash reward of 0 from start to end, and watch *landed*: it
-# stays far below 1. That is the agent of notebook 6 that crashes.
+# stops it after the step in progress. After each validation the agent flies one mission, always the same. Click a point
+# of the curves to see how it flew then. Try a crash reward of 0 from start to end, and watch *landed*: it
+# stays far below 1. That is the agent of notebook 6 that crashes. *failsafe*, *quantiles* and *advantage learning* are
+# the ideas of notebook 12, one by one.
 
 # %%
 training = TrainingLab("village")
@@ -127,7 +137,7 @@ training
 # %%
 city = CityLab("village")
 city.fly.click()
-pictures(city.canvas, *(each.canvas for each in city.maps))
+pictures(city.stage, city.canvas)
 
 # %%
 city
@@ -183,5 +193,6 @@ print(f"up to {highest} m")
 # %% [markdown]
 # ## Further reading
 #
-# - `uavdh_lite/labs`: a module for each lab; `Canvas` shows how a figure is drawn once and then only changed.
+# - `uavdh_lite/labs`: a module for each lab; `Canvas` shows how a figure is drawn once and then only changed, and
+#   `Stage` how flights play in the browser without asking Python.
 # - `python -m uavdh_lite app`: the same labs as a web page.

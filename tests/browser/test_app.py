@@ -8,7 +8,6 @@ import re
 import shutil
 import uuid
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -61,20 +60,21 @@ def page(browser, server):
     page.on("console", lambda m: errors.append(m.text) if m.type == "error" else None)
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.goto(server)
-    page.locator("img:visible").first.wait_for()
+    page.locator(SHOWN).first.wait_for()
     yield page
     page.goto("about:blank")  # ends the session; closing the page alone would not, here
     page.close()
     assert outside == [] and errors == []
 
 
+SHOWN = ".uavdh-picture img[src]:visible, .uavdh-stage .map svg:visible"
 OWN = ("http://127.0.0.1", "ws://127.0.0.1", "data:", "blob:")
 
 
 def open_lab(page, title):
     page.get_by_role("tab", name=title, exact=True).click()
     lab = page.locator(".jp-OutputArea-output .widget-tab-contents > :not(.lm-mod-hidden)")
-    lab.locator("img:visible").first.wait_for()
+    lab.locator(SHOWN).first.wait_for()
     return lab
 
 
@@ -91,18 +91,26 @@ def size(picture):
     return picture.evaluate("image => [image.naturalWidth, image.naturalHeight]")
 
 
-def click_cell(picture, row, col, cells=16):
-    """Click a cell on a map of the mission lab."""
-    picture.click(position=place_of_cell(picture, row, col, cells))
+def place_of_cell(lab, row, col, flight=0):
+    """Where the middle of a cell is on the page, on the map of a flight."""
+    svg = lab.locator(".uavdh-stage .map svg").nth(flight)
+    place = """(svg, [x, y]) => {
+        const { x: left, y: top } = new DOMPoint(x, y).matrixTransform(svg.getScreenCTM());
+        return [left, top];
+    }"""
+    return svg.evaluate(place, [col, row])
 
 
-def place_of_cell(picture, row, col, cells=16):
-    """Where a cell is on a map of the mission lab; its axes' place is that of `labs.views.Map`."""
-    width, height = size(picture)
-    side = min(0.93 * width, 0.88 * height)
-    left = 0.06 * width + (0.93 * width - side) / 2
-    top = height * (1 - 0.06 - 0.88) + (0.88 * height - side) / 2
-    return {"x": left + (col + 0.5) / cells * side, "y": top + (row + 0.5) / cells * side}
+def click_cell(page, lab, row, col, flight=0):
+    page.mouse.click(*place_of_cell(lab, row, col, flight))
+
+
+def drag_cell(page, lab, start, end):
+    """Drag what is in a cell to another one."""
+    page.mouse.move(*place_of_cell(lab, *start))
+    page.mouse.down()
+    page.mouse.move(*place_of_cell(lab, *end), steps=8)
+    page.mouse.up()
 
 
 def first_mission(city):
@@ -131,81 +139,168 @@ def until(page, condition):
     raise AssertionError("waited in vain")
 
 
-def test_a_mission_is_set_by_clicks_and_flown(page):
+def test_a_mission_is_set_on_the_map_and_flown(page):
     lab = open_lab(page, "Mission")
     devices = len(first_mission("manhattan").devices)
-    expect(lab.get_by_role("slider", name=re.compile("data of"))).to_have_count(devices)
+    amounts = lab.get_by_role("slider", name="data of device")
+    expect(amounts).to_have_count(devices)
     before = collected(lab)[1]
-    click_cell(lab.locator("img:visible").first, 8, 8)
-    expect(lab.get_by_role("slider", name=re.compile("data of"))).to_have_count(devices + 1)
+    click_cell(page, lab, 8, 8)
+    expect(amounts).to_have_count(devices + 1)
     until(page, lambda: collected(lab)[1] > before)
 
     lab.get_by_role("button", name="remove").click()
-    click_cell(lab.locator("img:visible").first, 8, 8)
-    expect(lab.get_by_role("slider", name=re.compile("data of"))).to_have_count(devices)
+    click_cell(page, lab, 8, 8)
+    expect(amounts).to_have_count(devices)
     until(page, lambda: collected(lab)[1] == before)
 
     lab.get_by_role("button", name="add", exact=True).click()
-    click_cell(lab.locator("img:visible").first, 3, 2)
-    expect(lab.get_by_role("status")).to_contain_text("stands on a building at (3, 2)")
+    click_cell(page, lab, 3, 2)
+    expect(lab.locator("span[role=status]")).to_contain_text("stands on a building at (3, 2)")
 
-    picture = lab.locator("img:visible").first
     flown = table(lab)[0]
-    cells = first_mission("manhattan").devices[0], (0, 6)  # far away
-    here, there = (place_of_cell(picture, *cell) for cell in cells)
-    picture.drag_to(picture, source_position=here, target_position=there)
+    here, there = first_mission("manhattan").devices[0], (0, 6)  # far away
+    drag_cell(page, lab, here, there)
     until(page, lambda: table(lab)[0] != flown)  # the device stands elsewhere
-    expect(lab.get_by_role("status")).to_have_text("")
-    picture.drag_to(picture, source_position=there, target_position=here)
+    expect(lab.locator("span[role=status]")).to_have_text("")
+    drag_cell(page, lab, there, here)
     until(page, lambda: table(lab)[0] == flown)
+    drag_cell(page, lab, here, (2, 2))  # onto a building: it goes back
+    expect(lab.locator("span[role=status]")).to_contain_text("stands on a building")
+    device = lab.locator("svg [data-device='0']").first
+    expect(device).to_have_attribute("transform", f"translate({here[1]} {here[0]})")
 
     lab.get_by_label("compare with").select_option("greedy")
     until(page, lambda: len(table(lab)) == 2)
     expect(lab.get_by_text("collected as much data as greedy")).to_be_visible()
     assert [row["policy"] for row in table(lab)] == ["manhattan agent", "greedy"]
     assert collected(lab)[1] == collected(lab, 1)[1]
+    lab.get_by_label("and with").select_option("random")
+    expect(lab.locator(".uavdh-stage .flight")).to_have_count(3)
+    expect(lab.get_by_text("more than random")).to_be_visible()
     assert fits(page)
     shoot(page, "mission")
 
 
-def test_keys_move_sliders_place_devices_and_scrub(page):
+def test_keys_set_bars_move_devices_and_scrub(page):
     lab = open_lab(page, "Mission")
     time = lab.get_by_role("slider", name="flying time")
-    given = int(float(time.get_attribute("aria-valuenow")))
+    given = int(time.get_attribute("aria-valuenow"))
     time.focus()
     page.keyboard.press("ArrowLeft")
     until(page, lambda: table(lab)[0]["time left"].endswith(f"of {given - 1}"))
+    expect(time).to_be_focused()  # although the maps were drawn again
+    page.keyboard.press("ArrowLeft")
+    until(page, lambda: table(lab)[0]["time left"].endswith(f"of {given - 2}"))
+
+    before = collected(lab)[1]
+    amount = lab.get_by_role("slider", name="data of device 1")
+    amount.focus()
+    page.keyboard.press("End")
+    until(page, lambda: collected(lab)[1] > before)
+    expect(amount).to_have_attribute("aria-valuenow", "20")
+
+    row, col = first_mission("manhattan").devices[0]
+    device = lab.get_by_role("button", name="device 0 at").first
+    device.focus()
+    page.keyboard.press("ArrowDown")
+    moved = lab.get_by_role("button", name=f"device 0 at ({row + 1}, {col})").first
+    expect(moved).to_be_focused()
 
     before = collected(lab)[1]
     lab.get_by_role("spinbutton", name="row").fill("8")
     lab.get_by_role("spinbutton", name="column").fill("8")
     lab.get_by_role("spinbutton", name="column").press("Tab")
     page.keyboard.press("Enter")
-    added = len(first_mission("manhattan").devices)
-    expect(lab.get_by_role("slider", name=f"data of {added}")).to_be_visible()
-    until(page, lambda: collected(lab)[1] > before)  # the slider comes first, then the flight
+    until(page, lambda: collected(lab)[1] > before)
 
     end = table(lab)[0]["time left"]
     step = lab.get_by_role("slider", name="step")
     step.focus()
     page.keyboard.press("Home")
-    until(page, lambda: table(lab)[0]["time left"] == f"{given - 1} of {given - 1}")
+    until(page, lambda: table(lab)[0]["time left"] == f"{given - 2} of {given - 2}")
     assert collected(lab)[0] == 0
-    lab.get_by_role("button", name="play").click()  # and the flight runs to its end
+    lab.get_by_label("speed").select_option("4")
+    lab.get_by_role("button", name="Play").click()  # and the flight runs to its end
     until(page, lambda: table(lab)[0]["time left"] == end)
+
+
+def test_bars_are_dragged(page):
+    lab = open_lab(page, "Mission")
+    bar = lab.get_by_role("slider", name="data of device 0")
+    box = bar.bounding_box()
+    y = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 0.9 * box["width"], y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.25 * box["width"], y, steps=5)
+    expect(lab.get_by_text("start: 5.0")).to_be_visible()  # at once, before Python knows
+    page.mouse.up()
+    expect(lab.locator(".bar .number").first).to_contain_text("of 5.0")
+
+
+SMOOTH = """async (lab) => {
+    const uav = lab.querySelector("[data-uav]");
+    const places = new Set();
+    let frames = 0;
+    const began = performance.now();
+    lab.querySelector(".play").click();
+    while (performance.now() - began < 2000) {
+        await new Promise(requestAnimationFrame);
+        frames += 1;
+        places.add(uav.getAttribute("transform"));
+    }
+    return [frames, places.size];
+}"""
+
+
+def test_flights_play_smoothly_and_scrubbing_asks_nobody(page):
+    """The UAV has a new place in nearly every frame; a step is drawn in the event that asks."""
+    lab = open_lab(page, "Mission")
+    stage = lab.locator(".uavdh-stage")
+    frames, places = stage.evaluate(SMOOTH)
+    assert places > 0.8 * frames > 8  # 8 steps of flight: Python's pictures would be 8 places
+    at_once = """(stage) => {
+        const [slider, uav] = [stage.querySelector("input"), stage.querySelector("[data-uav]")];
+        const places = [0, 5, 11].map((step) => {
+            slider.value = step;
+            slider.dispatchEvent(new Event("input"));
+            return uav.getAttribute("transform");
+        });
+        return new Set(places).size;
+    }"""
+    assert stage.evaluate(at_once) == 3
+
+
+def test_flights_fill_the_screen_of_a_lecture_hall(page):
+    lab = open_lab(page, "Mission")
+    letters = "stage => getComputedStyle(stage.querySelector('.says')).fontSize"
+    stage = lab.locator(".uavdh-stage")
+    before = float(stage.evaluate(letters).removesuffix("px"))
+    lab.get_by_role("button", name="Full screen").click()
+    until(page, lambda: page.evaluate("document.fullscreenElement?.className.includes('stage')"))
+    assert float(stage.evaluate(letters).removesuffix("px")) > 1.3 * before
+    click_cell(page, lab, 8, 8)  # and all works as before
+    expect(lab.get_by_role("slider", name="data of device 3")).to_be_visible()
+    lab.get_by_role("button", name="Full screen").click()
+    until(page, lambda: page.evaluate("document.fullscreenElement === null"))
 
 
 def test_what_the_agent_thinks_changes_from_step_to_step(page):
     lab = open_lab(page, "Watch it think")
-    thoughts = lab.locator("img:visible").nth(1)
-    last = thoughts.get_attribute("src")
+    thoughts = lab.locator(".uavdh-picture img")
+    first = thoughts.get_attribute("src")
+    arrows = lab.locator(".thoughts > *")
+    expect(lab.locator(".thoughts > .best")).to_have_count(1)
+    drawn = arrows.evaluate_all("signs => signs.map((sign) => sign.outerHTML)")
     lab.get_by_role("slider", name="step").focus()
     for _ in range(7):
-        page.keyboard.press("PageDown")
-    step = lab.get_by_role("slider", name="step").get_attribute("aria-valuenow")
+        page.keyboard.press("ArrowRight")
     time = first_mission("manhattan").flying_time
-    until(page, lambda: table(lab)[0]["time left"] == f"{time - int(float(step))} of {time}")
-    assert thoughts.get_attribute("src") != last
+    until(page, lambda: table(lab)[0]["time left"] == f"{time - 7} of {time}")
+    expect(lab.get_by_text("The action gap")).to_be_visible()
+    assert thoughts.get_attribute("src") != first
+    assert arrows.evaluate_all("signs => signs.map((sign) => sign.outerHTML)") != drawn
+    assert "the agent chooses" in thoughts.get_attribute("alt")
     shoot(page, "think")
     now = thoughts.get_attribute("src")
     lab.get_by_role("slider", name="temperature").focus()
@@ -227,13 +322,15 @@ def test_flying_by_keys_ends_with_a_score(page):
     expect(lab).to_contain_text(f"{left} units of time left")
     lab.get_by_role("button", name=button).click()
     expect(lab).to_contain_text(f"{left - 1} units of time left")
-    lab.locator("img:visible").first.hover()
+    lab.locator(".uavdh-stage .map svg").click()
     for number, action in enumerate(others[:-1], start=2):
         page.keyboard.press(keys[action])
         expect(lab).to_contain_text(f"{left - number} units of time left")
     page.keyboard.press(keys[others[-1]])
-    expect(lab.locator("tr")).to_have_count(6)  # they come one by one
+    expect(lab.locator("tr")).to_have_count(12)  # they come one by one, then the session's
     scores = [row.locator("td").all_inner_texts() for row in lab.locator("tr").all()]
+    assert scores[6][0] == "this session" and {row[1] for row in scores[7:]} == {"1"}
+    scores = scores[:6]
     assert [row[0] for row in scores[1:]] == ["you", "any_city agent", "greedy", "genie", "random"]
     assert scores[1][1] == "yes" and scores[1][1:] == scores[3][1:]
     assert fits(page)
@@ -244,18 +341,15 @@ def test_the_channel_follows_device_and_sliders(page):
     lab = open_lab(page, "Channel")
     sentence = lab.get_by_text("data units a slot").last
     before = sentence.inner_text()
-    picture = lab.locator("img:visible").first
+    picture = lab.locator(".uavdh-picture img")
     width, height = size(picture)
-    for _ in range(30):  # the page listens to its picture a moment after it shows it
-        picture.click(position={"x": 0.2 * width, "y": 0.5 * height})
-        with suppress(AssertionError):
-            expect(sentence).not_to_have_text(before, timeout=2000)
-            break
+    picture.click(position={"x": 0.2 * width, "y": 0.5 * height})
     expect(sentence).not_to_have_text(before)
     lab.get_by_role("slider", name="edge SNR, dB").focus()
     moved = sentence.inner_text()
     page.keyboard.press("End")
     expect(sentence).not_to_have_text(moved)
+    assert sentence.inner_text() in picture.get_attribute("alt")
     assert "SNR" in sentence.inner_text() and fits(page)
     shoot(page, "channel")
 
@@ -263,15 +357,20 @@ def test_the_channel_follows_device_and_sliders(page):
 def test_a_training_runs_pauses_and_goes_on(page):
     lab = open_lab(page, "Training")
     lab.get_by_role("button", name=re.compile(r"start$")).click()
-    status = lab.get_by_role("status")
+    status = lab.locator("span[role=status]")
     expect(status).to_contain_text("after 8,0")  # the first validation after the start's
-    lab.get_by_role("button", name="pause").click()
+    lab.get_by_role("button", name=re.compile(r"pause$")).click()
     expect(status).to_contain_text("paused")
     expect(lab.get_by_label("temperature")).to_be_disabled()
     lab.get_by_role("button", name=re.compile(r"start$")).click()
     expect(status).to_contain_text(re.compile(r"after (16|24|32|40|48),0"))  # however fast it is
+    expect(lab.get_by_text("the agent after")).to_be_visible()
     shoot(page, "training")
-    lab.get_by_role("button", name="pause").click()
+    curves = lab.locator(".uavdh-picture img")
+    left = 0.12 * size(curves)[0] + 3  # the left end of the axes: before the first step
+    curves.click(position={"x": left, "y": 100})
+    expect(lab.get_by_text("the agent after 0 steps")).to_be_visible()
+    lab.get_by_role("button", name=re.compile(r"pause$")).click()
     expect(status).to_contain_text("paused")
     lab.get_by_role("button", name="new run").click()
     expect(lab.get_by_label("temperature")).to_be_enabled()
@@ -280,7 +379,7 @@ def test_a_training_runs_pauses_and_goes_on(page):
 
 def test_a_city_is_painted_uploaded_and_flown(page):
     lab = open_lab(page, "City")
-    status = lab.get_by_role("status")
+    status = lab.locator("span[role=status]")
     lab.get_by_label("size").fill("6")
     lab.get_by_label("size").press("Tab")
     lab.get_by_role("button", name="blank city").click()
@@ -291,7 +390,7 @@ def test_a_city_is_painted_uploaded_and_flown(page):
     lab.get_by_role("button", name="tall building").click()
 
     def drag(down=0.5):
-        box = lab.locator("img:visible").first.bounding_box()
+        box = lab.locator(".uavdh-picture img").bounding_box()
         page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
         page.mouse.down()
         page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + down * box["height"], steps=12)
@@ -309,7 +408,7 @@ def test_a_city_is_painted_uploaded_and_flown(page):
     until(page, lambda: painted(link).buildings.sum() == 9)
     lab.get_by_role("button", name="undo").click()
     until(page, lambda: painted(link).buildings.sum() == 3)
-    lab.locator("img:visible").first.hover(position={"x": 60, "y": 60})
+    lab.locator(".uavdh-picture img").hover(position={"x": 60, "y": 60})
     expect(lab.get_by_text("of the cells without a building")).to_be_visible()
 
     def upload(data):
@@ -327,7 +426,7 @@ def test_a_city_is_painted_uploaded_and_flown(page):
     upload(Draft(City.load("village").kinds).png())
     until(page, lambda: painted(link).size == 8)
     lab.get_by_role("button", name=re.compile(r"fly$")).click()
-    expect(lab.locator("img:visible")).to_have_count(3)  # the drawing, and two flights over it
+    expect(lab.locator(".uavdh-stage .map svg")).to_have_count(2)
     assert fits(page)
     shoot(page, "city")
 
@@ -339,7 +438,7 @@ def painted(link):
 
 def fits(page):
     """Whether nothing on the page reaches beyond its width."""
-    right = """Math.max(...[...document.querySelectorAll("img, .jupyter-widgets")].map(
+    right = """Math.max(...[...document.querySelectorAll("img, svg, .jupyter-widgets")].map(
         (each) => each.getBoundingClientRect().right))"""
     return page.evaluate(right) <= page.evaluate("innerWidth")
 
@@ -363,7 +462,7 @@ def test_one_person_more_than_the_limit_has_to_wait(browser):
     with serving("--sessions", "1") as (address, _):
         first, second = browser.new_page(), browser.new_page()
         first.goto(address)
-        first.locator("img:visible").first.wait_for(timeout=WAIT)
+        first.locator(SHOWN).first.wait_for(timeout=WAIT)
         assert second.goto(address).status == 503
         expect(second.locator("h1")).to_have_text("All sessions are in use")
         first.goto("about:blank")  # leaving the page ends its session
@@ -371,7 +470,7 @@ def test_one_person_more_than_the_limit_has_to_wait(browser):
             if second.goto(address).status == 200:
                 break
             second.wait_for_timeout(200)
-        second.locator("img:visible").first.wait_for(timeout=WAIT)
+        second.locator(SHOWN).first.wait_for(timeout=WAIT)
         first.close()
         second.close()
 
@@ -381,7 +480,7 @@ def test_an_idle_session_ends_and_the_page_says_so(browser):
     with serving("--idle-seconds", "3") as (address, _):
         page = browser.new_page()
         page.goto(address)
-        page.locator("img:visible").first.wait_for(timeout=WAIT)
+        page.locator(SHOWN).first.wait_for(timeout=WAIT)
         expect(page.get_by_role("alert")).to_contain_text("has ended", timeout=WAIT)
         page.close()
 

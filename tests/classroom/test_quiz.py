@@ -36,9 +36,9 @@ def test_every_choice_explains_itself(name):
 
 
 def test_a_quiz_needs_no_more_than_ipywidgets():
-    """The notebooks' own installation has no ipyevents, which the labs listen with."""
+    """The notebooks' own installation has no anywidget, which the labs are drawn with."""
     code = (
-        "import sys; sys.modules['ipyevents'] = None; import uavdh_lite.course.quiz as quiz; "
+        "import sys; sys.modules['anywidget'] = None; import uavdh_lite.course.quiz as quiz; "
         "quiz.Quiz('frame_size'); import uavdh_lite.labs.widgets; "
         "print(sorted(name for name in sys.modules if name.startswith('uavdh_lite.labs')))"
     )

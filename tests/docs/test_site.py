@@ -23,7 +23,7 @@ from uavdh_lite.scenario import SCENARIOS
 
 for package in ("furo", "myst_nb", "sphinx_design", "sphinx-mathjax-offline"):
     pytest.importorskip(package)
-for package in ("gymnasium", "ipywidgets", "ipyevents", "psutil", "voila"):
+for package in ("anywidget", "gymnasium", "ipywidgets", "psutil", "voila"):
     pytest.importorskip(package)  # modules of the reference import them
 
 pytestmark = pytest.mark.long

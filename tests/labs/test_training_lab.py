@@ -43,8 +43,36 @@ def test_a_run_shows_curves_and_a_flight(finished):
     assert [row["steps"] for row in rows] == [0, 400, 800, 1200, 1600]
     drawn = finished.ax.lines[0].get_xdata()
     assert list(drawn) == [0, 400, 800, 1200, 1600]
-    assert finished.map.canvas.picture.value
+    assert "the agent after 1,600 steps" in finished.stage.drawing
+    assert finished._result() in finished.curves.picture.alt
     assert finished.start.disabled and not finished.new_run.disabled
+
+
+def test_a_click_on_the_curves_shows_the_flight_at_that_time(finished):
+    assert [len(finished.flown), finished.looked_at.value, finished.looked_at.max] == [5, 4, 4]
+    newest = finished.curves.picture.value
+    x, y = finished.ax.transData.transform((850, 0.5))
+    told = {"kind": "click", "x": x, "y": finished.curves.figure.bbox.height - y}
+    finished.curves.picture._handle_custom_msg(told, [])
+    assert finished.looked_at.value == 2 and "after 800 steps" in finished.stage.drawing
+    assert finished.stage.begin == 0 and finished.curves.picture.value != newest
+    finished.looked_at.value = 0
+    assert "after 0 steps" in finished.stage.drawing
+    finished.new_run.click()
+    assert finished.looked_at.layout.display == finished.stage.layout.display == "none"
+    finished.look_at(800)  # nothing to look at yet
+    assert finished.flown == [] and finished.looked_at.max == 0
+
+
+def test_parts_of_the_quantile_recipe_are_added_one_by_one():
+    lab, source = TrainingLab("village", TINY), find_recipe("quantile")
+    assert lab._new().recipe == replace(TINY, **{k: v.value for k, v in lab.settings.items()})
+    lab.parts["failsafe"].value = True
+    assert lab._new().recipe == replace(TINY, failsafe=True)
+    lab.parts["quantiles"].value = lab.parts["advantage learning"].value = True
+    recipe = lab._new().recipe
+    assert (recipe.quantiles, recipe.huber_delta) == (source.quantiles, source.huber_delta)
+    assert recipe.advantage_learning == source.advantage_learning and recipe.failsafe
 
 
 def test_pausing_changes_nothing_of_the_result(finished):
@@ -59,6 +87,7 @@ def test_pausing_changes_nothing_of_the_result(finished):
     wait(lab)
     ours, theirs = (each.trainer.learner.online.state_dict() for each in (lab, finished))
     assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
+    assert len(lab.flown) == len(lab.trainer.validation_rows)  # none twice
 
 
 def test_settings_are_taken_and_held_while_a_run_is_on(finished):

@@ -69,7 +69,7 @@ def bootstrap():
     try:
         from uavdh_lite.labs import MissionLab  # noqa: F401
     except MissingExtra as error:
-        assert str(error) == "ipyevents is not installed: pip install 'uavdh-lite[notebooks]'"
+        assert str(error) == "anywidget is not installed: pip install 'uavdh-lite[notebooks]'"
     else:
         raise AssertionError("this installation has more than it says")
     for statement in sorted(set(notebook_imports("0*.ipynb"))):

@@ -36,6 +36,10 @@ def test_what_is_in_the_wheel(built):
         "uavdh_lite/course/quizzes.toml",
         "uavdh_lite/player.css",
         "uavdh_lite/player.js",
+        "uavdh_lite/labs/picture.css",
+        "uavdh_lite/labs/picture.js",
+        "uavdh_lite/labs/stage.css",
+        "uavdh_lite/labs/stage.js",
     ):
         assert name in names
     kept = {str(p.relative_to(ROOT)) for p in (ROOT / "uavdh_lite").rglob("*.*") if p.is_file()}

@@ -1,6 +1,7 @@
 """A figure that is drawn once and then only changed; a picture that takes clicks and keys."""
 
 from collections.abc import Callable, Iterable
+from pathlib import Path
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -12,8 +13,31 @@ from uavdh_lite.errors import extra
 from uavdh_lite.plotting import png
 
 with extra("notebooks"):
-    import ipywidgets
-    from ipyevents import Event
+    import anywidget
+    import traitlets
+
+HERE = Path(__file__).parent
+
+
+class Picture(anywidget.AnyWidget):
+    """A PNG on the page, with a sentence for those who do not see it.
+
+    It tells what happens on it: `{"kind": "click"}`, `"down"`, `"move"` with `x` and `y` in pixels
+    and `pressed`, whether the button is down; and `{"kind": "key", "key": …}` while the mouse is
+    over it.
+
+    | trait | meaning |
+    | --- | --- |
+    | `value` | the PNG, bytes |
+    | `alt` | what it shows, as a sentence |
+    | `listens` | what it tells: some of click, draw and key |
+    """
+
+    _esm = (HERE / "picture.js").read_text(encoding="utf-8")
+    _css = (HERE / "picture.css").read_text(encoding="utf-8")
+    value = traitlets.Bytes().tag(sync=True)
+    alt = traitlets.Unicode().tag(sync=True)
+    listens = traitlets.List().tag(sync=True)
 
 
 class Canvas:
@@ -22,67 +46,45 @@ class Canvas:
     | attribute | meaning |
     | --- | --- |
     | `figure` | the figure; `draw_all` draws what was added to it |
-    | `picture` | the `ipywidgets.Image` to show |
+    | `picture` | the `Picture` to show |
     """
 
     def __init__(self, figure: Figure):
         self.figure = figure
         self._canvas = FigureCanvasAgg(figure)
         self._background = None
-        # No tooltip: the view of an Image has no element for it, and fails to show the picture
-        self.picture = ipywidgets.Image(format="png", layout={"align_self": "flex-start"})
+        self.picture = Picture()
 
     def draw_all(self) -> None:
         """Draw the figure without its animated artists, as the background of `draw`."""
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(self.figure.bbox)
 
-    def draw(self, changing: Iterable[tuple[Axes, Artist]] = ()) -> None:
-        """Show the background with these artists on top of it."""
+    def draw(self, changing: Iterable[tuple[Axes, Artist]] = (), alt: str | None = None) -> None:
+        """Show the background with these artists on top of it.
+
+        Arguments:
+            alt: what the picture shows now, as a sentence; by default what it was.
+        """
         if self._background is None:
             self.draw_all()
         self._canvas.restore_region(self._background)
         for ax, artist in changing:
             ax.draw_artist(artist)
-        self.picture.value = png(np.asarray(self._canvas.buffer_rgba())[..., :3])
+        with self.picture.hold_sync():
+            self.picture.value = png(np.asarray(self._canvas.buffer_rgba())[..., :3])
+            if alt is not None:
+                self.picture.alt = alt
 
-    def on_click(self, handler: Callable[[Axes, float, float], None]) -> Event:
+    def on_click(self, handler: Callable[[Axes, float, float], None]) -> None:
         """Call `handler(ax, x, y)`, in data coordinates, for every click inside an Axes."""
-        return self._watch(["click"], lambda event: self._locate(event, handler))
-
-    def on_drop(
-        self, handler: Callable[[Axes, tuple[float, float], tuple[float, float]], None]
-    ) -> Event:
-        """Call `handler(ax, start, end)` when the button is released in the Axes it was pressed in.
-
-        `start` and `end` are (x, y) in data coordinates; for a click they are the same.
-        """
-        pressed = None
-
-        def pressed_at(ax, x, y):
-            nonlocal pressed
-            pressed = ax, (x, y)
-
-        def released_at(ax, x, y):
-            if pressed is not None and pressed[0] is ax:
-                handler(ax, pressed[1], (x, y))
-
-        def moved(event):
-            nonlocal pressed
-            if event.get("type") == "mousedown":
-                pressed = None  # unless it is inside an Axes
-                self._locate(event, pressed_at)
-            else:
-                self._locate(event, released_at)
-                pressed = None
-
-        return self._watch(["mousedown", "mouseup"], moved)
+        self._listen("click", {"click": lambda told: self._locate(told, handler)})
 
     def on_drag(
         self,
         handler: Callable[[Axes, list[tuple[float, float]], bool], None],
         hover: Callable[[Axes, float, float], None],
-    ) -> Event:
+    ) -> None:
         """Call `handler(ax, points, began)` while the mouse moves with its button down.
 
         The points, (x, y) in data coordinates, lead from the last event to this one and are at
@@ -98,30 +100,33 @@ class Canvas:
             last = x, y
             handler(ax, np.linspace(start, (x, y), steps).tolist(), began)
 
-        def drawn(event):
+        def pressed(told):
             nonlocal last
-            if event.get("type") != "mousemove":
-                last = None
-            elif event.get("buttons") != 1:
-                self._locate(event, hover)
-                return
-            self._locate(event, located)
+            last = None
+            self._locate(told, located)
 
-        return self._watch(["mousedown", "mousemove"], drawn)
+        def moved(told):
+            self._locate(told, located if told["pressed"] else hover)
 
-    def _locate(self, event: dict, handler: Callable[[Axes, float, float], None]) -> None:
-        """Call the handler with the Axes under a mouse event and the position in it."""
+        self._listen("draw", {"down": pressed, "move": moved})
+
+    def on_key(self, handler: Callable[[str], None]) -> None:
+        """Call `handler(key)` for every key that is pressed while the mouse is over the picture."""
+        self._listen("key", {"key": lambda told: handler(told["key"])})
+
+    def _locate(self, told: dict, handler: Callable[[Axes, float, float], None]) -> None:
+        """Call the handler with the Axes under a place in the picture and the position in it."""
         height = self._canvas.get_width_height()[1]
-        pixel = event["dataX"], height - event["dataY"]
+        pixel = told["x"], height - told["y"]
         for ax in self.figure.axes:
             if ax.bbox.contains(*pixel):
                 handler(ax, *ax.transData.inverted().transform(pixel))
 
-    def on_key(self, handler: Callable[[str], None]) -> Event:
-        """Call `handler(key)` for every key that is pressed while the mouse is over the picture."""
-        return self._watch(["keydown"], lambda event: handler(event["key"]))
+    def _listen(self, kind: str, handlers: dict[str, Callable[[dict], None]]) -> None:
+        self.picture.listens = [*self.picture.listens, kind]
 
-    def _watch(self, names: list[str], handler) -> Event:
-        event = Event(source=self.picture, watched_events=names, prevent_default_action=True)
-        event.on_dom_event(handler)
-        return event
+        def hear(_, told, buffers):
+            if told["kind"] in handlers:
+                handlers[told["kind"]](told)
+
+        self.picture.on_msg(hear)

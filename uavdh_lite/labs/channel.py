@@ -10,7 +10,7 @@ from uavdh_lite.channel import Channel, link, rate, rate_map
 from uavdh_lite.city import shipped_cities
 from uavdh_lite.errors import extra
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.widgets import CellPicker
+from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker
 from uavdh_lite.missions import environment_of
 from uavdh_lite.plotting import BLUE, VERMILION, draw_city
 
@@ -29,7 +29,12 @@ class ChannelLab(ipywidgets.VBox):
 
     def __init__(self, city: str = "manhattan"):
         self.city = ipywidgets.Dropdown(options=shipped_cities(), value=city, description="city")
-        self.click = ipywidgets.ToggleButtons(options=["device", "UAV"], description="click moves")
+        self.click = ipywidgets.ToggleButtons(
+            options=["device", "UAV"],
+            description="click moves",
+            style={"button_width": "80px"},
+            layout=ROW,
+        )
         paper = Channel()
         self.constants = {
             "path_loss_exponent_los": _slider("α LoS", paper.path_loss_exponent_los, 1.5, 4, 0.01),
@@ -48,15 +53,15 @@ class ChannelLab(ipywidgets.VBox):
         sliders = ipywidgets.VBox(list(self.constants.values()))
         super().__init__(
             [
-                ipywidgets.HBox([self.city, self.click, self.picker]),
-                ipywidgets.HBox([self.canvas.picture, sliders]),
+                ipywidgets.HBox([self.city, self.click, self.picker], layout=WRAP),
+                ipywidgets.HBox([self.canvas.picture, sliders], layout=WRAP),
                 self.numbers,
             ]
         )
         self.city.observe(lambda _: self._set_city(), "value")
         for slider in self.constants.values():
             slider.observe(lambda _: self._show(), "value")
-        self.clicks = self.canvas.on_click(self._clicked)
+        self.canvas.on_click(self._clicked)
         self._set_city()
 
     @property
@@ -118,12 +123,15 @@ class ChannelLab(ipywidgets.VBox):
             for artist in artists:
                 artist.set_animated(True)
             self.canvas.draw_all()
-        self.canvas.draw([(artist.axes, artist) for artist in artists])
+        said = f"{self._sentence(found)}; in the brightest cell {most:.3g}. {self._warning()}"
+        places = f"device in cell {self.device}, UAV over {self.uav}"
+        self.canvas.draw(
+            [(artist.axes, artist) for artist in artists],
+            f"Rates over {city.name}, and by distance; {places}: {said}",
+        )
         for artist in artists[1:]:
             artist.remove()
-        self.numbers.value = (
-            f"{self._sentence(found)}; in the brightest cell {most:.3g}. {self._warning()}"
-        )
+        self.numbers.value = said
 
     def _draw_ray(self, found) -> list:
         colour = CLEAR if found.line_of_sight else BLOCKED

@@ -13,8 +13,9 @@ from uavdh_lite.errors import CityError, InputError, extra
 from uavdh_lite.evaluation import Flights
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.labs.draft import BRUSHES, MIRRORS, UPLOAD_BYTES, Cell, Draft, History, rectangle
-from uavdh_lite.labs.views import Map, policy_title
-from uavdh_lite.labs.widgets import CellPicker, cell_at, status
+from uavdh_lite.labs.stage import Stage
+from uavdh_lite.labs.views import policy_title
+from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, cell_at, status
 from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import device_colour, draw_city, shadow_colours
 from uavdh_lite.policies import PLANNERS, agents_for, find_policy
@@ -24,7 +25,6 @@ from uavdh_lite.shadowing import line_of_sight
 with extra("notebooks"):
     import ipywidgets
 
-ROW = {"display": "flex", "flex_flow": "row", "width": "max-content"}  # label and buttons
 LARGEST = 50  # cells on a side; in larger cities, planners take minutes
 TRAIN = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
 FINE_TUNE = "python -m uavdh_lite train --from any_city --city my_city.png --out runs/my_city"
@@ -46,12 +46,13 @@ class CityLab(ipywidgets.VBox):
 
     def __init__(self, city: str = "village"):
         self._build()
+        row = ipywidgets.HBox
         super().__init__(
             [
-                ipywidgets.HBox([self.base, self.size, self.blank, self.random, self.upload]),
+                row([self.base, self.size, self.blank, self.random, self.upload], layout=WRAP),
                 self.brush,
-                ipywidgets.HBox([self.tool, self.mirror, self.undo, self.redo]),
-                ipywidgets.HBox([self.picker, self.policy, self.fly]),
+                row([self.tool, self.mirror, self.undo, self.redo], layout=WRAP),
+                row([self.picker, self.policy, self.fly], layout=WRAP),
                 self.message,
                 self.views,
                 self.seen,
@@ -106,10 +107,11 @@ class CityLab(ipywidgets.VBox):
         self.message = ipywidgets.HTML(layout={"min_height": "28px"})
         self.result, self.take_home = ipywidgets.HTML(), ipywidgets.HTML()
         self.seen = ipywidgets.HTML(layout={"min_height": "28px"})
-        figure = Figure(figsize=(3.95, 4.2), dpi=100)  # three maps fit next to each other
-        self.ax = figure.add_axes((0.07, 0.06, 0.92, 0.88))
-        self.canvas, self.maps = Canvas(figure), [Map(), Map()]
-        self.views = ipywidgets.HBox([self.canvas.picture], layout={"flex_flow": "row wrap"})
+        figure = Figure(figsize=(4.2, 4.2), dpi=100)
+        self.ax = figure.add_axes((0.07, 0.06, 0.92, 0.92))
+        self.canvas, self.stage = Canvas(figure), Stage()
+        self.stage.layout = {"flex": "1 1 600px", "min_width": "0"}
+        self.views = ipywidgets.HBox([self.canvas.picture], layout=WRAP)
 
     def _listen(self) -> None:
         self.base.observe(lambda change: self._load(change.new), "value")
@@ -120,11 +122,11 @@ class CityLab(ipywidgets.VBox):
         self.undo.on_click(lambda _: self._go(-1))
         self.redo.on_click(lambda _: self._go(1))
         self.fly.on_click(lambda _: self._fly())
-        self.clicks = self.canvas.on_drag(
+        self.canvas.on_drag(
             lambda ax, points, began: self.stroke([cell_at(point) for point in points], began),
             lambda ax, x, y: self.look_from(cell_at((x, y))),
         )
-        self.key_events = self.canvas.on_key(lambda key: self._go({"z": -1, "y": 1}.get(key, 0)))
+        self.canvas.on_key(lambda key: self._go({"z": -1, "y": 1}.get(key, 0)))
 
     def stroke(self, cells: list[Cell], began: bool = True) -> None:
         """Use the tool on these cells, one after the other.
@@ -239,7 +241,7 @@ class CityLab(ipywidgets.VBox):
         self.ax.clear()
         draw_city(self.ax, self.draft).set(xlabel="", ylabel="")
         self.canvas.draw_all()
-        self.canvas.draw()
+        self.canvas.draw(alt=self.draft.description())
         self.views.children, self.result.value = [self.canvas.picture], ""
         link = base64.b64encode(self.draft.png()).decode()
         save = (
@@ -294,11 +296,9 @@ class CityLab(ipywidgets.VBox):
             return
         self._missions += 1
         self.result.value = "<br>".join(map(self._told, flown, flown.values()))
-        for each, (name, flights) in zip(self.maps, flown.items(), strict=False):
-            each.set_city(environment, mission, policy_title(name))
-            each.show(flights)
-        shown = [each.canvas.picture for each in self.maps[: len(flown)]]
-        self.views.children = [self.canvas.picture, *shown]
+        titled = {policy_title(name): flights for name, flights in flown.items()}
+        self.stage.show(environment, titled, begin=0)
+        self.views.children = [self.canvas.picture, self.stage]
 
     @staticmethod
     def _told(name: str, flights: Flights) -> str:

@@ -64,6 +64,12 @@ class Draft:
         """M, the number of cells on a side."""
         return len(self.kinds)
 
+    def description(self) -> str:
+        """How many cells of each kind there are, as a sentence."""
+        counts = {brush: int((self.kinds == kind).sum()) for brush, kind in BRUSHES.items()}
+        said = ", ".join(f"{count} {brush}" for brush, count in counts.items() if count)
+        return f"A city of {self.size}×{self.size} cells: {said}."
+
     @property
     def landing(self) -> np.ndarray:
         return LAYERS[self.kinds][..., 0]

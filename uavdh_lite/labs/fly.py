@@ -1,13 +1,16 @@
-"""Fly it yourself with buttons or arrow keys, and compare your score with the policies'."""
+"""Fly it yourself with buttons or keys, and see how the policies do on the same mission."""
 
 import html
+
+import numpy as np
 
 from uavdh_lite.city import shipped_cities
 from uavdh_lite.environment import ACTIONS
 from uavdh_lite.errors import extra
 from uavdh_lite.evaluation import Flights
-from uavdh_lite.labs.views import Map, legend, policy_title
-from uavdh_lite.labs.widgets import table
+from uavdh_lite.labs.stage import Stage
+from uavdh_lite.labs.views import policy_title
+from uavdh_lite.labs.widgets import WRAP, table
 from uavdh_lite.missions import HandFlight, Mission, environment_of
 from uavdh_lite.policies import find_policy, policies_for
 from uavdh_lite.scenario import scenario_for
@@ -23,6 +26,7 @@ KEYS = {
     " ": "hover",
     "Enter": "land",
 }
+METRICS = "collection_ratio_and_landed", "cumulative_reward"  # of the session's scores
 ICONS = ("arrow-up", "arrow-right", "arrow-down", "arrow-left", "pause", "download")
 
 
@@ -44,26 +48,28 @@ class FlyLab(ipywidgets.VBox):
             ipywidgets.Button(description=action, icon=icon, layout={"width": "100px"})
             for action, icon in zip(ACTIONS, ICONS, strict=True)
         ]
-        self.message, self.score = ipywidgets.HTML(), ipywidgets.HTML()
-        self.map = Map()
+        self.message, self.score, self.session = (ipywidgets.HTML() for _ in range(3))
+        self.message.add_class("uavdh-sentence")
+        self.stage = Stage(keys=list(KEYS), pressed=self._pressed)
+        self.scores: dict[str, list[list[float]]] = {}
+        self._scored: set[tuple[str, int]] = set()
         hint = (
-            "With the mouse over the map: arrow keys to move, space to hover, Enter to land. The "
-            "map takes all keys then."
+            "Click the map, or reach it with Tab: then the arrow keys move, space hovers, and "
+            "Enter lands."
         )
         super().__init__(
             [
-                ipywidgets.HBox([self.city, self.seed, self.again]),
-                ipywidgets.HBox(self.buttons),
+                ipywidgets.HBox([self.city, self.seed, self.again], layout=WRAP),
+                ipywidgets.HBox(self.buttons, layout=WRAP),
                 ipywidgets.HTML(hint),
                 self.message,
-                self.map.canvas.picture,
+                self.stage,
                 self.score,
-                legend(),
+                self.session,
             ]
         )
         for number, button in enumerate(self.buttons):
             button.on_click(lambda _, number=number: self.act(number))
-        self.key_events = self.map.canvas.on_key(self._pressed)
         self.again.on_click(lambda _: self._start())
         for control in (self.city, self.seed):
             control.observe(lambda _: self._start(), "value")
@@ -74,7 +80,6 @@ class FlyLab(ipywidgets.VBox):
         self.environment = environment_of(self.city.value)
         scenario, city = scenario_for(self.city.value), self.environment.city
         self.flight = HandFlight(self.environment, Mission.draw(scenario, city, self.seed.value))
-        self.map.set_city(self.environment, self.flight.mission, "your flight")
         self.score.value = ""
         self._show("")
 
@@ -93,8 +98,9 @@ class FlyLab(ipywidgets.VBox):
             self._fly_others()
 
     def _show(self, message: str) -> None:
-        state = self.flight.state
-        self.map.show(self.flight.flights())
+        state, flights = self.flight.state, self.flight.flights()
+        begin = max(int(flights.steps[0]) - 1, 0)  # the last step plays, the others have been seen
+        self.stage.show(self.environment, {"your flight": flights}, begin)
         landed = "landed" if state.landed[0] else "out of time: crashed"
         now = landed if self.flight.ended else f"{state.time_left[0]} units of time left"
         left = ", ".join(
@@ -114,6 +120,24 @@ class FlyLab(ipywidgets.VBox):
             policy = find_policy(name, self.environment, mission.seed)
             results[title] = mission.fly(self.environment, policy)
         self.score.value = self._table(results)
+        self._score(results)
+
+    def _score(self, results: dict[str, Flights]) -> None:
+        """Count a mission's results, if it is flown for the first time in this session."""
+        mission = self.city.value, self.seed.value
+        if mission in self._scored:
+            return
+        self._scored.add(mission)
+        for name, flights in results.items():
+            records = flights.records()
+            result = [records[metric][0] for metric in METRICS]
+            self.scores.setdefault(name, []).append(result)
+        ranked = sorted(self.scores.items(), key=lambda each: -np.mean(each[1], axis=0)[0])
+        rows = [("this session", "missions", "collected and landed", "return")]
+        for name, scores in ranked:
+            collected, reward = np.mean(scores, axis=0)
+            rows.append((name, str(len(scores)), f"{collected:.0%}", f"{reward:.2f}"))
+        self.session.value = table(rows)
 
     def _table(self, results: dict[str, Flights]) -> str:
         rows = [("", "landed", "collected", "steps", "return")]

@@ -14,13 +14,13 @@ with extra("notebooks"):
 LABS = {
     "Mission": (
         MissionLab,
-        "A UAV collects data from devices and must land in time. Set the mission, choose a policy, "
-        "and move <i>step</i> through the flight.",
+        "A UAV collects data from devices and must land in time. Drag the devices and the start on "
+        "the map; drag the right end of a bar for more data or time. Then play the flight.",
     ),
     "Watch it think": (
         ThinkLab,
-        "At each step of a flight: the Q-value of each action, the probabilities that the softmax "
-        "policy makes of them, the layers that the network sees, and the cells that matter most.",
+        "At each step of a flight: the Q-value of each action, as arrows on the map and as bars, "
+        "the softmax policy, the layers that the network sees, and the cells that matter most.",
     ),
     "Fly it yourself": (
         FlyLab,
@@ -35,7 +35,8 @@ LABS = {
     "Training": (
         TrainingLab,
         "A small agent learns a small city in half a minute. Change a setting, start a new run, "
-        "and compare it with the dotted curves of the last one.",
+        "and compare it with the dotted curves of the last one. Click a curve to see how the agent "
+        "flew at that time.",
     ),
     "City": (
         CityLab,

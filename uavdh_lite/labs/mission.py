@@ -1,4 +1,4 @@
-"""Mission lab: set a mission with clicks and sliders, fly it with any policy, step through it."""
+"""Mission lab: set a mission on the map, and watch up to three policies fly it side by side."""
 
 import html
 from contextlib import contextmanager
@@ -6,10 +6,11 @@ from dataclasses import replace
 
 from uavdh_lite.city import shipped_cities
 from uavdh_lite.errors import InputError, extra
-from uavdh_lite.labs.views import Charts, Map, legend, policy_title
-from uavdh_lite.labs.widgets import CellPicker, cell_at, status, table
+from uavdh_lite.evaluation import Flights
+from uavdh_lite.labs.stage import Stage
+from uavdh_lite.labs.views import Charts, policy_title
+from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, status, table
 from uavdh_lite.missions import Mission, environment_of
-from uavdh_lite.plotting import device_colour
 from uavdh_lite.policies import find_policy, policies_for
 from uavdh_lite.scenario import scenario_for
 
@@ -17,12 +18,14 @@ with extra("notebooks"):
     import ipywidgets
 
 NONE = "none"
-WRAP = {"flex_flow": "row wrap"}  # continue below on a narrow page
-WIDE = {"description_width": "95px"}  # room for the labels of controls
+LABEL = {"description_width": "95px"}  # room for the labels of controls
+NARROW = {"width": "245px"}
 
 
 class MissionLab(ipywidgets.VBox):
-    """Set a mission, fly it, and compare two policies on it under the same fading.
+    """Set a mission, fly it, and compare up to three policies on it under the same fading.
+
+    Devices and the start are dragged on the map, amounts of data and the flying time on the bars.
 
     Arguments:
         city: the name of a shipped city to start with, or the path of a PNG with your own.
@@ -37,14 +40,17 @@ class MissionLab(ipywidgets.VBox):
             self.city.options = [*self.city.options, city]
         self.city.value = city
         self._set_city()
-        super().__init__([self._controls(), self.message, self.views, self.numbers, legend()])
+        super().__init__(
+            [self._controls(), self.message, self.sentence, self._views(), self.numbers]
+        )
         self._listen()
 
     def _build(self) -> None:
-        dropdown = ipywidgets.Dropdown
-        self.city = dropdown(options=shipped_cities(), description="city", style=WIDE)
-        self.policy = dropdown(description="policy", style=WIDE)
-        self.other = dropdown(description="compare with", style=WIDE)
+        self.city, self.policy, self.other, self.third = (
+            ipywidgets.Dropdown(description=about, style=LABEL, layout=NARROW)
+            for about in ("city", "policy", "compare with", "and with")
+        )
+        self.city.options = shipped_cities()
         self.click = ipywidgets.ToggleButtons(
             options=["add", "move", "remove", "start"],
             description="click to",
@@ -54,66 +60,64 @@ class MissionLab(ipywidgets.VBox):
                 "click a device to remove it",
                 "click the cell where the UAV starts; or drag it, at any time",
             ],
-            style={"button_width": "70px", "description_width": "80px"},
+            style={"button_width": "66px", "description_width": "60px"},
+            layout=ROW,
         )
         self.picker = CellPicker(self.clicked)
-        self.time = ipywidgets.IntSlider(
-            description="flying time", min=1, max=70, style=WIDE, continuous_update=False
-        )
         self.seed = ipywidgets.BoundedIntText(
-            description="fading seed", min=0, max=10**6, style=WIDE
+            description="fading", min=0, max=10**6, tooltip="the number of the random fading"
         )
+        self.seed.style, self.seed.layout = {"description_width": "45px"}, {"width": "120px"}
         self.draw = ipywidgets.Button(description="random mission", icon="random")
-        self.play = ipywidgets.Play(interval=150, description="fly")
-        self.step = ipywidgets.IntSlider(description="step", style=WIDE)
-        self.data: list[ipywidgets.FloatSlider] = []
-        self.sliders = ipywidgets.VBox()
         self.message = ipywidgets.HTML(layout={"min_height": "28px"})
-        self.numbers = ipywidgets.HTML()
-        self.maps, self.charts = [Map(), Map()], self._side()
-        self.views = ipywidgets.HBox(layout=WRAP)
+        self.sentence, self.numbers = ipywidgets.HTML(), ipywidgets.HTML()
+        self.sentence.add_class("uavdh-sentence")
+        self.stage = Stage(
+            dropped=self.dropped,
+            filled=self._change_data,
+            timed=lambda time: self._change(flying_time=time),
+        )
+        self.charts = self._side()
 
     def _side(self):
-        """The charts next to the maps: `set_flight` for a new flight, `show` for a step of it."""
+        """What is next to the maps: `set_flight` for a new flight, `show` for a step of it."""
         return Charts()
 
+    def _views(self) -> ipywidgets.Widget:
+        """The maps, and what is next to them."""
+        return ipywidgets.VBox([self.stage, self.charts.canvas.picture])
+
     def _controls(self) -> ipywidgets.Widget:
-        flight = ipywidgets.HBox([self.play, self.step])
-        box = ipywidgets.VBox
-        return ipywidgets.HBox(
+        row = ipywidgets.HBox
+        return ipywidgets.VBox(
             [
-                box([self.city, self.policy, self.other, self.draw]),
-                box([self.click, self.picker, self.time, self.seed, flight]),
-                self.sliders,
-            ],
-            layout=WRAP,
+                row([self.city, self.policy, self.other, self.third, self.draw], layout=WRAP),
+                row([self.click, self.picker, self.seed], layout=WRAP),
+            ]
         )
 
     def _listen(self) -> None:
-        ipywidgets.jslink((self.play, "value"), (self.step, "value"))
         self.city.observe(lambda _: self._set_city(), "value")
         self.click.observe(lambda _: self._pick(None), "value")
         self.draw.on_click(lambda _: self._random())
-        for control in (self.policy, self.other):
+        for control in (self.policy, self.other, self.third):
             control.observe(lambda _: self._fly(), "value")
-        self.time.observe(lambda change: self._change(flying_time=change.new), "value")
         self.seed.observe(lambda change: self._change(seed=change.new), "value")
-        self.step.observe(lambda _: self._show(), "value")
-        self.clicks = [
-            each.canvas.on_drop(lambda ax, start, end: self.dropped(cell_at(start), cell_at(end)))
-            for each in self.maps
-        ]
+        self.stage.observe(lambda _: self._show(), "step")
 
     def _set_city(self) -> None:
         """Start again, in the chosen city."""
         self.environment = environment_of(self.city.value)
         self.scenario = scenario_for(self.city.value)
         with self._quiet():
-            self.time.max = self.scenario.flying_time[1]
+            self.stage.most = {
+                "data": self.scenario.data[1],
+                "time": self.scenario.flying_time[1],
+            }
             names = policies_for(self.environment)
-            options = [(policy_title(name), name) for name in names]
-            self.policy.options, self.other.options = options, [(NONE, NONE), *options]
-            self.policy.value, self.other.value = names[0], NONE
+            self.policy.options = options = [(policy_title(name), name) for name in names]
+            self.other.options = self.third.options = [(NONE, NONE), *options]
+            self.policy.value, self.other.value, self.third.value = names[0], NONE, NONE
         self._drawn = 0
         self._set_mission(Mission.draw(self.scenario, self.environment.city, 0))
 
@@ -168,32 +172,15 @@ class MissionLab(ipywidgets.VBox):
             mission = change()
         except InputError as error:
             self._say(str(error))
+            self.stage.put_back()
         else:
             self._set_mission(mission)
 
     def _set_mission(self, mission: Mission) -> None:
         self.mission, self._picked = mission, None
         with self._quiet():
-            self.time.value, self.seed.value = mission.flying_time, mission.seed
-            self._set_sliders()
+            self.seed.value = mission.seed
         self._fly()
-
-    def _set_sliders(self) -> None:
-        """One slider for the data of each device."""
-        most = self.scenario.data[1]
-        while len(self.data) < len(self.mission.devices):
-            number = len(self.data)
-            square = f'<span style="color:{device_colour(number)}">■</span>'
-            slider = ipywidgets.FloatSlider(
-                min=0.5, step=0.5, description=f"{square} data of {number}", continuous_update=False
-            )
-            slider.description_allow_html = True
-            slider.observe(lambda change, k=number: self._change_data(k, change.new), "value")
-            self.data.append(slider)
-        shown = self.data[: len(self.mission.devices)]
-        for slider, amount in zip(shown, self.mission.data, strict=True):
-            slider.max, slider.value = max(most, amount), amount
-        self.sliders.children = shown
 
     def _change_data(self, device: int, amount: float) -> None:
         data = list(self.mission.data)
@@ -204,34 +191,36 @@ class MissionLab(ipywidgets.VBox):
         """Fly the mission with the chosen policies and show the whole flights."""
         if self._silent:
             return
-        self.play.playing = False
-        names = [self.policy.value] + [self.other.value] * (self.other.value != NONE)
+        chosen = [self.policy.value, self.other.value, self.third.value]
+        names = [name for name in dict.fromkeys(chosen) if name != NONE]
         self._say("the genie is planning …" if "genie" in names else "")
-        self.flights = {}
         policies = {name: find_policy(name, self.environment, self.mission.seed) for name in names}
-        for each, (name, policy) in zip(self.maps, policies.items(), strict=False):
-            self.flights[name] = self.mission.fly(self.environment, policy)
-            each.set_city(self.environment, self.mission, policy_title(name))
+        self.flights = {
+            name: self.mission.fly(self.environment, policy) for name, policy in policies.items()
+        }
+        twice = len(names) < len(chosen) - chosen.count(NONE)
+        self._say("each policy is shown once: twice, it would fly the same way" if twice else "")
         last = max(int(flights.steps[0]) for flights in self.flights.values())
         first = names[0]
         self.charts.set_flight(policy_title(first), self.flights[first], policies[first], last)
-        same = "both are the same policy, and fly the same way"
-        self._say(same if len(names) > len(policies) else "")
-        shown = [each.canvas.picture for each in self.maps[: len(self.flights)]]
-        self.views.children = [*shown, self.charts.canvas.picture]
+        told = [html.escape(sentence) for sentence in self._sentences()]
+        self.sentence.value = "<br>".join(told)
         with self._quiet():
-            self.step.max = self.play.max = last
-            self.step.value = self.play.value = last
+            self.stage.show(
+                self.environment,
+                {policy_title(name): flights for name, flights in self.flights.items()},
+                q_values=self.charts.sizes,
+            )
+            if self.charts.sizes:
+                self.stage.step = 0  # its thoughts are seen on the way, not at the end
         self._show()
 
     def _show(self) -> None:
-        """Show the flights up to the step of the slider."""
+        """Show the numbers of the step that the stage shows."""
         if self._silent:
             return
-        for each, flights in zip(self.maps, self.flights.values(), strict=False):
-            each.show(flights, self.step.value)
-        self.charts.show(self.step.value)
-        self.numbers.value = self._table() + f"<p>{html.escape(self._sentence())}</p>"
+        self.charts.show(self.stage.step)
+        self.numbers.value = self._table()
 
     def _table(self) -> str:
         """The numbers of the paper's captions, at this step and at the end."""
@@ -239,7 +228,7 @@ class MissionLab(ipywidgets.VBox):
         rows = [head]
         for name, flights in self.flights.items():
             trajectory = flights.trajectory(0)
-            step = min(self.step.value, len(trajectory.action))
+            step = min(self.stage.step, len(trajectory.action))
             total = trajectory.start.data_initial.sum()
             collected = total - trajectory.data_left[step].sum()
             rows.append(
@@ -254,28 +243,10 @@ class MissionLab(ipywidgets.VBox):
             )
         return table(rows)
 
-    def _sentence(self) -> str:
-        """How the first flight ends compared with the second; empty for one flight alone."""
-        if len(self.flights) < 2:
-            return ""
-        (first, one), (second, other) = self.flights.items()
-        ends = [
-            ("landed" if each.end.landed[0] else "crashed", each.end.data_collected.sum())
-            for each in (one, other)
-        ]
-        if ends[0][0] != ends[1][0]:
-            told = [
-                f"{policy_title(n)} {end}" for n, (end, _) in zip(self.flights, ends, strict=True)
-            ]
-            return f"{told[0]}, {told[1]}."
-        more, sooner = ends[0][1] - ends[1][1], int(other.steps[0] - one.steps[0])
-        data = f"{abs(more):.1f} data units {'more' if more > 0 else 'fewer'} than"
-        data = "as much data as" if abs(more) < 0.05 else data
-        units = "unit" if abs(sooner) == 1 else "units"
-        time = f"{abs(sooner)} {units} of time {'sooner' if sooner > 0 else 'later'}"
-        time = "after as many units of time" if sooner == 0 else time
-        who, whom = policy_title(first), policy_title(second)
-        return f"{who} collected {data} {whom}, and {ends[0][0]} {time}."
+    def _sentences(self) -> list[str]:
+        """How the first flight ends compared with each of the others."""
+        (first, flights), *others = self.flights.items()
+        return [_compared(first, flights, *other) for other in others]
 
     def _say(self, text: str) -> None:
         self.message.value = status(text)
@@ -288,3 +259,19 @@ class MissionLab(ipywidgets.VBox):
             yield
         finally:
             self._silent = before
+
+
+def _compared(first: str, one: Flights, second: str, other: Flights) -> str:
+    """How a flight ends compared with another one, as a sentence."""
+    who, whom = policy_title(first), policy_title(second)
+    ends = ["landed" if each.end.landed[0] else "crashed" for each in (one, other)]
+    if ends[0] != ends[1]:
+        return f"{who} {ends[0]}, {whom} {ends[1]}."
+    more = one.end.data_collected.sum() - other.end.data_collected.sum()
+    sooner = int(other.steps[0] - one.steps[0])
+    data = f"{abs(more):.1f} data units {'more' if more > 0 else 'fewer'} than"
+    data = "as much data as" if abs(more) < 0.05 else data
+    units = "unit" if abs(sooner) == 1 else "units"
+    time = f"{abs(sooner)} {units} of time {'sooner' if sooner > 0 else 'later'}"
+    time = "after as many units of time" if sooner == 0 else time
+    return f"{who} collected {data} {whom}, and {ends[0]} {time}."

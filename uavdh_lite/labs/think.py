@@ -1,7 +1,9 @@
 """Watch it think: the Q-values, the policy and what the network sees, at each step of a flight."""
 
 import numpy as np
+import torch
 from matplotlib.figure import Figure
+from torch import Tensor
 
 from uavdh_lite.agent import Agent, saliency, value_map
 from uavdh_lite.ddqn import only_allowed, softmax_policy
@@ -9,7 +11,8 @@ from uavdh_lite.environment import ACTIONS, State
 from uavdh_lite.errors import extra
 from uavdh_lite.evaluation import Flights, Policy
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.mission import WIDE, MissionLab
+from uavdh_lite.labs.mission import LABEL, MissionLab
+from uavdh_lite.labs.widgets import WRAP
 from uavdh_lite.observation import LAYERS
 from uavdh_lite.plotting import BLUE
 
@@ -18,25 +21,37 @@ with extra("notebooks"):
 
 NO_AGENT = "Choose an agent: all cities but metropolis have one."
 CHOSEN, OTHER = BLUE, "#BBBBBB"
+HALF, MOST = (0.25, 0.75), (0.1, 0.9)  # the parts of a distribution that are drawn as ranges
 
 
 class Thoughts:
-    """What an agent computes at each step of one flight; a policy without Q-values has nothing."""
+    """What an agent computes at each step of one flight; a policy without Q-values has nothing.
+
+    | attribute | meaning |
+    | --- | --- |
+    | `q` | the Q-values at each step, (T, 6); −∞ for actions that the failsafe forbids |
+    | `returns` | quantiles of the return, (T, 6, N), where the agent has learned them |
+    | `sizes` | for each step, how large the stage draws each action, 0 to 1; None: not allowed |
+    """
 
     def __init__(self):
-        figure = Figure(figsize=(7.9, 4.2), dpi=100)
-        grid = figure.add_gridspec(
-            2, 6, left=0.08, right=0.99, top=0.92, bottom=0.08, wspace=0.1, hspace=0.3
+        figure = Figure(figsize=(7.2, 5.6), dpi=100)
+        above, below = figure.add_gridspec(
+            2, 1, left=0.01, right=0.98, top=0.95, bottom=0.01, height_ratios=(2, 4), hspace=0.22
         )
-        self.bars, self.chances = (figure.add_subplot(grid[row, :2]) for row in (0, 1))
-        self.pictures = [figure.add_subplot(grid[k // 4, 2 + k % 4]) for k in range(7)]
+        columns = above.subgridspec(1, 8, wspace=0)
+        self.bars = figure.add_subplot(columns[1:5])
+        self.chances = figure.add_subplot(columns[6:])
+        grid = below.subgridspec(2, 4, wspace=0.05, hspace=0.18)
+        self.pictures = [figure.add_subplot(grid[k // 4, k % 4]) for k in range(7)]
         self.canvas = Canvas(figure)
         self.temperature = 0.1
         self.agent: Agent | None = None
+        self.sizes: list[list[float | None]] = []
 
     def set_flight(self, name: str, flights: Flights, policy: Policy, last: int) -> None:
         """Compute the Q-values of the whole flight and draw what does not change."""
-        self.agent = policy if isinstance(policy, Agent) else None
+        self.agent, self.sizes = policy if isinstance(policy, Agent) else None, []
         for ax in self.canvas.figure.axes:
             ax.clear()
             ax.axis("on" if self.agent else "off")
@@ -47,14 +62,24 @@ class Thoughts:
         self.states = [state for state, *_ in flights.history[: flights.steps[0]]]
         states = State.concatenate(self.states)
         self.q = only_allowed(self.agent.q_values(states), self.agent.allowed(states))
+        self.returns = self.agent.returns(states)
+        self.sizes = [_sizes(values) for values in self.q]
+        title = "Q-values"
         known = self.q[self.q.isfinite()]
+        if self.returns is not None:
+            title = "Q-values; lines: 50% and 80% of the returns"
+            known = self.returns[self.q.isfinite()].quantile(torch.tensor(MOST), dim=1)
         low, high = float(known.min()), float(known.max())
-        self.bars.set(title="Q-values", xlim=(min(low, 0) - 1, max(high, 0) + 1))
-        self.chances.set(title="softmax policy", xlim=(0, 1))
+        self.bars.set(title=title, xlim=(min(low, 0) - 1, max(high, 0) + 1))
+        self.chances.set(title="softmax policy", xlim=(0, 1), xticks=(0, 0.5, 1))
         self.changing = [
             (ax, bar)
             for ax in (self.bars, self.chances)
             for bar in ax.barh(ACTIONS, np.zeros(len(ACTIONS)), color=OTHER)
+        ]
+        self.ranges = [
+            self.bars.hlines(range(len(ACTIONS)), 0, 0, color="black", lw=width, animated=True)
+            for width in (4, 1.2)
         ]
         for ax in (self.bars, self.chances):
             ax.invert_yaxis()
@@ -98,7 +123,44 @@ class Thoughts:
             image.set_data(layer)
         self.images[-1].set_clim(np.nanmin(worth), np.nanmax(worth))
         pictures = list(zip(self.pictures, self.images, strict=True))
-        self.canvas.draw(pictures + self.changing)
+        shown = "Q-values, softmax policy, layers of the map, saliency, largest Q-values"
+        self.canvas.draw(
+            pictures + self.changing + self._ranges(step), f"{shown}. {self.told(step)}"
+        )
+
+    def _ranges(self, step: int) -> list:
+        """Where half and most of the returns of the allowed actions lie, as lines on the bars."""
+        if self.returns is None:
+            return []
+        (allowed,) = self.q[step].isfinite().nonzero(as_tuple=True)
+        for lines, levels in zip(self.ranges, (HALF, MOST), strict=True):
+            ends = self.returns[step, allowed].quantile(torch.tensor(levels), dim=1).T
+            lines.set_segments(
+                [[(low, row), (high, row)] for row, (low, high) in zip(allowed, ends, strict=True)]
+            )
+        return [(self.bars, lines) for lines in self.ranges]
+
+    def told(self, step: int) -> str:
+        """What it does at a step and how sure it is, in a sentence; "" for other policies."""
+        if self.agent is None:
+            return ""
+        step = min(step, len(self.states) - 1)
+        order = self.q[step].argsort(descending=True).tolist()
+        best, second = (ACTIONS[action] for action in order[:2])
+        gap = float(self.q[step, order[0]] - self.q[step, order[1]])
+        if not np.isfinite(gap):
+            return f"In this state the agent chooses {best}: the failsafe allows nothing else."
+        return (
+            f"In this state the agent chooses {best}. "
+            f"The action gap, to {second} as the next best, is {gap:.2f}."
+        )
+
+
+def _sizes(q: Tensor) -> list[float | None]:
+    """Q-values, (6,), from 0 for the smallest to 1 for the largest; None for −∞."""
+    known = q[q.isfinite()]
+    low, span = known.min(), (known.max() - known.min()).clamp(min=1e-6)
+    return [float((each - low) / span) if each.isfinite() else None for each in q]
 
 
 class ThinkLab(MissionLab):
@@ -111,15 +173,24 @@ class ThinkLab(MissionLab):
     def _side(self) -> Thoughts:
         return Thoughts()
 
+    def _views(self) -> ipywidgets.Widget:
+        self.stage.layout = {"flex": "1 1 400px", "min_width": "0"}
+        return ipywidgets.HBox([self.stage, self.charts.canvas.picture], layout=WRAP)
+
     def _controls(self) -> ipywidgets.Widget:
         self.temperature = ipywidgets.FloatLogSlider(
-            value=0.1, base=10, min=-2, max=1, description="temperature", style=WIDE
+            value=0.1, base=10, min=-2, max=1, description="temperature", style=LABEL
         )
         self.temperature.observe(lambda change: self._set_temperature(change.new), "value")
         controls = super()._controls()
-        chosen = [widget for widget in controls.children[0].children if widget is not self.other]
+        unused = self.other, self.third
+        chosen = [each for each in controls.children[0].children if each not in unused]
         controls.children[0].children = [*chosen, self.temperature]
         return controls
+
+    def _show(self) -> None:
+        super()._show()
+        self.sentence.value = self.charts.told(self.stage.step)
 
     def _set_temperature(self, value: float) -> None:
         self.charts.temperature = value

@@ -9,9 +9,10 @@ from dataclasses import replace
 from matplotlib.figure import Figure
 
 from uavdh_lite.errors import InputError, extra
+from uavdh_lite.evaluation import Flights
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.views import Map
-from uavdh_lite.labs.widgets import status
+from uavdh_lite.labs.stage import Stage
+from uavdh_lite.labs.widgets import WRAP, status
 from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import BLUE, ORANGE, RED
 from uavdh_lite.recipe import Recipe, find_recipe
@@ -27,12 +28,19 @@ CURVES = {
     "collection_ratio_and_landed": ("collected and landed", BLUE),
 }
 REFRESH = 0.3  # seconds between updates of the progress
+PART = {"width": "190px"}
+PARTS = {  # of the recipe `quantile`: what each one sets
+    "failsafe": ("failsafe",),
+    "quantiles": ("quantiles", "huber_delta"),
+    "advantage learning": ("advantage_learning",),
+}
 
 
 class TrainingLab(ipywidgets.VBox):
-    """A small training run in the background, its curves, and a flight of the agent as it is now.
+    """A small training run in the background, its curves, and how the agent flies.
 
-    A run pauses when the lab is closed, and when the process ends.
+    The flight is that after the newest validation; a click on the curves, or the slider, shows that
+    after another one. A run pauses when the lab is closed, and when the process ends.
 
     Arguments:
         scenario, recipe: names of presets; `recipe` may also be a `Recipe`.
@@ -54,6 +62,9 @@ class TrainingLab(ipywidgets.VBox):
                 self.recipe.return_steps, min=1, max=20, description="return steps", style=wide
             ),
         }
+        self.parts = {
+            name: ipywidgets.Checkbox(description=name, indent=False, layout=PART) for name in PARTS
+        }
         self.seed = ipywidgets.BoundedIntText(description="seed", min=0, max=10**6, style=wide)
         self.start = ipywidgets.Button(description="start", icon="play", button_style="primary")
         self.pause = ipywidgets.Button(description="pause", icon="pause", disabled=True)
@@ -67,28 +78,39 @@ class TrainingLab(ipywidgets.VBox):
         self.status = ipywidgets.HTML()
         figure = Figure(figsize=(5.2, 4.2), dpi=100)
         self.ax = figure.add_axes((0.12, 0.13, 0.83, 0.84))
-        self.curves, self.map = Canvas(figure), Map()
-        self.views = ipywidgets.HBox()
+        self.curves, self.stage = Canvas(figure), Stage()
+        self.stage.layout = {"flex": "1 1 600px", "min_width": "0"}
+        self.looked_at = ipywidgets.IntSlider(
+            max=0, description="flight at validation", style=wide, layout={"width": "480px"}
+        )
+        self.views = ipywidgets.HBox([self.curves.picture, self.stage], layout=WRAP)
+        self.curves.on_click(lambda ax, steps, _: self.look_at(steps))
         super().__init__(
             [
                 ipywidgets.HBox(
                     [
                         ipywidgets.VBox(list(self.settings.values())),
+                        ipywidgets.VBox(list(self.parts.values())),
                         ipywidgets.VBox([self.seed, self.progress]),
-                    ]
+                    ],
+                    layout=WRAP,
                 ),
                 ipywidgets.HBox([self.start, self.pause, self.new_run]),
                 self.status,
+                self.looked_at,
                 self.views,
             ]
         )
+        self.looked_at.observe(lambda _: self._show_flight(), "value")
         self.start.on_click(lambda _: self.run())
         self.pause.on_click(lambda _: self.stop())
         self.new_run.on_click(lambda _: self.reset())
         self.trainer: Trainer | None = None
         self.previous: list[dict] = []  # validations of the previous run
+        self.flown: list[Flights] = []  # the same mission after each validation
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
+        self._drawing = threading.RLock()  # the run draws, and so does who looks at its flights
         # A thread that still computes would crash the interpreter at its exit
         atexit.register(_close, weakref.ref(self))
         self.reset()
@@ -120,8 +142,9 @@ class TrainingLab(ipywidgets.VBox):
         if self.trainer is not None:
             self.trainer.close()
             self.previous = self.trainer.validation_rows
-        self.trainer, self.progress.value = None, 0
-        self.views.children = [self.curves.picture]
+        self.trainer, self.progress.value, self.flown = None, 0, []
+        self.looked_at.max = 0
+        self.stage.layout.display = self.looked_at.layout.display = "none"
         self._draw_curves()
         self._set_running(False)
         self._say("change the settings, then start")
@@ -135,6 +158,10 @@ class TrainingLab(ipywidgets.VBox):
 
     def _new(self) -> Trainer:
         changes = {name: setting.value for name, setting in self.settings.items()}
+        source = find_recipe("quantile")
+        for part, names in PARTS.items():
+            if self.parts[part].value:
+                changes |= {name: getattr(source, name) for name in names}
         trainer = Trainer(self.scenario, replace(self.recipe, **changes), self.seed.value)
         self.mission = Mission.draw(self.scenario, trainer.city, 0)
         trainer.validate()
@@ -167,18 +194,41 @@ class TrainingLab(ipywidgets.VBox):
         done = self.trainer is not None and self.trainer.finished
         self.start.disabled, self.pause.disabled = running or done, not running
         self.new_run.disabled = running or self.trainer is None
-        for setting in (*self.settings.values(), self.seed):
+        for setting in (*self.settings.values(), *self.parts.values(), self.seed):
             setting.disabled = self.trainer is not None
 
     def _show_agent(self) -> None:
         """Show the curves so far, and a flight of the agent as it is now."""
-        self._draw_curves()
         trainer = self.trainer
-        flights = self.mission.fly(trainer.environment, trainer.agent)
-        self.map.set_city(trainer.environment, self.mission, "one mission, the agent as it is now")
-        self.map.show(flights)
-        self.views.children = [self.curves.picture, self.map.canvas.picture]
-        self._say(self._result())
+        if len(self.flown) < len(trainer.validation_rows):  # not yet seen before a pause
+            self.flown.append(self.mission.fly(trainer.environment, trainer.agent))
+        last = len(self.flown) - 1
+        with self._drawing:
+            self.looked_at.max = last
+            self.stage.layout.display = self.looked_at.layout.display = None
+            self._draw_curves()
+            if self.looked_at.value == last:
+                self._show_flight()
+            self.looked_at.value = last
+            self._say(self._result())
+
+    def look_at(self, steps: float) -> None:
+        """Show the flight after the validation that is nearest to so many steps."""
+        rows = self.trainer.validation_rows[: len(self.flown)] if self.flown else []
+        if rows:
+            distance = [abs(row["steps"] - steps) for row in rows]
+            self.looked_at.value = distance.index(min(distance))
+
+    def _show_flight(self) -> None:
+        """Play the flight of a validation, and mark it on the curves."""
+        number = self.looked_at.value
+        if number >= len(self.flown):  # a new run has none yet
+            return
+        steps = self.trainer.validation_rows[number]["steps"]
+        name = f"the agent after {steps:,} steps"
+        with self._drawing:
+            self.stage.show(self.trainer.environment, {name: self.flown[number]}, begin=0)
+            self._mark(steps)
 
     def _result(self) -> str:
         """How far the run is, with its last validation."""
@@ -201,7 +251,13 @@ class TrainingLab(ipywidgets.VBox):
         self.ax.set(xlim=(0, self.recipe.steps), ylim=(-0.03, 1.03), xlabel="environment steps")
         self.ax.legend(loc="lower right", fontsize="small")
         self.curves.draw_all()
-        self.curves.draw()
+        self.curves.draw(alt=f"Curves of {len(rows)} validations and of the previous run's")
+
+    def _mark(self, steps: int) -> None:
+        """Mark the validation whose flight is shown."""
+        line = self.ax.axvline(steps, color="black", lw=0.8, animated=True)
+        self.curves.draw([(self.ax, line)], f"Curves of the validations; {self._result()}")
+        line.remove()
 
     def _say(self, text: str, error: bool = False) -> None:
         self.status.value = status(text, RED if error else "inherit")

@@ -1,20 +1,15 @@
-"""What the labs draw: the map of a flight, and charts of what happens during it."""
+"""What the labs draw next to the stage: charts of what happens during a flight."""
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from uavdh_lite.environment import Environment, Rewards
-from uavdh_lite.errors import extra
+from uavdh_lite.environment import Rewards
 from uavdh_lite.evaluation import Flights, Policy
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.missions import Mission
-from uavdh_lite.plotting import add_legend, device_colour, draw_city, draw_flight, shadow_sum
+from uavdh_lite.plotting import device_colour
 from uavdh_lite.policies import PLANNERS
-
-with extra("notebooks"):
-    import ipywidgets
 
 # The terms of the reward, in colours that are not those of devices
 TERMS = {"data": "#332288", "movement": "#BBBBBB", "safety": "#DDCC77", "crash": "#882255"}
@@ -25,62 +20,25 @@ def policy_title(name: str) -> str:
     return name if name in PLANNERS else f"{name} agent"
 
 
-def legend() -> ipywidgets.Image:
-    """A picture that explains the symbols on the maps, except the devices' colours."""
-    figure = Figure(figsize=(9.5, 1.1), dpi=100)
-    add_legend(figure, 0)
-    canvas = Canvas(figure)
-    canvas.draw()
-    return canvas.picture
-
-
-class Map:
-    """The map of one policy's flight; the city is drawn once, the flight at every step."""
-
-    def __init__(self):
-        figure = Figure(figsize=(4.0, 4.2), dpi=100)
-        self.ax = figure.add_axes((0.06, 0.06, 0.93, 0.88))
-        self.canvas = Canvas(figure)
-        self._drawn = None
-
-    def set_city(self, environment: Environment, mission: Mission, title: str) -> None:
-        """Draw the city with the shadows of the mission's devices, if it has changed."""
-        drawn = environment.city.fingerprint, mission.devices, title
-        if drawn == self._drawn:
-            return
-        self._drawn = drawn
-        self.ax.clear()
-        self.city = environment.city
-        cells = np.array([row * self.city.size + col for row, col in mission.devices])
-        draw_city(self.ax, self.city, shadow_sum(environment, cells))
-        self.ax.set(xlabel="", ylabel="", title=title)
-        self.canvas.draw_all()
-
-    def show(self, flights: Flights, step: int | None = None) -> None:
-        """Draw the flight, or its first `step` steps."""
-        artists = draw_flight(self.ax, self.city, flights.trajectory(0), step)
-        self.canvas.draw([(self.ax, artist) for artist in artists])
-        for artist in artists:
-            artist.remove()
-
-
 class Charts:
     """What happens during one flight: the data left, the device served in each slot, the reward.
 
     The axes are drawn again only if their limits change.
     """
 
+    sizes: tuple = ()  # a chart has no Q-values for the stage
+
     def __init__(self):
-        figure = Figure(figsize=(4.0, 4.2), dpi=100)
-        self.axes = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 3))
-        figure.subplots_adjust(0.14, 0.1, 0.96, 0.94, hspace=0.1)
+        figure = Figure(figsize=(11.6, 2.6), dpi=100)
+        self.axes = figure.subplots(1, 3, sharex=True)
+        figure.subplots_adjust(0.05, 0.17, 0.99, 0.88, wspace=0.18)
         self.title = figure.suptitle("", fontsize="medium")
         figure.align_ylabels()
         self.canvas = Canvas(figure)
         for ax, name in zip(self.axes, ("data left", "device served", "reward"), strict=True):
             ax.set_ylabel(name)
+            ax.set_xlabel("step")
         reward = self.axes[-1]
-        reward.set_xlabel("step")
         reward.xaxis.set_major_locator(MaxNLocator(integer=True))
         terms = [Patch(color=colour, label=name) for name, colour in TERMS.items()]
         reward.legend(handles=terms, fontsize="x-small", ncols=4, loc="upper right")
@@ -90,7 +48,8 @@ class Charts:
     def set_flight(self, name: str, flights: Flights, policy: Policy, last: int) -> None:
         """Draw a policy's whole flight. `show` marks a step in it, at most `last`."""
         trajectory = flights.trajectory(0)
-        devices = np.flatnonzero(trajectory.start.data_initial[0] > 0)
+        self.devices = devices = np.flatnonzero(trajectory.start.data_initial[0] > 0)
+        self.left = trajectory.data_left
         outcomes = [step.outcome for step in flights.history[: flights.steps[0]]]
         terms = [{k: v[0] for k, v in Rewards().terms(outcome).items()} for outcome in outcomes]
         for artist in self._artists:
@@ -139,7 +98,17 @@ class Charts:
         """Mark a step."""
         for cursor in self.cursors:
             cursor.set_xdata([step, step])
-        self.canvas.draw([(artist.axes, artist) for artist in (*self._artists, *self.cursors)])
+        artists = [(artist.axes, artist) for artist in (*self._artists, *self.cursors)]
+        self.canvas.draw(artists, self._described(step))
+
+    def _described(self, step: int) -> str:
+        """The charts at a step as sentences."""
+        left, total = self.left[min(step, len(self.left) - 1)], self.left[0]
+        each = ", ".join(f"device {k} {left[k]:.1f} of {total[k]:.1f}" for k in self.devices)
+        return (
+            f"Charts of {self.title.get_text()}: data left, device served in each slot, terms of "
+            f"the reward. After step {step} data is left: {each}."
+        )
 
 
 def _ceil(value: float, step: int) -> int:

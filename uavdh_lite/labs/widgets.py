@@ -11,6 +11,9 @@ from uavdh_lite.plotting import RED, png
 with extra("notebooks"):
     import ipywidgets
 
+ROW = {"display": "flex", "flex_flow": "row", "width": "max-content"}  # label and buttons
+WRAP = {"flex_flow": "row wrap"}  # the layout of a row that continues below on a narrow page
+
 __all__ = ["CellPicker", "cell_at", "explore", "png", "status", "table"]
 
 

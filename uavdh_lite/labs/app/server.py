@@ -21,7 +21,7 @@ FOLDER = Path(__file__).parent
 EXTENSIONS = [
     "@voila-dashboards/widgets-manager8",
     "@jupyter-widgets/jupyterlab-manager",
-    "ipyevents",
+    "anywidget",
 ]
 CULL_EVERY = 15  # seconds between searches for idle sessions
 WEBSOCKET_BYTES = 16_000_000  # a longer message, such as a huge upload, is cut off

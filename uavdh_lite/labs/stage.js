@@ -1,0 +1,272 @@
+// The stage of a lab. It plays what Python draws, tells Python which step it shows, and what is
+// dragged and pressed here. player.js, which stands before this text, has `start`.
+const SVG = "http://www.w3.org/2000/svg";
+const FINEST = { data: 0.5, time: 1 }; // what an arrow key adds to a bar
+const MOVES = { ArrowUp: [-1, 0], ArrowRight: [0, 1], ArrowDown: [1, 0], ArrowLeft: [0, -1] };
+
+function render({ model, el }) {
+  el.classList.add("uavdh-stage");
+  let player = null;
+  let drawn = null; // the drawing that is shown
+  let held = null; // what is being dragged
+  let told = null; // the step that Python knows of
+
+  // For a lecture hall: the flights alone, with large letters
+  const fullScreen = document.createElement("button");
+  fullScreen.type = "button";
+  fullScreen.title = "Full screen";
+  fullScreen.setAttribute("aria-label", fullScreen.title);
+  fullScreen.innerHTML = `<svg width="16" height="16" viewBox="0 0 16 16" aria-hidden="true">
+    <path d="M1 6V1h5M10 1h5v5M15 10v5h-5M6 15H1v-5" fill="none" stroke="currentColor"
+      stroke-width="2"/></svg>`;
+  fullScreen.addEventListener("click", () => {
+    if (document.fullscreenElement) document.exitFullscreen();
+    else el.requestFullscreen();
+  });
+
+  function draw() {
+    const speed = player?.speed.value;
+    const focused = nameOf(document.activeElement);
+    drawn = model.get("drawing");
+    el.innerHTML = drawn;
+    [player, held] = [null, null];
+    const root = el.querySelector(".uavdh-player");
+    if (!root) return;
+    const think = thoughts(root, model.get("q_values"));
+    const shown = (time) => {
+      think(Math.floor(time));
+      const step = Math.ceil(time);
+      if (step === told || player === null) return;
+      told = step;
+      model.set("step", step);
+      model.save_changes();
+    };
+    player = start(root, { keyboard: !model.get("steering").length, shown });
+    const begin = model.get("begin");
+    told = begin < 0 ? model.get("step") : begin;
+    if (speed) player.speed.value = speed;
+    root.querySelector(".controls").append(fullScreen);
+    if (model.get("editable")) makeEditable(root);
+    if (model.get("steering").length) el.tabIndex = 0;
+    if (focused && el.querySelector(focused)) el.querySelector(focused).focus();
+    if (begin >= 0) player.playFrom(Math.min(begin, player.last));
+    else if (told !== player.last) player.go(told);
+  }
+
+  // A selector that finds the same control in the next drawing.
+  function nameOf(element) {
+    if (!element || element === el || !el.contains(element)) return null;
+    const label = element.getAttribute("aria-label");
+    const named = label && `[aria-label="${CSS.escape(label)}"]`;
+    if (element.dataset.device && element.closest("svg")) {
+      return `svg [data-device="${element.dataset.device}"]`;
+    }
+    return element.matches(".play") ? ".play" : named;
+  }
+
+  const send = (kind, told) => model.send({ kind, ...told });
+
+  // Maps: a device or the start is dragged; the same cell twice is a click.
+  function placeOf(svg, event) {
+    const matrix = svg.getScreenCTM().inverse();
+    return new DOMPoint(event.clientX, event.clientY).matrixTransform(matrix);
+  }
+
+  const cellOf = ({ x, y }) => [Math.round(y), Math.round(x)];
+
+  function movedTo(selector, { x, y }) {
+    for (const each of el.querySelectorAll(selector)) {
+      each.setAttribute("transform", `translate(${x} ${y})`);
+    }
+  }
+
+  function makeEditable(root) {
+    for (const svg of root.querySelectorAll(".map svg")) {
+      svg.setAttribute("role", "group"); // devices in it take keys
+      for (const device of svg.querySelectorAll("[data-device]")) {
+        device.tabIndex = 0;
+        device.setAttribute("role", "button");
+        const about = `${device.querySelector("title").textContent}: arrow keys move it`;
+        device.setAttribute("aria-label", about);
+      }
+    }
+    for (const bar of root.querySelectorAll(".bar")) makeSlider(bar);
+  }
+
+  function deviceAt(svg, [row, col]) {
+    const here = (line) => Number(line.getAttribute("x1")) === col
+      && Number(line.getAttribute("y1")) === row;
+    return [...svg.querySelectorAll("[data-link]")].find(here)?.dataset.link ?? null;
+  }
+
+  el.addEventListener("pointerdown", (event) => {
+    const svg = event.target.closest(".map svg");
+    if (!svg || event.button !== 0 || !model.get("editable")) return;
+    const from = cellOf(placeOf(svg, event));
+    const device = deviceAt(svg, from);
+    const [row, col] = (svg.querySelector("[data-start]")?.dataset.start ?? "").split(",");
+    const isStart = Number(row) === from[0] && Number(col) === from[1];
+    const what = device !== null ? `.map [data-device="${device}"]` : isStart && "[data-start]";
+    held = { svg, from, what };
+    if (what) event.preventDefault(); // neither text is selected nor the page scrolled
+  });
+  el.addEventListener("pointermove", (event) => {
+    if (held?.what) movedTo(held.what, placeOf(held.svg, event));
+  });
+  window.addEventListener("pointerup", released);
+  window.addEventListener("pointercancel", cancel);
+
+  function released(event) {
+    if (!held) return;
+    const { svg, from, what } = held;
+    held = null;
+    const to = cellOf(placeOf(svg, event));
+    const same = from[0] === to[0] && from[1] === to[1];
+    if (what && !same) movedTo(what, { x: to[1], y: to[0] });
+    if (what || same) send("drop", { from, to });
+  }
+
+  function cancel() {
+    if (held) draw();
+  }
+
+  // Bars: what there is at the start of the mission is set by dragging or by keys.
+  function makeSlider(bar) {
+    const device = bar.dataset.device ?? null;
+    const kind = device === null ? "time" : "data";
+    const [room, track] = [".room", ".track"].map((selector) => bar.querySelector(selector));
+    const number = bar.querySelector(".number");
+    const [most, least] = [model.get("most")[kind], FINEST[kind]];
+    const given = Number(number.textContent.split(" of ")[1]);
+    const digits = kind === "data" ? 1 : 0;
+    const most_shown = Math.max(most, given);
+    bar.tabIndex = -1;
+    room.classList.add("slider");
+    room.tabIndex = 0;
+    const about = {
+      role: "slider",
+      "aria-label": device === null ? "flying time" : `data of device ${device}`,
+      "aria-valuemin": least,
+      "aria-valuemax": most_shown,
+      title: "drag to change what there is at the start",
+    };
+    for (const [name, value] of Object.entries(about)) room.setAttribute(name, value);
+
+    function preview(value) {
+      track.style.width = `${(100 * value) / most_shown}%`;
+      room.setAttribute("aria-valuenow", value);
+      if (value !== given) number.textContent = `start: ${value.toFixed(digits)}`;
+    }
+
+    function set(value) {
+      const clipped = Math.min(Math.max(value, least), most_shown);
+      preview(clipped);
+      if (clipped !== given) send(kind, { device: device && Number(device), value: clipped });
+    }
+
+    function under(event) {
+      const { left, width } = room.getBoundingClientRect();
+      const value = ((event.clientX - left) / width) * most_shown;
+      return Math.min(Math.max(Math.round(value / least) * least, least), most_shown);
+    }
+
+    preview(given);
+    room.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      event.preventDefault();
+      room.focus();
+      room.setPointerCapture(event.pointerId);
+      preview(under(event));
+    });
+    room.addEventListener("pointermove", (event) => {
+      if (room.hasPointerCapture(event.pointerId)) preview(under(event));
+    });
+    room.addEventListener("pointerup", (event) => set(under(event)));
+    const steps = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -5, PageUp: 5 };
+    room.addEventListener("keydown", (event) => {
+      const to = { Home: least, End: most_shown }[event.key] ?? given + least * steps[event.key];
+      if (Number.isNaN(to)) return;
+      event.preventDefault();
+      event.stopPropagation(); // the keys are the slider's, not the player's
+      set(to);
+    });
+  }
+
+  // Keys: they steer the UAV, or move the device that has the focus.
+  function pressed(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const device = event.target.closest("svg [data-device]");
+    if (model.get("steering").includes(event.key)) {
+      if (event.target.matches("button, select, input") && event.key !== "Escape") return;
+      event.preventDefault();
+      event.stopPropagation();
+      send("key", { key: event.key });
+    } else if (device && model.get("editable") && MOVES[event.key]) {
+      event.preventDefault();
+      event.stopPropagation();
+      const line = device.ownerSVGElement.querySelector(`[data-link="${device.dataset.device}"]`);
+      const from = [Number(line.getAttribute("y1")), Number(line.getAttribute("x1"))];
+      const move = MOVES[event.key];
+      send("drop", { from, to: [from[0] + move[0], from[1] + move[1]] });
+    }
+  }
+  el.addEventListener("keydown", pressed, { capture: true });
+
+  // A step that comes with a new drawing is not one of this drawing's.
+  const follow = () => {
+    if (player === null || model.get("step") === told || model.get("drawing") !== drawn) return;
+    told = model.get("step");
+    player.go(told);
+  };
+  model.on("change:drawing", draw);
+  model.on("msg:custom", draw);
+  model.on("change:step", follow);
+  draw();
+  return () => {
+    model.off("change:drawing", draw);
+    model.off("msg:custom", draw);
+    model.off("change:step", follow);
+    window.removeEventListener("pointerup", released);
+    window.removeEventListener("pointercancel", cancel);
+  };
+}
+
+// What the agent of the first flight thinks, around its UAV: an arrow for each move, a ring for
+// hovering, a square for landing, the larger the better; the best one is blue. Returns a function
+// that shows the thoughts at a step.
+function thoughts(root, qValues) {
+  if (!qValues.length) return () => {};
+  const { flights } = JSON.parse(root.querySelector("script").textContent);
+  const [film] = flights;
+  const group = document.createElementNS(SVG, "g");
+  group.setAttribute("class", "thoughts");
+  return (step) => {
+    const drawn = root.querySelector(".map svg");
+    if (group.parentNode !== drawn) drawn.append(group);
+    group.replaceChildren();
+    const values = qValues[step];
+    if (!values) return;
+    const best = values.indexOf(Math.max(...values.filter((value) => value !== null)));
+    group.setAttribute("transform", `translate(${film.x[step]} ${film.y[step]})`);
+    values.forEach((value, action) => {
+      if (value === null) return;
+      const shape = document.createElementNS(SVG, action === 4 ? "circle" : "path");
+      if (action < 4) {
+        const [length, half] = [0.75 + 1.1 * value, 0.1 + 0.1 * value];
+        const neck = length - 0.3;
+        shape.setAttribute("d", `M${-half} -.45V${-neck}H${-half - 0.17}L0 ${-length}L${half + 0.17} ${-neck}H${half}V-.45z`);
+        shape.setAttribute("transform", `rotate(${90 * action})`);
+      } else if (action === 4) {
+        shape.setAttribute("r", 0.3 + 0.25 * value);
+      } else {
+        const side = 0.35 + 0.25 * value;
+        shape.setAttribute("d", `M${-side} ${-side}h${2 * side}v${2 * side}h${-2 * side}z`);
+      }
+      shape.setAttribute("class", action === best ? "best" : "other");
+      shape.classList.toggle("line", action >= 4);
+      group.append(shape);
+    });
+  };
+}
+
+export default { render };
