@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from PIL import Image, ImageChops
 from playwright.sync_api import expect, sync_playwright
 from serving import serving
@@ -455,6 +456,14 @@ def test_every_control_has_a_name(page):
     for tab in page.get_by_role("tab").all():
         open_lab(page, tab.inner_text())
         assert page.evaluate(NAMELESS) == []
+
+
+def test_axe_finds_nothing_that_keeps_people_out(page):
+    """No finding of axe-core, which checks contrast, names, roles and more, in any lab."""
+    for tab in page.get_by_role("tab").all():
+        open_lab(page, tab.inner_text())
+        found = Axe().run(page).response["violations"]
+        assert [(each["impact"], each["id"], each["nodes"][0]["html"]) for each in found] == []
 
 
 @pytest.mark.long
