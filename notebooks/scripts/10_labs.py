@@ -85,7 +85,8 @@ think
 # ## 10.3 Fly it yourself (notebook 3)
 #
 # Use the buttons, or click the map and use the arrow keys; space hovers, Enter lands. At the end all other policies fly
-# your mission with the same fading, and a second table counts the missions of the session: the first try of each.
+# your mission with the same fading, and a second table counts the missions of the session: the first try of each. *a hard one* sets one of five
+# missions in which greedy leaves nearly a third of the data. Can you do better than the agent?
 
 # %%
 game = FlyLab("manhattan", seed=3)

@@ -18,9 +18,11 @@ from uavdh_lite.environment import ACTIONS
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.labs import ChannelLab, CityLab, FlyLab, Labs, MissionLab, ThinkLab
 from uavdh_lite.labs.draft import Draft
-from uavdh_lite.labs.fly import KEYS
+from uavdh_lite.labs.fly import HARD, KEYS
 from uavdh_lite.labs.think import Thoughts
-from uavdh_lite.missions import environment_of
+from uavdh_lite.missions import Mission, environment_of
+from uavdh_lite.policies import find_policy
+from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.shadowing import line_of_sight
 
 
@@ -332,6 +334,22 @@ def test_flying_by_hand_with_buttons_and_keys():
     assert lab.stage.drawing == shown
     lab.again.click()
     assert not lab.flight.ended and lab.score.value == ""
+
+
+def test_hard_missions_are_hard_for_greedy_and_come_in_turn():
+    environment, collected = environment_of("manhattan"), {"greedy": [], "genie": []}
+    for seed in HARD:
+        mission = Mission.draw(SCENARIOS["manhattan"], environment.city, seed)
+        for name, shares in collected.items():
+            flights = mission.fly(environment, find_policy(name, environment, mission.seed))
+            shares.append(flights.records()["collection_ratio_and_landed"][0])
+    assert max(collected["greedy"]) < 0.71 and min(collected["genie"]) > 0.99
+    lab = FlyLab("village")
+    seen = []
+    for _ in range(len(HARD) + 1):
+        lab.hard.click()
+        seen.append(lab.seed.value)
+    assert seen == [*HARD, HARD[0]] and lab.environment.city.name == "manhattan"
 
 
 def test_the_session_keeps_scores_of_missions_flown_for_the_first_time():

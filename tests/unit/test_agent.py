@@ -15,6 +15,7 @@ from uavdh_lite.evaluation import evaluate
 from uavdh_lite.observation import Observation
 from uavdh_lite.recipe import LITE
 from uavdh_lite.scenario import SCENARIOS, place
+from uavdh_lite.streams import Use, stream
 
 
 class Linear(nn.Module):
@@ -131,3 +132,19 @@ def test_explanations_leave_out_what_is_not_allowed(safe, city):
     expected = (maps[0] * safe.network.weight[action]).abs().sum(0).detach()
     np.testing.assert_allclose(saliency(safe, state), expected, rtol=1e-5)
     assert value_map(safe, state)[far] == pytest.approx(float(safe.q_values(state)[0, action]))
+
+
+@pytest.mark.parametrize("name", ["manhattan", "any_city"])
+def test_returns_are_quantiles_around_the_q_values(name):
+    """Also of the mean over eight views, in which every view's actions are turned back."""
+    agent = load_agent(name).over(City.load("village"))
+    states = SCENARIOS["village"].sample(agent.city, 3, stream(Use.TEST, 0))
+    returns = agent.returns(states)
+    assert returns.shape == (3, 6, agent.recipe.quantiles)
+    assert torch.allclose(returns.mean(dim=2), agent.q_values(states), atol=1e-4)
+
+
+def test_an_agent_that_learned_means_has_no_quantiles():
+    agent = load_agent("manhattan_ddqn")
+    states = SCENARIOS["manhattan"].sample(agent.city, 1, stream(Use.TEST, 0))
+    assert agent.returns(states) is None
