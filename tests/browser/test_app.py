@@ -458,6 +458,14 @@ def test_every_control_has_a_name(page):
         assert page.evaluate(NAMELESS) == []
 
 
+def test_labs_fit_a_tablet(page):
+    """Controls and pictures continue below instead of reaching beyond the page."""
+    page.set_viewport_size({"width": 800, "height": 1100})
+    for tab in page.get_by_role("tab").all():
+        open_lab(page, tab.inner_text())
+        assert fits(page)
+
+
 def test_axe_finds_nothing_that_keeps_people_out(page):
     """No finding of axe-core, which checks contrast, names, roles and more, in any lab."""
     for tab in page.get_by_role("tab").all():
