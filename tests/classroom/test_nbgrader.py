@@ -72,6 +72,7 @@ def submit(root, student, notebook):
 
 
 @pytest.mark.long
+@pytest.mark.longest
 @pytest.mark.parametrize(
     "student, points",
     [
@@ -92,6 +93,7 @@ def test_autograde(course, student, points):
 
 
 @pytest.mark.long
+@pytest.mark.longest
 def test_the_commands_are_those_of_the_guide(course):
     guide = (NOTEBOOKS.parent / "docs" / "teach" / "index.md").read_text()
     for command in ("generate_assignment --force", "autograde", "generate_feedback"):
@@ -103,6 +105,7 @@ def test_the_commands_are_those_of_the_guide(course):
 
 
 @pytest.mark.long
+@pytest.mark.longest
 def test_feedback_says_what_is_wrong(course):
     page = (course / "feedback" / "mixed" / ASSIGNMENT / f"{ASSIGNMENT}.html").read_text()
     assert "wrong way round" in page
