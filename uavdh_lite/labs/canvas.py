@@ -54,6 +54,8 @@ class Canvas:
         self._canvas = FigureCanvasAgg(figure)
         self._background = None
         self.picture = Picture()
+        self._hear: dict[str, Callable[[dict], None]] = {}
+        self.picture.on_msg(lambda _, told, buffers: self._hear[told["kind"]](told))
 
     def draw_all(self) -> None:
         """Draw the figure without its animated artists, as the background of `draw`."""
@@ -124,9 +126,4 @@ class Canvas:
 
     def _listen(self, kind: str, handlers: dict[str, Callable[[dict], None]]) -> None:
         self.picture.listens = [*self.picture.listens, kind]
-
-        def hear(_, told, buffers):
-            if told["kind"] in handlers:
-                handlers[told["kind"]](told)
-
-        self.picture.on_msg(hear)
+        self._hear |= handlers

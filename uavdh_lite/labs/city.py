@@ -13,7 +13,7 @@ from uavdh_lite.errors import CityError, InputError, extra
 from uavdh_lite.evaluation import Flights
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.labs.draft import BRUSHES, MIRRORS, UPLOAD_BYTES, Cell, Draft, History, rectangle
-from uavdh_lite.labs.stage import Stage
+from uavdh_lite.labs.stage import BESIDE, Stage
 from uavdh_lite.labs.views import policy_title
 from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, cell_at, status
 from uavdh_lite.missions import Mission
@@ -110,7 +110,7 @@ class CityLab(ipywidgets.VBox):
         figure = Figure(figsize=(4.2, 4.2), dpi=100)
         self.ax = figure.add_axes((0.07, 0.06, 0.92, 0.92))
         self.canvas, self.stage = Canvas(figure), Stage()
-        self.stage.layout = {"flex": "1 1 600px", "min_width": "0"}
+        self.stage.layout = BESIDE
         self.views = ipywidgets.HBox([self.canvas.picture], layout=WRAP)
 
     def _listen(self) -> None:

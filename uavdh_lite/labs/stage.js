@@ -93,9 +93,12 @@ function render({ model, el }) {
     for (const bar of root.querySelectorAll(".bar")) makeSlider(bar);
   }
 
-  function deviceAt(svg, [row, col]) {
-    const here = (line) => Number(line.getAttribute("x1")) === col
-      && Number(line.getAttribute("y1")) === row;
+  // A device's line begins in its cell.
+  const cellOfLink = (line) => ["y1", "x1"].map((name) => Number(line.getAttribute(name)));
+  const same = (one, other) => one[0] === other[0] && one[1] === other[1];
+
+  function deviceAt(svg, cell) {
+    const here = (line) => same(cellOfLink(line), cell);
     return [...svg.querySelectorAll("[data-link]")].find(here)?.dataset.link ?? null;
   }
 
@@ -104,8 +107,7 @@ function render({ model, el }) {
     if (!svg || event.button !== 0 || !model.get("editable")) return;
     const from = cellOf(placeOf(svg, event));
     const device = deviceAt(svg, from);
-    const [row, col] = (svg.querySelector("[data-start]")?.dataset.start ?? "").split(",");
-    const isStart = Number(row) === from[0] && Number(col) === from[1];
+    const isStart = svg.querySelector("[data-start]").dataset.start === from.join();
     const what = device !== null ? `.map [data-device="${device}"]` : isStart && "[data-start]";
     held = { svg, from, what };
     if (what) event.preventDefault(); // neither text is selected nor the page scrolled
@@ -121,9 +123,8 @@ function render({ model, el }) {
     const { svg, from, what } = held;
     held = null;
     const to = cellOf(placeOf(svg, event));
-    const same = from[0] === to[0] && from[1] === to[1];
-    if (what && !same) movedTo(what, { x: to[1], y: to[0] });
-    if (what || same) send("drop", { from, to });
+    if (what && !same(from, to)) movedTo(what, { x: to[1], y: to[0] });
+    if (what || same(from, to)) send("drop", { from, to });
   }
 
   function cancel() {
@@ -139,7 +140,8 @@ function render({ model, el }) {
     const [most, least] = [model.get("most")[kind], FINEST[kind]];
     const given = Number(number.textContent.split(" of ")[1]);
     const digits = kind === "data" ? 1 : 0;
-    const most_shown = Math.max(most, given);
+    const longest = Math.max(most, given);
+    const within = (value) => Math.min(Math.max(value, least), longest);
     bar.tabIndex = -1;
     room.classList.add("slider");
     room.tabIndex = 0;
@@ -147,27 +149,26 @@ function render({ model, el }) {
       role: "slider",
       "aria-label": device === null ? "flying time" : `data of device ${device}`,
       "aria-valuemin": least,
-      "aria-valuemax": most_shown,
+      "aria-valuemax": longest,
       title: "drag to change what there is at the start",
     };
     for (const [name, value] of Object.entries(about)) room.setAttribute(name, value);
 
     function preview(value) {
-      track.style.width = `${(100 * value) / most_shown}%`;
+      track.style.width = `${(100 * value) / longest}%`;
       room.setAttribute("aria-valuenow", value);
       if (value !== given) number.textContent = `start: ${value.toFixed(digits)}`;
     }
 
     function set(value) {
-      const clipped = Math.min(Math.max(value, least), most_shown);
-      preview(clipped);
-      if (clipped !== given) send(kind, { device: device && Number(device), value: clipped });
+      preview(value);
+      if (value !== given) send(kind, { device: device && Number(device), value });
     }
 
     function under(event) {
       const { left, width } = room.getBoundingClientRect();
-      const value = ((event.clientX - left) / width) * most_shown;
-      return Math.min(Math.max(Math.round(value / least) * least, least), most_shown);
+      const value = ((event.clientX - left) / width) * longest;
+      return within(Math.round(value / least) * least);
     }
 
     preview(given);
@@ -184,11 +185,11 @@ function render({ model, el }) {
     room.addEventListener("pointerup", (event) => set(under(event)));
     const steps = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -5, PageUp: 5 };
     room.addEventListener("keydown", (event) => {
-      const to = { Home: least, End: most_shown }[event.key] ?? given + least * steps[event.key];
+      const to = { Home: least, End: longest }[event.key] ?? given + least * steps[event.key];
       if (Number.isNaN(to)) return;
       event.preventDefault();
       event.stopPropagation(); // the keys are the slider's, not the player's
-      set(to);
+      set(within(to));
     });
   }
 
@@ -197,7 +198,7 @@ function render({ model, el }) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const device = event.target.closest("svg [data-device]");
     if (model.get("steering").includes(event.key)) {
-      if (event.target.matches("button, select, input") && event.key !== "Escape") return;
+      if (event.target.matches("button, select, input")) return;
       event.preventDefault();
       event.stopPropagation();
       send("key", { key: event.key });
@@ -205,7 +206,7 @@ function render({ model, el }) {
       event.preventDefault();
       event.stopPropagation();
       const line = device.ownerSVGElement.querySelector(`[data-link="${device.dataset.device}"]`);
-      const from = [Number(line.getAttribute("y1")), Number(line.getAttribute("x1"))];
+      const from = cellOfLink(line);
       const move = MOVES[event.key];
       send("drop", { from, to: [from[0] + move[0], from[1] + move[1]] });
     }

@@ -13,6 +13,7 @@ with extra("notebooks"):
     import traitlets
 
 Cell = tuple[int, int]
+BESIDE = {"flex": "1 1 600px", "min_width": "0"}  # the layout of a stage beside something else
 
 
 def _read(name: str) -> str:

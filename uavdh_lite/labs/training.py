@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.stage import Stage
+from uavdh_lite.labs.stage import BESIDE, Stage
 from uavdh_lite.labs.widgets import WRAP, status
 from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import BLUE, ORANGE, RED
@@ -79,7 +79,7 @@ class TrainingLab(ipywidgets.VBox):
         figure = Figure(figsize=(5.2, 4.2), dpi=100)
         self.ax = figure.add_axes((0.12, 0.13, 0.83, 0.84))
         self.curves, self.stage = Canvas(figure), Stage()
-        self.stage.layout = {"flex": "1 1 600px", "min_width": "0"}
+        self.stage.layout = BESIDE
         self.looked_at = ipywidgets.IntSlider(
             max=0, description="flight at validation", style=wide, layout={"width": "480px"}
         )
@@ -146,6 +146,7 @@ class TrainingLab(ipywidgets.VBox):
         self.looked_at.max = 0
         self.stage.layout.display = self.looked_at.layout.display = "none"
         self._draw_curves()
+        self.curves.draw(alt="Curves of the previous run, if there was one")
         self._set_running(False)
         self._say("change the settings, then start")
 
@@ -214,10 +215,10 @@ class TrainingLab(ipywidgets.VBox):
 
     def look_at(self, steps: float) -> None:
         """Show the flight after the validation that is nearest to so many steps."""
-        rows = self.trainer.validation_rows[: len(self.flown)] if self.flown else []
-        if rows:
-            distance = [abs(row["steps"] - steps) for row in rows]
-            self.looked_at.value = distance.index(min(distance))
+        if self.flown:
+            rows = self.trainer.validation_rows
+            numbers = range(len(self.flown))
+            self.looked_at.value = min(numbers, key=lambda k: abs(rows[k]["steps"] - steps))
 
     def _show_flight(self) -> None:
         """Play the flight of a validation, and mark it on the curves."""
@@ -251,7 +252,6 @@ class TrainingLab(ipywidgets.VBox):
         self.ax.set(xlim=(0, self.recipe.steps), ylim=(-0.03, 1.03), xlabel="environment steps")
         self.ax.legend(loc="lower right", fontsize="small")
         self.curves.draw_all()
-        self.curves.draw(alt=f"Curves of {len(rows)} validations and of the previous run's")
 
     def _mark(self, steps: int) -> None:
         """Mark the validation whose flight is shown."""
