@@ -14,6 +14,7 @@ reach becomes part of the buildings or no-fly zones around it, so all cells over
 are connected.
 """  # noqa: E501
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,7 +40,7 @@ class CityGenerator:
     Raises `InputError` for a range that is none, or an unknown kind.
     """
 
-    size: int = option(16, "cells on a side", ge=8, le=100)
+    sizes: tuple[int, int] = option((16, 16), "least and most cells on a side", ge=8, le=100)
     kinds: tuple[str, ...] = option(
         ("blocks", "scattered", "courtyards", "old_town"), "kinds of city, equally likely"
     )
@@ -53,9 +54,10 @@ class CityGenerator:
     def __post_init__(self):
         require_bounds(self, "cities")
         for name, least, most in (
+            ("sizes", 8, 100),
             ("low_share", 0, 1),
-            ("no_fly_zones", 0, self.size),
-            ("landing_zones", 1, self.size),
+            ("no_fly_zones", 0, self.sizes[0]),
+            ("landing_zones", 1, self.sizes[0]),
         ):
             low, high = getattr(self, name)
             if not least <= low <= high <= most:
@@ -76,12 +78,13 @@ class CityGenerator:
         cities = []
         for number in range(count):
             kind = self.kinds[generator.integers(len(self.kinds))]
-            cities.append(self._draw_one(f"{kind}_{seed}_{number}", kind, generator))
+            size = _whole(generator, *self.sizes)  # draws nothing if all cities have one size
+            cities.append(self._draw_one(f"{kind}_{seed}_{number}", kind, size, generator))
         return Cities(tuple(cities))
 
-    def _draw_one(self, name: str, kind: str, generator: np.random.Generator) -> City:
+    def _draw_one(self, name: str, kind: str, size: int, generator: np.random.Generator) -> City:
         for _ in range(MOST_TRIES):
-            buildings = BUILDERS[kind](self.size, generator)
+            buildings = BUILDERS[kind](size, generator)
             if generator.random() < self.open_land:
                 _clear_one_side(buildings, generator)
             low_share = generator.uniform(*self.low_share)
@@ -92,7 +95,7 @@ class CityGenerator:
             room = _add_landing_zones(cells, _whole(generator, *self.landing_zones), generator)
             # Hardly a city, or hardly one to fly in: draw it again.
             few = np.isin(cells, (LOW, TALL)).mean() < LEAST_BUILT
-            if room and not few and cut_off <= MOST_CUT_OFF * self.size**2:
+            if room and not few and cut_off <= MOST_CUT_OFF * size**2:
                 return City.from_kinds(name, cells)
         raise InputError(
             f"no city with these parameters in {MOST_TRIES} tries: "
@@ -109,14 +112,20 @@ def load_city(name: str | Path) -> City | Cities:
     | `my_city.png` | the city of a PNG file |
     | `my_cities` | the cities of all PNG files in this folder |
     | `random:300:1` | the first 300 random cities of seed 1, of 16×16 cells |
+    | `random:300:1:24` | the same of 24×24 cells; `random:300:1:8-50`: of 8 to 50 cells a side |
 
     Raises `CityError` for anything else.
     """
     if str(name).startswith(RANDOM):
-        numbers = str(name).removeprefix(RANDOM).split(":")
-        if len(numbers) != 2 or not all(map(str.isdecimal, numbers)):
-            raise CityError(f"{name}: write random:COUNT:SEED, such as {RANDOM}300:1")
-        return CityGenerator().draw(*map(int, numbers))
+        found = re.fullmatch(RANDOM + r"(\d+):(\d+)(?::(\d+)(?:-(\d+))?)?", str(name))
+        if found is None:
+            raise CityError(
+                f"{name}: write random:COUNT:SEED, such as {RANDOM}300:1, or with sizes "
+                f"{RANDOM}300:1:24 or {RANDOM}300:1:8-50"
+            )
+        count, seed, least, most = (number and int(number) for number in found.groups())
+        sizes = {} if least is None else {"sizes": (least, least if most is None else most)}
+        return CityGenerator(**sizes).draw(count, seed)
     return Cities.load(name) if Path(name).is_dir() else City.load(name)
 
 

@@ -126,6 +126,13 @@ SCENARIOS = {
         Scenario(
             "any_city", "random:2000:0", devices=(1, 6), data=(1.0, 25.0), flying_time=(20, 70)
         ),
+        Scenario(
+            "any_size",
+            "random:1000:0:8-50",
+            devices=(1, 10),
+            data=(1.0, 25.0),
+            flying_time=(20, 250),
+        ),
     )
 }
 

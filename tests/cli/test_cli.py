@@ -137,11 +137,12 @@ def test_city_checks_and_draws(tmp_path, capsys):
 
 def test_cities_are_drawn_and_can_be_loaded(tmp_path, capsys):
     out, figure = tmp_path / "drawn", tmp_path / "all.png"
-    arguments = ["cities", "--count", "3", "--seed", "4", "--size", "9", "--kind", "blocks"]
+    arguments = ["cities", "--count", "3", "--seed", "4", "--size", "9", "--largest", "12"]
+    arguments += ["--kind", "blocks"]
     assert main([*arguments, "--out", str(out), "--figure", str(figure)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[:3]] == [str(p) for p in sorted(out.iterdir())]
-    expected = CityGenerator(size=9, kinds=("blocks",)).draw(3, seed=4)
+    expected = CityGenerator((9, 12), kinds=("blocks",)).draw(3, seed=4)
     assert Cities.load(out).fingerprint == expected.fingerprint
     assert lines[3:] == [str(figure)] and figure.stat().st_size > 5000
 
@@ -163,7 +164,7 @@ def test_train_takes_a_city_and_ranges_of_ones_own(corridor, tmp_path, capsys):
 
 def test_without_a_checkpoint_the_agent_flies_that_knows_the_city_best(tmp_path, capsys):
     mine, out = tmp_path / "mine.png", tmp_path / "f.png"
-    CityGenerator(size=12).draw(1, seed=3)[0].save(mine)
+    CityGenerator((12, 12)).draw(1, seed=3)[0].save(mine)
     assert main(["fly", "--city", str(mine), "--out", str(out)]) == 0
     by_default = capsys.readouterr().out
     assert main(["fly", "--checkpoint", "any_city", "--city", str(mine), "--out", str(out)]) == 0
@@ -178,7 +179,7 @@ def test_without_a_checkpoint_the_agent_flies_that_knows_the_city_best(tmp_path,
 
 def test_train_goes_on_from_an_agent(tmp_path, capsys):
     mine, run = tmp_path / "mine.png", tmp_path / "run"
-    city = CityGenerator(size=12).draw(1, seed=3)[0]
+    city = CityGenerator((12, 12)).draw(1, seed=3)[0]
     city.save(mine)
     arguments = ["train", "--from", "any_city", "--city", str(mine), "--out", str(run)]
     small = ["--steps", "320", "--replay-prefill", "160", "--validation-episodes", "5"]
@@ -278,7 +279,7 @@ def test_options_given_twice_hold_as_given_last(tmp_path, capsys):
         ("fly --devices 4,0 4,1 4,2 4,3 4,4 4,5", "6 devices: this scenario takes 1 to 5"),
         ("fly --flying-time 0", "flying time 0: must be at least 1"),
         ("cities --count 0", "0 cities: must be at least 1"),
-        ("cities --size 5", "cities: size is 5, must be at least 8"),
+        ("cities --size 5", "cities: sizes is (5, 5), must be at least 8"),
         ("cities --kind castle", "kind of city: 'castle'; choose from blocks, scattered"),
         ("city atlantis", "no city named 'atlantis'"),
         ("city", "PATH requires an argument. See: python -m uavdh_lite city --help"),

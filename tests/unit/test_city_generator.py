@@ -27,7 +27,7 @@ def zones(mask):
 @given(st.integers(8, 40), st.integers(0, 2**40), st.sampled_from(DEFAULT.kinds))
 @settings(derandomize=True, deadline=None, max_examples=40)
 def test_cities_of_any_size_are_valid_and_connected(size, seed, kind):
-    (city,) = CityGenerator(size=size, kinds=(kind,)).draw(1, seed).cities
+    (city,) = CityGenerator((size, size), kinds=(kind,)).draw(1, seed).cities
     assert city.size == size and city.name.startswith(kind)
     assert (city.landing_distance[~city.no_fly] >= 0).all(), "a cell that no way leads to"
     assert zones(~city.no_fly) == 1, "two landing zones that no way connects"
@@ -75,7 +75,7 @@ def test_hardly_any_buildings_are_not_a_city():
 
 
 def test_buildings_in_a_no_fly_zone_stay_and_count_as_tall():
-    low = {"low_share": (1.0, 1.0), "kinds": ("blocks",), "size": 24}
+    low = {"low_share": (1.0, 1.0), "kinds": ("blocks",), "sizes": (24, 24)}
     for zones, tall in ((0, False), (4, True)):
         cities = CityGenerator(no_fly_zones=(zones, zones), **low).draw(10, 0)
         assert (cities.buildings & cities.no_fly).any() == tall
@@ -109,8 +109,9 @@ def test_every_kind_comes_up_about_as_often():
 @pytest.mark.parametrize(
     "change, message",
     [
-        ({"size": 7}, "cities: size is 7, must be at least 8"),
-        ({"size": 101}, "at most 100"),
+        ({"sizes": (7, 16)}, r"cities: sizes is \(7, 16\), must be at least 8"),
+        ({"sizes": (16, 101)}, "at most 100"),
+        ({"sizes": (20, 16)}, "sizes from 20 to 16: must be from 8 to 100, the first not above"),
         ({"kinds": ("blocks", "castle")}, "'castle'; choose from blocks, scattered"),
         ({"kinds": ()}, "none; choose from"),
         ({"landing_zones": (0, 2)}, "landing_zones from 0 to 2: must be from 1"),
@@ -132,7 +133,7 @@ def test_no_cities_are_refused():
 
 def test_parameters_that_leave_no_room_are_an_error():
     with pytest.raises(InputError, match="fewer landing zones"):
-        CityGenerator(size=8, landing_zones=(8, 8)).draw(1, 0)
+        CityGenerator((8, 8), landing_zones=(8, 8)).draw(1, 0)
 
 
 def test_a_name_stands_for_a_city_or_for_many(tmp_path):
@@ -141,13 +142,21 @@ def test_a_name_stands_for_a_city_or_for_many(tmp_path):
     assert random.fingerprint == DEFAULT.draw(3, 7).fingerprint
     for city in random.cities:
         city.save(tmp_path / f"{city.name}.png")
+    assert load_city("random:3:7:24").fingerprint == CityGenerator((24, 24)).draw(3, 7).fingerprint
+    mixed = load_city("random:40:7:8-12")
+    assert set(mixed.sizes) == {8, 9, 10, 11, 12}
     assert len(load_city(tmp_path)) == 3
     assert load_city(tmp_path / f"{random[0].name}.png").fingerprint == random[0].fingerprint
 
 
 @pytest.mark.parametrize(
-    "name", ["random:", "random:3", "random:3:x", "random:-1:0", "random:1:2:3"]
+    "name", ["random:", "random:3", "random:3:x", "random:-1:0", "random:1:2:8-", "random:1:2:8:9"]
 )
 def test_a_wrong_name_of_random_cities_says_how_to_write_it(name):
     with pytest.raises(CityError, match=f"{name}: write random:COUNT:SEED, such as random:300:1"):
         load_city(name)
+
+
+def test_sizes_of_random_cities_have_bounds():
+    with pytest.raises(InputError, match="cities: sizes is .3, 3., must be at least 8"):
+        load_city("random:1:2:3")

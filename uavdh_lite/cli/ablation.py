@@ -48,8 +48,8 @@ def _ablation(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..
         Arguments:
             study: what is left out or changed: centring, deviations or parts.
             variants: names of the study's variants to run, by default all.
-            scenario: what to train for: manhattan, open_field, village, harbour, metropolis or
-                any_city, which is over 2000 random cities.
+            scenario: what to train for: manhattan, open_field, village, harbour, metropolis,
+                any_city (2000 random cities) or any_size (1000 of 8 to 50 cells a side).
             recipe: how to train: lite, paper, small, quantile or fine_tune.
             seeds: number of runs of each variant, with the seeds 0, 1, and so on.
             jobs: number of runs at a time.

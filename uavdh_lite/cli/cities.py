@@ -9,6 +9,7 @@ def cities(
     seed: int = 0,
     out: Path = Path("cities"),
     size: int = 16,
+    largest: int | None = None,
     kind: tuple[str, ...] | None = None,
     figure: Path | None = None,
 ) -> None:
@@ -19,12 +20,14 @@ def cities(
         seed: of the random numbers; a larger count begins with the same cities.
         out: the folder for the cities.
         size: cells on a side.
+        largest: cells on a side of the largest; then --size is those of the smallest.
         kind: kinds of city: blocks, scattered, courtyards, old_town; all of them if not given.
         figure: a picture of all of them.
     """
     from uavdh_lite.city_generator import CityGenerator
 
-    generator = CityGenerator(size=size) if kind is None else CityGenerator(size=size, kinds=kind)
+    sizes = size, size if largest is None else largest
+    generator = CityGenerator(sizes) if kind is None else CityGenerator(sizes, kinds=kind)
     drawn = generator.draw(count, seed)
     out.mkdir(parents=True, exist_ok=True)
     for city in drawn.cities:

@@ -48,8 +48,8 @@ def _train(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..., 
         that you name. The defaults below are those of that scenario and that recipe.
 
         Arguments:
-            scenario: what to train for: manhattan, open_field, village, harbour, metropolis or
-                any_city, which is over 2000 random cities.
+            scenario: what to train for: manhattan, open_field, village, harbour, metropolis,
+                any_city (2000 random cities) or any_size (1000 of 8 to 50 cells a side).
             recipe: how to train: lite, paper, small, quantile or fine_tune.
             begin_with: an agent to go on from, a checkpoint file or the name of a shipped one. Then
                 the defaults are --scenario any_city and --recipe fine_tune.

@@ -198,7 +198,7 @@ class CityLab(ipywidgets.VBox):
     def _draw_random(self) -> None:
         """A city of the size that the field says, another one each time."""
         try:
-            (city,) = CityGenerator(size=self.size.value).draw(1, self._drawn)
+            (city,) = CityGenerator((self.size.value,) * 2).draw(1, self._drawn)
         except InputError as error:
             self._say(str(error))
             return

@@ -84,7 +84,7 @@ def _librarys() -> tuple[tuple, np.ndarray]:
     from uavdh_lite.observation import Observation
     from uavdh_lite.scenario import place
 
-    city, size = CityGenerator(size=9).draw(1, seed=3)[0], 12
+    city, size = CityGenerator((9, 9)).draw(1, seed=3)[0], 12
     row, col = np.argwhere(city.landing)[0].tolist()
     device = tuple(int(k) for k in divmod(city.device_cells[0], city.size))
     state = place(city, (row, col), devices=[device], data=[5], flying_time=30, max_devices=1)
