@@ -158,5 +158,5 @@ def test_a_wrong_name_of_random_cities_says_how_to_write_it(name):
 
 
 def test_sizes_of_random_cities_have_bounds():
-    with pytest.raises(InputError, match="cities: sizes is .3, 3., must be at least 8"):
+    with pytest.raises(InputError, match=r"cities: sizes is \(3, 3\), must be at least 8"):
         load_city("random:1:2:3")
