@@ -11,7 +11,7 @@ intervals. Missions and fading have seed 1000.
 import argparse
 import time
 
-from uavdh_lite.city import City
+from uavdh_lite.city_generator import load_city
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import Flights, Policy, evaluate
 from uavdh_lite.planners import Genie, Greedy
@@ -42,17 +42,17 @@ def timed(
 def speed(missions: int) -> None:
     print(f"{'city':<12}{'size':>5}{'devices':>9}{'greedy a minute':>17}{'genie a minute':>16}")
     for name, scenario in SCENARIOS.items():
-        environment = Environment(City.load(scenario.city))
+        environment = Environment(load_city(scenario.city))
         _, greedy = timed(environment, Greedy(environment), scenario, 50 * missions)
         _, genie = timed(environment, Genie(environment), scenario, missions)
         devices = "{}-{}".format(*scenario.devices)
-        size = environment.city.size
+        size = environment.cities.size
         print(f"{name:<12}{size:>5}{devices:>9}{greedy:>17,.0f}{genie:>16,.0f}", flush=True)
 
 
 def convergence(name: str, missions: int) -> None:
     scenario = SCENARIOS[name]
-    environment = Environment(City.load(scenario.city))
+    environment = Environment(load_city(scenario.city))
     print(f"{name:<12}{'CRAL':>8}{'return':>9}{'missions a minute':>19}")
     for label, options in GENIES.items():
         flights, rate = timed(environment, Genie(environment, **options), scenario, missions)

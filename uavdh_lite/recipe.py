@@ -26,6 +26,9 @@ class Recipe:
         3, "global map: average over cells of this side (global_local only)", ge=1
     )
     local_size: int = option(17, "local map: cells a side (global_local only)", ge=1)
+    turned: bool = option(
+        False, "learn in the eight turned and mirrored versions of the city, and fly by all eight"
+    )
     # What keeps it safe
     failsafe: bool = option(
         False, "the safety controller brings the UAV home in time; landing is not learned"

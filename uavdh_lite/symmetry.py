@@ -10,6 +10,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
+from uavdh_lite.city import Cities, City, as_cities
 from uavdh_lite.environment import HOVER, LAND
 
 SYMMETRIES = [(turns, mirrored) for mirrored in (False, True) for turns in range(4)]
@@ -19,6 +20,19 @@ def turned(maps: Tensor, turns: int, mirrored: bool) -> Tensor:
     """The maps, (..., W, W): mirrored left to right, then turned to the left by right angles."""
     maps = maps.flip(-1) if mirrored else maps
     return maps.rot90(turns, (-2, -1)).contiguous()
+
+
+def turned_cities(city: City | Cities) -> Cities:
+    """The city or cities as they are, and after them their seven other views."""
+    cities = list(as_cities(city).cities)
+    for turns in range(4):
+        for mirrored in (False, True):
+            if turns or mirrored:
+                view = f"turned_{turns}" + "_mirrored" * mirrored
+                for one in as_cities(city).cities:
+                    kinds = turned(torch.tensor(one.kinds), turns, mirrored).numpy()
+                    cities.append(City.from_kinds(f"{one.name}_{view}", kinds))
+    return Cities(tuple(cities))
 
 
 def turned_actions(turns: int, mirrored: bool) -> list[int]:

@@ -15,7 +15,7 @@ from uavdh_lite import streams
 from uavdh_lite.advantage_learning import action_gap, widen_gap
 from uavdh_lite.agent import NETWORK, Agent, build, choices
 from uavdh_lite.checkpoint import load, save
-from uavdh_lite.city import Cities, City
+from uavdh_lite.city import Cities, City, as_cities
 from uavdh_lite.city_generator import load_city
 from uavdh_lite.ddqn import DDQN, Networks, draw_actions, only_allowed, softmax_policy
 from uavdh_lite.environment import ACTIONS, Environment, Outcome, Rewards, State
@@ -27,6 +27,7 @@ from uavdh_lite.recipe import Recipe
 from uavdh_lite.replay import Replay
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream, torch_seed
+from uavdh_lite.symmetry import turned_cities
 
 BIN = 5000  # environment steps a row of training.csv, as in the paper's figure
 VALIDATION_SEED = 0
@@ -143,16 +144,17 @@ class Trainer:
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
         self.city = city if city is not None else load_city(scenario.city)
         self.device = torch.device(device)
-        self.environment = Environment(self.city, failsafe=recipe.failsafe)
+        self.learned_in = turned_cities(self.city) if recipe.turned else self.city
+        self.environment = Environment(self.learned_in, failsafe=recipe.failsafe)
         self.generator = stream(Use.TRAINING, seed)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(torch_seed(Use.WEIGHTS, seed))
             size = 0 if begin_with is None else begin_with.observation.size
-            self.observation, network = build(recipe, self.city, size)
+            self.observation, network = build(recipe, self.learned_in, size)
         if begin_with is not None:
             _require_same_network(recipe, begin_with.recipe)
             network.load_state_dict(begin_with.network.state_dict())
-        of_many_cities = len(self.environment.cities) > 1  # in which all directions are alike
+        of_many_cities = len(self.environment.cities) > 1  # all directions are alike in them
         self.symmetric = of_many_cities or (begin_with is not None and begin_with.symmetric)
         self.observation.to(self.device)
         network.to(self.device)
@@ -253,13 +255,13 @@ class Trainer:
     def _starts(self, environments: np.ndarray) -> State:
         """New episodes for these environments, a share of them exploring starts."""
         recipe, count = self.recipe, len(environments)
-        state = self.scenario.sample(self.city, count, self.generator)
+        state = self.scenario.sample(self.learned_in, count, self.generator)
         exploring = self.generator.random(count) < recipe.exploring_starts
         if exploring.any():
             state = state.with_rows(
                 exploring,
                 self.scenario.sample_anywhere(
-                    self.city, exploring.sum(), self.generator, recipe.exploring_spare_time
+                    self.learned_in, exploring.sum(), self.generator, recipe.exploring_spare_time
                 ),
             )
         self.statistics.begin(environments, ~exploring)
@@ -283,9 +285,13 @@ class Trainer:
 
         It flies by one view of the map, which is eight times as fast as by all symmetries.
         """
+        return self._agent().over(self.city)
+
+    def _agent(self) -> Agent:
+        """The agent over all that it learns in."""
         training = {
             "seed": self.seed,
-            "cities": len(self.environment.cities),
+            "cities": len(as_cities(self.city)),
             "symmetric": self.symmetric,
             "steps": self.steps,
             "updates": self.updates,
@@ -295,8 +301,8 @@ class Trainer:
             "threads": self.threads,
             "validation": self.validation_rows[-1] if self.validation_rows else None,
         }
-        parts = (self.learner.online, self.observation, self.recipe, self.scenario, self.city)
-        return Agent(*parts, training)
+        parts = (self.learner.online, self.observation, self.recipe, self.scenario)
+        return Agent(*parts, self.learned_in, training)
 
     @property
     def finished(self) -> bool:
@@ -317,7 +323,12 @@ class Trainer:
         """
         episodes = self.recipe.validation_episodes
         flights = evaluate(
-            self.environment, self.agent, self.scenario, episodes, VALIDATION_SEED, Use.VALIDATION
+            self.environment,
+            self._agent(),
+            self.scenario,
+            episodes,
+            VALIDATION_SEED,
+            Use.VALIDATION,
         )
         means = {name: float(values.mean()) for name, values in flights.records().items()}
         best = max((row["cumulative_reward"] for row in self.validation_rows), default=-np.inf)

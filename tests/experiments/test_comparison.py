@@ -41,7 +41,7 @@ def test_parts_and_processes_change_nothing(village, jobs, chunk):
 
 
 def test_over_several_cities_each_episode_names_its_city():
-    cities = CityGenerator(size=8).draw(3, seed=5)
+    cities = CityGenerator((8, 8)).draw(3, seed=5)
     environment, scenario = Environment(cities), Scenario("few", devices=(1, 2))
     policies = {"greedy": lambda: Greedy(environment)}
     results = compare(environment, scenario, policies, 20, seed=4, chunk=7)

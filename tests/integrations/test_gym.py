@@ -260,7 +260,7 @@ def test_nobody_crashes_in_the_vector_environment_with_the_failsafe():
 
 @pytest.mark.parametrize("observation", ["centred", "non_centred"])
 def test_every_episode_has_a_city_of_its_own(observation):
-    cities = CityGenerator(size=8).draw(5, 0)
+    cities = CityGenerator((8, 8)).draw(5, 0)
     options = {"scenario": "village", "city": cities, "observation": observation}
     check_env(gymnasium.make(ID, **options, render_mode="rgb_array").unwrapped)
     envs = gymnasium.make_vec(

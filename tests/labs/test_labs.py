@@ -554,7 +554,7 @@ def test_over_a_large_city_only_planners_fly():
 
 
 def test_the_mission_lab_takes_a_city_of_ones_own(tmp_path):
-    city = CityGenerator(size=12).draw(1, seed=3)[0]
+    city = CityGenerator((12, 12)).draw(1, seed=3)[0]
     city.save(tmp_path / "mine.png")
     lab = MissionLab(str(tmp_path / "mine.png"))
     assert lab.policy.value == "any_city" and lab.flights["any_city"].end.landed[0]

@@ -32,7 +32,7 @@ BOTH = Cities((SMALL, LARGE))
 
 def drawn(*sizes, each=4):
     """A few random cities of each size, in turns."""
-    sets = [CityGenerator(size=size).draw(each, seed=1).cities for size in sizes]
+    sets = [CityGenerator((size, size)).draw(each, seed=1).cities for size in sizes]
     return Cities(tuple(city for turn in zip(*sets, strict=True) for city in turn))
 
 
@@ -312,12 +312,12 @@ def test_an_agent_of_many_cities_comes_back_and_flies_others(begin, tmp_path):
     expected = loaded.q_values(state)[rows]
     alone = over.q_values(loaded.environment.alone(state[rows])[1])
     torch.testing.assert_close(alone, expected)
-    new = CityGenerator(size=8).draw(1, seed=9)[0]
+    new = CityGenerator((8, 8)).draw(1, seed=9)[0]
     assert loaded.knows(new) and loaded.knows(own) and over.knows(new)
     assert evaluate(
         loaded.over(new).environment, loaded.over(new), agent.scenario, 5, 0
     ).end.landed.all()
-    large = CityGenerator(size=10).draw(1, seed=9)[0]
+    large = CityGenerator((10, 10)).draw(1, seed=9)[0]
     assert not loaded.knows(large)
     with pytest.raises(InputError, match="cities of up to 9 cells"):
         loaded.over(large)
@@ -347,7 +347,7 @@ def test_a_page_of_cities_leaves_the_rest_of_its_places_empty():
 
 
 def test_an_agent_is_fine_tuned_over_one_city_from_its_own_weights(begin, quick):
-    agent, city = begin().agent, CityGenerator(size=8).draw(1, seed=9)[0]
+    agent, city = begin().agent, CityGenerator((8, 8)).draw(1, seed=9)[0]
     run = Trainer(agent.scenario, agent.recipe, 1, city, begin_with=agent)
     start = agent.scenario.sample(city, 30, stream(Use.TEST))
     expected = agent.over(city).q_values(start)

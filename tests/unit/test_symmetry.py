@@ -7,13 +7,19 @@ import pytest
 import torch
 
 from uavdh_lite.agent import Agent, build
-from uavdh_lite.city import City
+from uavdh_lite.city import Cities, City
 from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.environment import ACTIONS, EAST, HOVER, LAND, NORTH, SOUTH, WEST, Environment
 from uavdh_lite.recipe import QUANTILE
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream
-from uavdh_lite.symmetry import SYMMETRIES, mean_over_symmetries, turned, turned_actions
+from uavdh_lite.symmetry import (
+    SYMMETRIES,
+    mean_over_symmetries,
+    turned,
+    turned_actions,
+    turned_cities,
+)
 
 SCENARIO = Scenario("any", devices=(1, 3), data=(2.0, 15.0), flying_time=(10, 40))
 
@@ -37,7 +43,7 @@ def moved(city, cell, turns, mirrored):
 
 @pytest.mark.parametrize("symmetry", SYMMETRIES)
 def test_the_turned_action_leads_to_the_turned_cell(symmetry):
-    city = CityGenerator(size=8).draw(1, seed=2)[0]
+    city = CityGenerator((8, 8)).draw(1, seed=2)[0]
     other = City.from_kinds("turned", turned(torch.tensor(city.kinds), *symmetry).numpy())
     here, there = Environment(city), Environment(other)
     for cell in city.flight_cells:
@@ -47,11 +53,24 @@ def test_the_turned_action_leads_to_the_turned_cell(symmetry):
             assert there.next_cell[where, as_turned] == after
 
 
+def test_the_eight_views_of_a_city_and_of_several():
+    first, second = CityGenerator((9, 9)).draw(2, seed=2).cities
+    views = turned_cities(first)
+    assert len(views) == 8 and views[0] is first
+    assert len({city.fingerprint for city in views.cities}) == 8
+    assert {city.landing.sum() for city in views.cities} == {first.landing.sum()}
+    for turns, mirrored in SYMMETRIES:
+        expected = turned(torch.tensor(first.kinds), turns, mirrored)
+        assert any(np.array_equal(city.kinds, expected) for city in views.cities)
+    both = turned_cities(Cities((first, second)))
+    assert len(both) == 16 and both.cities[:2] == (first, second)
+
+
 @pytest.mark.parametrize("kind", ["global_local", "centred", "non_centred"])
 def test_the_mean_over_the_symmetries_knows_them(kind):
     """An untrained network values a turned map otherwise; the mean over eight views does not."""
     recipe = replace(QUANTILE, observation=kind, local_size=9, hidden=(16,), strides=(1, 1))
-    city = CityGenerator(size=9).draw(1, seed=2)[0]
+    city = CityGenerator((9, 9)).draw(1, seed=2)[0]
     state = SCENARIO.sample_anywhere(city, 20, stream(Use.TEST), 3)
     with torch.random.fork_rng():
         torch.manual_seed(0)

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 import torch
 
+from uavdh_lite.checkpoint import load_agent, save_agent
 from uavdh_lite.errors import InputError
 from uavdh_lite.recipe import LITE, PAPER
 from uavdh_lite.scenario import SCENARIOS
+from uavdh_lite.streams import Use, stream
+from uavdh_lite.symmetry import turned_cities
 from uavdh_lite.training import BIN, OverlappedTrainer, Trainer
 
 BEYOND = {
@@ -224,6 +227,24 @@ def test_every_observation_trains(kind, trainer):
     own = trainer(observation=kind, local_size=5, pooling=1, strides=(1,), steps=400)
     before = weights(own)
     assert not torch.equal(run(own), before)
+
+
+def test_a_turned_run_learns_in_all_eight_views_and_flies_the_city_by_all(
+    tmp_path, corridor, corridor_scenario, quick
+):
+    trainer = Trainer(corridor_scenario, replace(quick, turned=True), seed=3, city=corridor)
+    in_all = Trainer(corridor_scenario, quick, seed=3, city=turned_cities(corridor))
+    assert torch.equal(run(trainer), run(in_all))
+    trainer.validate()
+    in_all.validate()
+    assert trainer.validation_rows == in_all.validation_rows
+    save_agent(tmp_path / "agent.safetensors", trainer.agent)
+    agent = load_agent(tmp_path / "agent.safetensors")
+    assert agent.city.fingerprint == corridor.fingerprint and agent.symmetric
+    start = corridor_scenario.sample(corridor, 5, stream(Use.TEST))
+    over = replace(in_all.agent.over(corridor), symmetric=True)
+    assert torch.equal(agent.q_values(start), over.q_values(start))
+    assert not agent.knows(turned_cities(corridor)[1])
 
 
 def test_a_larger_city_trains_with_global_and_local_maps():
