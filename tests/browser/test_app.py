@@ -442,12 +442,14 @@ def fits(page):
 
 
 def test_every_lab_is_for_everybody(page):
-    """No finding of axe-core, which checks contrast, names, roles and more; and a tablet is wide
-    enough: controls and pictures continue below."""
+    """No finding of axe-core, which checks contrast, names, roles and more, on a dark page and on a
+    light one; and a tablet is wide enough: controls and pictures continue below."""
     for tab in page.get_by_role("tab").all():
         open_lab(page, tab.inner_text())
-        found = Axe().run(page).response["violations"]
-        assert [(each["impact"], each["id"], each["nodes"][0]["html"]) for each in found] == []
+        for scheme in ("dark", "light"):
+            page.emulate_media(color_scheme=scheme)
+            found = Axe().run(page).response["violations"]
+            assert [(each["impact"], each["id"], each["nodes"][0]["html"]) for each in found] == []
         page.set_viewport_size({"width": 800, "height": 1100})
         until(page, lambda: fits(page))
         page.set_viewport_size({"width": 1280, "height": 1000})
