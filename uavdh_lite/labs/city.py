@@ -245,8 +245,8 @@ class CityLab(ipywidgets.VBox):
         self.views.children, self.result.value = [self.canvas.picture], ""
         link = base64.b64encode(self.draft.png()).decode()
         save = (
-            '<a style="color:var(--jp-content-link-color, #0645AD);text-decoration:underline" download="my_city.png" '
-            f'href="data:image/png;base64,{link}">save as PNG</a>'
+            '<a style="color:var(--jp-content-link-color, #0645AD);text-decoration:underline" '
+            f'download="my_city.png" href="data:image/png;base64,{link}">save as PNG</a>'
         )
         try:
             city = self.draft.city()
