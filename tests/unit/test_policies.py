@@ -27,6 +27,7 @@ def test_a_citys_own_agents_come_first_and_planners_fly_over_any(environment, vi
         "manhattan",
         "manhattan_ddqn",
         "manhattan_ddqn_early",
+        "manhattan_turned",
         "any_city",
         *planners,
     ]
