@@ -268,7 +268,10 @@ def test_options_given_twice_hold_as_given_last(tmp_path, capsys):
         ("evaluate --checkpoint none.safetensors", "none.safetensors: no such file"),
         ("evaluate --checkpoint manhattan --episodes 0", "for --episodes. Must be > 0"),
         ("evaluate --checkpoint manhattan --city metropolis", "metropolis has 50"),
-        ("compare --city metropolis", "no shipped agent flies over 50 × 50 cells: train an agent"),
+        (
+            "compare --city random:1:0:60",
+            "no shipped agent flies over 60 × 60 cells: train",
+        ),
         ("evaluate --checkpoint any_city --city random:3", "random:3: write random:COUNT:SEED"),
         ("train --from manhattan_ddqn --city village", "has another network than the agent"),
         ("fly --devices 2,2", "device 0 stands on a building at (2, 2)"),

@@ -19,7 +19,6 @@ from uavdh_lite.plotting import BLUE
 with extra("notebooks"):
     import ipywidgets
 
-NO_AGENT = "Choose an agent: all cities but metropolis have one."
 CHOSEN, OTHER = BLUE, "#BBBBBB"
 HALF, MOST = (0.25, 0.75), (0.1, 0.9)  # the parts of a distribution that are drawn as ranges
 
@@ -56,7 +55,7 @@ class Thoughts:
             ax.clear()
             ax.axis("on" if self.agent else "off")
         if self.agent is None:
-            self.bars.text(0, 0.5, f"{name} has no Q-values. {NO_AGENT}")
+            self.bars.text(0, 0.5, f"{name} has no Q-values. Choose an agent.")
             self.canvas.draw_all()
             return
         self.states = [state for state, *_ in flights.history[: flights.steps[0]]]
