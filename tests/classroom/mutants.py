@@ -168,14 +168,21 @@ def solutions(script: Path) -> tuple[str, dict[str, str], dict[str, str]]:
     return "\n".join(around), solved, handed
 
 
-def mutants(script: Path) -> Iterator[Mutant]:
-    """All mutants of all functions and classes that are solutions in a script."""
+def solved_in(script: Path) -> dict[str, list[str]]:
+    """For each exercise of a script the functions and classes, as code, that are its solution."""
     _, solved, handed = solutions(script)
+    found: dict[str, list[str]] = {}
     for name, code in solved.items():
-        names = {one: re.findall(r"\w+", given) for one, given in handed.items()}
-        exercise = next((one for one, used in names.items() if name in used), None)
-        if exercise is None:
-            continue
+        users = (one for one, given in handed.items() if name in re.findall(r"\w+", given))
+        exercise = next(users, None)
+        if exercise is not None:
+            found.setdefault(exercise, []).append(code)
+    return found
+
+
+def mutants(script: Path, exercise: str) -> Iterator[Mutant]:
+    """All mutants of an exercise's solution; takes a while."""
+    for code in solved_in(script)[exercise]:
         tree, seen = ast.parse(code), {ast.unparse(ast.parse(code))}
         for faulty, node, _ in _mutations(tree):
             try:

@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 import torch
-from mutants import SCRIPTS, mutants, solutions
+from mutants import SCRIPTS, mutants, solutions, solved_in
 
 from uavdh_lite.course import checks
 from uavdh_lite.course.checks import exercise as shared
@@ -13,13 +13,12 @@ from uavdh_lite.course.checks.channel import SAME_LOSS
 from uavdh_lite.course.checks.ddqn import TARGET
 
 # Not mutated: `policy` may be any rule that is good enough, and values are no functions
-ALL = {
-    (script, name): [mutant for mutant in mutants(script) if mutant.exercise == name]
+MUTATED = [
+    (script, name)
     for script in sorted(SCRIPTS.glob("*.py"))
-    for name in solutions(script)[2]
+    for name in solved_in(script)
     if name != "policy"
-}
-ALL = {key: made for key, made in ALL.items() if made}
+]
 
 EQUIVALENT = {  # by exercise: which faults change no result, and why
     "mean_rate": {"rate(snr_db - fading_db)": "the fading is symmetric"},
@@ -68,7 +67,7 @@ SLOW = ("crosses", "reachable", "safe_step", "shadow_map")  # 100 s of 140 s on 
     "script, name",
     [
         pytest.param(*key, id=key[1], marks=[pytest.mark.longest] if key[1] in SLOW else [])
-        for key in ALL
+        for key in MUTATED
     ],
 )
 def test_mutants_of_a_solution_are_refused_with_a_reason(script, name, monkeypatch, capsys):
@@ -78,7 +77,7 @@ def test_mutants_of_a_solution_are_refused_with_a_reason(script, name, monkeypat
     exec("\n".join(solved.values()), space)
     checks.EXERCISES[name](eval(handed[name], space))
     passed, untold = [], []
-    for mutant in ALL[script, name]:
+    for mutant in mutants(script, name):
         exec("\n".join([*solved.values(), mutant.source]), space)
         equivalent = any(part in mutant.key.split(" -> ")[1] for part in EQUIVALENT.get(name, ()))
         monkeypatch.setattr(shared, "SECONDS", 60 if equivalent else 0.4)  # some never end
