@@ -123,9 +123,9 @@ def load_city(name: str | Path) -> City | Cities:
                 f"{name}: write random:COUNT:SEED, such as {RANDOM}300:1, or with sizes "
                 f"{RANDOM}300:1:24 or {RANDOM}300:1:8-50"
             )
-        count, seed, least, most = (number and int(number) for number in found.groups())
-        sizes = {} if least is None else {"sizes": (least, least if most is None else most)}
-        return CityGenerator(**sizes).draw(count, seed)
+        count, seed, least, most = found.groups()
+        sizes = (int(least), int(most or least)) if least else CityGenerator.sizes
+        return CityGenerator(sizes).draw(int(count), int(seed))
     return Cities.load(name) if Path(name).is_dir() else City.load(name)
 
 

@@ -37,7 +37,9 @@ POLICIES = {
     "genie": "genie, plans for the return",
     "genie_data": "genie, plans for the data",
 }
-NAMED = {  # in the comparisons of the agent for any city
+NAMED = {  # in comparisons of other agents than a city's first ones
+    ("manhattan_turned", "agent"): "**`manhattan_turned`**, in eight views",
+    ("manhattan_turned", "manhattan"): "`manhattan`",
     ("any_city", "agent"): "**any_city**, which saw none of these cities",
     **{
         (f"any_city-{city}", "agent"): "**any_city**, which never saw this city"
@@ -240,6 +242,8 @@ def _agents(scenario: str, flown: dict) -> dict[str, str]:
     """The shipped agents of a comparison: what tables call them, and their names there."""
     if scenario.startswith("any_city"):
         return {"`any_city`": "agent"}
+    if scenario == "manhattan_turned":
+        return {"`manhattan_turned`": "agent", "`manhattan`": "manhattan"}
     names = {"quantile agent": "agent", "DDQN agent": f"{scenario}_ddqn"}
     return {label: name for label, name in names.items() if name in flown}
 

@@ -50,4 +50,4 @@ def test_every_block_of_a_guide_runs(page, tmp_path, monkeypatch):
 
 def test_little_is_only_shown():
     shown = [page.stem for page in PAGES for _, language, _ in blocks(page) if language == "text"]
-    assert shown == ["study"]
+    assert shown == ["study", "train_and_resume"]
