@@ -88,8 +88,14 @@ def shoot(page, name):
 
 
 def size(picture):
-    """Width and height of what an img shows."""
-    return picture.evaluate("image => [image.naturalWidth, image.naturalHeight]")
+    """Width and height of what an img shows, once it shows it."""
+    loaded = """image => new Promise((done) => {
+        const look = () => image.naturalWidth
+            ? done([image.naturalWidth, image.naturalHeight])
+            : requestAnimationFrame(look);
+        look();
+    })"""
+    return picture.evaluate(loaded)
 
 
 def place_of_cell(lab, row, col, flight=0):

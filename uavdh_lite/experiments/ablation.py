@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import joblib
 import torch
@@ -52,6 +53,18 @@ PARTS = {
     "discount": ("discount",),
 }
 
+# Other values than those of `quantile`, one at a time.
+VALUES: dict[str, dict[str, Any]] = {
+    "8_quantiles": {"quantiles": 8},
+    "64_quantiles": {"quantiles": 64},
+    "kappa_10": {"huber_delta": 10.0},
+    "1_step_return": {"return_steps": 1},
+    "5_step_return": {"return_steps": 5},
+    "minibatch_64": {"batch_size": 64, "environments": 16},  # twice as many updates
+    "32_kernels": {"kernels": 32},
+    "steady_learning_rate": {"learning_rate": 3e-4, "learning_rate_end": 3e-4},
+}
+
 
 def centring(recipe: Recipe) -> dict[str, Recipe]:
     """The paper's ablation: the map centred on the UAV, and the city in place.
@@ -82,6 +95,11 @@ def parts(recipe: Recipe) -> dict[str, Recipe]:
     return {"all": recipe} | _undone(recipe, PARTS, LITE) | {"none": none}
 
 
+def values(recipe: Recipe) -> dict[str, Recipe]:
+    """The recipe, and for each row of `VALUES` the recipe with these values instead."""
+    return {"as_it_is": recipe} | {name: replace(recipe, **row) for name, row in VALUES.items()}
+
+
 def _undone(
     recipe: Recipe, groups: dict[str, tuple[str, ...]], reference: Recipe
 ) -> dict[str, Recipe]:
@@ -99,7 +117,7 @@ def _with_fields_of(reference: Recipe, recipe: Recipe, fields: tuple[str, ...]) 
     return replace(recipe, **{field: getattr(reference, field) for field in fields})
 
 
-STUDIES = {"centring": centring, "deviations": deviations, "parts": parts}
+STUDIES = {"centring": centring, "deviations": deviations, "parts": parts, "values": values}
 
 
 def find_study(name: str, recipe: Recipe, only: Collection[str] = ()) -> dict[str, Recipe]:
