@@ -25,6 +25,13 @@ def pytest_xdist_auto_num_workers(config) -> int:
     return os.cpu_count() + 1
 
 
+def pytest_collection_modifyitems(items):
+    """The solutions run as notebooks in the long tests; `test_solutions.py` runs their code."""
+    for item in items:
+        if "solutions" in item.path.parts:
+            item.add_marker("long")
+
+
 CORRIDOR = """
 B B B B B
 B B B B B

@@ -1,4 +1,4 @@
-"""The exercises' checks: typical mistakes are named. nbval proves that the solutions pass."""
+"""The exercises' checks: typical mistakes are named."""
 
 import importlib
 import re

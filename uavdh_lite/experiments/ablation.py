@@ -56,9 +56,7 @@ PARTS = {
 # Other values than those of `quantile`, one at a time.
 VALUES: dict[str, dict[str, Any]] = {
     "8_quantiles": {"quantiles": 8},
-    "64_quantiles": {"quantiles": 64},
     "kappa_10": {"huber_delta": 10.0},
-    "1_step_return": {"return_steps": 1},
     "5_step_return": {"return_steps": 5},
     "minibatch_64": {"batch_size": 64, "environments": 16},  # twice as many updates
     "32_kernels": {"kernels": 32},
