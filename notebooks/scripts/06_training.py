@@ -246,17 +246,10 @@ for name, trainer in (("recipe", learned), ("crashing", crashing), ("lazy", lazy
 #
 # $$y = r_t + \gamma r_{t+1} + \gamma^2 r_{t+2} + \gamma^3\, Q_{\bar\theta}\big(s_{t+3}, \arg\max_{a'} Q_\theta(s_{t+3}, a')\big)$$
 #
-# Turn one, and train again:
-
-# %%
-for name, trainer in (("nothing changed", learned), ("one-step returns", train_village(return_steps=1))):
-    row = trainer.validation_rows[-1]
-    print(f"{name:<22}collected and landed {row['collection_ratio_and_landed']:.0%}")
-
-# %% [markdown]
-# This is one run each. With another seed, or on another machine, the numbers differ, and the order may too. So it is
-# enough to play, not to conclude anything. (Try a crash reward of −20 throughout.) A recorded study of the recipe's settings trained on Manhattan, 300,000 steps,
-# with three seeds each. Four of its rows, *collected and landed* for each seed:
+# Turn one, and train again: `train_village(return_steps=1)`, or with a crash reward of −20 throughout. A single run is
+# enough to play, not to conclude anything: with another seed, or on another machine, the order may be another. For
+# conclusions there is a recorded study of the recipe's settings, trained on Manhattan, 300,000 steps with three seeds
+# each. Four of its rows, *collected and landed* for each seed:
 
 # %%
 study = read_table("../data/runs/deviations-manhattan/validation.csv.gz")

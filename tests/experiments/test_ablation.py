@@ -8,6 +8,7 @@ import torch
 from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.errors import InputError
 from uavdh_lite.experiments.ablation import (
+    VALUES,
     centring,
     collect_curves,
     deviations,
@@ -15,6 +16,7 @@ from uavdh_lite.experiments.ablation import (
     find_study,
     parts,
     run_study,
+    values,
 )
 from uavdh_lite.experiments.runs import SAVED
 from uavdh_lite.recipe import LITE, PAPER, QUANTILE, SMALL
@@ -133,6 +135,17 @@ def test_each_part_is_left_out_alone():
     assert not unguarded.failsafe and unguarded.crash_reward == LITE.crash_reward
     for name, recipe in variants.items():
         assert recipe.steps == QUANTILE.steps and (name == "all" or recipe != QUANTILE)
+
+
+def test_each_value_is_changed_alone():
+    variants = values(QUANTILE)
+    assert variants.pop("as_it_is") == QUANTILE
+    assert variants["8_quantiles"] == replace(QUANTILE, quantiles=8)
+    for name, recipe in variants.items():
+        changed = {
+            field for field, value in vars(recipe).items() if value != getattr(QUANTILE, field)
+        }
+        assert changed == set(VALUES[name]), name
 
 
 def test_unknown_study_variant_and_backend(run, tmp_path):

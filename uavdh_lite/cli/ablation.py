@@ -46,7 +46,7 @@ def _ablation(named_scenario: "Scenario", named_recipe: "Recipe") -> Callable[..
         variants; their defaults below are those of the recipe that you name.
 
         Arguments:
-            study: what is left out or changed: centring, deviations or parts.
+            study: what is left out or changed: centring, deviations, parts or values.
             variants: names of the study's variants to run, by default all.
             scenario: what to train for: manhattan, open_field, village, harbour, metropolis,
                 any_city (2000 random cities) or any_size (1000 of 8 to 50 cells a side).

@@ -417,15 +417,20 @@ def _simulated(
     A plan is a rule for the first action and one for all later ones.
     """
     fading = np.zeros((len(state), 4, 5), np.float32)
-    actions, returns = np.array([first(state) for first, _ in plans]), []
-    for action, (_, then) in zip(actions, plans, strict=True):
-        after, outcome = environment.transition(state, action, fading)
-        total = Rewards()(outcome)
-        while not after.ended.all():
-            after, outcome = environment.transition(after, then(after), fading)
-            total = total + Rewards()(outcome)
-        returns.append(total)
-    return actions[np.argmax(returns, axis=0), np.arange(len(state))]
+    actions = np.array([first(state) for first, _ in plans])
+    plan, episode = np.indices(actions.shape).reshape(2, -1)
+    after, outcome = environment.transition(state[episode], actions.ravel(), fading[episode])
+    total, flying = Rewards()(outcome), np.arange(len(episode))
+    while not after.ended.all():
+        flying, after = flying[~after.ended], after[~after.ended]
+        rows = [plan[flying] == k for k in range(len(plans))]
+        action = [then(after[mine]) for mine, (_, then) in zip(rows, plans, strict=True)]
+        after, outcome = environment.transition(
+            after, np.concatenate(action), fading[episode[flying]]
+        )
+        total[flying] += Rewards()(outcome)
+    best = total.reshape(actions.shape).argmax(axis=0)
+    return actions[best, np.arange(len(state))]
 
 
 def _flown(policy: Rule) -> dict[str, np.ndarray]:
