@@ -8,6 +8,7 @@ import re
 import shutil
 import uuid
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -50,8 +51,8 @@ def browser():
         browser.close()
 
 
-@pytest.fixture
-def page(browser, server):
+@contextmanager
+def visiting(browser, server):
     """The page with its first lab; all that it loads comes from the server."""
     page = browser.new_page(viewport={"width": 1280, "height": 1000})
     page.set_default_timeout(WAIT)
@@ -66,6 +67,20 @@ def page(browser, server):
     page.goto("about:blank")  # ends the session; closing the page alone would not, here
     page.close()
     assert outside == [] and errors == []
+
+
+@pytest.fixture
+def page(browser, server):
+    """A page of one's own."""
+    with visiting(browser, server) as page:
+        yield page
+
+
+@pytest.fixture(scope="module")
+def shared_page(browser, server):
+    """One page for several tests, each of which opens another lab: a page takes seconds to come."""
+    with visiting(browser, server) as page:
+        yield page
 
 
 SHOWN = ".uavdh-picture img[src]:visible, .uavdh-stage .map svg:visible"
@@ -289,8 +304,8 @@ def test_flights_play_smoothly_and_scrubbing_asks_nobody(page):
     until(page, lambda: page.evaluate("document.fullscreenElement === null"))
 
 
-def test_what_the_agent_thinks_changes_from_step_to_step(page):
-    lab = open_lab(page, "Watch it think")
+def test_what_the_agent_thinks_changes_from_step_to_step(shared_page):
+    lab = open_lab(shared_page, "Watch it think")
     thoughts = lab.locator(".uavdh-picture img")
     first = thoughts.get_attribute("src")
     arrows = lab.locator(".thoughts > *")
@@ -298,22 +313,22 @@ def test_what_the_agent_thinks_changes_from_step_to_step(page):
     drawn = arrows.evaluate_all("signs => signs.map((sign) => sign.outerHTML)")
     lab.get_by_role("slider", name="step").focus()
     for _ in range(7):
-        page.keyboard.press("ArrowRight")
+        shared_page.keyboard.press("ArrowRight")
     time = first_mission("manhattan").flying_time
-    until(page, lambda: table(lab)[0]["time left"] == f"{time - 7} of {time}")
+    until(shared_page, lambda: table(lab)[0]["time left"] == f"{time - 7} of {time}")
     expect(lab.get_by_text("The action gap")).to_be_visible()
     assert thoughts.get_attribute("src") != first
     assert arrows.evaluate_all("signs => signs.map((sign) => sign.outerHTML)") != drawn
     assert "the agent chooses" in thoughts.get_attribute("alt")
-    shoot(page, "think")
+    shoot(shared_page, "think")
     now = thoughts.get_attribute("src")
     lab.get_by_role("slider", name="temperature").focus()
-    page.keyboard.press("End")
-    until(page, lambda: thoughts.get_attribute("src") != now)
-    assert size(thoughts)[0] > 700 and fits(page)
+    shared_page.keyboard.press("End")
+    until(shared_page, lambda: thoughts.get_attribute("src") != now)
+    assert size(thoughts)[0] > 700 and fits(shared_page)
 
 
-def test_flying_by_keys_ends_with_a_score(page):
+def test_flying_by_keys_ends_with_a_score(shared_page):
     """Whoever flies as the greedy planner does gets its score: mission and fading are the same."""
     mission, environment = first_mission("village"), environment_of("village")
     flight = mission.fly(environment, find_policy("greedy", environment)).trajectory(0)
@@ -321,28 +336,28 @@ def test_flying_by_keys_ends_with_a_score(page):
     keys = {action: key for key, action in KEYS.items()}
     left = mission.flying_time
 
-    lab = open_lab(page, "Fly it yourself")
+    lab = open_lab(shared_page, "Fly it yourself")
     lab.get_by_label("city").select_option("village")
     expect(lab).to_contain_text(f"{left} units of time left")
     lab.get_by_role("button", name=button).click()
     expect(lab).to_contain_text(f"{left - 1} units of time left")
     lab.locator(".uavdh-stage .map svg").click()
     for number, action in enumerate(others[:-1], start=2):
-        page.keyboard.press(keys[action])
+        shared_page.keyboard.press(keys[action])
         expect(lab).to_contain_text(f"{left - number} units of time left")
-    page.keyboard.press(keys[others[-1]])
+    shared_page.keyboard.press(keys[others[-1]])
     expect(lab.locator("tr")).to_have_count(12)  # they come one by one, then the session's
     scores = [row.locator("td").all_inner_texts() for row in lab.locator("tr").all()]
     assert scores[6][0] == "this session" and {row[1] for row in scores[7:]} == {"1"}
     scores = scores[:6]
     assert [row[0] for row in scores[1:]] == ["you", "any_city agent", "greedy", "genie", "random"]
     assert scores[1][1] == "yes" and scores[1][1:] == scores[3][1:]
-    assert fits(page)
-    shoot(page, "fly")
+    assert fits(shared_page)
+    shoot(shared_page, "fly")
 
 
-def test_the_channel_follows_device_and_sliders(page):
-    lab = open_lab(page, "Channel")
+def test_the_channel_follows_device_and_sliders(shared_page):
+    lab = open_lab(shared_page, "Channel")
     sentence = lab.get_by_text("data units a slot").last
     before = sentence.inner_text()
     picture = lab.locator(".uavdh-picture img")
@@ -351,15 +366,15 @@ def test_the_channel_follows_device_and_sliders(page):
     expect(sentence).not_to_have_text(before)
     lab.get_by_role("slider", name="edge SNR, dB").focus()
     moved = sentence.inner_text()
-    page.keyboard.press("End")
+    shared_page.keyboard.press("End")
     expect(sentence).not_to_have_text(moved)
     assert sentence.inner_text() in picture.get_attribute("alt")
-    assert "SNR" in sentence.inner_text() and fits(page)
-    shoot(page, "channel")
+    assert "SNR" in sentence.inner_text() and fits(shared_page)
+    shoot(shared_page, "channel")
 
 
-def test_a_training_runs_pauses_and_goes_on(page):
-    lab = open_lab(page, "Training")
+def test_a_training_runs_pauses_and_goes_on(shared_page):
+    lab = open_lab(shared_page, "Training")
     lab.get_by_role("button", name=re.compile(r"start$")).click()
     status = lab.locator("span[role=status]")
     expect(status).to_contain_text("after 8,0")  # the first validation after the start's
@@ -369,7 +384,7 @@ def test_a_training_runs_pauses_and_goes_on(page):
     lab.get_by_role("button", name=re.compile(r"start$")).click()
     expect(status).to_contain_text(re.compile(r"after (16|24|32|40|48),0"))  # however fast it is
     expect(lab.get_by_text("the agent after")).to_be_visible()
-    shoot(page, "training")
+    shoot(shared_page, "training")
     curves = lab.locator(".uavdh-picture img")
     left = 0.12 * size(curves)[0] + 3  # the left end of the axes: before the first step
     curves.click(position={"x": left, "y": 100})
@@ -378,11 +393,11 @@ def test_a_training_runs_pauses_and_goes_on(page):
     expect(status).to_contain_text("paused")
     lab.get_by_role("button", name="new run").click()
     expect(lab.get_by_label("temperature")).to_be_enabled()
-    assert fits(page)
+    assert fits(shared_page)
 
 
-def test_a_city_is_painted_uploaded_and_flown(page):
-    lab = open_lab(page, "City")
+def test_a_city_is_painted_uploaded_and_flown(shared_page):
+    lab = open_lab(shared_page, "City")
     status = lab.locator("span[role=status]")
     lab.get_by_label("size").fill("6")
     lab.get_by_label("size").press("Tab")
@@ -395,28 +410,30 @@ def test_a_city_is_painted_uploaded_and_flown(page):
 
     def drag(down=0.5):
         box = lab.locator(".uavdh-picture img").bounding_box()
-        page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
-        page.mouse.down()
-        page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + down * box["height"], steps=12)
-        page.mouse.up()
+        shared_page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+        shared_page.mouse.down()
+        shared_page.mouse.move(
+            box["x"] + 0.8 * box["width"], box["y"] + down * box["height"], steps=12
+        )
+        shared_page.mouse.up()
 
     drag()
     link = lab.get_by_role("link", name="save as PNG")
-    until(page, lambda: painted(link).buildings.sum() == 3)
+    until(shared_page, lambda: painted(link).buildings.sum() == 3)
     lab.get_by_role("button", name="rectangle").click()
     drag(down=0.8)
-    until(page, lambda: painted(link).buildings.sum() == 9)
-    page.keyboard.press("z")
-    until(page, lambda: painted(link).buildings.sum() == 3)
+    until(shared_page, lambda: painted(link).buildings.sum() == 9)
+    shared_page.keyboard.press("z")
+    until(shared_page, lambda: painted(link).buildings.sum() == 3)
     lab.get_by_role("button", name="redo").click()
-    until(page, lambda: painted(link).buildings.sum() == 9)
+    until(shared_page, lambda: painted(link).buildings.sum() == 9)
     lab.get_by_role("button", name="undo").click()
-    until(page, lambda: painted(link).buildings.sum() == 3)
+    until(shared_page, lambda: painted(link).buildings.sum() == 3)
     lab.locator(".uavdh-picture img").hover(position={"x": 60, "y": 60})
     expect(lab.get_by_text("of the cells without a building")).to_be_visible()
 
     def upload(data):
-        with page.expect_file_chooser() as chooser:
+        with shared_page.expect_file_chooser() as chooser:
             lab.get_by_role("button", name="upload PNG").click()
         chooser.value.set_files([{"name": "x.png", "mimeType": "image/png", "buffer": data}])
 
@@ -428,11 +445,11 @@ def test_a_city_is_painted_uploaded_and_flown(page):
     expect(status).to_contain_text("at most 100,000 are read")
     assert painted(link).buildings.sum() == 3  # what was painted is still there
     upload(Draft(City.load("village").kinds).png())
-    until(page, lambda: painted(link).size == 8)
+    until(shared_page, lambda: painted(link).size == 8)
     lab.get_by_role("button", name=re.compile(r"fly$")).click()
     expect(lab.locator(".uavdh-stage .map svg")).to_have_count(2)
-    assert fits(page)
-    shoot(page, "city")
+    assert fits(shared_page)
+    shoot(shared_page, "city")
 
 
 def painted(link):

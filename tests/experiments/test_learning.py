@@ -24,8 +24,11 @@ DDQN = {
 
 @pytest.mark.parametrize(
     ("changes", "least"),
-    [(DDQN, 0.9), (QUANTILE, 0.8), (QUANTILE | {"failsafe": True}, 0.8)],
-    ids=["ddqn", "quantile", "quantile-failsafe"],
+    [
+        pytest.param(DDQN, 0.9, id="ddqn"),
+        pytest.param(QUANTILE, 0.8, id="quantile", marks=pytest.mark.long),
+        pytest.param(QUANTILE | {"failsafe": True}, 0.8, id="quantile-failsafe"),
+    ],
 )
 def test_a_corridor_world_is_solved_in_seconds(corridor, corridor_scenario, quick, changes, least):
     """From reward alone."""

@@ -144,6 +144,8 @@ MISTAKES = {
         (lambda theta, y, kappa: loss(theta, y, kappa, over="none"), "the mean over them"),
         (lambda theta, y, kappa: loss(theta, y, np.inf), "square all errors"),
         (pinball, "the pinball loss"),
+        (lambda theta, y, kappa: loss(theta, y, 1.0), "whatever kappa is"),
+        (lambda theta, y, kappa: loss(theta, y, kappa / 2), "Up to kappa"),
     ],
     "advantage_target": [
         (of_all_actions, "among all"),

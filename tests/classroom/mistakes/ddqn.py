@@ -208,6 +208,8 @@ def _double(r, t, d, online, target):
 
 
 WRONG_TARGETS = [
+    (lambda r, t, d, online, target: _double(r, t, 0.9, online, target), "whatever γ is"),
+    (lambda r, t, d, online, target: _double(r, t, d**2, online, target), "counts γ times"),
     (lambda r, t, d, online, target: r + d * target.amax(1), "what the wrong function gives"),
     (lambda r, t, d, online, target: r + d * ~t * target.amax(1), "plain DQN"),
     (

@@ -109,6 +109,11 @@ def square(sight):
     return sight.reshape(len(sight) ** 2, -1)
 
 
+def in_16_bits(sight):
+    both = (square(sight) != square(sight).T).sum(dtype=np.uint16)
+    return both / (len(sight) ** 2 * (len(sight) ** 2 - 1))
+
+
 def different(sight):
     return (square(sight) != square(sight).T).sum()
 
@@ -187,5 +192,6 @@ MISTAKES = {
         (south_east, "above .and. to the left"),
         (lambda s: s.mean(), "not what is seen"),
         (lambda s: different(s) / len(s) ** 3, "expected"),
+        (in_16_bits, "16 bits"),
     ],
 }

@@ -157,10 +157,21 @@ def _distributions() -> dict[str, list[tuple]]:
             for kappa in (0.5, 1.0, 3.0)
         ]
 
+    def one(error, kappa):
+        return np.zeros(1), np.array([error]), kappa
+
     return {
+        "Up to kappa, whatever kappa is, Huber's loss is u²/2. The level of a single quantile is "
+        "1/2.": ([one(error, kappa) for error, kappa in ((0.25, 1.0), (-0.9, 1.0), (1.5, 3.0))]),
+        "Beyond kappa Huber's loss is kappa · (|u| − kappa/2), whatever kappa is.": (
+            [one(error, kappa) for error, kappa in ((2.0, 1.0), (-3.0, 0.5), (9.0, 3.0))]
+        ),
         "With one quantile its level is 1/2, and the loss is the mean over the samples.": (
             drawn(1, 1) + drawn(1, 5)
         ),
+        "The weight is τ where u = y − θ is not below 0, and 1 − τ where it is.": [
+            (np.array([0.0, 4.0]), np.array([y]), 1.0) for y in (0.5, 3.5, 6.0, -2.0)
+        ],
         "Each quantile has the mean over all samples; these means are added up.": (
             drawn(2, 3) + drawn(4, 4) + drawn(32, 1) + drawn(8, 50)
         ),

@@ -71,7 +71,7 @@ def _policy_cases():
         "Each row is exp(Q/β), divided by the sum of its own row (dim=1), so that it sums to 1; "
         "keepdim=True makes a column of the sums.": [
             case(few(1), 1.0),
-            case(few(2), 0.5),
+            case(few(2), 1.0),
             *(case(few(count), 1, torch.float64) for count in (5, 6)),
         ],
         "Divide Q by β: a small β makes the best action likelier, a large one all alike.": [
@@ -487,12 +487,12 @@ def _target_cases():
     return {
         "There is one target for each transition, (B,): of each row of target_next take the entry "
         "at the number of the best action by online_next.": [
-            *(case(size, size, 0.9, ends=0) for size in (1, 8, 6)),
-            case(3, 1, 1.0, ends=0, kind=np.float64),
+            *(case(size, size, 1.0, ends=0) for size in (1, 8, 6)),
+            case(3, 1, 1, ends=0, kind=np.float64),
         ],
         "The best action counts also if all Q-values are far below 0, or close together.": [
-            case(4, 3, 0.9, ends=0, at=-50.0),
-            (*case(2, 4, 0.5, ends=0)[:3], torch.tensor([[1, 1.0001, 1, 1, 1, 1]] * 2), BY_ROW),
+            case(4, 3, 1.0, ends=0, at=-50.0),
+            (*case(2, 4, 1.0, ends=0)[:3], torch.tensor([[1, 1.0001, 1, 1, 1, 1]] * 2), BY_ROW),
         ],
         "The value of the next state counts γ times, the reward in full.": [
             *(case(2, seed, discount, ends=0) for seed, discount in enumerate((0.5, 0.99, 0.0, 1)))
@@ -539,6 +539,10 @@ TARGET = Table(
         ),
         "The discount is missing: the next state's value counts γ times.": (
             lambda r, t, d, online, target: _judged(r, t, 1, online, target)
+        ),
+        "You take the same discount whatever γ is handed in.": tuple(
+            lambda r, t, d, online, target, own=own: _judged(r, t, own, online, target)
+            for own in (0.9, 0.95, 0.99)
         ),
         "The discount multiplies the reward too. Only what comes later is discounted.": (
             lambda r, t, d, online, target: _judged(r * d, t, d, online, target)
@@ -589,11 +593,11 @@ def double_target(answer) -> None:
         callable(target) and not isinstance(target, type),
         "Hand over the function itself: its name, without brackets behind it.",
     )
-    _expect_by_hand(by_hand, TARGET.mistakes)
+    _expect_by_hand(by_hand)
     TARGET(target)
 
 
-def _expect_by_hand(by_hand, mistakes) -> None:
+def _expect_by_hand(by_hand) -> None:
     try:
         given = numbers(by_hand)
     except Unreadable:
@@ -603,7 +607,7 @@ def _expect_by_hand(by_hand, mistakes) -> None:
     wrong = [k for k in range(2) if not close(given[k], right[k])]
     if not wrong:
         return
-    for message, mistake in mistakes.items():
+    for message, mistake in TARGET.each_mistake():
         if close(given, mistake(*BY_HAND)):
             raise CheckFailed(f"by_hand: {message}")
     rows = " and ".join(("first", "second")[k] for k in wrong)

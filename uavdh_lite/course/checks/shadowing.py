@@ -415,6 +415,9 @@ def _asymmetric_cases():
             *((sight,) for sight in drawn),
             (line_of_sight(buildings, "bresenham"),),
         ],
+        "A large table has more asymmetric pairs than 16 bits can count.": [
+            (generator.random((20,) * 4) < 0.5,),
+        ],
     }
 
 

@@ -1,6 +1,6 @@
 """A check as data: cases by the rule that they test, and what typical mistakes would give."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -66,6 +66,12 @@ class Table:
         """What the solution gives in each case."""
         return [self.outcome(self.solution, case) for _, case in self.cases]
 
+    def each_mistake(self) -> Iterator[tuple[str, Callable]]:
+        """What to say of each function that makes a mistake, and the function."""
+        for message, made in self.mistakes.items():
+            for mistake in made if isinstance(made, tuple) else (made,):
+                yield message, mistake
+
     def __call__(self, answer: Callable) -> None:
         """Check a function.
 
@@ -79,10 +85,9 @@ class Table:
                 self._repeat(answer, given)
             return
         order = [*wrong, *(k for k in range(len(given)) if k not in set(wrong))]
-        for message, made in self.mistakes.items():
-            for mistake in made if isinstance(made, tuple) else (made,):
-                if all(self.same(given[k], self.outcome(mistake, self.cases[k][1])) for k in order):
-                    raise CheckFailed(message)
+        for message, mistake in self.each_mistake():
+            if all(self.same(given[k], self.outcome(mistake, self.cases[k][1])) for k in order):
+                raise CheckFailed(message)
         rule = self.cases[wrong[0]][0]
         own = [k for k in wrong if self.cases[k][0] == rule]
         k = min(own, key=lambda k: _extent(self.cases[k][1]))
