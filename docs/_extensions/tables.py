@@ -372,6 +372,31 @@ def parts() -> str:
     return f"{text}\nStreams version {_streams(_runs('parts-manhattan'))}.\n"
 
 
+VALUES_STEPS = (30_000, 100_000)
+MEANS = {CRAL: 3, "cumulative_reward": 2}  # with so many digits
+
+
+def values() -> str:
+    """Other values of `quantile`, one at a time, in short runs of two lengths on `manhattan`."""
+    names = {"as_it_is": "none: `quantile`"}
+    rows: dict[str, list[str]] = {}
+    for steps in VALUES_STEPS:
+        table = read_table(DATA / "runs" / f"values-manhattan-{steps}" / "validation.csv.gz")
+        usual = {name: table[name][table["variant"] == "as_it_is"].mean() for name in MEANS}
+        for variant in dict.fromkeys(table["variant"].tolist()):
+            end = {name: table[name][table["variant"] == variant] for name in MEANS}
+            row = rows.setdefault(variant, [names.get(variant, variant.replace("_", " "))])
+            row.append(_together(*(f"{value:.3f}" for value in end[CRAL])))
+            for name, digits in MEANS.items():
+                change = f"{end[name].mean() - usual[name]:+.{digits}f}".replace("-", "−")
+                row.append("" if variant == "as_it_is" else change)
+    head = ["another value"]
+    for steps in VALUES_STEPS:
+        head += [f"{steps:,} steps: CRAL of three seeds", "change", "change of the return"]
+    text = _table(head, rows.values())
+    return f"{text}\nStreams version {_streams(_runs(f'values-manhattan-{VALUES_STEPS[0]}'))}.\n"
+
+
 def _unseen(**wanted: object) -> list[str]:
     """The CRAL of each seed among the runs of `unseen_cities` for which all of this holds."""
     table = read_table(DATA / "runs" / "unseen_cities.csv.gz")
@@ -411,7 +436,7 @@ def recorded_runs() -> str:
     for path in sorted((DATA / "runs").glob("*/about.json")):
         about = json.loads(path.read_text())
         for name, run in about.get("runs", {path.parent.name: about}).items():
-            if path.parent.name in ("deviations-manhattan", "parts-manhattan"):
+            if path.parent.name.startswith(("deviations-", "parts-", "values-")):
                 continue  # in tables of their own
             rows.append(
                 [

@@ -47,7 +47,8 @@ class Stopped(SystemExit):
         raise self
 
 
-_calls: dict[int, list[str]] = {}  # what an answer is asked at the moment, by thread
+# What an answer is asked at the moment, by thread; in words only if they are needed
+_calls: dict[int, list[Callable[[], str]]] = {}
 
 
 def guarded(answer: Callable, call: str = "", none: bool = False) -> Callable:
@@ -62,7 +63,7 @@ def guarded(answer: Callable, call: str = "", none: bool = False) -> Callable:
     @functools.wraps(answer, updated=())
     def guarding(*arguments, **keywords):
         asked = _calls.setdefault(threading.get_ident(), [])
-        asked.append(call or called(name, arguments))
+        asked.append(lambda: call or called(name, arguments))
         try:
             result = answer(*arguments, **keywords)
         except (CheckFailed, Stopped):
@@ -70,7 +71,7 @@ def guarded(answer: Callable, call: str = "", none: bool = False) -> Callable:
         except NotImplementedError:
             raise CheckFailed(f"{call.split('(')[0] or name} is not written yet.") from None
         except BaseException as error:  # SystemExit too
-            raise CheckFailed(f"{asked[-1]} {stops_with(error)}") from error
+            raise CheckFailed(f"{asked[-1]()} {stops_with(error)}") from error
         finally:
             asked.pop()
         missing = result is None and not none
@@ -124,7 +125,8 @@ def within(seconds: float, work: Callable[[], Any]) -> None:
             thread.join(0.1)  # short, so that a notebook can be interrupted on every system
     finally:
         if thread.is_alive():
-            asked = next(iter(_calls.get(thread.ident or 0, [])[-1:]), "The check")
+            last = _calls.get(thread.ident or 0, [])[-1:]
+            asked = last[0]() if last else "The check"
             _stop(thread)
     expect(
         not asked,
