@@ -133,7 +133,8 @@ training
 # that a device under it would lie in. *random city* draws one to begin with.
 #
 # The agent `any_city` flies in what you have
-# painted, next to the greedy planner (notebook 13), and the line below the map says how to train it further for your city.
+# painted, next to the greedy planner (notebook 13). With *fly at once* they fly the same mission again after each stroke:
+# watch what a wall does. The line below the map says how to train it further for your city.
 
 # %%
 city = CityLab("village")

@@ -446,8 +446,16 @@ def test_a_city_is_painted_uploaded_and_flown(shared_page):
     assert painted(link).buildings.sum() == 3  # what was painted is still there
     upload(Draft(City.load("village").kinds).png())
     until(shared_page, lambda: painted(link).size == 8)
+    maps = lab.locator(".uavdh-stage .map svg")
     lab.get_by_role("button", name=re.compile(r"fly$")).click()
-    expect(lab.locator(".uavdh-stage .map svg")).to_have_count(2)
+    expect(maps).to_have_count(2)
+    drag()
+    expect(maps).to_have_count(0)  # they were in another city
+    lab.get_by_role("button", name=re.compile(r"fly at once$")).click()
+    expect(maps).to_have_count(2)
+    flown = maps.first.inner_html()
+    drag(down=0.8)
+    until(shared_page, lambda: maps.first.inner_html() != flown)
     assert fits(shared_page)
     shoot(shared_page, "city")
 
@@ -469,8 +477,10 @@ def test_every_lab_is_for_everybody(page):
     light one; and a tablet is wide enough: controls and pictures continue below."""
     for tab in page.get_by_role("tab").all():
         open_lab(page, tab.inner_text())
-        for scheme in ("dark", "light"):
+        for scheme, behind in (("dark", "rgb(17, 17, 17)"), ("light", "rgb(255, 255, 255)")):
             page.emulate_media(color_scheme=scheme)
+            background = "getComputedStyle(document.body).backgroundColor"
+            assert page.evaluate(background) == behind
             found = Axe().run(page).response["violations"]
             assert [(each["impact"], each["id"], each["nodes"][0]["html"]) for each in found] == []
         page.set_viewport_size({"width": 800, "height": 1100})

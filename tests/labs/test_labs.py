@@ -541,6 +541,31 @@ def test_the_agent_and_planners_fly_in_a_painted_city_and_it_can_be_taken_home()
     assert len(lab.views.children) == 1  # the flight was in another city
 
 
+def test_they_fly_the_same_mission_again_after_each_stroke():
+    lab = CityLab("village")
+    lab.at_once.value = True
+    first, told = lab._mission, lab.result.value
+    assert lab.views.children[1] is lab.stage and told.count("landed after") == 2
+    wall = [(5, 0), (5, 1), (5, 2)]  # the shortest way to the device
+    for k, cell in enumerate(wall):
+        stroke(lab, cell, kind="move" if k else "down")
+    assert lab.result.value == told  # while the mouse is down, nobody waits for a flight
+    stroke(lab, wall[-1], kind="up")
+    assert lab._mission.devices == first.devices and lab._mission.seed == first.seed
+    assert lab._mission.city.kinds.tolist() == lab.draft.kinds.tolist()
+    assert lab.result.value != told
+    lab.undo.click()
+    assert lab.result.value == told
+    stroke(lab, first.devices[0])  # a building where a device is: another mission
+    stroke(lab, first.devices[0], kind="up")
+    assert first.devices[0] not in lab._mission.devices and "landed" in lab.result.value
+    lab.blank.click()
+    assert len(lab.views.children) == 1 and lab.result.value == ""
+    lab.at_once.value = False
+    lab.base.value = "village"
+    assert len(lab.views.children) == 1
+
+
 def test_over_a_large_city_only_planners_fly():
     lab = CityLab("village")
     assert lab.policy.value == "any_city"

@@ -22,9 +22,9 @@ HERE = Path(__file__).parent
 class Picture(anywidget.AnyWidget):
     """A PNG on the page, with a sentence for those who do not see it.
 
-    It tells what happens on it: `{"kind": "click"}`, `"down"`, `"move"` with `x` and `y` in pixels
-    and `pressed`, whether the button is down; and `{"kind": "key", "key": …}` while the mouse is
-    over it.
+    It tells what happens on it: `{"kind": "click"}`, `"down"`, `"move"` and `"up"` with `x` and
+    `y` in pixels and `pressed`, whether the button is down; and `{"kind": "key", "key": …}` while
+    the mouse is over it.
 
     | trait | meaning |
     | --- | --- |
@@ -86,12 +86,14 @@ class Canvas:
         self,
         handler: Callable[[Axes, list[tuple[float, float]], bool], None],
         hover: Callable[[Axes, float, float], None],
+        ended: Callable[[], None],
     ) -> None:
         """Call `handler(ax, points, began)` while the mouse moves with its button down.
 
         The points, (x, y) in data coordinates, lead from the last event to this one and are at
         most half a unit apart: browsers report only some positions of a fast mouse. `began` is
-        True when the button goes down. Without a button, `hover(ax, x, y)` is called instead.
+        True when the button goes down; `ended()` is called when it comes up. Without a button,
+        `hover(ax, x, y)` is called instead.
         """
         last = None
 
@@ -110,7 +112,7 @@ class Canvas:
         def moved(told):
             self._locate(told, located if told["pressed"] else hover)
 
-        self._listen("draw", {"down": pressed, "move": moved})
+        self._listen("draw", {"down": pressed, "move": moved, "up": lambda _: ended()})
 
     def on_key(self, handler: Callable[[str], None]) -> None:
         """Call `handler(key)` for every key that is pressed while the mouse is over the picture."""

@@ -2,6 +2,7 @@
 
 import base64
 import html
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -37,8 +38,9 @@ class CityLab(ipywidgets.VBox):
     is over the map, it shows the shadow of a device there.
 
     The planners and the agent for any city fly over what you have painted, next to the greedy
-    planner; the agent only if the city is not larger than those that it was trained in. The lab
-    shows the command that trains an agent for your city alone.
+    planner; the agent only if the city is not larger than those that it was trained in. With *fly
+    at once* they fly the same mission again after each stroke. The lab shows the command that
+    trains an agent for your city alone.
 
     Arguments:
         city: the name of a shipped city to start from.
@@ -52,7 +54,7 @@ class CityLab(ipywidgets.VBox):
                 row([self.base, self.size, self.blank, self.random, self.upload], layout=WRAP),
                 self.brush,
                 row([self.tool, self.mirror, self.undo, self.redo], layout=WRAP),
-                row([self.picker, self.policy, self.fly], layout=WRAP),
+                row([self.picker, self.policy, self.fly, self.at_once], layout=WRAP),
                 self.message,
                 self.views,
                 self.seen,
@@ -62,6 +64,7 @@ class CityLab(ipywidgets.VBox):
         )
         self._listen()
         self._missions = self._drawn = 0
+        self._mission: Mission | None = None  # that was flown last
         self._history, self._corner = History(), None
         self.base.value = city
 
@@ -103,6 +106,9 @@ class CityLab(ipywidgets.VBox):
         )
         self.policy = ipywidgets.Dropdown(description="policy")
         self.fly = ipywidgets.Button(description="fly", icon="plane", tooltip="a random mission")
+        self.at_once = ipywidgets.ToggleButton(
+            description="fly at once", icon="bolt", tooltip="the mission again, after each stroke"
+        )
         self.picker = CellPicker(self.picked)
         self.message = ipywidgets.HTML(layout={"min_height": "28px"})
         self.result, self.take_home = ipywidgets.HTML(), ipywidgets.HTML()
@@ -122,9 +128,11 @@ class CityLab(ipywidgets.VBox):
         self.undo.on_click(lambda _: self._go(-1))
         self.redo.on_click(lambda _: self._go(1))
         self.fly.on_click(lambda _: self._fly())
+        self.at_once.observe(lambda _: self._fly_again(), "value")
         self.canvas.on_drag(
             lambda ax, points, began: self.stroke([cell_at(point) for point in points], began),
             lambda ax, x, y: self.look_from(cell_at((x, y))),
+            self._fly_again,
         )
         self.canvas.on_key(lambda key: self._go({"z": -1, "y": 1}.get(key, 0)))
 
@@ -154,6 +162,7 @@ class CityLab(ipywidgets.VBox):
         """Use the tool on a cell that was picked by numbers; a rectangle takes two."""
         if self.tool.value != "rectangle":
             self.stroke([cell])
+            self._fly_again()
         elif self._corner is None:
             self._corner = cell
             self._say("now pick the opposite corner")
@@ -161,6 +170,7 @@ class CityLab(ipywidgets.VBox):
             corner = self._corner
             self._show()
             self.stroke([corner, cell])
+            self._fly_again()
 
     def _forget_corner(self) -> None:
         if self._corner is not None:
@@ -220,6 +230,7 @@ class CityLab(ipywidgets.VBox):
         self.base.value = name
         self.picker.row.max = self.picker.column.max = self.draft.size - 1
         self._show()
+        self._fly_again()
 
     def _read(self, files) -> None:
         """Use an uploaded PNG; if it is not a city, say why and change nothing."""
@@ -242,7 +253,8 @@ class CityLab(ipywidgets.VBox):
         draw_city(self.ax, self.draft).set(xlabel="", ylabel="")
         self.canvas.draw_all()
         self.canvas.draw(alt=self.draft.description())
-        self.views.children, self.result.value = [self.canvas.picture], ""
+        if not self.at_once.value:
+            self._hide_flights()
         link = base64.b64encode(self.draft.png()).decode()
         save = (
             '<a style="color:var(--jp-content-link-color, #0645AD);text-decoration:underline" '
@@ -252,6 +264,7 @@ class CityLab(ipywidgets.VBox):
             city = self.draft.city()
         except CityError as error:
             self._say(str(error))
+            self._hide_flights()
             self.fly.disabled, self.take_home.value = True, save
             return
         self._say("")
@@ -274,8 +287,26 @@ class CityLab(ipywidgets.VBox):
             self.policy.value = chosen if chosen in names else names[0]
         return names
 
-    def _fly(self) -> None:
-        """Fly a mission of up to three devices, with time to cross the city about twice.
+    def _hide_flights(self) -> None:
+        """They were in another city."""
+        self.views.children, self.result.value = [self.canvas.picture], ""
+
+    def _fly_again(self) -> None:
+        """If that is asked for, fly the last mission again, or another one if it is none here."""
+        if not self.at_once.value or self.fly.disabled:
+            return
+        city, last = self.draft.city(), self._mission
+        if last is not None and last.city.size == city.size:
+            try:
+                self._fly(replace(last, city=city))
+                return
+            except InputError:
+                pass  # a device, or the start, is where none can be any more
+        self._fly()
+
+    def _fly(self, mission: Mission | None = None) -> None:
+        """Fly a mission, by default a new one of up to three devices, with time to cross the city
+        about twice.
 
         The greedy planner flies it, too, for comparison.
         """
@@ -285,7 +316,9 @@ class CityLab(ipywidgets.VBox):
             time = (2 * city.size, 4 * city.size)
             scenario = Scenario("my_city", devices=(1, most), flying_time=time)
             environment = Environment(city)
-            mission = Mission.draw(scenario, city, self._missions)
+            if mission is None:
+                mission = Mission.draw(scenario, city, self._missions)
+                self._missions += 1
             self.result.value = f"{self.policy.value} is planning …"
             flown = {
                 name: mission.fly(environment, find_policy(name, environment))
@@ -294,7 +327,7 @@ class CityLab(ipywidgets.VBox):
         except InputError as error:
             self._say(str(error))
             return
-        self._missions += 1
+        self._mission = mission
         self.result.value = "<br>".join(map(self._told, flown, flown.values()))
         titled = {policy_title(name): flights for name, flights in flown.items()}
         self.stage.show(environment, titled, begin=0)

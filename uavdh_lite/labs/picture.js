@@ -38,6 +38,12 @@ function render({ model, el }) {
     }
     moved = event;
   });
+  image.addEventListener("pointerup", (event) => {
+    if (!listens("draw") || event.button !== 0) return;
+    if (moved !== null) tell("move", moved);
+    moved = null;
+    tell("up", event);
+  });
 
   // Keys count while the mouse is over the picture, unless one writes somewhere.
   function pressed(event) {
