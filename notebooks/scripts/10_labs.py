@@ -119,7 +119,8 @@ link
 # stops it after the step in progress. After each validation the agent flies one mission, always the same. Click a point
 # of the curves to see how it flew then. Try a crash reward of 0 from start to end, and watch *landed*: it
 # stays far below 1. That is the agent of notebook 6 that crashes. *failsafe*, *quantiles* and *advantage learning* are
-# the ideas of notebook 12, one by one.
+# the ideas of notebook 12, one by one. With *race the recipe*, the recipe without your changes trains at the same time, step by step:
+# its curves are dashed, and both agents fly the mission.
 
 # %%
 training = TrainingLab("village")

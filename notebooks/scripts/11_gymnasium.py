@@ -158,9 +158,9 @@ def mean_return():
     return evaluate(environment, policy, scenario, 200, seed=0).records()["cumulative_reward"].mean()
 
 before = mean_return()
-model.learn(8_000)
+model.learn(4_000)
 after = mean_return()
-print(f"return {before:.1f} before, {after:.1f} after 8,000 steps")
+print(f"return {before:.1f} before, {after:.1f} after 4,000 steps")
 assert after > before
 
 # %% [markdown]

@@ -392,3 +392,16 @@ def test_a_missing_package_is_one_line(command, package, name, monkeypatch, caps
     monkeypatch.setitem(sys.modules, package, None)
     error = failing(capsys, *command.split())
     assert error.endswith(f"{package} is not installed: pip install 'uavdh-lite[{name}]'\n")
+
+
+@pytest.mark.parametrize(
+    "device, available, message",
+    [
+        ("cuda", "torch.cuda.is_available", "no CUDA device: leave out --device"),
+        ("mps", "torch.backends.mps.is_available", "no MPS device: leave out --device"),
+    ],
+)
+def test_a_device_that_is_not_there_is_refused(monkeypatch, capsys, device, available, message):
+    monkeypatch.setattr(available, lambda: False)
+    assert main(["evaluate", "--checkpoint", "manhattan", "--device", device]) == 2
+    assert message in capsys.readouterr().err

@@ -127,6 +127,13 @@ def test_devices_and_the_start_are_dragged_whatever_a_click_does(lab):
     assert lab.mission.devices == ((8, 8), *before[1:])
 
 
+def test_every_policy_and_the_return_are_explained(lab):
+    words = lab.children[-1].value
+    for policy, _ in lab.policy.options:
+        assert f"<dt>{policy.split()[-1]}</dt>" in words
+    assert "less 0.2 for each step" in words and "crash costs 150" in words
+
+
 def test_a_click_sets_the_start(lab):
     lab.click.value = "start"
     click(lab, (8, 8))

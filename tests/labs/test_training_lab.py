@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from uavdh_lite.labs import TrainingLab
+from uavdh_lite.labs.training import RIVAL, YOURS
 from uavdh_lite.recipe import find_recipe
 
 TINY = replace(
@@ -39,11 +40,11 @@ def finished():
 
 def test_a_run_shows_curves_and_a_flight(finished):
     assert finished.progress.value == 1600 and "finished" in finished.status.value
-    rows = finished.trainer.validation_rows
+    rows = finished.trainers[YOURS].validation_rows
     assert [row["steps"] for row in rows] == [0, 400, 800, 1200, 1600]
     drawn = finished.ax.lines[0].get_xdata()
     assert list(drawn) == [0, 400, 800, 1200, 1600]
-    assert "the agent after 1,600 steps" in finished.stage.drawing
+    assert "your run after 1,600 steps" in finished.stage.drawing
     assert finished._result() in finished.curves.picture.alt
     assert finished.start.disabled and not finished.new_run.disabled
 
@@ -54,10 +55,10 @@ def test_a_click_on_the_curves_shows_the_flight_at_that_time(finished):
     x, y = finished.ax.transData.transform((850, 0.5))
     told = {"kind": "click", "x": x, "y": finished.curves.figure.bbox.height - y}
     finished.curves.picture._handle_custom_msg(told, [])
-    assert finished.looked_at.value == 2 and "after 800 steps" in finished.stage.drawing
+    assert finished.looked_at.value == 2 and "your run after 800 steps" in finished.stage.drawing
     assert finished.stage.begin == 0 and finished.curves.picture.value != newest
     finished.looked_at.value = 0
-    assert "after 0 steps" in finished.stage.drawing
+    assert "your run after 0 steps" in finished.stage.drawing
     finished.new_run.click()
     assert finished.looked_at.layout.display == finished.stage.layout.display == "none"
     finished.look_at(800)  # nothing to look at yet
@@ -66,11 +67,13 @@ def test_a_click_on_the_curves_shows_the_flight_at_that_time(finished):
 
 def test_parts_of_the_quantile_recipe_are_added_one_by_one():
     lab, source = TrainingLab("village", TINY), find_recipe("quantile")
-    assert lab._new().recipe == replace(TINY, **{k: v.value for k, v in lab.settings.items()})
+    assert lab._new()[YOURS].recipe == replace(
+        TINY, **{k: v.value for k, v in lab.settings.items()}
+    )
     lab.parts["failsafe"].value = True
-    assert lab._new().recipe == replace(TINY, failsafe=True)
+    assert lab._new()[YOURS].recipe == replace(TINY, failsafe=True)
     lab.parts["quantiles"].value = lab.parts["advantage learning"].value = True
-    recipe = lab._new().recipe
+    recipe = lab._new()[YOURS].recipe
     assert (recipe.quantiles, recipe.huber_delta) == (source.quantiles, source.huber_delta)
     assert recipe.advantage_learning == source.advantage_learning and recipe.failsafe
 
@@ -78,16 +81,47 @@ def test_parts_of_the_quantile_recipe_are_added_one_by_one():
 def test_pausing_changes_nothing_of_the_result(finished):
     lab = TrainingLab("village", TINY)
     lab.start.click()
-    while not lab.trainer.updates:
+    while not lab.trainers[YOURS].updates:
         time.sleep(0.001)
     lab.pause.click()
-    steps = lab.trainer.steps
+    steps = lab.trainers[YOURS].steps
     assert 0 < steps < 1600 and "paused" in lab.status.value and not lab.start.disabled
     lab.start.click()
     wait(lab)
-    ours, theirs = (each.trainer.learner.online.state_dict() for each in (lab, finished))
+    ours, theirs = (each.trainers[YOURS].learner.online.state_dict() for each in (lab, finished))
     assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
-    assert len(lab.flown) == len(lab.trainer.validation_rows)  # none twice
+    assert len(lab.flown) == len(lab.trainers[YOURS].validation_rows)  # none twice
+
+
+def test_the_recipe_races_the_run_with_changes_and_each_learns_as_if_alone(finished):
+    lab = TrainingLab("village", TINY)
+    lab.race.value = True
+    lab.settings["return_steps"].value = 1
+    lab.start.click()
+    while not lab.trainers[YOURS].updates:
+        time.sleep(0.001)
+    lab.pause.click()
+    behind = lab.trainers[YOURS].steps - lab.trainers[RIVAL].steps
+    assert behind in (0, TINY.environments)  # they take turns
+    lab.start.click()
+    wait(lab)
+    recipes = {name: trainer.recipe for name, trainer in lab.trainers.items()}
+    assert recipes == {YOURS: replace(TINY, return_steps=1), RIVAL: TINY}
+    alone = finished.trainers[YOURS].validation_rows
+    measured = [name for name in alone[0] if name != "seconds"]
+    rival = lab.trainers[RIVAL].validation_rows
+    assert [[row[m] for m in measured] for row in rival] == [
+        [row[m] for m in measured] for row in alone
+    ]
+    assert [list(each) for each in lab.flown] == 5 * [[YOURS, RIVAL]]
+    assert all(f"{name} after 1,600 steps" in lab.stage.drawing for name in (YOURS, RIVAL))
+    assert "finished" in lab.status.value and f"{RIVAL} landed" in lab.status.value
+    dashed = [
+        line for line in lab.ax.lines if line.get_linestyle() == "--" and len(line.get_xdata())
+    ]
+    assert [len(line.get_xdata()) for line in dashed] == [5, 5, 5]
+    lab.new_run.click()
+    assert not lab.race.disabled and lab.trainers == {}
 
 
 def test_settings_are_taken_and_held_while_a_run_is_on(finished):
@@ -97,7 +131,7 @@ def test_settings_are_taken_and_held_while_a_run_is_on(finished):
     finished.settings["return_steps"].value = 1
     finished.start.click()
     wait(finished)
-    assert finished.trainer.recipe.return_steps == 1
+    assert finished.trainers[YOURS].recipe.return_steps == 1
 
 
 def test_errors_are_shown():
@@ -106,8 +140,8 @@ def test_errors_are_shown():
     lab.start.click()
     assert "temperature is -1.0, must be above 0" in lab.status.value
     lab.settings["temperature"].value = 1
-    lab.trainer = lab._new()
-    lab.trainer.step = lambda: 1 / 0
+    lab.trainers = lab._new()
+    lab.trainers[YOURS].step = lambda: 1 / 0
     lab.start.click()
     wait(lab)
     assert "ZeroDivisionError" in lab.status.value and lab.pause.disabled
@@ -117,7 +151,7 @@ def test_the_kernel_stays_free(finished):
     """While a run is on, other code runs: the call returns before the training ends."""
     finished.new_run.click()
     finished.start.click()
-    assert finished._thread.is_alive() and not finished.trainer.finished
+    assert finished._thread.is_alive() and not finished.trainers[YOURS].finished
     finished.pause.click()
 
 
@@ -126,7 +160,7 @@ def test_a_closed_lab_trains_no_more(finished):
     finished.start.click()
     thread = finished._thread
     finished.close()
-    assert not thread.is_alive() and not finished.trainer.finished
+    assert not thread.is_alive() and not finished.trainers[YOURS].finished
 
 
 def test_a_process_ends_properly_during_a_training():
@@ -134,7 +168,7 @@ def test_a_process_ends_properly_during_a_training():
     code = (
         "import time; from uavdh_lite.labs import TrainingLab; lab = TrainingLab(); "
         "lab.start.click()\n"
-        "while not lab.trainer.updates: time.sleep(0.01)"
+        "while not lab.trainers['your run'].updates: time.sleep(0.01)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")

@@ -35,8 +35,8 @@ LABS = {
     "Training": (
         TrainingLab,
         "A small agent learns a small city in half a minute. Change a setting, start a new run, "
-        "and compare it with the dotted curves of the last one. Click a curve to see how the agent "
-        "flew at that time.",
+        "and compare it with the dotted curves of the last one, or let both race. Click a curve to "
+        "see how the agent flew at that time.",
     ),
     "City": (
         CityLab,

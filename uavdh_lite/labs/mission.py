@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from uavdh_lite.city import shipped_cities
+from uavdh_lite.environment import Rewards
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights
 from uavdh_lite.labs.stage import Stage
@@ -20,6 +21,19 @@ with extra("notebooks"):
 NONE = "none"
 LABEL = {"description_width": "95px"}  # room for the labels of controls
 NARROW = {"width": "245px"}
+WORDS = {
+    "agent": "a trained network, named after the city that it learned; <i>any_city</i> learned in "
+    "2000 random cities. <i>ddqn</i>: by the paper's method alone; <i>early</i>: its training was "
+    "stopped early; <i>turned</i>: it flies by the mean of eight turned and mirrored maps",
+    "greedy": "a simple rule: to the nearest device with data, and home in time",
+    "genie": "a planner that knows the mean rate at every place, which no UAV does",
+    "random": "each action that is allowed, with the same chance",
+    "return": "what an agent learns to make large: the data collected, less {movement:g} for each "
+    "step before the landing and {safety:g} for each move that the safety controller refused; a "
+    "crash costs {crash:g}",
+    "fading": "the number of the random ups and downs of the radio links; the same number gives "
+    "every policy the same ones",
+}
 
 
 class MissionLab(ipywidgets.VBox):
@@ -41,7 +55,7 @@ class MissionLab(ipywidgets.VBox):
         self.city.value = city
         self._set_city()
         super().__init__(
-            [self._controls(), self.message, self.sentence, self._views(), self.numbers]
+            [self._controls(), self.message, self.sentence, self._views(), self.numbers, _words()]
         )
         self._listen()
 
@@ -259,6 +273,15 @@ class MissionLab(ipywidgets.VBox):
             yield
         finally:
             self._silent = before
+
+
+def _words() -> ipywidgets.HTML:
+    """What the words on the page mean, to be unfolded."""
+    rewards = {name: -value for name, value in vars(Rewards()).items()}
+    lines = (f"<dt>{word}</dt><dd>{text.format(**rewards)}</dd>" for word, text in WORDS.items())
+    return ipywidgets.HTML(
+        f"<details><summary>What do these words mean?</summary><dl>{''.join(lines)}</dl></details>"
+    )
 
 
 def _compared(first: str, one: Flights, second: str, other: Flights) -> str:

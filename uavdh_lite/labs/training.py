@@ -27,6 +27,7 @@ CURVES = {
     "collection_ratio": ("collected", ORANGE),
     "collection_ratio_and_landed": ("collected and landed", BLUE),
 }
+YOURS, RIVAL = "your run", "the recipe"
 REFRESH = 0.3  # seconds between updates of the progress
 PART = {"width": "190px"}
 PARTS = {  # of the recipe `quantile`: what each one sets
@@ -39,7 +40,8 @@ PARTS = {  # of the recipe `quantile`: what each one sets
 class TrainingLab(ipywidgets.VBox):
     """A small training run in the background, its curves, and how the agent flies.
 
-    The flight is that after the newest validation; a click on the curves, or the slider, shows that
+    With a tick at *race*, the recipe without your changes trains next to it, step by step. The
+    flights are those after the newest validation; a click on the curves, or the slider, shows those
     after another one. A run pauses when the lab is closed, and when the process ends.
 
     Arguments:
@@ -65,6 +67,12 @@ class TrainingLab(ipywidgets.VBox):
         self.parts = {
             name: ipywidgets.Checkbox(description=name, indent=False, layout=PART) for name in PARTS
         }
+        self.race = ipywidgets.Checkbox(
+            description="race the recipe",
+            indent=False,
+            layout=PART,
+            tooltip="train the recipe without your changes at the same time",
+        )
         self.seed = ipywidgets.BoundedIntText(description="seed", min=0, max=10**6, style=wide)
         self.start = ipywidgets.Button(description="start", icon="play", button_style="primary")
         self.pause = ipywidgets.Button(description="pause", icon="pause", disabled=True)
@@ -90,7 +98,7 @@ class TrainingLab(ipywidgets.VBox):
                 ipywidgets.HBox(
                     [
                         ipywidgets.VBox(list(self.settings.values())),
-                        ipywidgets.VBox(list(self.parts.values())),
+                        ipywidgets.VBox([*self.parts.values(), self.race]),
                         ipywidgets.VBox([self.seed, self.progress]),
                     ],
                     layout=WRAP,
@@ -101,13 +109,13 @@ class TrainingLab(ipywidgets.VBox):
                 self.views,
             ]
         )
-        self.looked_at.observe(lambda _: self._show_flight(), "value")
+        self.looked_at.observe(lambda _: self._show_flights(), "value")
         self.start.on_click(lambda _: self.run())
         self.pause.on_click(lambda _: self.stop())
         self.new_run.on_click(lambda _: self.reset())
-        self.trainer: Trainer | None = None
+        self.trainers: dict[str, Trainer] = {}  # yours comes first
         self.previous: list[dict] = []  # validations of the previous run
-        self.flown: list[Flights] = []  # the same mission after each validation
+        self.flown: list[dict[str, Flights]] = []  # the same mission after each validation
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
         self._drawing = threading.RLock()  # the run draws, and so does who looks at its flights
@@ -120,7 +128,7 @@ class TrainingLab(ipywidgets.VBox):
         if self._thread is not None and self._thread.is_alive():
             return
         try:
-            self.trainer = self.trainer or self._new()
+            self.trainers = self.trainers or self._new()
         except InputError as error:
             self._say(str(error), error=True)
             return
@@ -139,10 +147,11 @@ class TrainingLab(ipywidgets.VBox):
     def reset(self) -> None:
         """Forget the run, so that the settings can be changed."""
         self.stop()
-        if self.trainer is not None:
-            self.trainer.close()
-            self.previous = self.trainer.validation_rows
-        self.trainer, self.progress.value, self.flown = None, 0, []
+        if self.trainers:
+            self.previous = self.trainers[YOURS].validation_rows
+        for trainer in self.trainers.values():
+            trainer.close()
+        self.trainers, self.progress.value, self.flown = {}, 0, []
         self.looked_at.max = 0
         self.stage.layout.display = self.looked_at.layout.display = "none"
         self._draw_curves()
@@ -153,102 +162,136 @@ class TrainingLab(ipywidgets.VBox):
     def close(self) -> None:
         """Pause the run for good and take the lab off the page."""
         self.stop()
-        if self.trainer is not None:
-            self.trainer.close()
+        for trainer in self.trainers.values():
+            trainer.close()
         super().close()
 
-    def _new(self) -> Trainer:
+    def _new(self) -> dict[str, Trainer]:
         changes = {name: setting.value for name, setting in self.settings.items()}
         source = find_recipe("quantile")
         for part, names in PARTS.items():
             if self.parts[part].value:
                 changes |= {name: getattr(source, name) for name in names}
-        trainer = Trainer(self.scenario, replace(self.recipe, **changes), self.seed.value)
-        self.mission = Mission.draw(self.scenario, trainer.city, 0)
-        trainer.validate()
-        return trainer
+        recipes = {YOURS: replace(self.recipe, **changes)}
+        if self.race.value:
+            recipes[RIVAL] = self.recipe
+        trainers = {
+            name: Trainer(self.scenario, recipe, self.seed.value)
+            for name, recipe in recipes.items()
+        }
+        self.mission = Mission.draw(self.scenario, trainers[YOURS].city, 0)
+        for trainer in trainers.values():
+            trainer.validate()
+        return trainers
 
     def _train(self) -> None:
-        """In the thread: train until the run is paused or finished; show what goes wrong."""
-        trainer, looked = self.trainer, 0.0
-        interval = trainer.recipe.validation_interval
+        """In the thread: train until the runs are paused or finished; show what goes wrong."""
+        trainers, looked = list(self.trainers.values()), 0.0
+        interval = self.recipe.validation_interval
         try:
-            self._show_agent()
-            while not trainer.finished and not self._stop.is_set():
+            self._show_agents()
+            while not self._stop.is_set():
+                trainer = min(trainers, key=lambda each: each.steps)  # they take turns
+                if trainer.finished:
+                    break
                 before, started = trainer.steps, time.perf_counter()
                 trainer.step()
                 trainer.seconds += time.perf_counter() - started
                 if trainer.steps // interval > before // interval or trainer.finished:
                     trainer.validate()
-                    self._show_agent()
+                    self._show_agents()
                 if time.perf_counter() - looked > REFRESH:
                     looked = time.perf_counter()
                     self.progress.value = trainer.steps
-            self.progress.value = min(trainer.steps, trainer.recipe.steps)
-            self._say(f"{'finished' if trainer.finished else 'paused'}: {self._result()}")
+            self.progress.value = min(trainers[-1].steps, self.recipe.steps)
+            finished = all(trainer.finished for trainer in trainers)
+            self._say(f"{'finished' if finished else 'paused'}: {self._result()}")
         except Exception as error:  # whatever it is, the reader must see it
             self._say(f"{type(error).__name__}: {error}", error=True)
         finally:
             self._set_running(False)
 
     def _set_running(self, running: bool) -> None:
-        done = self.trainer is not None and self.trainer.finished
+        made = bool(self.trainers)
+        done = made and all(trainer.finished for trainer in self.trainers.values())
         self.start.disabled, self.pause.disabled = running or done, not running
-        self.new_run.disabled = running or self.trainer is None
-        for setting in (*self.settings.values(), *self.parts.values(), self.seed):
-            setting.disabled = self.trainer is not None
+        self.new_run.disabled = running or not made
+        for setting in (*self.settings.values(), *self.parts.values(), self.race, self.seed):
+            setting.disabled = made
 
-    def _show_agent(self) -> None:
-        """Show the curves so far, and a flight of the agent as it is now."""
-        trainer = self.trainer
-        if len(self.flown) < len(trainer.validation_rows):  # not yet seen before a pause
-            self.flown.append(self.mission.fly(trainer.environment, trainer.agent))
+    def _rows(self) -> list[dict]:
+        """Your validations, as many as all runs have made."""
+        made = min(len(trainer.validation_rows) for trainer in self.trainers.values())
+        return self.trainers[YOURS].validation_rows[:made]
+
+    def _show_agents(self) -> None:
+        """Show the curves so far, and a flight of each agent once all have been validated."""
+        if len(self.flown) < len(self._rows()):  # not yet seen before a pause
+            self.flown.append(
+                {
+                    name: self.mission.fly(trainer.environment, trainer.agent)
+                    for name, trainer in self.trainers.items()
+                }
+            )
         last = len(self.flown) - 1
         with self._drawing:
             self.looked_at.max = last
             self.stage.layout.display = self.looked_at.layout.display = None
             self._draw_curves()
             if self.looked_at.value == last:
-                self._show_flight()
+                self._show_flights()
             self.looked_at.value = last
             self._say(self._result())
 
     def look_at(self, steps: float) -> None:
         """Show the flight after the validation that is nearest to so many steps."""
         if self.flown:
-            rows = self.trainer.validation_rows
+            rows = self._rows()
             numbers = range(len(self.flown))
             self.looked_at.value = min(numbers, key=lambda k: abs(rows[k]["steps"] - steps))
 
-    def _show_flight(self) -> None:
-        """Play the flight of a validation, and mark it on the curves."""
+    def _show_flights(self) -> None:
+        """Play the flights of a validation, and mark it on the curves."""
         number = self.looked_at.value
         if number >= len(self.flown):  # a new run has none yet
             return
-        steps = self.trainer.validation_rows[number]["steps"]
-        name = f"the agent after {steps:,} steps"
+        steps = self._rows()[number]["steps"]
+        named = {f"{name} after {steps:,} steps": each for name, each in self.flown[number].items()}
         with self._drawing:
-            self.stage.show(self.trainer.environment, {name: self.flown[number]}, begin=0)
+            self.stage.show(self.trainers[YOURS].environment, named, begin=0)
             self._mark(steps)
 
     def _result(self) -> str:
-        """How far the run is, with its last validation."""
-        trainer, row = self.trainer, self.trainer.validation_rows[-1]
+        """How far the runs are, with the last validation of each."""
+        yours = self.trainers[YOURS]
+        results = []
+        for name, trainer in self.trainers.items():
+            row = trainer.validation_rows[-1]
+            results.append(
+                f"{name} landed {row['has_landed']:.0%}, "
+                f"collected and landed {row['collection_ratio_and_landed']:.0%}"
+            )
         return (
-            f"after {trainer.steps:,} steps, {trainer.updates:,} updates, {trainer.seconds:.0f} s: "
-            f"landed {row['has_landed']:.0%}, "
-            f"collected and landed {row['collection_ratio_and_landed']:.0%}"
+            f"after {yours.steps:,} steps, {yours.updates:,} updates, {yours.seconds:.0f} s: "
+            + "; ".join(results)
         )
 
     def _draw_curves(self) -> None:
+        """Yours as lines with points, the rival's dashed, those of the run before dotted."""
         self.ax.clear()
-        rows = self.trainer.validation_rows if self.trainer else []
+        drawn = {"o-": [], "--": [], ":": self.previous}
+        for style, trainer in zip(drawn, self.trainers.values(), strict=False):
+            drawn[style] = trainer.validation_rows
         for metric, (label, colour) in CURVES.items():
-            steps = [row["steps"] for row in rows]
-            self.ax.plot(steps, [row[metric] for row in rows], "o-", color=colour, label=label)
-            before = [(row["steps"], row[metric]) for row in self.previous]
-            if before:
-                self.ax.plot(*zip(*before, strict=True), ":", color=colour, alpha=0.6)
+            for style, rows in drawn.items():
+                x, y = [row["steps"] for row in rows], [row[metric] for row in rows]
+                alpha = 0.6 if style == ":" else 1.0
+                self.ax.plot(x, y, style, color=colour, alpha=alpha)
+            self.ax.plot([], [], "o-", color=colour, label=label)
+        if len(self.trainers) > 1:
+            self.ax.plot([], [], "k--", label=RIVAL)
+        if self.previous:
+            self.ax.plot([], [], "k:", label="the run before")
         self.ax.set(xlim=(0, self.recipe.steps), ylim=(-0.03, 1.03), xlabel="environment steps")
         self.ax.legend(loc="lower right", fontsize="small")
         self.curves.draw_all()
