@@ -231,7 +231,7 @@ QUANTILE = replace(
     failsafe=True,
     kernel_size=3,
     strides=(1, 2),
-    quantiles=32,
+    quantiles=8,
     discount=0.97,
     huber_delta=1.0,
     advantage_learning=0.8,
@@ -242,8 +242,8 @@ QUANTILE = replace(
 
 - `failsafe`: nothing crashes, so the agent need not learn from crashes. It needs no `crash_reward`
   that grows, and no `exploring_starts`.
-- `quantiles` 32, with `huber_delta` as their κ: the distribution of the return is a richer target
-  than its mean.
+- `quantiles` 8, with `huber_delta` as their κ: the distribution of the return is a richer target
+  than its mean. 8 learn sooner than 32.
 - `advantage_learning` 0.8: the gaps between the best action and the others become five times as
   wide, so that errors of the network no longer decide.
 - `observation` in two resolutions, with kernels of 3×3 and a first stride of 1: the network sees
@@ -258,6 +258,7 @@ FINE_TUNE = replace(
     QUANTILE,
     name="fine_tune",
     steps=100_000,
+    quantiles=32,  # those of `any_city`
     learning_rate=2e-4,
     replay_prefill=5_000,
     temperature=0.1,

@@ -56,6 +56,7 @@ PARTS = {
 # Other values than those of `quantile`, one at a time.
 VALUES: dict[str, dict[str, Any]] = {
     "8_quantiles": {"quantiles": 8},
+    "32_quantiles": {"quantiles": 32},
     "kappa_10": {"huber_delta": 10.0},
     "5_step_return": {"return_steps": 5},
     "minibatch_64": {"batch_size": 64, "environments": 16},  # twice as many updates
@@ -94,8 +95,9 @@ def parts(recipe: Recipe) -> dict[str, Recipe]:
 
 
 def values(recipe: Recipe) -> dict[str, Recipe]:
-    """The recipe, and for each row of `VALUES` the recipe with these values instead."""
-    return {"as_it_is": recipe} | {name: replace(recipe, **row) for name, row in VALUES.items()}
+    """The recipe, and for each row of `VALUES` that is not its own the recipe with these values."""
+    others = {name: replace(recipe, **row) for name, row in VALUES.items()}
+    return {"as_it_is": recipe} | {k: other for k, other in others.items() if other != recipe}
 
 
 def _undone(
