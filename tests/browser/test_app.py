@@ -488,6 +488,13 @@ def test_a_city_is_painted_uploaded_and_flown(shared_page):
     until(shared_page, lambda: maps.first.inner_html() != flown)
     assert fits(shared_page)
     shoot(shared_page, "city")
+    kinds = painted(link).kinds
+    lab.get_by_role("link", name="link", exact=True).click()
+    expect(status).to_contain_text("copy it")
+    shared_page.reload()  # somebody opens the address
+    link.wait_for()
+    until(shared_page, lambda: (painted(link).kinds == kinds).all())
+    shared_page.evaluate("location.hash = ''")
 
 
 def painted(link):

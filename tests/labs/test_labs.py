@@ -3,6 +3,7 @@
 import base64
 import datetime
 import io
+import re
 import subprocess
 import sys
 
@@ -622,6 +623,37 @@ def test_uploads_are_taken_or_refused_with_a_reason():
     assert lab.draft.size == 16
 
 
+def test_a_link_opens_its_city_on_the_labs_page():
+    labs = Labs()
+    assert list(labs.made) == ["Mission"]
+    painted = CityLab("open_field", linked=True)
+    stroke(painted, (7, 6))
+    code = re.search('href="#(city=[^"]*)"', painted.take_home.value)[1]
+    assert len(code) < 500
+    labs.address.value = code
+    lab = labs.made["City"]
+    assert labs.titles[labs.selected_index] == "City" and lab._linked
+    assert (lab.draft.kinds == painted.draft.kinds).all() and not lab.base.value
+    labs.address.value = "elsewhere"
+    lab.open_link(code.removeprefix("city="))  # the lab's own link
+    assert "copy it" in lab.message.value
+    assert (lab.draft.kinds == painted.draft.kinds).all()
+    for broken, told in {
+        "city=" + code[5:41]: "the link: not a readable PNG",
+        code[:40]: "part of it is missing",
+        "city=%3Cscript": "the link holds no city",
+        "city=é": "the link holds no city",
+        "city=": "the link: not a readable PNG",
+    }.items():
+        labs.address.value = broken
+        assert told in lab.message.value, broken
+        assert (lab.draft.kinds == painted.draft.kinds).all()
+    stroke(lab, (7, 6))
+    lab.blank.click()
+    assert "#city" not in lab.take_home.value  # no landing zone yet
+    assert "#city" not in CityLab().take_home.value  # in a notebook, nothing reads the address
+
+
 def pick(lab, row, column):
     """A click by numbers instead of the mouse."""
     lab.picker.row.value, lab.picker.column.value = row, column
@@ -650,8 +682,7 @@ def test_the_page_makes_each_lab_when_it_is_opened():
     assert list(labs.made) == ["Mission"]
     for index, title in enumerate(labs.titles):
         labs.selected_index = index
-        assert len(labs.children[index].children) == 2
-        assert labs.children[index].children[1] is labs.made[title]
+        assert labs.children[index].children[-1] is labs.made[title]
     mission = labs.made["Mission"]
     labs.selected_index = 0
     assert labs.made["Mission"] is mission

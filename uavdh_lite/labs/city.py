@@ -18,7 +18,7 @@ from uavdh_lite.labs.stage import BESIDE, Stage
 from uavdh_lite.labs.views import policy_title
 from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, cell_at, status
 from uavdh_lite.missions import Mission
-from uavdh_lite.plotting import device_colour, draw_city, shadow_colours
+from uavdh_lite.plotting import RED, device_colour, draw_city, shadow_colours
 from uavdh_lite.policies import PLANNERS, agents_for, find_policy
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.shadowing import line_of_sight
@@ -28,6 +28,9 @@ with extra("notebooks"):
 
 LARGEST = 50  # cells on a side; in larger cities, planners take minutes
 TRAIN = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
+LINK = '<a style="color:var(--jp-content-link-color, #0645AD);text-decoration:underline" {}>{}</a>'
+ADDRESS = "city="  # what stands behind the # of an address that opens a city
+TEXT = "inherit"
 FINE_TUNE = "python -m uavdh_lite train --from any_city --city my_city.png --out runs/my_city"
 
 
@@ -44,9 +47,11 @@ class CityLab(ipywidgets.VBox):
 
     Arguments:
         city: the name of a shipped city to start from.
+        linked: offer a link that opens the city on the labs' page; see `open_link`.
     """
 
-    def __init__(self, city: str = "village"):
+    def __init__(self, city: str = "village", linked: bool = False):
+        self._linked = linked
         self._build()
         row = ipywidgets.HBox
         super().__init__(
@@ -234,16 +239,33 @@ class CityLab(ipywidgets.VBox):
 
     def _read(self, files) -> None:
         """Use an uploaded PNG; if it is not a city, say why and change nothing."""
-        if not files:
+        if files:
+            self._read_png(bytes(files[0]["content"]), files[0]["name"])
+            self.upload.value = ()  # so that the same file can be uploaded again
+
+    def open_link(self, code: str) -> None:
+        """Use the city of a link, the PNG in base64; if it is none, say why and change nothing."""
+        if code == self._code():
+            self._say("The address of this page now opens this city: copy it.", TEXT)
             return
         try:
-            kinds = Draft.from_png(bytes(files[0]["content"])).kinds
+            data = base64.b64decode(code, altchars="-_", validate=True)
+        except ValueError:
+            self._say("the link holds no city: part of it is missing")
+            return
+        self._read_png(data, "the link")
+
+    def _read_png(self, data: bytes, source: str) -> None:
+        try:
+            kinds = Draft.from_png(data).kinds
             if len(kinds) > LARGEST:
                 raise CityError(f"{len(kinds)} cells on a side: at most {LARGEST} fit this editor")
             self._take(kinds)
         except CityError as error:
-            self._say(str(error).replace("upload.png", files[0]["name"]))
-        self.upload.value = ()  # so that the same file can be uploaded again
+            self._say(str(error).replace("upload.png", source))
+
+    def _code(self) -> str:
+        return base64.b64encode(self.draft.png(), altchars=b"-_").decode()
 
     def _show(self) -> None:
         self._corner = self._sight = self._looked_from = None
@@ -255,10 +277,9 @@ class CityLab(ipywidgets.VBox):
         self.canvas.draw(alt=self.draft.description())
         if not self.at_once.value:
             self._hide_flights()
-        link = base64.b64encode(self.draft.png()).decode()
-        save = (
-            '<a style="color:var(--jp-content-link-color, #0645AD);text-decoration:underline" '
-            f'download="my_city.png" href="data:image/png;base64,{link}">save as PNG</a>'
+        png = base64.b64encode(self.draft.png()).decode()
+        save = LINK.format(
+            f'download="my_city.png" href="data:image/png;base64,{png}"', "save as PNG"
         )
         try:
             city = self.draft.city()
@@ -269,6 +290,8 @@ class CityLab(ipywidgets.VBox):
             return
         self._say("")
         self.fly.disabled = False
+        if self._linked:
+            save += " or as a " + LINK.format(f'href="#{ADDRESS}{self._code()}"', "link")
         if "any_city" in self._offer_policies(city):
             command = FINE_TUNE
         else:
@@ -343,5 +366,5 @@ class CityLab(ipywidgets.VBox):
             f"{end.data_collected.sum():.1f} of {start.data_initial.sum():.1f} data units collected"
         )
 
-    def _say(self, text: str) -> None:
-        self.message.value = status(text)
+    def _say(self, text: str, colour: str = RED) -> None:
+        self.message.value = status(text, colour)

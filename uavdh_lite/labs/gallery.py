@@ -1,15 +1,19 @@
 """All labs on one page with a tab for each; a lab is made when its tab is first opened."""
 
+from functools import partial
+
 from uavdh_lite.errors import extra
 from uavdh_lite.labs.channel import ChannelLab
-from uavdh_lite.labs.city import CityLab
+from uavdh_lite.labs.city import ADDRESS, CityLab
 from uavdh_lite.labs.fly import FlyLab
 from uavdh_lite.labs.mission import MissionLab
 from uavdh_lite.labs.think import ThinkLab
 from uavdh_lite.labs.training import TrainingLab
 
 with extra("notebooks"):
+    import anywidget
     import ipywidgets
+    import traitlets
 
 LABS = {
     "Mission": (
@@ -39,14 +43,35 @@ LABS = {
         "see how the agent flew at that time.",
     ),
     "City": (
-        CityLab,
+        partial(CityLab, linked=True),
         "Paint a city and let an agent fly in it that has never seen it.",
     ),
 }
 
 
+class Address(anywidget.AnyWidget):
+    """What stands behind the # in the page's address, as `value`; it takes no room on the page."""
+
+    _esm = """
+    function render({ model }) {
+      const tell = () => {
+        model.set("value", location.hash.slice(1));
+        model.save_changes();
+      };
+      addEventListener("hashchange", tell);
+      tell();
+      return () => removeEventListener("hashchange", tell);
+    }
+    export default { render };
+    """
+    value = traitlets.Unicode().tag(sync=True)
+
+
 class Labs(ipywidgets.Tab):
-    """The labs of the web page; `made` holds the labs that were opened, by title."""
+    """The labs of the web page; `made` holds the labs that were opened, by title.
+
+    A link to a city, made by the city editor, opens the page with that city.
+    """
 
     def __init__(self):
         self.made: dict[str, ipywidgets.Widget] = {}
@@ -54,10 +79,18 @@ class Labs(ipywidgets.Tab):
             ipywidgets.VBox([ipywidgets.HTML(f"<p>{introduction}</p>")])
             for _, introduction in LABS.values()
         ]
+        self.address = Address()
+        pages[0].children = [*pages[0].children, self.address]
         super().__init__(pages, titles=list(LABS))
         self.observe(lambda change: self._open(change.new), "selected_index")
         self.selected_index = 0
         self._open(0)
+        self.address.observe(lambda change: self._visit(change.new), "value")
+
+    def _visit(self, address: str) -> None:
+        if address.startswith(ADDRESS):
+            self.selected_index = list(LABS).index("City")
+            self.made["City"].open_link(address.removeprefix(ADDRESS))
 
     def _open(self, index: int) -> None:
         title = list(LABS)[index]
