@@ -124,7 +124,12 @@ function flight(panel, film, { most, widest }) {
 
   const all = (selector) => [...panel.querySelectorAll(selector)];
   const [uav, says] = [svg.querySelector("[data-uav]"), panel.querySelector(".says")];
-  const [links, shadows, bars] = ["[data-link]", "[data-shadow]", ".bar"].map(all);
+  const [links, shadows] = ["[data-link]", "[data-shadow]"].map(all);
+  const bars = all(".bar").map((bar) => ({
+    bar,
+    fill: bar.querySelector(".fill"),
+    amount: bar.querySelector(".left"), // somebody may take it off the page
+  }));
   const timed = all("[data-from]").map((element) => ({
     element,
     from: Number(element.dataset.from),
@@ -158,12 +163,12 @@ function flight(panel, film, { most, widest }) {
       const pointed = pointedAt === Number(link.dataset.link);
       const served = amounts[k] > 0 && amounts[k] === largest;
       visible(shadows[k], pointedAt === null ? served : pointed);
-      bars[k].classList.toggle("on", pointedAt === null ? amounts[k] > 0 : pointed);
+      bars[k].bar.classList.toggle("on", pointedAt === null ? amounts[k] > 0 : pointed);
     });
-    bars.forEach((bar, k) => {
+    bars.forEach(({ fill, amount }, k) => {
       const left = between(film.left[k]);
-      bar.querySelector(".fill").style.width = `${(100 * left) / film.left[k][0]}%`;
-      bar.querySelector(".left").textContent = left.toFixed(k < links.length ? 1 : 0);
+      fill.style.width = `${(100 * left) / film.left[k][0]}%`;
+      amount.textContent = left.toFixed(k < links.length ? 1 : 0);
     });
 
     const text = film.says[now > 0 ? next : 0];

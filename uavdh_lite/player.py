@@ -24,6 +24,7 @@ from uavdh_lite.plotting import (
     GREEN,
     LANDING,
     LOW,
+    MUCH,
     NO_FLY,
     RED,
     SHADOW,
@@ -214,8 +215,8 @@ class _Scene:
 
     @cached_property
     def most(self) -> float:
-        """The largest upload of a device in a step, data units; 1 if there is none."""
-        return max(_uploads(flight).max(initial=0) for flight in self.flights) or 1.0
+        """The largest upload of a device in a step, data units, but at least `MUCH`."""
+        return max(float(_uploads(flight).max(initial=MUCH)) for flight in self.flights)
 
     def place(self, cell: int | np.integer) -> tuple[int, int]:
         """x and y of a cell's centre: its column and its row."""
@@ -615,11 +616,13 @@ def _ring(place: tuple[float, float], share: float, colour: str, breadth: float)
 def _count(scene: _Scene, cell: int, count: int) -> str:
     """How often the UAV has hovered in a cell so far, next to the ring."""
     x, y = scene.place(cell)
+    inwards = -1 if x > scene.city.size - 1.5 else 1
     return _tag(
         "text",
         f"{count}×",
-        x=x + 0.36 * scene.scale,
+        x=x + inwards * 0.36 * scene.scale,
         y=y - 0.3 * scene.scale,
+        text_anchor="end" if inwards < 0 else None,
         font_size=0.5 * scene.scale,
         font_weight="bold",
         stroke="#fff",

@@ -44,6 +44,7 @@ LOW: Style = {"facecolor": "#D9C9A3", "edgecolor": "#6B5B35", "hatch": "..", "li
 SHADOW, DEEPEST = "#AFA3D1", 5  # the ground from which this many devices are hidden, or more
 THIN, THICK = 0.05, 0.17  # width of an arrow, cells: nothing uploaded, and as much as in any step
 LEVELS = 4  # widths in between
+MUCH = 1.0  # data units in a step that the widest arrow stands for at the least
 
 
 def device_colour(device: int | np.integer) -> str:
@@ -180,9 +181,12 @@ def draw_flight(
 
 
 def _arrow_widths(trajectory: Trajectory) -> np.ndarray:
-    """The width of each step's arrow, cells: by what it uploaded, in a few levels; (T,)."""
+    """The width of each step's arrow, cells: by what it uploaded, in a few levels; (T,).
+
+    The widest is the largest upload of the flight, but at least `MUCH`.
+    """
     uploaded = -np.diff(trajectory.data_left.sum(axis=1))
-    share = uploaded / max(uploaded.max(initial=0), 1e-9)
+    share = uploaded / uploaded.max(initial=MUCH)
     return THIN + (THICK - THIN) * np.ceil(LEVELS * share) / LEVELS
 
 

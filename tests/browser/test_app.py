@@ -296,6 +296,38 @@ SMOOTH = """async (lab) => {
 }"""
 
 
+def test_a_finger_drags_a_device(browser, server):
+    page = browser.new_page(viewport={"width": 820, "height": 1180}, has_touch=True)
+    page.set_default_timeout(WAIT)
+    page.goto(server)
+    page.locator(SHOWN).first.wait_for()
+    lab = open_lab(page, "Mission")
+    device = lab.locator("svg [data-device='0']").first
+    there = device.get_attribute("transform")
+    box = device.locator("circle").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    session = page.context.new_cdp_session(page)
+    for kind, down in (("touchStart", 0), ("touchMove", 40), ("touchMove", 60), ("touchEnd", None)):
+        points = [] if down is None else [{"x": x, "y": y + down}]
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    until(page, lambda: device.get_attribute("transform") != there)
+    page.goto("about:blank")
+    page.close()
+
+
+def test_quick_keys_leave_the_map_at_the_last_step(shared_page):
+    lab = open_lab(shared_page, "Fly it yourself")
+    lab.get_by_role("button", name="start again").click()
+    expect(lab).to_contain_text("units of time left")
+    lab.locator(".uavdh-stage .map svg").click()
+    for _ in range(8):
+        shared_page.keyboard.press(" ")
+    counter = lab.locator(".uavdh-stage output")
+    expect(counter).to_have_text("8 of 8")
+    shared_page.wait_for_timeout(1000)
+    expect(counter).to_have_text("8 of 8")
+
+
 def test_flights_play_smoothly_and_scrubbing_asks_nobody(page):
     """The UAV has a new place in nearly every frame; a step is drawn in the event that asks."""
     lab = open_lab(page, "Mission")
@@ -317,7 +349,7 @@ def test_flights_play_smoothly_and_scrubbing_asks_nobody(page):
     letters = "stage => getComputedStyle(stage.querySelector('.says')).fontSize"
     before = float(stage.evaluate(letters).removesuffix("px"))
     lab.get_by_role("button", name="Full screen").click()
-    until(page, lambda: page.evaluate("document.fullscreenElement?.className.includes('stage')"))
+    until(page, lambda: page.evaluate("document.fullscreenElement?.className.includes('together')"))
     assert float(stage.evaluate(letters).removesuffix("px")) > 1.3 * before
     click_cell(page, lab, 8, 8)  # and all works as before
     expect(lab.get_by_role("slider", name="data of device 3")).to_be_visible()

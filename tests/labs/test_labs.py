@@ -6,6 +6,7 @@ import io
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,11 +18,19 @@ from uavdh_lite.city import City
 from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.environment import ACTIONS
 from uavdh_lite.evaluation import evaluate
-from uavdh_lite.labs import ChannelLab, CityLab, FlyLab, Labs, MissionLab, ThinkLab
+from uavdh_lite.labs import (
+    ChannelLab,
+    CityLab,
+    FlyLab,
+    Labs,
+    MissionLab,
+    ThinkLab,
+    TrainingLab,
+)
 from uavdh_lite.labs.draft import Draft
 from uavdh_lite.labs.fly import HARD, KEYS
 from uavdh_lite.labs.think import Thoughts
-from uavdh_lite.missions import Mission, environment_of
+from uavdh_lite.missions import HandFlight, Mission, environment_of
 from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.shadowing import line_of_sight
@@ -384,9 +393,49 @@ def test_the_safety_controller_speaks():
     lab = FlyLab("village", seed=3)
     for _ in range(9):
         lab.buttons[ACTIONS.index("north")].click()
-    assert "north was refused" in lab.message.value
+    assert "north was refused, for the map ends there" in lab.message.value
+    assert "1 from the return" in lab.message.value
     lab.seed.value = 4
     assert "refused" not in lab.message.value
+
+
+@pytest.mark.parametrize(
+    ("start", "action", "reason"),
+    [
+        ((3, 0), "east", "a no-fly zone is there"),
+        ((1, 3), "east", "a tall building is there"),
+        ((4, 0), "land", "this is no landing zone"),
+        ((5, 7), "east", "the map ends there"),
+    ],
+)
+def test_a_refusal_says_what_is_in_the_way(start, action, reason):
+    lab = FlyLab("village")
+    mission = replace(lab.flight.mission, start=start)
+    lab.flight = HandFlight(lab.environment, mission)
+    lab.act(ACTIONS.index(action))
+    assert f"{action} was refused, for {reason}" in lab.message.value
+
+
+def test_your_flight_gets_a_verdict():
+    lab = FlyLab("village")
+    greedy = find_policy("greedy", lab.environment)
+    flown = lab.flight.mission.fly(lab.environment, greedy)
+    for action in flown.trajectory(0).action:
+        lab.act(int(action))
+    assert f"Your return is {flown.cumulative_reward[0]:.2f}" in lab.score.value
+    ahead = re.search("You are ahead of ([^.]*)", lab.score.value)[1]
+    assert "random" in ahead and "greedy" not in ahead
+
+
+def test_each_lab_explains_its_words():
+    for made, some in (
+        (ThinkLab, ("Q-value", "action gap", "temperature", "saliency", "genie")),
+        (FlyLab, ("return", "refused", "genie")),
+        (ChannelLab, ("SNR", "slot", "LoS, NLoS")),
+        (TrainingLab, ("crash reward", "failsafe", "return steps", "recipe")),
+    ):
+        said = made().children[-1].value
+        assert all(f"<dt>{word}</dt>" in said for word in some), made
 
 
 def test_a_crash_is_called_one():
@@ -507,7 +556,7 @@ def test_random_cities_are_all_different_and_too_small_ones_are_refused():
     assert (drawn[0] != drawn[1]).any()
     lab.size.value = 5
     lab.random.click()
-    assert "must be at least 8" in lab.message.value and lab.draft.size == 10
+    assert "at least 8 cells" in lab.message.value and lab.draft.size == 10
 
 
 def test_the_mouse_shows_the_shadow_of_a_device_under_it():
@@ -658,6 +707,82 @@ def pick(lab, row, column):
     """A click by numbers instead of the mouse."""
     lab.picker.row.value, lab.picker.column.value = row, column
     lab.picker.button.click()
+
+
+def set_by(mission):
+    """What a mission consists of, but for its city."""
+    return mission.start, mission.devices, mission.data, mission.flying_time, mission.seed
+
+
+def test_missions_in_a_painted_city_are_set_by_hand_and_have_numbers():
+    lab = CityLab("village")
+    lab.fly.click()
+    drawn = lab._mission
+    device, free = drawn.devices[0], (7, 0)
+    drag(lab, device, free)
+    assert lab._mission.devices[0] == free and "landed" in lab.result.value
+    drag(lab, drawn.start, (0, 0))
+    assert lab._mission.start == (0, 0)
+    click(lab, (7, 7))
+    assert (7, 7) in lab._mission.devices
+    click(lab, (7, 7))
+    assert (7, 7) not in lab._mission.devices
+    tell(lab.stage, kind="data", device=0, value=3.5)
+    tell(lab.stage, kind="time", value=20)
+    assert lab._mission.data[0] == 3.5 and lab._mission.flying_time == 20
+    before = lab._mission
+    building = tuple(np.argwhere(lab.draft.buildings)[0].tolist())
+    drag(lab, free, building)
+    assert "stands on a building" in lab.message.value and lab._mission == before
+    lab.fly.click()
+    assert lab.number.value == 1 and lab._mission != before
+    lab.number.value = 0
+    assert set_by(lab._mission) == set_by(drawn)
+
+
+def test_many_missions_say_more_than_one_and_find_where_greedy_fails():
+    lab = CityLab("open_field")
+    lab.policy.value = "any_city"
+    lab.many.click()
+    assert "Over 100 missions" in lab.result.value and "behind in" in lab.result.value
+    city = lab.draft.city()
+    drawn = Mission.draw(lab._scenario(city), city, lab.number.value)
+    assert set_by(lab._mission) == set_by(drawn)
+    stroke(lab, (7, 7))
+    assert lab.result.value == ""
+
+
+def test_the_channel_goes_back_to_the_paper_and_shows_small_rates():
+    lab = ChannelLab("village")
+    paper = lab.channel
+    lab.constants["altitude_m"].value = 60
+    assert lab.channel != paper
+    lab.paper.click()
+    assert lab.channel == paper
+    lab.logarithmic.value = True
+    low, high = lab.curve.get_ylim()
+    assert lab.curve.get_yscale() == "log" and 0 < low < 1e-3 < high
+    lab.logarithmic.value = False
+    assert lab.curve.get_ylim()[0] == 0
+
+
+def test_the_closest_call_has_the_smallest_gap():
+    lab = ThinkLab("manhattan")
+    lab.closest.click()
+    q = lab.charts.q.topk(2, dim=1).values
+    assert lab.stage.step == int((q[:, 0] - q[:, 1]).argmin())
+    lab.policy.value = "greedy"
+    lab.closest.click()
+    assert lab.stage.step == 0
+
+
+def test_what_is_not_allowed_is_said(lab):
+    think = ThinkLab("manhattan")
+    for step in (0, 5):
+        think.stage.step = step
+        texts = [text.get_text() for text in think.charts.numbers[: len(ACTIONS)]]
+        allowed = think.charts.q[step].isfinite().tolist()
+        assert [text != "not allowed" for text in texts] == allowed
 
 
 def test_cells_can_be_picked_by_numbers(lab):

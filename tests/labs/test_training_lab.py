@@ -93,6 +93,17 @@ def test_pausing_changes_nothing_of_the_result(finished):
     assert len(lab.flown) == len(lab.trainers[YOURS].validation_rows)  # none twice
 
 
+def test_the_run_before_is_named_by_its_changes(finished):
+    lab = TrainingLab("village", TINY)
+    lab.settings["return_steps"].value = 1
+    lab.parts["failsafe"].value = True
+    lab.start.click()
+    wait(lab)
+    lab.new_run.click()
+    labels = [text.get_text() for text in lab.ax.get_legend().get_texts()]
+    assert "the run before: failsafe, return steps 1" in labels
+
+
 def test_the_recipe_races_the_run_with_changes_and_each_learns_as_if_alone(finished):
     lab = TrainingLab("village", TINY)
     lab.race.value = True

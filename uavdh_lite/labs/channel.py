@@ -10,14 +10,31 @@ from uavdh_lite.channel import Channel, link, rate, rate_map
 from uavdh_lite.city import shipped_cities
 from uavdh_lite.errors import extra
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker
+from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, words
 from uavdh_lite.missions import environment_of
 from uavdh_lite.plotting import BLUE, VERMILION, draw_city
 
 with extra("notebooks"):
     import ipywidgets
 
+FAINTEST = 1e-5  # data units a slot, the lower end of a logarithmic axis
 CLEAR, BLOCKED = BLUE, VERMILION
+WORDS = {
+    "✕ and ◆ on the map": "the device on the ground, and the UAV above its cell. The brighter a "
+    "cell, the more the UAV would hear from there. Cells that the ray crosses are framed, "
+    "buildings in its way in orange",
+    "LoS, NLoS": "with and without line of sight. Any building between them blocks it, as if it "
+    "were higher than the UAV: the model does not know how high buildings are",
+    "slot": "the radio's unit of time; a step of the UAV has four",
+    "SNR": "how much stronger the signal is than the noise, in decibels (dB): 10 dB is ten times "
+    "as strong, −10 dB a tenth",
+    "data units a slot": "log2(1 + SNR), what the link can carry",
+    "α": "path loss exponent: how fast the signal fades with distance",
+    "σ": "standard deviation of the fading, the random ups and downs of the signal; the bands "
+    "around the curves are one σ wide on each side",
+    "edge SNR": "the SNR of a device at the corner of the map, heard from its centre; it sets how "
+    "strong the transmitters are",
+}
 
 
 class ChannelLab(ipywidgets.VBox):
@@ -45,19 +62,27 @@ class ChannelLab(ipywidgets.VBox):
             "altitude_m": _slider("altitude, m", paper.altitude_m, 1, 100, 1),
         }
         self.picker = CellPicker(self.clicked)
+        self.paper = ipywidgets.Button(
+            description="the paper's constants", icon="undo", layout={"width": "180px"}
+        )
+        self.logarithmic = ipywidgets.Checkbox(description="logarithmic axis", indent=False)
         self.numbers = ipywidgets.HTML()
         figure = Figure(figsize=(8.6, 4.4), dpi=100)
         self.map = figure.add_axes((0.03, 0.06, 0.45, 0.88))
         self.curve = figure.add_axes((0.56, 0.12, 0.42, 0.8))
         self.canvas = Canvas(figure)
-        sliders = ipywidgets.VBox(list(self.constants.values()))
+        sliders = ipywidgets.VBox([*self.constants.values(), self.paper, self.logarithmic])
         super().__init__(
             [
                 ipywidgets.HBox([self.city, self.click, self.picker], layout=WRAP),
                 ipywidgets.HBox([self.canvas.picture, sliders], layout=WRAP),
                 self.numbers,
+                words(WORDS),
             ]
         )
+        self._defaults = {name: slider.value for name, slider in self.constants.items()}
+        self.paper.on_click(lambda _: self._reset())
+        self.logarithmic.observe(lambda _: self._set_scale(), "value")
         self.city.observe(lambda _: self._set_city(), "value")
         for slider in self.constants.values():
             slider.observe(lambda _: self._show(), "value")
@@ -72,6 +97,17 @@ class ChannelLab(ipywidgets.VBox):
             values[f"fading_variance_{kind}_db2"] = values.pop(f"fading_{kind}_db") ** 2
         return replace(Channel(), **values)
 
+    def _reset(self) -> None:
+        """Give the channel the paper's constants again."""
+        for name, slider in self.constants.items():
+            slider.value = self._defaults[name]
+
+    def _set_scale(self) -> None:
+        """Show rates on a logarithmic axis, where shadows are not all next to 0; or back."""
+        self.curve.set_yscale("log" if self.logarithmic.value else "linear")
+        self.top = 0  # draw the axis again
+        self._show()
+
     def _set_city(self) -> None:
         """The chosen city, with a device in the middle and the UAV in the landing zone."""
         self.environment = environment_of(self.city.value)
@@ -85,7 +121,7 @@ class ChannelLab(ipywidgets.VBox):
         self.rates = self.map.imshow(
             np.zeros((city.size, city.size)), "viridis", alpha=0.75, zorder=1.5, animated=True
         )
-        self.map.set_title("data units a slot, hovering", fontsize="medium")
+        self.map.set_title("data units a slot; ✕ device, ◆ UAV", fontsize="medium")
         self.curve.clear()
         self.curve.set(xlabel="distance on the ground, m", ylabel="data units a slot")
         self.curve.set(xlim=(0, 10 * city.size * 1.4))
@@ -116,10 +152,10 @@ class ChannelLab(ipywidgets.VBox):
         self.rates.set_data(np.where(city.no_fly, np.nan, rates))
         self.rates.set_clim(0, max(most, 1e-6))
         artists = [self.rates, *self._draw_ray(found), *self._draw_curves(channel, found)]
-        top = max(line.get_ydata().max() for line in self.curve.lines)
+        top = max(np.max(line.get_ydata()) for line in self.curve.lines)
         if not top <= self.top <= 2 * top + 1:  # the curves leave the axes, or are small in them
             self.top = np.ceil(1.2 * top)
-            self.curve.set_ylim(0, self.top)
+            self.curve.set_ylim(FAINTEST if self.logarithmic.value else 0, self.top)
             for artist in artists:
                 artist.set_animated(True)
             self.canvas.draw_all()
@@ -144,7 +180,7 @@ class ChannelLab(ipywidgets.VBox):
         (from_row, from_col), (to_row, to_col) = self.device, self.uav
         artists += self.map.plot([from_col, to_col], [from_row, to_row], color=colour, zorder=4)
         artists += self.map.plot(from_col, from_row, "X", color="white", mec="black", ms=11)
-        artists += self.map.plot(to_col, to_row, "^", color="white", mec="black", ms=11)
+        artists += self.map.plot(to_col, to_row, "D", color="white", mec="black", ms=9)
         return artists
 
     def _draw_curves(self, channel: Channel, found) -> list:
@@ -160,6 +196,7 @@ class ChannelLab(ipywidgets.VBox):
                 self.curve.fill_between(ground_m, low, high, color=colour, alpha=0.25, lw=0)
             )
         artists.append(self.curve.legend(loc="upper right"))
+        artists.append(self.curve.axhline(found.rate, color="black", ls="--", lw=0.8))
         artists += self.curve.plot(found.ground_m, found.rate, "o", color="black", ms=8)
         return artists
 

@@ -2,6 +2,7 @@
 
 import base64
 import html
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +10,9 @@ from matplotlib.figure import Figure
 
 from uavdh_lite.city import City, shipped_cities
 from uavdh_lite.city_generator import CityGenerator
-from uavdh_lite.environment import Environment
+from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import CityError, InputError, extra
-from uavdh_lite.evaluation import Flights
+from uavdh_lite.evaluation import Flights, fly
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.labs.draft import BRUSHES, MIRRORS, UPLOAD_BYTES, Cell, Draft, History, rectangle
 from uavdh_lite.labs.stage import BESIDE, Stage
@@ -22,13 +23,16 @@ from uavdh_lite.plotting import RED, device_colour, draw_city, shadow_colours
 from uavdh_lite.policies import PLANNERS, agents_for, find_policy
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.shadowing import line_of_sight
+from uavdh_lite.streams import Use, stream
 
 with extra("notebooks"):
     import ipywidgets
 
 LARGEST = 50  # cells on a side; in larger cities, planners take minutes
+MANY = 100  # missions that say more than one
 TRAIN = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
 LINK = '<a style="color:var(--jp-content-link-color, #0645AD);text-decoration:underline" {}>{}</a>'
+HINT = "Drag devices, the start or the bars. A click on a map adds a device, or takes it away."
 ADDRESS = "city="  # what stands behind the # of an address that opens a city
 TEXT = "inherit"
 FINE_TUNE = "python -m uavdh_lite train --from any_city --city my_city.png --out runs/my_city"
@@ -41,9 +45,10 @@ class CityLab(ipywidgets.VBox):
     is over the map, it shows the shadow of a device there.
 
     The planners and the agent for any city fly over what you have painted, next to the greedy
-    planner; the agent only if the city is not larger than those that it was trained in. With *fly
-    at once* they fly the same mission again after each stroke. The lab shows the command that
-    trains an agent for your city alone.
+    planner; the agent only if the city is not larger than those that it was trained in. Devices and
+    the start are dragged on their maps. With *fly at once* they fly the same mission again after
+    each stroke. *100 missions* says how they do on average, and shows the mission in which greedy
+    is furthest behind. The lab shows the command that trains an agent for your city alone.
 
     Arguments:
         city: the name of a shipped city to start from.
@@ -59,16 +64,17 @@ class CityLab(ipywidgets.VBox):
                 row([self.base, self.size, self.blank, self.random, self.upload], layout=WRAP),
                 self.brush,
                 row([self.tool, self.mirror, self.undo, self.redo], layout=WRAP),
-                row([self.picker, self.policy, self.fly, self.at_once], layout=WRAP),
+                self.picker,
+                row([self.policy, self.number, self.fly, self.at_once, self.many], layout=WRAP),
                 self.message,
+                self.result,
                 self.views,
                 self.seen,
-                self.result,
                 self.take_home,
             ]
         )
         self._listen()
-        self._missions = self._drawn = 0
+        self._drawn, self._average = 0, ""
         self._mission: Mission | None = None  # that was flown last
         self._history, self._corner = History(), None
         self.base.value = city
@@ -110,7 +116,18 @@ class CityLab(ipywidgets.VBox):
             layout=ROW,
         )
         self.policy = ipywidgets.Dropdown(description="policy")
-        self.fly = ipywidgets.Button(description="fly", icon="plane", tooltip="a random mission")
+        self.number = ipywidgets.BoundedIntText(
+            min=0, max=10**6, description="mission", tooltip="the number of the random mission"
+        )
+        self.number.layout.width = "190px"
+        self.fly = ipywidgets.Button(
+            description="fly", icon="plane", tooltip="the next random mission"
+        )
+        self.many = ipywidgets.Button(
+            description=f"{MANY} missions",
+            icon="bar-chart",
+            tooltip="how they do on average, and the mission in which greedy is furthest behind",
+        )
         self.at_once = ipywidgets.ToggleButton(
             description="fly at once", icon="bolt", tooltip="the mission again, after each stroke"
         )
@@ -120,7 +137,12 @@ class CityLab(ipywidgets.VBox):
         self.seen = ipywidgets.HTML(layout={"min_height": "28px"})
         figure = Figure(figsize=(4.2, 4.2), dpi=100)
         self.ax = figure.add_axes((0.07, 0.06, 0.92, 0.92))
-        self.canvas, self.stage = Canvas(figure), Stage()
+        self.canvas = Canvas(figure)
+        self.stage = Stage(
+            dropped=self.dropped,
+            filled=self._change_data,
+            timed=lambda time: self._change(lambda: replace(self._mission, flying_time=time)),
+        )
         self.stage.layout = BESIDE
         self.views = ipywidgets.HBox([self.canvas.picture], layout=WRAP)
 
@@ -132,7 +154,9 @@ class CityLab(ipywidgets.VBox):
         self.tool.observe(lambda _: self._forget_corner(), "value")
         self.undo.on_click(lambda _: self._go(-1))
         self.redo.on_click(lambda _: self._go(1))
-        self.fly.on_click(lambda _: self._fly())
+        self.fly.on_click(lambda _: self._fly_next())
+        self.number.observe(lambda _: self._fly(self._drawn_mission), "value")
+        self.many.on_click(lambda _: self._fly_many())
         self.at_once.observe(lambda _: self._fly_again(), "value")
         self.canvas.on_drag(
             lambda ax, points, began: self.stroke([cell_at(point) for point in points], began),
@@ -214,8 +238,8 @@ class CityLab(ipywidgets.VBox):
         """A city of the size that the field says, another one each time."""
         try:
             (city,) = CityGenerator((self.size.value,) * 2).draw(1, self._drawn)
-        except InputError as error:
-            self._say(str(error))
+        except InputError:
+            self._say("a random city has at least 8 cells on a side: make the size larger")
             return
         self._drawn += 1
         self._take(city.kinds)
@@ -286,10 +310,11 @@ class CityLab(ipywidgets.VBox):
         except CityError as error:
             self._say(str(error))
             self._hide_flights()
-            self.fly.disabled, self.take_home.value = True, save
+            self.fly.disabled = self.many.disabled = True
+            self.take_home.value = save
             return
         self._say("")
-        self.fly.disabled = False
+        self.fly.disabled = self.many.disabled = False
         if self._linked:
             save += " or as a " + LINK.format(f'href="#{ADDRESS}{self._code()}"', "link")
         if "any_city" in self._offer_policies(city):
@@ -297,7 +322,8 @@ class CityLab(ipywidgets.VBox):
         else:
             command = TRAIN.format(devices=f"1 {min(3, len(city.device_cells))}")
         self.take_home.value = (
-            f"{save}; to train an agent for this city: <code>{html.escape(command)}</code>"
+            f"{save}: the page keeps nothing when you leave it. To train an agent for this city: "
+            f"<code>{html.escape(command)}</code>"
         )
 
     def _offer_policies(self, city: City) -> list[str]:
@@ -313,6 +339,7 @@ class CityLab(ipywidgets.VBox):
     def _hide_flights(self) -> None:
         """They were in another city."""
         self.views.children, self.result.value = [self.canvas.picture], ""
+        self._average = ""
 
     def _fly_again(self) -> None:
         """If that is asked for, fly the last mission again, or another one if it is none here."""
@@ -321,27 +348,93 @@ class CityLab(ipywidgets.VBox):
         city, last = self.draft.city(), self._mission
         if last is not None and last.city.size == city.size:
             try:
-                self._fly(replace(last, city=city))
+                self._fly(lambda: replace(last, city=city))
                 return
             except InputError:
                 pass  # a device, or the start, is where none can be any more
-        self._fly()
+        self._fly_next()
 
-    def _fly(self, mission: Mission | None = None) -> None:
-        """Fly a mission, by default a new one of up to three devices, with time to cross the city
-        about twice.
+    def dropped(self, start: Cell, end: Cell) -> None:
+        """Drag a device or the start from one cell to another. The same cell twice is a click: it
+        adds a device, or takes it away."""
+        mission = self._mission
+        device = mission.device_at(start)
+        if start == end:
+            self._change(lambda: mission.add(end) if device is None else mission.remove(device))
+        elif device is not None:
+            self._change(lambda: mission.move(device, end))
+        elif start == mission.start:
+            self._change(lambda: replace(mission, start=end))
 
-        The greedy planner flies it, too, for comparison.
+    def _change_data(self, device: int, amount: float) -> None:
+        data = list(self._mission.data)
+        data[device] = amount
+        self._change(lambda: replace(self._mission, data=tuple(data)))
+
+    def _change(self, change: Callable[[], Mission]) -> None:
+        """Fly the mission as it is after a change, or say why it is not possible."""
+        self._say("")
+        try:
+            self._fly(change)
+        except InputError as error:
+            self._say(str(error))
+            self.stage.put_back()
+
+    def _scenario(self, city: City) -> Scenario:
+        """Up to three devices, with time to cross the city about twice."""
+        most, time = min(3, len(city.device_cells)), (2 * city.size, 4 * city.size)
+        return Scenario("my_city", devices=(1, most), flying_time=time)
+
+    def _drawn_mission(self) -> Mission:
+        """The random mission of the number that is shown."""
+        city = self.draft.city()
+        return Mission.draw(self._scenario(city), city, self.number.value)
+
+    def _fly_next(self) -> None:
+        if self._mission is None:
+            self._fly(self._drawn_mission)
+        else:
+            self.number.value += 1
+
+    def _fly_many(self) -> None:
+        """Fly many missions, say how it went, and show the one in which greedy is furthest behind.
+
+        All missions fly at once, so their fading differs from that of a mission flown alone.
         """
+        city = self.draft.city()
+        scenario, environment = self._scenario(city), Environment(city)
+        missions = [Mission.draw(scenario, city, number) for number in range(MANY)]
+        states = State.concatenate([mission.state for mission in missions])
+        chosen, title = self.policy.value, policy_title(self.policy.value)
+        self.result.value = f"{title} is flying {MANY} missions …"
+        scores = {}
+        for name in dict.fromkeys([chosen, "greedy"]):
+            policy = find_policy(name, environment)
+            flights = fly(environment, policy, states, stream(Use.LAB))
+            scores[name] = flights.records()["collection_ratio_and_landed"]
+        ahead, number = scores[chosen] - scores["greedy"], self.number.value
+        self._average = f"Over {MANY} missions, collected and landed: " + ", ".join(
+            f"{policy_title(name)} {score.mean():.0%}" for name, score in scores.items()
+        )
+        if chosen != "greedy":
+            self._average += (
+                f"; {title} is ahead in {(ahead > 0.01).sum()}, behind in {(ahead < -0.01).sum()}"
+            )
+            number = int(ahead.argmax())
+            self._average += f". Mission {number} is the one in which greedy is furthest behind"
+        if number == self.number.value:
+            self._fly(self._drawn_mission)
+        self.number.value = number  # which flies it
+
+    def _fly(self, choose: Callable[[], Mission]) -> None:
+        """Fly a mission; the greedy planner flies it, too, for comparison.
+
+        Raises `InputError` if the mission cannot be.
+        """
+        mission = choose()
         try:
             city = self.draft.city()
-            most = min(3, len(city.device_cells))
-            time = (2 * city.size, 4 * city.size)
-            scenario = Scenario("my_city", devices=(1, most), flying_time=time)
             environment = Environment(city)
-            if mission is None:
-                mission = Mission.draw(scenario, city, self._missions)
-                self._missions += 1
             self.result.value = f"{self.policy.value} is planning …"
             flown = {
                 name: mission.fly(environment, find_policy(name, environment))
@@ -351,7 +444,9 @@ class CityLab(ipywidgets.VBox):
             self._say(str(error))
             return
         self._mission = mission
-        self.result.value = "<br>".join(map(self._told, flown, flown.values()))
+        told = [*map(self._told, flown, flown.values()), HINT]
+        self.result.value = "<br>".join([self._average] * bool(self._average) + told)
+        self.stage.most = {"data": 20.0, "time": 4 * city.size}
         titled = {policy_title(name): flights for name, flights in flown.items()}
         self.stage.show(environment, titled, begin=0)
         self.views.children = [self.canvas.picture, self.stage]

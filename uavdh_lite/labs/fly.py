@@ -5,12 +5,13 @@ import html
 import numpy as np
 
 from uavdh_lite.city import shipped_cities
-from uavdh_lite.environment import ACTIONS
+from uavdh_lite.environment import ACTIONS, LAND, MOVES, State
 from uavdh_lite.errors import extra
 from uavdh_lite.evaluation import Flights
+from uavdh_lite.labs.mission import POLICIES, PRICES, SCORES
 from uavdh_lite.labs.stage import Stage
 from uavdh_lite.labs.views import policy_title
-from uavdh_lite.labs.widgets import WRAP, table
+from uavdh_lite.labs.widgets import WRAP, table, words
 from uavdh_lite.missions import HandFlight, Mission, environment_of
 from uavdh_lite.policies import find_policy, policies_for
 from uavdh_lite.scenario import scenario_for
@@ -69,9 +70,9 @@ class FlyLab(ipywidgets.VBox):
                 ipywidgets.HBox(self.buttons, layout=WRAP),
                 ipywidgets.HTML(hint),
                 self.message,
+                ipywidgets.HBox([self.score, self.session], layout=WRAP),
                 self.stage,
-                self.score,
-                self.session,
+                words(SCORES | POLICIES),
             ]
         )
         for number, button in enumerate(self.buttons):
@@ -103,11 +104,25 @@ class FlyLab(ipywidgets.VBox):
         """Take one step, unless the flight is over."""
         if self.flight.ended:
             return
+        before = self.flight.state
         outcome = self.flight.step(action)
-        refused = f"{ACTIONS[action]} was refused: the UAV hovered instead, which costs 1"
+        refused = (
+            f"{ACTIONS[action]} was refused, for {self._obstacle(before, action)}. The UAV hovered "
+            f"instead, which takes {PRICES['safety']:g} from the return"
+        )
         self._show(refused if outcome.intervened[0] else "")
         if self.flight.ended:
             self._fly_others()
+
+    def _obstacle(self, state: State, action: int) -> str:
+        """Why an action was refused."""
+        if action == LAND:
+            return "this is no landing zone"
+        city = self.environment.city
+        row, col = np.array(divmod(int(state.uav_cell[0]), city.size)) + MOVES[action]
+        if not (0 <= row < city.size and 0 <= col < city.size):
+            return "the map ends there"
+        return "a tall building is there" if city.buildings[row, col] else "a no-fly zone is there"
 
     def _show(self, message: str) -> None:
         state, flights = self.flight.state, self.flight.flights()
@@ -131,8 +146,22 @@ class FlyLab(ipywidgets.VBox):
             self.score.value = self._table(results) + f"<p>{html.escape(title)} is flying …</p>"
             policy = find_policy(name, self.environment, mission.seed)
             results[title] = mission.fly(self.environment, policy)
-        self.score.value = self._table(results)
+        self.score.value = self._verdict(results) + self._table(results)
         self._score(results)
+
+    @staticmethod
+    def _verdict(results: dict[str, Flights]) -> str:
+        """Your place among all, as a sentence."""
+        returns = {name: float(each.cumulative_reward[0]) for name, each in results.items()}
+        others = {name: value for name, value in returns.items() if name != "you"}
+        ahead = [name for name, value in others.items() if returns["you"] > value + 0.005]
+        best = max(others, key=lambda name: others[name])
+        behind = ", ".join(ahead) if ahead else "nobody"
+        text = (
+            f"Your return is {returns['you']:.2f}. You are ahead of {behind}. "
+            f"The best of the others is {best}, with {others[best]:.2f}."
+        )
+        return f'<p role="status">{html.escape(text)}</p>'
 
     def _score(self, results: dict[str, Flights]) -> None:
         """Count a mission's results, if it is flown for the first time in this session."""

@@ -44,7 +44,9 @@ LABS = {
     ),
     "City": (
         partial(CityLab, linked=True),
-        "Paint a city and let an agent fly in it that has never seen it.",
+        "Paint a city and let an agent fly in it that has never seen it. It learned among blocks, "
+        "houses, lanes and courtyards; long walls are hard for it. Can you draw a city in which "
+        "the greedy rule fails?",
     ),
 }
 

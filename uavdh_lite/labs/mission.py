@@ -10,7 +10,7 @@ from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights
 from uavdh_lite.labs.stage import Stage
 from uavdh_lite.labs.views import Charts, policy_title
-from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, status, table
+from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, status, table, words
 from uavdh_lite.missions import Mission, environment_of
 from uavdh_lite.policies import find_policy, policies_for
 from uavdh_lite.scenario import scenario_for
@@ -21,16 +21,27 @@ with extra("notebooks"):
 NONE = "none"
 LABEL = {"description_width": "95px"}  # room for the labels of controls
 NARROW = {"width": "245px"}
-WORDS = {
+POLICIES = {
+    "policy": "who flies: it chooses an action in each unit of time",
     "agent": "a trained network, named after the city that it learned; <i>any_city</i> learned in "
     "2000 random cities. <i>ddqn</i>: by the paper's method alone; <i>early</i>: its training was "
     "stopped early; <i>turned</i>: it flies by the mean of eight turned and mirrored maps",
     "greedy": "a simple rule: to the nearest device with data, and home in time",
     "genie": "a planner that knows the mean rate at every place, which no UAV does",
     "random": "each action that is allowed, with the same chance",
-    "return": "what an agent learns to make large: the data collected, less {movement:g} for each "
-    "step before the landing and {safety:g} for each move that the safety controller refused; a "
-    "crash costs {crash:g}",
+}
+PRICES = {name: -value for name, value in vars(Rewards()).items()}
+SCORES = {
+    "step, unit of time": "one action takes one unit of flying time; in it the radio has four "
+    "slots, each for one device",
+    "crash": "the flying time is over, and the UAV has not landed",
+    "return": "what an agent learns to make large: the data collected, less "
+    f"{PRICES['movement']:g} for each step before the landing and {PRICES['safety']:g} for each "
+    f"move that was refused; a crash costs {PRICES['crash']:g}",
+    "refused": "the safety controller lets the UAV hover instead of a move into a tall building, "
+    "a no-fly zone or off the map, or a landing outside of the zone",
+}
+FADING = {
     "fading": "the number of the random ups and downs of the radio links; the same number gives "
     "every policy the same ones",
 }
@@ -47,6 +58,7 @@ class MissionLab(ipywidgets.VBox):
 
     _silent = False
     _picked: int | None = None
+    words = POLICIES | SCORES | FADING
 
     def __init__(self, city: str = "manhattan"):
         self._build()
@@ -54,8 +66,10 @@ class MissionLab(ipywidgets.VBox):
             self.city.options = [*self.city.options, city]
         self.city.value = city
         self._set_city()
+        together = ipywidgets.VBox([self.sentence, self._views()])
+        together.add_class("uavdh-together")  # on the full screen
         super().__init__(
-            [self._controls(), self.message, self.sentence, self._views(), self.numbers, _words()]
+            [self._controls(), self.message, together, self.numbers, words(self.words)]
         )
         self._listen()
 
@@ -273,15 +287,6 @@ class MissionLab(ipywidgets.VBox):
             yield
         finally:
             self._silent = before
-
-
-def _words() -> ipywidgets.HTML:
-    """What the words on the page mean, to be unfolded."""
-    rewards = {name: -value for name, value in vars(Rewards()).items()}
-    lines = (f"<dt>{word}</dt><dd>{text.format(**rewards)}</dd>" for word, text in WORDS.items())
-    return ipywidgets.HTML(
-        f"<details><summary>What do these words mean?</summary><dl>{''.join(lines)}</dl></details>"
-    )
 
 
 def _compared(first: str, one: Flights, second: str, other: Flights) -> str:

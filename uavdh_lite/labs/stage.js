@@ -10,8 +10,10 @@ function render({ model, el }) {
   let drawn = null; // the drawing that is shown
   let held = null; // what is being dragged
   let told = null; // the step that Python knows of
+  const steered = () => model.get("steering").length > 0; // then the step is always the last one
+  const whole = () => el.closest(".uavdh-together") ?? el; // what fills the screen
 
-  // For a lecture hall: the flights alone, with large letters
+  // For a lecture hall: the flights and what belongs to them, with large letters
   const fullScreen = document.createElement("button");
   fullScreen.type = "button";
   fullScreen.title = "Full screen";
@@ -21,7 +23,7 @@ function render({ model, el }) {
       stroke-width="2"/></svg>`;
   fullScreen.addEventListener("click", () => {
     if (document.fullscreenElement) document.exitFullscreen();
-    else el.requestFullscreen();
+    else whole().requestFullscreen();
   });
 
   function draw() {
@@ -36,19 +38,21 @@ function render({ model, el }) {
     const shown = (time) => {
       think(Math.floor(time));
       const step = Math.ceil(time);
-      if (step === told || player === null) return;
+      if (step === told || player === null || steered()) return;
       told = step;
       model.set("step", step);
       model.save_changes();
     };
-    player = start(root, { keyboard: !model.get("steering").length, shown });
+    player = start(root, { keyboard: !steered(), shown });
     const begin = model.get("begin");
     told = begin < 0 ? model.get("step") : begin;
     if (speed) player.speed.value = speed;
-    root.querySelector(".controls").append(fullScreen);
+    const controls = root.querySelector(".controls");
+    controls.append(fullScreen);
+    root.prepend(controls); // next to what a lab says of the step, and in sight on a low screen
     if (model.get("editable")) makeEditable(root);
-    if (model.get("steering").length) el.tabIndex = 0;
-    if (focused && el.querySelector(focused)) el.querySelector(focused).focus();
+    if (steered()) el.tabIndex = 0;
+    if (focused) el.querySelector(focused)?.focus({ preventScroll: true });
     if (begin >= 0) player.playFrom(Math.min(begin, player.last));
     else if (told !== player.last) player.go(told);
   }
@@ -102,16 +106,27 @@ function render({ model, el }) {
     return [...svg.querySelectorAll("[data-link]")].find(here)?.dataset.link ?? null;
   }
 
-  el.addEventListener("pointerdown", (event) => {
+  // The map under a mouse or a finger, the cell, and what can be dragged from there.
+  function grip(event) {
     const svg = event.target.closest(".map svg");
-    if (!svg || event.button !== 0 || !model.get("editable")) return;
+    if (!svg || !model.get("editable")) return null;
     const from = cellOf(placeOf(svg, event));
     const device = deviceAt(svg, from);
     const isStart = svg.querySelector("[data-start]").dataset.start === from.join();
     const what = device !== null ? `.map [data-device="${device}"]` : isStart && "[data-start]";
-    held = { svg, from, what };
-    if (what) event.preventDefault(); // neither text is selected nor the page scrolled
+    return { svg, from, what };
+  }
+
+  el.addEventListener("pointerdown", (event) => {
+    held = event.button === 0 ? grip(event) : null;
+    if (held?.what) event.preventDefault(); // no text is selected
   });
+  const scrolls = (event) => {
+    const [finger] = event.changedTouches;
+    const { clientX, clientY } = finger;
+    if (grip({ target: finger.target, clientX, clientY })?.what) event.preventDefault();
+  };
+  el.addEventListener("touchstart", scrolls, { passive: false }); // it drags, and does not scroll
   el.addEventListener("pointermove", (event) => {
     if (held?.what) movedTo(held.what, placeOf(held.svg, event));
   });
@@ -175,7 +190,7 @@ function render({ model, el }) {
     room.addEventListener("pointerdown", (event) => {
       if (event.button !== 0) return;
       event.preventDefault();
-      room.focus();
+      room.focus({ preventScroll: true });
       room.setPointerCapture(event.pointerId);
       preview(under(event));
     });
@@ -215,7 +230,8 @@ function render({ model, el }) {
 
   // A step that comes with a new drawing is not one of this drawing's.
   const follow = () => {
-    if (player === null || model.get("step") === told || model.get("drawing") !== drawn) return;
+    if (player === null || steered() || model.get("step") === told) return;
+    if (model.get("drawing") !== drawn) return;
     told = model.get("step");
     player.go(told);
   };

@@ -11,7 +11,7 @@ from uavdh_lite.environment import ACTIONS, State
 from uavdh_lite.errors import extra
 from uavdh_lite.evaluation import Flights, Policy
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.mission import LABEL, MissionLab
+from uavdh_lite.labs.mission import FADING, LABEL, POLICIES, SCORES, MissionLab
 from uavdh_lite.labs.widgets import WRAP
 from uavdh_lite.observation import LAYERS
 from uavdh_lite.plotting import BLUE
@@ -21,6 +21,25 @@ with extra("notebooks"):
 
 CHOSEN, OTHER = BLUE, "#BBBBBB"
 HALF, MOST = (0.25, 0.75), (0.1, 0.9)  # the parts of a distribution that are drawn as ranges
+FORBIDDEN = "not allowed"
+WORDS = {
+    "Q-value": "the return that the agent expects from here on if it takes this action now and "
+    "flies on as it thinks best. It was learned with a discount: what comes later counts less. "
+    "Of actions that it never tries, such as landing far from home, it has learned nothing",
+    "action gap": "how much the best action's Q-value is above the next one's. A small gap is a "
+    "close call: an error of the network could turn it round",
+    FORBIDDEN: "the failsafe keeps the way home open, so this action cannot be chosen here. Agents "
+    "without a failsafe, such as <i>manhattan_ddqn</i>, may choose any",
+    "lines on the bars": "where the middle 50% and 80% of the returns lie that the agent expects, "
+    "for agents that learned quantiles",
+    "softmax policy": "the chance of each action in training, exp(Q/temperature) in proportion. "
+    "When it flies for real, the agent takes the best action",
+    "temperature": "low: the best action nearly always; high: all actions alike",
+    "layers": "the maps that the network sees, shifted so that the UAV is in the middle: "
+    "landing zone, no-fly zone, buildings, data left, data collected",
+    "saliency": "which cells of these maps would change the chosen action's Q-value most",
+    "largest Q-value": "what the best action would be worth if the UAV were in that cell now",
+}
 
 
 class Thoughts:
@@ -69,12 +88,17 @@ class Thoughts:
             title = "Q-values; lines: 50% and 80% of the returns"
             known = self.returns[self.q.isfinite()].quantile(torch.tensor(MOST), dim=1)
         low, high = float(known.min()), float(known.max())
-        self.bars.set(title=title, xlim=(min(low, 0) - 1, max(high, 0) + 1))
-        self.chances.set(title="softmax policy", xlim=(0, 1), xticks=(0, 0.5, 1))
+        self.bars.set(title=title, xlim=(min(low, 0) - 1, 1.25 * max(high, 0) + 1))
+        self.chances.set(title="softmax policy", xlim=(0, 1.4), xticks=(0, 0.5, 1))
         self.changing = [
             (ax, bar)
             for ax in (self.bars, self.chances)
             for bar in ax.barh(ACTIONS, np.zeros(len(ACTIONS)), color=OTHER)
+        ]
+        self.numbers = [
+            ax.text(0, row, "", va="center", fontsize="x-small", animated=True)
+            for ax in (self.bars, self.chances)
+            for row in range(len(ACTIONS))
         ]
         self.ranges = [
             self.bars.hlines(range(len(ACTIONS)), 0, 0, color="black", lw=width, animated=True)
@@ -121,10 +145,18 @@ class Thoughts:
         for image, layer in zip(self.images, layers, strict=True):
             image.set_data(layer)
         self.images[-1].set_clim(np.nanmin(worth), np.nanmax(worth))
+        allowed = q.isfinite().tolist()
+        for number, (text, value) in enumerate(zip(self.numbers, values, strict=True)):
+            of_q, action = number < len(ACTIONS), number % len(ACTIONS)
+            said = f"{value:.1f}" if of_q else f"{value:.0%}"
+            text.set_text(said if allowed[action] else FORBIDDEN if of_q else "")
+            low, high = text.axes.get_xlim()
+            text.set_x(max(value, 0) + 0.02 * (high - low))
         pictures = list(zip(self.pictures, self.images, strict=True))
+        numbers = [(text.axes, text) for text in self.numbers]
         shown = "Q-values, softmax policy, layers of the map, saliency, largest Q-values"
         self.canvas.draw(
-            pictures + self.changing + self._ranges(step), f"{shown}. {self.told(step)}"
+            pictures + self.changing + self._ranges(step) + numbers, f"{shown}. {self.told(step)}"
         )
 
     def _ranges(self, step: int) -> list:
@@ -138,6 +170,13 @@ class Thoughts:
                 [[(low, row), (high, row)] for row, (low, high) in zip(allowed, ends, strict=True)]
             )
         return [(self.bars, lines) for lines in self.ranges]
+
+    def closest_call(self) -> int:
+        """The step with the smallest action gap; 0 for policies without Q-values."""
+        if self.agent is None:
+            return 0
+        best, second = self.q.topk(2, dim=1).values.T
+        return int((best - second).argmin())
 
     def told(self, step: int) -> str:
         """What it does at a step and how sure it is, in a sentence; "" for other policies."""
@@ -169,6 +208,8 @@ class ThinkLab(MissionLab):
         city: the name of a shipped city with an agent.
     """
 
+    words = WORDS | POLICIES | SCORES | FADING
+
     def _side(self) -> Thoughts:
         return Thoughts()
 
@@ -181,11 +222,20 @@ class ThinkLab(MissionLab):
             value=0.1, base=10, min=-2, max=1, description="temperature", style=LABEL
         )
         self.temperature.observe(lambda change: self._set_temperature(change.new), "value")
+        self.closest = ipywidgets.Button(
+            description="closest call",
+            icon="balance-scale",
+            tooltip="go to the step with the smallest action gap",
+        )
+        self.closest.on_click(lambda _: self._go_to(self.charts.closest_call()))
         controls = super()._controls()
         unused = self.other, self.third
         chosen = [each for each in controls.children[0].children if each not in unused]
-        controls.children[0].children = [*chosen, self.temperature]
+        controls.children[0].children = [*chosen, self.temperature, self.closest]
         return controls
+
+    def _go_to(self, step: int) -> None:
+        self.stage.step = step
 
     def _show(self) -> None:
         super()._show()

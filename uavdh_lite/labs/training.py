@@ -12,7 +12,7 @@ from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.labs.stage import BESIDE, Stage
-from uavdh_lite.labs.widgets import WRAP, status
+from uavdh_lite.labs.widgets import WRAP, status, words
 from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import BLUE, ORANGE, RED
 from uavdh_lite.recipe import Recipe, find_recipe
@@ -28,6 +28,26 @@ CURVES = {
     "collection_ratio_and_landed": ("collected and landed", BLUE),
 }
 YOURS, RIVAL = "your run", "the recipe"
+WORDS = {
+    "what happens": "the agent flies the village again and again. From what it has seen, a small "
+    "neural network learns how much each action is worth. Every 8000 steps it is tested in "
+    "missions that it does not learn from: a validation",
+    "recipe": "all constants of a training; this one is called <i>small</i>",
+    "crash reward": "what a crash costs at the beginning of the training, and at the end. Try -150 "
+    "from the start: then it lands at once and collects nothing",
+    "temperature": "how much it tries out at the beginning: high, any action; low, only what it "
+    "thinks best",
+    "return steps": "how many steps of real rewards count before its own estimate",
+    "failsafe": "actions after which the way home is too long are not allowed, so it need not "
+    "learn to land. Try this first",
+    "quantiles": "it learns how returns are spread, not their mean alone",
+    "advantage learning": "it widens the gap between the best action and the others. Both pay "
+    "together with the failsafe",
+    "race the recipe": "the recipe as it is trains next to yours, with the same seed",
+    "seed": "the number of the random draws. Two runs that differ only in it show how much is luck",
+    "landed": "the share of validation missions in which it landed in time",
+    "collected and landed": "the share of the data that it brought home; 0 where it did not land",
+}
 REFRESH = 0.3  # seconds between updates of the progress
 PART = {"width": "190px"}
 PARTS = {  # of the recipe `quantile`: what each one sets
@@ -85,11 +105,15 @@ class TrainingLab(ipywidgets.VBox):
         self.progress = ipywidgets.IntProgress(min=0, max=self.recipe.steps, description="steps")
         self.status = ipywidgets.HTML()
         figure = Figure(figsize=(5.2, 4.2), dpi=100)
-        self.ax = figure.add_axes((0.12, 0.13, 0.83, 0.84))
+        self.ax = figure.add_axes((0.12, 0.13, 0.83, 0.72))
         self.curves, self.stage = Canvas(figure), Stage()
         self.stage.layout = BESIDE
         self.looked_at = ipywidgets.IntSlider(
-            max=0, description="flight at validation", style=wide, layout={"width": "480px"}
+            max=0,
+            description="flight at validation",
+            readout=False,  # the maps say after how many steps
+            style=wide,
+            layout={"width": "480px"},
         )
         self.views = ipywidgets.HBox([self.curves.picture, self.stage], layout=WRAP)
         self.curves.on_click(lambda ax, steps, _: self.look_at(steps))
@@ -107,6 +131,7 @@ class TrainingLab(ipywidgets.VBox):
                 self.status,
                 self.looked_at,
                 self.views,
+                words(WORDS),
             ]
         )
         self.looked_at.observe(lambda _: self._show_flights(), "value")
@@ -115,6 +140,7 @@ class TrainingLab(ipywidgets.VBox):
         self.new_run.on_click(lambda _: self.reset())
         self.trainers: dict[str, Trainer] = {}  # yours comes first
         self.previous: list[dict] = []  # validations of the previous run
+        self._before = ""  # how its recipe differed
         self.flown: list[dict[str, Flights]] = []  # the same mission after each validation
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
@@ -149,6 +175,8 @@ class TrainingLab(ipywidgets.VBox):
         self.stop()
         if self.trainers:
             self.previous = self.trainers[YOURS].validation_rows
+            changed = self.trainers[YOURS].recipe, self.recipe
+            self._before = _differences(*(each.as_json() for each in changed))
         for trainer in self.trainers.values():
             trainer.close()
         self.trainers, self.progress.value, self.flown = {}, 0, []
@@ -291,9 +319,15 @@ class TrainingLab(ipywidgets.VBox):
         if len(self.trainers) > 1:
             self.ax.plot([], [], "k--", label=RIVAL)
         if self.previous:
-            self.ax.plot([], [], "k:", label="the run before")
+            self.ax.plot([], [], "k:", label=f"the run before{self._before}")
         self.ax.set(xlim=(0, self.recipe.steps), ylim=(-0.03, 1.03), xlabel="environment steps")
-        self.ax.legend(loc="lower right", fontsize="small")
+        self.ax.legend(
+            loc="lower left",
+            bbox_to_anchor=(0, 1),
+            ncols=2,
+            fontsize="small",
+            frameon=False,  # above the curves, which it would hide
+        )
         self.curves.draw_all()
 
     def _mark(self, steps: int) -> None:
@@ -304,6 +338,14 @@ class TrainingLab(ipywidgets.VBox):
 
     def _say(self, text: str, error: bool = False) -> None:
         self.status.value = status(text, RED if error else "inherit")
+
+
+def _differences(recipe: dict, source: dict) -> str:
+    """In what a recipe differs from another one, for a legend."""
+    parts = {name: part for part, names in PARTS.items() for name in names}
+    changed = [name for name, value in recipe.items() if value != source[name]]
+    said = dict.fromkeys(parts.get(n, f"{n} {recipe[n]:g}".replace("_", " ")) for n in changed)
+    return f": {', '.join(said)}" if said else ""
 
 
 def _close(lab: weakref.ref) -> None:

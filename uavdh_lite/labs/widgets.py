@@ -1,7 +1,7 @@
 """Small widgets and pieces of HTML for notebooks, quizzes and labs; they need only ipywidgets."""
 
 import html
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from matplotlib.figure import Figure
 
@@ -14,7 +14,7 @@ with extra("notebooks"):
 ROW = {"display": "flex", "flex_flow": "row", "width": "max-content"}  # label and buttons
 WRAP = {"flex_flow": "row wrap"}  # the layout of a row that continues below on a narrow page
 
-__all__ = ["CellPicker", "cell_at", "explore", "png", "status", "table"]
+__all__ = ["CellPicker", "cell_at", "explore", "png", "status", "table", "words"]
 
 
 def explore(draw: Callable[..., Figure], **controls: ipywidgets.ValueWidget) -> ipywidgets.VBox:
@@ -76,3 +76,11 @@ def table(rows: Sequence[Sequence[str]]) -> str:
     """A table of numbers; the first row is its head."""
     cells = "</td></tr><tr><td>".join("</td><td>".join(map(html.escape, row)) for row in rows)
     return f'<table class="uavdh-numbers"><tr><td>{cells}</td></tr></table>'
+
+
+def words(meanings: Mapping[str, str]) -> ipywidgets.HTML:
+    """What the words on a page mean, by word, as HTML that is unfolded with a click."""
+    lines = (f"<dt>{word}</dt><dd>{meaning}</dd>" for word, meaning in meanings.items())
+    return ipywidgets.HTML(
+        f"<details><summary>What do these words mean?</summary><dl>{''.join(lines)}</dl></details>"
+    )
