@@ -4,7 +4,7 @@
 # A UAV can only collect what the radio channel lets through. This notebook builds that channel,
 # number by number: how the signal fades with distance, what a building does to it, how much chance
 # is in it, and how much data arrives. Data is counted in *data units*: one unit is what a device sends in
-# one time slot while its signal arrives just as strong as the noise. At the end the notebook answers a
+# one time slot while its signal arrives just as strong as the noise, the receiver's own random hiss. At the end the notebook answers a
 # question that the agent of the later notebooks has to learn: *where should the UAV be to serve a device?*
 
 # %% tags=["remove-cell"]
@@ -39,7 +39,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Take the city apart into layers, compute one link from the transmitter to the data unit, and map the rate over the whole city for a device |
 # | **What you'll learn** | Log-distance path loss with and without line of sight, the cell-edge SNR and the link budget behind it, shadow fading, and why a place further away can be much better than a near one |
-# | **What you'll need** | Logarithms, the normal distribution, a little numpy. 30 minutes to read, 10 seconds to run; 15 minutes of exercises |
+# | **What you'll need** | Logarithms, the normal distribution, a little numpy. 32 minutes to read, 10 seconds to run; 15 minutes of exercises |
 #
 # ## 1.1 Three layers
 #
@@ -78,7 +78,8 @@ print("devices may stand on", len(city.device_cells), "cells")
 # \mathrm{SNR_{dB}} = \Big(\frac{P}{\sigma^2}\Big)_{\mathrm{dB}} - 10\,\alpha \log_{10} d + \eta$$
 #
 # Here $P$ is the power sent, $\sigma^2$ that of the noise, $d$ the distance in metres, and $\eta$ a random
-# number of decibels, the subject of section 1.5; until then it is 0.
+# number of decibels, the subject of section 1.5; until then it is 0. In this notebook "30 m away" is a distance on the
+# ground; $d$ is the way through the air, from a UAV 10 m up: $\sqrt{30^2 + 10^2} = 31.6$ m.
 #
 # The *path loss exponent* $\alpha$ is larger when a building is in between. Each tenfold distance
 # costs $10\,\alpha$ dB:
@@ -115,8 +116,8 @@ print(f"{channel.cell_edge_snr_db} dB + {loss_db:.2f} dB = {budget_db:.2f} dB")
 assert np.isclose(budget_db, channel.transmit_snr_db(city.size))
 
 # %% [markdown]
-# That is the SNR one would have at a distance of 1 m. The last line checks our sum against the library's `transmit_snr_db`, which is these two lines
-# again. The UAV flies 10 m high, so even straight above a device the distance is 10 m:
+# That is the *link budget*: what a link has to spend, the SNR at a distance of 1 m. The last line checks our sum
+# against the library's `transmit_snr_db`, which is these two lines again. The UAV flies 10 m high, so even straight above a device the distance is 10 m:
 
 # %%
 above_db = channel.mean_snr_db(np.float32(channel.altitude_m**2), True, city.size)
@@ -164,32 +165,48 @@ left.legend()
 figure
 
 # %% [markdown]
-# The left plot is the channel, the right one is what the UAV lives on. Two things to take along:
-#
-# - **Near is fast.** Most data is to be had within two or three cells of the device. Far away in sight
-#   adds up, though: 100 m down a street brings a small fraction of a unit a slot, but slot after slot.
-# - **A building ends the link.** Twenty metres behind a corner hardly anything arrives.
+# The left plot is the channel, the right one is what the UAV lives on. The same in numbers:
+
+# %%
+for ground in (0, 10, 20, 30, 100):
+    squared = np.float32(ground**2 + channel.altitude_m**2)
+    los, nlos = (rate(channel.mean_snr_db(squared, sight, city.size)) for sight in (True, False))
+    print(f"{ground:>4} m: {los:.2g} data units a slot in sight, {nlos:.2g} behind a building")
+
+# %% [markdown]
+# - **Near is fast.** Two cells away the UAV gets more than a third of what it gets straight above the device, three
+#   cells away a fifth. Far away in sight adds up, though: 100 m down a street brings little, but slot after slot.
+# - **A building all but ends the link.** At 20 m it leaves about a fiftieth.
 #
 # ## 1.5 Shadow fading: the part that is luck
 #
 # Despite its name, shadow fading has nothing to do with the radio shadows that buildings cast on the
 # map. Trees, signs and reflections make the signal stronger or weaker than the distance says. The model
 # adds a normal draw $\eta$, in dB, for every slot and device, with a variance of 2 dB² with line of
-# sight and 5 dB² without:
+# sight and 5 dB² without. (The paper writes it $\sigma^2$, too; it is not the noise.) A random generator wants the
+# *standard deviation*, √2 dB and √5 dB:
 
 # %%
 generator = np.random.default_rng(0)
 normal = generator.standard_normal(20_000)
+for name, sight in (("LoS", True), ("NLoS", False)):
+    spread_db = channel.fading_db(normal, sight).std()
+    print(f"{name:>4}: {spread_db:.2f} dB, a factor of {10 ** (spread_db / 10):.2f} up or down")
+
+# %% [markdown]
+# If you pass the variance, 5, you get a typical factor of $10^{5/10} = 3.2$ instead of 1.67.
+
+# %%
 figure = Figure(figsize=(9, 3.4), layout="constrained")
 left, right = figure.subplots(1, 2)
 for name, sight in (("LoS", True), ("NLoS", False)):
     left.hist(channel.fading_db(normal, sight), 60, density=True, histtype="step", label=name)
-snr_db = channel.mean_snr_db(np.float32(30.0**2), True, city.size)
+snr_db = channel.mean_snr_db(np.float32(30**2 + channel.altitude_m**2), True, city.size)
 right.hist(rate(snr_db + channel.fading_db(normal, True)), 60, density=True, histtype="step")
 right.axvline(rate(snr_db), color="black", linestyle=":", label="without fading")
 right.legend()
 left.set(xlabel="shadow fading, dB", ylabel="density")
-right.set(xlabel="data units a slot, 30 m in a straight line, LoS", ylabel="density")
+right.set(xlabel="data units a slot, 30 m away, LoS", ylabel="density")
 left.legend()
 figure
 
@@ -203,7 +220,6 @@ Quiz("luck_on_average")
 # Compute the mean rate with fading and the rate at the mean SNR in dB:
 
 # %%
-snr_db = channel.mean_snr_db(np.float32(30.0**2), True, city.size)
 with_fading = rate(snr_db + channel.fading_db(normal, True)).mean()
 print(f"without fading {rate(snr_db):.3f}, mean with fading {with_fading:.3f} data units")
 
@@ -214,8 +230,7 @@ print(f"without fading {rate(snr_db):.3f}, mean with fading {with_fading:.3f} da
 #
 # ## 1.6 Move the constants
 #
-# Change the exponents, the fading and the cell-edge SNR and see what arrives. Without a running
-# kernel you see the picture at the paper's values below.
+# Change the exponents, the fading and the cell-edge SNR and see what arrives (with a running kernel).
 
 # %%
 from dataclasses import replace
@@ -252,7 +267,7 @@ explore(
 draw_rates(2.27, 3.64, 1.41, 2.24, -15)
 
 # %% [markdown]
-# The bands show what one standard deviation of fading does, √2 dB and √5 dB. Did you notice that raising α LoS
+# The bands show what one standard deviation of fading does. Did you notice that raising α LoS
 # *raises* the rate near the device? The cell-edge SNR is held, so a steeper loss means that more
 # must have been sent.
 #
@@ -274,15 +289,15 @@ device = (4, 7)
 rates = np.where(city.no_fly, np.nan, rate_map(city, channel, environment.line_of_sight, device))
 figure = Figure(figsize=(7, 6), layout="constrained")
 ax = draw_city(figure.subplots(), city)
-picture = ax.imshow(rates, cmap="viridis", alpha=0.8, zorder=1.5)
+picture = ax.imshow(rates, cmap="viridis", norm="log", alpha=0.8, zorder=1.5)
 ax.plot(device[1], device[0], "X", color="white", mec="black", ms=12, zorder=6)
 figure.colorbar(picture, label="data units a slot, hovering")
 figure
 
 # %% [markdown]
-# The white cross marks the device; cells left uncoloured may not be flown over. The rate is not a disc: streets
-# in line with the device shine, cells behind a corner are dark even when they are close. Which
-# cells are best?
+# The white cross marks the device; cells left uncoloured may not be flown over. The scale is logarithmic: from one
+# number to the next it is ten times as much. The rate is not a disc: it reaches far down the streets in line with the device, and
+# drops at once round each corner. Which cells are best?
 
 # %%
 order = np.argsort(np.where(np.isnan(rates), -1, rates), axis=None)[::-1]
@@ -291,14 +306,16 @@ for cell in order[:5]:
     print(f"cell ({row}, {col}): {rates[row, col]:.2f} data units a slot")
 
 # %% [markdown]
-# Here the best cell is the nearest. But compare two cells that are not:
+# Here the best cell is the nearest. But compare three cells that are not:
 
 # %%
-for row, col, where in ((4, 4, "30 m down the street"), (5, 6, "next door, above a low building")):
-    print(f"cell ({row}, {col}): {rates[row, col]:.2f} data units a slot, {where}")
+for row, col, where in ((4, 4, "30 m down the street"), (7, 6, "32 m away, round a corner"),
+                        (5, 6, "14 m away, above a low building")):
+    print(f"cell ({row}, {col}): {rates[row, col]:.3f} data units a slot, {where}")
 
 # %% [markdown]
-# A UAV gets four slots in each step. From the best cell a device with 15 data units is empty in two
+# The corner costs 99 % of the data. And above the low building, half as far away as down the street, a tenth arrives: the
+# roof below the UAV counts as in between. (Could it not look down from there? Not in this model, says notebook 2.) A UAV gets four slots in each step. From the best cell a device with 15 data units is empty in two
 # steps.
 #
 # ## Recap

@@ -40,9 +40,8 @@ def show(layers, names):
     figure = Figure(figsize=(3 * len(names), 3.3), layout="constrained")
     for ax, layer, name in zip(figure.subplots(1, len(names)), layers, names):
         ax.imshow(layer, cmap="magma_r", vmin=0, vmax=max(1, layer.max()))
-        if len(layers) == 5:
-            ax.plot(15, 15, "+", color="#0072B2", ms=11)  # the UAV
-        ax.set(title=name, xticks=[], yticks=[])
+        ax.plot(15, 15, "+", color="#0072B2", ms=11)  # the UAV
+        ax.set(title=f"{name}: up to {layer.max():.0f}", xticks=[], yticks=[])
     return figure
 
 (maps,), time = centred(state)
@@ -53,7 +52,7 @@ show(maps[0], LAYERS)
 # | --- | --- |
 # | **What you'll do** | Look through the agent's eyes, stop its clock, move the UAV and watch the frame move, count the weights that each frame costs, and look at the border |
 # | **What you'll learn** | What the five layers hold, why the flying time goes with them, why padding outside the city is a no-fly zone, and what a neuron after flattening means in either frame |
-# | **What you'll need** | Notebook 1; what a neural network is. 32 minutes to read, 15 seconds to run; 10 minutes of exercises |
+# | **What you'll need** | Notebook 1; what a neural network is. 36 minutes to read, 15 seconds to run; 10 minutes of exercises |
 #
 # ## 4.1 The layers
 #
@@ -64,9 +63,10 @@ print("map", tuple(maps.shape), "time", tuple(time.shape))
 
 # %% [markdown]
 # One episode, five layers, 31×31 cells. The first three are the city's own (notebook 1), the last two
-# say how much data each device still has, and how much has been collected from it. Dark is large; a
-# device is one dark cell on pale ground, the darker the more data. "Data collected" is empty because
-# the flight has not begun. The blue cross is the middle of the frame, where the UAV is.
+# say how much data each device still has, and how much has been collected from it. Yes is 1 and no is 0; data is in
+# data units, here 15 and 10 in the cells of the two devices, and 0 in all others. (A recipe may divide it by a constant
+# to get smaller numbers.) Dark is large. "Data collected" is empty because the flight has not begun. The blue cross
+# is the middle of the frame, where the UAV is.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -143,25 +143,38 @@ assert running[2] > stopped[:, 2].max() + 0.2
 print(f"collected and landed: {running[2]:.0%} with the true time, {stopped[:, 2].max():.0%} with the best stopped clock")
 
 # %% [markdown]
-# A clock that shows little time sends the UAV home with little data. One that shows much time lets it collect nearly all
-# and crash in many missions. No constant comes near the agent that sees the time. (To stop a trained agent's clock is not
-# the same as to train one without the time: that one could learn a compromise, such as to go home early.)
+# A clock that shows 5 or 10 sends most UAVs home, with little data. From 20 on they collect most of it, but many crash:
+# at 30 about a third, at 60 all. No constant comes near the agent that sees the time.
+#
+# Why does more than one in five crash even with a clock that shows 5? Look at their last six steps:
+
+# %%
+flights = evaluate(Environment(city), lambda state: agent(at_time(state, 5)), agent.scenario, 200, seed=0, record=True)
+crashed = [flights.trajectory(k) for k in np.flatnonzero(~flights.end.landed)]
+stuck = [len(set(flight.uav_cell[-6:].tolist())) <= 2 for flight in crashed]
+print(f"{len(crashed)} crashes, {sum(stuck)} of them after hovering, or going to and fro between two cells")
+
+# %% [markdown]
+# Where it hovers and hardly any data arrives, it sees the same picture and the same time again, so it hovers again,
+# until the true time is over. Going to and fro is the same with two pictures. With a running clock the input changes,
+# and so can the action. (To stop a trained agent's clock is not the same as to train one without the time: that one
+# could learn a compromise, such as to go home early.)
 #
 # ## 4.2 Two frames
 #
-# The UAV is always in the middle of the centred map, so its position need not be told. In the
-# non-centred map the city stays where it is, and a sixth layer has a 1 where the UAV is. (It would fit
-# into 16×16 cells. The library gives it the same 31×31, so that the networks can be compared.)
+# The UAV is always in the middle of the centred map, so its position need not be told. In the non-centred map the city
+# stays where it is, and a sixth layer has a 1 where the UAV is: without it, nothing would say. (The map would fit into
+# 16×16 cells. The library fills it up with no-fly cells to the same 31×31, so that the networks can be compared.)
 
 # %%
 (fixed,), _ = in_place(state)
-print("map", tuple(fixed.shape))
-show(fixed[0], (*LAYERS, "position"))
+print("map", tuple(fixed.shape), "no-fly share of the frame:", f"{fixed[0, 1].mean().item():.0%}")
+print("a 1 in the layer of the position at", np.argwhere(fixed[0, 5].numpy()).tolist())
 
 # %% [markdown]
-# Move the UAV. In the upper frame the world moves, in the lower one the UAV does. The upper numbers count cells from
-# the UAV, the lower ones are the city's rows and columns. Orange: a device;
-# blue: the landing zone; grey: a building; pink: a no-fly zone, or outside the city.
+# That is cell (8, 4) of the city, which begins at (7, 7) of this frame. Move the UAV. In the upper frame the world
+# moves, in the lower one the UAV does. The upper numbers count cells from the UAV, the lower ones are the city's rows
+# and columns. Orange: a device; blue: the landing zone; grey: a building; pink: a no-fly zone, or outside the city.
 
 # %%
 def colours(layers):
@@ -234,28 +247,48 @@ for ax, (title, picture) in zip(figure.subplots(1, 3), pictures.items()):
 figure
 
 # %% [markdown]
-# The UAV is two columns from the eastern edge of the city. On the left, all is dark beyond it. In the middle picture the western
-# side of the city begins there, as if the UAV could fly on into it. On the right, the border cannot be seen.
+# The UAV is two columns from the eastern edge of the city. On the left, all is dark beyond it. In the middle picture
+# the western side of the city begins there, as if the UAV could fly on into it. On the right, the border cannot be
+# seen.
+#
+# ### Centre late, store little
+#
+# To learn, the agent keeps thousands of past steps in a *replay memory* (notebook 5), each with the state before and
+# the state after. Keep the centred maps there? They are made from a few numbers: the cells of the UAV and the devices, data
+# and time. The library keeps those, and draws maps only for the steps that are being learned from, 128 at a time. For
+# 50,000 steps:
+
+# %%
+from uavdh_lite.replay import Replay
+
+for name, cells in (("centred", 31**2), ("in place", 16**2)):
+    print(f"{name:<9} 5 layers × {cells} cells × 4 bytes × 2 states: {5 * cells * 4 * 2 * 50_000 / 1e6:7.1f} MB")
+print(f"the library's states: {Replay(50_000, 1, 5).bytes_per_transition * 50_000 / 1e6:.1f} MB")
+
+# %% [markdown]
+# Centred maps take 3.75 times the memory of maps in place ($31^2 / 16^2$), and hundreds of times that of the numbers that
+# they are made from.
 #
 # ## 4.3 What a neuron can know
 #
-# A convolution slides one small pattern of weights over the picture, so it treats all places alike. A
-# fully connected layer has one weight for every input and every output. In between stands a step that
-# looks harmless: the picture is flattened into a list. Each place in it becomes an input of its own to the first
+# A *convolution* slides one small square of weights, its *kernel*, over the picture, so it treats all places alike. (There is
+# no *padding*: nothing is added around the picture, so it shrinks.) A *fully connected* layer has one weight for every
+# input and every output. In between stands a step that looks harmless, to *flatten*: the picture is written as a list, row
+# after row. Each place in it becomes an input of its own to the first
 # fully connected layer, with its own weights. Those weights are where the frames differ.
 #
 # - **Not centred**: a weight belongs to an *absolute* place, such as "a device at (4, 7)". Whether that
 #   is good news depends on where the UAV is, so the network must learn the combination of every
-#   device place with every UAV place: 186 × 186 pairs (186 cells for devices and, by chance, as many
+#   device place with every UAV place: 186 × 186 = 34,596 pairs (186 cells for devices and, by chance, as many
 #   over which the UAV may fly).
 # - **Centred**: a weight belongs to a *relative* place, such as "a device three cells north". That is
-#   the same news wherever the UAV is, and it says directly which action is good. What is learned in
-#   one street holds in all.
+#   the same news wherever the UAV is: fly north, unless a wall or the clock forbids it. What is learned in
+#   one street helps in the others.
 #
-# A small experiment makes this concrete. Ask a *linear* model, one weight a place, whether a device is
-# within three rows and three columns of the UAV. It gets the layer "data left" alone, without centring
-# also the position. Half of the examples are near, half are not, so guessing gives 50 %. First the
-# examples:
+# A small experiment makes this concrete. Ask a *linear* model, one weight a place, whether a device is within three
+# rows and three columns of the UAV. (The question is made for the centred frame: it shows what a sum of weights can
+# say, not that one learns to fly.) It gets the layer "data left" alone, without centring also the position. Half of the
+# examples are near, half are not, so guessing gives 50 %. First the examples:
 
 # %%
 Quiz("linear_model")
@@ -283,8 +316,8 @@ def examples(observation, count=20_000):
     return inputs, np.repeat([1.0, -1.0], near.sum())
 
 # %% [markdown]
-# Then the model, fitted by least squares (with a small ridge, so that there is one solution), and tested on
-# new examples:
+# Then the model, fitted by *least squares*: the weights with the smallest sum of squared errors (plus a *ridge*, the
+# sum of the squared weights, so that there is one solution). It is tested on new examples:
 
 # %%
 fitted = {}
@@ -305,17 +338,15 @@ for ax, (name, weights) in zip(figure.subplots(1, 2), fitted.items()):
 figure
 
 # %% [markdown]
-# From the centred map the answer is a weighted sum: the weights draw the square of three cells around the
-# middle. From the other it depends on the device's place and the UAV's place *together*. A sum of one
-# weight for each cannot say that, however many examples it gets; the little that is better than
-# guessing comes from the middle of the city, where both are more often near each other. A deep network can, but it has to learn it for every
-# pair of places. The ablation of notebook 7 measures what that costs.
+# From the centred map the answer is a weighted sum: the weights draw the square of three cells around the middle. From
+# the other it depends on the device's place and the UAV's place *together*. A sum of one weight for each cannot say
+# that, however many examples it gets. (Its weights look larger in the middle of the city, where more cells are near,
+# and negative in the south-west: that may be why it is a little better than guessing.) A deep network can, but it has
+# to learn it for every pair of places. The ablation of notebook 7 measures what that costs.
 #
 # ## 4.4 What it costs
 #
-# The centred map must show the whole city from any place: $31^2 / 16^2 = 3.75$ times as many cells. The library
-# gives the non-centred map the same size, so that both networks have the same shape and the
-# comparison is about the frame alone:
+# Both maps have the same size, so both networks have nearly the same shape, and the comparison is about the frame alone:
 
 # %%
 from uavdh_lite.agent import build
@@ -330,7 +361,7 @@ for recipe in (PAPER, LITE):
 # %% [markdown]
 # The difference between the kinds is the sixth layer: 16 kernels × 5 × 5 = 400 weights. The difference between the recipes is the
 # stride: `lite` lets its convolutions skip cells, and the flattened picture is much smaller. How small, one can
-# count. A kernel of $k$ cells on a side fits into $n$ cells at $n - k + 1$ places, and with a *stride* of $s$ only every
+# count. Without padding, a kernel of $k$ cells on a side fits into $n$ cells at $n - k + 1$ places, and with a *stride* of $s$ only every
 # $s$-th of them is used:
 
 # %%
@@ -349,8 +380,9 @@ for recipe in (PAPER, LITE):
 # %% [markdown]
 # ## 4.5 At the border
 #
-# Wherever the UAV is, $1 - 256/961 = 73\,\%$ of the frame lie outside the city; with the UAV in a corner
-# they lie on two sides. The no-fly layer has a 1 there, as in the city's own no-fly cells. The UAV's own cell is in the middle of each layer, whatever happens:
+# Wherever the UAV is, $1 - 256/961 = 73\,\%$ of the frame lie outside the city; with the UAV in a corner they lie on
+# two sides. The no-fly layer has a 1 there, as in the city's own no-fly cells. The UAV's own cell is in the middle of
+# each layer, whatever happens:
 
 # %%
 corner = place(city, (0, 0), [(15, 13)], [10], 50, 5)
@@ -366,7 +398,8 @@ print("the far device is at", np.argwhere(maps[0, 3].numpy() > 0).tolist())
 #
 # At 50×50 cells the centred map has 99×99. The authors' later papers give the network two smaller maps
 # instead: the whole surroundings, averaged over blocks of `pooling` cells a side, and the middle,
-# `local_size` cells a side, in full detail. The library has that as the kind `global_local`:
+# `local_size` cells a side, in full detail. The first no longer says in which of its nine cells a device is, the second
+# sees no further than eight cells. The library has that as the kind `global_local`:
 
 # %%
 metropolis = City.load("metropolis")
