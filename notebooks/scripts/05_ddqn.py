@@ -486,11 +486,11 @@ print(f"standard deviation of the difference: {(expected - earned).std():.2f}")
 assert abs((expected - earned).mean()) < 0.05 * earned.mean()
 
 # %% [markdown]
-# On average the agent expects 0.15 less than it earns, and the interval of the difference holds 0. That is less than
-# one percent of what it earns. Single flights differ by more, since the network is not exact. (Notebook 8 looks at
-# those that go wrong.) So the value of the action that it *flies* at the start has no bias to speak of. Of the actions
-# that it does not fly this says nothing: notebook 9 finds one, `land`, valued far too high. Nor does it show that
-# double estimation is the reason: that would take an agent trained without.
+# On average the agent expects 0.15 less than it earns, which is less than one percent, and the interval of the
+# difference holds zero. (Notebook 8 says how such an interval is made.) Single flights differ by more, since the network
+# is not exact. (Notebook 8 looks at those that go wrong.) So the value of the action that it *flies* at the start has no
+# bias to speak of. Of the actions that it does not fly this says nothing: notebook 9 finds one, `land`, valued far too
+# high. Nor does it show that double estimation is the reason: that would take an agent trained without.
 #
 # ## 5.6 Soft targets
 #
