@@ -130,7 +130,7 @@ print("flying time of the second mission:", *(second_mission(explored) for explo
 # | --- | --- |
 # | held equal | the validation and test missions, their fading, the list of seeds |
 # | varied | the training seed, three times at least: first weights, training missions, exploration |
-# | not to be matched | the steps of training. In this library one stream serves a whole training run, and even with a stream for each use flights part as soon as the policies differ |
+# | not to be matched | the steps of training. Flights part as soon as the policies differ, even with a stream for each use. (In this library one stream serves the missions, fading and exploration of a training run) |
 #
 # ## 8.2 The paper's table
 #
