@@ -88,8 +88,9 @@ print(inspect.getsource(Trainer.step))
 # %%
 constants = {"steps": "environment steps in all", "environments": "UAVs that fly side by side",
              "replay_capacity": "transitions in the memory",
-             "replay_prefill": "of these, flown at random before the first update", "temperature": "exploration at the start: notebook 5's β",
-             "huber_delta": "up to this error the loss is its square, beyond it grows linearly",
+             "replay_prefill": "of these, flown at random before the first update",
+             "temperature": "exploration at the start: notebook 5's β",
+             "huber_delta": "Huber's loss: up to this error its square, beyond it grows linearly",
              "exploring_starts": "share of episodes that begin under way, anywhere",
              "crash_reward": "what a crash costs at first", "crash_reward_end": "and at the end",
              "crash_reward_growth": "over which share of the run it grows",
@@ -180,10 +181,10 @@ for name, row in (("step 0", first), ("step 20,000", last)):
 # %% [markdown]
 # The untrained network repeats some action until the battery is empty. In a village this small the radio reaches far,
 # and even a UAV that hovers over its start until it crashes has collected about as much. So *collected* alone says
-# little; none of this data comes home. At the end the agent collects no more than that, but lands in nearly all
-# missions, in about half of the time that it has. The rest of the recipe's 48,000 steps teaches it to use the other
-# half (notebook 11 has those curves). In between, *landed* jumps up and down, as the agent tries what a crash costs and
-# as that cost grows.
+# little; none of this data comes home. At the end the agent collects hardly more, but lands in nearly all missions, in
+# about half of the time that it has. The rest of the recipe's 48,000 steps teaches it to use the other half (notebook
+# 11 has those curves). In between, *landed* jumps up and down, as the agent tries what a crash costs and as that cost
+# grows.
 #
 # ## 6.3 Reading the curves of a real run
 #
