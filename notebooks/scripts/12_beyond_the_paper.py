@@ -90,7 +90,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Bring a random pilot home, find a crash in a minibatch, measure why an agent dithers, learn quantiles in a few lines, widen the gaps between actions, and take the parts out one by one |
 # | **What you'll learn** | What to guarantee and what to learn; the distribution of returns, quantile regression, the action gap, two resolutions, the horizon of a discount |
-# | **What you'll need** | Notebooks 5 to 7. 60 minutes to read, in two sittings (the second begins with 12.6), 60 seconds to run; 50 minutes of exercises |
+# | **What you'll need** | Notebooks 5 to 7. 60 minutes to read, 60 seconds to run; 50 minutes of exercises. Two sittings are better than one: the second begins with 12.6 |
 #
 # Above, both agents land in the same cell, and it is the mission in which the paper's learner, `manhattan_ddqn`, wastes
 # most compared with the new agent, `manhattan`. It was chosen for that: most flights of both go straight home. The two
@@ -589,7 +589,7 @@ print({name: agent.recipe.discount for name, agent in agents.items()})
 #
 # ## 12.9 What is each part worth?
 #
-# An ablation as in notebook 7 answers it: the recipe with all parts, with each part taken out, and with none of them,
+# An ablation as in notebook 7 asks it: the recipe with all parts, with each part taken out, and with none of them,
 # which is `lite`. Three seeds each, 150,000 steps, a tenth of the recipe's:
 #
 # ```text
