@@ -175,12 +175,10 @@ assert after > before
 # discount, greedy evaluation on the same 200 missions. Here are the last of them, and what they cost:
 
 # %%
-last = recorded["steps"] == recorded["steps"].max()
 for name, (title, _) in KINDS.items():
-    own = last & (recorded["algorithm"] == name)
-    order = np.flatnonzero(own)[recorded[METRIC][own].argsort()]
+    own = (recorded["steps"] == recorded["steps"].max()) & (recorded["algorithm"] == name)
     for metric in (METRIC, "has_landed"):
-        print(f"{title:<10}{metric:<28}", *(f"{share:.3f}" for share in recorded[metric][order]))
+        print(f"{title:<10}{metric:<28}", *(f"{share:.3f}" for share in recorded[metric][own]))
     print(f"{title:<10}training took {recorded['seconds'][own].mean():.0f} s")
 
 # %% [markdown]
