@@ -29,6 +29,8 @@ from uavdh_lite.city import City
 from uavdh_lite.observation import LAYERS, Observation
 from uavdh_lite.scenario import place
 
+torch.set_num_threads(1)  # the networks here are small
+
 # %%
 city = City.load("manhattan")
 state = place(city, uav=(8, 4), devices=[(4, 7), (11, 11)], data=[15, 10], flying_time=50,
