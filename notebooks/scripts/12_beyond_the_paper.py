@@ -32,6 +32,7 @@ from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.environment import LAND, Environment
 from uavdh_lite.evaluation import evaluate, fly
 from uavdh_lite.plotting import BLUE, VERMILION, draw_city, draw_flight, draw_trajectory
+from uavdh_lite.scenario import place
 
 torch.set_num_threads(1)
 
@@ -118,13 +119,13 @@ spare = np.where(city.no_fly, np.nan, (6 - safe.time_to_land.reshape(city.no_fly
 
 # %%
 marks = {2: ("o", "free to choose"), 1: ("s", "not further away"), 0: ("D", "home now"), -1: ("x", "too far already")}
-figure = Figure(figsize=(5, 4.6), layout="constrained")
+figure = Figure(figsize=(5, 5.2), layout="constrained")
 ax = figure.subplots()
 draw_city(ax, city)
 for value, (mark, label) in marks.items():
     row, col = np.nonzero(spare == value)
     ax.plot(col, row, mark, ms=4, color="black", mfc="black" if value == 0 else "white", label=label)
-ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=4, fontsize="small")
+figure.legend(loc="outside lower center", ncols=2, fontsize="small")
 figure
 
 # %% [markdown]
@@ -304,9 +305,7 @@ def clumsy(state):
     return np.where(wrong, generator.integers(0, 6, len(state)), free.way_home[state.uav_cell])
 
 # %%
-cell = int(np.flatnonzero(free.time_to_land == 9)[0])
-start = missions.sample(city, 1, generator)
-start = replace(start, uav_cell=np.array([cell], np.int16), time_left=np.array([13], np.int16))
+start = place(city, uav=(0, 9), devices=[(1, 11), (3, 14)], data=[20, 20], flying_time=13, max_devices=5)
 tried = fly(free, clumsy, start[np.zeros(2000, int)], generator)
 
 # %%
@@ -319,7 +318,7 @@ figure = Figure(figsize=(6.5, 3), layout="constrained")
 ax = figure.subplots()
 ax.hist(returns, bins=60, color=BLUE)
 ax.axvline(returns.mean(), color="black", ls="--", label="mean")
-ax.set(xlabel="return of one flight", ylabel="flights")
+ax.set(xlabel="return of one flight, data units", ylabel="flights")
 ax.legend()
 figure
 
