@@ -19,9 +19,12 @@ if not any(distributions(name="uavdh_lite")):
 # %%
 # %matplotlib inline
 import numpy as np
+import torch
 from IPython.display import HTML, Image, display
 
 from uavdh_lite.labs import ChannelLab, CityLab, FlyLab, MissionLab, ThinkLab, TrainingLab
+
+torch.set_num_threads(1)  # the networks here are small
 
 def pictures(stage=None, canvas=None):
     """A lab as it stands, for readers without a kernel: its flights, and its charts."""

@@ -197,7 +197,7 @@ targets = {"without failsafe": first_targets(False), "with failsafe": first_targ
 figure = Figure(figsize=(7, 3), layout="constrained")
 ax = figure.subplots()
 ax.hist(list(targets.values()), bins=np.arange(-155, 16, 5), color=[VERMILION, BLUE], label=list(targets))
-ax.set(yscale="log", xlabel="target y", ylabel="transitions")
+ax.set(yscale="log", xlabel="target y, data units", ylabel="transitions")
 ax.legend()
 figure
 
@@ -363,7 +363,8 @@ print("crashes: learned", (theta < -50).mean(), " flown", crashed.mean().round(3
 assert abs((theta < -50).mean() - crashed.mean()) < 0.1
 
 # %% [markdown]
-# The quantiles show both heaps, and which share of flights is in each. Their mean is the Q-value again.
+# The quantiles show both heaps, and about which share of flights is in each: sixteen quantiles count in sixteenths. Their
+# mean is the Q-value again, as nearly as that.
 #
 # At 0 the pinball loss has a corner: however small the error, the step is as large. The *quantile Huber loss* rounds
 # it off up to an error of $\kappa$. For $N$ quantiles and samples $y_j$ it is
