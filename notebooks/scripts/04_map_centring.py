@@ -303,7 +303,7 @@ for ax, (name, weights) in zip(figure.subplots(1, 2), fitted.items()):
     most = abs(weights).max()
     picture = ax.imshow(weights, cmap="RdBu_r", vmin=-most, vmax=most)
     ax.set(title=f"weights of 'data left', {name}", xticks=[], yticks=[])
-    figure.colorbar(picture, ax=ax)
+    figure.colorbar(picture, ax=ax, label="weight")
 figure
 
 # %% [markdown]

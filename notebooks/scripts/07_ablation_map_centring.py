@@ -142,15 +142,16 @@ for quality in (0.8, 0.9, 0.95):
 
 # %% [markdown]
 # With the centred map the agent needs about 60 % of the steps to reach 80 and 90 %, and three quarters to
-# reach 95 % (validations are 100,000 steps apart, so this is coarse). At the end it is ahead by 0.8 points
-# in the mean. Every centred run is above every non-centred one there, but the closest two differ by less
-# than a tenth of a point, and one validation earlier a non-centred run was above a centred one. On the way
-# the curves cross more than once: a centred run falls to 79 % at 700,000 steps, where one of seven flights
-# crashes, and a non-centred one to 82 % at a million. So this recipe gets a good agent out of either map,
-# sooner out of the centred one, and perhaps one that is a little better (7.4). The paper's figure shows a far larger gap.
-# The recipes differ in many things; one that should matter here is that ours starts half of its training
-# episodes anywhere in the city (`exploring_starts`), so that the network sees every place from the
-# beginning. Which of the differences it is, these runs do not say.
+# reach 95 %. (Validations are 100,000 steps apart, so this is coarse.)
+#
+# At the end every centred run is above every non-centred one, but hardly: the closest two differ by less than a tenth of a
+# point. One validation earlier a non-centred run was above a centred one, and on the way the curves cross more than once.
+# So this recipe gets a good agent out of either map, sooner out of the centred one, and perhaps one that is a little
+# better (7.4).
+#
+# The paper's figure shows a far larger gap. The recipes differ in many things. One that should matter here is that ours
+# starts half of its training episodes anywhere in the city (`exploring_starts`), so that the network sees every place from
+# the beginning. Which of the differences it is, these runs do not say.
 #
 # ## 7.3 One seed, and six
 #

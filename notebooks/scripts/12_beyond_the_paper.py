@@ -31,6 +31,7 @@ from matplotlib.figure import Figure
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.environment import LAND, Environment
 from uavdh_lite.evaluation import evaluate, fly
+from uavdh_lite.player import play
 from uavdh_lite.plotting import BLUE, VERMILION, draw_city, draw_flight, draw_trajectory
 from uavdh_lite.scenario import place
 
@@ -87,7 +88,14 @@ figure
 # | **What you'll need** | Notebooks 5 to 7. 35 minutes to read, 60 seconds to run; 50 minutes of exercises |
 #
 # Above is the mission of the 200 in which the paper's learner, `manhattan_ddqn`, wastes most compared with the new
-# agent, `manhattan`. It was chosen for that, so look at the means, too. The two agents differ in:
+# agent, `manhattan`. It was chosen for that, so look at the means, too. Arrows that lie on top of each other hide the time.
+# Play both flights:
+
+# %%
+play(home, {name: flown.trajectory(mission) for name, flown in flights.items()})
+
+# %% [markdown]
+# The two agents differ in:
 
 # %%
 recipes = {name: agent.recipe.as_json() for name, agent in agents.items()}
