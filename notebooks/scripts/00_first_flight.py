@@ -21,6 +21,7 @@ if not any(distributions(name="uavdh_lite")):
 # %%
 # %matplotlib inline
 import numpy as np
+import torch
 from matplotlib.figure import Figure
 
 from uavdh_lite.checkpoint import load_agent
@@ -31,6 +32,7 @@ from uavdh_lite.player import play
 from uavdh_lite.plotting import add_legend, draw_trajectory
 from uavdh_lite.scenario import place
 
+torch.set_num_threads(1)  # the network is small
 agent = load_agent("manhattan")
 environment = Environment(agent.city)
 

@@ -264,7 +264,8 @@ squared_m2 = 100 * ((2 - share) ** 2 + 1**2 + 1)  # cells of 10 m, flying 10 m h
 by_hand = rate(environment.channel.mean_snr_db(squared_m2, sight, environment.city.size))
 assert np.allclose(by_hand, outcome.uploaded[0], atol=1e-4)
 print(by_hand.round(2).tolist())
-#
+
+# %% [markdown]
 # ## 3.6 Fly it yourself
 #
 # With a running kernel the buttons below move the UAV; the figure under them shows the start.

@@ -29,6 +29,8 @@ from uavdh_lite.city import City
 from uavdh_lite.observation import LAYERS, Observation
 from uavdh_lite.scenario import place
 
+torch.set_num_threads(1)  # the networks here are small
+
 # %%
 city = City.load("manhattan")
 state = place(city, uav=(8, 4), devices=[(4, 7), (11, 11)], data=[15, 10], flying_time=50,
@@ -334,7 +336,7 @@ for ax, (name, weights) in zip(figure.subplots(1, 2), fitted.items()):
     most = abs(weights).max()
     picture = ax.imshow(weights, cmap="RdBu_r", vmin=-most, vmax=most)
     ax.set(title=f"weights of 'data left', {name}", xticks=[], yticks=[])
-    figure.colorbar(picture, ax=ax)
+    figure.colorbar(picture, ax=ax, label="weight")
 figure
 
 # %% [markdown]

@@ -548,9 +548,9 @@ for tau, runs in sorted({**by_rate, 0.1: networks[relative]}.items()):
     print(f"τ = {tau:<6} errors after 1000 updates, three seeds: {[round(run[2], 2) for run in runs]}")
 
 # %% [markdown]
-# Too fast and too slow are both bad. With $\tau = 1$ the network chases targets that each of its own updates moves;
-# with $\tau = 0.003$ they are so late that 1000 updates are too few. The paper's 0.005 belongs to a run of a
-# million.
+# Too fast and too slow are both bad, in each of the seeds. With $\tau = 1$ the network chases targets that each of its own
+# updates moves. (With some other seeds its errors even grow without bound.) With $\tau = 0.003$ the targets are so late that 1000
+# updates are too few. The paper's 0.005 belongs to a run of a million.
 #
 # ## 5.7 Exploring: the softmax policy and its temperature
 #

@@ -23,6 +23,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import torch
 from matplotlib.figure import Figure
 
 from uavdh_lite.experiments.comparison import breakdown, share
@@ -315,6 +316,7 @@ from uavdh_lite.evaluation import evaluate
 from uavdh_lite.plotting import add_legend, draw_trajectory
 
 # %%
+torch.set_num_threads(1)  # the network is small
 agent = load_agent("manhattan_ddqn")
 environment = Environment(agent.city)
 flights = evaluate(environment, agent, agent.scenario, 1000, seed=0, record=True)

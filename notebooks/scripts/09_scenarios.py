@@ -20,24 +20,32 @@ if not any(distributions(name="uavdh_lite")):
 # %%
 # %matplotlib inline
 import numpy as np
+import torch
 from matplotlib.figure import Figure
 
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.environment import ACTIONS, LAND, Environment
 from uavdh_lite.evaluation import fly
 from uavdh_lite.planners import Greedy
-from uavdh_lite.plotting import add_legend, draw_trajectory
+from uavdh_lite.player import play
+from uavdh_lite.plotting import BLUE, ORANGE, add_legend, draw_trajectory
 from uavdh_lite.scenario import place
 
+torch.set_num_threads(1)  # the networks here are small
 agents = {city: load_agent(f"{city}_ddqn") for city in ("manhattan", "open_field")}
 environments = {city: Environment(agent.city) for city, agent in agents.items()}
 
 # %%
-def mission(city, devices, data, flying_time, start, seed=0, policy=None):
+def mission(city, devices, data, flying_time, start, copies=1, seed=0, policy=None):
+    """One mission, flown as often as `copies` says; only the fading differs."""
     agent = agents[city]
     state = place(agent.city, start, devices, data, flying_time, agent.scenario.max_devices)
     generator = np.random.default_rng(seed)
-    return fly(environments[city], policy or agent, state, generator, record=True)
+    return fly(environments[city], policy or agent, state[np.zeros(copies, int)], generator, record=copies == 1)
+
+# %%
+def brought_home(flights):
+    return flights.end.collection_ratio * flights.end.landed
 
 def show(city, missions, titles, height=6.8):
     figure = Figure(figsize=(5.2 * len(missions), height), layout="constrained")
@@ -73,35 +81,42 @@ show("open_field", [equal, quarter], ["equal data", "a quarter at the far device
 
 # %% [markdown]
 # The same network, the same places, the same time. Both times it empties the near device first, and then flies along
-# the street until it hears the far one well enough. With a quarter of the data there it turns back one column earlier.
-# In numbers:
+# the street until it hears the far one well enough. With a quarter of the data there it turns back earlier. Is that the
+# luck of this flight? Fly both 20 times, each time with other fading:
 
 # %%
-for name, flights in (("equal", equal), ("quarter", quarter)):
-    left = flights.end.data_left[0]
-    print(f"{name:<8} flew {flights.steps[0]} of 45, left {left.astype(float).round(1).tolist()}, "
-          f"landed {flights.end.landed[0]}")
+for name, data in (("equal", [20, 20]), ("quarter", [20, 5])):
+    flights = mission("open_field", DEVICES, data, 45, START, copies=20)
+    print(f"{name:<8} flew {flights.steps.min()} to {flights.steps.max()} of 45 units, "
+          f"brought home {brought_home(flights).min():.0%} to {brought_home(flights).max():.0%}")
+
+# %% [markdown]
+# With a quarter the flights are clearly shorter, and still bring home nearly all.
 
 # %% [markdown]
 # ## 9.2 Manhattan with two to five devices
 #
 # The number of devices is not an input of the network: they are cells in a map, and a map can have any
-# number of them. From picture to picture one device is added, with 12 data units like the others:
+# number of them. Two missions, with 12 data units at each device:
 
 # %%
 PLACES = [(4, 8), (11, 8), (7, 14), (8, 1), (0, 12)]
-flights = [mission("manhattan", PLACES[:k], [12] * k, 65, (0, 0)) for k in (2, 3)]
-show("manhattan", flights, ["two devices", "three devices"])
-
-# %%
-flights = [mission("manhattan", PLACES[:k], [12] * k, 65, (0, 0)) for k in (4, 5)]
-show("manhattan", flights, ["four devices", "five devices"])
+flights = [mission("manhattan", PLACES[:k], [12] * k, 65, (0, 0)) for k in (3, 5)]
+show("manhattan", flights, ["three devices", "five devices"])
 
 # %% [markdown]
-# With two devices it flies down the avenue between them and hears both from there; with three it turns east on
-# the way, and back; with four it goes down the west side first, because the new device stands there and on no way
-# home; with five it adds a loop in the north. All is collected each time, but none of it is an optimum: with two devices
-# the flight takes longer than with three, and with five it lingers next to an empty device until its time is up.
+# With three devices it flies down the avenue and turns east on the way. With five it goes down the west side first, because
+# one of the new devices stands there, and adds a loop in the north. So a new device does not only add a detour: the whole
+# route changes. How long do such flights take?
+
+# %%
+for k in (2, 3, 4, 5):
+    flights = mission("manhattan", PLACES[:k], [12] * k, 65, (0, 0), copies=20)
+    print(f"{k} devices: mean {flights.steps.mean():.0f} of 65 units, brought home {brought_home(flights).mean():.1%}")
+
+# %% [markdown]
+# It brings home all or nearly all, but these flights are no optimum. With two devices they take longer than with three.
+# And with five, most of them last until the time is up: the agent lingers next to a device that is empty.
 #
 # ## 9.3 A device in the no-fly zone
 #
@@ -113,63 +128,69 @@ show("manhattan", [inside], ["one device in the no-fly zone"])
 
 # %% [markdown]
 # It served the other device on its way, heard this one from the street that ends at the zone, and turned east
-# at the end for what the other had left. It used far more time than these ways take. Where did it spend it?
+# at the end for what the other had left. It used far more time than these ways take. The arrows lie on top of each other,
+# so the picture hides where it spent it. Play the flight, or step through it:
 
 # %%
-cells, visits = np.unique(inside.trajectory(0).uav_cell, return_counts=True)
-for k in np.argsort(visits)[:-4:-1]:
-    row, column = divmod(int(cells[k]), 16)
-    print(f"row {row}, column {column}: {visits[k]} times")
+play(environments["manhattan"], inside.trajectory(0))
 
 # %% [markdown]
-# It flew back and forth in that street, between the same cells. The arrows lie on top of each other, so the picture
-# hides it. With little data left, the best actions are worth nearly the same, and small errors of the Q-values
-# decide. And a step costs only 0.1 in the reward that it was trained with: to fly about was never expensive.
+# It flew back and forth in that street, between the same cells. With little data left, the best actions are worth nearly
+# the same, and small errors of the Q-values decide. And a step costs only 0.1 in the reward that it was trained with: to
+# fly about was never expensive. Other luck tips it the other way:
+
+# %%
+flights = mission("manhattan", [(11, 2), (4, 8)], [10, 10], 60, (0, 0), copies=20)
+print(f"flew {flights.steps.min()} to {flights.steps.max()} of 60 units, "
+      f"brought home {brought_home(flights).min():.0%} to {brought_home(flights).max():.0%}")
+
+# %% [markdown]
+# Some of these flights are half as long, and leave some percent of the data.
 #
 # ## 9.4 Too little time
 #
-# The same mission with less and less flying time:
-
-# %%
-times = (60, 35, 20)
-flights = [mission("manhattan", PLACES[:3], [12] * 3, time, (0, 0)) for time in times]
-show("manhattan", flights, [f"{time} units of time" for time in times], height=6.5)
+# The mission with three devices, with less and less flying time. Each point is the mean of 20 flights with other fading, each
+# band goes from the worst to the best of them:
 
 # %%
 times, greedy = range(6, 71, 4), Greedy(environments["manhattan"])
+shares = {name: np.array([brought_home(mission("manhattan", PLACES[:3], [12] * 3, t, (0, 0), copies=20, policy=policy))
+                          for t in times])
+          for name, policy in (("agent", None), ("greedy", greedy))}
+
+# %%
 figure = Figure(figsize=(6.5, 3.6), layout="constrained")
 ax = figure.subplots()
 ax.axvspan(35, 70, color="0.93", label="trained on")
-for name, policy in (("agent", None), ("greedy", greedy)):
-    runs = [mission("manhattan", PLACES[:3], [12] * 3, t, (0, 0), policy=policy) for t in times]
-    ax.plot(times, [r.end.collection_ratio[0] * r.end.landed[0] for r in runs], "o-", label=name)
-ax.set(xlabel="flying time at the start", ylabel="collected and landed")
+for (name, share), colour in zip(shares.items(), (BLUE, ORANGE)):
+    ax.fill_between(times, share.min(1), share.max(1), color=colour, alpha=0.3, lw=0)
+    ax.plot(times, share.mean(1), "o-", ms=4, color=colour, label=name)
+ax.set(xlabel="flying time at the start, units", ylabel="collected and landed")
 ax.legend()
 figure
 
 # %% [markdown]
-# Within the times that it was trained on, it collects all, like the greedy planner. Below, nobody taught it: at 30 it
-# does better than greedy, but at 14 and 18 it brings home nothing at all, where greedy still brings a tenth and more than
-# a quarter. In between it does about as well.
+# Within the times that it was trained on, it collects all or nearly all, like the greedy planner. Below, nobody taught it. At
+# 30 it does better than greedy. But at 14 and 18 it brings home nothing at all, where greedy still brings a tenth and a
+# quarter. In between the two are level.
 #
 # ## 9.5 The same mission with other luck
 #
 # Only the fading differs. The agent sees it only through the data that is left, and reacts to that:
 
 # %%
-flights = [mission("manhattan", PLACES, [18] * 5, 60, (0, 0), seed) for seed in (1, 2)]
-show("manhattan", flights, ["one draw of the fading", "another"])
+two = {f"draw {seed}": mission("manhattan", PLACES, [18] * 5, 60, (0, 0), seed=seed).trajectory(0) for seed in (1, 2)}
+play(environments["manhattan"], two)
 
 # %%
-many = [mission("manhattan", PLACES, [18] * 5, 60, (0, 0), seed) for seed in range(30)]
-ratio = [m.end.collection_ratio[0] for m in many]
-print(f"over 30 draws: collected {min(ratio):.1%} to {max(ratio):.1%}")
-print("landed:", sum(bool(m.end.landed[0]) for m in many), "of 30")
+flights = mission("manhattan", PLACES, [18] * 5, 60, (0, 0), copies=100)
+print(f"over 100 draws: brought home {brought_home(flights).min():.1%} to {brought_home(flights).max():.1%}, "
+      f"in {flights.steps.min()} to {flights.steps.max()} units of time")
 
 # %% [markdown]
 # The two flights are the same at first, and part in the east: a little more or less data left at a device may tip
-# a decision. Over thirty draws luck changes what is collected by some percent at most: a flight is some
-# two hundred slots, and they average out.
+# a decision. Over a hundred draws luck changes what is brought home by a few percent: a flight is some
+# two hundred slots, and most of their luck averages out.
 #
 # ## 9.6 Q-values along a flight
 #
@@ -184,7 +205,7 @@ figure = Figure(figsize=(8, 3.8), layout="constrained")
 ax = figure.subplots()
 for action, name in enumerate(ACTIONS):
     ax.plot(q[:, action], label=name, lw=2 if name == "land" else 1)
-ax.set(xlabel="step", ylabel="Q-value")
+ax.set(xlabel="step", ylabel="Q-value, data units")
 ax.legend(ncols=3)
 figure
 
@@ -206,7 +227,7 @@ error = q.max(axis=1) - np.array(returns[::-1])
 print(f"mean error {error.mean():+.2f}, largest {np.abs(error).max():.2f}, of values up to {q.max():.1f}")
 
 # %% [markdown]
-# In this flight the value of the best action is wrong by up to one or two data units. But that is the action that was
+# In this flight the value of the best action is wrong by a data unit or two at most. But that is the action that was
 # flown. What of the others? We know the true value of one of them: in the landing zone `land` ends the flight and earns
 # nothing, so there it is worth exactly 0. Here is what two agents say of it, over the starts of 200 missions:
 
@@ -241,7 +262,7 @@ print(f"after this flight, in the zone again: land {q[-1, LAND]:.2f}")
 
 # %%
 def far_share(data):
-    left = mission("open_field", DEVICES, [20, data], 45, START).end.data_left[0, 1]
+    left = mission("open_field", DEVICES, [20, data], 45, START).end.data_left[0, 1]  # of the second device
     return 1 - float(left) / data
 
 # %%

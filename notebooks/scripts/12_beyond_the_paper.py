@@ -128,7 +128,7 @@ spare = np.where(city.no_fly, np.nan, (6 - safe.time_to_land.reshape(city.no_fly
 
 # %%
 marks = {2: ("o", "free to choose"), 1: ("s", "not further away"), 0: ("D", "home now"), -1: ("x", "too far already")}
-figure = Figure(figsize=(5, 4.6), layout="constrained")
+figure = Figure(figsize=(5, 5.2), layout="constrained")
 ax = figure.subplots()
 draw_city(ax, city)
 for value, (mark, label) in marks.items():
@@ -210,7 +210,7 @@ targets = {"without failsafe": first_targets(False), "with failsafe": first_targ
 figure = Figure(figsize=(7, 3), layout="constrained")
 ax = figure.subplots()
 ax.hist(list(targets.values()), bins=np.arange(-155, 16, 5), color=[VERMILION, BLUE], label=list(targets))
-ax.set(yscale="log", xlabel="target y", ylabel="transitions")
+ax.set(yscale="log", xlabel="target y, data units", ylabel="transitions")
 ax.legend()
 figure
 
@@ -336,7 +336,7 @@ figure = Figure(figsize=(6.5, 3), layout="constrained")
 ax = figure.subplots()
 ax.hist(returns, bins=60, color=BLUE)
 ax.axvline(returns.mean(), color="black", ls="--", label="mean")
-ax.set(xlabel="return of one flight", ylabel="flights")
+ax.set(xlabel="return of one flight, data units", ylabel="flights")
 ax.legend()
 figure
 

@@ -2,7 +2,7 @@
 # # 13 · Any city
 #
 # The agents of the notebooks before this one know one city each. Here one network flies over cities that it has never
-# seen, the moment they are drawn. It was trained like the agent of notebook 12. Only its cities are new: 2000 of them,
+# seen, the moment they are drawn. It was trained like the agent of notebook 12. Only its cities are new: thousands of them,
 # another one for each mission.
 
 # %% tags=["remove-cell"]
@@ -47,11 +47,13 @@ there = agent.over(unseen)
 flown = evaluate(there.environment, there, missions, 300, seed=0, record=True)
 
 # %%
-kinds = np.array([unseen[c].name.split("_")[0] for c in unseen.city[flown.start.uav_cell]])
+city_of = unseen.city[flown.start.uav_cell]  # of each mission, the number of its city
+kind_of = np.array([unseen[city].name.rsplit("_", 2)[0] for city in city_of])  # as in old_town_1_17
 figure = Figure(figsize=(10, 11), layout="constrained")
-for ax, kind in zip(figure.subplots(2, 2).flat, ("blocks", "scattered", "courtyards", "old")):
-    draw_trajectory(ax, there.environment, flown.trajectory(int(np.argmax(kinds == kind))))
-    ax.set_title(kind.replace("old", "old town"))
+for ax, kind in zip(figure.subplots(2, 2).flat, np.unique(kind_of)):
+    first = int(np.argmax(kind_of == kind))
+    draw_trajectory(ax, there.environment, flown.trajectory(first))
+    ax.set_title(kind.replace("_", " "))
 figure
 
 # %% [markdown]
@@ -72,7 +74,7 @@ for name in ("manhattan", "any_city"):
 # %% [markdown]
 # ## 13.1 Cities by the thousand
 #
-# Nobody draws 2000 cities by hand. `CityGenerator` does it at random, in four kinds: streets with blocks, scattered houses,
+# Nobody draws thousands of cities by hand. `CityGenerator` does it at random, in four kinds: streets with blocks, scattered houses,
 # courtyards with gates, and an old town with narrow lanes.
 
 # %%
@@ -83,7 +85,7 @@ figure
 # %% [markdown]
 # Every city has what a city needs: one to three landing zones, and every cell over which the UAV may fly can be
 # reached. Equal seeds give equal cities, so `random:100:1` names a hundred of them for good: the first hundred of
-# seed 1. The agent learned in `random:2000:0`. Are any of these in both sets?
+# seed 1. The cities that the agent learned in are of seed 0. Are any of the hundred among them?
 
 # %%
 learned = {city.fingerprint for city in agent.city.cities}
@@ -174,11 +176,11 @@ for size, frame in ((10, 16), (16, 50)):
 #
 # ## 13.4 Seen and unseen
 #
-# Does it know its 2000 cities better than new ones? If so, it has learned some of them by heart, and more cities
+# Does it know the cities that it learned in better than new ones? If so, it has learned some of them by heart, and more cities
 # would help. Fly as many missions as in 13.2 over cities that it learned in:
 
 # %%
-seen = load_city("random:100:0")  # the first hundred of the 2000
+seen = load_city("random:100:0")  # a hundred of these
 assert all(city.fingerprint in learned for city in seen.cities)
 known = agent.over(seen)
 here = {name: evaluate(known.environment, pilot, missions, 300, seed=0)
@@ -265,11 +267,11 @@ few = load_city("random:12:7")
 over_few = agent.over(few)
 flown = evaluate(over_few.environment, over_few, missions, 400, seed=2)
 values = flown.records()["collection_ratio_and_landed"]
-city_of = few.city[flown.start.uav_cell]
+members = [values[few.city[flown.start.uav_cell] == city] for city in range(len(few))]
 
 # %%
 generator = stream(Use.BOOTSTRAP, 13)
-members = [values[city_of == c] for c in range(len(few))]
+
 def spread(means):
     return np.quantile(means, [0.025, 0.975])
 by_mission = spread([generator.choice(values, len(values)).mean() for _ in range(2000)])
@@ -335,7 +337,7 @@ agree = (best == best[0]).all(0)
 print(f"all eight views agree on the action in {agree.float().mean():.0%} of the states")
 
 # %% [markdown]
-# It has learned part of the symmetry, but by no means all. Where the views differ, which one is right? Often two actions are
+# It has learned part of the symmetry, but not all. Where the views differ, which one is right? Often two actions are
 # equally good. Elsewhere the mean of all eight Q-values is a better guess than any one of them: their errors are partly
 # independent, as those of several networks would be. Such a mean is an *equivariant ensemble*. It needs no training, and
 # takes eight times the computing time in flight. The shipped agent acts on it; without it, this is what it would collect in the missions of 13.2:

@@ -104,6 +104,11 @@ def test_template(notebook):
     assert any("image/png" in o.get("data", {}) for cell in code(notebook) for o in cell.outputs)
 
 
+def test_no_prose_is_lost_in_a_code_cell(notebook):
+    """Without its `# %% [markdown]` line, a section becomes comments of the cell before it."""
+    assert not [cell.source for cell in code(notebook) if re.search("^# ##", cell.source, re.M)]
+
+
 def test_nothing_that_belongs_to_one_machine(script, notebook):
     content = execute.notebook_of(script).read_text()
     assert len(content) < 1_000_000
