@@ -154,3 +154,8 @@ def test_the_teaching_guide_has_every_exercise():
         (one.number, one.title, str(one.points), str(one.minutes))
         for one in checks.EXERCISES.values()
     ]
+
+
+def test_the_heading_of_an_exercise_must_be_that_of_the_notebook():
+    with pytest.raises(ValueError, match="2 points, 10 minutes"):
+        checks.exercise.exercise("1.9 · No points", "", "", figure=None)

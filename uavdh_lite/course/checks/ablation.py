@@ -50,7 +50,6 @@ def _draw_recorded(ax):
     at = _steps(table)[_at(table, 300_000)]
     ax.axvline(at, color="grey", linestyle=":", label=f"{at:,.0f} steps")
     ax.set(xlabel="environment steps", ylabel="collected and landed, greedy", ylim=(0, 1))
-    ax.legend()
 
 
 def _solved_steps_to(steps, values, threshold):
@@ -150,16 +149,11 @@ STEPS_TO = Table(
 
 
 @exercise(
-    "7.1",
-    "How many steps to a threshold",
-    points=1,
-    minutes=8,
-    hints=(
-        "At which validations is the curve below the threshold? The one after the last of them is "
-        "asked for. And if there is none below, or if it is the last of all?",
-        "Go from the end backwards, through zip(steps[::-1], values[::-1]), and keep the steps of "
-        "each value that is at least threshold, until one is below. If you kept none: None.",
-    ),
+    "7.1 · How many steps to a threshold (1 point, 8 minutes)",
+    "At which validations is the curve below the threshold? The one after the last of them is "
+    "asked for. And if there is none below, or if it is the last of all?",
+    "Go from the end backwards, through zip(steps[::-1], values[::-1]), and keep the steps of "
+    "each value that is at least threshold, until one is below. If you kept none: None.",
     figure=_draw_steps_to,
     table=STEPS_TO,
 )
@@ -311,17 +305,12 @@ PERMUTATION = Table(
 
 
 @exercise(
-    "7.2",
-    "A p-value for a few seeds",
-    points=2,
-    minutes=15,
-    hints=(
-        "If the kind made no difference, every way to deal the values out to the two groups would "
-        "be as likely as the one that you saw. How many of them differ as much?",
-        "itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first "
-        "group; the rest are the second. Count where abs(difference) >= abs(observed) - 1e-9, and "
-        "divide by the number of splits.",
-    ),
+    "7.2 · A p-value for a few seeds (2 points, 15 minutes)",
+    "If the kind made no difference, every way to deal the values out to the two groups would "
+    "be as likely as the one that you saw. How many of them differ as much?",
+    "itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first "
+    "group; the rest are the second. Count where abs(difference) >= abs(observed) - 1e-9, and "
+    "divide by the number of splits.",
     figure=_draw_permutation,
     table=PERMUTATION,
 )
@@ -382,18 +371,13 @@ def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool, str]]:
 
 
 @exercise(
-    "7.3",
-    "What the recorded runs show",
-    points=3,
-    minutes=20,
-    hints=(
-        "Five of the eight statements are about numbers in the table: compute them. The other "
-        "three say that something follows. Ask of those what one would have to vary to know.",
-        "Put each kind's curves into an array with one row a seed. `early`: min of one against max "
-        "of the other. `steady`: np.diff along the steps of every run, not of the means. "
-        "`smallest_p`: how many splits have the largest absolute difference, if the groups do not "
-        "overlap at all? `equal`: what would few seeds show if there *were* a small difference?",
-    ),
+    "7.3 · What the recorded runs show (3 points, 20 minutes)",
+    "Five of the eight statements are about numbers in the table: compute them. The other "
+    "three say that something follows. Ask of those what one would have to vary to know.",
+    "Put each kind's curves into an array with one row a seed. `early`: min of one against max "
+    "of the other. `steady`: np.diff along the steps of every run, not of the means. "
+    "`smallest_p`: how many splits have the largest absolute difference, if the groups do not "
+    "overlap at all? `equal`: what would few seeds show if there *were* a small difference?",
     figure=_draw_recorded,
     function=False,
 )

@@ -146,16 +146,11 @@ SMALL_CITY = Table(
 
 
 @exercise(
-    "13.1",
-    "A small city in a large map",
-    points=2,
-    minutes=12,
-    hints=(
-        "Begin with a map as if there were no city at all. Which of its cells shows the city's "
-        "cell (0, 0), if the UAV's cell is in the middle?",
-        "The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the m×m cells from "
-        "there on are the city. All other cells: no-fly True, landing and buildings False.",
-    ),
+    "13.1 · A small city in a large map (2 points, 12 minutes)",
+    "Begin with a map as if there were no city at all. Which of its cells shows the city's "
+    "cell (0, 0), if the UAV's cell is in the middle?",
+    "The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the m×m cells from "
+    "there on are the city. All other cells: no-fly True, landing and buildings False.",
     figure=_draw_small_city,
     table=SMALL_CITY,
 )
@@ -283,7 +278,6 @@ def _draw_symmetric_q(ax):
     ax.set_xticks(places, ["north", "east", "south", "west", "hover", "land"])
     ax.set(ylabel="Q-value", title="an untrained network, a random map")
     ax.axhline(0, color="black", lw=0.8)
-    ax.legend()
 
 
 SYMMETRIC_Q = Table(
@@ -345,17 +339,12 @@ SYMMETRIC_Q = Table(
 
 
 @exercise(
-    "13.2",
-    "Turn the map, turn the actions back",
-    points=3,
-    minutes=20,
-    hints=(
-        "Take one turn only, np.rot90(layers, 1, axes=(1, 2)). What was north of the UAV: where is "
-        "it now? Which of the six Q-values of that map belongs to north?",
-        "After one turn to the left, the Q-values of north, east, south, west are found at "
-        "[3, 0, 1, 2]; after k turns at np.roll([0, 1, 2, 3], k). If the map is mirrored before "
-        "that, layers[:, :, ::-1], swap what is found for east and for west.",
-    ),
+    "13.2 · Turn the map, turn the actions back (3 points, 20 minutes)",
+    "Take one turn only, np.rot90(layers, 1, axes=(1, 2)). What was north of the UAV: where is "
+    "it now? Which of the six Q-values of that map belongs to north?",
+    "After one turn to the left, the Q-values of north, east, south, west are found at "
+    "[3, 0, 1, 2]; after k turns at np.roll([0, 1, 2, 3], k). If the map is mirrored before "
+    "that, layers[:, :, ::-1], swap what is found for east and for west.",
     figure=_draw_symmetric_q,
     table=SYMMETRIC_Q,
 )
@@ -438,7 +427,6 @@ def _draw_half_width(ax):
     ax.loglog(missions, right, "o-", color=BLUE, label="cities drawn at random")
     ax.loglog(missions, usual, "s--", color=VERMILION, label="as if missions were independent")
     ax.set(xlabel="missions in each of 100 cities", ylabel="half-width")
-    ax.legend()
 
 
 HALF_WIDTH = Table(
@@ -483,16 +471,11 @@ HALF_WIDTH = Table(
 
 
 @exercise(
-    "13.3",
-    "How sure, if missions share a city?",
-    points=2,
-    minutes=12,
-    hints=(
-        "Do the example by hand: the mean, the differences from it, one sum for each city. How "
-        "does Python find the missions of one city?",
-        "off = values − values.mean(). For each `one` in np.unique(city) the sum is "
-        "off[city == one].sum(); C is how many sums there are.",
-    ),
+    "13.3 · How sure, if missions share a city? (2 points, 12 minutes)",
+    "Do the example by hand: the mean, the differences from it, one sum for each city. How "
+    "does Python find the missions of one city?",
+    "off = values − values.mean(). For each `one` in np.unique(city) the sum is "
+    "off[city == one].sum(); C is how many sums there are.",
     figure=_draw_half_width,
     table=HALF_WIDTH,
 )

@@ -111,16 +111,11 @@ MASK = Table(
 
 
 @exercise(
-    "12.1",
-    "The failsafe's mask",
-    points=2,
-    minutes=15,
-    hints=(
-        "Look at the cell that each action leads to. How many units of time are left when the UAV "
-        "is there, and how many does it take from there to be on the ground?",
-        "distance[next_cell[cell]] is (B, 6): moves home after each action. One unit more for "
-        "landing must fit into time_left − 1. Then two special cases: −1, and landing at once.",
-    ),
+    "12.1 · The failsafe's mask (2 points, 15 minutes)",
+    "Look at the cell that each action leads to. How many units of time are left when the UAV "
+    "is there, and how many does it take from there to be on the ground?",
+    "distance[next_cell[cell]] is (B, 6): moves home after each action. One unit more for "
+    "landing must fit into time_left − 1. Then two special cases: −1, and landing at once.",
     figure=_draw_failsafe,
     table=MASK,
 )
@@ -188,7 +183,6 @@ def _draw_quantile_loss(ax):
             losses.append(_quantile_loss(theta, np.array([value]), 1.0))
         ax.plot(y, losses, color=colour, label=f"θ_{k + 1} = 0 of five, the others exact")
     ax.set(xlabel="the only sample y", ylabel="loss, κ = 1")
-    ax.legend(fontsize="small")
 
 
 LOSS = Table(
@@ -235,16 +229,11 @@ LOSS = Table(
 
 
 @exercise(
-    "12.2",
-    "The quantile Huber loss",
-    points=3,
-    minutes=15,
-    hints=(
-        "Make a table of all errors first: N rows, one for each quantile, and a column for each "
-        "sample. Weight and Huber's loss are tables of the same shape.",
-        "u = y[None, :] − theta[:, None]. The weight of row i is its level where u ≥ 0, and one "
-        "minus the level where u < 0. Average each row, then add the rows up.",
-    ),
+    "12.2 · The quantile Huber loss (3 points, 15 minutes)",
+    "Make a table of all errors first: N rows, one for each quantile, and a column for each "
+    "sample. Weight and Huber's loss are tables of the same shape.",
+    "u = y[None, :] − theta[:, None]. The weight of row i is its level where u ≥ 0, and one "
+    "minus the level where u < 0. Average each row, then add the rows up.",
     figure=_draw_quantile_loss,
     table=LOSS,
 )
@@ -296,7 +285,6 @@ def _draw_advantage_target(ax):
         ]
         ax.bar(places + offset, targets, 0.4, color=colour, label=f"α = {alpha}")
     ax.set(xlabel="action taken", ylabel="target, if y is the Q-value")
-    ax.legend()
 
 
 def _advantage_target_wrong(share):
@@ -348,16 +336,11 @@ TARGET = Table(
 
 
 @exercise(
-    "12.3",
-    "The target of advantage learning",
-    points=2,
-    minutes=10,
-    hints=(
-        "Two Q-values of each row are needed: of the best action that is allowed, and of the "
-        "action that was taken. What is the gap of the best action itself?",
-        "np.where(allowed, q_values, −np.inf).max(axis=1) is the best one's. For the other, index "
-        "q_values with np.arange(B) and action. Then y − alpha · gap.",
-    ),
+    "12.3 · The target of advantage learning (2 points, 10 minutes)",
+    "Two Q-values of each row are needed: of the best action that is allowed, and of the "
+    "action that was taken. What is the gap of the best action itself?",
+    "np.where(allowed, q_values, −np.inf).max(axis=1) is the best one's. For the other, index "
+    "q_values with np.arange(B) and action. Then y − alpha · gap.",
     figure=_draw_advantage_target,
     table=TARGET,
 )
@@ -404,7 +387,6 @@ def _draw_longest_way(ax):
         ways = [_longest_way(data, float(discount), 0.1) for discount in discounts]
         ax.step(discounts, ways, color=colour, label=f"{data:g} data units")
     ax.set(xlabel="discount γ", ylabel="longest way that pays, moves")
-    ax.legend()
 
 
 def _longest_way_wrong(**changes):
@@ -449,16 +431,11 @@ WAY = Table(
 
 
 @exercise(
-    "12.4",
-    "How far does a discount reach?",
-    points=2,
-    minutes=12,
-    hints=(
-        "Write down the rewards of all steps for a way of 2: four of them. Which are negative, in "
-        "which step does the data come, and what does each count, seen from the start?",
-        "For a way of w: minus cost · γ^t for t = 0 … 2w − 1, plus data · γ^(w − 1). It falls with "
-        "w. Raise w in a loop as long as the next way still pays.",
-    ),
+    "12.4 · How far does a discount reach? (2 points, 12 minutes)",
+    "Write down the rewards of all steps for a way of 2: four of them. Which are negative, in "
+    "which step does the data come, and what does each count, seen from the start?",
+    "For a way of w: minus cost · γ^t for t = 0 … 2w − 1, plus data · γ^(w − 1). It falls with "
+    "w. Raise w in a loop as long as the next way still pays.",
     figure=_draw_longest_way,
     table=WAY,
 )

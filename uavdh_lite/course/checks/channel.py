@@ -16,7 +16,6 @@ def _draw_rate(ax):
     snr_db = np.linspace(-20, 30, 101)
     ax.plot(snr_db, solved_rate(snr_db))
     ax.set(xlabel="SNR, dB", ylabel="rate, data units a slot", title="1 at 0 dB")
-    ax.grid(alpha=0.3)
 
 
 def _ratio(snr_db):
@@ -56,16 +55,11 @@ RATE = Table(
 
 
 @exercise(
-    "1.1",
-    "Rate from SNR",
-    points=1,
-    minutes=5,
-    hints=(
-        "The rate is log2(1 + SNR), where the SNR is a plain ratio of powers. What is 0 dB as a "
-        "ratio? And 10 dB?",
-        "10 dB more is ten times the power, so the decibels belong in an exponent. Which number is "
-        "raised to it? The 1 is added to the ratio, and numpy has the logarithm to base 2.",
-    ),
+    "1.1 · Rate from SNR (1 point, 5 minutes)",
+    "The rate is log2(1 + SNR), where the SNR is a plain ratio of powers. What is 0 dB as a "
+    "ratio? And 10 dB?",
+    "10 dB more is ten times the power, so the decibels belong in an exponent. Which number is "
+    "raised to it? The 1 is added to the ratio, and numpy has the logarithm to base 2.",
     figure=_draw_rate,
     table=RATE,
 )
@@ -87,7 +81,6 @@ def _draw_crossover(ax):
     ax.axvline(1, color="grey", linestyle=":")
     ax.set(xlabel="distance, m", ylabel="path loss, dB", title="20 m behind = 122 m in sight")
     ax.axhline(36.4 * np.log10(20), color="grey", linewidth=0.8)
-    ax.legend()
 
 
 LOS, NLOS = CHANNEL.path_loss_exponent_los, CHANNEL.path_loss_exponent_nlos
@@ -116,16 +109,11 @@ SAME_LOSS = Table(
 
 
 @exercise(
-    "1.2",
-    "Where the two path losses cross",
-    points=2,
-    minutes=10,
-    hints=(
-        "The path loss in dB is 10 α log10(d). Set the loss with α_LoS at the unknown distance "
-        "equal to the one with α_NLoS at the given distance.",
-        "Solve for the logarithm of the unknown distance. A factor in front of a logarithm is a "
-        "power inside of it. For the crossing: which distance does such a power leave as it is?",
-    ),
+    "1.2 · Where the two path losses cross (2 points, 10 minutes)",
+    "The path loss in dB is 10 α log10(d). Set the loss with α_LoS at the unknown distance "
+    "equal to the one with α_NLoS at the given distance.",
+    "Solve for the logarithm of the unknown distance. A factor in front of a logarithm is a "
+    "power inside of it. For the crossing: which distance does such a power leave as it is?",
     figure=_draw_crossover,
     function=False,
 )
@@ -160,7 +148,6 @@ def _draw_mean_rate(ax):
         draws = np.sqrt(variance) * generator.standard_normal((4000, 1))
         ax.plot(snr_db, solved_rate(snr_db + draws).mean(0), label=f"σ² = {variance} dB²")
     ax.set(xlabel="mean SNR, dB", ylabel="mean rate, data units a slot")
-    ax.legend()
 
 
 def _moments(snr_db, variance, power=0.5):
@@ -177,16 +164,10 @@ SEEDS, FEW, MANY = 1000, 40, 400_000
 
 
 @exercise(
-    "1.3",
-    "What fading does to the mean rate",
-    points=2,
-    minutes=10,
-    hints=(
-        "Draw many SNRs around the mean, turn each into a rate, and average the rates: in that "
-        "order.",
-        "Does generator.normal want a variance? The fading belongs to the SNR, while that is still "
-        "in dB. One rate for each draw, and the mean comes last.",
-    ),
+    "1.3 · What fading does to the mean rate (2 points, 10 minutes)",
+    "Draw many SNRs around the mean, turn each into a rate, and average the rates: in that order.",
+    "Does generator.normal want a variance? The fading belongs to the SNR, while that is still "
+    "in dB. One rate for each draw, and the mean comes last.",
     figure=_draw_mean_rate,
 )
 def mean_rate(answer) -> None:

@@ -34,7 +34,6 @@ def _draw_policy(ax):
     names = [f"{name}\n{q:g}" for name, q in zip(ACTIONS, q_values[0], strict=True)]
     ax.set_xticks(places, names, fontsize="small")
     ax.set(xlabel="action and its Q-value", ylabel="probability")
-    ax.legend()
 
 
 def _powers(top=None, over=1, exponents=torch.div):
@@ -158,17 +157,12 @@ POLICY = Table(
 
 
 @exercise(
-    "5.1",
-    "A softmax that does not overflow",
-    points=2,
-    minutes=12,
-    hints=(
-        "exp(10 000) is infinite. But the probabilities depend on the gaps between a state's "
-        "Q-values only: what may you subtract from all of them?",
-        "A factor that all exponentials of a row share cancels when you divide by their sum; "
-        "exp(−c/β) is such a factor, and makes exp((Q − c)/β) of exp(Q/β). Which c, another one in "
-        "each row, leaves no exponent above 0, and one that is exactly 0?",
-    ),
+    "5.1 · A softmax that does not overflow (2 points, 12 minutes)",
+    "exp(10 000) is infinite. But the probabilities depend on the gaps between a state's "
+    "Q-values only: what may you subtract from all of them?",
+    "A factor that all exponentials of a row share cancels when you divide by their sum; "
+    "exp(−c/β) is such a factor, and makes exp((Q − c)/β) of exp(Q/β). Which c, another one in "
+    "each row, leaves no exponent above 0, and one that is exactly 0?",
     figure=_draw_policy,
     table=POLICY,
 )
@@ -274,21 +268,15 @@ def _draw_ring(ax):
         title="capacity 5",
         xticks=range(1, 13),
     )
-    ax.legend()
 
 
 @exercise(
-    "5.2",
-    "A ring buffer with combined replay",
-    points=3,
-    minutes=20,
-    hints=(
-        "Keep two things apart: how many places are filled, and where the newest item is. "
-        "The places are used in a circle: which operator takes the last one back to the first?",
-        "The remainder of a division by the capacity runs in such a circle. While the memory is "
-        "not full, only the places filled so far may be drawn; draw places, not items. And of the "
-        "size items one is the newest, drawn or not.",
-    ),
+    "5.2 · A ring buffer with combined replay (3 points, 20 minutes)",
+    "Keep two things apart: how many places are filled, and where the newest item is. "
+    "The places are used in a circle: which operator takes the last one back to the first?",
+    "The remainder of a division by the capacity runs in such a circle. While the memory is "
+    "not full, only the places filled so far may be drawn; draw places, not items. And of the "
+    "size items one is the newest, drawn or not.",
     figure=_draw_ring,
     function=False,
 )
@@ -472,7 +460,6 @@ def _draw_target(ax):
     ax.set_xticks(places, names)
     ax.margins(y=0.1)
     ax.set(ylabel="target, data units", title="the two transitions of the table, γ = 0.9")
-    ax.legend()
 
 
 def _target_cases():
@@ -568,17 +555,12 @@ TARGET = Table(
 
 
 @exercise(
-    "5.3",
-    "The double-DQN target",
-    points=2,
-    minutes=12,
-    hints=(
-        "One network is asked which action is best in the next state, the other what that action "
-        "is worth. And what is a next state worth after the episode has ended?",
-        "The wrong function lets one network do both. argmax says which action is best; with the "
-        "number of that action in each row, look up its worth. And a Boolean counts as 0 or 1 in a "
-        "product: which of the two terms falls away at the end?",
-    ),
+    "5.3 · The double-DQN target (2 points, 12 minutes)",
+    "One network is asked which action is best in the next state, the other what that action "
+    "is worth. And what is a next state worth after the episode has ended?",
+    "The wrong function lets one network do both. argmax says which action is best; with the "
+    "number of that action in each row, look up its worth. And a Boolean counts as 0 or 1 in a "
+    "product: which of the two terms falls away at the end?",
     figure=_draw_target,
     function=False,
 )
@@ -627,7 +609,6 @@ def _draw_soft_update(ax):
         ylabel="a weight of the target network",
         title="its weight in the online network is 1",
     )
-    ax.legend()
 
 
 def _moved(keep=None, take=None):
@@ -696,17 +677,12 @@ UPDATE = Table(
 
 
 @exercise(
-    "5.4",
-    "The soft update, in place",
-    points=2,
-    minutes=8,
-    hints=(
-        "In a loop, `t = …` only gives a new tensor the name t. The tensor that the network "
-        "holds stays as it was. Which operations of torch change a tensor itself?",
-        "Their names end in an underscore: mul_, add_, copy_, lerp_ and others. Go through both "
-        "lists together, shrink the target tensor, add the online tensor's share to it, and mind "
-        "that the online tensor itself is not changed on the way.",
-    ),
+    "5.4 · The soft update, in place (2 points, 8 minutes)",
+    "In a loop, `t = …` only gives a new tensor the name t. The tensor that the network "
+    "holds stays as it was. Which operations of torch change a tensor itself?",
+    "Their names end in an underscore: mul_, add_, copy_, lerp_ and others. Go through both "
+    "lists together, shrink the target tensor, add the online tensor's share to it, and mind "
+    "that the online tensor itself is not changed on the way.",
     figure=_draw_soft_update,
 )
 def soft_update_in_place(answer) -> None:

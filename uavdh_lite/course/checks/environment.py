@@ -58,7 +58,6 @@ def _draw_slot(ax):
     ax.set_xticks(range(len(labels)), labels, fontsize="small")
     ax.set(xlabel="a slot each: SNR and data left before it, of devices 0, 1, 2")
     ax.set(ylabel="uploaded, data units")
-    ax.legend()
 
 
 def _slot_cases():
@@ -174,17 +173,12 @@ SLOT = Table(
 
 
 @exercise(
-    "3.1",
-    "Who gets the slot?",
-    points=1,
-    minutes=12,
-    hints=(
-        "First rule out the devices without data. Then the best of the rest, by its number among "
-        "all devices. Then two limits on what it uploads.",
-        "Let the empty devices stay in the array, with an SNR that never wins: then all numbers "
-        "stay right. (Would 0 dB do?) What if all are empty? The winner uploads the smaller of "
-        "two amounts.",
-    ),
+    "3.1 · Who gets the slot? (1 point, 12 minutes)",
+    "First rule out the devices without data. Then the best of the rest, by its number among "
+    "all devices. Then two limits on what it uploads.",
+    "Let the empty devices stay in the array, with an SNR that never wins: then all numbers "
+    "stay right. (Would 0 dB do?) What if all are empty? The winner uploads the smaller of "
+    "two amounts.",
     figure=_draw_slot,
     table=SLOT,
 )
@@ -232,23 +226,17 @@ def _draw_by_hand(ax):
         returns = np.cumsum(total - terms["crash"])
         ax.plot(np.arange(len(last) + 1), np.append(0, returns), style, label=label)
     ax.set(xlabel="steps flown", ylabel="sum of the rewards so far", xticks=range(7))
-    ax.grid(alpha=0.3)
     ax.set_ylim(-1.3, 3.3)
     ax.legend(loc="upper left")
 
 
 @exercise(
-    "3.2",
-    "Rewards by hand",
-    points=2,
-    minutes=14,
-    hints=(
-        "Ask four questions of each step. What was uploaded? Did it land? Did the controller "
-        "intervene? Did the time run out without a landing? More than one term may apply.",
-        "Keep an account of each device's data left, because a step uploads no more than that, and "
-        "the step that ends a flight uploads nothing. Only a landing is free of the 0.2, and the "
-        "last step of flight B has three terms.",
-    ),
+    "3.2 · Rewards by hand (2 points, 14 minutes)",
+    "Ask four questions of each step. What was uploaded? Did it land? Did the controller "
+    "intervene? Did the time run out without a landing? More than one term may apply.",
+    "Keep an account of each device's data left, because a step uploads no more than that, and "
+    "the step that ends a flight uploads nothing. Only a landing is free of the 0.2, and the "
+    "last step of flight B has three terms.",
     figure=_draw_by_hand,
 )
 def rewards_by_hand(answer) -> None:
@@ -364,8 +352,6 @@ def _draw_reward(ax):
     ax.plot(0, landed[0], "^", color=GREEN, ms=9, label="the step that lands")
     ax.plot([], [], " ", label=f"a crash, far below: {crashed[0]:.1f}")
     ax.set(xlabel="uploaded in the four slots together, data units", ylabel="reward")
-    ax.grid(alpha=0.3)
-    ax.legend(fontsize="small")
 
 
 def _batch(kinds, seed=0, whole=False):
@@ -486,16 +472,11 @@ REWARD = Table(
 
 
 @exercise(
-    "3.3",
-    "The reward of a batch",
-    points=2,
-    minutes=8,
-    hints=(
-        "A Boolean array counts as 0 and 1 in a product, so each term is a number times an array. "
-        "Along which axis are the four slots?",
-        "Sum the uploads over the second axis. Then ask of each of the three prices which array "
-        "says where it is due; for one of them the array says where it is not.",
-    ),
+    "3.3 · The reward of a batch (2 points, 8 minutes)",
+    "A Boolean array counts as 0 and 1 in a product, so each term is a number times an array. "
+    "Along which axis are the four slots?",
+    "Sum the uploads over the second axis. Then ask of each of the three prices which array "
+    "says where it is due; for one of them the array says where it is not.",
     figure=_draw_reward,
     table=REWARD,
 )
@@ -690,17 +671,12 @@ SAFE_STEP = Table(
 
 
 @exercise(
-    "3.4",
-    "The safety controller",
-    points=3,
-    minutes=20,
-    hints=(
-        "Four kinds of actions: hovering is always allowed, landing is a matter of one layer, and "
-        "a move needs two questions about its target, in the right order.",
-        "Work out the target's row and column. Ask first whether they are in the grid, from 0 to "
-        "M − 1, and only then what city.no_fly says of them. Twice no: the UAV stays in its old "
-        "cell, and that counts as an intervention.",
-    ),
+    "3.4 · The safety controller (3 points, 20 minutes)",
+    "Four kinds of actions: hovering is always allowed, landing is a matter of one layer, and "
+    "a move needs two questions about its target, in the right order.",
+    "Work out the target's row and column. Ask first whether they are in the grid, from 0 to "
+    "M − 1, and only then what city.no_fly says of them. Twice no: the UAV stays in its old "
+    "cell, and that counts as an intervention.",
     figure=_draw_safe_step,
     table=SAFE_STEP,
 )

@@ -65,7 +65,6 @@ def _draw_wilson(ax):
     share = successes / trials
     ax.errorbar(share, share, [share - low, high - share], fmt="o", markersize=3, capsize=3)
     ax.set(xlabel="share observed in 20 trials", ylabel="share and its 95 % interval")
-    ax.grid(alpha=0.3)
 
 
 def _wilson_cases():
@@ -130,16 +129,11 @@ WILSON = Table(
 
 
 @exercise(
-    "8.1",
-    "An interval for a share",
-    points=2,
-    minutes=18,
-    hints=(
-        "At both ends of the interval the inequality is an equality. Square it: what kind of "
-        "equation in q is that?",
-        "(p − q)² = z² q (1 − q) / n is quadratic in q. Its solutions are (p + z²/(2n) ± "
-        "z sqrt(p (1 − p)/n + z²/(4n²))) / (1 + z²/n), with p = successes / trials.",
-    ),
+    "8.1 · An interval for a share (2 points, 18 minutes)",
+    "At both ends of the interval the inequality is an equality. Square it: what kind of "
+    "equation in q is that?",
+    "(p − q)² = z² q (1 − q) / n is quadratic in q. Its solutions are (p + z²/(2n) ± "
+    "z sqrt(p (1 − p)/n + z²/(4n²))) / (1 + z²/n), with p = successes / trials.",
     figure=_draw_wilson,
     table=WILSON,
 )
@@ -165,8 +159,6 @@ def _draw_needed(ax):
     ax.set_xticks(ticks, map(str, ticks))
     ax.set_xticks([], minor=True)
     ax.set(xlabel="half width of the interval, points (0.01)", ylabel="episodes needed")
-    ax.grid(alpha=0.3)
-    ax.legend()
 
 
 def _needed_cases():
@@ -239,15 +231,10 @@ NEEDED = Table(
 
 
 @exercise(
-    "8.2",
-    "How many episodes",
-    points=1,
-    minutes=5,
-    hints=(
-        "The standard error of a mean of n episodes is the standard deviation over the root of n. "
-        "How many standard errors make up the half width?",
-        "Solve 1.96 standard_deviation / sqrt(n) = half_width for n, and round up.",
-    ),
+    "8.2 · How many episodes (1 point, 5 minutes)",
+    "The standard error of a mean of n episodes is the standard deviation over the root of n. "
+    "How many standard errors make up the half width?",
+    "Solve 1.96 standard_deviation / sqrt(n) = half_width for n, and round up.",
     figure=_draw_needed,
     table=NEEDED,
 )
@@ -284,7 +271,6 @@ def _draw_lead(ax):
         ax.plot(correlation, (ends[:, 2] - ends[:, 1]) / 2, "o-", markersize=3, label=name)
     ax.set(xlabel="correlation of the two policies' results", ylabel="half width (each σ ≈ 1)")
     ax.set(title="100 scenarios", ylim=(0, None))
-    ax.legend()
 
 
 def _with_error(error, of=np.subtract):
@@ -380,16 +366,11 @@ LEAD = Table(
 
 
 @exercise(
-    "8.3",
-    "Paired or not",
-    points=2,
-    minutes=8,
-    hints=(
-        "Both policies flew the same scenarios, so every scenario gives one difference. Of these "
-        "you have n, and you know how to give a mean with an interval.",
-        "With d = a − b: d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The variances of a and of b do "
-        "not appear.",
-    ),
+    "8.3 · Paired or not (2 points, 8 minutes)",
+    "Both policies flew the same scenarios, so every scenario gives one difference. Of these "
+    "you have n, and you know how to give a mean with an interval.",
+    "With d = a − b: d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The variances of a and of b do "
+    "not appear.",
     figure=_draw_lead,
     table=LEAD,
 )
@@ -479,17 +460,12 @@ NOT_ALLOWED = "{} is not allowed here: write the rule yourself. Greedy may be a 
 
 
 @exercise(
-    "8.4",
-    "Beat the greedy planner",
-    points=4,
-    minutes=45,
-    hints=(
-        "No single rule is best everywhere: leaving the last units of a device pays in one mission "
-        "and not in another. Have several rules, and choose among them at every step.",
-        "Choose by simulation: for each candidate (a rule, or one of the six actions and greedy "
-        "after it) fly all episodes on to their end with environment.transition and fading 0, add "
-        "up Rewards()(outcome), and take the first action of the one with the highest return.",
-    ),
+    "8.4 · Beat the greedy planner (4 points, 45 minutes)",
+    "No single rule is best everywhere: leaving the last units of a device pays in one mission "
+    "and not in another. Have several rules, and choose among them at every step.",
+    "Choose by simulation: for each candidate (a rule, or one of the six actions and greedy "
+    "after it) fly all episodes on to their end with environment.transition and fading 0, add "
+    "up Rewards()(outcome), and take the first action of the one with the highest return.",
     figure=_draw_policy,
     seconds=300,
     refused={

@@ -38,8 +38,6 @@ def _draw_score(ax):
         title="the second device's 5 units are all collected",
         ylim=(-0.05, 1.05),
     )
-    ax.legend()
-    ax.grid(alpha=0.3)
 
 
 def _score_cases():
@@ -111,16 +109,11 @@ SCORE = Table(
 
 
 @exercise(
-    "0.1",
-    "The score of one flight",
-    points=1,
-    minutes=5,
-    hints=(
-        "A data unit counts the same whichever device it comes from. So what is divided by what? "
-        "And when is the score 0, whatever was collected?",
-        "Divide the sum of all that was collected by the sum of all that was there. Return that "
-        "if `landed` is true, and 0 if it is not.",
-    ),
+    "0.1 · The score of one flight (1 point, 5 minutes)",
+    "A data unit counts the same whichever device it comes from. So what is divided by what? "
+    "And when is the score 0, whatever was collected?",
+    "Divide the sum of all that was collected by the sum of all that was there. Return that "
+    "if `landed` is true, and 0 if it is not.",
     figure=_draw_score,
     table=SCORE,
 )
@@ -183,23 +176,16 @@ def _draw_flight(ax):
         ylabel="data left, data units",
         title=f"one good flight: {share:.0%}, landed after {flights.steps[0]} of {FLYING_TIME}",
     )
-    ax.legend()
-    ax.grid(alpha=0.3)
 
 
 @exercise(
-    "0.2",
-    "Fly by hand",
-    points=3,
-    minutes=15,
-    hints=(
-        "Count the time that each leg takes, landing included. Little is left for waiting, so "
-        "collect on the move: from which cells next to the no-fly cells is the first device in "
-        "sight, and which of them lie on a way to the second one and back?",
-        "Along row 0 towards the far corner, with hardly any time spent there. Then to (4, 2), one "
-        "cell from the first device: back along row 0 and down the street in column 2 or 3, or "
-        "down the eastern side and along row 4. Spend there what is left beyond the way home.",
-    ),
+    "0.2 · Fly by hand (3 points, 15 minutes)",
+    "Count the time that each leg takes, landing included. Little is left for waiting, so "
+    "collect on the move: from which cells next to the no-fly cells is the first device in "
+    "sight, and which of them lie on a way to the second one and back?",
+    "Along row 0 towards the far corner, with hardly any time spent there. Then to (4, 2), one "
+    "cell from the first device: back along row 0 and down the street in column 2 or 3, or "
+    "down the eastern side and along row 4. Spend there what is left beyond the way home.",
     figure=_draw_flight,
     function=False,
 )

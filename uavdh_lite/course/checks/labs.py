@@ -43,21 +43,15 @@ def _draw_leads(ax):
     ax.axhline(POINTS, color=VERMILION, linestyle="--", label=f"{POINTS} points")
     ax.set(xlabel=f"{MISSIONS} missions, sorted", ylabel="greedy's lead over the agent, points")
     ax.set_title(f"{(lead >= POINTS).sum()} of {MISSIONS} random missions reach {POINTS} points")
-    ax.legend()
 
 
 @exercise(
-    "10.1",
-    "Find a failure",
-    points=2,
-    minutes=10,
-    hints=(
-        "Such missions are rare. Let the computer fly one seed after the other.",
-        "for seed in range(100, 10_000): draw the mission, fly it with "
-        "find_policy(name, environment) for both names, "
-        "take 100 * collection_ratio[0] * landed[0] at the end, and stop at the first lead "
-        f"of {POINTS}.",
-    ),
+    "10.1 · Find a failure (2 points, 10 minutes)",
+    "Such missions are rare. Let the computer fly one seed after the other.",
+    "for seed in range(100, 10_000): draw the mission, fly it with "
+    "find_policy(name, environment) for both names, "
+    "take 100 * collection_ratio[0] * landed[0] at the end, and stop at the first lead "
+    f"of {POINTS}.",
     figure=_draw_leads,
     function=False,
     seconds=300,
@@ -181,17 +175,12 @@ def _draw_worst(ax):
 
 
 @exercise(
-    "10.2",
-    "The worst place for a device",
-    points=3,
-    minutes=12,
-    hints=(
-        "Two steps: for one device cell, which rate does the UAV get at the best place that it can "
-        "fly to? Then compare the device cells.",
-        "For each number in city.device_cells: device = divmod(number, city.size), then the "
-        "maximum of rate_map(city, environment.channel, environment.line_of_sight, device) over "
-        "the cells with city.landing_distance >= 0. Keep the device with the lowest maximum.",
-    ),
+    "10.2 · The worst place for a device (3 points, 12 minutes)",
+    "Two steps: for one device cell, which rate does the UAV get at the best place that it can "
+    "fly to? Then compare the device cells.",
+    "For each number in city.device_cells: device = divmod(number, city.size), then the "
+    "maximum of rate_map(city, environment.channel, environment.line_of_sight, device) over "
+    "the cells with city.landing_distance >= 0. Keep the device with the lowest maximum.",
     figure=_draw_worst,
     seconds=60,
 )

@@ -119,15 +119,10 @@ CITY_CELL = Table(
 
 
 @exercise(
-    "4.1",
-    "From the map back to the city",
-    points=1,
-    minutes=8,
-    hints=(
-        "Which cell of the city is in the middle of the map? Then count from the middle.",
-        "The UAV's cell is in the middle of the map, (M − 1, M − 1). So the city's row is "
-        "place[0] − (M − 1) + uav[0]; it exists if it is from 0 to M − 1. The same for columns.",
-    ),
+    "4.1 · From the map back to the city (1 point, 8 minutes)",
+    "Which cell of the city is in the middle of the map? Then count from the middle.",
+    "The UAV's cell is in the middle of the map, (M − 1, M − 1). So the city's row is "
+    "place[0] − (M − 1) + uav[0]; it exists if it is from 0 to M − 1. The same for columns.",
     figure=_draw_city_cell,
     table=CITY_CELL,
 )
@@ -275,17 +270,12 @@ CENTRE = Table(
 
 
 @exercise(
-    "4.2",
-    "Centre a layer",
-    points=2,
-    minutes=14,
-    hints=(
-        "Begin with a map that has the value `outside` everywhere. Where does the city's corner "
-        "(0, 0) come to lie if the UAV's cell is in the middle?",
-        "The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the M×M cells from "
-        "there on are the layer. Or surround the layer by M − 1 cells on all sides (np.pad) and "
-        "cut out the 2M − 1 rows from uav[0] on, and as many columns from uav[1] on.",
-    ),
+    "4.2 · Centre a layer (2 points, 14 minutes)",
+    "Begin with a map that has the value `outside` everywhere. Where does the city's corner "
+    "(0, 0) come to lie if the UAV's cell is in the middle?",
+    "The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the M×M cells from "
+    "there on are the layer. Or surround the layer by M − 1 cells on all sides (np.pad) and "
+    "cut out the 2M − 1 rows from uav[0] on, and as many columns from uav[1] on.",
     figure=_draw_centre,
     table=CENTRE,
 )
@@ -464,18 +454,13 @@ WEIGHTS = Table(
 
 
 @exercise(
-    "4.3",
-    "How many weights?",
-    points=3,
-    minutes=25,
-    hints=(
-        "Follow the shape of the map through the network, as in a table: layers and side before "
-        "and after each convolution, then the length of the list, then layer by layer. Each kernel "
-        "and each neuron has a bias.",
-        "A convolution has c·k·k weights and one bias a kernel, where c is the number of layers "
-        "that it gets, and leaves (side − k) // stride + 1 cells a side. The list has kernels · "
-        "side² numbers and the flying time. From n to m neurons: n·m + m. The output has 6.",
-    ),
+    "4.3 · How many weights? (3 points, 25 minutes)",
+    "Follow the shape of the map through the network, as in a table: layers and side before "
+    "and after each convolution, then the length of the list, then layer by layer. Each kernel "
+    "and each neuron has a bias.",
+    "A convolution has c·k·k weights and one bias a kernel, where c is the number of layers "
+    "that it gets, and leaves (side − k) // stride + 1 cells a side. The list has kernels · "
+    "side² numbers and the flying time. From n to m neurons: n·m + m. The output has 6.",
     figure=_draw_weights,
     table=WEIGHTS,
 )

@@ -189,17 +189,12 @@ def _draw_reachable(ax):
 
 
 @exercise(
-    "9.1",
-    "The way home",
-    points=2,
-    minutes=18,
-    hints=(
-        "Start from the landing cells, not from each cell: all cells one move away from them have "
-        "1, all new ones a move away from those have 2, and so on.",
-        "Fill an array with −1, set the landing cells to 0 and put them into a queue "
-        "(collections.deque). Take a cell from its front; each of the four neighbours that is on "
-        "the grid, no no-fly cell and still −1 gets one more and goes to the end.",
-    ),
+    "9.1 · The way home (2 points, 18 minutes)",
+    "Start from the landing cells, not from each cell: all cells one move away from them have "
+    "1, all new ones a move away from those have 2, and so on.",
+    "Fill an array with −1, set the landing cells to 0 and put them into a queue "
+    "(collections.deque). Take a cell from its front; each of the four neighbours that is on "
+    "the grid, no no-fly cell and still −1 gets one more and goes to the end.",
     figure=_draw_reachable,
     table=REACHABLE,
     refused={
@@ -260,16 +255,11 @@ def _draw_defeat(ax):
 
 
 @exercise(
-    "9.2",
-    "A city that defeats the agent",
-    points=4,
-    minutes=20,
-    hints=(
-        "A planner computes its ways from the map. The agent has learned its ways in one single "
-        "city. What was the same in every mission that it was trained on?",
-        "Start from `home` and change only where the UAV may land: move the zones to places that "
-        "it never landed in. Leave two of them, far apart, or the ways get too long for greedy.",
-    ),
+    "9.2 · A city that defeats the agent (4 points, 20 minutes)",
+    "A planner computes its ways from the map. The agent has learned its ways in one single "
+    "city. What was the same in every mission that it was trained on?",
+    "Start from `home` and change only where the UAV may land: move the zones to places that "
+    "it never landed in. Leave two of them, far apart, or the ways get too long for greedy.",
     figure=_draw_defeat,
     function=False,
     seconds=300,

@@ -148,17 +148,12 @@ CROSSES = Table(
 
 
 @exercise(
-    "2.1",
-    "Does the ray cross the cell?",
-    points=1,
-    minutes=10,
-    hints=(
-        "The tutorial's segment begins at (0, 0): move yours there. Which numbers may then be "
-        "negative, and what is the rectangle? What does the condition say if R = C = 0?",
-        "(R, C) is end minus start, (r, c) is cell minus start, by rows and columns. The rectangle "
-        "is min(R, 0) <= r <= max(R, 0), and the same with c and C. If R = C = 0 it is one cell, "
-        "and the condition, 0 < 0, must not be asked.",
-    ),
+    "2.1 · Does the ray cross the cell? (1 point, 10 minutes)",
+    "The tutorial's segment begins at (0, 0): move yours there. Which numbers may then be "
+    "negative, and what is the rectangle? What does the condition say if R = C = 0?",
+    "(R, C) is end minus start, (r, c) is cell minus start, by rows and columns. The rectangle "
+    "is min(R, 0) <= r <= max(R, 0), and the same with c and C. If R = C = 0 it is one cell, "
+    "and the condition, 0 < 0, must not be asked.",
     figure=_draw_crosses,
     table=CROSSES,
 )
@@ -331,17 +326,12 @@ def _draw_shadow(ax):
 
 
 @exercise(
-    "2.2",
-    "A shadow map from scratch",
-    points=3,
-    minutes=35,
-    hints=(
-        "For each cell of the city, list the cells that its ray crosses, and move them to where "
-        "the device is. A ray goes through a corner where two crossed cells touch diagonally.",
-        "If (r, c) and (r + 1, c + 1) are both crossed, look at (r, c + 1) and (r + 1, c): if both "
-        "are buildings, the link is blocked. The same for (r, c) and (r + 1, c − 1). No other "
-        "geometry is needed.",
-    ),
+    "2.2 · A shadow map from scratch (3 points, 35 minutes)",
+    "For each cell of the city, list the cells that its ray crosses, and move them to where "
+    "the device is. A ray goes through a corner where two crossed cells touch diagonally.",
+    "If (r, c) and (r + 1, c + 1) are both crossed, look at (r, c + 1) and (r + 1, c): if both "
+    "are buildings, the link is blocked. The same for (r, c) and (r + 1, c − 1). No other "
+    "geometry is needed.",
     figure=_draw_shadow,
     table=SHADOW,
 )
@@ -363,8 +353,6 @@ def _draw_asymmetric(ax):
         ax.plot(100 * densities, 100 * np.array(share), style, label=method)
     ax.set(xlabel="cells that are buildings, %", ylabel="asymmetric pairs, %")
     ax.set_title("random cities, 12 cells a side")
-    ax.legend()
-    ax.grid(alpha=0.3)
 
 
 def _matrix(sight):
@@ -476,16 +464,11 @@ ASYMMETRIC = Table(
 
 
 @exercise(
-    "2.3",
-    "How asymmetric is a table?",
-    points=2,
-    minutes=12,
-    hints=(
-        "Make the table a square matrix, one row and one column for each cell. Where does it "
-        "differ from its transpose? How many unordered pairs are there?",
-        "With n = M² cells, reshape to (n, n) and compare with .T: each asymmetric pair shows up "
-        "twice. There are n (n − 1) / 2 unordered pairs of different cells.",
-    ),
+    "2.3 · How asymmetric is a table? (2 points, 12 minutes)",
+    "Make the table a square matrix, one row and one column for each cell. Where does it "
+    "differ from its transpose? How many unordered pairs are there?",
+    "With n = M² cells, reshape to (n, n) and compare with .T: each asymmetric pair shows up "
+    "twice. There are n (n − 1) / 2 unordered pairs of different cells.",
     figure=_draw_asymmetric,
     table=ASYMMETRIC,
 )

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -32,10 +32,11 @@ class Table:
 
     Arguments:
         solution: the right function.
-        rules: a function that makes the cases: tuples of arguments by the rule that they test,
-            a sentence; from what is basic to what is special.
-        mistakes: by what to say of it, a function that makes the mistake, or several that make it
-            in different ways. It is named only if one agrees with the answer on every case.
+        rules: a function that makes the cases: arguments, a tuple if there are several, by the
+            rule that they test, a sentence; from what is basic to what is special.
+        mistakes: by what to say of it, a function that makes the mistake, or the keywords with
+            which the solution makes it, or a tuple of these if there are several ways. It is named
+            only if one agrees with the answer on every case.
         read: turns what the answer gives back into an array, or raises `Unreadable`.
         tolerance: relative. smallest: absolute.
         errors: what to say, besides the rule, if an answer stops with an error whose message has
@@ -47,7 +48,7 @@ class Table:
 
     solution: Callable
     rules: Callable[[], dict[str, list[tuple]]]
-    mistakes: dict[str, Callable | tuple[Callable, ...]] = field(default_factory=dict)
+    mistakes: dict[str, Callable | dict | tuple] = field(default_factory=dict)
     read: Callable[[Any], np.ndarray] = numbers
     tolerance: float = 1e-6
     smallest: float = 1e-9
@@ -59,7 +60,11 @@ class Table:
     @cached_property
     def cases(self) -> list[tuple[str, tuple]]:
         """All cases, each with its rule."""
-        return [(rule, case) for rule, several in self.rules().items() for case in several]
+        return [
+            (rule, case if isinstance(case, tuple) else (case,))
+            for rule, several in self.rules().items()
+            for case in several
+        ]
 
     @cached_property
     def right(self) -> list[Outcome]:
@@ -70,7 +75,8 @@ class Table:
         """What to say of each function that makes a mistake, and the function."""
         for message, made in self.mistakes.items():
             for mistake in made if isinstance(made, tuple) else (made,):
-                yield message, mistake
+                keywords = isinstance(mistake, dict)
+                yield message, partial(self.solution, **mistake) if keywords else mistake
 
     def __call__(self, answer: Callable) -> None:
         """Check a function.

@@ -86,8 +86,6 @@ def _draw_n_step(ax):
         ylabel="n-step return, data units",
         title="10 steps stored, the 6th earns 3, the others −0.1;\nγ = 0.95, all values 5",
     )
-    ax.grid(alpha=0.3)
-    ax.legend()
 
 
 def _n_step_cases():
@@ -184,16 +182,11 @@ N_STEP = Table(
 
 
 @exercise(
-    "6.1",
-    "The n-step return",
-    points=2,
-    minutes=15,
-    hints=(
-        "Write it down for n = 1 and n = 2, then for n = 2 with the first step terminal. After m "
-        "rewards, with which power of γ and of which state does the value come?",
-        "Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor "
-        "by γ, and return if terminals[k]. After m = min(n, T) steps add factor · values[m].",
-    ),
+    "6.1 · The n-step return (2 points, 15 minutes)",
+    "Write it down for n = 1 and n = 2, then for n = 2 with the first step terminal. After m "
+    "rewards, with which power of γ and of which state does the value come?",
+    "Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor "
+    "by γ, and return if terminals[k]. After m = min(n, T) steps add factor · values[m].",
     figure=_draw_n_step,
     table=N_STEP,
 )
@@ -328,16 +321,11 @@ DIAGNOSIS = Table(
 
 
 @exercise(
-    "6.2",
-    "What is wrong with this agent?",
-    points=1,
-    minutes=5,
-    hints=(
-        "The four terms are defined one after the other, each among those that are left. So which "
-        "number must be looked at first?",
-        "First `if time_used < 0.25`, then `if landed < 0.9`, then collection_ratio: from 0.8 on "
-        'it is "good", else it "wanders".',
-    ),
+    "6.2 · What is wrong with this agent? (1 point, 5 minutes)",
+    "The four terms are defined one after the other, each among those that are left. So which "
+    "number must be looked at first?",
+    "First `if time_used < 0.25`, then `if landed < 0.9`, then collection_ratio: from 0.8 on "
+    'it is "good", else it "wanders".',
     figure=_draw_diagnosis,
     table=DIAGNOSIS,
 )
@@ -390,22 +378,15 @@ def _draw_schedules(ax):
         ylabel="reward for a crash",
         title=f"how fast it changes: crash_reward_growth = {MENDED.crash_reward_growth:g}",
     )
-    ax.legend(fontsize="small")
-    ax.grid(alpha=0.3)
 
 
 @exercise(
-    "6.3",
-    "Mend a lazy agent",
-    points=4,
-    minutes=30,
-    hints=(
-        "It lands at once since it learned to fear the crash before it saw what there is to "
-        "collect. Must a crash cost as much at the beginning of the training as at its end?",
-        "Begin with a crash_reward of a few points, comparable with the data that a step brings, "
-        "and let it grow to crash_reward_end. Explore more while the Q-values are still wrong "
-        "(temperature about 1), limit the pull of large errors (huber_delta), use all the steps.",
-    ),
+    "6.3 · Mend a lazy agent (4 points, 30 minutes)",
+    "It lands at once since it learned to fear the crash before it saw what there is to "
+    "collect. Must a crash cost as much at the beginning of the training as at its end?",
+    "Begin with a crash_reward of a few points, comparable with the data that a step brings, "
+    "and let it grow to crash_reward_end. Explore more while the Q-values are still wrong "
+    "(temperature about 1), limit the pull of large errors (huber_delta), use all the steps.",
     figure=_draw_schedules,
     function=False,
     seconds=3600,
