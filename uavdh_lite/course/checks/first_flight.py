@@ -12,52 +12,47 @@ from uavdh_lite.plotting import device_colour
 from uavdh_lite.streams import Use, stream
 
 
-def _score(collected, initial, landed):
-    return sum(collected) / sum(initial) if landed else 0.0
+def _score(collected, initial, landed, share=None, used=True):
+    """The score; mistakes have another `share`, or do not use `landed`."""
+    share = share or (lambda c, i: sum(c) / sum(i))
+    return share(collected, initial) if landed or not used else 0.0
 
 
-def _mean_of_ratios(without=True, used=True):
-    """A mistake: whether devices without data are left out of it, and `landed` is used."""
+def _ratios(collected, initial):
+    return np.mean([c / i for c, i in zip(collected, initial, strict=True)])
 
-    def mistake(collected, initial, landed):
-        if used and not landed:
-            return 0.0
-        pairs = [pair for pair in zip(collected, initial, strict=True) if pair[1] or not without]
-        return sum(part / whole for part, whole in pairs) / len(pairs)
 
-    return mistake
+def _ratios_with_data(collected, initial):
+    return np.mean([c / i for c, i in zip(collected, initial, strict=True) if i])
 
 
 def _draw_score(ax):
     collected = np.linspace(0, 20, 41)
     for landed, label in ((True, "landed"), (False, "not landed")):
         ax.plot(collected, [_score([c, 5.0], [20.0, 5.0], landed) for c in collected], label=label)
-    ax.set(
-        xlabel="collected from a device with 20 data units, data units",
-        ylabel="collection ratio and landed",
-        title="the second device's 5 units are all collected",
-        ylim=(-0.05, 1.05),
-    )
+    ax.set(xlabel="collected from a device with 20 data units, data units")
+    ax.set(ylabel="collection ratio and landed", ylim=(-0.05, 1.05))
+    ax.set_title("the second device's 5 units are all collected")
 
 
 def _score_cases():
     generator = stream(Use.EXERCISE, 1)
-    flights = []
+    drawn = []
     for count in (1, 3, 5, 8):
         initial = generator.uniform(5, 20, count).round(1)
-        flights.append(((initial * generator.uniform(0.1, 0.9, count)).round(1), initial))
-    drawn = [(c.tolist(), i.tolist(), True) for c, i in flights]
+        collected = (initial * generator.uniform(0.1, 0.9, count)).round(1)
+        drawn.append((collected.tolist(), initial.tolist()))
     return {
         "The score of a UAV that has landed is the sum of all that was collected over the sum of "
         "all that was there: every data unit counts the same.": [
             *(([20.0, 0.0], [20.0, 5.0], True), ([6, 1], [8, 2], True), ([1.5], [6.0], True)),
-            *drawn,
+            *((*flight, True) for flight in drawn),
         ],
         "All of the data is a score of 1, none of it a score of 0.": [
             *(([0.0, 0], [20.0, 5], True), ([20.0, 5.0], [20.0, 5.0], True), ([0], [3], True)),
         ],
         "A UAV that has not landed scores 0, whatever it collected.": [
-            *((c, i, False) for c, i, _ in drawn[:2]),
+            *((*flight, False) for flight in drawn[:2]),
             *(([18.0, 5.0], [20.0, 5.0], False), ([3.0], [3.0], False)),
         ],
         "A device may have had no data at the start: divide once, by the sum.": [
@@ -76,33 +71,25 @@ SCORE = Table(
     mistakes={
         "You average the devices' own ratios, so that a device with little data counts as much "
         "as one with a lot. Add up first, then divide once.": (
-            *(_mean_of_ratios(without) for without in (True, False)),
+            *({"share": _ratios_with_data}, {"share": _ratios}),
         ),
-        "`landed` is not used: a UAV that did not land brings nothing home, and scores 0.": (
-            lambda c, i, landed: _score(c, i, True)
-        ),
-        "You average the devices' own ratios (a device with little data then counts as much as one "
-        "with a lot: add up first, then divide once), and `landed` is not used.": (
-            *(_mean_of_ratios(without, used=False) for without in (True, False)),
+        "`landed` is not used: a UAV that did not land scores 0.": {"used": False},
+        "You average the devices' own ratios (add up first, then divide once), and `landed` is "
+        "not used.": (
+            *({"share": share, "used": False} for share in (_ratios_with_data, _ratios)),
         ),
         "`landed` the wrong way round: it is True for a UAV that came home.": (
             lambda c, i, landed: _score(c, i, not landed)
         ),
-        "That is a percentage. A share lies between 0 and 1: leave out the 100.": (
-            lambda c, i, landed: 100 * _score(c, i, landed)
-        ),
-        "That is the amount of data, not its share: divide by what there was at the start.": (
-            lambda c, i, landed: sum(c) * landed
-        ),
-        "That is the share that is left at the devices. The collected one is asked for.": (
-            lambda c, i, landed: (1 - _score(c, i, True)) * landed
-        ),
-        "Divide by all data that there was at the start, not by the number of devices.": (
-            lambda c, i, landed: sum(c) / len(c) * landed
-        ),
-        "Only the first device counts. Take the sum over all of them.": (
-            lambda c, i, landed: c[0] / i[0] * landed
-        ),
+        "That is a percentage: leave out the 100.": {"share": lambda c, i: 100 * sum(c) / sum(i)},
+        "Divide by what there was at the start.": {"share": lambda c, i: sum(c)},
+        "That is the share left at the devices, not the collected one.": {
+            "share": lambda c, i: 1 - sum(c) / sum(i)
+        },
+        "Divide by all data that there was at the start, not by the number of devices.": {
+            "share": lambda c, i: np.mean(c)
+        },
+        "Only the first device counts. Sum over all of them.": {"share": lambda c, i: c[0] / i[0]},
     },
     read=number,
 )
@@ -145,19 +132,42 @@ def fly_by_hand(actions) -> HandFlight:
                 f"The safety controller intervened at step {step}, {name!r} from {before}: "
                 f"{_refusal(flight.environment.city, before, name)}"
             )
-        if not flight.ended:
-            continue
-        expect(
-            flight.state.landed[0],
-            f"The flying time ran out: it had {FLYING_TIME} units, and after step {step} the UAV "
-            "is still in the air. The flight home takes time, and landing one unit more.",
-        )
-        expect(
-            step == len(actions),
-            f"The UAV lands at step {step}, and that ends the flight, but the list has "
-            f"{len(actions)} actions. Put `land` last.",
-        )
+        if flight.ended:
+            expect(
+                flight.state.landed[0],
+                f"The flying time ran out: after {step} of {FLYING_TIME} units the UAV is still in "
+                "the air. The flight home takes time, and landing one unit more.",
+            )
+            expect(
+                step == len(actions),
+                f"The UAV lands at step {step}, and that ends the flight, but the list has "
+                f"{len(actions)} actions. Put `land` last.",
+            )
     return flight
+
+
+def _expect_known(step: int, name) -> None:
+    """Raise `CheckFailed` unless it is the name of an action."""
+    if isinstance(name, str) and name in ACTIONS:
+        return
+    known = ", ".join(ACTIONS)
+    if isinstance(name, int | np.integer):
+        raise CheckFailed(f"Step {step} is the number {show(name)}. Give names: {known}.")
+    almost = name.strip().lower() if isinstance(name, str) else ""
+    meant = f" Did you mean {almost!r}?" if almost in ACTIONS else ""
+    raise CheckFailed(f"Step {step} is {show(name)}, which is no action. There are {known}.{meant}")
+
+
+def _refusal(city, cell: tuple[int, int], name: str) -> str:
+    """Why the safety controller refused this action in this cell."""
+    action = ACTIONS.index(name)
+    if action == LAND:
+        return "that is outside the landing zone, the blue cells."
+    row, col = (int(part) for part in np.array(cell) + MOVES[action])
+    if not (0 <= row < city.size and 0 <= col < city.size):
+        return f"the map ends there. Rows and columns go from 0 to {city.size - 1}."
+    what = "a tall building" if city.buildings[row, col] else "no-fly"
+    return f"cell {row, col} is {what}. The UAV hovered instead, and all later steps are displaced."
 
 
 def _cell(flight: HandFlight) -> tuple[int, int]:
@@ -170,12 +180,9 @@ def _draw_flight(ax):
     left = flights.trajectory(0).data_left
     for device, cell in enumerate(DEVICES):
         ax.plot(left[:, device], ".-", color=device_colour(device), label=f"device at {cell}")
-    share = flights.end.collection_ratio[0]
-    ax.set(
-        xlabel="time since the start, units of time",
-        ylabel="data left, data units",
-        title=f"one good flight: {share:.0%}, landed after {flights.steps[0]} of {FLYING_TIME}",
-    )
+    ax.set(xlabel="time since the start, units of time", ylabel="data left, data units")
+    share, steps = flights.end.collection_ratio[0], flights.steps[0]
+    ax.set_title(f"one good flight: {share:.0%}, landed after {steps} of {FLYING_TIME}")
 
 
 @exercise(
@@ -210,27 +217,3 @@ def flown_by_hand(answer) -> None:
         f"It lands, but with only {share:.1%} of the data, and {LEAST_SHARE:.0%} are asked for. "
         f"Left are {left} data units.{unused}",
     )
-
-
-def _expect_known(step: int, name) -> None:
-    """Raise `CheckFailed` unless it is the name of an action."""
-    if isinstance(name, str) and name in ACTIONS:
-        return
-    known = ", ".join(ACTIONS)
-    if isinstance(name, int | np.integer):
-        raise CheckFailed(f"Step {step} is the number {show(name)}. Give names: {known}.")
-    almost = name.strip().lower() if isinstance(name, str) else ""
-    meant = f" Did you mean {almost!r}?" if almost in ACTIONS else ""
-    raise CheckFailed(f"Step {step} is {show(name)}, which is no action. There are {known}.{meant}")
-
-
-def _refusal(city, cell: tuple[int, int], name: str) -> str:
-    """Why the safety controller refused this action in this cell."""
-    action = ACTIONS.index(name)
-    if action == LAND:
-        return "that is outside the landing zone, the blue cells."
-    row, col = (int(part) for part in np.array(cell) + MOVES[action])
-    if not (0 <= row < city.size and 0 <= col < city.size):
-        return f"the map ends there. Rows and columns go from 0 to {city.size - 1}."
-    what = "a tall building" if city.buildings[row, col] else "no-fly"
-    return f"cell {row, col} is {what}. The UAV hovered instead, and all later steps are displaced."
