@@ -2,6 +2,7 @@
 
 import functools
 import operator
+import time
 from collections import Counter
 
 import numpy as np
@@ -10,7 +11,7 @@ import torch
 from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, guarded, show
 from uavdh_lite.course.checks.table import Table
 from uavdh_lite.course.checks.values import Unreadable, numbers
-from uavdh_lite.ddqn import ddqn_target, softmax_policy
+from uavdh_lite.ddqn import softmax_policy
 from uavdh_lite.environment import ACTIONS
 from uavdh_lite.streams import Use, stream
 
@@ -21,39 +22,40 @@ def _tensor(value) -> np.ndarray:
     return numbers(value)
 
 
-def _softmax(q_values, temperature):
-    return softmax_policy(q_values, temperature)
+TOPS = {  # what may be subtracted from the Q-values; only the maximum of the row is right
+    "row": lambda q: q.amax(1, True),
+    "nothing": lambda q: 0,
+    "batch": torch.max,
+    "column": lambda q: q.amax(0, True),
+    "mean": lambda q: q.mean(1, keepdim=True),
+    "minimum": lambda q: q.amin(1, True),
+    "first": lambda q: q[:, :1],
+}
+
+
+def _by_row(powers):
+    return powers.sum(1, True)
+
+
+def _by_column(powers):
+    return powers.sum(0, True)
+
+
+def _softmax(q_values, temperature, top="row", total=_by_row, exponents=torch.div):
+    """The softmax; mistakes have another `top`, another total, or β elsewhere."""
+    powers = torch.exp(exponents(q_values - TOPS[top](q_values), temperature))
+    return powers / total(powers)
 
 
 def _draw_policy(ax):
-    q_values = np.array([[1000, 999.75, 999.5, 999, 998, 997]], np.float32)
+    q_values = torch.tensor([[1000, 999.75, 999.5, 999, 998, 997]])
     places = np.arange(len(ACTIONS))
     for k, temperature in enumerate((0.1, 0.5, 2.0)):
-        shares = _softmax(torch.tensor(q_values), temperature)[0].numpy()
+        shares = softmax_policy(q_values, temperature)[0].numpy()
         ax.bar(places + 0.27 * (k - 1), shares, 0.27, label=f"β = {temperature}")
     names = [f"{name}\n{q:g}" for name, q in zip(ACTIONS, q_values[0], strict=True)]
     ax.set_xticks(places, names, fontsize="small")
     ax.set(xlabel="action and its Q-value", ylabel="probability")
-
-
-def _powers(top=None, over=1, exponents=torch.div):
-    """A softmax with a mistake: what is subtracted from q / β, what the sum is over."""
-
-    def mistake(q_values, temperature):
-        tops = {
-            None: lambda: 0,
-            "row": lambda: q_values.amax(1, True),
-            "batch": q_values.max,
-            "column": lambda: q_values.amax(0, True),
-            "mean": lambda: q_values.mean(1, keepdim=True),
-            "least": lambda: q_values.amin(1, True),
-            "first": lambda: q_values[:, :1],
-        }
-        powers = torch.exp(exponents(q_values - tops[top](), temperature))
-        sums = {1: lambda: powers.sum(1, True), 0: lambda: powers.sum(0, True), 2: powers.sum}
-        return powers / sums[over]() if over is not None else powers
-
-    return mistake
 
 
 def _policy_cases():
@@ -101,48 +103,49 @@ def _policy_cases():
     }
 
 
+def _whatever(*tops, **keywords):
+    """A mistake that is one whichever of these is subtracted."""
+    return tuple({"top": top, **keywords} for top in tops)
+
+
 POLICY = Table(
     _softmax,
     _policy_cases,
     mistakes={
-        "You normalise over the batch: each column sums to 1, and states get into each other's "
-        "way. Sum over the actions, dim=1, so that each row does.": (
-            *(_powers(top, 0) for top in (None, "row", "batch", "column")),
-            *(_powers(top, 0, torch.mul) for top in (None, "row")),
+        "You normalise over the batch: each column sums to 1. Sum over the actions, dim=1, so that "
+        "each row does.": (
+            *_whatever("nothing", "row", "batch", "column", total=_by_column),
+            *_whatever("nothing", "row", total=_by_column, exponents=torch.mul),
         ),
         "You divide by the sum of the whole batch. Each state has a policy of its own: sum over "
-        "dim=1, with keepdim=True.": tuple(_powers(top, 2) for top in (None, "row", "batch")),
+        "dim=1, with keepdim=True.": _whatever("nothing", "row", "batch", total=torch.sum),
         "These are the exponentials, in the right ratios, but a row does not sum to 1: divide them "
-        "by their sum over the actions.": tuple(
-            _powers(top, None) for top in (None, "row", "batch")
+        "by their sum over the actions.": (
+            _whatever("nothing", "row", "batch", total=lambda powers: 1)
         ),
         "It overflows: exp of 1000 / 0.1 is infinite, and infinity over infinity is nan. Subtract "
-        "the state's largest Q-value before you take exp; that changes no probability.": _powers(),
+        "the state's largest Q-value before you take exp.": {"top": "nothing"},
         "You subtract the largest Q-value of the whole batch, and in a state whose values lie far "
-        "below it all exponentials become 0. Subtract the maximum of each row.": _powers("batch"),
+        "below it all exponentials become 0. Subtract the maximum of each row.": {"top": "batch"},
         "You subtract each action's maximum over the states, dim=0. That changes the gaps within a "
-        "row: subtract from each row its own maximum, dim=1.": _powers("column"),
-        **{
-            "You subtract something smaller than the maximum of each row"
-            f"{what}. Where the best action lies far above it, exp still overflows.": _powers(top)
-            for what, top in ((", its mean", "mean"), (", its minimum", "least"), ("", "first"))
-        },
-        "You multiply by the temperature instead of dividing by it: a cold policy, with a small β, "
-        "must be the sharper one.": tuple(
-            _powers(top, exponents=torch.mul) for top in (None, "row", "batch")
-        ),
+        "row: subtract from each row its own maximum, dim=1.": {"top": "column"},
+        "You subtract something smaller than the maximum of each row. Where the best action lies "
+        "far above it, exp still overflows.": _whatever("mean", "minimum", "first"),
+        "You multiply by the temperature: divide by it, since a small β must make the policy "
+        "sharper.": _whatever("nothing", "row", "batch", exponents=torch.mul),
         "The temperature has no effect. Inside of exp it matters; a factor in front of it cancels "
-        "when you divide by the sum.": tuple(
-            _powers(top, exponents=lambda q, b: q) for top in (None, "row", "batch")
+        "when you divide by the sum.": (
+            _whatever("nothing", "row", "batch", exponents=lambda q, beta: q)
         ),
         "The sign is wrong: the action with the largest Q-value must be the likeliest.": (
-            lambda q, b: _softmax(-q, b)
+            lambda q, beta: _softmax(-q, beta)
         ),
         "These are logarithms of probabilities. The probabilities are asked for.": (
-            lambda q, b: torch.log_softmax(q / b, 1)
+            lambda q, beta: torch.log_softmax(q / beta, 1)
         ),
-        "That is the greedy policy, with 1 for the best action. At a temperature above 0 the "
-        "others have a chance too.": lambda q, b: torch.eye(q.shape[1])[q.argmax(1)],
+        "That is the greedy policy. Above a temperature of 0 the others have a chance too.": (
+            lambda q, beta: torch.eye(q.shape[1])[q.argmax(1)]
+        ),
     },
     read=_tensor,
     tolerance=1e-4,
@@ -185,6 +188,14 @@ class _Ring:
         return [self.items[self.newest], *(self.items[k] for k in rest)]
 
 
+STOPS = {  # by what an error's message has in it, what is probably wrong
+    "larger": "A sample may be larger than the number of items stored: items may repeat.",
+    "inhomogeneous": "generator.choice makes arrays of items: draw places, generator.integers.",
+    "dimensional": "generator.choice makes arrays of items: draw places, generator.integers.",
+    "ambiguous": "Items may hold arrays: do not compare them, keep their places.",
+}
+
+
 class _Tested:
     """A student's ring, asked and spoken of by the numbers of its items, 0 for the first added."""
 
@@ -194,29 +205,23 @@ class _Tested:
         self.capacity = capacity
         self.ring = self._call(f"Ring({capacity})", lambda: ring(capacity))
 
-    def _call(self, what: str, function, none: bool = False):
-        when = ""
-        if self.items:
-            items = "1 item" if len(self.items) == 1 else f"{len(self.items)} items"
-            when = f" after {items}, with capacity {self.capacity},"
-        try:
-            return guarded(function, f"{what}{when}", none)()
-        except CheckFailed as failed:
-            raise CheckFailed(f"{failed} {self._why(what, failed.__cause__)}".strip()) from None
+    @property
+    def when(self) -> str:
+        items = "1 item" if len(self.items) == 1 else f"{len(self.items)} items"
+        return f"after {items}, with capacity {self.capacity},"
 
-    def _why(self, what: str, error: BaseException | None) -> str:
-        """What is probably wrong if a method stops with this error."""
-        if isinstance(error, IndexError) and what.startswith("add"):
-            return "A list has only the places that were appended, or made in __init__."
-        if isinstance(error, IndexError) and len(self.items) < self.capacity:
-            return f"Only {len(self.items)} of {self.capacity} places are filled: draw from those."
-        if "larger" in str(error):
-            return "A sample may be larger than the number of items stored: items may repeat."
-        if "inhomogeneous" in str(error) or "dimensional" in str(error):
-            return "generator.choice makes arrays of items: draw places, generator.integers."
-        if "ambiguous" in str(error):
-            return "Items may hold arrays: do not compare them, keep their places."
-        return ""
+    def _call(self, what: str, function, none: bool = False):
+        try:
+            return guarded(function, f"{what} {self.when if self.items else ''}".strip(), none)()
+        except CheckFailed as failed:
+            error = failed.__cause__
+            said = [text for part, text in STOPS.items() if part in str(error)]
+            if isinstance(error, IndexError) and what.startswith("add"):
+                said = ["A list has only the places that were appended, or made in __init__."]
+            elif isinstance(error, IndexError) and len(self.items) < self.capacity:
+                filled = f"Only {len(self.items)} of {self.capacity} places are filled"
+                said = [f"{filled}: draw from those."]
+            raise CheckFailed(" ".join([str(failed), *said])) from None
 
     def add(self, count: int) -> None:
         for _ in range(count):
@@ -245,9 +250,9 @@ class _Tested:
                 "from those that are filled.",
             )
             raise CheckFailed(
-                f"{what} gives back {show(item)}, which is none of the tuples that were added to "
-                "this ring. Draw places (generator.integers) and take the items from there: "
-                "generator.choice makes arrays of them. And each ring has its own items."
+                f"{what} gives back {show(item)}, which is none of the tuples added to this ring. "
+                "Draw places (generator.integers) and take the items from there: generator.choice "
+                "makes arrays of them. And each ring has its own items."
             )
         return [self.numbers[id(item)] for item in given]
 
@@ -262,12 +267,8 @@ def _draw_ring(ax):
         heights = [drawn[n] / 1000 for n in range(12)]
         label = f"after {added} items"
         ax.bar(np.arange(1, 13) + shift, heights, 0.4, color=colour, label=label)
-    ax.set(
-        xlabel="number of the item, 1 for the first added",
-        ylabel="times in a sample of 4, mean",
-        title="capacity 5",
-        xticks=range(1, 13),
-    )
+    ax.set(xlabel="number of the item, 1 for the first added", xticks=range(1, 13))
+    ax.set(ylabel="times in a sample of 4, mean", title="capacity 5")
 
 
 @exercise(
@@ -310,76 +311,64 @@ def ring_buffer(answer) -> None:
         "Two samples in a row, with the same generator, are equal: draw from it, and make no "
         "generator of your own.",
     )
+    _expect_quick(answer)
 
 
 def _expect_newest(ring: _Tested, count: int) -> None:
     """The newest item is in every sample."""
-    newest = count - 1
+    newest, oldest = count - 1, max(0, count - ring.capacity)
     alone = [ring.sample(1, seed)[0] for seed in range(12)]
-    if set(alone) == {newest}:
-        expect(
-            all(newest in ring.sample(4, seed) for seed in range(12)),
-            "A sample of 1 is the newest item, but samples of 4 do not always have it.",
-        )
-        return
-    when = f"After {count} items, with capacity {ring.capacity},"
-    if len(set(alone)) > 1:
-        raise CheckFailed(
-            f"{when} the newest item is not in every sample: a sample of 1 must be the newest "
-            "alone, and yours differs from draw to draw."
-        )
-    oldest = max(0, count - ring.capacity)
-    if alone[0] == oldest and count >= ring.capacity:
-        raise CheckFailed(
-            f"{when} every sample has the oldest item where the newest should be: that is the "
-            "place to be overwritten next. The newest is one place before it, round the ring."
-        )
-    wrapped = (
-        " That goes wrong once the ring is full and begins again at its first place: the newest "
-        "is then no longer at the end."
-        if count > ring.capacity
-        else " Is the place noted before or after it moves on?"
+    expect(
+        len(set(alone)) == 1,
+        f"{ring.when.capitalize()} the newest item is not in every sample: a sample of 1 must be "
+        "the newest alone, and yours differs from draw to draw.",
     )
-    raise CheckFailed(
-        f"{when} every sample has item number {alone[0] + 1} where the newest, number {count}, "
-        f"should be.{wrapped}"
+    if alone[0] != newest:
+        why = "Is the place noted before or after it moves on?"
+        if alone[0] == oldest and count >= ring.capacity:
+            why = "That is the oldest, the place to be overwritten next: take the one before it."
+        elif count > ring.capacity:
+            why = "Once the ring is full and begins again, the newest is no longer at the end."
+        raise CheckFailed(
+            f"{ring.when.capitalize()} every sample has item number {alone[0] + 1} where the "
+            f"newest, number {count}, should be. {why}"
+        )
+    expect(
+        all(newest in ring.sample(4, seed) for seed in range(12)),
+        "A sample of 1 is the newest item, but samples of 4 do not always have it.",
     )
 
 
 def _expect_stored(ring: _Tested, count: int) -> None:
     """All of the last items are stored, and nothing else is."""
-    found = set(ring.sample(60 * ring.capacity, count))
-    expected = set(range(max(0, count - ring.capacity), count))
+    drawn = ring.sample(60 * ring.capacity, count)
+    found, expected = set(drawn), set(range(max(0, count - ring.capacity), count))
+    missing = expected - found
     if found == expected:
         return
-    when = f"After {count} items, with capacity {ring.capacity},"
-    if count > ring.capacity and found > expected:
-        raise CheckFailed(
-            f"{when} {len(found)} different items are drawn: the ring grows. From the capacity on "
-            "each new item must overwrite the oldest."
+    if found > expected:
+        why = "the ring grows. From the capacity on each new item must overwrite the oldest."
+    elif found - expected:
+        why = "each new item must overwrite the oldest, and no other."
+    elif found == {count - 1}:
+        why = "only the newest item is ever drawn."
+    elif len(set(drawn[1:])) == 1:
+        why = "all items of a sample but the newest are the same one. Draw each of them on its own."
+    elif len(missing) == 1:
+        why = (
+            "is one place too few kept, or drawn from? (generator.integers leaves out its upper "
+            "end already: no − 1 there.)"
         )
-    if found == {count - 1}:
-        raise CheckFailed(f"{when} only the newest item is ever drawn. Where are the others?")
-    if found < expected and len(set(ring.sample(60 * ring.capacity, count)[1:])) == 1:
-        raise CheckFailed(
-            f"{when} all items of a sample but the newest are the same one. Draw each of them on "
-            "its own."
-        )
-    if found < expected and len(expected - found) == 1:
-        raise CheckFailed(
-            f"{when} item number {_numbered(expected - found)} is never drawn, though it should "
-            "be stored. Is one place too few kept, or drawn from? (The upper end of "
-            "generator.integers is left out already: no − 1 there.)"
-        )
-    if found - expected:
-        raise CheckFailed(
-            f"{when} the stored items are the numbers {_numbered(found)}, but should be the last "
-            f"ones, {_numbered(expected)}: each new item must overwrite the oldest, and no other."
-        )
+    else:
+        why = "are too few places kept or drawn from?"
     raise CheckFailed(
-        f"{when} only the numbers {_numbered(found)} are ever drawn, of {_numbered(expected)}. "
-        "Are too few places kept or drawn from?"
+        f"{ring.when.capitalize()} the items drawn are the numbers {_numbered(found)}, expected "
+        f"{_numbered(expected)}: {why}"
     )
+
+
+def _numbered(items: set[int]) -> str:
+    return ", ".join(str(n + 1) for n in sorted(items))
 
 
 def _expect_uniform(ring: _Tested, count: int) -> None:
@@ -398,17 +387,17 @@ def _expect_uniform(ring: _Tested, count: int) -> None:
         others.append(drawn)
     total = Counter(number for drawn in others for number in drawn)
     expect(
-        total[count - 1] or not others,
-        "The newest item comes exactly once in each sample. The others must be drawn from all "
-        "stored items, the newest included.",
+        total[count - 1],
+        "The newest item comes exactly once in each sample. Draw the others from all stored items, "
+        "the newest included.",
     )
     mean, items = samples * (size - 1) / len(stored), len(stored)
     off = sum((total[number] - mean) ** 2 / mean for number in stored)
     expect(
         off < {1: 1e-9, 3: 37.0, 8: 52.0}[items],
-        f"After {count} items, with capacity {ring.capacity}, the items besides the newest are not "
-        f"equally likely: {dict((n + 1, total[n]) for n in stored)} draws by number. Draw each "
-        "place from generator.integers(0, number stored).",
+        f"{ring.when.capitalize()} the items besides the newest are not equally likely: "
+        f"{dict((n + 1, total[n]) for n in stored)} draws by number. Draw each place from "
+        "generator.integers(0, number stored).",
     )
     pairs = [len(set(ring.sample(3, generator))) for _ in range(3 * samples)]
     # Of two independent draws: none new, one new (equal or with the newest), two different new ones
@@ -421,17 +410,38 @@ def _expect_uniform(ring: _Tested, count: int) -> None:
     )
 
 
-def _numbered(items: set[int]) -> str:
-    return ", ".join(str(n + 1) for n in sorted(items))
+def _expect_quick(ring: type) -> None:
+    """A full ring of 65,536 items takes a new one as quickly as one of 8.
+
+    The quickest of five batches counts, so that a busy machine fails no right answer: theirs differ
+    by a factor of 2 at most, those of a list that shifts its items by 30 or more.
+    """
+
+    def seconds(capacity):
+        own, batches = ring(capacity), []
+        for number in range(capacity):
+            own.add((number,))
+        for _ in range(5):
+            began = time.perf_counter()
+            for number in range(100):
+                own.add((number,))
+            batches.append(time.perf_counter() - began)
+        return min(batches)
+
+    expect(
+        seconds(2**16) < 10 * seconds(8),
+        "Adding gets slower the larger the memory is. Do not shift all items by a place, as pop(0) "
+        "does: overwrite the oldest where it is.",
+    )
 
 
-def _target(reward, terminal, discount, online_next, target_next):
-    return ddqn_target(reward, discount * ~terminal, online_next, target_next)
-
-
-def _judged(reward, terminal, discount, chooser, judge, masked=True):
-    value = judge.gather(1, chooser.argmax(1, True)).squeeze(1)
-    return reward + discount * value * (~terminal if masked else 1)
+def _target(reward, terminal, discount, online_next, target_next, **wrong):
+    """The target of double DQN; the keywords make mistakes."""
+    networks = {"online": online_next, "target": target_next}
+    best = networks[wrong.get("chooser", "online")].argmax(1, True)
+    value = networks[wrong.get("judge", "target")].gather(1, best).squeeze(1)
+    goes_on = wrong.get("goes_on", lambda terminal: ~terminal)(terminal)
+    return reward + wrong.get("counts", lambda discount: discount)(discount) * value * goes_on
 
 
 BY_HAND = (  # the table of exercise 5.3, as the arguments of `target`
@@ -446,13 +456,12 @@ BY_HAND = (  # the table of exercise 5.3, as the arguments of `target`
 def _draw_target(ax):
     reward, terminal, _, online, target = BY_HAND
     places, names = np.arange(2), []
-    wrong = (reward + 0.9 * target.amax(1)).numpy()
-    double = _target(*BY_HAND).numpy()
     for shift, values, label, colour in (
-        (-0.2, wrong, "the wrong function's target", "0.7"),
-        (0.2, double, "target y", "C0"),
+        (-0.2, reward + 0.9 * target.amax(1), "the wrong function's target", "0.7"),
+        (0.2, _target(*BY_HAND), "target y", "C0"),
     ):
-        ax.bar_label(ax.bar(places + shift, values, 0.4, color=colour, label=label), fmt="%.4g")
+        bars = ax.bar(places + shift, values.numpy(), 0.4, color=colour, label=label)
+        ax.bar_label(bars, fmt="%.4g")
     for k in places:
         first = f"r = {reward[k]:g}, {'terminal' if terminal[k] else 'not terminal'}"
         names.append(f"{first}\nonline {online[k].tolist()}\ntarget {target[k].tolist()}")
@@ -497,48 +506,31 @@ TARGET = Table(
     _target_cases,
     mistakes={
         "That is what the wrong function gives: one network both chooses and judges, and a value "
-        "is added after the end of an episode.": (
-            lambda r, t, d, online, target: _judged(r, t, d, target, target, masked=False)
-        ),
+        "is added after the end of an episode.": {"chooser": "target", "goes_on": torch.ones_like},
         "You take the largest Q-value of the target network: that is the target of plain DQN, "
-        "with its bias. The online network must choose the action.": (
-            lambda r, t, d, online, target: _judged(r, t, d, target, target)
-        ),
-        "You take the value from the online network, which also chooses: its errors are then on "
-        "both sides, and the maximisation bias stays. The target network must judge.": (
-            lambda r, t, d, online, target: _judged(r, t, d, online, online)
-        ),
+        "with its bias. The online network must choose the action.": {"chooser": "target"},
+        "You take the value from the online network, which also chooses: the maximisation bias "
+        "stays. The target network must judge.": {"judge": "online"},
         "The networks are swapped: the online network chooses the action (argmax), the target "
-        "network says what it is worth.": (
-            lambda r, t, d, online, target: _judged(r, t, d, target, online)
-        ),
+        "network says what it is worth.": {"chooser": "target", "judge": "online"},
         "Terminal transitions are not masked: after the end of an episode nothing follows, so "
-        "that the target is the reward alone.": (
-            lambda r, t, d, online, target: _judged(r, t, d, online, target, masked=False)
-        ),
+        "that the target is the reward alone.": {"goes_on": torch.ones_like},
         "The mask is the wrong way round: the next state's value counts where the episode is "
-        "not terminal, ~terminal.": (
-            lambda r, t, d, online, target: _judged(r, ~t, d, online, target)
-        ),
+        "not terminal, ~terminal.": {"goes_on": lambda terminal: terminal},
         "At the terminal transitions the reward is lost as well. Only the value of the next state "
-        "falls away there: the reward of the last step counts.": (
-            lambda r, t, d, online, target: _judged(r, t, d, online, target) * ~t
-        ),
-        "The discount is missing: the next state's value counts γ times.": (
-            lambda r, t, d, online, target: _judged(r, t, 1, online, target)
-        ),
-        "You take the same discount whatever γ is handed in.": tuple(
-            lambda r, t, d, online, target, own=own: _judged(r, t, own, online, target)
-            for own in (0.9, 0.95, 0.99)
+        "falls away there.": lambda r, t, *others: _target(r, t, *others) * ~t,
+        "The discount is missing: the next state's value counts γ times.": {
+            "counts": lambda discount: 1
+        },
+        "You take the same discount whatever γ is handed in.": (
+            *({"counts": lambda discount, own=own: own} for own in (0.9, 0.95, 0.99)),
         ),
         "The discount multiplies the reward too. Only what comes later is discounted.": (
-            lambda r, t, d, online, target: _judged(r * d, t, d, online, target)
+            lambda r, t, d, *networks: _target(r * d, t, d, *networks)
         ),
-        "The reward is missing.": lambda r, t, d, online, target: _judged(
-            0 * r, t, d, online, target
-        ),
+        "The reward is missing.": lambda r, *others: _target(0 * r, *others),
         "You add the number of the best action (that is what argmax gives), not its Q-value: look "
-        "it up in target_next.": (lambda r, t, d, online, target: r + d * online.argmax(1) * ~t),
+        "it up in target_next.": lambda r, t, d, online, target: r + d * online.argmax(1) * ~t,
     },
     read=_tensor,
     tolerance=1e-5,
@@ -604,23 +596,14 @@ def _draw_soft_update(ax):
             path.append(target.item())
         ax.plot(path, label=f"τ = {rate}")
     ax.axhline(1, color="black", linewidth=0.8)
-    ax.set(
-        xlabel="soft updates",
-        ylabel="a weight of the target network",
-        title="its weight in the online network is 1",
-    )
+    ax.set(xlabel="soft updates", ylabel="a weight of the target network")
+    ax.set_title("its weight in the online network is 1")
 
 
-def _moved(keep=None, take=None):
-    """The new target weights; `keep` and `take` make mistakes in the two shares."""
-
-    def update(target, online, rate):
-        old = 1 - rate if keep is None else keep(rate)
-        new = rate if take is None else take(rate)
-        pairs = zip(target, online, strict=True)
-        return np.concatenate([np.ravel(old * t + new * o) for t, o in pairs])
-
-    return update
+def _moved(target, online, rate, keep=lambda rate: 1 - rate, take=lambda rate: rate):
+    """The new target weights in a row; mistakes keep or take other shares."""
+    pairs = zip(target, online, strict=True)
+    return np.concatenate([np.ravel(keep(rate) * t + take(rate) * o) for t, o in pairs])
 
 
 def _update_cases():
@@ -649,31 +632,26 @@ def _update_cases():
 
 
 UPDATE = Table(
-    _moved(),
+    _moved,
     _update_cases,
     mistakes={
         "The rates are swapped: τ is the share of the online weights, 1 − τ that of the old "
-        "target. With τ = 0.005 yours would jump nearly all the way.": (
-            _moved(lambda rate: rate, lambda rate: 1 - rate)
-        ),
+        "target.": {"keep": lambda rate: rate, "take": lambda rate: 1 - rate},
         "You add τ θ, but do not shrink the old target to 1 − τ of itself: the weights would grow "
-        "and grow.": _moved(keep=lambda rate: 1),
+        "and grow.": {"keep": lambda rate: 1},
         "You copy the online weights: the target must go only the share τ of the way.": (
-            _moved(lambda rate: 0, lambda rate: 1)
+            {"keep": lambda rate: 0, "take": lambda rate: 1}
         ),
         "The sign of the difference is wrong: the target moves away from the online weights.": (
-            _moved(lambda rate: 1 + rate, lambda rate: -rate)
+            {"keep": lambda rate: 1 + rate, "take": lambda rate: -rate}
         ),
-        "You add θ, not τ θ, to what is left of the target: the two shares must make 1.": (
-            _moved(take=lambda rate: 1)
-        ),
-        "The target is only shrunk to 1 − τ of itself: τ θ is not added.": (
-            _moved(take=lambda rate: 0)
-        ),
+        "You add θ, not τ θ: the two shares must make 1.": {"take": lambda rate: 1},
+        "The target is only shrunk to 1 − τ of itself: τ θ is missing.": {"take": lambda rate: 0},
     },
     tolerance=1e-5,
     smallest=1e-6,
 )
+IN_PLACE = "Change each tensor itself, in place (lerp_, mul_, copy_), whatever its shape"
 
 
 @exercise(
@@ -690,36 +668,29 @@ def soft_update_in_place(answer) -> None:
     update = answer.__wrapped__  # what gives back nothing is right here
 
     @functools.wraps(update)
-    def asked(target, online, rate):
-        target, online = ([torch.tensor(a) for a in arrays] for arrays in (target, online))
-        tensors, kept, before = list(target), list(online), [_copies(t) for t in (target, online)]
+    def asked(*case):
+        target, online = ([torch.tensor(a) for a in arrays] for arrays in case[:2])
+        tensors, kept, rate = list(target), list(online), case[2]
         returned = update(target, online, rate)
-        given = " The target weights are as they were" if _equal(tensors, before[0]) else ""
         expect(
-            len(online) == len(kept) and _equal(kept, before[1]) and _equal(online, before[1]),
+            _equal(online, case[1]) and _equal(kept, case[1]),
             "The online weights have changed. They only give: the target follows them.",
         )
-        if given and 0 < rate < 1:
-            right = _moved()(*before, rate)
+        if _equal(tensors, case[0]) and 0 < rate < 1:
+            same = "The target weights are as they were"
             expect(
-                len(target) != len(tensors) or not _equal([_flat(target)], [right]),
-                f"The list has new tensors in it, with the right values, but{given.lower()} in "
-                "the network, which holds the old ones. Change the tensors themselves, in place "
-                "(lerp_, mul_, copy_).",
+                len(target) != len(tensors) or not _equal([_flat(target)], [_moved(*case)]),
+                "The list has new tensors in it, with the right values, but the network holds the "
+                f"old ones. {IN_PLACE}.",
             )
             expect(
                 not isinstance(returned, list | tuple),
-                f"{given.strip()}. Nothing reads what you return: change the tensors themselves, "
-                "in place (lerp_, mul_, copy_).",
+                f"{same}. Nothing reads what you return. {IN_PLACE}.",
             )
-            raise CheckFailed(
-                f"{given.strip()}. Change each tensor itself, whatever its shape, in place (lerp_, "
-                "mul_, copy_): `t = …` only gives a new tensor the name t."
-            )
+            raise CheckFailed(f"{same}. {IN_PLACE}: `t = …` only gives a new tensor the name t.")
         expect(
             len(target) == len(tensors) and all(map(operator.is_, target, tensors)),
-            "The list `target` has other tensors in it than before. The network holds the old "
-            "ones: change these, in place.",
+            f"The list `target` has other tensors in it than the network. {IN_PLACE}.",
         )
         for tensor in online:
             tensor += 1
@@ -733,14 +704,11 @@ def soft_update_in_place(answer) -> None:
     UPDATE(asked)
 
 
-def _copies(tensors) -> list[np.ndarray]:
-    return [tensor.detach().numpy().copy() for tensor in tensors]
-
-
 def _flat(tensors) -> np.ndarray:
     return np.concatenate([tensor.detach().numpy().ravel() for tensor in tensors])
 
 
-def _equal(tensors, arrays) -> bool:
-    pairs = zip(tensors, arrays, strict=True)
-    return all(close(numbers(t), numbers(a), 1e-6) for t, a in pairs)
+def _equal(some, others) -> bool:
+    return len(some) == len(others) and all(
+        map(functools.partial(close, tolerance=1e-6), some, others)
+    )
