@@ -4,12 +4,15 @@ import importlib
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from uavdh_lite.course import checks
+from uavdh_lite.course.checks.environment import FLIGHTS
 from uavdh_lite.course.checks.table import Table
 from uavdh_lite.course.checks.training import RUNS
 from uavdh_lite.course.checks.values import close
+from uavdh_lite.environment import Rewards
 from uavdh_lite.storage import read_table
 
 HERE = Path(__file__).parent
@@ -42,6 +45,14 @@ def test_the_validations_to_diagnose_are_recorded_ones():
         row &= table["steps"] == 1000 * int(thousands)
         recorded = [round(float(table[column][row].item()), 3) for column in columns]
         assert list(shares) == recorded, name
+
+
+def test_the_flights_by_hand_have_the_prices_of_the_library():
+    prices = Rewards()
+    terms = np.array([step for steps in FLIGHTS.values() for step in steps])
+    for column, price in ((1, prices.movement), (2, prices.safety), (3, prices.crash)):
+        assert set(terms[:, column]) == {0, price}
+    assert (terms[:, 0] <= terms[:, 4]).all()
 
 
 def test_every_exercise_has_two_mistakes_at_least():

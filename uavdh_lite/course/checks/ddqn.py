@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, guarded, show
-from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import Unreadable, numbers
 from uavdh_lite.ddqn import softmax_policy
 from uavdh_lite.environment import ACTIONS
@@ -22,29 +22,9 @@ def _tensor(value) -> np.ndarray:
     return numbers(value)
 
 
-TOPS = {  # what may be subtracted from the Q-values; only the maximum of the row is right
-    "row": lambda q: q.amax(1, True),
-    "nothing": lambda q: 0,
-    "batch": torch.max,
-    "column": lambda q: q.amax(0, True),
-    "mean": lambda q: q.mean(1, keepdim=True),
-    "minimum": lambda q: q.amin(1, True),
-    "first": lambda q: q[:, :1],
-}
-
-
-def _by_row(powers):
-    return powers.sum(1, True)
-
-
-def _by_column(powers):
-    return powers.sum(0, True)
-
-
-def _softmax(q_values, temperature, top="row", total=_by_row, exponents=torch.div):
-    """The softmax; mistakes have another `top`, another total, or β elsewhere."""
-    powers = torch.exp(exponents(q_values - TOPS[top](q_values), temperature))
-    return powers / total(powers)
+def _softmax(q_values, temperature):
+    powers = torch.exp((q_values - q_values.amax(1, True)) / temperature)
+    return powers / powers.sum(1, True)
 
 
 def _draw_policy(ax):
@@ -103,40 +83,41 @@ def _policy_cases():
     }
 
 
-def _whatever(*tops, **keywords):
-    """A mistake that is one whichever of these is subtracted."""
-    return tuple({"top": top, **keywords} for top in tops)
+def _whatever(old, new, *others):
+    """A mistake that is one whichever of the others is made as well."""
+    return tuple(edit(old, new, *other) for other in ((), *others))
 
 
+TOP, TOTAL, OVER = "q_values.amax(1, True)", "powers.sum(1, True)", "/ temperature"
+NO_TOP, BATCH_TOP, COLUMN_TOP = ((TOP, top) for top in ("0", "q_values.max()", "q_values.amax(0)"))
 POLICY = Table(
     _softmax,
     _policy_cases,
     mistakes={
         "You normalise over the batch: each column sums to 1. Sum over the actions, dim=1, so that "
         "each row does.": (
-            *_whatever("nothing", "row", "batch", "column", total=_by_column),
-            *_whatever("nothing", "row", total=_by_column, exponents=torch.mul),
+            *_whatever(TOTAL, "powers.sum(0)", NO_TOP, BATCH_TOP, COLUMN_TOP),
+            *_whatever(OVER, "* temperature", (TOTAL, "powers.sum(0)"))[1:],
+            edit(OVER, "* temperature", TOTAL, "powers.sum(0)", *NO_TOP),
         ),
         "You divide by the sum of the whole batch. Each state has a policy of its own: sum over "
-        "dim=1, with keepdim=True.": _whatever("nothing", "row", "batch", total=torch.sum),
+        "dim=1, with keepdim=True.": _whatever(TOTAL, "powers.sum()", NO_TOP, BATCH_TOP),
         "These are the exponentials, in the right ratios, but a row does not sum to 1: divide them "
-        "by their sum over the actions.": (
-            _whatever("nothing", "row", "batch", total=lambda powers: 1)
-        ),
+        "by their sum over the actions.": _whatever(TOTAL, "1", NO_TOP, BATCH_TOP),
         "It overflows: exp of 1000 / 0.1 is infinite, and infinity over infinity is nan. Subtract "
-        "the state's largest Q-value before you take exp.": {"top": "nothing"},
+        "the state's largest Q-value before you take exp.": edit(*NO_TOP),
         "You subtract the largest Q-value of the whole batch, and in a state whose values lie far "
-        "below it all exponentials become 0. Subtract the maximum of each row.": {"top": "batch"},
+        "below it all exponentials become 0. Subtract the maximum of each row.": edit(*BATCH_TOP),
         "You subtract each action's maximum over the states, dim=0. That changes the gaps within a "
-        "row: subtract from each row its own maximum, dim=1.": {"top": "column"},
+        "row: subtract from each row its own maximum, dim=1.": edit(*COLUMN_TOP),
         "You subtract something smaller than the maximum of each row. Where the best action lies "
-        "far above it, exp still overflows.": _whatever("mean", "minimum", "first"),
-        "You multiply by the temperature: divide by it, since a small β must make the policy "
-        "sharper.": _whatever("nothing", "row", "batch", exponents=torch.mul),
-        "The temperature has no effect. Inside of exp it matters; a factor in front of it cancels "
-        "when you divide by the sum.": (
-            _whatever("nothing", "row", "batch", exponents=lambda q, beta: q)
+        "far above it, exp still overflows.": tuple(
+            edit(TOP, f"q_values{top}") for top in (".mean(1, True)", ".amin(1, True)", "[:, :1]")
         ),
+        "You multiply by the temperature: divide by it, since a small β must make the policy "
+        "sharper.": _whatever(OVER, "* temperature", NO_TOP, BATCH_TOP),
+        "The temperature has no effect. Inside of exp it matters; a factor in front of it cancels "
+        "when you divide by the sum.": _whatever(OVER, "", NO_TOP, BATCH_TOP),
         "The sign is wrong: the action with the largest Q-value must be the likeliest.": (
             lambda q, beta: _softmax(-q, beta)
         ),
@@ -435,13 +416,9 @@ def _expect_quick(ring: type) -> None:
     )
 
 
-def _target(reward, terminal, discount, online_next, target_next, **wrong):
-    """The target of double DQN; the keywords make mistakes."""
-    networks = {"online": online_next, "target": target_next}
-    best = networks[wrong.get("chooser", "online")].argmax(1, True)
-    value = networks[wrong.get("judge", "target")].gather(1, best).squeeze(1)
-    goes_on = wrong.get("goes_on", lambda terminal: ~terminal)(terminal)
-    return reward + wrong.get("counts", lambda discount: discount)(discount) * value * goes_on
+def _target(reward, terminal, discount, online_next, target_next):
+    best = online_next.argmax(1, True)
+    return reward + discount * target_next.gather(1, best).squeeze(1) * ~terminal
 
 
 BY_HAND = (  # the table of exercise 5.3, as the arguments of `target`
@@ -501,36 +478,35 @@ def _target_cases():
 
 
 BY_ROW = torch.tensor([[1.0, -7, 2, 3, 4, 5], [6.0, 8, 7, 9, 1, 0]])
+PLAIN, ONLINE = ("online_next.argmax", "target_next.argmax"), ("target_next.g", "online_next.g")
 TARGET = Table(
     _target,
     _target_cases,
     mistakes={
         "That is what the wrong function gives: one network both chooses and judges, and a value "
-        "is added after the end of an episode.": {"chooser": "target", "goes_on": torch.ones_like},
+        "is added after the end of an episode.": edit(*PLAIN, "* ~terminal", ""),
         "You take the largest Q-value of the target network: that is the target of plain DQN, "
-        "with its bias. The online network must choose the action.": {"chooser": "target"},
+        "with its bias. The online network must choose the action.": edit(*PLAIN),
         "You take the value from the online network, which also chooses: the maximisation bias "
-        "stays. The target network must judge.": {"judge": "online"},
+        "stays. The target network must judge.": edit(*ONLINE),
         "The networks are swapped: the online network chooses the action (argmax), the target "
-        "network says what it is worth.": {"chooser": "target", "judge": "online"},
+        "network says what it is worth.": edit(*PLAIN, *ONLINE),
         "Terminal transitions are not masked: after the end of an episode nothing follows, so "
-        "that the target is the reward alone.": {"goes_on": torch.ones_like},
+        "that the target is the reward alone.": edit("* ~terminal", ""),
         "The mask is the wrong way round: the next state's value counts where the episode is "
-        "not terminal, ~terminal.": {"goes_on": lambda terminal: terminal},
+        "not terminal, ~terminal.": edit("~terminal", "terminal"),
         "At the terminal transitions the reward is lost as well. Only the value of the next state "
-        "falls away there.": lambda r, t, *others: _target(r, t, *others) * ~t,
-        "The discount is missing: the next state's value counts γ times.": {
-            "counts": lambda discount: 1
-        },
+        "falls away there.": edit("return reward", "return ~terminal * reward"),
+        "The discount is missing: the next state counts γ times.": edit("+ discount *", "+"),
         "You take the same discount whatever γ is handed in.": (
-            *({"counts": lambda discount, own=own: own} for own in (0.9, 0.95, 0.99)),
+            *(edit("+ discount", f"+ {own}") for own in (0.9, 0.95, 0.99)),
         ),
         "The discount multiplies the reward too. Only what comes later is discounted.": (
-            lambda r, t, d, *networks: _target(r * d, t, d, *networks)
+            edit("return reward", "return discount * reward")
         ),
-        "The reward is missing.": lambda r, *others: _target(0 * r, *others),
+        "The reward is missing.": edit("return reward +", "return"),
         "You add the number of the best action (that is what argmax gives), not its Q-value: look "
-        "it up in target_next.": lambda r, t, d, online, target: r + d * online.argmax(1) * ~t,
+        "it up in target_next.": edit("target_next.gather(1, best)", "best"),
     },
     read=_tensor,
     tolerance=1e-5,
@@ -581,7 +557,7 @@ def _expect_by_hand(by_hand) -> None:
     wrong = [k for k in range(2) if not close(given[k], right[k])]
     if not wrong:
         return
-    for message, mistake in TARGET.each_mistake():
+    for message, mistake in TARGET.each_mistake:
         if close(given, mistake(*BY_HAND)):
             raise CheckFailed(f"by_hand: {message}")
     rows = " and ".join(("first", "second")[k] for k in wrong)
@@ -600,10 +576,10 @@ def _draw_soft_update(ax):
     ax.set_title("its weight in the online network is 1")
 
 
-def _moved(target, online, rate, keep=lambda rate: 1 - rate, take=lambda rate: rate):
-    """The new target weights in a row; mistakes keep or take other shares."""
+def _moved(target, online, rate):
+    """The new target weights in a row."""
     pairs = zip(target, online, strict=True)
-    return np.concatenate([np.ravel(keep(rate) * t + take(rate) * o) for t, o in pairs])
+    return np.concatenate([np.ravel((1 - rate) * t + rate * o) for t, o in pairs])
 
 
 def _update_cases():
@@ -636,17 +612,17 @@ UPDATE = Table(
     _update_cases,
     mistakes={
         "The rates are swapped: τ is the share of the online weights, 1 − τ that of the old "
-        "target.": {"keep": lambda rate: rate, "take": lambda rate: 1 - rate},
+        "target.": edit("(1 - rate) * t + rate * o", "rate * t + (1 - rate) * o"),
         "You add τ θ, but do not shrink the old target to 1 − τ of itself: the weights would grow "
-        "and grow.": {"keep": lambda rate: 1},
+        "and grow.": edit("(1 - rate) *", ""),
         "You copy the online weights: the target must go only the share τ of the way.": (
-            {"keep": lambda rate: 0, "take": lambda rate: 1}
+            edit("(1 - rate) * t + rate * o", "o")
         ),
         "The sign of the difference is wrong: the target moves away from the online weights.": (
-            {"keep": lambda rate: 1 + rate, "take": lambda rate: -rate}
+            edit("1 - rate", "1 + rate", "+ rate * o", "- rate * o")
         ),
-        "You add θ, not τ θ: the two shares must make 1.": {"take": lambda rate: 1},
-        "The target is only shrunk to 1 − τ of itself: τ θ is missing.": {"take": lambda rate: 0},
+        "You add θ, not τ θ: the two shares must make 1.": edit("+ rate * o", "+ o"),
+        "The target is only shrunk to 1 − τ of itself: τ θ is missing.": edit("+ rate * o", ""),
     },
     tolerance=1e-5,
     smallest=1e-6,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
-from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.table import Edit, Table, edit
 from uavdh_lite.course.checks.values import number, show
 from uavdh_lite.environment import ACTIONS, LAND, MOVES
 from uavdh_lite.missions import HandFlight, Mission, environment_of
@@ -12,18 +12,8 @@ from uavdh_lite.plotting import device_colour
 from uavdh_lite.streams import Use, stream
 
 
-def _score(collected, initial, landed, share=None, used=True):
-    """The score; mistakes have another `share`, or do not use `landed`."""
-    share = share or (lambda c, i: sum(c) / sum(i))
-    return share(collected, initial) if landed or not used else 0.0
-
-
-def _ratios(collected, initial):
-    return np.mean([c / i for c, i in zip(collected, initial, strict=True)])
-
-
-def _ratios_with_data(collected, initial):
-    return np.mean([c / i for c, i in zip(collected, initial, strict=True) if i])
+def _score(collected, initial, landed):
+    return sum(collected) / sum(initial) if landed else 0.0
 
 
 def _draw_score(ax):
@@ -65,31 +55,34 @@ def _score_cases():
     }
 
 
+RATIOS = tuple(
+    edit(
+        "sum(collected) / sum(initial)",
+        f"np.mean([c / i for c, i in zip(collected, initial, strict=True) {chosen}])",
+    )
+    for chosen in ("", "if i")
+)
 SCORE = Table(
     _score,
     _score_cases,
     mistakes={
         "You average the devices' own ratios, so that a device with little data counts as much "
-        "as one with a lot. Add up first, then divide once.": (
-            *({"share": _ratios_with_data}, {"share": _ratios}),
-        ),
-        "`landed` is not used: a UAV that did not land scores 0.": {"used": False},
+        "as one with a lot. Add up first, then divide once.": RATIOS,
+        "`landed` is not used: a UAV that did not land scores 0.": edit("if landed else 0.0", ""),
         "You average the devices' own ratios (add up first, then divide once), and `landed` is "
-        "not used.": (
-            *({"share": share, "used": False} for share in (_ratios_with_data, _ratios)),
-        ),
+        "not used.": tuple(Edit((*one.changes, ("if landed else 0.0", ""))) for one in RATIOS),
         "`landed` the wrong way round: it is True for a UAV that came home.": (
-            lambda c, i, landed: _score(c, i, not landed)
+            edit("if landed", "if not landed")
         ),
-        "That is a percentage: leave out the 100.": {"share": lambda c, i: 100 * sum(c) / sum(i)},
-        "Divide by what there was at the start.": {"share": lambda c, i: sum(c)},
-        "That is the share left at the devices, not the collected one.": {
-            "share": lambda c, i: 1 - sum(c) / sum(i)
-        },
-        "Divide by all data that there was at the start, not by the number of devices.": {
-            "share": lambda c, i: np.mean(c)
-        },
-        "Only the first device counts. Sum over all of them.": {"share": lambda c, i: c[0] / i[0]},
+        "That is a percentage: leave out the 100.": edit("return", "return 100 *"),
+        "Divide by what there was at the start.": edit("/ sum(initial)", ""),
+        "That is the share left at the devices.": edit("return", "return 1 -"),
+        "Divide by all data that there was at the start, not by the number of devices.": (
+            edit("sum(initial)", "len(initial)")
+        ),
+        "Only the first device counts. Sum over all of them.": (
+            edit("sum(collected) / sum(initial)", "collected[0] / initial[0]")
+        ),
     },
     read=number,
 )
