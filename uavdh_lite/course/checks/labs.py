@@ -4,8 +4,8 @@ import numpy as np
 
 from uavdh_lite.channel import rate_map
 from uavdh_lite.city import City
-from uavdh_lite.course.checks.evaluation import briefly
-from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect, guarded
+from uavdh_lite.course.checks.trial import name_of
 from uavdh_lite.course.checks.values import Unreadable, pair, show
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import evaluate
@@ -186,7 +186,7 @@ def _draw_worst(ax):
 )
 def worst_device_cell(answer) -> None:
     """`worst_device_cell(environment)`: (row, column) with the lowest best mean rate."""
-    ask = briefly(answer)
+    ask = guarded(answer.__wrapped__, name_of(answer))
     cities = [City.load("manhattan"), City.from_text("pocket", POCKET), City.load("open_field")]
     environments = [Environment(city) for city in cities]
     given = []
