@@ -123,7 +123,6 @@ def test_whatever_a_function_gives_back_ends_in_a_sentence(name):
         said_of(name, (answer, answer) if pairs else answer)
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("answer", FUNCTIONS)
 def test_whatever_a_function_does_ends_in_a_sentence(answer, capsys):
     for name in ("rate_from_snr", "mean_rate"):
@@ -143,6 +142,19 @@ def test_an_endless_loop_is_stopped_and_not_only_left_alone():
     for answer in (endless, catches_all):
         said_of("rate_from_snr", answer)
     assert threading.active_count() <= before
+
+
+def test_nothing_is_said_of_an_error_that_python_ignores(capfd):
+    class Lingers:
+        def __del__(self):
+            endless()
+
+    def rate(snr_db):
+        Lingers()
+        endless()
+
+    assert "had not ended" in said_of("rate_from_snr", rate)
+    assert not capfd.readouterr().err
 
 
 def test_work_within_its_time_raises_its_own_errors():

@@ -30,19 +30,19 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Edit:
-    """A mistake as a change of the solution's code."""
+    """A mistake as a change of the solution's code, below the line of its `def`."""
 
     changes: tuple[tuple[str, str], ...]
 
     def of(self, solution: Callable) -> Callable:
         """The solution with this mistake in it."""
-        code = textwrap.dedent(inspect.getsource(solution))
+        signature, code = textwrap.dedent(inspect.getsource(solution)).split("\n", 1)
         for old, new in self.changes:
             if old not in code:
                 raise ValueError(f"{solution.__name__} has no {old!r} to be changed")
             code = code.replace(old, new)
         names: dict[str, Callable] = {}
-        exec(code, solution.__globals__, names)
+        exec(f"{signature}\n{code}", solution.__globals__, names)
         return names[solution.__name__]
 
 

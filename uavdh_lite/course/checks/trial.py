@@ -182,12 +182,19 @@ def _leave(*_):
     raise SystemExit
 
 
+def _unraisable(ignored, hook: Callable) -> None:
+    """Say nothing of a `Stopped` that comes where Python ignores errors, as while it tidies up."""
+    if not isinstance(ignored.exc_value, Stopped):
+        hook(ignored)
+
+
 @contextmanager
 def contained() -> Iterator[None]:
     """While an answer runs: little is printed, nothing warns, and `exit()` leaves no kernel."""
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
     names = shell.user_ns if shell else {}
     kept = {name: names[name] for name in ("exit", "quit") if name in names}
+    hook, sys.unraisablehook = sys.unraisablehook, lambda one: _unraisable(one, hook)
     output, sys.stdout = sys.stdout, _Brief(sys.stdout)
     names.update(dict.fromkeys(kept, _leave))
     try:
@@ -195,7 +202,7 @@ def contained() -> Iterator[None]:
             warnings.simplefilter("ignore")
             yield
     finally:
-        sys.stdout = output
+        sys.stdout, sys.unraisablehook = output, hook
         names.update(kept)
 
 
