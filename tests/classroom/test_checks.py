@@ -7,12 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.course import checks
+from uavdh_lite.course.checks import any_city
 from uavdh_lite.course.checks.environment import FLIGHTS
 from uavdh_lite.course.checks.table import Table
 from uavdh_lite.course.checks.training import RUNS
 from uavdh_lite.course.checks.values import close
 from uavdh_lite.environment import Rewards
+from uavdh_lite.observation import Observation
+from uavdh_lite.scenario import place
 from uavdh_lite.storage import read_table
 
 HERE = Path(__file__).parent
@@ -53,6 +57,16 @@ def test_the_flights_by_hand_have_the_prices_of_the_library():
     for column, price in ((1, prices.movement), (2, prices.safety), (3, prices.crash)):
         assert set(terms[:, column]) == {0, price}
     assert (terms[:, 0] <= terms[:, 4]).all()
+
+
+def test_a_small_citys_map_is_that_of_the_library():
+    layers, uav, size = any_city.SMALL_CITY.cases[-1][1]
+    city = CityGenerator((9, 9)).draw(1, seed=3)[0]
+    device = tuple(int(k) for k in divmod(city.device_cells[0], city.size))
+    state = place(city, uav, devices=[device], data=[5], flying_time=30, max_devices=1)
+    maps = Observation(city, "centred", size=size).centred_map(state)
+    assert np.array_equal(layers, [city.landing, city.no_fly, city.buildings])
+    assert np.array_equal(any_city.SMALL_CITY.right[-1].value, maps[0, :3].numpy())
 
 
 def test_every_exercise_has_two_mistakes_at_least():
