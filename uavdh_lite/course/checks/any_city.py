@@ -73,9 +73,7 @@ SMALL_CITY = Table(
     _small_city_map,
     _small_cities,
     {
-        "Outside the city all is False in yours: there no-fly must be True.": (
-            edit("wide[NO_FLY] = True", "")
-        ),
+        "Outside the city all is False: no-fly must be True.": edit("wide[NO_FLY] = True", ""),
         "Outside the city all is True in yours: there only no-fly is True.": edit(
             OUTSIDE, "wide[:]"
         ),
@@ -83,7 +81,7 @@ SMALL_CITY = Table(
         "no-fly, buildings, so no-fly is layers[1].": (
             *(edit(OUTSIDE, "wide[0]"), edit(OUTSIDE, "wide[2]")),
         ),
-        "Outside the city the buildings are True as well in yours: there only no-fly is True.": (
+        "Outside the city the buildings are True as well: only no-fly is.": (
             edit(OUTSIDE, "wide[1:]")
         ),
         "Your map has 2m − 1 cells on a side, as the city would need. The network's map has "
@@ -252,18 +250,12 @@ SYMMETRIC_Q = Table(
         ),
         "In the maps that are both mirrored and turned by a quarter, the moves come back half a "
         "turn wrong in yours: undo the last step first.": edit(BACK, "MIRRORED[TURNED[k]]"),
-        "You only mirror the moves of the mirrored maps that are turned: turn them back, too.": (
-            edit(BACK, "MIRRORED")
-        ),
-        "You turn the map, but the four mirrored ones are missing: there are eight.": (
-            edit(MEAN, "np.mean(rows[::2], 0)")
-        ),
-        "That is the map as it is, and mirrored: the turned ones are missing.": (
+        "The moves of mirrored maps must be turned back, too.": edit(BACK, "MIRRORED"),
+        "The four mirrored ones are missing: there are eight.": edit(MEAN, "np.mean(rows[::2], 0)"),
+        "That is one map and its mirror image: the turned ones are missing.": (
             edit(MEAN, "np.mean(rows[:2], 0)")
         ),
-        "Those are the Q-values of the map as it is: the other seven are missing.": (
-            edit(MEAN, "rows[0]")
-        ),
+        "Those are the Q-values of one map: the other seven are missing.": edit(MEAN, "rows[0]"),
         "That is the sum of the eight: their mean is asked for.": edit("mean", "sum"),
         "That is the largest of the eight: their mean is asked for.": edit("mean", "max"),
         "You average the eight maps and ask q_of once: ask it about each map, and average the "
@@ -367,16 +359,10 @@ HALF_WIDTH = Table(
         "That is the interval of the mean of the cities' means, in which every city counts the "
         "same. Asked for is that of the mean of all missions.": _of_means,
         "The factor C/(C − 1) under the root is missing.": edit(FACTOR, "1"),
-        "The factor under the root is C/(C − 1), with the number of cities, not of missions.": (
-            edit(FACTOR, "n / (n - 1)")
-        ),
+        "The C of the factor C/(C − 1) counts cities, not missions.": edit(FACTOR, "n / (n - 1)"),
         "The factor under the root is C/(C − 1): you have 1/(C − 1).": edit("count /", "1 /"),
-        "You divide by the number of cities: divide by N, the number of missions.": (
-            edit("/ n", "/ count")
-        ),
-        "You divide by the root of N: here it is N itself, because sums are squared, not means.": (
-            edit("/ n", "/ np.sqrt(n)")
-        ),
+        "You divide by the number of cities: divide by N.": edit("/ n", "/ count"),
+        "You divide by the root of N: here it is N itself.": edit("/ n", "/ np.sqrt(n)"),
         "The division by N is missing.": edit("/ n", ""),
         "The square root is missing.": edit("np.sqrt", ""),
         "That is the standard error: the half-width is 1.96 times as much.": edit("1.96 *", ""),

@@ -61,19 +61,11 @@ MASK = Table(
     _fits,
     _situations,
     {
-        "A unit of time is missing: the action itself takes one, and the landing another.": (
-            edit("+ 1 <=", "<=")
-        ),
-        "You forget both units: one for the action, one for the landing.": (
-            edit("+ 1 <=", "<=", "] - 1", "]")
-        ),
+        "A unit of time is missing: action and landing take one each.": edit("+ 1 <=", "<="),
+        "You forget the units for action and landing.": edit("+ 1 <=", "<=", "] - 1", "]"),
         "Time that is just enough is enough: <=, not <.": edit("<=", "<"),
-        "A distance of −1 means that there is no way, and is not less than 0 moves.": (
-            edit("np.inf", "-1")
-        ),
-        "Landing in the landing zone ends the flight: it fits with any time, also with one unit.": (
-            edit(*AT_HOME)
-        ),
+        "A distance of −1 means that there is no way.": edit("np.inf", "-1"),
+        "Landing in the landing zone ends the flight: it fits with any time.": edit(*AT_HOME),
         "Landing fits in the landing zone only. Elsewhere it is refused, and costs a unit of time "
         "like hovering.": edit("|= distance[cell] == 0", "= True"),
         "Ask for the distance from the cell that the action leads to, not from the cell where the "
@@ -159,31 +151,26 @@ LOSS = Table(
         "The weight is |τ − 1| where u < 0, not τ everywhere: without it nothing makes the "
         "quantiles differ.": edit("- (u < 0)", ""),
         "Within kappa the loss is u²/2: the half is missing.": edit("u**2 / 2", "u**2"),
-        "That is the pinball loss: within kappa, Huber's loss is u²/2.": (
-            edit(f"{HUBER}{BEYOND})", "abs(u)")
-        ),
-        "You square all errors: beyond kappa, Huber's loss is kappa · (|u| − kappa/2).": (
+        "That is the pinball loss: within kappa it is u²/2.": edit(f"{HUBER}{BEYOND})", "abs(u)"),
+        "You square all errors: beyond kappa it is kappa · (|u| − kappa/2).": (
             edit(BEYOND, "u**2 / 2")
         ),
-        "Beyond kappa the loss is kappa · (|u| − kappa/2): the factor kappa in front is missing.": (
-            edit("kappa * (", "(")
+        "In kappa · (|u| − kappa/2) the factor kappa in front is missing.": edit("kappa * (", "("),
+        "In kappa · (|u| − kappa/2) the factor kappa multiplies the whole bracket.": edit(
+            BEYOND, "kappa * abs(u) - kappa / 2"
         ),
-        "Beyond kappa the loss is kappa · (|u| − kappa/2): the factor kappa multiplies all of the "
-        "bracket.": edit(BEYOND, "kappa * abs(u) - kappa / 2"),
-        "Beyond kappa the loss is kappa · (|u| − kappa/2): half of kappa is taken from |u|.": (
+        "In kappa · (|u| − kappa/2) half of kappa is taken from |u|.": (
             *(edit("- kappa / 2", ""), edit("kappa / 2", "kappa")),
         ),
         "You take 1 for kappa, whatever it is.": (
             *(edit("<= kappa", "<= 1", BEYOND, "abs(u) - 1 / 2"), edit("<= kappa", "<= 1")),
         ),
-        "You divide by kappa, as some papers do: here Huber's loss is u²/2 within kappa.": (
+        "You divide by kappa, which this loss does not.": (
             edit("* huber", "* huber / kappa")
         ),
         "You average over the quantiles as well: their losses are added up.": edit("sum", "mean"),
-        "You add up the samples as well: each quantile's loss is the mean over them.": (
-            edit("mean", "sum")
-        ),
-        "You average over the quantiles and add up the samples: it is the other way round.": (
+        "You add up the samples as well: take the mean over them.": edit("mean", "sum"),
+        "Average over the samples and add up the quantiles, not vice versa.": (
             edit("mean(1)", "mean(0)")
         ),
     },
@@ -256,9 +243,7 @@ TARGET = Table(
         "never learned must not count.": edit("np.where(allowed, q_values, -np.inf)", "q_values"),
         "You set Q-values that are not allowed to 0. If all others are below 0, that is the "
         "largest: take −inf.": edit("-np.inf", "0"),
-        "The maximum is over the actions of each state, axis=1, not over the whole batch.": (
-            edit("max(1)", "max()")
-        ),
+        "The maximum is over the actions of each state, axis=1.": edit("max(1)", "max()"),
         "The sign is wrong: the gap is taken away from the target, so that worse actions get "
         "worse.": edit("y - alpha", "y + alpha"),
         "You take the whole gap away: only the share alpha of it.": edit("alpha * ", ""),
@@ -266,15 +251,14 @@ TARGET = Table(
         "takes alpha times the gap.": edit(
             "alpha * (best - taken)", "(best - taken) / (1 - alpha)"
         ),
-        "You take alpha times the best Q-value: it is the gap to the action taken that counts.": (
+        "You take alpha times the best Q-value: take the gap to it.": (
             edit("(best - taken)", "best")
         ),
-        "You take alpha times the taken action's Q-value: it is its gap to the best that "
-        "counts.": edit("(best - taken)", "taken"),
-        "You compare with y instead of the Q-value of the action taken.": edit("- taken", "- y"),
-        "The targets y are missing: you give back the part that is taken away.": (
-            edit("y - alpha", "alpha")
+        "You take alpha times the taken action's Q-value: take its gap to the best.": edit(
+            "(best - taken)", "taken"
         ),
+        "You compare with y instead of the Q-value of the action taken.": edit("- taken", "- y"),
+        "The targets y are missing: the rest is taken from them.": edit("y - alpha", "alpha"),
     },
     read=numbers,
 )
@@ -332,16 +316,14 @@ WAY = Table(
     _longest_way,
     _detours,
     {
-        "That is the shortest way that does not pay: asked for is the longest that does.": (
-            edit("return way - 1", "return way")
-        ),
+        "That is the shortest way that does not pay.": edit("return way - 1", "return way"),
         "The way back is missing: it takes as many moves, and each costs.": edit("2 * way", "way"),
         "The data comes in the last move of the way there, which is step way − 1 when the first "
         "is step 0: γ^(way − 1), not γ^way.": edit("(way - 1)", "way"),
         "The costs are discounted, too: that of step t counts γ^t.": edit(COSTS, "2 * way"),
         "The data counts less the later it comes: γ^(way − 1).": edit(GAIN, "data"),
         "Landing is free: only the 2 · way moves cost.": edit("2 * way", "2 * way + 1"),
-        "That is the number of moves there and back: asked for is the way to the device.": (
+        "That is the number of moves there and back.": (
             edit("return way - 1", "return 2 * (way - 1)")
         ),
     },

@@ -118,12 +118,10 @@ POLICY = Table(
         "sharper.": _whatever(OVER, "* temperature", NO_TOP, BATCH_TOP),
         "The temperature has no effect. Inside of exp it matters; a factor in front of it cancels "
         "when you divide by the sum.": _whatever(OVER, "", NO_TOP, BATCH_TOP),
-        "The sign is wrong: the action with the largest Q-value must be the likeliest.": (
+        "The sign is wrong: the best action must be the likeliest.": (
             lambda q, beta: _softmax(-q, beta)
         ),
-        "These are logarithms of probabilities. The probabilities are asked for.": (
-            lambda q, beta: torch.log_softmax(q / beta, 1)
-        ),
+        "These are the probabilities' logarithms.": lambda q, beta: torch.log_softmax(q / beta, 1),
         "That is the greedy policy. Above a temperature of 0 the others have a chance too.": (
             lambda q, beta: torch.eye(q.shape[1])[q.argmax(1)]
         ),
@@ -501,7 +499,7 @@ TARGET = Table(
         "You take the same discount whatever γ is handed in.": (
             *(edit("+ discount", f"+ {own}") for own in (0.9, 0.95, 0.99)),
         ),
-        "The discount multiplies the reward too. Only what comes later is discounted.": (
+        "The discount multiplies the reward too.": (
             edit("return reward", "return discount * reward")
         ),
         "The reward is missing.": edit("return reward +", "return"),
@@ -615,9 +613,7 @@ UPDATE = Table(
         "target.": edit("(1 - rate) * t + rate * o", "rate * t + (1 - rate) * o"),
         "You add τ θ, but do not shrink the old target to 1 − τ of itself: the weights would grow "
         "and grow.": edit("(1 - rate) *", ""),
-        "You copy the online weights: the target must go only the share τ of the way.": (
-            edit("(1 - rate) * t + rate * o", "o")
-        ),
+        "You copy the online weights: go only the share τ.": edit("(1 - rate) * t + rate * o", "o"),
         "The sign of the difference is wrong: the target moves away from the online weights.": (
             edit("1 - rate", "1 + rate", "+ rate * o", "- rate * o")
         ),

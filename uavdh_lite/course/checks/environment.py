@@ -90,10 +90,8 @@ SLOT = Table(
         "sends, of those with data left.": edit(ANY, "left[snr_db.argmax()] > 0"),
         "You serve a device that has nothing left: the slot goes to the best of those with data "
         "left.": (edit(BEST, "snr_db"), edit(BEST, "snr_db", ANY, "True")),
-        "The device uploads more than it has: it is the smaller of the rate and the data left.": (
-            edit(UPLOAD, "rate(snr_db[device])")
-        ),
-        "The device uploads all it has, but a slot carries no more than the rate, log2(1 + SNR).": (
+        "The device uploads more than it has.": edit(UPLOAD, "rate(snr_db[device])"),
+        "The device uploads all it has, but no more than the rate fits.": (
             edit(UPLOAD, "left[device]")
         ),
         "You upload as many data units as the SNR has decibels: turn it into a rate first, "
@@ -109,12 +107,10 @@ SLOT = Table(
         "get −infinity.": tuple(
             edit("-np.inf", str(low)) for low in (-1, -10, -15, -20, -50, -99, -100)
         ),
-        "The slot goes to the device with the largest upload, but the rule is the best SNR.": (
+        "The rule is the best SNR, not the largest upload.": (
             edit(BEST, "np.minimum(rate(snr_db), left)")
         ),
-        "The slot goes to the device with the most data: the rule is the best SNR.": (
-            edit(BEST, "left")
-        ),
+        "The slot goes to the best SNR, not to the most data.": edit(BEST, "left"),
         "That is the worst SNR of those with data left.": edit(BEST, BEST.replace("snr", "-snr")),
         "If all devices are empty, nobody is served: −1 and 0.": edit(ANY, "True"),
     },
@@ -309,20 +305,16 @@ REWARD = Table(
     _rewards,
     _reward_cases,
     mistakes={
-        "You sum the uploads of all episodes together: each has its own reward, .sum(1).": (
-            edit("sum(1)", "sum()")
-        ),
+        "You sum the uploads of all episodes together: take .sum(1).": edit("sum(1)", "sum()"),
         "You sum over the episodes: the slots are the second axis, .sum(1).": edit("m(1)", "m(0)"),
         "You take the mean of the four slots: the reward counts their sum.": edit("sum", "mean"),
         "Only one of the four slots counts in yours: sum over all.": edit(".sum(1)", "[:, 0]"),
         "You charge 0.2 for the step that lands too: it is free of it.": edit("* ~landed", ""),
-        "You charge 0.2 only where the UAV has landed: it is the other way round.": (
-            edit("~landed", "landed")
-        ),
+        "You charge 0.2 only for a landing: it is the other way round.": edit("~landed", "landed"),
         "An intervention costs 1 in addition to the 0.2 for the step, not instead of it.": (
             edit("~landed", "~(landed | intervened)")
         ),
-        "A crash comes in addition to the 0.2 for the step, not instead of it.": (
+        "A crash comes in addition to the 0.2 for the step.": (
             edit("~landed", "~(landed | crashed)")
         ),
         "A step with an intervention or a crash costs the 0.2 too.": (
@@ -336,9 +328,7 @@ REWARD = Table(
             edit("* crashed", "* (crashed & ~intervened)"),
             edit("* intervened", "* (intervened & ~crashed)"),
         ),
-        "You punish each step without a landing as a crash: crashed says which.": (
-            edit("* crashed", "* ~landed")
-        ),
+        "You punish each step without a landing as a crash.": edit("* crashed", "* ~landed"),
         "The prices have the wrong sign: they are subtracted.": edit(" - ", " + "),
     },
     errors={
@@ -515,9 +505,7 @@ SAFE_STEP = Table(
             edit("not city.landing[cell]", "False")
         ),
         "You never say that the controller intervenes in a move.": edit("True", "False"),
-        "North and south are the wrong way round: north is one row up, row − 1.": (
-            _renumbered(2, 1, 0, 3, 4, 5)
-        ),
+        "North and south are the wrong way round: north is row − 1.": _renumbered(2, 1, 0, 3, 4, 5),
         "East and west are the wrong way round: east is col + 1.": _renumbered(0, 3, 2, 1, 4, 5),
     },
     read=_cell_and_flag,

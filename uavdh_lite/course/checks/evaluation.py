@@ -77,9 +77,7 @@ WILSON = Table(
         "z is 1.645 in your interval: that holds the share in 90 % of all cases. For 95 % z is "
         "1.96.": edit("Z", "Z90"),
         "z is 2 in your interval, a rule of thumb. For 95 % z is 1.96.": edit("Z", "2"),
-        "The denominator 1 + z²/n is missing: without it the upper end can exceed 1.": (
-            edit(BELOW, "")
-        ),
+        "The denominator 1 + z²/n is missing: the upper end can exceed 1.": edit(BELOW, ""),
         "The middle is not shifted: it is p + z²/(2n), not p, before the division.": edit(*MIDDLE),
         "Under the root z²/(4n²) is missing: for a share of 1 the width would be 0.": edit(*ROOT),
         "That is as coarse as a grid of shares, which is not exact enough. At both ends of the "
@@ -156,9 +154,7 @@ NEEDED = Table(
     _needed,
     _needed_cases,
     mistakes={
-        "Rounded down, the interval is a little wider than asked for: round up (math.ceil).": (
-            edit("ceil", "floor")
-        ),
+        "Rounded down, the interval is too wide: round up (math.ceil).": edit("ceil", "floor"),
         "Where the number comes out whole, it is enough; you add one there (as int(x) + 1 does). "
         "Take math.ceil.": edit("math.ceil", "1 + math.floor"),
         "An episode cannot be flown in part: round up (math.ceil).": edit("math.ceil", ""),
@@ -254,9 +250,7 @@ LEAD = Table(
     _lead,
     _lead_cases,
     mistakes={
-        "The sign is the wrong way round: positive means that a is ahead of b.": (
-            edit("a - b", "b - a")
-        ),
+        "The sign is wrong: positive means that a is ahead of b.": edit("a - b", "b - a"),
         "You take the size of each difference, abs(a − b): so even of two equally good policies "
         "one would be ahead. Keep the sign.": edit("a - b", "abs(a - b)"),
         "That is the unpaired interval: it adds both variances, as if each policy had flown "
@@ -278,9 +272,7 @@ LEAD = Table(
         "values as the mean, so divide by n − 1: ddof=1.": edit("ddof=1", ""),
         "Divided by the root of n − 1. The n − 1 belongs into the standard deviation (ddof=1); its "
         "mean's standard error is that over the root of n.": edit("len(d)", "len(d) - 1"),
-        "One standard error on either side is an interval of 68 %. For 95 % take 1.96.": (
-            edit("Z * ", "")
-        ),
+        "One standard error on either side holds 68 %. For 95 % take 1.96.": edit("Z * ", ""),
         "Low and high are the wrong way round.": edit("half = ", "half = -"),
         "The order is (mean, low, high), the mean first.": (
             edit("d.mean(), d.mean() - half", "d.mean() - half, d.mean()")

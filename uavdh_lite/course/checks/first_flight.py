@@ -71,15 +71,11 @@ SCORE = Table(
         "`landed` is not used: a UAV that did not land scores 0.": edit("if landed else 0.0", ""),
         "You average the devices' own ratios (add up first, then divide once), and `landed` is "
         "not used.": tuple(Edit((*one.changes, ("if landed else 0.0", ""))) for one in RATIOS),
-        "`landed` the wrong way round: it is True for a UAV that came home.": (
-            edit("if landed", "if not landed")
-        ),
+        "`landed` is the wrong way round.": edit("if landed", "if not landed"),
         "That is a percentage: leave out the 100.": edit("return", "return 100 *"),
         "Divide by what there was at the start.": edit("/ sum(initial)", ""),
         "That is the share left at the devices.": edit("return", "return 1 -"),
-        "Divide by all data that there was at the start, not by the number of devices.": (
-            edit("sum(initial)", "len(initial)")
-        ),
+        "Divide by all data, not by the number of devices.": edit("sum(initial)", "len(initial)"),
         "Only the first device counts. Sum over all of them.": (
             edit("sum(collected) / sum(initial)", "collected[0] / initial[0]")
         ),

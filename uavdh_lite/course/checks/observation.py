@@ -75,9 +75,7 @@ CITY_CELL = Table(
         "outside the city give back None.": edit(IF_INSIDE, ""),
         "That is the other direction, from the city to the map: here the place in the map is given "
         "and the cell of the city is wanted.": _either_way(CELL, "p - u + size - 1"),
-        "The shift goes the wrong way: a place east of the middle is a cell east of the UAV.": (
-            _either_way(CELL, "u - p + size - 1")
-        ),
+        "The shift goes the wrong way: east stays east.": _either_way(CELL, "u - p + size - 1"),
         "You count from the map's corner, but it is the middle of the map, (M − 1, M − 1), where "
         "the UAV is: subtract M − 1.": _either_way(CELL, "p + u"),
         "You are off by one: the middle of a map with 2M − 1 cells a side is M − 1, counted from "
@@ -191,15 +189,11 @@ CENTRE = Table(
         "from 0.": edit(CORNER, "u - m + 2"),
         "The city lies always at the same place: it must move so that the UAV's cell is in the "
         "middle.": (edit(CORNER, "-((m - 1) // 2)"), edit(CORNER, "0")),
-        "Outside the city your map is 0: there it must be the value `outside`.": (
-            edit(OUTSIDE, "constant_values=0")
-        ),
+        "Outside the city yours is 0, not the value `outside`.": edit(OUTSIDE, "constant_values=0"),
         "You replace each 0 by `outside`, also those of the layer itself: they must stay 0.": (
             edit("return", "wide[wide == 0] = outside; return")
         ),
-        "Outside the city your map is 1: there it must be the value `outside`.": (
-            edit(OUTSIDE, "constant_values=1")
-        ),
+        "Outside the city yours is 1, not the value `outside`.": edit(OUTSIDE, "constant_values=1"),
         "Rows and columns are swapped: the UAV is at (row, col).": edit("in uav", "in uav[::-1]"),
         "Rows and columns are swapped: the map is transposed.": edit("- 1]", "- 1].T"),
         "The city goes round at the border in yours: beyond its last row comes `outside`, not "
@@ -315,27 +309,19 @@ WEIGHTS = Table(
     _weights,
     _weights_cases,
     mistakes={
-        "The biases are missing: each kernel and each neuron has one.": (
+        "The biases are missing: kernels and neurons have them.": (
             edit(*NO_KERNELS_BIAS, *NO_NEURONS_BIAS)
         ),
-        "The biases of the fully connected layers are missing: each neuron has one.": (
-            edit(*NO_NEURONS_BIAS)
-        ),
-        "The biases of the convolutions are missing: each kernel has one.": edit(*NO_KERNELS_BIAS),
+        "The neurons' biases are missing: each has one.": edit(*NO_NEURONS_BIAS),
+        "The kernels' biases are missing: each has one.": edit(*NO_KERNELS_BIAS),
         "Each kernel and each neuron has a bias of its own; yours count one a layer.": (
             edit(*ONE_KERNELS_BIAS, *ONE_NEURONS_BIAS),
             edit(*ONE_NEURONS_BIAS),
             edit(*ONE_KERNELS_BIAS),
         ),
-        "The biases of the output are missing: its 6 neurons have one each too.": (
-            edit("return total", "return total - 6")
-        ),
-        "The list has the numbers of all kernels, kernels · side², not side² alone.": (
-            edit("kernels * side", "side")
-        ),
-        "The flying time is missing: it is appended to the flattened map as one more input.": (
-            edit("side**2 + 1", "side**2")
-        ),
+        "The biases of the output are missing.": edit("return total", "return total - 6"),
+        "The list has kernels · side² numbers, not side² alone.": edit("kernels * side", "side"),
+        "The flying time is missing: it is one more input.": edit("side**2 + 1", "side**2"),
         "The output layer is missing: one value for each of the 6 actions.": edit(", 6)", ",)"),
         "The output layer has one value in yours, but there are 6 actions.": edit(", 6)", ", 1)"),
         "The output layer has 5 values in yours, but there are 6 actions: hovering and landing "
@@ -353,12 +339,10 @@ WEIGHTS = Table(
         ),
         "Each convolution makes the map smaller: without padding a kernel fits at (side − "
         "kernel_size) // stride + 1 places a side.": edit(STEP, "side"),
-        "A convolution leaves (side − kernel_size) // stride + 1 cells: the + 1 is missing.": (
+        "(side − kernel_size) // stride + 1: the + 1 is missing.": (
             edit(" // stride + 1", " // stride")
         ),
-        "The strides have no effect in yours: with stride s only each s-th place counts.": (
-            edit(" // stride", "")
-        ),
+        "The strides have no effect: only each s-th place counts.": edit(" // stride", ""),
         "Divide side − kernel_size by the stride and round down, and add the 1 after that: you "
         "divide too late.": edit(STEP, "(side - kernel_size + 1) // stride"),
         "Divide side − kernel_size by the stride and round down (//), so that the side is a whole "
@@ -370,9 +354,7 @@ WEIGHTS = Table(
             edit("channels = kernels", ""),
             edit("channels = kernels", "", "kernels * side", "layers * side"),
         ),
-        "Each kernel has weights for all the layers that it sees, not for one.": (
-            edit("* channels ", "")
-        ),
+        "A kernel has weights for all the layers that it sees.": edit("* channels ", ""),
     },
     read=number,
     tolerance=1e-9,

@@ -9,7 +9,7 @@ from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.environment import Town
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
-from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import Unreadable, numbers
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import CityError
@@ -88,51 +88,32 @@ TWO = """
 """
 
 
-def _search(city: City, closed: np.ndarray, moves, wrap=False, starts=None) -> np.ndarray:
-    """Breadth-first search from the landing cells through all cells that are not `closed`."""
-    size = city.size
-    distance = np.full((size, size), -1)
-    queue = deque(divmod(int(c), size) for c in (city.landing_cells if starts is None else starts))
-    for cell in queue:
-        distance[cell] = 0
+def _moves_home(city):
+    size, moves, landing = city.size, [(-1, 0), (0, 1), (1, 0), (0, -1)], city.landing
+    distance = np.where(landing, 0, -1)
+    queue = deque(zip(*np.nonzero(landing), strict=True))
     while queue:
         row, col = queue.popleft()
         for down, right in moves:
             r, c = row + down, col + right
-            if wrap:
-                r, c = r % size, c % size
-            if 0 <= r < size and 0 <= c < size and distance[r, c] < 0 and not closed[r, c]:
+            inside = 0 <= r < size and 0 <= c < size
+            if inside and distance[r, c] < 0 and not city.no_fly[r, c]:
                 distance[r, c] = distance[row, col] + 1
                 queue.append((r, c))
     return distance
 
 
-FOUR = ((-1, 0), (0, 1), (1, 0), (0, -1))
-EIGHT = (*FOUR, (-1, -1), (-1, 1), (1, -1), (1, 1))
-_SOLVED = City.landing_distance.func  # works while the property is not allowed
+def _first_only(landing):
+    return landing & (landing.cumsum() == 1).reshape(landing.shape)
+
+
+DIAGONALS = [(-1, -1), (-1, 1), (1, -1), (1, 1)]
 
 
 def _as_the_crow_flies(city: City) -> np.ndarray:
     row, col = np.indices((city.size,) * 2)
-    lengths = [
-        abs(row - cell // city.size) + abs(col - cell % city.size) for cell in city.landing_cells
-    ]
-    return np.min(lengths, axis=0)
-
-
-def _with(value):
-    """The solution with another value where there is no way."""
-
-    def mistake(city):
-        distance = _SOLVED(city)
-        return np.where(distance < 0, value, distance)
-
-    return mistake
-
-
-def _plus_one(city):
-    distance = _SOLVED(city)
-    return np.where(distance < 0, -1, distance + 1)
+    far = [abs(row - r) + abs(col - c) for r, c in np.argwhere(city.landing)]
+    return np.where(city.no_fly, -1, np.min(far, axis=0))
 
 
 def _distances(value) -> np.ndarray:
@@ -142,42 +123,36 @@ def _distances(value) -> np.ndarray:
     return array
 
 
-def _at(city, place):
-    return f"That is at row {place[0]}, column {place[1]}."
-
-
 REACHABLE = Table(
-    _SOLVED,
+    _moves_home,
     _city_cases,
     mistakes={
-        "You move diagonally too. The UAV has four moves: north, east, south, west.": (
-            lambda city: _search(city, city.no_fly, EIGHT)
-        ),
-        "You fly through no-fly cells: a cell with city.no_fly may not be entered.": (
-            lambda city: _search(city, np.zeros_like(city.no_fly), FOUR)
-        ),
+        "You move diagonally too: there are four moves.": edit("(0, -1)]", "(0, -1), *DIAGONALS]"),
+        "You fly through no-fly cells: city.no_fly.": edit("and not city.no_fly[r, c]", ""),
         "You count moves as if nothing stood in the way. A search has to go round the no-fly "
-        "cells.": (lambda city: np.where(city.no_fly, -1, _as_the_crow_flies(city))),
+        "cells.": _as_the_crow_flies,
         "You treat every building as a wall. Low buildings may be flown over: what the UAV may not "
         "enter is city.no_fly, which holds the tall ones already.": (
-            lambda city: _search(city, city.no_fly | city.buildings, FOUR)
+            edit("city.no_fly", "(city.no_fly | city.buildings)")
         ),
         "Only buildings stop you. The UAV may not enter no-fly cells, and may fly over low "
-        "buildings: ask city.no_fly.": lambda city: _search(city, city.buildings, FOUR),
+        "buildings: ask city.no_fly.": edit("no_fly", "buildings"),
         "You start from one landing cell only. The nearest of all counts: put all of them into the "
-        "queue, with distance 0.": (
-            lambda city: _search(city, city.no_fly, FOUR, starts=city.landing_cells[:1])
-        ),
+        "queue, with distance 0.": edit(", city.landing", ", _first_only(city.landing)"),
         "Your landing cells have 1. Over the zone no move is needed: start with 0 (the landing "
-        "itself is not counted here).": _plus_one,
-        "Cells without a way have 0, as if they were landing zone: mark them with −1.": _with(0),
+        "itself is not counted here).": edit(
+            "return distance", "return distance + (distance >= 0)"
+        ),
+        "Cells without a way have 0, as if they were landing zone: mark them with −1.": (
+            edit("return distance", "return distance.clip(0)")
+        ),
         "Your city is joined at its edges: row or column −1 is Python's last one, without an "
         "IndexError. Test that 0 <= row < M and 0 <= column < M.": (
-            lambda city: _search(city, city.no_fly, FOUR, wrap=True)
+            edit("if inside and", "r, c = r % size, c % size\n            if")
         ),
     },
     read=_distances,
-    where=_at,
+    where=lambda city, place: f"That is at row {place[0]}, column {place[1]}.",
 )
 
 
@@ -204,11 +179,6 @@ def _draw_reachable(ax):
 )
 def reachable(answer) -> None:
     """`reachable(city)`: moves to the nearest landing cell, (M, M), −1 where there is no way."""
-
-
-def _text(city: City) -> str:
-    """The city in the signs of `City.from_text`."""
-    return "\n".join(" ".join(".NbLB"[kind] for kind in row) for row in city.kinds)
 
 
 MISSIONS, SEED, GREEDY, BEHIND, CHANGED = 100, 92, 0.90, 0.30, 16

@@ -107,9 +107,7 @@ CROSSES = Table(
     _crosses,
     _crosses_cases,
     mistakes={
-        "You forget the factor 2: it is twice |R·c − C·r| that must be below |R| + |C|.": (
-            _and_for_points("2 * abs", "abs")
-        ),
+        "You forget the factor 2 before |R·c − C·r|.": _and_for_points("2 * abs", "abs"),
         "|R + C| is not |R| + |C|: on the way up or left R or C is negative, and they cancel.": (
             _and_for_points("abs(rows) + abs(cols)", "abs(rows + cols)")
         ),
@@ -232,9 +230,7 @@ SHADOW = Table(
     _shadow_map,
     _shadow_cases,
     mistakes={
-        "It is True where there is line of sight: the shadow is where the link is blocked.": (
-            edit("bool(", "not (")
-        ),
+        "It is True where there is line of sight: that is no shadow.": edit("bool(", "not ("),
         "Rows and columns are swapped: index [row, col], and the device is (row, col) too.": (
             edit("return shadow", "return shadow.T")
         ),

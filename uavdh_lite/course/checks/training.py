@@ -116,15 +116,13 @@ N_STEP = Table(
             edit("* rewards[k]", "* rewards[k] * (not terminals[k])")
         ),
         "The rewards are not discounted: reward k counts γ^k times.": edit("discount**k *", ""),
-        "The powers of γ of the rewards are one too high: rewards[0] counts in full.": (
+        "The powers of γ are one too high: rewards[0] counts in full.": (
             edit("discount**k", "discount ** (k + 1)")
         ),
         "You take the last value that is stored. After n rewards the UAV is in state n, "
         "values[n].": edit("values[m]", "values[-1]"),
         "n has no effect: that is the return over one step.": edit("min(n, len(rewards))", "1"),
-        "The value at the end is missing: what comes after the n rewards counts too.": (
-            edit(VALUE, "0")
-        ),
+        "The value at the end is missing: what comes later counts too.": edit(VALUE, "0"),
         "The value at the end is not discounted: it comes with γ^m.": edit(VALUE, "values[m]"),
         "Where fewer than n steps are stored, the power of γ is that of the steps that there "
         "are, not n.": edit("discount**m", "discount**n"),
@@ -230,11 +228,9 @@ DIAGNOSIS = Table(
     _diagnose,
     _diagnosis_cases,
     mistakes={
-        "Exactly 90 % landed is enough: it crashes if *fewer* than 90 % land.": (
-            edit("landed <", "landed <=")
-        ),
+        "Exactly 90 % landed is enough: *fewer* is a crash.": edit("landed <", "landed <="),
         "Exactly 80 % collected is good: *at least* 80 %.": edit(">=", ">"),
-        "Exactly 25 % of the time is not lazy any more: *less* than 25 %.": (
+        "Exactly 25 % of the time is not lazy: *less* than 25 % is.": (
             edit("time_used <", "time_used <=")
         ),
         "You ask for the landings first: an agent that hardly flies is lazy, also if it crashes "
@@ -243,17 +239,13 @@ DIAGNOSIS = Table(
         "home. Look at `landed` before you look at what it collects.": (
             _first(LAZINESS, GOOD, CRASHES)
         ),
-        "You ask first for what it collects: the time and the landings come before.": (
-            _first(GOOD, LAZINESS, CRASHES)
-        ),
+        "You ask first for what it collects: that comes last.": _first(GOOD, LAZINESS, CRASHES),
         "You ask for the time last: it comes first, an agent that uses little of it is lazy, "
         "however much it lands or collects.": _first(CRASHES, GOOD, LAZINESS),
         "The collection ratio alone is asked for, not its product with the share that landed.": (
             edit("if collection_ratio", "if landed * collection_ratio")
         ),
-        "Lazy and wandering are confused: the lazy one uses little of its time.": (
-            edit("lazy", "<>", "wanders", "lazy", "<>", "wanders")
-        ),
+        "Lazy and wandering are confused.": edit("lazy", "<>", "wanders", "lazy", "<>", "wanders"),
         "The numbers are shares between 0 and 1, not percentages: 90 % is 0.9.": (
             edit("0.25", "25", "0.9", "90", "0.8", "80")
         ),
