@@ -165,9 +165,7 @@ LOSS = Table(
         "You take 1 for kappa, whatever it is.": (
             *(edit("<= kappa", "<= 1", BEYOND, "abs(u) - 1 / 2"), edit("<= kappa", "<= 1")),
         ),
-        "You divide by kappa, which this loss does not.": (
-            edit("* huber", "* huber / kappa")
-        ),
+        "You divide by kappa, which this loss does not.": (edit("* huber", "* huber / kappa")),
         "You average over the quantiles as well: their losses are added up.": edit("sum", "mean"),
         "You add up the samples as well: take the mean over them.": edit("mean", "sum"),
         "Average over the samples and add up the quantiles, not vice versa.": (

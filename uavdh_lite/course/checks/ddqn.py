@@ -359,12 +359,8 @@ def _expect_uniform(ring: _Tested, count: int) -> None:
     """
     samples, size, generator = 600, 9, stream(Use.EXERCISE, count)
     stored = range(max(0, count - ring.capacity), count)
-    others = []
-    for _ in range(samples):
-        drawn = ring.sample(size, generator)
-        drawn.remove(count - 1)
-        others.append(drawn)
-    total = Counter(number for drawn in others for number in drawn)
+    total = Counter(n for _ in range(samples) for n in ring.sample(size, generator))
+    total[count - 1] -= samples
     expect(
         total[count - 1],
         "The newest item comes exactly once in each sample. Draw the others from all stored items, "
@@ -456,8 +452,8 @@ def _target_cases():
         return reward, torch.tensor(terminal), discount, online, target
 
     return {
-        "There is one target for each transition, (B,): of each row of target_next take the entry "
-        "at the number of the best action by online_next.": [
+        "There is one target for each transition, (B,): the reward, plus γ times the entry in its "
+        "row of target_next at the number of the best action by online_next.": [
             *(case(size, size, 1.0, ends=0) for size in (1, 8, 6)),
             case(3, 1, 1, ends=0, kind=np.float64),
         ],

@@ -51,15 +51,17 @@ def _slot_cases():
             case([3.0, 8.0], [0.0, 0.0]),
             *(case([-4.0, -9.0, -6.0], [0, 0, 0]), case([5.0], [0.0]), case([-70.0], [0.0])),
         ],
+        "What is uploaded is what the slot carries, rate(snr_db), but no more than is left.": [
+            *(case([2], [9]), case([0], [1]), case([-30.0], [5.0]), case([60.0], [1000.0])),
+            *(case([10.0], [0.7]), case([40.0], [1.5])),
+        ],
         "The device with the highest SNR is served, however little it is ahead, whatever it has "
         "left; its number is an index into snr_db.": [
-            *(case([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]), case([-3, -1], [9, 9]), case([2], [9])),
+            *(case([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]), case([-3, -1], [9, 9])),
             *(case([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0]), case([1e-9, 0.0], [9.0, 9.0])),
             *(case([9.0, 3.0], [1.0, 50.0]), case([-20.5, -20.4, -20.45], [1.0, 2.0, 3.0])),
-        ],
-        "It uploads what the slot carries, rate(snr_db), but no more than it has left.": [
-            *(case([10.0, 3.0], [0.7, 8.0]), case([0.0, -1.0], [9.0, 9.0]), case([0], [1])),
-            *(case([-30.0], [5.0]), case([40.0], [1e-6]), case([60.0, 2.0], [1000.0, 5.0])),
+            *(case([10.0, 3.0], [0.7, 8.0]), case([0.0, -1.0], [9.0, 9.0])),
+            case([60.0, 2.0], [1000.0, 5.0]),
         ],
         "A device without data is not served: of those that have data left, the highest SNR "
         "wins.": [
@@ -73,6 +75,7 @@ def _slot_cases():
         "A device has data left if it is more than 0, however little.": [
             *(case([8.0, 3.0], [0.05, 9.0]), case([8.0, 3.0], [1e-7, 9.0])),
             *(case([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0]), case([1.0], [1e-4])),
+            case([40.0], [1e-6]),
         ],
         "It must hold for any number of devices.": [
             drawn(count) for count in (1, 2, 2, 3, 3, 4, 5, 5, 8, 13)

@@ -155,6 +155,8 @@ NEEDED = Table(
     _needed_cases,
     mistakes={
         "Rounded down, the interval is too wide: round up (math.ceil).": edit("ceil", "floor"),
+        "Rounded to the nearest, it may be too small: math.ceil.": edit("math.ceil", "round"),
+        "math.ceil rounds up already: add nothing.": edit("return", "return 1 +"),
         "Where the number comes out whole, it is enough; you add one there (as int(x) + 1 does). "
         "Take math.ceil.": edit("math.ceil", "1 + math.floor"),
         "An episode cannot be flown in part: round up (math.ceil).": edit("math.ceil", ""),
@@ -174,6 +176,7 @@ NEEDED = Table(
         ),
         "Two standard errors are a rule of thumb. For 95 % z is 1.96.": edit("1.96", "2"),
         "With z = 1.645 the interval is a 90 % one. For 95 % z is 1.96.": edit("1.96", "1.645"),
+        "With z = 2.576 the interval is a 99 % one. For 95 % z is 1.96.": edit("1.96", "2.576"),
     },
     read=whole,
     tolerance=1e-12,

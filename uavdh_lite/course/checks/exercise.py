@@ -32,7 +32,7 @@ SECONDS = 10.0
 """So long an answer may take, unless its exercise says otherwise."""
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Exercise:
     """One exercise: call it with the answer to check it; `hint()` gives up to three hints.
 
@@ -66,6 +66,9 @@ class Exercise:
         """The heading of the exercise in its notebook."""
         points = "1 point" if self.points == 1 else f"{self.points} points"
         return f"## {self.number} · {self.title} ({points}, {self.minutes} minutes)"
+
+    def __repr__(self) -> str:  # a notebook shows neither hints nor mistakes
+        return self.heading.removeprefix("## ")
 
     def __call__(self, answer) -> None:
         """Check an answer; raises `CheckFailed` with what is probably wrong with it."""

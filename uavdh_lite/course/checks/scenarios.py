@@ -261,8 +261,7 @@ def defeat(answer) -> None:
         "differ.",
     )
     cut_off = np.argwhere(~city.no_fly & (city.landing_distance < 0))
-    if len(cut_off):
-        row, col = cut_off[0]
+    for row, col in cut_off:
         raise CheckFailed(
             f"There is no way to the landing zone from {len(cut_off)} of the cells that the UAV "
             f"may enter, the first at row {row}, column {col}: open one, or close them (N or B)."
@@ -271,17 +270,23 @@ def defeat(answer) -> None:
     greedy, own = _greedy(city)[cral], _fly(city, agent.over(city))
     expect(
         greedy >= GREEDY,
-        f"The greedy planner's CRAL is {greedy:.1%} here; the {GREEDY:.0%} that show that the "
-        "missions are possible are missed. Make ways shorter, or devices easier to hear.",
+        f"The greedy planner's CRAL is {greedy:.1%} here, and {GREEDY:.0%} are needed to show that "
+        "the missions are possible. Make ways shorter, or devices easier to hear.",
     )
-    behind = greedy - own[cral]
+    behind = 100 * (greedy - own[cral])
+    cells = "1 cell" if changed == 1 else f"{changed} cells"
     standing = (
-        f"In your city ({changed} cells changed) greedy has a CRAL of {greedy:.1%}, the agent "
+        f"In your city ({cells} changed) greedy has a CRAL of {greedy:.1%}, the agent "
         f"{own[cral]:.1%} (it lands in {own['has_landed']:.0%})"
     )
+    at_home = (
+        "Its landing zones are where it learned to land."
+        if np.array_equal(city.landing, agent.city.landing)
+        else "What else is in your city that it never met?"
+    )
     expect(
-        behind >= BEHIND,
-        f"The agent is too good. {standing}: it is {100 * behind:.1f} points behind, "
-        f"{100 * BEHIND:.0f} are asked for. What is in your city that it never met?",
+        behind >= 100 * BEHIND,
+        f"The agent is too good. {standing}: it is {behind:.1f} points behind, {100 * BEHIND:.0f} "
+        f"are asked for. {at_home}",
     )
     print(f"{standing}.")
