@@ -88,14 +88,12 @@ def _steps_to_cases():
     drawn = [generator.uniform(0.4, 1, n).round(1) for n in (2, 3, 4, 5, 8, 8, 8, 13) * 2]
     apart = [np.cumsum(generator.integers(1, 9_000, len(values))) - 1 for values in drawn]
     return {
-        "From the validation asked for on, all values are at least the threshold; the one before "
-        "it is below.": [
+        "From the result on all values are at least the threshold; the one before it is below.": [
             *(case(rises, threshold) for threshold in (0.6, 0.7, 0.84)),
             case(rises, 0.7, (3, 10, 20, 21, 30, 44, 50, 90)),
             case([-3, -1, -2, -1], -1.5, (0, 1, 2, 3)),
         ],
-        "If no value is below the threshold, it is the first validation, even if that is at 0 "
-        "steps.": [
+        "If no value is below the threshold, it is the first validation, even at 0 steps.": [
             *(case(rises, 0.05), case([0.5, 0.4], 0.3), case([0.5], 0.1, (7,))),
             case([0.3, 0.2, 0.9], 0, (0, 100, 200)),
         ],
@@ -295,13 +293,11 @@ def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool, str]]:
     return {
         "early": (
             bool(yes[:, at].min() > no[:, at].max()),
-            f"There the lowest centred run has {yes[:, at].min():.4g}, the highest of the others "
-            f"{no[:, at].max():.4g}.",
+            f"Centred runs have {yes[:, at].min():.4g} or more, others at most {no[:, at].max():.4g}.",
         ),
         "spread": (
             bool(gap > spread),
-            f"There the means differ by {gap:.4g}, and the larger standard deviation is "
-            f"{spread:.4g}.",
+            f"The means differ by {gap:.4g}, the larger standard deviation is {spread:.4g}.",
         ),
         "swap": (
             bool(no[:, -1].max() > yes[:, -1].min()),

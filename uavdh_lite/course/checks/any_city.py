@@ -44,8 +44,7 @@ def _small_cities() -> dict[str, list[tuple]]:
             drawn(4, 4, (1, 3)),
             drawn(7, 7, (5, 2)),
         ],
-        "A smaller city gives a map of the same size, 2M − 1 cells on a side. Outside the city, "
-        "only no-fly is True.": [
+        "Every map has 2M − 1 cells on a side. Outside the city, only no-fly is True.": [
             *(drawn(m, size) for m, size in ((2, 3), (2, 7), (3, 5), (3, 8), (5, 6), (6, 11)) * 2),
             drawn(5, 9, (0, 4)),
             drawn(5, 9, (4, 0)),
@@ -258,8 +257,7 @@ SYMMETRIC_Q = Table(
         "Those are the Q-values of one map: the other seven are missing.": edit(MEAN, "rows[0]"),
         "That is the sum of the eight: their mean is asked for.": edit("mean", "sum"),
         "That is the largest of the eight: their mean is asked for.": edit("mean", "max"),
-        "You average the eight maps and ask q_of once: ask it about each map, and average the "
-        "Q-values.": _asked_once,
+        "You average the eight maps: average their Q-values.": _asked_once,
     },
     errors={"q_of takes": "One map becomes a stack of one by layers[None], several by np.stack."},
 )
@@ -314,8 +312,7 @@ def _evaluations() -> dict[str, list[tuple]]:
             drawn([1, 3], [0, 1]),
             drawn([5, 1, 2, 9], [0, 1, 2, 3]),
         ],
-        "The cities' numbers are names: any ints, in any order. C is how many different ones "
-        "there are.": [
+        "The cities' numbers are names: any ints, in any order. C is how many there are.": [
             drawn([2, 3], [7, 4]),
             drawn([3, 1, 4, 2], [12, -5, 900, 0]),
             drawn([2, 5, 1], [-1, -2, 10**6]),

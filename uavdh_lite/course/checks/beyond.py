@@ -288,8 +288,7 @@ def _detours() -> dict[str, list[tuple]]:
         "Without a discount, γ = 1, it pays as long as data > 2 · way · cost.": (
             [(5.0, 1.0, 0.11), (20.0, 1.0, 0.23), (6.0, 1.0, 1.0)]
         ),
-        "It pays if data · γ^(way − 1) is more than the sum of cost · γ^t, t from 0 to "
-        "2 · way − 1.": [
+        "It pays if data · γ^(way − 1) is more than the sum of cost · γ^t, t < 2 · way.": [
             (1.5, 0.95, 0.11),
             (4.0, 0.95, 0.23),
             (3.0, 0.97, 0.11),

@@ -187,8 +187,7 @@ def mean_rate(answer) -> None:
     mean, error = few.mean(1), few.std(1, ddof=1) / np.sqrt(SEEDS) + 1e-9
     (right, spread), (wide, _) = (np.transpose([_moments(*c, p) for c in FADING]) for p in (0.5, 1))
     for message, value in {
-        "The fading is far too strong: generator.normal wants the standard deviation, the root of "
-        "the variance.": wide,
+        "The fading is far too strong: generator.normal wants the root of the variance.": wide,
         "On average that is the rate at the mean SNR. The fading belongs to the SNR, in dB, not to "
         "the rate; and average the rates, not the SNRs: the logarithm of a mean is not the mean "
         "of the logarithms, nor is the median.": solved_rate(np.array(FADING)[:, 0]),

@@ -65,8 +65,7 @@ def _policy_cases():
             case([near[::-1]], 0.125),
             case([[900.0, 1000, 0, -1000, 0, 0]], 0.1),
         ],
-        "All Q-values of a state may be far below 0: then every exp(Q/β) is 0, and 0 over 0 is "
-        "nan.": [
+        "All Q-values of a state may be far below 0: every exp(Q/β) is 0, and 0/0 is nan.": [
             case([[-q for q in near]], 0.125),
             case([[-1000.0] * 6], 0.1),
         ],
@@ -94,8 +93,7 @@ POLICY = Table(
     _softmax,
     _policy_cases,
     mistakes={
-        "You normalise over the batch: each column sums to 1. Sum over the actions, dim=1, so that "
-        "each row does.": (
+        "You normalise over the batch. Sum over the actions, dim=1, so that each row sums to 1.": (
             *_whatever(TOTAL, "powers.sum(0)", NO_TOP, BATCH_TOP, COLUMN_TOP),
             *_whatever(OVER, "* temperature", (TOTAL, "powers.sum(0)"))[1:],
             edit(OVER, "* temperature", TOTAL, "powers.sum(0)", *NO_TOP),
@@ -287,8 +285,7 @@ def ring_buffer(answer) -> None:
     generator = stream(Use.EXERCISE, 3)
     expect(
         ring.sample(12, generator) != ring.sample(12, generator),
-        "Two samples in a row, with the same generator, are equal: draw from it, and make no "
-        "generator of your own.",
+        "Two samples in a row are equal: draw from the generator, and make none of your own.",
     )
     _expect_quick(answer)
 
@@ -363,8 +360,7 @@ def _expect_uniform(ring: _Tested, count: int) -> None:
     total[count - 1] -= samples
     expect(
         total[count - 1],
-        "The newest item comes exactly once in each sample. Draw the others from all stored items, "
-        "the newest included.",
+        "The newest item is never drawn twice. Draw the others from all items, it included.",
     )
     mean, items = samples * (size - 1) / len(stored), len(stored)
     off = sum((total[number] - mean) ** 2 / mean for number in stored)
@@ -648,8 +644,7 @@ def soft_update_in_place(answer) -> None:
             same = "The target weights are as they were"
             expect(
                 len(target) != len(tensors) or not _equal([_flat(target)], [_moved(*case)]),
-                "The list has new tensors in it, with the right values, but the network holds the "
-                f"old ones. {IN_PLACE}.",
+                f"The list has new tensors, right ones, but the network has the old. {IN_PLACE}.",
             )
             expect(
                 not isinstance(returned, list | tuple),

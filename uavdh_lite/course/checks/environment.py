@@ -63,8 +63,7 @@ def _slot_cases():
             *(case([10.0, 3.0], [0.7, 8.0]), case([0.0, -1.0], [9.0, 9.0])),
             case([60.0, 2.0], [1000.0, 5.0]),
         ],
-        "A device without data is not served: of those that have data left, the highest SNR "
-        "wins.": [
+        "A device without data is not served: of the others the highest SNR wins.": [
             *(case([4.0, 9.0, -2.0], [50.0, 0.0, 40.0]), case([12, 5, 9], [0, 50, 40])),
             *(case([9.0, 3.0, 6.0], [0.0, 0.0, 2.0]), case([9.0, 8.0, 7.0], [0.0, 5.0, 6.0])),
         ],
@@ -106,8 +105,7 @@ SLOT = Table(
         "full arrays.": edit(BEST, "snr_db[left > 0]"),
         "An SNR times 0 is 0 dB, which is better than a negative SNR: an empty device must get "
         "−infinity instead.": edit(BEST, "snr_db * (left > 0)"),
-        "An empty device gets a number in place of its SNR that real SNRs can be below: it must "
-        "get −infinity.": tuple(
+        "An empty device gets a number that real SNRs can be below: take −infinity.": tuple(
             edit("-np.inf", str(low)) for low in (-1, -10, -15, -20, -50, -99, -100)
         ),
         "The rule is the best SNR, not the largest upload.": (
@@ -188,8 +186,7 @@ def rewards_by_hand(answer) -> None:
         )
         expect(
             not close(numbers, np.cumsum(_rewards_of(name))),
-            f"Flight {name}: these are the sums of the rewards so far. The reward of each step by "
-            "itself is asked for.",
+            f"Flight {name}: these are the sums of the rewards so far. Give each step's own.",
         )
         for step, number in enumerate(list(numbers)):
             at = f"Flight {name}, step {step + 1}"
@@ -295,8 +292,7 @@ def _reward_cases():
         "All that applies is added: with an intervention in the step that crashes, too.": [
             *(_batch([both]), _batch([both, crashed, refused])),
         ],
-        "Each episode of a batch has its own reward; as many episodes as slots make no "
-        "difference.": [
+        "Each episode of a batch has its own reward, also if there are four of them.": [
             *(_batch(several[k : k + 4], k) for k in range(4)),
             *(_batch(several * copies, copies) for copies in (1, 3)),
             _batch(several, 5, whole=True),
@@ -437,8 +433,7 @@ KINDS = {
     "are numbered north, east, south, west, hover, land. Nothing is in the way there, so the "
     "controller does not intervene. Rows and columns go from 0 to M − 1.",
     "hover": "Hovering stays in the cell and is always allowed: the controller does not intervene.",
-    "land": "A UAV that lands stays in its cell; in the landing zone the controller does not "
-    "intervene.",
+    "land": "A UAV that lands stays in its cell; in the zone the controller does not intervene.",
     "land outside": "That cell is not in the landing zone, so landing is not allowed: the UAV "
     "hovers instead, in its cell, and the controller intervenes.",
     "edge": "That leaves the grid: the UAV hovers instead, in its cell, and the controller "
@@ -499,8 +494,7 @@ SAFE_STEP = Table(
         ),
         "Limiting row and column to the grid keeps the UAV in its cell, but hides that the "
         "controller intervenes there: say True.": edit("cell, True", "cell, inside"),
-        "Buildings may be flown over if they are low: only city.no_fly says where the UAV may not "
-        "go.": (
+        "Low buildings may be flown over: only city.no_fly says where the UAV may not go.": (
             edit("city.no_fly", "(city.no_fly | city.buildings)"),
             edit("city.no_fly", "city.buildings"),
         ),

@@ -72,10 +72,8 @@ WILSON = Table(
         "says that the share is certainly 1; solve for the unknown share instead.": (
             edit(*MIDDLE, *ROOT, BELOW, ".clip(0, 1)")
         ),
-        "That is the interval for z = 1, which holds the share in 68 % of all cases. For 95 % z is "
-        "1.96.": edit("Z", "1"),
-        "z is 1.645 in your interval: that holds the share in 90 % of all cases. For 95 % z is "
-        "1.96.": edit("Z", "Z90"),
+        "z = 1 holds the share in 68 % of all cases. For 95 % z is 1.96.": edit("Z", "1"),
+        "z = 1.645 holds the share in 90 % of all cases. For 95 % z is 1.96.": edit("Z", "Z90"),
         "z is 2 in your interval, a rule of thumb. For 95 % z is 1.96.": edit("Z", "2"),
         "The denominator 1 + z²/n is missing: the upper end can exceed 1.": edit(BELOW, ""),
         "The middle is not shifted: it is p + z²/(2n), not p, before the division.": edit(*MIDDLE),
@@ -162,8 +160,7 @@ NEEDED = Table(
         "An episode cannot be flown in part: round up (math.ceil).": edit("math.ceil", ""),
         "The square is missing. The half width shrinks with the *root* of the number of "
         "episodes: for half of it you need four times as many.": edit(" ** 2", ""),
-        "The 1.96 is missing: one standard error on either side is an interval of 68 %, not 95 "
-        "%.": edit("1.96 *", ""),
+        "The 1.96 is missing: one standard error to each side holds 68 %.": edit("1.96 *", ""),
         "The 1.96 is not squared; it belongs inside the square.": edit("(1.96 * ", "1.96 * ("),
         "The standard deviation is not squared, as if it were a variance already.": (
             edit("1.96 * standard_deviation", "1.96 * standard_deviation**0.5")
@@ -237,8 +234,7 @@ def _lead_cases():
         "d.std(ddof=1) / sqrt(n), to either side: (mean, low, high).": [
             *(few, few[::-1], (np.array([9, 5]), np.array([1, 2])), drawn(8, 1.0)),
         ],
-        "It must hold whether the results of the two policies go together or not, and for few and "
-        "many scenarios.": [
+        "It must hold whether the two results go together or not, for few and many scenarios.": [
             *(drawn(30, 2.0), drawn(300, 0.5), drawn(15, -0.7), drawn(9, 0.0), drawn(2, 3.0, 2.0)),
             *(drawn(40, 1.0, -2.0, 50.0), drawn(25, 1.0, 3.0, 0.001)),
         ],
@@ -268,8 +264,7 @@ LEAD = Table(
         "The mean of n is known better: take its standard error.": (
             lambda a, b: np.array([(a - b).mean(), *np.quantile(a - b, (0.025, 0.975))])
         ),
-        "The interval is made of the variance; the standard error is made of the standard "
-        "deviation.": edit("std", "var"),
+        "Take the standard deviation, not the variance.": edit("std", "var"),
         "Divided by n instead of by the root of n.": edit(BY_ROOT, "/ len(d)"),
         "np.std divides by n by default. The standard deviation is estimated from the same n "
         "values as the mean, so divide by n − 1: ddof=1.": edit("ddof=1", ""),
@@ -412,8 +407,7 @@ def policy(answer) -> None:
         )
         expect(
             np.issubdtype(action.dtype, np.integer),
-            f"The actions are of type {action.dtype}; they must be whole numbers, indices into "
-            f"{ACTIONS}.",
+            f"The actions are of type {action.dtype}; give whole numbers, indices into {ACTIONS}.",
         )
         unknown = action[(action < 0) | (action >= len(ACTIONS))]
         if len(unknown):

@@ -118,7 +118,7 @@ class Exercise:
         figure = Figure(figsize=(5.5, 3.4), layout="constrained")
         ax = figure.subplots()
         self.figure(ax)
-        if ax.lines and not (ax.images or ax.patches):
+        if ax.lines and not ax.patches and ax.get_aspect() == "auto":  # no map, no bars
             ax.grid(alpha=0.3)
         if ax.get_legend_handles_labels()[1] and not ax.get_legend():
             ax.legend(fontsize="small")

@@ -71,8 +71,7 @@ def failure_seed(answer) -> None:
     lead, standing = greedy - agent, f"greedy brings home {greedy:.1f} %, the agent {agent:.1f} %"
     expect(
         lead >= 0,
-        f"In mission {answer} the agent is ahead: {standing}. Check the sign of your lead: greedy "
-        "minus agent.",
+        f"In mission {answer} the agent is ahead: {standing}. The lead is greedy minus agent.",
     )
     expect(
         lead >= POINTS,
@@ -220,7 +219,6 @@ def _cell(value, size: int) -> tuple[int, ...]:
         cell = []
     expect(
         cell and all(part.is_integer() for part in cell),
-        f"You give {show(value)}. Hand over (row, column); divmod(number, {size}) makes both of a "
-        "cell's number.",
+        f"You give {show(value)}. Hand over (row, column), as divmod(number, {size}) makes them.",
     )
     return tuple(map(int, cell))

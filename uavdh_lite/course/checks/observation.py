@@ -136,8 +136,7 @@ def _centre_cases():
         return generator.integers(1, 9, (size, size))
 
     return {
-        "A layer of M×M cells gives a map of (2M − 1)×(2M − 1), with the UAV's cell in the middle, "
-        "at (M − 1, M − 1).": [
+        "The map has (2M − 1)×(2M − 1) cells, the UAV's in the middle, at (M − 1, M − 1).": [
             *((small, uav, 0.0) for uav in ((1, 1), (0, 2), (2, 0), (2, 1), (0, 1))),
             (np.array([[1.0, 2], [3, 4]]), (0, 1), 0),
         ],
@@ -146,13 +145,11 @@ def _centre_cases():
             (np.array([[0.0, 3], [0, 0]]), (1, 0), 4.0),
             (np.zeros((2, 2)), (0, 0), 2),
         ],
-        "Fractions survive: a layer of fractions keeps them, also if `outside` is a whole "
-        "number.": [
+        "A layer of fractions keeps them, also if `outside` is a whole number.": [
             (generator.random((size, size)).round(3) * 9, uav, outside)
             for size, uav, outside in ((2, (1, 1), 0), (6, (1, 4), 7), (7, (5, 2), 1))
         ],
-        "A layer of whole numbers or of Booleans becomes floats, so that `outside` may be a "
-        "fraction.": [
+        "Whole numbers and Booleans become floats, so that `outside` may be a fraction.": [
             (whole(2), (0, 1), 0.5),
             *((whole(size), (size - 1, 1), outside) for size, outside in ((3, 0.25), (5, 2))),
             *(
@@ -286,8 +283,7 @@ def _weights_cases():
             *((1, 2, 1, 1, (1,), (1,)), (3, 3, 2, 3, (1,), (5,)), (4, 2, 7, 2, (1,), (3, 2))),
             *((5, 5, 2, 9, (1,), (4,)), (1, 1, 6, 1, (1,), (2,))),
         ],
-        "(side − kernel_size) // stride + 1 cells a side are left: a kernel is put only where it "
-        "lies wholly inside.": [
+        "(side − kernel_size) // stride + 1 cells a side are left: kernels lie wholly inside.": [
             *((2, 3, 4, 2, (stride,), (6,)) for stride in (2, 3, 4)),
             *((3, 12, 9, 3, (3,), (20,)), (2, 7, 3, 4, (5,), (8,)), (2, 9, 3, 4, (6,), (8,))),
         ],
@@ -349,8 +345,7 @@ WEIGHTS = Table(
         "number.": edit("//", "/"),
         "A kernel is kernel_size × kernel_size weights for each layer that it sees, not "
         "kernel_size.": edit("kernel_size**2", "kernel_size"),
-        "The second convolution sees as many layers as the first has kernels, not the layers of "
-        "the map again.": (
+        "The second convolution sees as many layers as the first has kernels.": (
             edit("channels = kernels", ""),
             edit("channels = kernels", "", "kernels * side", "layers * side"),
         ),

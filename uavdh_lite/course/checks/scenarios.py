@@ -129,8 +129,7 @@ REACHABLE = Table(
     mistakes={
         "You move diagonally too: there are four moves.": edit("(0, -1)]", "(0, -1), *DIAGONALS]"),
         "You fly through no-fly cells: city.no_fly.": edit("and not city.no_fly[r, c]", ""),
-        "You count moves as if nothing stood in the way. A search has to go round the no-fly "
-        "cells.": _as_the_crow_flies,
+        "You count moves as if nothing stood in the way.": _as_the_crow_flies,
         "You treat every building as a wall. Low buildings may be flown over: what the UAV may not "
         "enter is city.no_fly, which holds the tall ones already.": (
             edit("city.no_fly", "(city.no_fly | city.buildings)")
@@ -257,8 +256,7 @@ def defeat(answer) -> None:
     changed = _changed(city)
     expect(
         changed <= CHANGED,
-        f"Your city differs from `home` in {changed} of its {size**2} cells; at most {CHANGED} may "
-        "differ.",
+        f"It differs from `home` in {changed} of its {size**2} cells; at most {CHANGED} may.",
     )
     cut_off = np.argwhere(~city.no_fly & (city.landing_distance < 0))
     for row, col in cut_off:

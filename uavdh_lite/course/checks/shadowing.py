@@ -58,8 +58,7 @@ def _crosses_cases():
             *(((3, 2), (3, 7), (3, 5)), ((3, 2), (3, 7), (4, 5)), ((1, 4), (6, 4), (2, 4))),
             *(((6, 4), (1, 4), (3, 5)), ((0, 0), (0, 4), (0, 2)), ((0, 0), (3, 0), (1, 1))),
         ],
-        "If both ends are the same point, in the middle of one cell, it lies inside that cell and "
-        "no other.": [
+        "If both ends are the same point, it lies inside its cell and no other.": [
             *(((4, 6), (4, 6), (4, 6)), ((4, 6), (4, 6), (4, 7)), ((0, 0), (0, 0), (0, 0))),
             *(((0, 0), (0, 0), (1, 0)), ((4, 6), (4, 6), (3, 6))),
         ],
@@ -183,8 +182,7 @@ def _shadow_cases():
         *(corner(3, (0, 2), (0, 1), (1, 2)), corner(4, (3, 3), (2, 3), (3, 2))),
     ]
     return {
-        "Nothing is hidden where there is no building, the device's own cell included: False "
-        "everywhere.": [
+        "Without buildings nothing is hidden, nor is the device's own cell: all is False.": [
             (np.zeros((size, size), bool), at)
             for size, at in ((1, (0, 0)), (2, (1, 0)), (3, (0, 2)), (5, (2, 2)))
         ],
@@ -196,8 +194,7 @@ def _shadow_cases():
         "A ray that only touches one building at a corner is not hidden by it.": [
             *(corner(2, (0, 0), (0, 1)), corner(3, (0, 0), (1, 2)), corner(4, (3, 0), (2, 0))),
         ],
-        "A ray through the corner that two diagonally adjacent buildings share, between them, is "
-        "hidden.": [
+        "A ray through the corner that two diagonally adjacent buildings share is hidden.": [
             *border,
             (_town("..... .#... ..#.. ...#. ....."), (3, 0)),
         ],
@@ -257,8 +254,7 @@ SHADOW = Table(
     read=truths,
     where=_hidden,
     errors={
-        "out of bounds": "Do you look beyond the grid? No cell outside the rectangle from the "
-        "device to the UAV matters.",
+        "out of bounds": "You look beyond the grid: only cells from the device to the UAV matter.",
     },
 )
 
@@ -332,8 +328,7 @@ def _asymmetric_cases():
     drawn = [generator.random((size,) * 4) < share for size in (2, 3, 4) for share in (0.5, 0.9)]
     buildings = stream(Use.EXERCISE, 3).random((7, 7)) < 0.25
     return {
-        "Where both directions agree in all pairs, the share is 0: asked for is not what is seen, "
-        "but what differs.": [
+        "Where all pairs agree, the share is 0: what differs counts, not what is seen.": [
             *(table(2), table(3, fill=False), table(2, (0, 1, 1, 0), (1, 0, 0, 1))),
             (line_of_sight(buildings),),
         ],

@@ -57,8 +57,7 @@ def _n_step_cases():
         "With n = 1 it is rewards[0], and then γ times values[1], the value of the next state.": [
             *(case(3, (), 1, discount, seed) for seed, discount in enumerate((0.9, 0.5, 1.0, 0.0)))
         ],
-        "Reward k counts γ^k times. After m rewards the UAV is in state m: γ^m values[m] comes "
-        "last.": [
+        "Reward k counts γ^k times. After m rewards γ^m values[m] comes, of state m.": [
             *(case(6, (), n, d, n) for n, d in ((2, 0.9), (3, 0.8), (4, 0.99), (5, 0.3))),
             *((*whole, n, d) for n, d in ((2, 0.5), (2, 1.0), (2, 1))),
         ],
@@ -71,8 +70,7 @@ def _n_step_cases():
             *(case(6, (2, 4), n, 0.8, 7) for n in (1, 2)),
             *(case(6, (5,), n, 0.9, 10) for n in (4, 5)),
         ],
-        "Where fewer than n steps are stored, m = T: sum those that there are, then add "
-        "γ^T values[T].": [
+        "Where fewer than n steps are stored, m = T: sum those, then add γ^T values[T].": [
             *(case(6, (), n, 0.9, 1) for n in (6, 7, 20)),
             *(case(1, (), n, 0.4, 2) for n in (1, 3)),
             *((*whole, n, 0.5) for n in (3, 1000)),
