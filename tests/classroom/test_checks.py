@@ -1,6 +1,7 @@
 """The exercises' checks: typical mistakes are named."""
 
 import importlib
+import inspect
 import re
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.course import checks
 from uavdh_lite.course.checks import any_city
 from uavdh_lite.course.checks.environment import FLIGHTS
-from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.training import RUNS
 from uavdh_lite.course.checks.values import close
 from uavdh_lite.environment import Rewards
@@ -141,9 +142,36 @@ def test_what_a_notebook_shows_of_a_failed_check():
     assert checks.CheckFailed("A reason.")._render_traceback_() == ["Not yet. A reason."]
 
 
+def one_more(x):
+    return x + 1
+
+
 def plus_one(mistakes):
-    cases = {"One more.": [(12,), (1,)], "Also for large numbers.": [(1000.25,)]}
-    return Table(lambda x: x + 1, lambda: cases, mistakes)
+    cases = {"One more.": [12, (1,)], "Also for large numbers.": [(1000.25,)]}
+    return Table(one_more, lambda: cases, mistakes)
+
+
+def test_a_mistake_may_be_an_edit_of_the_solution():
+    twice = edit("1", "2"), lambda x: 2 * x
+    table = plus_one({"one less": edit("+", "-"), "two more or twice": twice})
+    for answer, message in (
+        (lambda x: x - 1, "^one less$"),
+        (lambda x: x + 2, "^two more"),
+        (lambda x: 2 * x, "^two more"),
+    ):
+        with pytest.raises(checks.CheckFailed, match=message):
+            table(answer)
+    with pytest.raises(ValueError, match="one_more has no '-' to be changed"):
+        edit("-", "+").of(one_more)
+
+
+def test_without_its_source_a_check_shows_the_rule(monkeypatch):
+    def no_source(function):
+        raise OSError("could not get source code")
+
+    monkeypatch.setattr(inspect, "getsource", no_source)
+    with pytest.raises(checks.CheckFailed, match=r"expected 2\. One more"):
+        plus_one({"one less": edit("+", "-")})(lambda x: x - 1)
 
 
 def test_a_mistake_is_named_only_if_it_agrees_on_every_case():

@@ -293,7 +293,7 @@ def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool, str]]:
     return {
         "early": (
             bool(yes[:, at].min() > no[:, at].max()),
-            f"Centred runs have {yes[:, at].min():.4g} or more, others at most {no[:, at].max():.4g}.",
+            f"Centred: {yes[:, at].min():.4g} or more; others: {no[:, at].max():.4g} or less.",
         ),
         "spread": (
             bool(gap > spread),

@@ -3,6 +3,7 @@
 import inspect
 import textwrap
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -99,11 +100,13 @@ class Table:
     @cached_property
     def each_mistake(self) -> list[tuple[str, Callable]]:
         """What to say of each function that makes a mistake, and the function."""
-        return [
-            (message, mistake.of(self.solution) if isinstance(mistake, Edit) else mistake)
-            for message, made in self.mistakes.items()
-            for mistake in (made if isinstance(made, tuple) else (made,))
-        ]
+        found = []
+        for message, made in self.mistakes.items():
+            for mistake in made if isinstance(made, tuple) else (made,):
+                with suppress(OSError):  # installed without sources: rules only
+                    edited = isinstance(mistake, Edit)
+                    found.append((message, mistake.of(self.solution) if edited else mistake))
+        return found
 
     def __call__(self, answer: Callable) -> None:
         """Check a function.
