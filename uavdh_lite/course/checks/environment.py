@@ -93,7 +93,7 @@ SLOT = Table(
         "You serve a device that has nothing left: the slot goes to the best of those with data "
         "left.": (edit(BEST, "snr_db"), edit(BEST, "snr_db", ANY, "True")),
         "The device uploads more than it has.": edit(UPLOAD, "rate(snr_db[device])"),
-        "The device uploads all it has, but no more than the rate fits.": (
+        "The device uploads all it has, but a slot carries no more than the rate, log2(1 + SNR).": (
             edit(UPLOAD, "left[device]")
         ),
         "You upload as many data units as the SNR has decibels: turn it into a rate first, "
@@ -108,7 +108,7 @@ SLOT = Table(
         "An empty device gets a number that real SNRs can be below: take −infinity.": tuple(
             edit("-np.inf", str(low)) for low in (-1, -10, -15, -20, -50, -99, -100)
         ),
-        "The rule is the best SNR, not the largest upload.": (
+        "The slot goes to the device with the largest upload, but the rule is the best SNR.": (
             edit(BEST, "np.minimum(rate(snr_db), left)")
         ),
         "The slot goes to the best SNR, not to the most data.": edit(BEST, "left"),

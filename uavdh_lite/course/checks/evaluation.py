@@ -244,7 +244,7 @@ def _lead_cases():
     }
 
 
-DEVIATION, BY_ROOT = "d.std(ddof=1)", "/ np.sqrt(len(d))"
+BY_ROOT = "/ np.sqrt(len(d))"
 LEAD = Table(
     _lead,
     _lead_cases,

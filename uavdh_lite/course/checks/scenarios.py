@@ -128,7 +128,7 @@ REACHABLE = Table(
     _city_cases,
     mistakes={
         "You move diagonally too: there are four moves.": edit("(0, -1)]", "(0, -1), *DIAGONALS]"),
-        "You fly through no-fly cells: city.no_fly.": edit("and not city.no_fly[r, c]", ""),
+        "You fly through no-fly cells: ask city.no_fly.": edit("and not city.no_fly[r, c]", ""),
         "You count moves as if nothing stood in the way.": _as_the_crow_flies,
         "You treat every building as a wall. Low buildings may be flown over: what the UAV may not "
         "enter is city.no_fly, which holds the tall ones already.": (
