@@ -124,9 +124,7 @@ def _mistakes(environment: Environment) -> dict[str, set[tuple]]:
             "city.device_cells", "range(city.size**2)"
         ),
         "That cell has the lowest *mean* of the rates over all UAV cells. The UAV chooses where "
-        "it hovers: take the best rate for each device cell, then the lowest.": edited(
-            "max", "mean"
-        ),
+        "it hovers: take the best rate for each device cell first.": edited("max", "mean"),
         "That cell has the lowest rate of all at the *worst* UAV cell; the UAV hovers at the best "
         "one: max over the UAV's cells, then min over the devices.": edited("max", "min"),
         "Your UAV never hovers over the landing zone: there landing_distance is 0, and it counts "

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
-from uavdh_lite.course.checks.table import Edit, Table, edit
+from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import number, one_of
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments.runs import keep_freed_memory
@@ -149,13 +149,8 @@ NAMES = ("lazy", "crashes", "good", "wanders")
 
 
 def _diagnose(landed, collection_ratio, time_used):
-    if time_used < 0.25:
-        return "lazy"
-    if landed < 0.9:
-        return "crashes"
-    if collection_ratio >= 0.8:
-        return "good"
-    return "wanders"
+    lazy, crashes, good = time_used < 0.25, landed < 0.9, collection_ratio >= 0.8
+    return "lazy" if lazy else "crashes" if crashes else "good" if good else "wanders"
 
 
 # Of data/runs/deviations-manhattan, by variant, seed and thousand steps: landed, collected, time
@@ -207,19 +202,13 @@ def _diagnosis_cases():
     }
 
 
-LAZINESS, CRASHES, GOOD = (
-    ("time_used < 0.25", "lazy"),
-    ("landed < 0.9", "crashes"),
-    ("collection_ratio >= 0.8", "good"),
-)
-
-
-def _first(*order):
-    """Ask in this order."""
-    right = LAZINESS, CRASHES, GOOD
-    marks = [(text, f"<{k}{j}>") for k, one in enumerate(right) for j, text in enumerate(one)]
-    texts = [(f"<{k}{j}>", text) for k, one in enumerate(order) for j, text in enumerate(one)]
-    return Edit((*marks, *texts))
+def _asked(*names):
+    """A mistake: these are asked for in this order."""
+    right, wrong = (
+        " else ".join(f'"{name}" if {name}' for name in order)
+        for order in (("lazy", "crashes", "good"), names)
+    )
+    return edit(right, wrong)
 
 
 DIAGNOSIS = Table(
@@ -232,18 +221,20 @@ DIAGNOSIS = Table(
             edit("time_used <", "time_used <=")
         ),
         "You ask for the landings first: an agent that hardly flies is lazy, also if it crashes "
-        "now and then.": _first(CRASHES, LAZINESS, GOOD),
+        "now and then.": _asked("crashes", "lazy", "good"),
         "An agent that collects much but crashes is not good: what it collects does not come "
         "home. Look at `landed` before you look at what it collects.": (
-            _first(LAZINESS, GOOD, CRASHES)
+            _asked("lazy", "good", "crashes")
         ),
-        "You ask first for what it collects: that comes last.": _first(GOOD, LAZINESS, CRASHES),
+        "You ask first for what it collects.": _asked("good", "lazy", "crashes"),
         "You ask for the time last: it comes first, an agent that uses little of it is lazy, "
-        "however much it lands or collects.": _first(CRASHES, GOOD, LAZINESS),
+        "however much it lands or collects.": _asked("crashes", "good", "lazy"),
         "The collection ratio alone is asked for, not its product with the share that landed.": (
-            edit("if collection_ratio", "if landed * collection_ratio")
+            edit("collection_ratio >=", "landed * collection_ratio >=")
         ),
-        "Lazy and wandering are confused.": edit("lazy", "<>", "wanders", "lazy", "<>", "wanders"),
+        "Lazy and wandering are confused.": edit(
+            '"lazy"', '"x"', '"wanders"', '"lazy"', '"x"', '"wanders"'
+        ),
         "The numbers are shares between 0 and 1, not percentages: 90 % is 0.9.": (
             edit("0.25", "25", "0.9", "90", "0.8", "80")
         ),
