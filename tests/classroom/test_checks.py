@@ -1,15 +1,23 @@
 """The exercises' checks: typical mistakes are named."""
 
 import importlib
+import inspect
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.course import checks
-from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks import any_city
+from uavdh_lite.course.checks.environment import FLIGHTS
+from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.training import RUNS
 from uavdh_lite.course.checks.values import close
+from uavdh_lite.environment import Rewards
+from uavdh_lite.observation import Observation
+from uavdh_lite.scenario import place
 from uavdh_lite.storage import read_table
 
 HERE = Path(__file__).parent
@@ -42,6 +50,24 @@ def test_the_validations_to_diagnose_are_recorded_ones():
         row &= table["steps"] == 1000 * int(thousands)
         recorded = [round(float(table[column][row].item()), 3) for column in columns]
         assert list(shares) == recorded, name
+
+
+def test_the_flights_by_hand_have_the_prices_of_the_library():
+    prices = Rewards()
+    terms = np.array([step for steps in FLIGHTS.values() for step in steps])
+    for column, price in ((1, prices.movement), (2, prices.safety), (3, prices.crash)):
+        assert set(terms[:, column]) == {0, price}
+    assert (terms[:, 0] <= terms[:, 4]).all()
+
+
+def test_a_small_citys_map_is_that_of_the_library():
+    layers, uav, size = any_city.SMALL_CITY.cases[-1][1]
+    city = CityGenerator((9, 9)).draw(1, seed=3)[0]
+    device = tuple(int(k) for k in divmod(city.device_cells[0], city.size))
+    state = place(city, uav, devices=[device], data=[5], flying_time=30, max_devices=1)
+    maps = Observation(city, "centred", size=size).centred_map(state)
+    assert np.array_equal(layers, [city.landing, city.no_fly, city.buildings])
+    assert np.array_equal(any_city.SMALL_CITY.right[-1].value, maps[0, :3].numpy())
 
 
 def test_every_exercise_has_two_mistakes_at_least():
@@ -116,9 +142,36 @@ def test_what_a_notebook_shows_of_a_failed_check():
     assert checks.CheckFailed("A reason.")._render_traceback_() == ["Not yet. A reason."]
 
 
+def one_more(x):
+    return x + 1
+
+
 def plus_one(mistakes):
-    cases = {"One more.": [(12,), (1,)], "Also for large numbers.": [(1000.25,)]}
-    return Table(lambda x: x + 1, lambda: cases, mistakes)
+    cases = {"One more.": [12, (1,)], "Also for large numbers.": [(1000.25,)]}
+    return Table(one_more, lambda: cases, mistakes)
+
+
+def test_a_mistake_may_be_an_edit_of_the_solution():
+    twice = edit("1", "2"), lambda x: 2 * x
+    table = plus_one({"one less": edit("+", "-"), "two more or twice": twice})
+    for answer, message in (
+        (lambda x: x - 1, "^one less$"),
+        (lambda x: x + 2, "^two more"),
+        (lambda x: 2 * x, "^two more"),
+    ):
+        with pytest.raises(checks.CheckFailed, match=message):
+            table(answer)
+    with pytest.raises(ValueError, match="one_more has no '-' to be changed"):
+        edit("-", "+").of(one_more)
+
+
+def test_without_its_source_a_check_shows_the_rule(monkeypatch):
+    def no_source(function):
+        raise OSError("could not get source code")
+
+    monkeypatch.setattr(inspect, "getsource", no_source)
+    with pytest.raises(checks.CheckFailed, match=r"expected 2\. One more"):
+        plus_one({"one less": edit("+", "-")})(lambda x: x - 1)
 
 
 def test_a_mistake_is_named_only_if_it_agrees_on_every_case():
@@ -154,3 +207,8 @@ def test_the_teaching_guide_has_every_exercise():
         (one.number, one.title, str(one.points), str(one.minutes))
         for one in checks.EXERCISES.values()
     ]
+
+
+def test_the_heading_of_an_exercise_must_be_that_of_the_notebook():
+    with pytest.raises(ValueError, match="2 points, 10 minutes"):
+        checks.exercise.exercise("1.9 · No points", "", "", figure=None)

@@ -133,5 +133,5 @@ def test_every_parameter_matters_and_no_result_may_be_rounded(name):
 @pytest.mark.parametrize("name", TABLES)
 def test_each_named_mistake_is_recognised_as_itself(name):
     table = TABLES[name]
-    for message, mistake in table.each_mistake():
+    for message, mistake in table.each_mistake:
         assert refused(table, mistake) == message

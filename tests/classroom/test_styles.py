@@ -142,7 +142,7 @@ def by_sets(a, b):
 def by_padding(layer, uav, outside):
     m = len(layer) - 1
     (r, c), wide = uav, np.pad(layer.astype(np.float64), m, constant_values=outside)
-    return wide[r:][: 2 * m + 1][:, c:][:, : 2 * m + 1].tolist()
+    return wide[r:][: 2 * m + 1][:, c:][:, : 2 * m + 1]
 
 
 def by_search(successes, trials):

@@ -1,8 +1,10 @@
 """Whatever is handed in ends in a sentence, soon, and the kernel lives."""
 
 import builtins
+import ctypes
 import itertools
 import os
+import subprocess
 import sys
 import threading
 import time
@@ -13,6 +15,7 @@ import torch
 
 from uavdh_lite.course import checks
 from uavdh_lite.course.checks import exercise as shared
+from uavdh_lite.course.checks import trial
 from uavdh_lite.course.checks.trial import PRINTED, CheckFailed, within
 
 
@@ -120,7 +123,6 @@ def test_whatever_a_function_gives_back_ends_in_a_sentence(name):
         said_of(name, (answer, answer) if pairs else answer)
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("answer", FUNCTIONS)
 def test_whatever_a_function_does_ends_in_a_sentence(answer, capsys):
     for name in ("rate_from_snr", "mean_rate"):
@@ -142,11 +144,91 @@ def test_an_endless_loop_is_stopped_and_not_only_left_alone():
     assert threading.active_count() <= before
 
 
+def test_nothing_is_said_of_an_error_that_python_ignores(capfd):
+    class Lingers:
+        def __del__(self):
+            endless()
+
+    def rate(snr_db):
+        Lingers()
+        endless()
+
+    assert "had not ended" in said_of("rate_from_snr", rate)
+    assert not capfd.readouterr().err
+
+
 def test_work_within_its_time_raises_its_own_errors():
     with pytest.raises(ZeroDivisionError):
         within(5, lambda: 1 / 0)
     with pytest.raises(CheckFailed, match="The check had not ended"):
         within(0.2, lambda: time.sleep(1))
+
+
+def test_in_any_thread_of_a_process_a_loop_is_stopped():
+    said = []
+    thread = threading.Thread(target=lambda: said.append(said_of("rate_from_snr", endless)))
+    thread.start()
+    thread.join(8)
+    assert "had not ended after 2 seconds" in said[0]
+
+
+def test_an_interrupt_stops_the_answer_too(monkeypatch):
+    before, join = threading.active_count(), threading.Thread.join
+
+    def interrupted(self, timeout=None):
+        if timeout == 0.1:
+            raise KeyboardInterrupt
+        join(self, timeout)
+
+    monkeypatch.setattr(threading.Thread, "join", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        checks.rate_from_snr(endless)
+    assert threading.active_count() <= before
+
+
+def test_where_a_thread_cannot_be_stopped_the_message_comes_all_the_same(monkeypatch):
+    monkeypatch.delattr(ctypes, "pythonapi")  # as in a Python that is not CPython
+    end = threading.Event()
+    with pytest.raises(CheckFailed, match=r"The check had not ended after 0\.2 seconds"):
+        within(0.2, end.wait)
+    end.set()
+
+
+def test_without_threads_an_answer_is_checked_without_a_limit(monkeypatch):
+    def refuse(self):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    done = []
+    within(0.1, lambda: done.append(time.sleep(0.2)))
+    assert done == [None]
+    with pytest.raises(ZeroDivisionError):
+        within(5, lambda: 1 / 0)
+    assert "(0) gives 0" in said_of("rate_from_snr", lambda snr_db: 0.0 * snr_db)
+
+
+def test_no_signal_and_no_module_of_one_system_is_used():
+    """Else a check would fail on Windows, or outside of the main thread."""
+    used = {name for name, value in vars(trial).items() if isinstance(value, type(os))}
+    assert not used & {"signal", "fcntl", "resource", "multiprocessing", "os"}
+
+
+@pytest.mark.parametrize("thread", ["main", "other"])
+def test_a_plain_process_ends_after_an_endless_loop(thread):
+    code = (
+        "import threading\n"
+        "from uavdh_lite.course import checks\n"
+        "from uavdh_lite.course.checks import exercise\n"
+        "exercise.SECONDS = 1\n"
+        "def rate(snr_db):\n    while True: pass\n"
+        "def main():\n"
+        "    try: checks.rate_from_snr(rate)\n"
+        "    except checks.CheckFailed as failed: print(failed)\n"
+    )
+    code += "main()" if thread == "main" else "threading.Thread(target=main).start()"
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert "rate(0) had not ended after 1 seconds" in done.stdout and not done.stderr
 
 
 def test_little_of_what_an_answer_prints_is_shown(capsys):

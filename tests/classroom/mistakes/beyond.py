@@ -144,8 +144,9 @@ MISTAKES = {
         (lambda theta, y, kappa: loss(theta, y, kappa, over="none"), "the mean over them"),
         (lambda theta, y, kappa: loss(theta, y, np.inf), "square all errors"),
         (pinball, "the pinball loss"),
-        (lambda theta, y, kappa: loss(theta, y, 1.0), "whatever kappa is"),
+        (lambda theta, y, kappa: loss(theta, y, 1.0), "You take 1 for kappa"),
         (lambda theta, y, kappa: loss(theta, y, kappa / 2), "Up to kappa"),
+        (lambda theta, y, kappa: loss(theta, y, kappa) / kappa, "You divide by kappa"),
     ],
     "advantage_target": [
         (of_all_actions, "among all"),

@@ -246,6 +246,17 @@ def _matrices_only(target, online, rate):
             a.mul_(1 - rate).add_(rate * b)
 
 
+class PopsTheFirst(Grows):
+    def __init__(self, capacity):
+        super().__init__(capacity)
+        self.capacity = capacity
+
+    def add(self, item):
+        if len(self.places) == self.capacity:
+            self.places.pop(0)
+        self.places.append(item)
+
+
 class OneForAll(_Base):
     def sample(self, size, generator):
         stored = self.stored()
@@ -274,6 +285,7 @@ MISTAKES = {
         (lambda q, beta: torch.softmax(q / beta, 1).tolist(), "torch tensor is expected"),
     ],
     "ring_buffer": [
+        (PopsTheFirst, r"pop\(0\) does"),
         (OneForAll, "Draw each of them on its own"),
         (Plain, "newest item is not in every sample"),
         (NewestAtTheEnd, "ring is full and begins again"),

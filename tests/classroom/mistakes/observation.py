@@ -132,6 +132,7 @@ MISTAKES = {
         (wrapping, "goes round at the border"),
         (erases, "changes what it is given"),
         (centred(sign=-1), "the place .* of the map "),
+        (lambda *case: centred()(*case).tolist(), "an array is expected, not a list"),
         (lambda layer, uav, outside: np.pad(layer, len(layer) - 1), "has the shape .*2M − 1"),
     ],
     "network_weights": [

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, show
-from uavdh_lite.course.checks.table import Table
-from uavdh_lite.course.checks.values import number
+from uavdh_lite.course.checks.exercise import close, exercise, expect, show
+from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.values import number, or_none
 from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.storage import data_folder, read_table
 from uavdh_lite.streams import Use, stream
@@ -50,16 +50,11 @@ def _draw_recorded(ax):
     at = _steps(table)[_at(table, 300_000)]
     ax.axvline(at, color="grey", linestyle=":", label=f"{at:,.0f} steps")
     ax.set(xlabel="environment steps", ylabel="collected and landed, greedy", ylim=(0, 1))
-    ax.legend()
 
 
-def _solved_steps_to(steps, values, threshold):
-    return _after_the_last(np.asarray(values) < threshold, steps)
-
-
-def _after_the_last(below, steps):
-    """The steps after the last place where it is true, None if there are none."""
-    first = len(below) - int(np.argmax(below[::-1])) if below.any() else 0
+def _steps_to(steps, values, threshold):
+    below = np.flatnonzero(values < threshold)
+    first = below[-1] + 1 if len(below) else 0
     return steps[first] if first < len(steps) else None
 
 
@@ -68,7 +63,7 @@ def _draw_steps_to(ax):
     steps, values = _steps(table), curves(table)["non_centred"][0]
     ax.plot(steps, values, ".-", color=KINDS["non_centred"])
     for threshold in (0.7, 0.8, 0.9):
-        at = _solved_steps_to(steps, values, threshold)
+        at = _steps_to(steps, values, threshold)
         ax.axhline(threshold, color="grey", linewidth=0.6)
         if at is not None:
             ax.plot([at, at], [0, threshold], "k:")
@@ -82,10 +77,6 @@ def _first(steps, values, threshold):
     return steps[reached[0]] if len(reached) else None
 
 
-def _last(steps, values, threshold):
-    return _first(steps[::-1], values[::-1], threshold)
-
-
 def _steps_to_cases():
     generator = stream(Use.EXERCISE, 7)
 
@@ -97,14 +88,12 @@ def _steps_to_cases():
     drawn = [generator.uniform(0.4, 1, n).round(1) for n in (2, 3, 4, 5, 8, 8, 8, 13) * 2]
     apart = [np.cumsum(generator.integers(1, 9_000, len(values))) - 1 for values in drawn]
     return {
-        "From the validation asked for on, all values are at least the threshold; the one before "
-        "it is below.": [
+        "From the result on all values are at least the threshold; the one before it is below.": [
             *(case(rises, threshold) for threshold in (0.6, 0.7, 0.84)),
             case(rises, 0.7, (3, 10, 20, 21, 30, 44, 50, 90)),
             case([-3, -1, -2, -1], -1.5, (0, 1, 2, 3)),
         ],
-        "If no value is below the threshold, it is the first validation, even if that is at 0 "
-        "steps.": [
+        "If no value is below the threshold, it is the first validation, even at 0 steps.": [
             *(case(rises, 0.05), case([0.5, 0.4], 0.3), case([0.5], 0.1, (7,))),
             case([0.3, 0.2, 0.9], 0, (0, 100, 200)),
         ],
@@ -127,39 +116,28 @@ def _steps_to_cases():
     }
 
 
-def _number_or_none(value) -> np.ndarray:
-    return np.asarray(None) if value is None else number(value)
-
-
 STEPS_TO = Table(
-    _solved_steps_to,
+    _steps_to,
     _steps_to_cases,
     mistakes={
         "That is the position in the list, not the number of environment steps: look it up in "
-        "`steps`.": lambda s, values, threshold: _solved_steps_to(
-            np.arange(len(s)), values, threshold
-        ),
+        "`steps`.": edit("steps[first]", "first"),
         "That is the first validation at or above the threshold, but the curve falls below it "
         "again. Asked for is from where on it stays.": _first,
         "That is the last validation at or above the threshold: asked for is the first of those "
-        "from which on it stays.": _last,
+        "from which on it stays.": lambda s, v, threshold: _first(s[::-1], v[::-1], threshold),
         "You give None for every curve: is there a `return` for the others?": lambda *_: None,
     },
-    read=_number_or_none,
+    read=or_none(number),
 )
 
 
 @exercise(
-    "7.1",
-    "How many steps to a threshold",
-    points=1,
-    minutes=8,
-    hints=(
-        "At which validations is the curve below the threshold? The one after the last of them is "
-        "asked for. And if there is none below, or if it is the last of all?",
-        "Go from the end backwards, through zip(steps[::-1], values[::-1]), and keep the steps of "
-        "each value that is at least threshold, until one is below. If you kept none: None.",
-    ),
+    "7.1 · How many steps to a threshold (1 point, 8 minutes)",
+    "At which validations is the curve below the threshold? The one after the last of them is "
+    "asked for. And if there is none below, or if it is the last of all?",
+    "Go from the end backwards, through zip(steps[::-1], values[::-1]), and keep the steps of "
+    "each value that is at least threshold, until one is below. If you kept none: None.",
     figure=_draw_steps_to,
     table=STEPS_TO,
 )
@@ -167,10 +145,13 @@ def steps_to(answer) -> None:
     """`steps_to(steps, values, threshold)`: the steps from which on it stays there, or None."""
 
 
-def _share(a, b, split=np.abs, seen=np.abs, statistic=np.mean, size=None) -> float:
-    """The p-value; arguments make mistakes: no absolute value, other statistics or splits."""
-    observed = statistic(a) - statistic(b)
-    return float(np.mean(split(_differences(a, b, statistic, size)) >= seen(observed) - 1e-9))
+def _p_value(a, b):
+    values, seen, as_large = np.r_[a, b], np.mean(a) - np.mean(b), 0
+    splits = list(combinations(range(len(values)), len(a)))
+    for own in splits:
+        difference = np.mean(values[list(own)]) - np.mean(np.delete(values, own))
+        as_large += abs(difference) >= abs(seen) - 1e-9
+    return as_large / len(splits)
 
 
 def _of_a_set(a, b) -> float:
@@ -181,21 +162,13 @@ def _of_a_set(a, b) -> float:
     return float(np.mean(abs(splits / len(a) - others) >= abs(a.mean() - b.mean()) - 1e-9))
 
 
-def _differences(a, b, statistic=np.mean, size=None) -> np.ndarray:
-    """The difference for every split of all values into groups as large as a and b."""
-    values = np.r_[a, b]
-    count = len(a) if size is None else size
-    return np.array(
-        [
-            statistic(values[list(own)]) - statistic(np.delete(values, list(own)))
-            for own in combinations(range(len(values)), count)
-        ]
-    )
-
-
 def _draw_permutation(ax):
     a, b = (values[:, values.shape[1] // 3] for values in curves(recorded()).values())
-    splits, observed = _differences(a, b), np.mean(a) - np.mean(b)
+    values, observed = np.r_[a, b], np.mean(a) - np.mean(b)
+    splits = [
+        np.mean(values[list(own)]) - np.mean(np.delete(values, own))
+        for own in combinations(range(len(values)), len(a))
+    ]
     ax.hist(splits, 24, color=BLUE)
     for side in (-observed, observed):
         ax.axvline(side, color=VERMILION)
@@ -204,16 +177,8 @@ def _draw_permutation(ax):
         f"{name} = {', '.join(f'{value:.3g}' for value in values)}"
         for name, values in (("a", a), ("b", b))
     )
-    title = f"a third into the recorded runs: p = {_share(a, b):.4g}\n{groups}"
+    title = f"a third into the recorded runs: p = {_p_value(a, b):.4g}\n{groups}"
     ax.set_title(title, fontsize="medium")
-
-
-def _splits(a, b) -> int:
-    return comb(len(a) + len(b), len(a))
-
-
-def _one_sided(a, b) -> float:
-    return _share(a, b, np.positive, np.positive)
 
 
 def _permutation_cases():
@@ -255,55 +220,43 @@ def _permutation_cases():
     }
 
 
-DOUBLED = (
-    "You double a one-sided share. That is right only for equally large groups, and only in the "
-    "direction of the observed difference: count the splits with an absolute difference at least "
-    "as large."
-)
+LARGE, SHARE = "abs(difference) >= abs(seen) - 1e-9", "as_large / len(splits)"
+ONE_SIDED = (LARGE, "difference >= seen - 1e-9")
 PERMUTATION = Table(
-    _share,
+    _p_value,
     _permutation_cases,
     mistakes={
-        "That is one-sided: it counts only splits in which the first group is ahead as far. "
-        "Without a direction fixed beforehand the other direction counts too: take the absolute "
-        "value of both differences.": _one_sided,
         "That is one-sided: the other direction counts too, so take the absolute value of both "
-        "differences.": lambda a, b: _one_sided(b, a),
+        "differences.": (edit(*ONE_SIDED), edit(LARGE, "-difference >= -seen - 1e-9")),
         "That is one-sided: the absolute value of the observed difference is taken, but not that "
-        "of the splits' differences.": lambda a, b: _share(a, b, np.positive),
+        "of the splits' differences.": edit("abs(difference)", "difference"),
         "The absolute value of the splits' differences is taken, but not that of the observed one, "
-        "which may be negative.": lambda a, b: _share(a, b, seen=np.positive),
+        "which may be negative.": edit("abs(seen)", "seen"),
         "Two equal values are two values all the same: a set keeps one of them only.": _of_a_set,
-        DOUBLED: lambda a, b: 2 * min(_one_sided(a, b), _one_sided(b, a)),
-        DOUBLED + " A share is never above 1.": lambda a, b: 2 * _one_sided(a, b),
-        DOUBLED + " Cutting off at 1 does not mend it.": lambda a, b: min(1, 2 * _one_sided(a, b)),
+        "You double a one-sided share. That is right only for equally large groups, and only in "
+        "the direction of the observed difference: count the splits with an absolute difference at "
+        "least as large.": (
+            edit(*ONE_SIDED, SHARE, f"2 * {SHARE}"),
+            edit(*ONE_SIDED, SHARE, f"min(1, 2 * {SHARE})"),
+            lambda a, b: 2 * min(edit(*ONE_SIDED).of(_p_value)(*two) for two in ((a, b), (b, a))),
+        ),
         "Splits with exactly the observed difference are left out, and the observed split is one "
         "of them, so that your p can be 0. Count differences *at least* as large (>=, with 1e-9 "
-        "for rounding).": lambda a, b: float(
-            np.mean(np.abs(_differences(a, b)) > abs(np.mean(a) - np.mean(b)) + 1e-9)
-        ),
+        "for rounding).": edit(">= abs(seen) -", "> abs(seen) +"),
         "You leave out the observed split. It is one of all splits, and counts as large.": (
-            lambda a, b: (_share(a, b) * _splits(a, b) - 1) / (_splits(a, b) - 1)
+            edit(SHARE, "(as_large - 1) / (len(splits) - 1)")
         ),
-        "You count all splits, but not the observed one among those as large.": (
-            lambda a, b: _share(a, b) - 1 / _splits(a, b)
+        "You count all splits, but not the observed one as large.": (
+            edit(SHARE, "(as_large - 1) / len(splits)")
         ),
-        "That is the number of splits. Divide by how many splits there are.": (
-            lambda a, b: _share(a, b) * _splits(a, b)
-        ),
-        "That is in percent. Return the share itself, from 0 to 1.": lambda a, b: (
-            100 * _share(a, b)
-        ),
+        "That is the number of splits. Divide by how many there are.": edit("/ len(splits)", ""),
+        "That is in percent. Return the share itself, from 0 to 1.": edit("return", "return 100 *"),
         "That is the share of the splits with a *smaller* difference, 1 − p: the p-value is the "
-        "share with one at least as large.": lambda a, b: 1 - _share(a, b),
-        "You compare the sums of the groups. With groups of different size take the means.": (
-            lambda a, b: _share(a, b, statistic=np.sum)
-        ),
-        "You compare medians; the task asks for the difference of the means.": (
-            lambda a, b: _share(a, b, statistic=np.median)
-        ),
+        "share with one at least as large.": edit("return", "return 1 -"),
+        "You compare the groups' sums: take the means.": edit("np.mean", "np.sum"),
+        "You compare medians: take the means.": edit("np.mean", "np.median"),
         "Your first group is always half of all values. It must be as large as a.": (
-            lambda a, b: _share(a, b, size=(len(a) + len(b)) // 2)
+            edit("(values)), len(a)", "(values)), len(values) // 2")
         ),
     },
     read=number,
@@ -311,17 +264,12 @@ PERMUTATION = Table(
 
 
 @exercise(
-    "7.2",
-    "A p-value for a few seeds",
-    points=2,
-    minutes=15,
-    hints=(
-        "If the kind made no difference, every way to deal the values out to the two groups would "
-        "be as likely as the one that you saw. How many of them differ as much?",
-        "itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first "
-        "group; the rest are the second. Count where abs(difference) >= abs(observed) - 1e-9, and "
-        "divide by the number of splits.",
-    ),
+    "7.2 · A p-value for a few seeds (2 points, 15 minutes)",
+    "If the kind made no difference, every way to deal the values out to the two groups would "
+    "be as likely as the one that you saw. How many of them differ as much?",
+    "itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first "
+    "group; the rest are the second. Count where abs(difference) >= abs(observed) - 1e-9, and "
+    "divide by the number of splits.",
     figure=_draw_permutation,
     table=PERMUTATION,
 )
@@ -345,13 +293,11 @@ def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool, str]]:
     return {
         "early": (
             bool(yes[:, at].min() > no[:, at].max()),
-            f"There the lowest centred run has {yes[:, at].min():.4g}, the highest of the others "
-            f"{no[:, at].max():.4g}.",
+            f"Centred: {yes[:, at].min():.4g} or more; others: {no[:, at].max():.4g} or less.",
         ),
         "spread": (
             bool(gap > spread),
-            f"There the means differ by {gap:.4g}, and the larger standard deviation is "
-            f"{spread:.4g}.",
+            f"The means differ by {gap:.4g}, the larger standard deviation is {spread:.4g}.",
         ),
         "swap": (
             bool(no[:, -1].max() > yes[:, -1].min()),
@@ -374,26 +320,18 @@ def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool, str]]:
             "More missions measure these networks more exactly. How another training run would "
             "come out is seen only in more runs.",
         ),
-        "any_city": (
-            False,
-            "In another city it has to be tried: no number of runs in this one shows it.",
-        ),
+        "any_city": (False, "In another city it has to be tried: no number of runs here shows it."),
     }
 
 
 @exercise(
-    "7.3",
-    "What the recorded runs show",
-    points=3,
-    minutes=20,
-    hints=(
-        "Five of the eight statements are about numbers in the table: compute them. The other "
-        "three say that something follows. Ask of those what one would have to vary to know.",
-        "Put each kind's curves into an array with one row a seed. `early`: min of one against max "
-        "of the other. `steady`: np.diff along the steps of every run, not of the means. "
-        "`smallest_p`: how many splits have the largest absolute difference, if the groups do not "
-        "overlap at all? `equal`: what would few seeds show if there *were* a small difference?",
-    ),
+    "7.3 · What the recorded runs show (3 points, 20 minutes)",
+    "Five of the eight statements are about numbers in the table: compute them. The other "
+    "three say that something follows. Ask of those what one would have to vary to know.",
+    "Put each kind's curves into an array with one row a seed. `early`: min of one against max "
+    "of the other. `steady`: np.diff along the steps of every run, not of the means. "
+    "`smallest_p`: how many splits have the largest absolute difference, if the groups do not "
+    "overlap at all? `equal`: what would few seeds show if there *were* a small difference?",
     figure=_draw_recorded,
     function=False,
 )
@@ -407,16 +345,12 @@ def ablation_reading(answer) -> None:
     expect(not missing, f"No answer yet for {', '.join(missing)}.")
     unknown = [show(name) for name in answer if name not in names]
     expect(not unknown, f"There is no {', '.join(unknown)}.")
-    for name in right:
-        expect(
-            isinstance(answer[name], bool | np.bool_),
-            f"`{name}` is {show(answer[name])}: answer True or False.",
-        )
+    for name in names:
+        kind, said = (Real, "a number") if name == "smallest_p" else (bool, "True or False")
+        given = answer[name].item() if isinstance(answer[name], np.generic) else answer[name]
+        fits = isinstance(given, kind) and isinstance(given, bool) == (kind is bool)
+        expect(fits, f"`{name}` is {show(answer[name])}: answer {said}.")
     p, one = answer["smallest_p"], 1 / comb(sum(sizes), sizes[0])
-    expect(
-        isinstance(p, Real) and not isinstance(p, bool),
-        f"`smallest_p` is {show(p)}: answer a number.",
-    )
     least = one * (1 + (sizes[0] == sizes[1]))  # equal groups have a mirrored split
     wrong = [name for name, (true, _) in right.items() if bool(answer[name]) != true]
     why = ""
@@ -429,9 +363,8 @@ def ablation_reading(answer) -> None:
                 " Your `smallest_p` is one-sided: between equally large groups, the split with the "
                 "groups exchanged has the same absolute difference."
             )
-    if wrong:
-        listed = ", ".join(f"`{name}`" for name in wrong)
-        raise CheckFailed(f"Wrong: {listed} ({len(wrong)} of {len(names)}).{why}")
+    listed = ", ".join(f"`{name}`" for name in wrong)
+    expect(not wrong, f"Wrong: {listed} ({len(wrong)} of {len(names)}).{why}")
     for name, (true, reason) in right.items():
         print(f"{name}: {true}. {reason}")
     print(f"smallest_p: {least:.4g}, whatever the values are.")

@@ -1,14 +1,13 @@
 """Exercises of notebook 13, any city."""
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from uavdh_lite.city_generator import CityGenerator
-from uavdh_lite.course.checks.exercise import exercise, expect
-from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import number, truths
 from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.streams import Use, stream
@@ -16,39 +15,20 @@ from uavdh_lite.streams import Use, stream
 NO_FLY = 1  # of the layers landing, no-fly, buildings
 
 
-def _window(layers, corner, side, outside=NO_FLY):
-    """The map of so many cells on a side whose corner shows this cell, in the city or not.
-
-    Arguments:
-        outside: the layers, by their numbers, that are True outside the city.
-    """
-    m, around = layers.shape[1], 2 * side
+def _small_city_map(layers, uav, size):
+    m, side, around = layers.shape[1], 2 * size - 1, 4 * size
     wide = np.zeros((3, m + 2 * around, m + 2 * around), bool)
-    wide[outside] = True
+    wide[NO_FLY] = True
     wide[:, around : around + m, around : around + m] = layers
-    row, col = np.asarray(corner) + around
+    row, col = (around + u - size + 1 for u in uav)
     return wide[:, row : row + side, col : col + side]
 
 
-def _small_city_map(layers, uav, size):
-    return _window(layers, np.subtract(uav, size - 1), 2 * size - 1)
-
-
-def _moved(corner):
-    """The map with its corner at another cell: `corner(uav, m, size)`, for row and column."""
-
-    def mistake(layers, uav, size):
-        m = layers.shape[1]
-        return _window(layers, [corner(u, m, size) for u in uav], 2 * size - 1)
-
-    return mistake
-
-
-def _outside(which):
-    def mistake(layers, uav, size):
-        return _window(layers, np.subtract(uav, size - 1), 2 * size - 1, which)
-
-    return mistake
+def _random_city(m=9, size=12):
+    """A random city's layers, a UAV over its first landing cell, and M."""
+    city = CityGenerator((m, m)).draw(1, seed=3)[0]
+    layers = np.stack([city.landing, city.no_fly, city.buildings])
+    return layers, tuple(np.argwhere(city.landing)[0].tolist()), size
 
 
 def _small_cities() -> dict[str, list[tuple]]:
@@ -64,8 +44,7 @@ def _small_cities() -> dict[str, list[tuple]]:
             drawn(4, 4, (1, 3)),
             drawn(7, 7, (5, 2)),
         ],
-        "A smaller city gives a map of the same size, 2M − 1 cells on a side. Outside the city, "
-        "only no-fly is True.": [
+        "Every map has 2M − 1 cells on a side. Outside the city, only no-fly is True.": [
             *(drawn(m, size) for m, size in ((2, 3), (2, 7), (3, 5), (3, 8), (5, 6), (6, 11)) * 2),
             drawn(5, 9, (0, 4)),
             drawn(5, 9, (4, 0)),
@@ -74,27 +53,13 @@ def _small_cities() -> dict[str, list[tuple]]:
             drawn(1, 2, (0, 0)),
             (np.zeros((3, 2, 2), bool), (1, 0), 4),
             (np.ones((3, 3, 3), bool), (1, 2), 5),
+            _random_city(),
         ],
     }
 
 
-@functools.cache
-def _librarys() -> tuple[tuple, np.ndarray]:
-    """A random city with the library's own map of it."""
-    from uavdh_lite.observation import Observation
-    from uavdh_lite.scenario import place
-
-    city, size = CityGenerator((9, 9)).draw(1, seed=3)[0], 12
-    row, col = np.argwhere(city.landing)[0].tolist()
-    device = tuple(int(k) for k in divmod(city.device_cells[0], city.size))
-    state = place(city, (row, col), devices=[device], data=[5], flying_time=30, max_devices=1)
-    maps = Observation(city, "centred", size=size).centred_map(state)
-    layers = np.stack([city.landing, city.no_fly, city.buildings])
-    return (layers, (row, col), size), maps[0, :3].numpy().astype(bool)
-
-
 def _draw_small_city(ax):
-    (layers, uav, size), _ = _librarys()
+    layers, uav, size = _random_city()
     seen = _small_city_map(layers, uav, size)
     ax.imshow(seen[NO_FLY], cmap="magma_r", vmin=0, vmax=1.5)
     ax.plot(size - 1, size - 1, "+", color=BLUE, ms=12, mew=2)
@@ -102,40 +67,41 @@ def _draw_small_city(ax):
     ax.set(yticks=(0, 11, 22), title=f"no-fly layer: m = 9, M = {size}, UAV over {uav}")
 
 
+CORNER, OUTSIDE = "u - size + 1", "wide[NO_FLY]"
 SMALL_CITY = Table(
     _small_city_map,
     _small_cities,
     {
-        "Outside the city all is False in yours: there no-fly must be True.": _outside([]),
-        "Outside the city all is True in yours: there only no-fly is True.": _outside([0, 1, 2]),
+        "Outside the city all is False: no-fly must be True.": edit("wide[NO_FLY] = True", ""),
+        "Outside the city all is True in yours: there only no-fly is True.": edit(
+            OUTSIDE, "wide[:]"
+        ),
         "Outside the city another layer than no-fly is True in yours: the order is landing, "
-        "no-fly, buildings, so no-fly is layers[1].": (_outside(0), _outside(2)),
-        "Outside the city the buildings are True as well in yours: there only no-fly is True.": (
-            _outside([1, 2])
+        "no-fly, buildings, so no-fly is layers[1].": (
+            *(edit(OUTSIDE, "wide[0]"), edit(OUTSIDE, "wide[2]")),
+        ),
+        "Outside the city the buildings are True as well: only no-fly is.": (
+            edit(OUTSIDE, "wide[1:]")
         ),
         "Your map has 2m − 1 cells on a side, as the city would need. The network's map has "
         "2M − 1, whatever the size of the city.": (
             lambda layers, uav, size: _small_city_map(layers, uav, layers.shape[1])
         ),
         "The UAV's cell is at (m − 1, m − 1) in yours. The middle of a map of 2M − 1 cells is at "
-        "(M − 1, M − 1).": _moved(lambda u, m, size: u - m + 1),
+        "(M − 1, M − 1).": edit(CORNER, "u - m + 1"),
         "You put the city into the middle of M×M cells first, and count the UAV's row and column "
         "from the city's own corner: then another cell is in the middle of the map.": (
-            _moved(lambda u, m, size: u - (size - m) // 2 - size + 1)
+            edit(CORNER, "u - (size - m) // 2 - size + 1")
         ),
         "The city is one cell too far south-east: the middle of 2M − 1 cells is M − 1, counted "
-        "from 0.": _moved(lambda u, m, size: u - size),
+        "from 0.": edit(CORNER, "u - size"),
         "The city is one cell too far north-west: the middle of 2M − 1 cells is M − 1, counted "
-        "from 0.": _moved(lambda u, m, size: u - size + 2),
+        "from 0.": edit(CORNER, "u - size + 2"),
         "The shift goes the wrong way: where the UAV is further north, the city lies further "
-        "south.": _moved(lambda u, m, size: 1 - size - u),
-        "The city always lies in the north-west corner of your map: it must move so that the UAV's "
-        "cell is in the middle.": _moved(lambda u, m, size: 0),
-        "The city always lies in the middle of your map: it must move so that the UAV's cell is in "
-        "the middle.": _moved(lambda u, m, size: -((2 * size - 1 - m) // 2)),
-        "Rows and columns are swapped: the UAV is at (row, col).": (
-            lambda layers, uav, size: _small_city_map(layers, uav[::-1], size)
-        ),
+        "south.": edit(CORNER, "1 - size - u"),
+        "The city always lies at the same place: it must move so that the UAV's cell is in the "
+        "middle.": (edit(CORNER, "0"), edit(CORNER, "-((2 * size - 1 - m) // 2)")),
+        "Rows and columns are swapped: the UAV is at (row, col).": edit("in uav", "in uav[::-1]"),
     },
     read=truths,
     errors={
@@ -146,24 +112,16 @@ SMALL_CITY = Table(
 
 
 @exercise(
-    "13.1",
-    "A small city in a large map",
-    points=2,
-    minutes=12,
-    hints=(
-        "Begin with a map as if there were no city at all. Which of its cells shows the city's "
-        "cell (0, 0), if the UAV's cell is in the middle?",
-        "The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the m×m cells from "
-        "there on are the city. All other cells: no-fly True, landing and buildings False.",
-    ),
+    "13.1 · A small city in a large map (2 points, 12 minutes)",
+    "Begin with a map as if there were no city at all. Which of its cells shows the city's "
+    "cell (0, 0), if the UAV's cell is in the middle?",
+    "The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the m×m cells from "
+    "there on are the city. All other cells: no-fly True, landing and buildings False.",
     figure=_draw_small_city,
     table=SMALL_CITY,
 )
 def small_city_map(answer) -> None:
     """`centred_map(layers, uav, size)`: (3, 2M − 1, 2M − 1) Booleans, the UAV in the middle."""
-    case, seen = _librarys()
-    same = np.array_equal(truths(answer(*case)), seen)
-    expect(same, "For a random city of 9×9 cells and M = 12, the library's Observation differs.")
 
 
 @dataclass(frozen=True)
@@ -216,29 +174,13 @@ MIRRORED = np.array([0, 3, 2, 1, 4, 5])
 KEPT, OPPOSITE = np.arange(6), np.array([2, 3, 0, 1, 4, 5])
 
 
-def _views(q_of, layers, turn=lambda k: TURNED[k], mirror=MIRRORED, both=None):
-    """The eight rows of Q-values, with actions mapped back; the keywords make mistakes.
-
-    Arguments:
-        turn: the actions after so many turns. mirror: the actions in a mirrored map.
-        both: the actions in a map that is mirrored, then turned so often.
-    """
-    both = both or (lambda k: turn(k)[mirror])
+def _symmetric_q(q_of, layers):
     rows = []
     for k in range(4):
-        plain, mirrored = (
-            np.rot90(one, k, axes=(1, 2)) for one in (layers, np.flip(layers, axis=2))
-        )
-        rows += [q_of(plain[None])[0, turn(k)], q_of(mirrored[None])[0, both(k)]]
-    return np.array(rows)
-
-
-def _symmetric_q(q_of, layers):
-    return _views(q_of, layers).mean(0)
-
-
-def _symmetric_q_wrong(**changes):
-    return lambda q_of, layers: _views(q_of, layers, **changes).mean(0)
+        turned = np.rot90(layers, k, axes=(1, 2))
+        mirrored = np.rot90(np.flip(layers, 2), k, axes=(1, 2))
+        rows += [q_of(turned[None])[0, TURNED[k]], q_of(mirrored[None])[0, TURNED[k][MIRRORED]]]
+    return np.mean(rows, 0)
 
 
 def _maps() -> dict[str, list[tuple]]:
@@ -283,79 +225,51 @@ def _draw_symmetric_q(ax):
     ax.set_xticks(places, ["north", "east", "south", "west", "hover", "land"])
     ax.set(ylabel="Q-value", title="an untrained network, a random map")
     ax.axhline(0, color="black", lw=0.8)
-    ax.legend()
 
 
+def _asked_once(q_of, layers):
+    eight = [np.rot90(one, k, (1, 2)) for one in (layers, np.flip(layers, 2)) for k in range(4)]
+    return q_of(np.mean(eight, 0)[None])[0]
+
+
+BACK, MEAN = "TURNED[k][MIRRORED]", "np.mean(rows, 0)"
 SYMMETRIC_Q = Table(
     _symmetric_q,
     _maps,
     {
         "You leave the actions as they are: in a map turned to the left, what was north is west, "
-        "so the Q-value of its west belongs to north.": (
-            _symmetric_q_wrong(turn=lambda k: KEPT, mirror=KEPT)
-        ),
+        "so the Q-value of its west belongs to north.": edit(BACK, "KEPT", "TURNED[k]", "KEPT"),
         "The moves are turned the wrong way in yours: a quarter turn to the left brings north to "
-        "west, so north's Q-value is found at west, not at east.": (
-            _symmetric_q_wrong(turn=lambda k: TURNED[-k])
-        ),
+        "west, so north's Q-value is found at west, not at east.": edit("TURNED[k]", "TURNED[-k]"),
         "You mirror the map, but do not swap the moves: where left and right change places, so do "
-        "east and west.": _symmetric_q_wrong(mirror=KEPT),
+        "east and west.": edit(BACK, "TURNED[k]"),
         "In the maps that are mirrored, the moves come back half a turn wrong in yours: where left "
         "and right change places, swap east and west; where top and bottom do, north and south.": (
-            _symmetric_q_wrong(mirror=MIRRORED[OPPOSITE])
+            edit(BACK, "TURNED[k][MIRRORED[OPPOSITE]]")
         ),
         "In the maps that are both mirrored and turned by a quarter, the moves come back half a "
-        "turn wrong in yours: undo the last step first.": (
-            _symmetric_q_wrong(both=lambda k: MIRRORED[TURNED[k]])
+        "turn wrong in yours: undo the last step first.": edit(BACK, "MIRRORED[TURNED[k]]"),
+        "The moves of mirrored maps must be turned back, too.": edit(BACK, "MIRRORED"),
+        "The four mirrored ones are missing: there are eight.": edit(MEAN, "np.mean(rows[::2], 0)"),
+        "That is one map and its mirror image: the turned ones are missing.": (
+            edit(MEAN, "np.mean(rows[:2], 0)")
         ),
-        "You only mirror the moves of the mirrored maps that are turned: turn them back, too.": (
-            _symmetric_q_wrong(both=lambda k: MIRRORED)
-        ),
-        "You turn the map, but the four mirrored ones are missing: there are eight.": (
-            lambda q_of, layers: _views(q_of, layers)[::2].mean(0)
-        ),
-        "That is the map as it is, and mirrored: the turned ones are missing.": (
-            lambda q_of, layers: _views(q_of, layers)[:2].mean(0)
-        ),
-        "Those are the Q-values of the map as it is: the other seven are missing.": (
-            lambda q_of, layers: _views(q_of, layers)[0]
-        ),
-        "That is the sum of the eight: their mean is asked for.": (
-            lambda q_of, layers: _views(q_of, layers).sum(0)
-        ),
-        "That is the largest of the eight: their mean is asked for.": (
-            lambda q_of, layers: _views(q_of, layers).max(0)
-        ),
-        "You average the eight maps and ask q_of once: ask it about each map, and average the "
-        "Q-values.": (
-            lambda q_of, layers: q_of(
-                np.mean(
-                    [
-                        np.rot90(one, k, axes=(1, 2))
-                        for one in (layers, np.flip(layers, axis=2))
-                        for k in range(4)
-                    ],
-                    axis=0,
-                )[None]
-            )[0]
-        ),
+        "Those are the Q-values of one map: the other seven are missing.": edit(MEAN, "rows[0]"),
+        "That is the sum of the eight: their mean is asked for.": edit("mean", "sum"),
+        "That is the largest of the eight: their mean is asked for.": edit("mean", "max"),
+        "You average the eight maps: average their Q-values.": _asked_once,
     },
     errors={"q_of takes": "One map becomes a stack of one by layers[None], several by np.stack."},
 )
 
 
 @exercise(
-    "13.2",
-    "Turn the map, turn the actions back",
-    points=3,
-    minutes=20,
-    hints=(
-        "Take one turn only, np.rot90(layers, 1, axes=(1, 2)). What was north of the UAV: where is "
-        "it now? Which of the six Q-values of that map belongs to north?",
-        "After one turn to the left, the Q-values of north, east, south, west are found at "
-        "[3, 0, 1, 2]; after k turns at np.roll([0, 1, 2, 3], k). If the map is mirrored before "
-        "that, layers[:, :, ::-1], swap what is found for east and for west.",
-    ),
+    "13.2 · Turn the map, turn the actions back (3 points, 20 minutes)",
+    "Take one turn only, np.rot90(layers, 1, axes=(1, 2)). What was north of the UAV: where is "
+    "it now? Which of the six Q-values of that map belongs to north?",
+    "After one turn to the left, the Q-values of north, east, south, west are found at "
+    "[3, 0, 1, 2]; after k turns at np.roll([0, 1, 2, 3], k). If the map is mirrored before "
+    "that, layers[:, :, ::-1], swap what is found for east and for west.",
     figure=_draw_symmetric_q,
     table=SYMMETRIC_Q,
 )
@@ -363,17 +277,11 @@ def symmetric_q(answer) -> None:
     """`mean_q(q_of, layers)`: the six Q-values, averaged over the eight symmetries."""
 
 
-def _half_width(values, city, grouped=None, cities=None, root=np.sqrt, factor=1.96):
-    """Half the width of the interval; the keywords make mistakes."""
+def _half_width(values, city):
     off = values - np.mean(values)
-    names = np.unique(city)
-    if grouped is None:
-        squares = sum(off[city == name].sum() ** 2 for name in names)
-    else:
-        squares = sum(grouped(off[city == name]) for name in names)
-    count = len(names)
-    correction = count / (count - 1) if cities is None else cities(count, len(values))
-    return factor * root(correction * squares) / len(values)
+    sums = np.array([off[city == name].sum() for name in np.unique(city)])
+    count, n = len(sums), len(values)
+    return 1.96 * np.sqrt(count / (count - 1) * (sums**2).sum()) / n
 
 
 def _usual(values, city):
@@ -383,10 +291,6 @@ def _usual(values, city):
 def _of_means(values, city):
     means = [values[city == name].mean() for name in np.unique(city)]
     return 1.96 * np.std(means, ddof=1) / np.sqrt(len(means))
-
-
-def _half_width_wrong(**changes):
-    return functools.partial(_half_width, **changes)
 
 
 def _evaluations() -> dict[str, list[tuple]]:
@@ -408,8 +312,7 @@ def _evaluations() -> dict[str, list[tuple]]:
             drawn([1, 3], [0, 1]),
             drawn([5, 1, 2, 9], [0, 1, 2, 3]),
         ],
-        "The cities' numbers are names: any ints, in any order. C is how many different ones "
-        "there are.": [
+        "The cities' numbers are names: any ints, in any order. C is how many there are.": [
             drawn([2, 3], [7, 4]),
             drawn([3, 1, 4, 2], [12, -5, 900, 0]),
             drawn([2, 5, 1], [-1, -2, 10**6]),
@@ -438,9 +341,9 @@ def _draw_half_width(ax):
     ax.loglog(missions, right, "o-", color=BLUE, label="cities drawn at random")
     ax.loglog(missions, usual, "s--", color=VERMILION, label="as if missions were independent")
     ax.set(xlabel="missions in each of 100 cities", ylabel="half-width")
-    ax.legend()
 
 
+FACTOR = "count / (count - 1)"
 HALF_WIDTH = Table(
     _half_width,
     _evaluations,
@@ -448,51 +351,30 @@ HALF_WIDTH = Table(
         "That is the usual interval, as if all missions were independent: add up the differences "
         "of a city before you square them.": _usual,
         "You square each difference before you add them up: add up those of a city first, then "
-        "square the sum.": _half_width_wrong(grouped=lambda off: (off**2).sum()),
-        "You average the differences of a city: take their sum.": (
-            _half_width_wrong(grouped=lambda off: off.mean() ** 2)
-        ),
+        "square the sum.": edit("(sums**2).sum()", "(off**2).sum()"),
+        "You average the differences of a city: take their sum.": edit("].sum", "].mean"),
         "That is the interval of the mean of the cities' means, in which every city counts the "
         "same. Asked for is that of the mean of all missions.": _of_means,
-        "The factor C/(C − 1) under the root is missing.": (
-            _half_width_wrong(cities=lambda count, missions: 1)
-        ),
-        "The factor under the root is C/(C − 1), with the number of cities, not of missions.": (
-            _half_width_wrong(cities=lambda count, missions: missions / (missions - 1))
-        ),
-        "The factor under the root is C/(C − 1): you have 1/(C − 1).": (
-            _half_width_wrong(cities=lambda count, missions: 1 / (count - 1))
-        ),
-        "You divide by the number of cities: divide by N, the number of missions.": (
-            lambda values, city: _half_width(values, city) * len(values) / len(np.unique(city))
-        ),
-        "You divide by the root of N: here it is N itself, because sums are squared, not means.": (
-            lambda values, city: _half_width(values, city) * np.sqrt(len(values))
-        ),
-        "The division by N is missing.": (
-            lambda values, city: _half_width(values, city) * len(values)
-        ),
-        "The square root is missing.": _half_width_wrong(root=lambda x: x),
-        "That is the standard error: the half-width is 1.96 times as much.": (
-            _half_width_wrong(factor=1.0)
-        ),
-        "That is the whole width: asked for is half of it.": _half_width_wrong(factor=3.92),
+        "The factor C/(C − 1) under the root is missing.": edit(FACTOR, "1"),
+        "The C of the factor C/(C − 1) counts cities, not missions.": edit(FACTOR, "n / (n - 1)"),
+        "The factor under the root is C/(C − 1): you have 1/(C − 1).": edit("count /", "1 /"),
+        "You divide by the number of cities: divide by N.": edit("/ n", "/ count"),
+        "You divide by the root of N: here it is N itself.": edit("/ n", "/ np.sqrt(n)"),
+        "The division by N is missing.": edit("/ n", ""),
+        "The square root is missing.": edit("np.sqrt", ""),
+        "That is the standard error: the half-width is 1.96 times as much.": edit("1.96 *", ""),
+        "That is the whole width: asked for is half of it.": edit("1.96", "3.92"),
     },
     read=number,
 )
 
 
 @exercise(
-    "13.3",
-    "How sure, if missions share a city?",
-    points=2,
-    minutes=12,
-    hints=(
-        "Do the example by hand: the mean, the differences from it, one sum for each city. How "
-        "does Python find the missions of one city?",
-        "off = values − values.mean(). For each `one` in np.unique(city) the sum is "
-        "off[city == one].sum(); C is how many sums there are.",
-    ),
+    "13.3 · How sure, if missions share a city? (2 points, 12 minutes)",
+    "Do the example by hand: the mean, the differences from it, one sum for each city. How "
+    "does Python find the missions of one city?",
+    "off = values − values.mean(). For each `one` in np.unique(city) the sum is "
+    "off[city == one].sum(); C is how many sums there are.",
     figure=_draw_half_width,
     table=HALF_WIDTH,
 )

@@ -1,48 +1,21 @@
 """Exercises of notebook 12, beyond the paper."""
 
-import functools
-
 import numpy as np
 
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.exercise import exercise
-from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import number, numbers, truths, whole
 from uavdh_lite.environment import LAND, Environment
 from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.streams import Use, stream
 
 
-def _fits(distance, next_cell, cell, time_left, after=1, landing=1, strict=0, off=np.inf):
-    """Which actions leave time to land; the keywords make mistakes.
-
-    Arguments:
-        after: what the action itself takes.
-        landing: what landing takes.
-        strict: 1 if the time must be more than enough.
-        off: the distance where there is no way.
-    """
-    home = np.where(distance < 0, off, distance)
-    fits = home[next_cell[cell]] + landing + strict <= time_left[:, None] - after
+def _fits(distance, next_cell, cell, time_left):
+    home = np.where(distance < 0, np.inf, distance)
+    fits = home[next_cell[cell]] + 1 <= time_left[:, None] - 1
     fits[:, LAND] |= distance[cell] == 0
     return fits
-
-
-def _without_landing(*case):
-    distance, next_cell, cell, time_left = case
-    home = np.where(distance < 0, np.inf, distance)
-    return home[next_cell[cell]] + 1 <= time_left[:, None] - 1
-
-
-def _landing_anywhere(*case):
-    fits = _fits(*case)
-    fits[:, LAND] = True
-    return fits
-
-
-def _from_here(distance, next_cell, cell, time_left):
-    home = np.where(distance < 0, np.inf, distance)
-    return np.repeat((home[cell] + 2 <= time_left)[:, None], 6, 1)
 
 
 def _situations() -> dict[str, list[tuple]]:
@@ -62,13 +35,11 @@ def _situations() -> dict[str, list[tuple]]:
             cases[-1].append((distance, environment.next_cell, cell, time_left))
         much = np.full(len(cells), 10**6)  # no number stands for "no way home"
         cases[-1].append((distance, environment.next_cell, cells, much))
-    return {
+    rule = (
         "An action fits if the units for itself, for the way home after it and for the landing are "
-        "at most time_left; to land at once, in the zone, always fits. (Here some cells have no "
-        "way home.)": cases[0],
-        "An action fits if the units for itself, for the way home after it and for the landing are "
-        "at most time_left; to land at once, in the zone, always fits.": cases[1],
-    }
+        "at most time_left; to land at once, in the zone, always fits."
+    )
+    return {f"{rule} (Here some cells have no way home.)": cases[0], rule: cases[1]}
 
 
 def _draw_failsafe(ax):
@@ -84,43 +55,32 @@ def _draw_failsafe(ax):
     ax.set(title="village, five units of time left", xlabel="column", ylabel="row")
 
 
+AT_HOME = ("fits[:, LAND] |= distance[cell] == 0", "")
+FROM_HERE = ("home[next_cell[cell]]", "0 * next_cell[cell] + home[cell][:, None]")
 MASK = Table(
     _fits,
     _situations,
     {
-        "A unit of time is missing: the action itself takes one, and the landing another.": (
-            functools.partial(_fits, landing=0)
-        ),
-        "You forget both units: one for the action, one for the landing.": (
-            functools.partial(_fits, after=0, landing=0)
-        ),
-        "Time that is just enough is enough: <=, not <.": functools.partial(_fits, strict=1),
-        "A distance of −1 means that there is no way, and is not less than 0 moves.": (
-            functools.partial(_fits, off=-1)
-        ),
-        "Landing in the landing zone ends the flight: it fits with any time, also with one unit.": (
-            _without_landing
-        ),
+        "A unit of time is missing: action and landing take one each.": edit("+ 1 <=", "<="),
+        "You forget the units for action and landing.": edit("+ 1 <=", "<=", "] - 1", "]"),
+        "Time that is just enough is enough: <=, not <.": edit("<=", "<"),
+        "A distance of −1 means that there is no way.": edit("np.inf", "-1"),
+        "Landing in the landing zone ends the flight: it fits with any time.": edit(*AT_HOME),
         "Landing fits in the landing zone only. Elsewhere it is refused, and costs a unit of time "
-        "like hovering.": _landing_anywhere,
+        "like hovering.": edit("|= distance[cell] == 0", "= True"),
         "Ask for the distance from the cell that the action leads to, not from the cell where the "
-        "UAV is.": _from_here,
+        "UAV is.": (edit(*FROM_HERE), edit(*FROM_HERE, *AT_HOME)),
     },
     read=truths,
 )
 
 
 @exercise(
-    "12.1",
-    "The failsafe's mask",
-    points=2,
-    minutes=15,
-    hints=(
-        "Look at the cell that each action leads to. How many units of time are left when the UAV "
-        "is there, and how many does it take from there to be on the ground?",
-        "distance[next_cell[cell]] is (B, 6): moves home after each action. One unit more for "
-        "landing must fit into time_left − 1. Then two special cases: −1, and landing at once.",
-    ),
+    "12.1 · The failsafe's mask (2 points, 15 minutes)",
+    "Look at the cell that each action leads to. How many units of time are left when the UAV "
+    "is there, and how many does it take from there to be on the ground?",
+    "distance[next_cell[cell]] is (B, 6): moves home after each action. One unit more for "
+    "landing must fit into time_left − 1. Then two special cases: −1, and landing at once.",
     figure=_draw_failsafe,
     table=MASK,
 )
@@ -128,24 +88,11 @@ def failsafe_mask(answer) -> None:
     """`fits(distance, next_cell, cell, time_left)`: the actions that leave time to land, (B, 6)."""
 
 
-def _quantile_loss(theta, y, kappa, level=None, below=None, shape=None, half=0.5):
-    """The quantile Huber loss; the keywords make mistakes."""
-    count = len(theta)
-    tau = (np.arange(count) + 0.5) / count if level is None else level(count)
+def _quantile_loss(theta, y, kappa):
+    levels = (np.arange(len(theta)) + 0.5) / len(theta)
     u = y[None, :] - theta[:, None]
-    size = np.abs(u)
-    huber = np.where(size <= kappa, half * u**2, kappa * (size - kappa / 2))
-    huber = huber if shape is None else shape(u, size, kappa)
-    negative = u < 0 if below is None else below(u)
-    return (np.abs(tau[:, None] - negative) * huber).mean(1).sum()
-
-
-def _means(theta, y, kappa, over):
-    count = len(theta)
-    tau, u = ((np.arange(count) + 0.5) / count)[:, None], y[None, :] - theta[:, None]
-    size = np.abs(u)
-    huber = np.where(size <= kappa, 0.5 * u**2, kappa * (size - kappa / 2))
-    return over(np.abs(tau - (u < 0)) * huber)
+    huber = np.where(abs(u) <= kappa, u**2 / 2, kappa * (abs(u) - kappa / 2))
+    return (abs(levels[:, None] - (u < 0)) * huber).mean(1).sum()
 
 
 def _distributions() -> dict[str, list[tuple]]:
@@ -188,46 +135,41 @@ def _draw_quantile_loss(ax):
             losses.append(_quantile_loss(theta, np.array([value]), 1.0))
         ax.plot(y, losses, color=colour, label=f"θ_{k + 1} = 0 of five, the others exact")
     ax.set(xlabel="the only sample y", ylabel="loss, κ = 1")
-    ax.legend(fontsize="small")
 
 
+HUBER, BEYOND = "np.where(abs(u) <= kappa, u**2 / 2, ", "kappa * (abs(u) - kappa / 2)"
 LOSS = Table(
     _quantile_loss,
     _distributions,
     {
         "The levels are the middles of N equal parts, (i − 1/2)/N: yours are their left ends, "
-        "which begin at 0.": functools.partial(_quantile_loss, level=lambda n: np.arange(n) / n),
+        "which begin at 0.": edit(" + 0.5", ""),
         "The levels are the middles of N equal parts, (i − 1/2)/N: yours are their right ends, "
-        "which end at 1.": (
-            functools.partial(_quantile_loss, level=lambda n: np.arange(1, n + 1) / n)
-        ),
+        "which end at 1.": edit(" + 0.5", " + 1"),
         "The error is u = y − θ: yours has the other sign, so that weights for too high and too "
-        "low are swapped.": functools.partial(_quantile_loss, below=lambda u: u > 0),
+        "low are swapped.": edit("u < 0", "u > 0"),
         "The weight is |τ − 1| where u < 0, not τ everywhere: without it nothing makes the "
-        "quantiles differ.": functools.partial(_quantile_loss, below=lambda u: 0 * u),
-        "Within kappa the loss is u²/2: the half is missing.": (
-            functools.partial(_quantile_loss, half=1.0)
+        "quantiles differ.": edit("- (u < 0)", ""),
+        "Within kappa the loss is u²/2: the half is missing.": edit("u**2 / 2", "u**2"),
+        "That is the pinball loss: within kappa it is u²/2.": edit(f"{HUBER}{BEYOND})", "abs(u)"),
+        "You square all errors: beyond kappa it is kappa · (|u| − kappa/2).": (
+            edit(BEYOND, "u**2 / 2")
         ),
-        "That is the pinball loss: within kappa, Huber's loss is u²/2.": (
-            functools.partial(_quantile_loss, shape=lambda u, size, k: size)
+        "In kappa · (|u| − kappa/2) the factor kappa in front is missing.": edit("kappa * (", "("),
+        "In kappa · (|u| − kappa/2) the factor kappa multiplies the whole bracket.": edit(
+            BEYOND, "kappa * abs(u) - kappa / 2"
         ),
-        "You square all errors: beyond kappa, Huber's loss is kappa · (|u| − kappa/2).": (
-            functools.partial(_quantile_loss, shape=lambda u, size, k: u**2 / 2)
+        "In kappa · (|u| − kappa/2) half of kappa is taken from |u|.": (
+            *(edit("- kappa / 2", ""), edit("kappa / 2", "kappa")),
         ),
-        "Beyond kappa the loss is kappa · (|u| − kappa/2): the factor kappa in front is missing.": (
-            functools.partial(
-                _quantile_loss,
-                shape=lambda u, size, k: np.where(size <= k, u**2 / 2, size - k / 2),
-            )
+        "You take 1 for kappa, whatever it is.": (
+            *(edit("<= kappa", "<= 1", BEYOND, "abs(u) - 1 / 2"), edit("<= kappa", "<= 1")),
         ),
-        "You average over the quantiles as well: their losses are added up.": (
-            functools.partial(_means, over=np.mean)
-        ),
-        "You add up the samples as well: each quantile's loss is the mean over them.": (
-            functools.partial(_means, over=np.sum)
-        ),
-        "You average over the quantiles and add up the samples: it is the other way round.": (
-            functools.partial(_means, over=lambda table: table.mean(0).sum())
+        "You divide by kappa, which this loss does not.": (edit("* huber", "* huber / kappa")),
+        "You average over the quantiles as well: their losses are added up.": edit("sum", "mean"),
+        "You add up the samples as well: take the mean over them.": edit("mean", "sum"),
+        "Average over the samples and add up the quantiles, not vice versa.": (
+            edit("mean(1)", "mean(0)")
         ),
     },
     read=number,
@@ -235,16 +177,11 @@ LOSS = Table(
 
 
 @exercise(
-    "12.2",
-    "The quantile Huber loss",
-    points=3,
-    minutes=15,
-    hints=(
-        "Make a table of all errors first: N rows, one for each quantile, and a column for each "
-        "sample. Weight and Huber's loss are tables of the same shape.",
-        "u = y[None, :] − theta[:, None]. The weight of row i is its level where u ≥ 0, and one "
-        "minus the level where u < 0. Average each row, then add the rows up.",
-    ),
+    "12.2 · The quantile Huber loss (3 points, 15 minutes)",
+    "Make a table of all errors first: N rows, one for each quantile, and a column for each "
+    "sample. Weight and Huber's loss are tables of the same shape.",
+    "u = y[None, :] − theta[:, None]. The weight of row i is its level where u ≥ 0, and one "
+    "minus the level where u < 0. Average each row, then add the rows up.",
     figure=_draw_quantile_loss,
     table=LOSS,
 )
@@ -252,12 +189,10 @@ def quantile_loss(answer) -> None:
     """`quantile_loss(theta, y, kappa)`: a number, for N quantiles and any number of samples."""
 
 
-def _advantage_target(y, q_values, allowed, action, alpha, best=None, share=None):
-    """y minus α times the gap; the keywords make mistakes."""
+def _advantage_target(y, q_values, allowed, action, alpha):
     taken = q_values[np.arange(len(action)), action]
-    top = np.where(allowed, q_values, -np.inf).max(1) if best is None else best(q_values, allowed)
-    gap = top - taken
-    return y - alpha * gap if share is None else share(y, gap, top, taken, alpha)
+    best = np.where(allowed, q_values, -np.inf).max(1)
+    return y - alpha * (best - taken)
 
 
 def _minibatches() -> dict[str, list[tuple]]:
@@ -296,11 +231,6 @@ def _draw_advantage_target(ax):
         ]
         ax.bar(places + offset, targets, 0.4, color=colour, label=f"α = {alpha}")
     ax.set(xlabel="action taken", ylabel="target, if y is the Q-value")
-    ax.legend()
-
-
-def _advantage_target_wrong(share):
-    return functools.partial(_advantage_target, share=share)
 
 
 TARGET = Table(
@@ -308,56 +238,36 @@ TARGET = Table(
     _minibatches,
     {
         "The best action is sought among all, also those that are not allowed: a Q-value that is "
-        "never learned must not count.": (
-            functools.partial(_advantage_target, best=lambda q, allowed: q.max(1))
-        ),
+        "never learned must not count.": edit("np.where(allowed, q_values, -np.inf)", "q_values"),
         "You set Q-values that are not allowed to 0. If all others are below 0, that is the "
-        "largest: take −inf.": (
-            functools.partial(
-                _advantage_target, best=lambda q, allowed: np.where(allowed, q, 0).max(1)
-            )
-        ),
-        "The maximum is over the actions of each state, axis=1, not over the whole batch.": (
-            functools.partial(
-                _advantage_target, best=lambda q, allowed: q[allowed].max() + 0 * q[:, 0]
-            )
-        ),
+        "largest: take −inf.": edit("-np.inf", "0"),
+        "The maximum is over the actions of each state, axis=1.": edit("max(1)", "max()"),
         "The sign is wrong: the gap is taken away from the target, so that worse actions get "
-        "worse.": _advantage_target_wrong(lambda y, gap, top, taken, alpha: y + alpha * gap),
-        "You take the whole gap away: only the share alpha of it.": (
-            _advantage_target_wrong(lambda y, gap, top, taken, alpha: y - gap)
-        ),
+        "worse.": edit("y - alpha", "y + alpha"),
+        "You take the whole gap away: only the share alpha of it.": edit("alpha * ", ""),
         "Dividing by 1 − alpha is what comes out in the end, at rest. The target of one update "
-        "takes alpha times the gap.": (
-            _advantage_target_wrong(lambda y, gap, top, taken, alpha: y - gap / (1 - alpha))
+        "takes alpha times the gap.": edit(
+            "alpha * (best - taken)", "(best - taken) / (1 - alpha)"
         ),
-        "You take alpha times the best Q-value: it is the gap to the action taken that counts.": (
-            _advantage_target_wrong(lambda y, gap, top, taken, alpha: y - alpha * top)
+        "You take alpha times the best Q-value: take the gap to it.": (
+            edit("(best - taken)", "best")
         ),
-        "You take alpha times the taken action's Q-value: it is its gap to the best that "
-        "counts.": _advantage_target_wrong(lambda y, gap, top, taken, alpha: y - alpha * taken),
-        "You compare with y instead of the Q-value of the action taken.": (
-            _advantage_target_wrong(lambda y, gap, top, taken, alpha: y - alpha * (top - y))
+        "You take alpha times the taken action's Q-value: take its gap to the best.": edit(
+            "(best - taken)", "taken"
         ),
-        "The targets y are missing: you give back the part that is taken away.": (
-            _advantage_target_wrong(lambda y, gap, top, taken, alpha: alpha * gap)
-        ),
+        "You compare with y instead of the Q-value of the action taken.": edit("- taken", "- y"),
+        "The targets y are missing: the rest is taken from them.": edit("y - alpha", "alpha"),
     },
     read=numbers,
 )
 
 
 @exercise(
-    "12.3",
-    "The target of advantage learning",
-    points=2,
-    minutes=10,
-    hints=(
-        "Two Q-values of each row are needed: of the best action that is allowed, and of the "
-        "action that was taken. What is the gap of the best action itself?",
-        "np.where(allowed, q_values, −np.inf).max(axis=1) is the best one's. For the other, index "
-        "q_values with np.arange(B) and action. Then y − alpha · gap.",
-    ),
+    "12.3 · The target of advantage learning (2 points, 10 minutes)",
+    "Two Q-values of each row are needed: of the best action that is allowed, and of the "
+    "action that was taken. What is the gap of the best action itself?",
+    "np.where(allowed, q_values, −np.inf).max(axis=1) is the best one's. For the other, index "
+    "q_values with np.arange(B) and action. Then y − alpha · gap.",
     figure=_draw_advantage_target,
     table=TARGET,
 )
@@ -365,18 +275,11 @@ def advantage_target(answer) -> None:
     """`target(y, q_values, allowed, action, alpha)`: the targets with wider gaps, (B,)."""
 
 
-def _detour(data, way, discount, cost, delay=1, back=2, free=False):
-    """The discounted reward of flying there and back; the keywords make mistakes."""
-    moves = np.arange(back * way)
-    steps = len(moves) if free else (discount**moves).sum()
-    return discount ** (way - delay) * data - cost * steps
-
-
-def _longest_way(data, discount, cost, worth=_detour):
-    way = 0
-    while worth(data, way + 1, discount, cost) > 0:
+def _longest_way(data, discount, cost):
+    way = 1
+    while discount ** (way - 1) * data > cost * (discount ** np.arange(2 * way)).sum():
         way += 1
-    return way
+    return way - 1
 
 
 def _detours() -> dict[str, list[tuple]]:
@@ -385,8 +288,7 @@ def _detours() -> dict[str, list[tuple]]:
         "Without a discount, γ = 1, it pays as long as data > 2 · way · cost.": (
             [(5.0, 1.0, 0.11), (20.0, 1.0, 0.23), (6.0, 1.0, 1.0)]
         ),
-        "It pays if data · γ^(way − 1) is more than the sum of cost · γ^t, t from 0 to "
-        "2 · way − 1.": [
+        "It pays if data · γ^(way − 1) is more than the sum of cost · γ^t, t < 2 · way.": [
             (1.5, 0.95, 0.11),
             (4.0, 0.95, 0.23),
             (3.0, 0.97, 0.11),
@@ -404,44 +306,22 @@ def _draw_longest_way(ax):
         ways = [_longest_way(data, float(discount), 0.1) for discount in discounts]
         ax.step(discounts, ways, color=colour, label=f"{data:g} data units")
     ax.set(xlabel="discount γ", ylabel="longest way that pays, moves")
-    ax.legend()
 
 
-def _longest_way_wrong(**changes):
-    return functools.partial(_longest_way, worth=functools.partial(_detour, **changes))
-
-
+COSTS, GAIN = "(discount ** np.arange(2 * way)).sum()", "discount ** (way - 1) * data"
 WAY = Table(
     _longest_way,
     _detours,
     {
-        "That is the shortest way that does not pay: asked for is the longest that does.": (
-            lambda *case: _longest_way(*case) + 1
-        ),
-        "The way back is missing: it takes as many moves, and each costs.": _longest_way_wrong(
-            back=1
-        ),
+        "That is the shortest way that does not pay.": edit("return way - 1", "return way"),
+        "The way back is missing: it takes as many moves, and each costs.": edit("2 * way", "way"),
         "The data comes in the last move of the way there, which is step way − 1 when the first "
-        "is step 0: γ^(way − 1), not γ^way.": _longest_way_wrong(delay=0),
-        "The costs are discounted, too: that of step t counts γ^t.": _longest_way_wrong(free=True),
-        "The data counts less the later it comes: γ^(way − 1).": (
-            functools.partial(
-                _longest_way,
-                worth=lambda data, way, discount, cost: (
-                    data - cost * (discount ** np.arange(2 * way)).sum()
-                ),
-            )
-        ),
-        "Landing is free: only the 2 · way moves cost.": (
-            functools.partial(
-                _longest_way,
-                worth=lambda data, way, discount, cost: (
-                    discount ** (way - 1) * data - cost * (discount ** np.arange(2 * way + 1)).sum()
-                ),
-            )
-        ),
-        "That is the number of moves there and back: asked for is the way to the device.": (
-            lambda *case: 2 * _longest_way(*case)
+        "is step 0: γ^(way − 1), not γ^way.": edit("(way - 1)", "way"),
+        "The costs are discounted, too: that of step t counts γ^t.": edit(COSTS, "2 * way"),
+        "The data counts less the later it comes: γ^(way − 1).": edit(GAIN, "data"),
+        "Landing is free: only the 2 · way moves cost.": edit("2 * way", "2 * way + 1"),
+        "That is the number of moves there and back.": (
+            edit("return way - 1", "return 2 * (way - 1)")
         ),
     },
     read=whole,
@@ -449,16 +329,11 @@ WAY = Table(
 
 
 @exercise(
-    "12.4",
-    "How far does a discount reach?",
-    points=2,
-    minutes=12,
-    hints=(
-        "Write down the rewards of all steps for a way of 2: four of them. Which are negative, in "
-        "which step does the data come, and what does each count, seen from the start?",
-        "For a way of w: minus cost · γ^t for t = 0 … 2w − 1, plus data · γ^(w − 1). It falls with "
-        "w. Raise w in a loop as long as the next way still pays.",
-    ),
+    "12.4 · How far does a discount reach? (2 points, 12 minutes)",
+    "Write down the rewards of all steps for a way of 2: four of them. Which are negative, in "
+    "which step does the data come, and what does each count, seen from the start?",
+    "For a way of w: minus cost · γ^t for t = 0 … 2w − 1, plus data · γ^(w − 1). It falls with "
+    "w. Raise w in a loop as long as the next way still pays.",
     figure=_draw_longest_way,
     table=WAY,
 )

@@ -9,14 +9,13 @@ from uavdh_lite.course.checks.table import Table
 from uavdh_lite.course.checks.values import Unreadable, number
 from uavdh_lite.streams import Use, stream
 
-CHANNEL = Channel()
+LOS, NLOS = Channel().path_loss_exponent_los, Channel().path_loss_exponent_nlos
 
 
 def _draw_rate(ax):
     snr_db = np.linspace(-20, 30, 101)
     ax.plot(snr_db, solved_rate(snr_db))
     ax.set(xlabel="SNR, dB", ylabel="rate, data units a slot", title="1 at 0 dB")
-    ax.grid(alpha=0.3)
 
 
 def _ratio(snr_db):
@@ -26,24 +25,23 @@ def _ratio(snr_db):
 RATE = Table(
     solved_rate,
     lambda: {
-        "The rate is log2(1 + SNR) of a ratio of powers, and 0 dB is a ratio of 1.": [(0.0,)],
+        "The rate is log2(1 + SNR) of a ratio of powers, and 0 dB is a ratio of 1.": [0.0],
         "10 dB more are ten times the power, so the ratio is 10 ** (snr_db / 10).": [
-            *((snr_db,) for snr_db in (10.0, -10.0, 3.0, 20, -15.0, 25.5))
+            *(10.0, -10.0, 3.0, 20, -15.0, 25.5)
         ],
         "That holds far from 0 dB too: no rate is exactly 0, and none is rounded.": [
-            *((snr_db,) for snr_db in (-30.0, -60.0, 55.25, 150.0, 0.001))
+            *(-30.0, -60.0, 55.25, 150.0, 0.001)
         ],
         "An array has a rate for each element: use np.log2 and ** on the whole array, without a "
         "loop, `if` or `math`.": [
-            (np.array(snr_db),)
+            np.array(snr_db)
             for snr_db in ([6.0], [-3.0, 7.5, -41.0], [0, 10, -20], [[-3.0, 0.0], [3.0, 20.0]], [])
         ],
     },
     mistakes={
         "The SNR is given in decibels, but the 1 is added to a plain ratio: convert it first, "
         "10 ** (snr_db / 10).": lambda snr_db: np.log2(1 + snr_db),
-        "That is the natural logarithm, which counts the data in another unit. The formula has the "
-        "logarithm to base 2, np.log2.": lambda snr_db: np.log(1 + _ratio(snr_db)),
+        "That is the natural logarithm. Take np.log2.": lambda snr_db: np.log(1 + _ratio(snr_db)),
         "Power ratios have 10 dB a factor of ten: divide by 10, not by 20 (that is for "
         "amplitudes).": lambda snr_db: np.log2(1 + _ratio(snr_db / 2)),
         "The 1 of log2(1 + SNR) is missing: without it the rate is negative below 0 dB.": (
@@ -56,16 +54,11 @@ RATE = Table(
 
 
 @exercise(
-    "1.1",
-    "Rate from SNR",
-    points=1,
-    minutes=5,
-    hints=(
-        "The rate is log2(1 + SNR), where the SNR is a plain ratio of powers. What is 0 dB as a "
-        "ratio? And 10 dB?",
-        "10 dB more is ten times the power, so the decibels belong in an exponent. Which number is "
-        "raised to it? The 1 is added to the ratio, and numpy has the logarithm to base 2.",
-    ),
+    "1.1 · Rate from SNR (1 point, 5 minutes)",
+    "The rate is log2(1 + SNR), where the SNR is a plain ratio of powers. What is 0 dB as a "
+    "ratio? And 10 dB?",
+    "10 dB more is ten times the power, so the decibels belong in an exponent. Which number is "
+    "raised to it? The 1 is added to the ratio, and numpy has the logarithm to base 2.",
     figure=_draw_rate,
     table=RATE,
 )
@@ -73,31 +66,22 @@ def rate_from_snr(rate) -> None:
     """`rate(snr_db)`: data units in a slot, for numbers and arrays (eq. 4)."""
 
 
-def _same_loss_distance(nlos_m):
-    return nlos_m ** (CHANNEL.path_loss_exponent_nlos / CHANNEL.path_loss_exponent_los)
-
-
 def _draw_crossover(ax):
     d = np.geomspace(0.3, 100, 200)
-    for name, exponent in (
-        ("in sight", CHANNEL.path_loss_exponent_los),
-        ("behind a building", CHANNEL.path_loss_exponent_nlos),
-    ):
+    for name, exponent in (("in sight", LOS), ("behind a building", NLOS)):
         ax.semilogx(d, 10 * exponent * np.log10(d), label=name)
     ax.axvline(1, color="grey", linestyle=":")
     ax.set(xlabel="distance, m", ylabel="path loss, dB", title="20 m behind = 122 m in sight")
     ax.axhline(36.4 * np.log10(20), color="grey", linewidth=0.8)
-    ax.legend()
 
 
-LOS, NLOS = CHANNEL.path_loss_exponent_los, CHANNEL.path_loss_exponent_nlos
 SAME_LOSS = Table(
-    _same_loss_distance,
+    lambda nlos_m: nlos_m ** (NLOS / LOS),
     lambda: {
         "The loss 10 α log10(d) with α_LoS at your distance must be the one with α_NLoS at the "
-        "distance given.": [(20.0,), (2.0,), (55,), (7.5,), (180.0,), (1000.0,)],
+        "distance given.": [20.0, 2.0, 55, 7.5, 180.0, 1000.0],
         "Both losses are 0 dB at 1 m; nearer, the distance in sight is the shorter one.": [
-            *((distance,) for distance in (1.0, 0.5, 0.03))
+            *(1.0, 0.5, 0.03)
         ],
     },
     mistakes={
@@ -105,27 +89,21 @@ SAME_LOSS = Table(
         "the equal distance in sight must be the longer one.": lambda d: d ** (LOS / NLOS),
         "The loss is a power of the distance, so the ratio of the exponents belongs in the "
         "exponent, not in front.": lambda d: d * NLOS / LOS,
-        "That is the loss in dB, not a distance: solve for the distance.": (
-            lambda d: 10 * NLOS * np.log10(d)
+        "That is the loss in dB: solve for the distance.": lambda d: 10 * NLOS * np.log10(d),
+        "You add the altitude of 10 m, but d is the length of the whole link already.": (
+            lambda d: np.hypot(d, 10) ** (NLOS / LOS)
         ),
-        "You add the altitude of 10 m, but d is the length of the whole link already, through the "
-        "air: take it as it is.": lambda d: np.hypot(d, 10) ** (NLOS / LOS),
     },
     read=number,
 )
 
 
 @exercise(
-    "1.2",
-    "Where the two path losses cross",
-    points=2,
-    minutes=10,
-    hints=(
-        "The path loss in dB is 10 α log10(d). Set the loss with α_LoS at the unknown distance "
-        "equal to the one with α_NLoS at the given distance.",
-        "Solve for the logarithm of the unknown distance. A factor in front of a logarithm is a "
-        "power inside of it. For the crossing: which distance does such a power leave as it is?",
-    ),
+    "1.2 · Where the two path losses cross (2 points, 10 minutes)",
+    "The path loss in dB is 10 α log10(d). Set the loss with α_LoS at the unknown distance "
+    "equal to the one with α_NLoS at the given distance.",
+    "Solve for the logarithm of the unknown distance. A factor in front of a logarithm is a "
+    "power inside of it. For the crossing: which distance does such a power leave as it is?",
     figure=_draw_crossover,
     function=False,
 )
@@ -160,7 +138,6 @@ def _draw_mean_rate(ax):
         draws = np.sqrt(variance) * generator.standard_normal((4000, 1))
         ax.plot(snr_db, solved_rate(snr_db + draws).mean(0), label=f"σ² = {variance} dB²")
     ax.set(xlabel="mean SNR, dB", ylabel="mean rate, data units a slot")
-    ax.legend()
 
 
 def _moments(snr_db, variance, power=0.5):
@@ -177,16 +154,10 @@ SEEDS, FEW, MANY = 1000, 40, 400_000
 
 
 @exercise(
-    "1.3",
-    "What fading does to the mean rate",
-    points=2,
-    minutes=10,
-    hints=(
-        "Draw many SNRs around the mean, turn each into a rate, and average the rates: in that "
-        "order.",
-        "Does generator.normal want a variance? The fading belongs to the SNR, while that is still "
-        "in dB. One rate for each draw, and the mean comes last.",
-    ),
+    "1.3 · What fading does to the mean rate (2 points, 10 minutes)",
+    "Draw many SNRs around the mean, turn each into a rate, and average the rates: in that order.",
+    "Does generator.normal want a variance? The fading belongs to the SNR, while that is still "
+    "in dB. One rate for each draw, and the mean comes last.",
     figure=_draw_mean_rate,
 )
 def mean_rate(answer) -> None:
@@ -206,17 +177,17 @@ def mean_rate(answer) -> None:
             raise CheckFailed(f"{call} gives {show(given)}: {problem}") from None
 
     for snr_db, draws in ((3.0, 5), (-11, 1)):
+        given = ask(snr_db, 0.0, draws, 0)
         expect(
-            close(ask(snr_db, 0.0, draws, 0), solved_rate(snr_db), 1e-6),
+            close(given, solved_rate(snr_db), 1e-6),
             "Without fading (variance 0) the mean rate is the rate at the mean SNR, and yours is "
-            f"not: at {snr_db} dB it is {show(ask(snr_db, 0.0, draws, 0))}.",
+            f"not: at {snr_db} dB it is {show(given)}.",
         )
     few = np.array([[ask(*case, FEW, seed) for seed in range(SEEDS)] for case in FADING])
     mean, error = few.mean(1), few.std(1, ddof=1) / np.sqrt(SEEDS) + 1e-9
     (right, spread), (wide, _) = (np.transpose([_moments(*c, p) for c in FADING]) for p in (0.5, 1))
     for message, value in {
-        "The fading is far too strong: generator.normal wants the standard deviation, the root of "
-        "the variance.": wide,
+        "The fading is far too strong: generator.normal wants the root of the variance.": wide,
         "On average that is the rate at the mean SNR. The fading belongs to the SNR, in dB, not to "
         "the rate; and average the rates, not the SNRs: the logarithm of a mean is not the mean "
         "of the logarithms, nor is the median.": solved_rate(np.array(FADING)[:, 0]),
@@ -225,29 +196,27 @@ def mean_rate(answer) -> None:
         expect(right_too.all() or not agrees.all(), message)
     expect(
         ask(0.0, 5.0, 9, 1) != ask(0.0, 5.0, 9, 2),
-        "The result is the same for every generator. Draw the fading from the one that is passed "
-        "in.",
+        "The result is the same for every generator. Draw the fading from the one passed in.",
     )
     for k, (case, single) in enumerate(zip(FADING, spread, strict=True)):
         at = "At {} dB with a variance of {} dB²".format(*case)
 
-        def near(given, limit, at=at, expected=right[k]):
+        def near(given, error, at=at, expected=right[k]):
             expect(
-                abs(given - expected) < limit,
+                abs(given - expected) < 6.5 * error,
                 f"{at} the mean rate is {expected:.4g}; yours is {given:.4g}, and chance explains "
-                f"no more than {limit:.2g}. Turn each SNR into a rate, then average the rates.",
+                f"no more than {6.5 * error:.2g}. Turn each SNR into a rate, then average these.",
             )
 
-        near(mean[k], 6.5 * error[k])
+        near(mean[k], error[k])
         draws = (single / (few[k].std(ddof=1) + 1e-12)) ** 2
         expect(
             FEW / 1.6 < draws < 1.6 * FEW,
-            f"{at} yours has the right mean, but scatters from seed to seed as the mean of "
-            f"{draws:.3g} draws does, instead of {FEW}: simulate `draws` slots, each with a fading "
-            "of its own.",
+            f"{at} yours has the right mean, but scatters as the mean of {draws:.3g} draws does, "
+            f"instead of {FEW}: simulate `draws` slots, each with a fading of its own.",
         )
-        near(ask(*case, MANY, 1), 6.5 * single / np.sqrt(MANY))
+        near(ask(*case, MANY, 1), single / np.sqrt(MANY))
     expect(
-        ask(0.0, 5.0, 9, 1) == ask(0.0, 5.0, 9, 1) != ask(0.0, 5.0, 9, 2),
+        ask(0.0, 5.0, 9, 1) == ask(0.0, 5.0, 9, 1),
         "All chance must come from the generator that is passed in: same seed, same result.",
     )

@@ -2,15 +2,16 @@
 
 import functools
 import operator
+import time
 from collections import Counter
 
 import numpy as np
 import torch
 
 from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, guarded, show
-from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import Unreadable, numbers
-from uavdh_lite.ddqn import ddqn_target, softmax_policy
+from uavdh_lite.ddqn import softmax_policy
 from uavdh_lite.environment import ACTIONS
 from uavdh_lite.streams import Use, stream
 
@@ -22,39 +23,19 @@ def _tensor(value) -> np.ndarray:
 
 
 def _softmax(q_values, temperature):
-    return softmax_policy(q_values, temperature)
+    powers = torch.exp((q_values - q_values.amax(1, True)) / temperature)
+    return powers / powers.sum(1, True)
 
 
 def _draw_policy(ax):
-    q_values = np.array([[1000, 999.75, 999.5, 999, 998, 997]], np.float32)
+    q_values = torch.tensor([[1000, 999.75, 999.5, 999, 998, 997]])
     places = np.arange(len(ACTIONS))
     for k, temperature in enumerate((0.1, 0.5, 2.0)):
-        shares = _softmax(torch.tensor(q_values), temperature)[0].numpy()
+        shares = softmax_policy(q_values, temperature)[0].numpy()
         ax.bar(places + 0.27 * (k - 1), shares, 0.27, label=f"β = {temperature}")
     names = [f"{name}\n{q:g}" for name, q in zip(ACTIONS, q_values[0], strict=True)]
     ax.set_xticks(places, names, fontsize="small")
     ax.set(xlabel="action and its Q-value", ylabel="probability")
-    ax.legend()
-
-
-def _powers(top=None, over=1, exponents=torch.div):
-    """A softmax with a mistake: what is subtracted from q / β, what the sum is over."""
-
-    def mistake(q_values, temperature):
-        tops = {
-            None: lambda: 0,
-            "row": lambda: q_values.amax(1, True),
-            "batch": q_values.max,
-            "column": lambda: q_values.amax(0, True),
-            "mean": lambda: q_values.mean(1, keepdim=True),
-            "least": lambda: q_values.amin(1, True),
-            "first": lambda: q_values[:, :1],
-        }
-        powers = torch.exp(exponents(q_values - tops[top](), temperature))
-        sums = {1: lambda: powers.sum(1, True), 0: lambda: powers.sum(0, True), 2: powers.sum}
-        return powers / sums[over]() if over is not None else powers
-
-    return mistake
 
 
 def _policy_cases():
@@ -84,8 +65,7 @@ def _policy_cases():
             case([near[::-1]], 0.125),
             case([[900.0, 1000, 0, -1000, 0, 0]], 0.1),
         ],
-        "All Q-values of a state may be far below 0: then every exp(Q/β) is 0, and 0 over 0 is "
-        "nan.": [
+        "All Q-values of a state may be far below 0: every exp(Q/β) is 0, and 0/0 is nan.": [
             case([[-q for q in near]], 0.125),
             case([[-1000.0] * 6], 0.1),
         ],
@@ -102,48 +82,47 @@ def _policy_cases():
     }
 
 
+def _whatever(old, new, *others):
+    """A mistake that is one whichever of the others is made as well."""
+    return tuple(edit(old, new, *other) for other in ((), *others))
+
+
+TOP, TOTAL, OVER = "q_values.amax(1, True)", "powers.sum(1, True)", "/ temperature"
+NO_TOP, BATCH_TOP, COLUMN_TOP = ((TOP, top) for top in ("0", "q_values.max()", "q_values.amax(0)"))
 POLICY = Table(
     _softmax,
     _policy_cases,
     mistakes={
-        "You normalise over the batch: each column sums to 1, and states get into each other's "
-        "way. Sum over the actions, dim=1, so that each row does.": (
-            *(_powers(top, 0) for top in (None, "row", "batch", "column")),
-            *(_powers(top, 0, torch.mul) for top in (None, "row")),
+        "You normalise over the batch. Sum over the actions, dim=1, so that each row sums to 1.": (
+            *_whatever(TOTAL, "powers.sum(0)", NO_TOP, BATCH_TOP, COLUMN_TOP),
+            *_whatever(OVER, "* temperature", (TOTAL, "powers.sum(0)"))[1:],
+            edit(OVER, "* temperature", TOTAL, "powers.sum(0)", *NO_TOP),
         ),
         "You divide by the sum of the whole batch. Each state has a policy of its own: sum over "
-        "dim=1, with keepdim=True.": tuple(_powers(top, 2) for top in (None, "row", "batch")),
+        "dim=1, with keepdim=True.": _whatever(TOTAL, "powers.sum()", NO_TOP, BATCH_TOP),
         "These are the exponentials, in the right ratios, but a row does not sum to 1: divide them "
-        "by their sum over the actions.": tuple(
-            _powers(top, None) for top in (None, "row", "batch")
-        ),
+        "by their sum over the actions.": _whatever(TOTAL, "1", NO_TOP, BATCH_TOP),
         "It overflows: exp of 1000 / 0.1 is infinite, and infinity over infinity is nan. Subtract "
-        "the state's largest Q-value before you take exp; that changes no probability.": _powers(),
+        "the state's largest Q-value before you take exp.": edit(*NO_TOP),
         "You subtract the largest Q-value of the whole batch, and in a state whose values lie far "
-        "below it all exponentials become 0. Subtract the maximum of each row.": _powers("batch"),
+        "below it all exponentials become 0. Subtract the maximum of each row.": edit(*BATCH_TOP),
         "You subtract each action's maximum over the states, dim=0. That changes the gaps within a "
-        "row: subtract from each row its own maximum, dim=1.": _powers("column"),
-        **{
-            "You subtract something smaller than the maximum of each row"
-            f"{what}. Where the best action lies far above it, exp still overflows.": _powers(top)
-            for what, top in ((", its mean", "mean"), (", its minimum", "least"), ("", "first"))
-        },
-        "You multiply by the temperature instead of dividing by it: a cold policy, with a small β, "
-        "must be the sharper one.": tuple(
-            _powers(top, exponents=torch.mul) for top in (None, "row", "batch")
+        "row: subtract from each row its own maximum, dim=1.": edit(*COLUMN_TOP),
+        "You subtract something smaller than the maximum of each row. Where the best action lies "
+        "far above it, exp still overflows.": tuple(
+            edit(TOP, f"q_values{top}") for top in (".mean(1, True)", ".amin(1, True)", "[:, :1]")
         ),
+        "You multiply by the temperature: divide by it, since a small β must make the policy "
+        "sharper.": _whatever(OVER, "* temperature", NO_TOP, BATCH_TOP),
         "The temperature has no effect. Inside of exp it matters; a factor in front of it cancels "
-        "when you divide by the sum.": tuple(
-            _powers(top, exponents=lambda q, b: q) for top in (None, "row", "batch")
+        "when you divide by the sum.": _whatever(OVER, "", NO_TOP, BATCH_TOP),
+        "The sign is wrong: the best action must be the likeliest.": (
+            lambda q, beta: _softmax(-q, beta)
         ),
-        "The sign is wrong: the action with the largest Q-value must be the likeliest.": (
-            lambda q, b: _softmax(-q, b)
+        "These are the probabilities' logarithms.": lambda q, beta: torch.log_softmax(q / beta, 1),
+        "That is the greedy policy. Above a temperature of 0 the others have a chance too.": (
+            lambda q, beta: torch.eye(q.shape[1])[q.argmax(1)]
         ),
-        "These are logarithms of probabilities. The probabilities are asked for.": (
-            lambda q, b: torch.log_softmax(q / b, 1)
-        ),
-        "That is the greedy policy, with 1 for the best action. At a temperature above 0 the "
-        "others have a chance too.": lambda q, b: torch.eye(q.shape[1])[q.argmax(1)],
     },
     read=_tensor,
     tolerance=1e-4,
@@ -158,17 +137,12 @@ POLICY = Table(
 
 
 @exercise(
-    "5.1",
-    "A softmax that does not overflow",
-    points=2,
-    minutes=12,
-    hints=(
-        "exp(10 000) is infinite. But the probabilities depend on the gaps between a state's "
-        "Q-values only: what may you subtract from all of them?",
-        "A factor that all exponentials of a row share cancels when you divide by their sum; "
-        "exp(−c/β) is such a factor, and makes exp((Q − c)/β) of exp(Q/β). Which c, another one in "
-        "each row, leaves no exponent above 0, and one that is exactly 0?",
-    ),
+    "5.1 · A softmax that does not overflow (2 points, 12 minutes)",
+    "exp(10 000) is infinite. But the probabilities depend on the gaps between a state's "
+    "Q-values only: what may you subtract from all of them?",
+    "A factor that all exponentials of a row share cancels when you divide by their sum; "
+    "exp(−c/β) is such a factor, and makes exp((Q − c)/β) of exp(Q/β). Which c, another one in "
+    "each row, leaves no exponent above 0, and one that is exactly 0?",
     figure=_draw_policy,
     table=POLICY,
 )
@@ -191,6 +165,14 @@ class _Ring:
         return [self.items[self.newest], *(self.items[k] for k in rest)]
 
 
+STOPS = {  # by what an error's message has in it, what is probably wrong
+    "larger": "A sample may be larger than the number of items stored: items may repeat.",
+    "inhomogeneous": "generator.choice makes arrays of items: draw places, generator.integers.",
+    "dimensional": "generator.choice makes arrays of items: draw places, generator.integers.",
+    "ambiguous": "Items may hold arrays: do not compare them, keep their places.",
+}
+
+
 class _Tested:
     """A student's ring, asked and spoken of by the numbers of its items, 0 for the first added."""
 
@@ -200,29 +182,23 @@ class _Tested:
         self.capacity = capacity
         self.ring = self._call(f"Ring({capacity})", lambda: ring(capacity))
 
-    def _call(self, what: str, function, none: bool = False):
-        when = ""
-        if self.items:
-            items = "1 item" if len(self.items) == 1 else f"{len(self.items)} items"
-            when = f" after {items}, with capacity {self.capacity},"
-        try:
-            return guarded(function, f"{what}{when}", none)()
-        except CheckFailed as failed:
-            raise CheckFailed(f"{failed} {self._why(what, failed.__cause__)}".strip()) from None
+    @property
+    def when(self) -> str:
+        items = "1 item" if len(self.items) == 1 else f"{len(self.items)} items"
+        return f"after {items}, with capacity {self.capacity},"
 
-    def _why(self, what: str, error: BaseException | None) -> str:
-        """What is probably wrong if a method stops with this error."""
-        if isinstance(error, IndexError) and what.startswith("add"):
-            return "A list has only the places that were appended, or made in __init__."
-        if isinstance(error, IndexError) and len(self.items) < self.capacity:
-            return f"Only {len(self.items)} of {self.capacity} places are filled: draw from those."
-        if "larger" in str(error):
-            return "A sample may be larger than the number of items stored: items may repeat."
-        if "inhomogeneous" in str(error) or "dimensional" in str(error):
-            return "generator.choice makes arrays of items: draw places, generator.integers."
-        if "ambiguous" in str(error):
-            return "Items may hold arrays: do not compare them, keep their places."
-        return ""
+    def _call(self, what: str, function, none: bool = False):
+        try:
+            return guarded(function, f"{what} {self.when if self.items else ''}".strip(), none)()
+        except CheckFailed as failed:
+            error = failed.__cause__
+            said = [text for part, text in STOPS.items() if part in str(error)]
+            if isinstance(error, IndexError) and what.startswith("add"):
+                said = ["A list has only the places that were appended, or made in __init__."]
+            elif isinstance(error, IndexError) and len(self.items) < self.capacity:
+                filled = f"Only {len(self.items)} of {self.capacity} places are filled"
+                said = [f"{filled}: draw from those."]
+            raise CheckFailed(" ".join([str(failed), *said])) from None
 
     def add(self, count: int) -> None:
         for _ in range(count):
@@ -251,9 +227,9 @@ class _Tested:
                 "from those that are filled.",
             )
             raise CheckFailed(
-                f"{what} gives back {show(item)}, which is none of the tuples that were added to "
-                "this ring. Draw places (generator.integers) and take the items from there: "
-                "generator.choice makes arrays of them. And each ring has its own items."
+                f"{what} gives back {show(item)}, which is none of the tuples added to this ring. "
+                "Draw places (generator.integers) and take the items from there: generator.choice "
+                "makes arrays of them. And each ring has its own items."
             )
         return [self.numbers[id(item)] for item in given]
 
@@ -268,27 +244,17 @@ def _draw_ring(ax):
         heights = [drawn[n] / 1000 for n in range(12)]
         label = f"after {added} items"
         ax.bar(np.arange(1, 13) + shift, heights, 0.4, color=colour, label=label)
-    ax.set(
-        xlabel="number of the item, 1 for the first added",
-        ylabel="times in a sample of 4, mean",
-        title="capacity 5",
-        xticks=range(1, 13),
-    )
-    ax.legend()
+    ax.set(xlabel="number of the item, 1 for the first added", xticks=range(1, 13))
+    ax.set(ylabel="times in a sample of 4, mean", title="capacity 5")
 
 
 @exercise(
-    "5.2",
-    "A ring buffer with combined replay",
-    points=3,
-    minutes=20,
-    hints=(
-        "Keep two things apart: how many places are filled, and where the newest item is. "
-        "The places are used in a circle: which operator takes the last one back to the first?",
-        "The remainder of a division by the capacity runs in such a circle. While the memory is "
-        "not full, only the places filled so far may be drawn; draw places, not items. And of the "
-        "size items one is the newest, drawn or not.",
-    ),
+    "5.2 · A ring buffer with combined replay (3 points, 20 minutes)",
+    "Keep two things apart: how many places are filled, and where the newest item is. "
+    "The places are used in a circle: which operator takes the last one back to the first?",
+    "The remainder of a division by the capacity runs in such a circle. While the memory is "
+    "not full, only the places filled so far may be drawn; draw places, not items. And of the "
+    "size items one is the newest, drawn or not.",
     figure=_draw_ring,
     function=False,
 )
@@ -319,79 +285,66 @@ def ring_buffer(answer) -> None:
     generator = stream(Use.EXERCISE, 3)
     expect(
         ring.sample(12, generator) != ring.sample(12, generator),
-        "Two samples in a row, with the same generator, are equal: draw from it, and make no "
-        "generator of your own.",
+        "Two samples in a row are equal: draw from the generator, and make none of your own.",
     )
+    _expect_quick(answer)
 
 
 def _expect_newest(ring: _Tested, count: int) -> None:
     """The newest item is in every sample."""
-    newest = count - 1
+    newest, oldest = count - 1, max(0, count - ring.capacity)
     alone = [ring.sample(1, seed)[0] for seed in range(12)]
-    if set(alone) == {newest}:
-        expect(
-            all(newest in ring.sample(4, seed) for seed in range(12)),
-            "A sample of 1 is the newest item, but samples of 4 do not always have it.",
-        )
-        return
-    when = f"After {count} items, with capacity {ring.capacity},"
-    if len(set(alone)) > 1:
-        raise CheckFailed(
-            f"{when} the newest item is not in every sample: a sample of 1 must be the newest "
-            "alone, and yours differs from draw to draw."
-        )
-    oldest = max(0, count - ring.capacity)
-    if alone[0] == oldest and count >= ring.capacity:
-        raise CheckFailed(
-            f"{when} every sample has the oldest item where the newest should be: that is the "
-            "place to be overwritten next. The newest is one place before it, round the ring."
-        )
-    wrapped = (
-        " That goes wrong once the ring is full and begins again at its first place: the newest "
-        "is then no longer at the end."
-        if count > ring.capacity
-        else " Is the place noted before or after it moves on?"
+    expect(
+        len(set(alone)) == 1,
+        f"{ring.when.capitalize()} the newest item is not in every sample: a sample of 1 must be "
+        "the newest alone, and yours differs from draw to draw.",
     )
-    raise CheckFailed(
-        f"{when} every sample has item number {alone[0] + 1} where the newest, number {count}, "
-        f"should be.{wrapped}"
+    if alone[0] != newest:
+        why = "Is the place noted before or after it moves on?"
+        if alone[0] == oldest and count >= ring.capacity:
+            why = "That is the oldest, the place to be overwritten next: take the one before it."
+        elif count > ring.capacity:
+            why = "Once the ring is full and begins again, the newest is no longer at the end."
+        raise CheckFailed(
+            f"{ring.when.capitalize()} every sample has item number {alone[0] + 1} where the "
+            f"newest, number {count}, should be. {why}"
+        )
+    expect(
+        all(newest in ring.sample(4, seed) for seed in range(12)),
+        "A sample of 1 is the newest item, but samples of 4 do not always have it.",
     )
 
 
 def _expect_stored(ring: _Tested, count: int) -> None:
     """All of the last items are stored, and nothing else is."""
-    found = set(ring.sample(60 * ring.capacity, count))
-    expected = set(range(max(0, count - ring.capacity), count))
+    drawn = ring.sample(60 * ring.capacity, count)
+    found, expected = set(drawn), set(range(max(0, count - ring.capacity), count))
+    missing = expected - found
     if found == expected:
         return
-    when = f"After {count} items, with capacity {ring.capacity},"
-    if count > ring.capacity and found > expected:
-        raise CheckFailed(
-            f"{when} {len(found)} different items are drawn: the ring grows. From the capacity on "
-            "each new item must overwrite the oldest."
+    if found > expected:
+        why = "the ring grows. From the capacity on each new item must overwrite the oldest."
+    elif found - expected:
+        why = "each new item must overwrite the oldest, and no other."
+    elif found == {count - 1}:
+        why = "only the newest item is ever drawn."
+    elif len(set(drawn[1:])) == 1:
+        why = "all items of a sample but the newest are the same one. Draw each of them on its own."
+    elif len(missing) == 1:
+        why = (
+            "is one place too few kept, or drawn from? (generator.integers leaves out its upper "
+            "end already: no − 1 there.)"
         )
-    if found == {count - 1}:
-        raise CheckFailed(f"{when} only the newest item is ever drawn. Where are the others?")
-    if found < expected and len(set(ring.sample(60 * ring.capacity, count)[1:])) == 1:
-        raise CheckFailed(
-            f"{when} all items of a sample but the newest are the same one. Draw each of them on "
-            "its own."
-        )
-    if found < expected and len(expected - found) == 1:
-        raise CheckFailed(
-            f"{when} item number {_numbered(expected - found)} is never drawn, though it should "
-            "be stored. Is one place too few kept, or drawn from? (The upper end of "
-            "generator.integers is left out already: no − 1 there.)"
-        )
-    if found - expected:
-        raise CheckFailed(
-            f"{when} the stored items are the numbers {_numbered(found)}, but should be the last "
-            f"ones, {_numbered(expected)}: each new item must overwrite the oldest, and no other."
-        )
+    else:
+        why = "are too few places kept or drawn from?"
     raise CheckFailed(
-        f"{when} only the numbers {_numbered(found)} are ever drawn, of {_numbered(expected)}. "
-        "Are too few places kept or drawn from?"
+        f"{ring.when.capitalize()} the items drawn are the numbers {_numbered(found)}, expected "
+        f"{_numbered(expected)}: {why}"
     )
+
+
+def _numbered(items: set[int]) -> str:
+    return ", ".join(str(n + 1) for n in sorted(items))
 
 
 def _expect_uniform(ring: _Tested, count: int) -> None:
@@ -403,24 +356,19 @@ def _expect_uniform(ring: _Tested, count: int) -> None:
     """
     samples, size, generator = 600, 9, stream(Use.EXERCISE, count)
     stored = range(max(0, count - ring.capacity), count)
-    others = []
-    for _ in range(samples):
-        drawn = ring.sample(size, generator)
-        drawn.remove(count - 1)
-        others.append(drawn)
-    total = Counter(number for drawn in others for number in drawn)
+    total = Counter(n for _ in range(samples) for n in ring.sample(size, generator))
+    total[count - 1] -= samples
     expect(
-        total[count - 1] or not others,
-        "The newest item comes exactly once in each sample. The others must be drawn from all "
-        "stored items, the newest included.",
+        total[count - 1],
+        "The newest item is never drawn twice. Draw the others from all items, it included.",
     )
     mean, items = samples * (size - 1) / len(stored), len(stored)
     off = sum((total[number] - mean) ** 2 / mean for number in stored)
     expect(
         off < {1: 1e-9, 3: 37.0, 8: 52.0}[items],
-        f"After {count} items, with capacity {ring.capacity}, the items besides the newest are not "
-        f"equally likely: {dict((n + 1, total[n]) for n in stored)} draws by number. Draw each "
-        "place from generator.integers(0, number stored).",
+        f"{ring.when.capitalize()} the items besides the newest are not equally likely: "
+        f"{dict((n + 1, total[n]) for n in stored)} draws by number. Draw each place from "
+        "generator.integers(0, number stored).",
     )
     pairs = [len(set(ring.sample(3, generator))) for _ in range(3 * samples)]
     # Of two independent draws: none new, one new (equal or with the newest), two different new ones
@@ -433,17 +381,35 @@ def _expect_uniform(ring: _Tested, count: int) -> None:
     )
 
 
-def _numbered(items: set[int]) -> str:
-    return ", ".join(str(n + 1) for n in sorted(items))
+def _expect_quick(ring: type) -> None:
+    """A full ring of 65,536 items takes a new one as quickly as one of 8.
+
+    The quickest of five batches counts, so that a busy machine fails no right answer: theirs differ
+    by a factor of 2 at most, those of a list that shifts its items by 30 or more.
+    """
+
+    def seconds(capacity):
+        own, batches = ring(capacity), []
+        for number in range(capacity):
+            own.add((number,))
+        for _ in range(5):
+            began = time.perf_counter()
+            for number in range(100):
+                own.add((number,))
+            batches.append(time.perf_counter() - began)
+        return min(batches)
+
+    ask = guarded(seconds, "Ring(65536) and add(item)")
+    expect(
+        ask(2**16) < 10 * ask(8),
+        "Adding gets slower the larger the memory is. Do not shift all items by a place, as pop(0) "
+        "does: overwrite the oldest where it is.",
+    )
 
 
 def _target(reward, terminal, discount, online_next, target_next):
-    return ddqn_target(reward, discount * ~terminal, online_next, target_next)
-
-
-def _judged(reward, terminal, discount, chooser, judge, masked=True):
-    value = judge.gather(1, chooser.argmax(1, True)).squeeze(1)
-    return reward + discount * value * (~terminal if masked else 1)
+    best = online_next.argmax(1, True)
+    return reward + discount * target_next.gather(1, best).squeeze(1) * ~terminal
 
 
 BY_HAND = (  # the table of exercise 5.3, as the arguments of `target`
@@ -458,13 +424,12 @@ BY_HAND = (  # the table of exercise 5.3, as the arguments of `target`
 def _draw_target(ax):
     reward, terminal, _, online, target = BY_HAND
     places, names = np.arange(2), []
-    wrong = (reward + 0.9 * target.amax(1)).numpy()
-    double = _target(*BY_HAND).numpy()
     for shift, values, label, colour in (
-        (-0.2, wrong, "the wrong function's target", "0.7"),
-        (0.2, double, "target y", "C0"),
+        (-0.2, reward + 0.9 * target.amax(1), "the wrong function's target", "0.7"),
+        (0.2, _target(*BY_HAND), "target y", "C0"),
     ):
-        ax.bar_label(ax.bar(places + shift, values, 0.4, color=colour, label=label), fmt="%.4g")
+        bars = ax.bar(places + shift, values.numpy(), 0.4, color=colour, label=label)
+        ax.bar_label(bars, fmt="%.4g")
     for k in places:
         first = f"r = {reward[k]:g}, {'terminal' if terminal[k] else 'not terminal'}"
         names.append(f"{first}\nonline {online[k].tolist()}\ntarget {target[k].tolist()}")
@@ -472,7 +437,6 @@ def _draw_target(ax):
     ax.set_xticks(places, names)
     ax.margins(y=0.1)
     ax.set(ylabel="target, data units", title="the two transitions of the table, γ = 0.9")
-    ax.legend()
 
 
 def _target_cases():
@@ -485,8 +449,8 @@ def _target_cases():
         return reward, torch.tensor(terminal), discount, online, target
 
     return {
-        "There is one target for each transition, (B,): of each row of target_next take the entry "
-        "at the number of the best action by online_next.": [
+        "There is one target for each transition, (B,): the reward, plus γ times the entry in its "
+        "row of target_next at the number of the best action by online_next.": [
             *(case(size, size, 1.0, ends=0) for size in (1, 8, 6)),
             case(3, 1, 1, ends=0, kind=np.float64),
         ],
@@ -505,53 +469,35 @@ def _target_cases():
 
 
 BY_ROW = torch.tensor([[1.0, -7, 2, 3, 4, 5], [6.0, 8, 7, 9, 1, 0]])
+PLAIN, ONLINE = ("online_next.argmax", "target_next.argmax"), ("target_next.g", "online_next.g")
 TARGET = Table(
     _target,
     _target_cases,
     mistakes={
         "That is what the wrong function gives: one network both chooses and judges, and a value "
-        "is added after the end of an episode.": (
-            lambda r, t, d, online, target: _judged(r, t, d, target, target, masked=False)
-        ),
+        "is added after the end of an episode.": edit(*PLAIN, "* ~terminal", ""),
         "You take the largest Q-value of the target network: that is the target of plain DQN, "
-        "with its bias. The online network must choose the action.": (
-            lambda r, t, d, online, target: _judged(r, t, d, target, target)
-        ),
-        "You take the value from the online network, which also chooses: its errors are then on "
-        "both sides, and the maximisation bias stays. The target network must judge.": (
-            lambda r, t, d, online, target: _judged(r, t, d, online, online)
-        ),
+        "with its bias. The online network must choose the action.": edit(*PLAIN),
+        "You take the value from the online network, which also chooses: the maximisation bias "
+        "stays. The target network must judge.": edit(*ONLINE),
         "The networks are swapped: the online network chooses the action (argmax), the target "
-        "network says what it is worth.": (
-            lambda r, t, d, online, target: _judged(r, t, d, target, online)
-        ),
+        "network says what it is worth.": edit(*PLAIN, *ONLINE),
         "Terminal transitions are not masked: after the end of an episode nothing follows, so "
-        "that the target is the reward alone.": (
-            lambda r, t, d, online, target: _judged(r, t, d, online, target, masked=False)
-        ),
+        "that the target is the reward alone.": edit("* ~terminal", ""),
         "The mask is the wrong way round: the next state's value counts where the episode is "
-        "not terminal, ~terminal.": (
-            lambda r, t, d, online, target: _judged(r, ~t, d, online, target)
-        ),
+        "not terminal, ~terminal.": edit("~terminal", "terminal"),
         "At the terminal transitions the reward is lost as well. Only the value of the next state "
-        "falls away there: the reward of the last step counts.": (
-            lambda r, t, d, online, target: _judged(r, t, d, online, target) * ~t
+        "falls away there.": edit("return reward", "return ~terminal * reward"),
+        "The discount is missing: the next state counts γ times.": edit("+ discount *", "+"),
+        "You take the same discount whatever γ is handed in.": (
+            *(edit("+ discount", f"+ {own}") for own in (0.9, 0.95, 0.99)),
         ),
-        "The discount is missing: the next state's value counts γ times.": (
-            lambda r, t, d, online, target: _judged(r, t, 1, online, target)
+        "The discount multiplies the reward too.": (
+            edit("return reward", "return discount * reward")
         ),
-        "You take the same discount whatever γ is handed in.": tuple(
-            lambda r, t, d, online, target, own=own: _judged(r, t, own, online, target)
-            for own in (0.9, 0.95, 0.99)
-        ),
-        "The discount multiplies the reward too. Only what comes later is discounted.": (
-            lambda r, t, d, online, target: _judged(r * d, t, d, online, target)
-        ),
-        "The reward is missing.": lambda r, t, d, online, target: _judged(
-            0 * r, t, d, online, target
-        ),
+        "The reward is missing.": edit("return reward +", "return"),
         "You add the number of the best action (that is what argmax gives), not its Q-value: look "
-        "it up in target_next.": (lambda r, t, d, online, target: r + d * online.argmax(1) * ~t),
+        "it up in target_next.": edit("target_next.gather(1, best)", "best"),
     },
     read=_tensor,
     tolerance=1e-5,
@@ -568,17 +514,12 @@ TARGET = Table(
 
 
 @exercise(
-    "5.3",
-    "The double-DQN target",
-    points=2,
-    minutes=12,
-    hints=(
-        "One network is asked which action is best in the next state, the other what that action "
-        "is worth. And what is a next state worth after the episode has ended?",
-        "The wrong function lets one network do both. argmax says which action is best; with the "
-        "number of that action in each row, look up its worth. And a Boolean counts as 0 or 1 in a "
-        "product: which of the two terms falls away at the end?",
-    ),
+    "5.3 · The double-DQN target (2 points, 12 minutes)",
+    "One network is asked which action is best in the next state, the other what that action "
+    "is worth. And what is a next state worth after the episode has ended?",
+    "The wrong function lets one network do both. argmax says which action is best; with the "
+    "number of that action in each row, look up its worth. And a Boolean counts as 0 or 1 in a "
+    "product: which of the two terms falls away at the end?",
     figure=_draw_target,
     function=False,
 )
@@ -607,7 +548,7 @@ def _expect_by_hand(by_hand) -> None:
     wrong = [k for k in range(2) if not close(given[k], right[k])]
     if not wrong:
         return
-    for message, mistake in TARGET.each_mistake():
+    for message, mistake in TARGET.each_mistake:
         if close(given, mistake(*BY_HAND)):
             raise CheckFailed(f"by_hand: {message}")
     rows = " and ".join(("first", "second")[k] for k in wrong)
@@ -622,24 +563,14 @@ def _draw_soft_update(ax):
             path.append(target.item())
         ax.plot(path, label=f"τ = {rate}")
     ax.axhline(1, color="black", linewidth=0.8)
-    ax.set(
-        xlabel="soft updates",
-        ylabel="a weight of the target network",
-        title="its weight in the online network is 1",
-    )
-    ax.legend()
+    ax.set(xlabel="soft updates", ylabel="a weight of the target network")
+    ax.set_title("its weight in the online network is 1")
 
 
-def _moved(keep=None, take=None):
-    """The new target weights; `keep` and `take` make mistakes in the two shares."""
-
-    def update(target, online, rate):
-        old = 1 - rate if keep is None else keep(rate)
-        new = rate if take is None else take(rate)
-        pairs = zip(target, online, strict=True)
-        return np.concatenate([np.ravel(old * t + new * o) for t, o in pairs])
-
-    return update
+def _moved(target, online, rate):
+    """The new target weights in a row."""
+    pairs = zip(target, online, strict=True)
+    return np.concatenate([np.ravel((1 - rate) * t + rate * o) for t, o in pairs])
 
 
 def _update_cases():
@@ -668,45 +599,33 @@ def _update_cases():
 
 
 UPDATE = Table(
-    _moved(),
+    _moved,
     _update_cases,
     mistakes={
         "The rates are swapped: τ is the share of the online weights, 1 − τ that of the old "
-        "target. With τ = 0.005 yours would jump nearly all the way.": (
-            _moved(lambda rate: rate, lambda rate: 1 - rate)
-        ),
+        "target.": edit("(1 - rate) * t + rate * o", "rate * t + (1 - rate) * o"),
         "You add τ θ, but do not shrink the old target to 1 − τ of itself: the weights would grow "
-        "and grow.": _moved(keep=lambda rate: 1),
-        "You copy the online weights: the target must go only the share τ of the way.": (
-            _moved(lambda rate: 0, lambda rate: 1)
-        ),
+        "and grow.": edit("(1 - rate) *", ""),
+        "You copy the online weights: go only the share τ.": edit("(1 - rate) * t + rate * o", "o"),
         "The sign of the difference is wrong: the target moves away from the online weights.": (
-            _moved(lambda rate: 1 + rate, lambda rate: -rate)
+            edit("1 - rate", "1 + rate", "+ rate * o", "- rate * o")
         ),
-        "You add θ, not τ θ, to what is left of the target: the two shares must make 1.": (
-            _moved(take=lambda rate: 1)
-        ),
-        "The target is only shrunk to 1 − τ of itself: τ θ is not added.": (
-            _moved(take=lambda rate: 0)
-        ),
+        "You add θ, not τ θ: the two shares must make 1.": edit("+ rate * o", "+ o"),
+        "The target is only shrunk to 1 − τ of itself: τ θ is missing.": edit("+ rate * o", ""),
     },
     tolerance=1e-5,
     smallest=1e-6,
 )
+IN_PLACE = "Change each tensor itself, in place (lerp_, mul_, copy_), whatever its shape"
 
 
 @exercise(
-    "5.4",
-    "The soft update, in place",
-    points=2,
-    minutes=8,
-    hints=(
-        "In a loop, `t = …` only gives a new tensor the name t. The tensor that the network "
-        "holds stays as it was. Which operations of torch change a tensor itself?",
-        "Their names end in an underscore: mul_, add_, copy_, lerp_ and others. Go through both "
-        "lists together, shrink the target tensor, add the online tensor's share to it, and mind "
-        "that the online tensor itself is not changed on the way.",
-    ),
+    "5.4 · The soft update, in place (2 points, 8 minutes)",
+    "In a loop, `t = …` only gives a new tensor the name t. The tensor that the network "
+    "holds stays as it was. Which operations of torch change a tensor itself?",
+    "Their names end in an underscore: mul_, add_, copy_, lerp_ and others. Go through both "
+    "lists together, shrink the target tensor, add the online tensor's share to it, and mind "
+    "that the online tensor itself is not changed on the way.",
     figure=_draw_soft_update,
 )
 def soft_update_in_place(answer) -> None:
@@ -714,36 +633,28 @@ def soft_update_in_place(answer) -> None:
     update = answer.__wrapped__  # what gives back nothing is right here
 
     @functools.wraps(update)
-    def asked(target, online, rate):
-        target, online = ([torch.tensor(a) for a in arrays] for arrays in (target, online))
-        tensors, kept, before = list(target), list(online), [_copies(t) for t in (target, online)]
+    def asked(*case):
+        target, online = ([torch.tensor(a) for a in arrays] for arrays in case[:2])
+        tensors, kept, rate = list(target), list(online), case[2]
         returned = update(target, online, rate)
-        given = " The target weights are as they were" if _equal(tensors, before[0]) else ""
         expect(
-            len(online) == len(kept) and _equal(kept, before[1]) and _equal(online, before[1]),
+            _equal(online, case[1]) and _equal(kept, case[1]),
             "The online weights have changed. They only give: the target follows them.",
         )
-        if given and 0 < rate < 1:
-            right = _moved()(*before, rate)
+        if _equal(tensors, case[0]) and 0 < rate < 1:
+            same = "The target weights are as they were"
             expect(
-                len(target) != len(tensors) or not _equal([_flat(target)], [right]),
-                f"The list has new tensors in it, with the right values, but{given.lower()} in "
-                "the network, which holds the old ones. Change the tensors themselves, in place "
-                "(lerp_, mul_, copy_).",
+                len(target) != len(tensors) or not _equal([_flat(target)], [_moved(*case)]),
+                f"The list has new tensors, right ones, but the network has the old. {IN_PLACE}.",
             )
             expect(
                 not isinstance(returned, list | tuple),
-                f"{given.strip()}. Nothing reads what you return: change the tensors themselves, "
-                "in place (lerp_, mul_, copy_).",
+                f"{same}. Nothing reads what you return. {IN_PLACE}.",
             )
-            raise CheckFailed(
-                f"{given.strip()}. Change each tensor itself, whatever its shape, in place (lerp_, "
-                "mul_, copy_): `t = …` only gives a new tensor the name t."
-            )
+            raise CheckFailed(f"{same}. {IN_PLACE}: `t = …` only gives a new tensor the name t.")
         expect(
             len(target) == len(tensors) and all(map(operator.is_, target, tensors)),
-            "The list `target` has other tensors in it than before. The network holds the old "
-            "ones: change these, in place.",
+            f"The list `target` has other tensors in it than the network. {IN_PLACE}.",
         )
         for tensor in online:
             tensor += 1
@@ -757,14 +668,11 @@ def soft_update_in_place(answer) -> None:
     UPDATE(asked)
 
 
-def _copies(tensors) -> list[np.ndarray]:
-    return [tensor.detach().numpy().copy() for tensor in tensors]
-
-
 def _flat(tensors) -> np.ndarray:
     return np.concatenate([tensor.detach().numpy().ravel() for tensor in tensors])
 
 
-def _equal(tensors, arrays) -> bool:
-    pairs = zip(tensors, arrays, strict=True)
-    return all(close(numbers(t), numbers(a), 1e-6) for t, a in pairs)
+def _equal(some, others) -> bool:
+    return len(some) == len(others) and all(
+        map(functools.partial(close, tolerance=1e-6), some, others)
+    )

@@ -4,44 +4,19 @@ import numpy as np
 
 from uavdh_lite.channel import rate
 from uavdh_lite.city import City
-from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, show
-from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.exercise import close, exercise, expect, show
+from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import Unreadable, pair, truth
-from uavdh_lite.environment import (
-    HOVER,
-    LAND,
-    MOVES,
-    Environment,
-    Outcome,
-    Rewards,
-)
-from uavdh_lite.plotting import BLUE, GREEN, ORANGE, RED
+from uavdh_lite.environment import HOVER, LAND, MOVES
+from uavdh_lite.plotting import BLUE, GREEN, ORANGE, RED, draw_city
 from uavdh_lite.streams import Use, stream
 
 
-def _slot(snr_db, data_left):
-    """The device that gets the slot and what it uploads; (-1, 0) if all are empty."""
-    return _served(lambda snr, left: np.where(left > 0, snr, -np.inf), _limited)(snr_db, data_left)
-
-
-def _limited(snr_db, left):
-    return min(rate(snr_db), left)
-
-
-def _served(choice, amount, nobody=True):
-    """The device with the highest `choice`, and what it uploads; mistakes have other ones.
-
-    Arguments:
-        nobody: whether (-1, 0) is given back if all are empty.
-    """
-
-    def slot(snr_db, left):
-        if nobody and not (left > 0).any():
-            return -1, 0.0
-        device = int(np.argmax(choice(snr_db, left)))
-        return device, amount(snr_db[device], left[device])
-
-    return slot
+def _slot(snr_db, left):
+    if not (left > 0).any():
+        return -1, 0.0
+    device = int(np.argmax(np.where(left > 0, snr_db, -np.inf)))
+    return device, min(rate(snr_db[device]), left[device])
 
 
 def _draw_slot(ax):
@@ -58,7 +33,6 @@ def _draw_slot(ax):
     ax.set_xticks(range(len(labels)), labels, fontsize="small")
     ax.set(xlabel="a slot each: SNR and data left before it, of devices 0, 1, 2")
     ax.set(ylabel="uploaded, data units")
-    ax.legend()
 
 
 def _slot_cases():
@@ -77,18 +51,19 @@ def _slot_cases():
             case([3.0, 8.0], [0.0, 0.0]),
             *(case([-4.0, -9.0, -6.0], [0, 0, 0]), case([5.0], [0.0]), case([-70.0], [0.0])),
         ],
+        "What is uploaded is what the slot carries, rate(snr_db), but no more than is left.": [
+            *(case([2], [9]), case([0], [1]), case([-30.0], [5.0]), case([60.0], [1000.0])),
+            *(case([10.0], [0.7]), case([40.0], [1.5])),
+        ],
         "The device with the highest SNR is served, however little it is ahead, whatever it has "
         "left; its number is an index into snr_db.": [
-            *(case([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]), case([-3, -1], [9, 9]), case([2], [9])),
+            *(case([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]), case([-3, -1], [9, 9])),
             *(case([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0]), case([1e-9, 0.0], [9.0, 9.0])),
             *(case([9.0, 3.0], [1.0, 50.0]), case([-20.5, -20.4, -20.45], [1.0, 2.0, 3.0])),
+            *(case([10.0, 3.0], [0.7, 8.0]), case([0.0, -1.0], [9.0, 9.0])),
+            case([60.0, 2.0], [1000.0, 5.0]),
         ],
-        "It uploads what the slot carries, rate(snr_db), but no more than it has left.": [
-            *(case([10.0, 3.0], [0.7, 8.0]), case([0.0, -1.0], [9.0, 9.0]), case([0], [1])),
-            *(case([-30.0], [5.0]), case([40.0], [1e-6]), case([60.0, 2.0], [1000.0, 5.0])),
-        ],
-        "A device without data is not served: of those that have data left, the highest SNR "
-        "wins.": [
+        "A device without data is not served: of the others the highest SNR wins.": [
             *(case([4.0, 9.0, -2.0], [50.0, 0.0, 40.0]), case([12, 5, 9], [0, 50, 40])),
             *(case([9.0, 3.0, 6.0], [0.0, 0.0, 2.0]), case([9.0, 8.0, 7.0], [0.0, 5.0, 6.0])),
         ],
@@ -99,6 +74,7 @@ def _slot_cases():
         "A device has data left if it is more than 0, however little.": [
             *(case([8.0, 3.0], [0.05, 9.0]), case([8.0, 3.0], [1e-7, 9.0])),
             *(case([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0]), case([1.0], [1e-4])),
+            case([40.0], [1e-6]),
         ],
         "It must hold for any number of devices.": [
             drawn(count) for count in (1, 2, 2, 3, 3, 4, 5, 5, 8, 13)
@@ -106,67 +82,38 @@ def _slot_cases():
     }
 
 
-def _among_the_rest(snr_db, left, full=False):
-    """The index counts the devices with data left only; `full` looks it up among all."""
-    rest = left > 0
-    if not rest.any():
-        return -1, 0.0
-    device = int(snr_db[rest].argmax())
-    snr_db, left = (snr_db, left) if full else (snr_db[rest], left[rest])
-    return device, _limited(snr_db[device], left[device])
-
-
-def _best(snr_db, left):
-    return np.where(left > 0, snr_db, -np.inf)
-
-
-def _nobody_if_empty(snr_db, left):
-    device = int(snr_db.argmax())
-    return (device, _limited(snr_db[device], left[device])) if left[device] > 0 else (-1, 0.0)
-
-
+BEST, ANY = "np.where(left > 0, snr_db, -np.inf)", "(left > 0).any()"
+UPLOAD = "min(rate(snr_db[device]), left[device])"
 SLOT = Table(
     _slot,
     _slot_cases,
     mistakes={
         "If the device with the best SNR is empty, nobody sends in yours: the next best device "
-        "sends, of those with data left.": _nobody_if_empty,
+        "sends, of those with data left.": edit(ANY, "left[snr_db.argmax()] > 0"),
         "You serve a device that has nothing left: the slot goes to the best of those with data "
-        "left.": tuple(
-            _served(lambda snr, left: snr, _limited, nobody) for nobody in (True, False)
-        ),
-        "The device uploads more than it has: it is the smaller of the rate and the data left.": (
-            _served(_best, lambda snr, left: rate(snr))
-        ),
+        "left.": (edit(BEST, "snr_db"), edit(BEST, "snr_db", ANY, "True")),
+        "The device uploads more than it has.": edit(UPLOAD, "rate(snr_db[device])"),
         "The device uploads all it has, but a slot carries no more than the rate, log2(1 + SNR).": (
-            _served(_best, lambda snr, left: left)
+            edit(UPLOAD, "left[device]")
         ),
         "You upload as many data units as the SNR has decibels: turn it into a rate first, "
-        "rate(snr_db).": _served(_best, min),
-        "Of the rate and the data left the device uploads the smaller, min.": (
-            _served(_best, lambda snr, left: max(rate(snr), left))
-        ),
+        "rate(snr_db).": edit("rate(snr_db[device])", "snr_db[device]"),
+        "Of the rate and the data left the device uploads the smaller, min.": edit("min(", "max("),
         "Your number counts only the devices with data left. Count all of them: the result is an "
-        "index into snr_db.": _among_the_rest,
+        "index into snr_db.": (edit(BEST, "snr_db[left > 0]", "[device]", "[left > 0][device]")),
         "Your index counts the filtered array, the devices with data left, but you use it in the "
-        "full arrays.": lambda snr, left: _among_the_rest(snr, left, full=True),
+        "full arrays.": edit(BEST, "snr_db[left > 0]"),
         "An SNR times 0 is 0 dB, which is better than a negative SNR: an empty device must get "
-        "−infinity instead.": _served(lambda snr, left: snr * (left > 0), _limited),
-        "An empty device gets a number in place of its SNR that real SNRs can be below: it must "
-        "get −infinity.": tuple(
-            _served(lambda snr, left, low=low: np.where(left > 0, snr, low), _limited)
-            for low in (-1, -10, -15, -20, -50, -99, -100)
+        "−infinity instead.": edit(BEST, "snr_db * (left > 0)"),
+        "An empty device gets a number that real SNRs can be below: take −infinity.": tuple(
+            edit("-np.inf", str(low)) for low in (-1, -10, -15, -20, -50, -99, -100)
         ),
         "The slot goes to the device with the largest upload, but the rule is the best SNR.": (
-            _served(lambda snr, left: np.minimum(rate(snr), left), _limited)
+            edit(BEST, "np.minimum(rate(snr_db), left)")
         ),
-        "The slot goes to the device with the most data, but the rule is the best SNR.": (
-            _served(lambda snr, left: left, _limited)
-        ),
-        "That is the device with the worst SNR of those with data left.": (
-            _served(lambda snr, left: np.where(left > 0, -snr, -np.inf), _limited)
-        ),
-        "If all devices are empty, nobody is served: −1 and 0.": _served(_best, _limited, False),
+        "The slot goes to the best SNR, not to the most data.": edit(BEST, "left"),
+        "That is the worst SNR of those with data left.": edit(BEST, BEST.replace("snr", "-snr")),
+        "If all devices are empty, nobody is served: −1 and 0.": edit(ANY, "True"),
     },
     read=pair,
     smallest=1e-12,
@@ -174,17 +121,12 @@ SLOT = Table(
 
 
 @exercise(
-    "3.1",
-    "Who gets the slot?",
-    points=1,
-    minutes=12,
-    hints=(
-        "First rule out the devices without data. Then the best of the rest, by its number among "
-        "all devices. Then two limits on what it uploads.",
-        "Let the empty devices stay in the array, with an SNR that never wins: then all numbers "
-        "stay right. (Would 0 dB do?) What if all are empty? The winner uploads the smaller of "
-        "two amounts.",
-    ),
+    "3.1 · Who gets the slot? (1 point, 12 minutes)",
+    "First rule out the devices without data. Then the best of the rest, by its number among "
+    "all devices. Then two limits on what it uploads.",
+    "Let the empty devices stay in the array, with an SNR that never wins: then all numbers "
+    "stay right. (Would 0 dB do?) What if all are empty? The winner uploads the smaller of "
+    "two amounts.",
     figure=_draw_slot,
     table=SLOT,
 )
@@ -192,63 +134,39 @@ def tdma_slot(answer) -> None:
     """`slot(snr_db, data_left)`: the device served, or -1, and the data units it uploads."""
 
 
+# Of each step the four terms of its reward, and what the link could carry in it
 FLIGHTS = {
-    # name: data left at the start by device, has it landed, and for each step what the link could
-    # carry in it, from which device, and whether the safety controller intervened
     "A": (
-        (4.0, 3.0),
-        True,
-        ((0.0, 0, 0), (0.5, 0, 1), (2.5, 0, 0), (2.5, 0, 0), (0.5, 1, 0), (2.0, 1, 0)),
+        *((0.0, -0.2, 0, 0, 0.0), (0.5, -0.2, -1, 0, 0.5), (2.5, -0.2, 0, 0, 2.5)),
+        *((1.0, -0.2, 0, 0, 2.5), (0.5, -0.2, 0, 0, 0.5), (0.0, 0.0, 0, 0, 2.0)),
     ),
-    "B": ((6.0,), False, ((1.8, 0, 0), (1.0, 0, 1), (1.5, 0, 1))),
+    "B": ((1.8, -0.2, 0, 0, 1.8), (1.0, -0.2, -1, 0, 1.0), (0.0, -0.2, -1, -150, 1.5)),
 }
 
 
-def _flown(name):
-    """The terms of the reward, (steps,) each, and what the uploads and what is left would be."""
-    left, landed, steps = FLIGHTS[name]
-    carried, device, intervened = np.array(steps, float).T
-    last = np.arange(len(steps)) == len(steps) - 1
-    earlier = np.tri(len(steps), k=-1) * (device == device[:, None])  # [step, step before it]
-    before = np.maximum(np.take(left, device.astype(int)) - earlier @ carried, 0)
-    uploaded = np.where(last, 0, np.minimum(carried, before))
-    outcome = Outcome(
-        served=np.zeros((len(steps), 1), np.int8),
-        uploaded=uploaded[:, None],
-        intervened=intervened > 0,
-        landed=last & landed,
-        crashed=last & (not landed),
-        flew=np.ones(len(steps), bool),
-    )
-    return Rewards().terms(outcome), carried, before, last
+def _rewards_of(name):
+    return np.array(FLIGHTS[name])[:, :4].sum(1)
 
 
 def _draw_by_hand(ax):
     for name, style in (("A", "o-"), ("B", "s-")):
-        terms, _, _, last = _flown(name)
-        total = sum(terms.values())
-        crash = terms["crash"].sum()
+        terms = np.array(FLIGHTS[name])
+        crash = terms[:, 3].sum()
         label = f"flight {name}" + (f", and then {crash:g} for the crash" if crash else "")
-        returns = np.cumsum(total - terms["crash"])
-        ax.plot(np.arange(len(last) + 1), np.append(0, returns), style, label=label)
+        returns = np.cumsum(terms[:, :3].sum(1))
+        ax.plot(np.arange(len(returns) + 1), np.append(0, returns), style, label=label)
     ax.set(xlabel="steps flown", ylabel="sum of the rewards so far", xticks=range(7))
-    ax.grid(alpha=0.3)
     ax.set_ylim(-1.3, 3.3)
     ax.legend(loc="upper left")
 
 
 @exercise(
-    "3.2",
-    "Rewards by hand",
-    points=2,
-    minutes=14,
-    hints=(
-        "Ask four questions of each step. What was uploaded? Did it land? Did the controller "
-        "intervene? Did the time run out without a landing? More than one term may apply.",
-        "Keep an account of each device's data left, because a step uploads no more than that, and "
-        "the step that ends a flight uploads nothing. Only a landing is free of the 0.2, and the "
-        "last step of flight B has three terms.",
-    ),
+    "3.2 · Rewards by hand (2 points, 14 minutes)",
+    "Ask four questions of each step. What was uploaded? Did it land? Did the controller "
+    "intervene? Did the time run out without a landing? More than one term may apply.",
+    "Keep an account of each device's data left, because a step uploads no more than that, and "
+    "the step that ends a flight uploads nothing. Only a landing is free of the 0.2, and the "
+    "last step of flight B has three terms.",
     figure=_draw_by_hand,
 )
 def rewards_by_hand(answer) -> None:
@@ -261,111 +179,87 @@ def rewards_by_hand(answer) -> None:
         "Give back two lists, the rewards of flight A and those of flight B.",
     )
     for name, numbers in zip(FLIGHTS, given, strict=True):
-        steps = len(FLIGHTS[name][2])
+        steps = len(FLIGHTS[name])
         expect(
             len(numbers) == steps,
             f"Flight {name} has {steps} steps, your list has {len(numbers)} numbers.",
         )
         expect(
-            not close(numbers, np.cumsum(sum(_flown(name)[0].values()))),
-            f"Flight {name}: these are the sums of the rewards so far. The reward of each step by "
-            "itself is asked for.",
+            not close(numbers, np.cumsum(_rewards_of(name))),
+            f"Flight {name}: these are the sums of the rewards so far. Give each step's own.",
         )
         for step, number in enumerate(list(numbers)):
-            if number is None or number is ...:
-                raise CheckFailed(f"Flight {name}, step {step + 1} has no number yet.")
+            at = f"Flight {name}, step {step + 1}"
+            expect(number is not None and number is not ..., f"{at} has no number yet.")
             expect(
                 close(number, number, 1) and np.ndim(number) == 0,
-                f"Flight {name}, step {step + 1}: a number is expected, not {show(number)}.",
+                f"{at}: a number is expected, not {show(number)}.",
             )
             reason = _why_not(name, step, number)
-            expect(
-                not reason, f"Flight {name}, step {step + 1}: {show(number)} is not right. {reason}"
-            )
+            expect(not reason, f"{at}: {show(number)} is not right. {reason}")
 
 
 def _why_not(name, step, number):
     """What is probably wrong with the reward of this step; empty if nothing is."""
-    all_terms, carried, before, last = _flown(name)
-    terms = {term: float(values[step]) for term, values in all_terms.items()}
-    carried, before, last = float(carried[step]), float(before[step]), bool(last[step])
-    landed = last and FLIGHTS[name][1]
-    total, rewards = sum(terms.values()), Rewards()
-
-    def is_near(value):
-        return close(number, value)
-
-    if is_near(total):
+    data, movement, safety, crash, carried = FLIGHTS[name][step]
+    total = data + movement + safety + crash
+    if close(number, total):
         return ""
-    forgotten = {
-        "data": "The data uploaded is missing: it counts 1 for each data unit.",
-        "movement": "The 0.2 for the step is missing: it is charged whenever the step does not "
-        "land, also for hovering and for an intervention.",
-        "safety": "The safety controller replaced the action: its penalty is missing.",
-        "crash": "The time has run out and the UAV has not landed: the penalty for the crash is "
-        "missing.",
-    }
-    guesses = [(total - value, forgotten[term]) for term, value in terms.items() if value]
-    if landed:
-        guesses += [
-            (rewards.movement, "The step that lands does not pay for the movement."),
-            (rewards.crash, "It landed with its last unit of time, and that is no crash."),
-            (rewards.crash + rewards.movement, "It landed in time: no crash, no movement."),
-        ]
-    if last:
-        upload = min(carried, before)
-        guesses += [
-            (total + amount, "In the step that ends the episode nothing is uploaded.")
-            for amount in (upload, carried)
-        ]
-        guesses.append(
-            (rewards.movement + carried, "That step ends the episode: nothing is uploaded in it.")
-        )
-    elif carried > before:
-        guesses.append(
-            (
-                total + carried - before,
-                f"The link could carry {carried:g}, but the device has only {before:g} left.",
-            )
-        )
-    if not terms["safety"]:
-        guesses.append(
-            (total + rewards.safety, "The safety controller did not intervene in this step.")
-        )
-    guesses += [
-        *(
-            (value, f"That is the term for {term} alone: add the others that apply to this step.")
-            for term, value in terms.items()
+    ends = step == len(FLIGHTS[name]) - 1
+    lands = ends and not crash
+    for applies, value, reason in (
+        (data, total - data, "The data uploaded is missing: it counts 1 for each data unit."),
+        (
+            movement,
+            total - movement,
+            "The 0.2 for the step is missing: it is charged whenever the step does not land, also "
+            "for hovering and for an intervention.",
         ),
-        (total - 2 * terms["movement"], "The 0.2 for the step is a price: subtract it."),
-        (-total, "The sign is wrong: data is a gain, all other terms are prices."),
-    ]
-    for value, reason in guesses:
-        if is_near(value):
+        (safety, total - safety, "The controller replaced the action: its penalty is missing."),
+        (
+            crash,
+            total - crash,
+            "The time has run out without a landing: the penalty for the crash is missing.",
+        ),
+        (lands, -0.2, "The step that lands does not pay for the movement."),
+        (lands, -150, "It landed with its last unit of time, and that is no crash."),
+        (lands, -150.2, "It landed in time: no crash, no movement."),
+        (ends, total + carried, "In the step that ends the episode nothing is uploaded."),
+        (ends, carried - 0.2, "In the step that ends the episode nothing is uploaded."),
+        (
+            carried > data,
+            total + carried - data,
+            f"The link could carry {carried:g}, but the device has only {data:g} left.",
+        ),
+        (not safety, total - 1, "The safety controller did not intervene in this step."),
+        *(
+            (True, term, "That is one of the terms alone: add the others that apply to this step.")
+            for term in (data, movement, safety, crash)
+        ),
+        (True, total - 2 * movement, "The 0.2 for the step is a price: subtract it."),
+        (True, -total, "The sign is wrong: data is a gain, all other terms are prices."),
+    ):
+        if applies and close(number, value):
             return reason
     return "Write down its four terms, for data, movement, safety and crash, and add them up."
 
 
 def _rewards(uploaded, intervened, landed, crashed):
-    flew = np.ones(len(landed), bool)
-    return Rewards()(Outcome(None, uploaded, intervened, landed, crashed, flew))
+    return uploaded.sum(1) - 0.2 * ~landed - 1.0 * intervened - 150.0 * crashed
 
 
 def _draw_reward(ax):
     uploaded = np.linspace(0, 4, 9)[:, None] * np.full(4, 0.25)
     no, yes = np.zeros(9, bool), np.ones(9, bool)
-    for style, label, events in (
-        ("o-", "an ordinary step", (no, no, no)),
-        ("s-", "with an intervention", (yes, no, no)),
+    for style, label, intervened in (
+        *(("o-", "an ordinary step", no), ("s-", "with an intervention", yes)),
     ):
-        ax.plot(uploaded.sum(1), _rewards(uploaded, *events), style, label=label)
+        rewards = _rewards(uploaded, intervened, no, no)
+        ax.plot(uploaded.sum(1), rewards, style, label=label)
     landed = _rewards(uploaded[:1], no[:1], yes[:1], no[:1])
-    crashed = _rewards(uploaded[:1], no[:1], no[:1], yes[:1])
     ax.plot(0, landed[0], "^", color=GREEN, ms=9, label="the step that lands")
-    ax.plot([], [], " ", label=f"a crash, far below: {crashed[0]:.1f}")
+    ax.plot([], [], " ", label="a crash, far below: -150.2")
     ax.set(xlabel="uploaded in the four slots together, data units", ylabel="reward")
-    ax.grid(alpha=0.3)
-    ax.legend(fontsize="small")
 
 
 def _batch(kinds, seed=0, whole=False):
@@ -398,8 +292,7 @@ def _reward_cases():
         "All that applies is added: with an intervention in the step that crashes, too.": [
             *(_batch([both]), _batch([both, crashed, refused])),
         ],
-        "Each episode of a batch has its own reward; as many episodes as slots make no "
-        "difference.": [
+        "Each episode of a batch has its own reward, also if there are four of them.": [
             *(_batch(several[k : k + 4], k) for k in range(4)),
             *(_batch(several * copies, copies) for copies in (1, 3)),
             _batch(several, 5, whole=True),
@@ -407,76 +300,35 @@ def _reward_cases():
     }
 
 
-def _priced(data=None, movement=None, safety=None, crash=None):
-    """The reward with another term."""
-
-    def mistake(uploaded, intervened, landed, crashed):
-        terms = (
-            uploaded.sum(1) if data is None else data(uploaded),
-            -0.2 * (~landed if movement is None else movement(intervened, landed, crashed)),
-            -1.0 * intervened if safety is None else safety(intervened),
-            -150.0 * (crashed if crash is None else crash(crashed, landed)),
-        )
-        return sum(terms)
-
-    return mistake
-
-
-def _nothing(*_):
-    return 0
-
-
-def _either(first):
-    """Intervention and crash exclude each other; which one counts if both happen."""
-
-    def mistake(u, i, landed, c):
-        events = np.where(i, -1.0, -150.0 * c) if first == "i" else np.where(c, -150.0, -1.0 * i)
-        return u.sum(1) - 0.2 * ~landed + events
-
-    return mistake
-
-
 REWARD = Table(
     _rewards,
     _reward_cases,
     mistakes={
-        "You sum the uploads of all episodes together: each has its own reward, .sum(1).": (
-            _priced(data=lambda uploaded: uploaded.sum())
-        ),
-        "You sum over the episodes: the slots are the second axis of uploaded, .sum(1).": (
-            _priced(data=lambda uploaded: uploaded.sum(0))
-        ),
-        "You take the mean of the four slots: the reward counts all that was uploaded, their "
-        "sum.": _priced(data=lambda uploaded: uploaded.mean(1)),
-        "Only one of the four slots counts in yours: sum over all.": (
-            _priced(data=lambda uploaded: uploaded[:, 0])
-        ),
-        "You charge 0.2 for the step that lands too: it is free of it.": (
-            _priced(movement=lambda i, landed, c: np.ones(len(landed)))
-        ),
-        "You charge 0.2 only where the UAV has landed: it is the other way round.": (
-            _priced(movement=lambda i, landed, c: landed)
-        ),
+        "You sum the uploads of all episodes together: take .sum(1).": edit("sum(1)", "sum()"),
+        "You sum over the episodes: the slots are the second axis, .sum(1).": edit("m(1)", "m(0)"),
+        "You take the mean of the four slots: the reward counts their sum.": edit("sum", "mean"),
+        "Only one of the four slots counts in yours: sum over all.": edit(".sum(1)", "[:, 0]"),
+        "You charge 0.2 for the step that lands too: it is free of it.": edit("* ~landed", ""),
+        "You charge 0.2 only for a landing: it is the other way round.": edit("~landed", "landed"),
         "An intervention costs 1 in addition to the 0.2 for the step, not instead of it.": (
-            _priced(movement=lambda i, landed, c: ~(landed | i))
+            edit("~landed", "~(landed | intervened)")
         ),
-        "A crash comes in addition to the 0.2 for the step, not instead of it.": (
-            _priced(movement=lambda i, landed, c: ~(landed | c))
+        "A crash comes in addition to the 0.2 for the step.": (
+            edit("~landed", "~(landed | crashed)")
         ),
         "A step with an intervention or a crash costs the 0.2 too.": (
-            _priced(movement=lambda i, landed, c: ~(landed | c | i))
+            edit("~landed", "~(landed | intervened | crashed)")
         ),
-        "The 0.2 for the step is missing.": _priced(movement=_nothing),
-        "The penalty for an intervention is missing.": _priced(safety=_nothing),
-        "The penalty for a crash is missing.": _priced(crash=_nothing),
+        "The 0.2 for the step is missing.": edit("- 0.2 * ~landed", ""),
+        "The penalty for an intervention is missing.": edit("- 1.0 * intervened", ""),
+        "The penalty for a crash is missing.": edit("- 150.0 * crashed", ""),
         "The terms for intervention and crash exclude each other in yours. In one step both can "
-        "happen, and then both count.": (_either("i"), _either("c")),
-        "You punish each step without a landing as a crash: crashed says which.": (
-            _priced(crash=lambda crashed, landed: ~landed)
+        "happen, and then both count.": (
+            edit("* crashed", "* (crashed & ~intervened)"),
+            edit("* intervened", "* (intervened & ~crashed)"),
         ),
-        "The prices have the wrong sign: they are subtracted.": (
-            lambda u, i, landed, c: 2 * u.sum(1) - _rewards(u, i, landed, c)
-        ),
+        "You punish each step without a landing as a crash.": edit("* crashed", "* ~landed"),
+        "The prices have the wrong sign: they are subtracted.": edit(" - ", " + "),
     },
     errors={
         "truth value": "`if`, `and` and `or` cannot decide for a whole batch, where some episodes "
@@ -486,16 +338,11 @@ REWARD = Table(
 
 
 @exercise(
-    "3.3",
-    "The reward of a batch",
-    points=2,
-    minutes=8,
-    hints=(
-        "A Boolean array counts as 0 and 1 in a product, so each term is a number times an array. "
-        "Along which axis are the four slots?",
-        "Sum the uploads over the second axis. Then ask of each of the three prices which array "
-        "says where it is due; for one of them the array says where it is not.",
-    ),
+    "3.3 · The reward of a batch (2 points, 8 minutes)",
+    "A Boolean array counts as 0 and 1 in a product, so each term is a number times an array. "
+    "Along which axis are the four slots?",
+    "Sum the uploads over the second axis. Then ask of each of the three prices which array "
+    "says where it is due; for one of them the array says where it is not.",
     figure=_draw_reward,
     table=REWARD,
 )
@@ -540,20 +387,23 @@ LARGE = Town.from_text(
 
 
 def _safe_step(city, cell, action):
-    environment = Environment(city)
-    number = cell[0] * city.size + cell[1]
-    row, col = divmod(int(environment.next_cell[number, action]), city.size)
-    return (row, col), bool(environment.forbidden[number, action])
+    if action == HOVER:
+        return cell, False
+    if action == LAND:
+        return cell, not city.landing[cell]
+    row, col = cell[0] + MOVES[action][0], cell[1] + MOVES[action][1]
+    inside = 0 <= row < city.size and 0 <= col < city.size
+    if not inside or city.no_fly[row, col]:
+        return cell, True
+    return (row, col), False
 
 
 def _draw_safe_step(ax):
-    from uavdh_lite.plotting import draw_city
-
     draw_city(ax, SMALL)
-    for cell in np.argwhere(~SMALL.no_fly).tolist():
+    for cell in map(tuple, np.argwhere(~SMALL.no_fly).tolist()):
         for action in range(4):
             _, intervened = _safe_step(SMALL, cell, action)
-            row, col = cell + 0.3 * MOVES[action]
+            row, col = np.add(cell, 0.3 * MOVES[action])
             ax.plot(col, row, "x" if intervened else ".", color=RED if intervened else "k")
         if not _safe_step(SMALL, cell, LAND)[1]:
             ax.text(cell[1], cell[0], "H", ha="center", va="center")
@@ -583,8 +433,7 @@ KINDS = {
     "are numbered north, east, south, west, hover, land. Nothing is in the way there, so the "
     "controller does not intervene. Rows and columns go from 0 to M − 1.",
     "hover": "Hovering stays in the cell and is always allowed: the controller does not intervene.",
-    "land": "A UAV that lands stays in its cell; in the landing zone the controller does not "
-    "intervene.",
+    "land": "A UAV that lands stays in its cell; in the zone the controller does not intervene.",
     "land outside": "That cell is not in the landing zone, so landing is not allowed: the UAV "
     "hovers instead, in its cell, and the controller intervenes.",
     "edge": "That leaves the grid: the UAV hovers instead, in its cell, and the controller "
@@ -626,34 +475,8 @@ def _cell_and_flag(value) -> np.ndarray:
         ) from None
 
 
-def _stepping(no_fly="no_fly", flip="", off="stays", land=True, flag=True):
-    """The controller with a mistake: other layers, layers by [col, row], what is off the grid."""
-
-    def mistake(city, cell, action):
-        if action == HOVER:
-            return cell, False
-        if action == LAND:
-            place = cell[::-1] if "landing" in flip else cell
-            return cell, land and not city.landing[place]
-        row, col = np.add(cell, MOVES[action]).tolist()
-        if not (0 <= row < city.size and 0 <= col < city.size):
-            if off == "stays":
-                return cell, flag
-            if off == "limited":
-                return cell, False
-            row, col = row % city.size, col % city.size
-        layers = no_fly.split()
-        if any(
-            getattr(city, one)[(col, row) if "no_fly" in flip else (row, col)] for one in layers
-        ):
-            return cell, flag
-        return (row, col), False
-
-    return mistake
-
-
-def _turned(order):
-    return lambda city, cell, action: _stepping()(city, cell, order[action])
+def _renumbered(*actions):
+    return edit("MOVES[action]", f"MOVES[{actions}[action]]")
 
 
 SAFE_STEP = Table(
@@ -661,26 +484,26 @@ SAFE_STEP = Table(
     _safe_step_cases,
     mistakes={
         "You look up city.no_fly[col, row]. The row comes first: city.no_fly[row, col].": (
-            _stepping(flip="no_fly")
+            edit("no_fly[row, col]", "no_fly[col, row]")
         ),
         "You look up city.landing[col, row]. The row comes first: city.landing[row, col].": (
-            _stepping(flip="landing")
+            edit("landing[cell]", "landing[cell[::-1]]")
         ),
         "The UAV must not come back on the opposite side: off the grid it hovers instead.": (
-            _stepping(off="wraps")
+            edit("if not inside or", "row, col = row % city.size, col % city.size\n    if")
         ),
         "Limiting row and column to the grid keeps the UAV in its cell, but hides that the "
-        "controller intervenes there: say True.": _stepping(off="limited"),
-        "Buildings may be flown over if they are low: only city.no_fly says where the UAV may not "
-        "go.": (_stepping("no_fly buildings"), _stepping("buildings")),
+        "controller intervenes there: say True.": edit("cell, True", "cell, inside"),
+        "Low buildings may be flown over: only city.no_fly says where the UAV may not go.": (
+            edit("city.no_fly", "(city.no_fly | city.buildings)"),
+            edit("city.no_fly", "city.buildings"),
+        ),
         "Landing is not always allowed: outside the landing zone the controller intervenes.": (
-            _stepping(land=False)
+            edit("not city.landing[cell]", "False")
         ),
-        "You never say that the controller intervenes in a move.": _stepping(flag=False),
-        "North and south are the wrong way round: north is one row up, row − 1.": (
-            _turned((2, 1, 0, 3, 4, 5))
-        ),
-        "East and west are the wrong way round: east is col + 1.": _turned((0, 3, 2, 1, 4, 5)),
+        "You never say that the controller intervenes in a move.": edit("True", "False"),
+        "North and south are the wrong way round: north is row − 1.": _renumbered(2, 1, 0, 3, 4, 5),
+        "East and west are the wrong way round: east is col + 1.": _renumbered(0, 3, 2, 1, 4, 5),
     },
     read=_cell_and_flag,
     shown=lambda array: (tuple(array[:2].astype(int).tolist()), bool(array[2])),
@@ -690,17 +513,12 @@ SAFE_STEP = Table(
 
 
 @exercise(
-    "3.4",
-    "The safety controller",
-    points=3,
-    minutes=20,
-    hints=(
-        "Four kinds of actions: hovering is always allowed, landing is a matter of one layer, and "
-        "a move needs two questions about its target, in the right order.",
-        "Work out the target's row and column. Ask first whether they are in the grid, from 0 to "
-        "M − 1, and only then what city.no_fly says of them. Twice no: the UAV stays in its old "
-        "cell, and that counts as an intervention.",
-    ),
+    "3.4 · The safety controller (3 points, 20 minutes)",
+    "Four kinds of actions: hovering is always allowed, landing is a matter of one layer, and "
+    "a move needs two questions about its target, in the right order.",
+    "Work out the target's row and column. Ask first whether they are in the grid, from 0 to "
+    "M − 1, and only then what city.no_fly says of them. Twice no: the UAV stays in its old "
+    "cell, and that counts as an intervention.",
     figure=_draw_safe_step,
     table=SAFE_STEP,
 )

@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from uavdh_lite.agent import Agent
-from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
-from uavdh_lite.course.checks.table import Table
-from uavdh_lite.course.checks.trial import stops_with
-from uavdh_lite.course.checks.values import Unreadable, numbers, pair, show, whole
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect, guarded
+from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.trial import name_of
+from uavdh_lite.course.checks.values import Unreadable, numbers, pair, row, show, whole
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
-from uavdh_lite.evaluation import evaluate, wilson_interval
+from uavdh_lite.evaluation import evaluate
 from uavdh_lite.missions import environment_of
 from uavdh_lite.planners import Genie, Greedy
 from uavdh_lite.scenario import find_scenario
@@ -23,33 +23,11 @@ from uavdh_lite.streams import Use, stream
 Z, Z90 = 1.959964, 1.644854  # 95 and 90 % of a standard normal lie within ± these
 
 
-def briefly(answer: Callable) -> Callable:
-    """The function; if it stops with an error, the message leaves out what it was called with."""
-
-    @functools.wraps(answer)
-    def call(*arguments):
-        try:
-            return answer(*arguments)
-        except CheckFailed as failed:
-            error = failed.__cause__
-            if error is None:
-                raise
-            name = getattr(answer, "__name__", "your function")
-            raise CheckFailed(f"{name} {stops_with(error)}") from error
-
-    return call
-
-
-def _solved_wilson(successes, trials):
-    low, high = wilson_interval(np.arange(trials) < successes)[1:]
-    return np.array([low if successes else 0.0, high if successes < trials else 1.0])
-
-
-def _score(p, n, z=Z, middle=True, root=True, below=True):
-    """Wilson's interval with parts of the formula left out."""
-    centre = p + z**2 / (2 * n) * middle
-    half = z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2) * root)
-    return np.array([centre - half, centre + half]) / (1 + z**2 / n * below)
+def _wilson(successes, trials):
+    p, n = successes / trials, trials
+    middle = p + Z**2 / (2 * n)
+    half = Z * np.sqrt(p * (1 - p) / n + Z**2 / (4 * n**2))
+    return np.array([middle - half, middle + half]) / (1 + Z**2 / n)
 
 
 def _grid(k, n):
@@ -59,13 +37,11 @@ def _grid(k, n):
 
 
 def _draw_wilson(ax):
-    trials = 20
-    successes = np.arange(trials + 1)
-    low, high = np.array([_solved_wilson(k, trials) for k in successes]).T
-    share = successes / trials
+    successes = np.arange(21)
+    share = successes / 20
+    low, high = np.transpose([_wilson(k, 20) for k in successes])
     ax.errorbar(share, share, [share - low, high - share], fmt="o", markersize=3, capsize=3)
     ax.set(xlabel="share observed in 20 trials", ylabel="share and its 95 % interval")
-    ax.grid(alpha=0.3)
 
 
 def _wilson_cases():
@@ -83,45 +59,31 @@ def _wilson_cases():
     }
 
 
+MIDDLE, ROOT, BELOW = ("+ Z**2 / (2 * n)", ""), ("+ Z**2 / (4 * n**2)", ""), "/ (1 + Z**2 / n)"
 WILSON = Table(
-    _solved_wilson,
+    _wilson,
     _wilson_cases,
     mistakes={
-        "Low and high are the wrong way round.": lambda k, n: _score(k / n, n)[::-1],
+        "Low and high are the wrong way round.": edit("return", "half = -half; return"),
         "That is the normal approximation, p ± z sqrt(p (1 − p) / n). Of n successes in n trials "
-        "it says that the share is certainly 1, with an interval of width 0. The root must hold "
-        "the unknown share, not the observed one; solve for it.": (
-            lambda k, n: _score(k / n, n, middle=False, root=False, below=False)
+        "it says that the share is certainly 1. The root must hold the unknown share, not the "
+        "observed one; solve for it.": edit(*MIDDLE, *ROOT, BELOW, ""),
+        "That is the normal approximation, cut off at 0 and 1. Of n successes in n trials it still "
+        "says that the share is certainly 1; solve for the unknown share instead.": (
+            edit(*MIDDLE, *ROOT, BELOW, ".clip(0, 1)")
         ),
-        "That is the normal approximation, cut off at 0 and 1. Cut off or not, of n successes in n "
-        "trials it says that the share is certainly 1; solve for the unknown share instead.": (
-            lambda k, n: _score(k / n, n, middle=False, root=False, below=False).clip(0, 1)
-        ),
-        "That is the interval for z = 1, one standard error, which holds the share in 68 % of all "
-        "cases. For 95 % z is 1.96.": lambda k, n: _score(k / n, n, z=1.0),
-        "z is 1.645 in your interval: that holds the share in 90 % of all cases, 5 % are cut off "
-        "on each side. For 95 % z is 1.96.": lambda k, n: _score(k / n, n, z=Z90),
-        "z is 2 in your interval; two standard errors are a rule of thumb. For 95 % z is 1.96.": (
-            lambda k, n: _score(k / n, n, z=2.0)
-        ),
-        "The denominator 1 + z²/n is missing: without it the upper end can exceed 1.": (
-            lambda k, n: _score(k / n, n, below=False)
-        ),
-        "The middle is not shifted: it is p + z²/(2n), not p, before the division.": (
-            lambda k, n: _score(k / n, n, middle=False)
-        ),
-        "Under the root z²/(4n²) is missing: for a share of 1 the width would be 0.": (
-            lambda k, n: _score(k / n, n, root=False)
-        ),
-        "That is as coarse as a grid of shares, which is not exact enough. At both ends the "
-        "inequality is an equality: solve it for q.": _grid,
+        "z = 1 holds the share in 68 % of all cases. For 95 % z is 1.96.": edit("Z", "1"),
+        "z = 1.645 holds the share in 90 % of all cases. For 95 % z is 1.96.": edit("Z", "Z90"),
+        "z is 2 in your interval, a rule of thumb. For 95 % z is 1.96.": edit("Z", "2"),
+        "The denominator 1 + z²/n is missing: the upper end can exceed 1.": edit(BELOW, ""),
+        "The middle is not shifted: it is p + z²/(2n), not p, before the division.": edit(*MIDDLE),
+        "Under the root z²/(4n²) is missing: for a share of 1 the width would be 0.": edit(*ROOT),
+        "That is as coarse as a grid of shares, which is not exact enough. At both ends of the "
+        "interval the inequality is an equality: solve it for q.": _grid,
         "Do not round: in many trials the ends are small numbers.": tuple(
-            (lambda k, n, digits=digits: np.round(_solved_wilson(k, n), digits))
-            for digits in (2, 3, 4)
+            (lambda k, n, digits=digits: np.round(_wilson(k, n), digits)) for digits in (2, 3, 4)
         ),
-        "These are percentages; hand over shares from 0 to 1.": (
-            lambda k, n: 100 * _solved_wilson(k, n)
-        ),
+        "These are percentages; hand over shares from 0 to 1.": edit("return", "return 100 *"),
     },
     read=pair,
     tolerance=1e-3,
@@ -130,16 +92,11 @@ WILSON = Table(
 
 
 @exercise(
-    "8.1",
-    "An interval for a share",
-    points=2,
-    minutes=18,
-    hints=(
-        "At both ends of the interval the inequality is an equality. Square it: what kind of "
-        "equation in q is that?",
-        "(p − q)² = z² q (1 − q) / n is quadratic in q. Its solutions are (p + z²/(2n) ± "
-        "z sqrt(p (1 − p)/n + z²/(4n²))) / (1 + z²/n), with p = successes / trials.",
-    ),
+    "8.1 · An interval for a share (2 points, 18 minutes)",
+    "At both ends of the interval the inequality is an equality. Square it: what kind of "
+    "equation in q is that?",
+    "(p − q)² = z² q (1 − q) / n is quadratic in q. Its solutions are (p + z²/(2n) ± "
+    "z sqrt(p (1 − p)/n + z²/(4n²))) / (1 + z²/n), with p = successes / trials.",
     figure=_draw_wilson,
     table=WILSON,
 )
@@ -147,26 +104,22 @@ def wilson(answer) -> None:
     """`wilson(successes, trials)`: low and high end of the 95 % score interval."""
 
 
-def _solved_needed(deviation, half_width):
-    return math.ceil((1.96 * deviation / half_width) ** 2)
+def _needed(standard_deviation, half_width):
+    return math.ceil((1.96 * standard_deviation / half_width) ** 2)
 
 
 def _draw_needed(ax):
     half = np.geomspace(0.002, 0.05, 60)
     for deviation in (0.05, 0.1, 0.3):
-        needed = [_solved_needed(deviation, h) for h in half]
-        ax.loglog(half * 100, needed, label=f"σ = {deviation}")
-    needed = _solved_needed(0.3, 0.02)
+        ax.loglog(half * 100, [_needed(deviation, h) for h in half], label=f"σ = {deviation}")
+    needed, exact = _needed(0.3, 0.02), f"{(1.96 * 0.3 / 0.02) ** 2:.1f}"
     ax.plot(2, needed, "ko")
-    exact = f"{(1.96 * 0.3 / 0.02) ** 2:.1f}"
     said = f"σ = 0.3, ± 2 points:\n(1.96 · 0.3 / 0.02)² = {exact},\nso {needed} episodes"
     ax.annotate(said, (2, needed), (0.22, 12), arrowprops={"arrowstyle": "->"})
     ticks = (0.2, 0.5, 1, 2, 5)
     ax.set_xticks(ticks, map(str, ticks))
     ax.set_xticks([], minor=True)
     ax.set(xlabel="half width of the interval, points (0.01)", ylabel="episodes needed")
-    ax.grid(alpha=0.3)
-    ax.legend()
 
 
 def _needed_cases():
@@ -196,42 +149,31 @@ def _needed_cases():
 
 
 NEEDED = Table(
-    _solved_needed,
+    _needed,
     _needed_cases,
     mistakes={
-        "Rounded down, the interval is a little wider than asked for: round up (math.ceil).": (
-            lambda s, h: math.floor((1.96 * s / h) ** 2)
-        ),
+        "Rounded down, the interval is too wide: round up (math.ceil).": edit("ceil", "floor"),
+        "Rounded to the nearest, it may be too small: math.ceil.": edit("math.ceil", "round"),
+        "math.ceil rounds up already: add nothing.": edit("return", "return 1 +"),
         "Where the number comes out whole, it is enough; you add one there (as int(x) + 1 does). "
-        "Take math.ceil.": lambda s, h: math.floor((1.96 * s / h) ** 2) + 1,
-        "An episode cannot be flown in part: round up to a whole number (math.ceil).": (
-            lambda s, h: (1.96 * s / h) ** 2
-        ),
+        "Take math.ceil.": edit("math.ceil", "1 + math.floor"),
+        "An episode cannot be flown in part: round up (math.ceil).": edit("math.ceil", ""),
         "The square is missing. The half width shrinks with the *root* of the number of "
-        "episodes: for half of it you need four times as "
-        "many.": lambda s, h: math.ceil(1.96 * s / h),
-        "The 1.96 is missing: one standard error on either side is an interval of 68 %, not 95 "
-        "%.": (lambda s, h: math.ceil((s / h) ** 2)),
-        "The 1.96 is not squared; it belongs inside the square.": (
-            lambda s, h: math.ceil(1.96 * (s / h) ** 2)
-        ),
+        "episodes: for half of it you need four times as many.": edit(" ** 2", ""),
+        "The 1.96 is missing: one standard error to each side holds 68 %.": edit("1.96 *", ""),
+        "The 1.96 is not squared; it belongs inside the square.": edit("(1.96 * ", "1.96 * ("),
         "The standard deviation is not squared, as if it were a variance already.": (
-            lambda s, h: math.ceil(1.96**2 * s / h**2)
+            edit("1.96 * standard_deviation", "1.96 * standard_deviation**0.5")
         ),
         "half_width is one side of the interval, not all of its width: your answer is four times "
-        "too small.": lambda s, h: math.ceil((1.96 * s / (2 * h)) ** 2),
-        "half_width is already one side of the interval. You halve it again.": (
-            lambda s, h: math.ceil((2 * 1.96 * s / h) ** 2)
-        ),
+        "too small.": edit("1.96", "0.98"),
+        "half_width is already one side of the interval. You halve it again.": edit("1.96", "3.92"),
         "The ratio is upside down: more scatter needs more episodes, a wider interval fewer.": (
-            lambda s, h: math.ceil((1.96 * h / s) ** 2)
+            edit("standard_deviation / half_width", "half_width / standard_deviation")
         ),
-        "Two standard errors are a rule of thumb. For 95 % z is 1.96.": (
-            lambda s, h: math.ceil((2 * s / h) ** 2)
-        ),
-        "With z = 1.645 the interval is a 90 % one. For 95 % z is 1.96.": (
-            lambda s, h: math.ceil((1.645 * s / h) ** 2)
-        ),
+        "Two standard errors are a rule of thumb. For 95 % z is 1.96.": edit("1.96", "2"),
+        "With z = 1.645 the interval is a 90 % one. For 95 % z is 1.96.": edit("1.96", "1.645"),
+        "With z = 2.576 the interval is a 99 % one. For 95 % z is 1.96.": edit("1.96", "2.576"),
     },
     read=whole,
     tolerance=1e-12,
@@ -239,15 +181,10 @@ NEEDED = Table(
 
 
 @exercise(
-    "8.2",
-    "How many episodes",
-    points=1,
-    minutes=5,
-    hints=(
-        "The standard error of a mean of n episodes is the standard deviation over the root of n. "
-        "How many standard errors make up the half width?",
-        "Solve 1.96 standard_deviation / sqrt(n) = half_width for n, and round up.",
-    ),
+    "8.2 · How many episodes (1 point, 5 minutes)",
+    "The standard error of a mean of n episodes is the standard deviation over the root of n. "
+    "How many standard errors make up the half width?",
+    "Solve 1.96 standard_deviation / sqrt(n) = half_width for n, and round up.",
     figure=_draw_needed,
     table=NEEDED,
 )
@@ -255,21 +192,17 @@ def episodes_needed(answer) -> None:
     """`episodes_needed(standard_deviation, half_width)`: an int."""
 
 
-def _around(mean, error):
-    return np.array([mean, mean - Z * error, mean + Z * error])
+def _lead(a, b):
+    d = a - b
+    half = Z * d.std(ddof=1) / np.sqrt(len(d))
+    return np.array([d.mean(), d.mean() - half, d.mean() + half])
 
 
-def _error(d):
-    return d.std(ddof=1) / np.sqrt(len(d))
-
-
-def _solved_lead(a, b):
-    return _around((a - b).mean(), _error(a - b))
-
-
-def _unpaired(a, b, ddof=1):
-    error = np.sqrt((a.var(ddof=ddof) + b.var(ddof=ddof)) / len(a))
-    return _around(np.mean(a) - np.mean(b), error)
+def _unpaired(ddof):
+    return edit(
+        "d.std(ddof=1) / np.sqrt(len(d))",
+        f"np.sqrt((a.var(ddof={ddof}) + b.var(ddof={ddof})) / len(d))",
+    )
 
 
 def _draw_lead(ax):
@@ -278,18 +211,13 @@ def _draw_lead(ax):
     shares = np.linspace(0, 0.95, 20)
     other = np.sqrt(shares) * common + np.sqrt(1 - shares) * generator.standard_normal((100, 1))
     first = np.sqrt(shares) * common + np.sqrt(1 - shares) * own
-    for name, lead in (("in pairs", _solved_lead), ("as if unpaired", _unpaired)):
-        ends = np.array([lead(a, b) for a, b in zip(first.T, other.T, strict=True)])
-        correlation = [np.corrcoef(a, b)[0, 1] for a, b in zip(first.T, other.T, strict=True)]
-        ax.plot(correlation, (ends[:, 2] - ends[:, 1]) / 2, "o-", markersize=3, label=name)
+    pairs = list(zip(first.T, other.T, strict=True))
+    correlation = [np.corrcoef(a, b)[0, 1] for a, b in pairs]
+    for name, lead in (("in pairs", _lead), ("as if unpaired", _unpaired(1).of(_lead))):
+        half = [np.ptp(lead(a, b)) / 2 for a, b in pairs]
+        ax.plot(correlation, half, "o-", markersize=3, label=name)
     ax.set(xlabel="correlation of the two policies' results", ylabel="half width (each σ ≈ 1)")
     ax.set(title="100 scenarios", ylim=(0, None))
-    ax.legend()
-
-
-def _with_error(error, of=np.subtract):
-    """The answer with another standard error, a function of the differences."""
-    return lambda a, b: _around(of(a, b).mean(), error(of(a, b)))
 
 
 def _lead_cases():
@@ -306,8 +234,7 @@ def _lead_cases():
         "d.std(ddof=1) / sqrt(n), to either side: (mean, low, high).": [
             *(few, few[::-1], (np.array([9, 5]), np.array([1, 2])), drawn(8, 1.0)),
         ],
-        "It must hold whether the results of the two policies go together or not, and for few and "
-        "many scenarios.": [
+        "It must hold whether the two results go together or not, for few and many scenarios.": [
             *(drawn(30, 2.0), drawn(300, 0.5), drawn(15, -0.7), drawn(9, 0.0), drawn(2, 3.0, 2.0)),
             *(drawn(40, 1.0, -2.0, 50.0), drawn(25, 1.0, 3.0, 0.001)),
         ],
@@ -317,79 +244,50 @@ def _lead_cases():
     }
 
 
-def _three(value) -> np.ndarray:
-    array = numbers(value)
-    if array.shape != (3,):
-        raise Unreadable(
-            "(mean, low, high) is expected: the mean and both ends of the interval, not mean and "
-            f"half width. Yours has the shape {array.shape}."
-        )
-    return array
-
-
+BY_ROOT = "/ np.sqrt(len(d))"
 LEAD = Table(
-    _solved_lead,
+    _lead,
     _lead_cases,
     mistakes={
-        "The sign is the wrong way round: positive means that a is ahead of b.": (
-            lambda a, b: _solved_lead(b, a)
-        ),
+        "The sign is wrong: positive means that a is ahead of b.": edit("a - b", "b - a"),
         "You take the size of each difference, abs(a − b): so even of two equally good policies "
-        "one would be ahead. Keep the sign.": _with_error(_error, lambda a, b: abs(a - b)),
-        **{
-            "That is the unpaired interval: it adds both variances"
-            f"{note}, as if each policy had flown scenarios of its own. Take the standard "
-            f"deviation of "
-            "the differences a − b.": functools.partial(_unpaired, ddof=ddof)
-            for note, ddof in (("", 1), (" (with ddof=0)", 0))
-        },
-        **{
-            f"The interval is made of the standard deviation of one difference{note}. The mean "
-            f"of n of "
-            "them is known better: divide by the root of n (the standard error).": _with_error(
-                functools.partial(np.std, ddof=ddof)
-            )
-            for note, ddof in (("", 1), (" (with ddof=0)", 0))
-        },
+        "one would be ahead. Keep the sign.": edit("a - b", "abs(a - b)"),
+        "That is the unpaired interval: it adds both variances, as if each policy had flown "
+        "scenarios of its own. Take the standard deviation of the differences a − b.": (
+            *(_unpaired(1), _unpaired(0)),
+        ),
+        "The interval is made of the standard deviation of one difference. The mean of n of them "
+        "is known better: divide by the root of n (the standard error).": (
+            *(edit(BY_ROOT, ""), edit(BY_ROOT, "", "ddof=1", "")),
+        ),
         "These are quantiles of the differences: 95 % of the single scenarios lie between them. "
         "The mean of n is known better: take its standard error.": (
             lambda a, b: np.array([(a - b).mean(), *np.quantile(a - b, (0.025, 0.975))])
         ),
-        "The interval is made of the variance; the standard error is made of the standard "
-        "deviation.": (_with_error(lambda d: d.var(ddof=1) / np.sqrt(len(d)))),
-        "Divided by n instead of by the root of n.": _with_error(lambda d: d.std(ddof=1) / len(d)),
+        "Take the standard deviation, not the variance.": edit("std", "var"),
+        "Divided by n instead of by the root of n.": edit(BY_ROOT, "/ len(d)"),
         "np.std divides by n by default. The standard deviation is estimated from the same n "
-        "values as the mean, so divide by n − 1: "
-        "ddof=1.": _with_error(lambda d: d.std() / np.sqrt(len(d))),
+        "values as the mean, so divide by n − 1: ddof=1.": edit("ddof=1", ""),
         "Divided by the root of n − 1. The n − 1 belongs into the standard deviation (ddof=1); its "
-        "mean's standard error is that over the root of n.": (
-            _with_error(lambda d: d.std(ddof=1) / np.sqrt(len(d) - 1))
+        "mean's standard error is that over the root of n.": edit("len(d)", "len(d) - 1"),
+        "One standard error on either side holds 68 %. For 95 % take 1.96.": edit("Z * ", ""),
+        "Low and high are the wrong way round.": edit("half = ", "half = -"),
+        "The order is (mean, low, high), the mean first.": (
+            edit("d.mean(), d.mean() - half", "d.mean() - half, d.mean()")
         ),
-        "One standard error on either side is an interval of 68 %. For 95 % take 1.96.": (
-            _with_error(lambda d: _error(d) / Z)
-        ),
-        "Low and high are the wrong way round.": lambda a, b: _solved_lead(a, b)[[0, 2, 1]],
-        "The order is (mean, low, high), the mean first.": lambda a, b: _solved_lead(a, b)[
-            [1, 0, 2]
-        ],
     },
-    read=_three,
+    read=row(3, "(mean, low, high), both ends of the interval, not mean and half width, are"),
     tolerance=1e-3,
     smallest=1e-6,
 )
 
 
 @exercise(
-    "8.3",
-    "Paired or not",
-    points=2,
-    minutes=8,
-    hints=(
-        "Both policies flew the same scenarios, so every scenario gives one difference. Of these "
-        "you have n, and you know how to give a mean with an interval.",
-        "With d = a − b: d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The variances of a and of b do "
-        "not appear.",
-    ),
+    "8.3 · Paired or not (2 points, 8 minutes)",
+    "Both policies flew the same scenarios, so every scenario gives one difference. Of these "
+    "you have n, and you know how to give a mean with an interval.",
+    "With d = a − b: d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The variances of a and of b do "
+    "not appear.",
     figure=_draw_lead,
     table=LEAD,
 )
@@ -439,8 +337,7 @@ def _flown(policy: Rule) -> dict[str, np.ndarray]:
 
 
 def _draw_policy(ax):
-    environment = environment_of("manhattan")
-    greedy = _planner(environment)
+    greedy = _planner(environment_of("manhattan"))
 
     def leaving(least: float) -> Rule:
         def rule(state):
@@ -449,22 +346,21 @@ def _draw_policy(ax):
 
         return rule
 
-    each = [leaving(least) for least in (0, 1, 2, 4)]
-    plans = [(rule, rule) for rule in each]
+    def best(plans) -> Rule:
+        return lambda state: _simulated(greedy.environment, state, plans)
+
     firsts = [(lambda s, a=a: np.full(len(s), a), greedy) for a in range(len(ACTIONS))]
     rules = {
         **{f"skip devices with less than {least}": leaving(least) for least in (1, 3, 6)},
         "simulate skipping below\n0, 1, 2, 4; take the best": (
-            lambda s: _simulated(environment, s, plans)
+            best([(leaving(least), leaving(least)) for least in (0, 1, 2, 4)])
         ),
-        "simulate each action, then\ngreedy; take the best": (
-            lambda s: _simulated(environment, s, firsts)
-        ),
+        "simulate each action, then\ngreedy; take the best": best(firsts),
     }
     theirs = _flown(greedy)[RETURN]
     for y, rule in enumerate(rules.values()):
         own = _flown(rule)[RETURN]
-        mean, low, high = _solved_lead(own, theirs)
+        mean, low, high = _lead(own, theirs)
         ax.errorbar(mean, y, xerr=[[mean - low], [high - mean]], fmt="o", capsize=4)
         ax.text(1.55, y, f"{own.mean():.2f}", va="center", ha="right")
     ax.axvline(0, color="grey")
@@ -479,17 +375,12 @@ NOT_ALLOWED = "{} is not allowed here: write the rule yourself. Greedy may be a 
 
 
 @exercise(
-    "8.4",
-    "Beat the greedy planner",
-    points=4,
-    minutes=45,
-    hints=(
-        "No single rule is best everywhere: leaving the last units of a device pays in one mission "
-        "and not in another. Have several rules, and choose among them at every step.",
-        "Choose by simulation: for each candidate (a rule, or one of the six actions and greedy "
-        "after it) fly all episodes on to their end with environment.transition and fading 0, add "
-        "up Rewards()(outcome), and take the first action of the one with the highest return.",
-    ),
+    "8.4 · Beat the greedy planner (4 points, 45 minutes)",
+    "No single rule is best everywhere: leaving the last units of a device pays in one mission "
+    "and not in another. Have several rules, and choose among them at every step.",
+    "Choose by simulation: for each candidate (a rule, or one of the six actions and greedy "
+    "after it) fly all episodes on to their end with environment.transition and fading 0, add "
+    "up Rewards()(outcome), and take the first action of the one with the highest return.",
     figure=_draw_policy,
     seconds=300,
     refused={
@@ -500,7 +391,7 @@ NOT_ALLOWED = "{} is not allowed here: write the rule yourself. Greedy may be a 
 def policy(answer) -> None:
     """`policy(environment, state)`: actions for a batch, with a higher return than greedy."""
     environment = environment_of("manhattan")
-    ask, began = briefly(answer), time.process_time()
+    ask, began = guarded(answer.__wrapped__, name_of(answer)), time.process_time()
 
     def asked(state: State) -> np.ndarray:
         given, count = ask(environment, state), len(state)
@@ -516,15 +407,12 @@ def policy(answer) -> None:
         )
         expect(
             np.issubdtype(action.dtype, np.integer),
-            f"The actions are of type {action.dtype}; they must be whole numbers, indices into "
-            f"{ACTIONS}.",
+            f"The actions are of type {action.dtype}; give whole numbers, indices into {ACTIONS}.",
         )
-        low, high = action.min(), action.max()
-        expect(
-            low >= 0 and high < len(ACTIONS),
-            f"There is no action {low if low < 0 else high}: they are 0 to {len(ACTIONS) - 1}, "
-            f"{', '.join(ACTIONS)}.",
-        )
+        unknown = action[(action < 0) | (action >= len(ACTIONS))]
+        if len(unknown):
+            known = f"0 to {len(ACTIONS) - 1}, {', '.join(ACTIONS)}"
+            raise CheckFailed(f"There is no action {unknown[0]}: they are {known}.")
         expect(
             time.process_time() - began < SECONDS,
             f"Your policy is too slow: {SECONDS} seconds of processor time are over and not all of "
@@ -533,9 +421,8 @@ def policy(answer) -> None:
         )
         return action
 
-    own = _flown(asked)
-    greedy = _flown(_planner(environment))
-    lead, low, high = _solved_lead(own[RETURN], greedy[RETURN])
+    own, greedy = _flown(asked), _flown(_planner(environment))
+    lead, low, high = _lead(own[RETURN], greedy[RETURN])
     standing = (
         f"Your return is {own[RETURN].mean():.2f}, greedy's {greedy[RETURN].mean():.2f}: a lead of "
         f"{lead:+.2f} ({low:+.2f} to {high:+.2f})."
@@ -543,15 +430,14 @@ def policy(answer) -> None:
     if lead >= AHEAD and low > 0:
         print(standing)
         return
-    crashes = int(EPISODES - own["has_landed"].sum())
+    crashes = int((~own["has_landed"].astype(bool)).sum())
     refused = own["safety_interventions"].mean()
     if np.array_equal(own[RETURN], greedy[RETURN]):
         why = "These are the same flights as greedy's, in every mission."
-    elif crashes > greedy["has_landed"].size - greedy["has_landed"].sum():
+    elif crashes > EPISODES - greedy["has_landed"].sum():
         why = (
-            f"It crashed in {crashes} of {EPISODES} missions, each of which brings nothing home "
-            "and costs 150: turn back while time_left still suffices for landing_distance and "
-            "the landing."
+            f"It crashed in {crashes} of {EPISODES} missions, 150 points each: turn back while "
+            "time_left still suffices for landing_distance and the landing."
         )
     elif refused > 1:
         why = (

@@ -1,6 +1,7 @@
 """What all exercises share: a check, hints, and a notebook that survives whatever is handed in."""
 
 import functools
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -31,7 +32,7 @@ SECONDS = 10.0
 """So long an answer may take, unless its exercise says otherwise."""
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Exercise:
     """One exercise: call it with the answer to check it; `hint()` gives up to three hints.
 
@@ -51,7 +52,7 @@ class Exercise:
     title: str
     points: int
     minutes: int
-    words: tuple[str, str]
+    words: tuple[str, ...]
     figure: Callable[[Axes], Any]
     check: Callable[[Any], None]
     table: Table | None = None
@@ -65,6 +66,9 @@ class Exercise:
         """The heading of the exercise in its notebook."""
         points = "1 point" if self.points == 1 else f"{self.points} points"
         return f"## {self.number} · {self.title} ({points}, {self.minutes} minutes)"
+
+    def __repr__(self) -> str:  # a notebook shows neither hints nor mistakes
+        return self.heading.removeprefix("## ")
 
     def __call__(self, answer) -> None:
         """Check an answer; raises `CheckFailed` with what is probably wrong with it."""
@@ -112,19 +116,31 @@ class Exercise:
     def picture(self) -> bytes:
         """The third hint, as a PNG file's bytes."""
         figure = Figure(figsize=(5.5, 3.4), layout="constrained")
-        self.figure(figure.subplots())
+        ax = figure.subplots()
+        self.figure(ax)
+        if ax.lines and not ax.patches and ax.get_aspect() == "auto":  # no map, no bars
+            ax.grid(alpha=0.3)
+        if ax.get_legend_handles_labels()[1] and not ax.get_legend():
+            ax.legend(fontsize="small")
         return png(figure, dpi=90)
 
 
-def exercise(number: str, title: str, *, points: int, minutes: int, hints, figure, **options):
+def exercise(heading: str, *hints: str, figure: Callable[[Axes], Any], **options):
     """Make an exercise of a check: a function that takes the answer and raises `CheckFailed`.
 
     Arguments:
+        heading: as in the notebook, "1.2 · Title (2 points, 10 minutes)".
+        hints: two in words.
+        figure: the third hint.
         options: `table`, `function`, `seconds` and `refused` of `Exercise`.
     """
+    found = re.fullmatch(r"([\d.]+) · (.+) \((\d+) points?, (\d+) minutes\)", heading)
+    if not found:
+        raise ValueError(f'{heading!r} is not like "1.2 · Title (2 points, 10 minutes)"')
+    number, title, points, minutes = found.groups()
 
     def register(check: Callable[[Any], None]) -> Exercise:
-        made = Exercise(number, title, points, minutes, tuple(hints), figure, check, **options)
+        made = Exercise(number, title, int(points), int(minutes), hints, figure, check, **options)
         functools.update_wrapper(made, check, updated=())
         EXERCISES[check.__name__] = made
         return made

@@ -9,7 +9,7 @@ from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.environment import Town
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
-from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import Unreadable, numbers
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import CityError
@@ -88,51 +88,32 @@ TWO = """
 """
 
 
-def _search(city: City, closed: np.ndarray, moves, wrap=False, starts=None) -> np.ndarray:
-    """Breadth-first search from the landing cells through all cells that are not `closed`."""
-    size = city.size
-    distance = np.full((size, size), -1)
-    queue = deque(divmod(int(c), size) for c in (city.landing_cells if starts is None else starts))
-    for cell in queue:
-        distance[cell] = 0
+def _moves_home(city):
+    size, moves, landing = city.size, [(-1, 0), (0, 1), (1, 0), (0, -1)], city.landing
+    distance = np.where(landing, 0, -1)
+    queue = deque(zip(*np.nonzero(landing), strict=True))
     while queue:
         row, col = queue.popleft()
         for down, right in moves:
             r, c = row + down, col + right
-            if wrap:
-                r, c = r % size, c % size
-            if 0 <= r < size and 0 <= c < size and distance[r, c] < 0 and not closed[r, c]:
+            inside = 0 <= r < size and 0 <= c < size
+            if inside and distance[r, c] < 0 and not city.no_fly[r, c]:
                 distance[r, c] = distance[row, col] + 1
                 queue.append((r, c))
     return distance
 
 
-FOUR = ((-1, 0), (0, 1), (1, 0), (0, -1))
-EIGHT = (*FOUR, (-1, -1), (-1, 1), (1, -1), (1, 1))
-_SOLVED = City.landing_distance.func  # works while the property is not allowed
+def _first_only(landing):
+    return landing & (landing.cumsum() == 1).reshape(landing.shape)
+
+
+DIAGONALS = [(-1, -1), (-1, 1), (1, -1), (1, 1)]
 
 
 def _as_the_crow_flies(city: City) -> np.ndarray:
     row, col = np.indices((city.size,) * 2)
-    lengths = [
-        abs(row - cell // city.size) + abs(col - cell % city.size) for cell in city.landing_cells
-    ]
-    return np.min(lengths, axis=0)
-
-
-def _with(value):
-    """The solution with another value where there is no way."""
-
-    def mistake(city):
-        distance = _SOLVED(city)
-        return np.where(distance < 0, value, distance)
-
-    return mistake
-
-
-def _plus_one(city):
-    distance = _SOLVED(city)
-    return np.where(distance < 0, -1, distance + 1)
+    far = [abs(row - r) + abs(col - c) for r, c in np.argwhere(city.landing)]
+    return np.where(city.no_fly, -1, np.min(far, axis=0))
 
 
 def _distances(value) -> np.ndarray:
@@ -142,42 +123,35 @@ def _distances(value) -> np.ndarray:
     return array
 
 
-def _at(city, place):
-    return f"That is at row {place[0]}, column {place[1]}."
-
-
 REACHABLE = Table(
-    _SOLVED,
+    _moves_home,
     _city_cases,
     mistakes={
-        "You move diagonally too. The UAV has four moves: north, east, south, west.": (
-            lambda city: _search(city, city.no_fly, EIGHT)
-        ),
-        "You fly through no-fly cells: a cell with city.no_fly may not be entered.": (
-            lambda city: _search(city, np.zeros_like(city.no_fly), FOUR)
-        ),
-        "You count moves as if nothing stood in the way. A search has to go round the no-fly "
-        "cells.": (lambda city: np.where(city.no_fly, -1, _as_the_crow_flies(city))),
+        "You move diagonally too: there are four moves.": edit("(0, -1)]", "(0, -1), *DIAGONALS]"),
+        "You fly through no-fly cells: ask city.no_fly.": edit("and not city.no_fly[r, c]", ""),
+        "You count moves as if nothing stood in the way.": _as_the_crow_flies,
         "You treat every building as a wall. Low buildings may be flown over: what the UAV may not "
         "enter is city.no_fly, which holds the tall ones already.": (
-            lambda city: _search(city, city.no_fly | city.buildings, FOUR)
+            edit("city.no_fly", "(city.no_fly | city.buildings)")
         ),
         "Only buildings stop you. The UAV may not enter no-fly cells, and may fly over low "
-        "buildings: ask city.no_fly.": lambda city: _search(city, city.buildings, FOUR),
+        "buildings: ask city.no_fly.": edit("no_fly", "buildings"),
         "You start from one landing cell only. The nearest of all counts: put all of them into the "
-        "queue, with distance 0.": (
-            lambda city: _search(city, city.no_fly, FOUR, starts=city.landing_cells[:1])
-        ),
+        "queue, with distance 0.": edit(", city.landing", ", _first_only(city.landing)"),
         "Your landing cells have 1. Over the zone no move is needed: start with 0 (the landing "
-        "itself is not counted here).": _plus_one,
-        "Cells without a way have 0, as if they were landing zone: mark them with −1.": _with(0),
+        "itself is not counted here).": edit(
+            "return distance", "return distance + (distance >= 0)"
+        ),
+        "Cells without a way have 0, as if they were landing zone: mark them with −1.": (
+            edit("return distance", "return distance.clip(0)")
+        ),
         "Your city is joined at its edges: row or column −1 is Python's last one, without an "
         "IndexError. Test that 0 <= row < M and 0 <= column < M.": (
-            lambda city: _search(city, city.no_fly, FOUR, wrap=True)
+            edit("if inside and", "r, c = r % size, c % size\n            if")
         ),
     },
     read=_distances,
-    where=_at,
+    where=lambda city, place: f"That is at row {place[0]}, column {place[1]}.",
 )
 
 
@@ -189,17 +163,12 @@ def _draw_reachable(ax):
 
 
 @exercise(
-    "9.1",
-    "The way home",
-    points=2,
-    minutes=18,
-    hints=(
-        "Start from the landing cells, not from each cell: all cells one move away from them have "
-        "1, all new ones a move away from those have 2, and so on.",
-        "Fill an array with −1, set the landing cells to 0 and put them into a queue "
-        "(collections.deque). Take a cell from its front; each of the four neighbours that is on "
-        "the grid, no no-fly cell and still −1 gets one more and goes to the end.",
-    ),
+    "9.1 · The way home (2 points, 18 minutes)",
+    "Start from the landing cells, not from each cell: all cells one move away from them have "
+    "1, all new ones a move away from those have 2, and so on.",
+    "Fill an array with −1, set the landing cells to 0 and put them into a queue "
+    "(collections.deque). Take a cell from its front; each of the four neighbours that is on "
+    "the grid, no no-fly cell and still −1 gets one more and goes to the end.",
     figure=_draw_reachable,
     table=REACHABLE,
     refused={
@@ -209,11 +178,6 @@ def _draw_reachable(ax):
 )
 def reachable(answer) -> None:
     """`reachable(city)`: moves to the nearest landing cell, (M, M), −1 where there is no way."""
-
-
-def _text(city: City) -> str:
-    """The city in the signs of `City.from_text`."""
-    return "\n".join(" ".join(".NbLB"[kind] for kind in row) for row in city.kinds)
 
 
 MISSIONS, SEED, GREEDY, BEHIND, CHANGED = 100, 92, 0.90, 0.30, 16
@@ -260,16 +224,11 @@ def _draw_defeat(ax):
 
 
 @exercise(
-    "9.2",
-    "A city that defeats the agent",
-    points=4,
-    minutes=20,
-    hints=(
-        "A planner computes its ways from the map. The agent has learned its ways in one single "
-        "city. What was the same in every mission that it was trained on?",
-        "Start from `home` and change only where the UAV may land: move the zones to places that "
-        "it never landed in. Leave two of them, far apart, or the ways get too long for greedy.",
-    ),
+    "9.2 · A city that defeats the agent (4 points, 20 minutes)",
+    "A planner computes its ways from the map. The agent has learned its ways in one single "
+    "city. What was the same in every mission that it was trained on?",
+    "Start from `home` and change only where the UAV may land: move the zones to places that "
+    "it never landed in. Leave two of them, far apart, or the ways get too long for greedy.",
     figure=_draw_defeat,
     function=False,
     seconds=300,
@@ -297,12 +256,10 @@ def defeat(answer) -> None:
     changed = _changed(city)
     expect(
         changed <= CHANGED,
-        f"Your city differs from `home` in {changed} of its {size**2} cells; at most {CHANGED} may "
-        "differ.",
+        f"It differs from `home` in {changed} of its {size**2} cells; at most {CHANGED} may.",
     )
     cut_off = np.argwhere(~city.no_fly & (city.landing_distance < 0))
-    if len(cut_off):
-        row, col = cut_off[0]
+    for row, col in cut_off:
         raise CheckFailed(
             f"There is no way to the landing zone from {len(cut_off)} of the cells that the UAV "
             f"may enter, the first at row {row}, column {col}: open one, or close them (N or B)."
@@ -311,17 +268,23 @@ def defeat(answer) -> None:
     greedy, own = _greedy(city)[cral], _fly(city, agent.over(city))
     expect(
         greedy >= GREEDY,
-        f"The greedy planner's CRAL is {greedy:.1%} here; the {GREEDY:.0%} that show that the "
-        "missions are possible are missed. Make ways shorter, or devices easier to hear.",
+        f"The greedy planner's CRAL is {greedy:.1%} here, and {GREEDY:.0%} are needed to show that "
+        "the missions are possible. Make ways shorter, or devices easier to hear.",
     )
-    behind = greedy - own[cral]
+    behind = 100 * (greedy - own[cral])
+    cells = "1 cell" if changed == 1 else f"{changed} cells"
     standing = (
-        f"In your city ({changed} cells changed) greedy has a CRAL of {greedy:.1%}, the agent "
+        f"In your city ({cells} changed) greedy has a CRAL of {greedy:.1%}, the agent "
         f"{own[cral]:.1%} (it lands in {own['has_landed']:.0%})"
     )
+    at_home = (
+        "Its landing zones are where it learned to land."
+        if np.array_equal(city.landing, agent.city.landing)
+        else "What else is in your city that it never met?"
+    )
     expect(
-        behind >= BEHIND,
-        f"The agent is too good. {standing}: it is {100 * behind:.1f} points behind, "
-        f"{100 * BEHIND:.0f} are asked for. What is in your city that it never met?",
+        behind >= 100 * BEHIND,
+        f"The agent is too good. {standing}: it is {behind:.1f} points behind, {100 * BEHIND:.0f} "
+        f"are asked for. {at_home}",
     )
     print(f"{standing}.")

@@ -3,7 +3,7 @@
 import numpy as np
 
 from uavdh_lite.course.checks.exercise import exercise
-from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import number, truth, truths
 from uavdh_lite.plotting import ORANGE
 from uavdh_lite.shadowing import crossed_cells, line_of_sight
@@ -12,7 +12,8 @@ from uavdh_lite.streams import Use, stream
 
 def _crosses(start, end, cell):
     """Whether the segment between two cell centres crosses the open interior of a cell."""
-    (rows, cols), (r, c) = ((one[0] - start[0], one[1] - start[1]) for one in (end, cell))
+    rows, cols = end[0] - start[0], end[1] - start[1]
+    r, c = cell[0] - start[0], cell[1] - start[1]
     inside = min(rows, 0) <= r <= max(rows, 0) and min(cols, 0) <= c <= max(cols, 0)
     return inside and (start == end or 2 * abs(rows * c - cols * r) < abs(rows) + abs(cols))
 
@@ -30,21 +31,6 @@ def _draw_crosses(ax):
     ax.set(xlabel="column", ylabel="row", title=f"True in the {len(cells)} blue cells")
 
 
-def _touches(start, end, cell):
-    """Whether the segment has a point in the cell, its edges and corners included."""
-    (rows, cols), (r, c) = np.subtract(end, start), np.subtract(cell, start)
-    return 2 * abs(rows * c - cols * r) <= abs(rows) + abs(cols) and all(
-        min(a, b) <= x <= max(a, b) for a, b, x in zip(start, end, cell, strict=True)
-    )
-
-
-def _within(start, end, cell, formula):
-    """Whether the cell is in the rectangle and the formula of R, C, r, c holds."""
-    (rows, cols), (r, c) = (np.subtract(one, start).tolist() for one in (end, cell))
-    inside = min(rows, 0) <= r <= max(rows, 0) and min(cols, 0) <= c <= max(cols, 0)
-    return inside and formula(rows, cols, r, c)
-
-
 TOUCHING = (
     "A segment that only touches a cell at a corner does not cross its open interior. Compare with "
     "< instead of <=, and in whole numbers: rounded ones cannot tell touching from crossing."
@@ -52,6 +38,7 @@ TOUCHING = (
 
 
 def _crosses_cases():
+    touches = edit(") < abs", ") <= abs", "start == end or ", "").of(_crosses)
     drawn = stream(Use.EXERCISE, 2).integers(0, 9, (300, 3, 2)).tolist()
     others = [tuple(map(tuple, case)) for case in drawn]
     signs = [
@@ -59,7 +46,7 @@ def _crosses_cases():
         for start, end in (((4, 5), (1, 3)), ((4, 2), (2, 5)), ((1, 5), (3, 2)), ((5, 5), (2, 6)))
         for cell in np.ndindex(6, 7)
     ]
-    plain = [case for case in (*signs, *others) if _crosses(*case) or not _touches(*case)]
+    plain = [case for case in (*signs, *others) if _crosses(*case) or not touches(*case)]
     return {
         "The segment begins and ends in the middle of a cell, so it crosses these two cells too. "
         "Measure rows and columns from start.": [
@@ -71,8 +58,7 @@ def _crosses_cases():
             *(((3, 2), (3, 7), (3, 5)), ((3, 2), (3, 7), (4, 5)), ((1, 4), (6, 4), (2, 4))),
             *(((6, 4), (1, 4), (3, 5)), ((0, 0), (0, 4), (0, 2)), ((0, 0), (3, 0), (1, 1))),
         ],
-        "If both ends are the same point, in the middle of one cell, it lies inside that cell and "
-        "no other.": [
+        "If both ends are the same point, it lies inside its cell and no other.": [
             *(((4, 6), (4, 6), (4, 6)), ((4, 6), (4, 6), (4, 7)), ((0, 0), (0, 0), (0, 0))),
             *(((0, 0), (0, 0), (1, 0)), ((4, 6), (4, 6), (3, 6))),
         ],
@@ -111,36 +97,21 @@ def _crosses_cases():
     }
 
 
-def _within(formula):
-    """Whether the cell is in the rectangle and the formula of R, C, r, c holds."""
-
-    def mistake(start, end, cell):
-        (rows, cols), (r, c) = ((one[0] - start[0], one[1] - start[1]) for one in (end, cell))
-        inside = min(rows, 0) <= r <= max(rows, 0) and min(cols, 0) <= c <= max(cols, 0)
-        return inside and ((rows == cols == 0) or formula(rows, cols, r, c))
-
-    def also_points(start, end, cell):
-        return mistake(start, end, cell) and start != end
-
-    return mistake, also_points
+def _and_for_points(*texts):
+    """A mistake, and the same with points that cross no cell."""
+    return edit(*texts), edit(*texts, "start == end or", "start != end and")
 
 
 CROSSES = Table(
     _crosses,
     _crosses_cases,
     mistakes={
-        "You forget the factor 2: it is twice |R·c − C·r| that must be below |R| + |C|.": (
-            _within(lambda rows, cols, r, c: abs(rows * c - cols * r) < abs(rows) + abs(cols))
-        ),
+        "You forget the factor 2 before |R·c − C·r|.": _and_for_points("2 * abs", "abs"),
         "|R + C| is not |R| + |C|: on the way up or left R or C is negative, and they cancel.": (
-            _within(lambda rows, cols, r, c: 2 * abs(rows * c - cols * r) < abs(rows + cols))
+            _and_for_points("abs(rows) + abs(cols)", "abs(rows + cols)")
         ),
-        "R·c − C·r may be negative: take its absolute value.": (
-            _within(lambda rows, cols, r, c: 2 * (rows * c - cols * r) < abs(rows) + abs(cols))
-        ),
-        TOUCHING: _within(
-            lambda rows, cols, r, c: 2 * abs(rows * c - cols * r) <= abs(rows) + abs(cols)
-        ),
+        "R·c − C·r may be negative: take its absolute value.": _and_for_points("2 * abs", "2 * "),
+        TOUCHING: _and_for_points(") < abs", ") <= abs"),
     },
     read=truth,
     errors={"ZeroDivision": "A ray along a row or a column has no slope one way."},
@@ -148,17 +119,12 @@ CROSSES = Table(
 
 
 @exercise(
-    "2.1",
-    "Does the ray cross the cell?",
-    points=1,
-    minutes=10,
-    hints=(
-        "The tutorial's segment begins at (0, 0): move yours there. Which numbers may then be "
-        "negative, and what is the rectangle? What does the condition say if R = C = 0?",
-        "(R, C) is end minus start, (r, c) is cell minus start, by rows and columns. The rectangle "
-        "is min(R, 0) <= r <= max(R, 0), and the same with c and C. If R = C = 0 it is one cell, "
-        "and the condition, 0 < 0, must not be asked.",
-    ),
+    "2.1 · Does the ray cross the cell? (1 point, 10 minutes)",
+    "The tutorial's segment begins at (0, 0): move yours there. Which numbers may then be "
+    "negative, and what is the rectangle? What does the condition say if R = C = 0?",
+    "(R, C) is end minus start, (r, c) is cell minus start, by rows and columns. The rectangle "
+    "is min(R, 0) <= r <= max(R, 0), and the same with c and C. If R = C = 0 it is one cell, "
+    "and the condition, 0 < 0, must not be asked.",
     figure=_draw_crosses,
     table=CROSSES,
 )
@@ -179,33 +145,15 @@ def _blocked(buildings, device, cell, diagonal=True, touching=False, ends=True):
                 corner = [(r, c + side), (r + 1, c)]
                 both = [buildings[one] for one in corner]
                 if all(both) or (touching and any(both)):
-                    return (
-                        "the ray goes through the corner that the buildings {} and {} share".format(
-                            *corner
-                        )
-                    )
+                    shared = "the ray goes through the corner that the buildings {} and {} share"
+                    return shared.format(*corner)
     return ""
 
 
-def _shadow_map(buildings, device, **rule):
+def _shadow_map(buildings, device):
     shadow = np.zeros(buildings.shape, bool)
     for cell in np.ndindex(shadow.shape):
-        shadow[cell] = bool(_blocked(buildings, device, cell, **rule))
-    return shadow
-
-
-def _device_dark(buildings, device):
-    shadow = _shadow_map(buildings, device)
-    shadow[device] = True
-    return shadow
-
-
-def _not_moved(buildings, device):
-    """The cells are left relative to the device; negative indices wrap round."""
-    shadow = np.zeros(buildings.shape, bool)
-    for row, col in np.ndindex(shadow.shape):
-        crossed = crossed_cells(row - device[0], col - device[1])
-        shadow[row, col] = buildings[tuple(crossed.T)].any()
+        shadow[cell] = bool(_blocked(buildings, device, cell))
     return shadow
 
 
@@ -234,8 +182,7 @@ def _shadow_cases():
         *(corner(3, (0, 2), (0, 1), (1, 2)), corner(4, (3, 3), (2, 3), (3, 2))),
     ]
     return {
-        "Nothing is hidden where there is no building, the device's own cell included: False "
-        "everywhere.": [
+        "Without buildings nothing is hidden, nor is the device's own cell: all is False.": [
             (np.zeros((size, size), bool), at)
             for size, at in ((1, (0, 0)), (2, (1, 0)), (3, (0, 2)), (5, (2, 2)))
         ],
@@ -247,8 +194,7 @@ def _shadow_cases():
         "A ray that only touches one building at a corner is not hidden by it.": [
             *(corner(2, (0, 0), (0, 1)), corner(3, (0, 0), (1, 2)), corner(4, (3, 0), (2, 0))),
         ],
-        "A ray through the corner that two diagonally adjacent buildings share, between them, is "
-        "hidden.": [
+        "A ray through the corner that two diagonally adjacent buildings share is hidden.": [
             *border,
             (_town("..... .#... ..#.. ...#. ....."), (3, 0)),
         ],
@@ -276,37 +222,39 @@ def _hidden(buildings, device, place):
     return f"A UAV over {cell} is {'hidden: ' + reason if reason else 'seen'}."
 
 
+BLOCKED = "_blocked(buildings, device, cell"
 SHADOW = Table(
-    lambda buildings, device: ~line_of_sight(buildings)[device],
+    _shadow_map,
     _shadow_cases,
     mistakes={
-        "It is True where there is line of sight: the shadow is where the link is blocked.": (
-            lambda b, d: ~_shadow_map(b, d)
-        ),
+        "It is True where there is line of sight: that is no shadow.": edit("bool(", "not ("),
         "Rows and columns are swapped: index [row, col], and the device is (row, col) too.": (
-            lambda b, d: _shadow_map(b, d).T
+            edit("return shadow", "return shadow.T")
         ),
         "Rows and columns are swapped: the device is given as (row, col), not as (x, y).": (
-            lambda b, d: _shadow_map(b.T, d).T
+            edit(BLOCKED, "_blocked(buildings.T, device, cell", "return shadow", "return shadow.T")
         ),
         "You block each ray that touches a building at a corner. One building there is only "
         "touched; it takes both, on either side of the ray.": (
-            lambda b, d: _shadow_map(b, d, touching=True)
+            edit(BLOCKED, f"{BLOCKED}, touching=True")
         ),
         "You leave out the shared corners: a ray between two buildings that touch there is "
-        "hidden.": lambda b, d: _shadow_map(b, d, diagonal=False),
+        "hidden.": edit(BLOCKED, f"{BLOCKED}, diagonal=False"),
         "A UAV over a building sees through it in your map: the cells at both ends of the segment "
-        "are crossed too.": lambda b, d: _shadow_map(b, d, ends=False),
+        "are crossed too.": edit(BLOCKED, f"{BLOCKED}, ends=False"),
         "The device's own cell is dark in your map: nothing is between the device and a UAV right "
-        "above it, unless the cell is a building.": _device_dark,
+        "above it, unless the cell is a building.": (
+            edit("return shadow", "shadow[device] = True; return shadow")
+        ),
         "crossed_cells counts from (0, 0): add the device's row and column to what it gives, or "
-        "you look at buildings somewhere else.": _not_moved,
+        "you look at buildings somewhere else.": (
+            edit(BLOCKED, "(buildings[tuple(crossed_cells(*np.subtract(cell, device)).T)].any()")
+        ),
     },
     read=truths,
     where=_hidden,
     errors={
-        "out of bounds": "Do you look beyond the grid? No cell outside the rectangle from the "
-        "device to the UAV matters.",
+        "out of bounds": "You look beyond the grid: only cells from the device to the UAV matter.",
     },
 )
 
@@ -316,7 +264,9 @@ def _draw_shadow(ax):
     buildings[[3, 4, 5, 6, 7, 7], [2, 3, 5, 4, 1, 2]] = True
     device = (5, 1)
     shadow = ~line_of_sight(buildings)[device]
-    slipping = shadow & ~_shadow_map(buildings, device, diagonal=False)
+    slipping = shadow & ~edit(BLOCKED, f"{BLOCKED}, diagonal=False").of(_shadow_map)(
+        buildings, device
+    )
     ax.imshow(0.75 * shadow + 0.25 * buildings, cmap="gray_r", vmin=0, vmax=1.4)
     for mask, marker, label in (
         (buildings, "s", "building"),
@@ -331,17 +281,12 @@ def _draw_shadow(ax):
 
 
 @exercise(
-    "2.2",
-    "A shadow map from scratch",
-    points=3,
-    minutes=35,
-    hints=(
-        "For each cell of the city, list the cells that its ray crosses, and move them to where "
-        "the device is. A ray goes through a corner where two crossed cells touch diagonally.",
-        "If (r, c) and (r + 1, c + 1) are both crossed, look at (r, c + 1) and (r + 1, c): if both "
-        "are buildings, the link is blocked. The same for (r, c) and (r + 1, c − 1). No other "
-        "geometry is needed.",
-    ),
+    "2.2 · A shadow map from scratch (3 points, 35 minutes)",
+    "For each cell of the city, list the cells that its ray crosses, and move them to where "
+    "the device is. A ray goes through a corner where two crossed cells touch diagonally.",
+    "If (r, c) and (r + 1, c + 1) are both crossed, look at (r, c + 1) and (r + 1, c): if both "
+    "are buildings, the link is blocked. The same for (r, c) and (r + 1, c − 1). No other "
+    "geometry is needed.",
     figure=_draw_shadow,
     table=SHADOW,
 )
@@ -350,9 +295,9 @@ def shadow_map(answer) -> None:
 
 
 def _asymmetric_share(sight):
-    cells = len(sight) ** 2
-    pairs = np.asarray(sight).reshape(cells, cells)
-    return np.triu(pairs != pairs.T).sum() / (cells * (cells - 1) / 2)
+    n = len(sight) ** 2
+    pairs = sight.reshape(n, n)
+    return np.triu(pairs != pairs.T).sum() / (n * (n - 1) / 2)
 
 
 def _draw_asymmetric(ax):
@@ -363,16 +308,6 @@ def _draw_asymmetric(ax):
         ax.plot(100 * densities, 100 * np.array(share), style, label=method)
     ax.set(xlabel="cells that are buildings, %", ylabel="asymmetric pairs, %")
     ax.set_title("random cities, 12 cells a side")
-    ax.legend()
-    ax.grid(alpha=0.3)
-
-
-def _matrix(sight):
-    return sight.reshape(len(sight) ** 2, -1)
-
-
-def _differing(sight):
-    return (_matrix(sight) != _matrix(sight).T).sum()
 
 
 def _southeast(sight):
@@ -380,10 +315,6 @@ def _southeast(sight):
     rows, cols, other_rows, other_cols = np.indices(sight.shape)
     chosen = (rows < other_rows) & (cols < other_cols)
     return (sight != sight.transpose(2, 3, 0, 1))[chosen]
-
-
-def _pairs(sight):
-    return len(sight) ** 2 * (len(sight) ** 2 - 1) / 2
 
 
 def _asymmetric_cases():
@@ -397,8 +328,7 @@ def _asymmetric_cases():
     drawn = [generator.random((size,) * 4) < share for size in (2, 3, 4) for share in (0.5, 0.9)]
     buildings = stream(Use.EXERCISE, 3).random((7, 7)) < 0.25
     return {
-        "Where both directions agree in all pairs, the share is 0: asked for is not what is seen, "
-        "but what differs.": [
+        "Where all pairs agree, the share is 0: what differs counts, not what is seen.": [
             *(table(2), table(3, fill=False), table(2, (0, 1, 1, 0), (1, 0, 0, 1))),
             (line_of_sight(buildings),),
         ],
@@ -416,9 +346,17 @@ def _asymmetric_cases():
             (line_of_sight(buildings, "bresenham"),),
         ],
         "A large table has more asymmetric pairs than 16 bits can count.": [
-            (generator.random((20,) * 4) < 0.5,),
+            (generator.random((24,) * 4) < 0.5,),
         ],
     }
+
+
+DIFFERING, ALL = "np.triu(pairs != pairs.T)", "(n * (n - 1) / 2)"
+
+
+def _counted(what, of="(n * (n - 1))"):
+    """A mistake in what differs, where each pair is counted twice."""
+    return edit(DIFFERING, what, ALL, of)
 
 
 ASYMMETRIC = Table(
@@ -426,49 +364,38 @@ ASYMMETRIC = Table(
     _asymmetric_cases,
     mistakes={
         "Pairs of a cell with itself are in your count: there are n (n − 1) / 2 pairs of different "
-        "cells, not n².": lambda s: _differing(s) / s.size,
+        "cells, not n² or n (n + 1) / 2.": (
+            *(_counted("(pairs != pairs.T)", "n**2"), edit("n - 1", "n + 1")),
+        ),
         "Yours is twice the share: the matrix shows each asymmetric pair twice, at [i, j] and at "
-        "[j, i].": lambda s: _differing(s) / _pairs(s),
+        "[j, i].": edit("np.triu", ""),
         "Yours is half the share or less: if you count each pair once, divide by the number of "
-        "unordered pairs, n (n − 1) / 2.": lambda s: _differing(s) / 2 / s.size,
-        "Yours is half the share: if you count each pair once, divide by the unordered pairs, "
-        "n (n − 1) / 2, not by the ordered ones.": lambda s: _differing(s) / 4 / _pairs(s),
-        "Pairs of a cell with itself are in your count of pairs: n (n − 1) / 2, not n (n + 1) / "
-        "2.": lambda s: _differing(s) / 2 / (_pairs(s) + len(s) ** 2),
-        "That is the share of the symmetric pairs.": lambda s: 1 - _asymmetric_share(s),
+        "unordered pairs, n (n − 1) / 2.": (edit(ALL, "n**2"), edit(ALL, "(n * (n - 1))")),
+        "That is the share of the symmetric pairs.": edit("return", "return 1 -"),
         "That is the number of pairs: divide by the number of all pairs.": (
-            lambda s: _differing(s) / 2
+            *(edit(f"/ {ALL}", ""), edit(f"/ {ALL}", "", "np.triu", "")),
         ),
-        "That is the number of pairs, each counted twice: divide by the number of all pairs.": (
-            _differing
-        ),
-        "A share is between 0 and 1, not in percent.": lambda s: 100 * _asymmetric_share(s),
+        "A share is between 0 and 1, not in percent.": edit("return", "return 100 *"),
         ".T of an array with four axes reverses them all, so rows change places with columns. Only "
         "the two cells may: reshape to (n, n) first, or transpose(2, 3, 0, 1).": (
-            lambda s: (s != s.T).sum() / 2 / _pairs(s)
+            _counted("(sight != sight.T)")
         ),
         "sight.T reverses all four axes, so rows change places with columns: reshape to (n, n) "
         "first. And leave the pairs of a cell with itself out of the count.": (
-            lambda s: (s != s.T).mean()
+            _counted("(sight != sight.T)", "n**2")
         ),
         "You swap row and column within each cell: swap the two cells, transpose(2, 3, 0, 1).": (
-            lambda s: (s != s.transpose(1, 0, 3, 2)).sum() / 2 / _pairs(s)
+            _counted("(sight != sight.transpose(1, 0, 3, 2))")
         ),
-        "You count one direction only: a pair is asymmetric too if the first cell does not see the "
-        "second, but the second sees the first.": (
-            lambda s: np.triu(_matrix(s) & ~_matrix(s).T).sum() / _pairs(s)
-        ),
-        "You count one direction only: a pair is asymmetric too if the first cell sees the second, "
-        "but the second does not see the first.": (
-            lambda s: np.tril(_matrix(s) & ~_matrix(s).T).sum() / _pairs(s)
+        "You count one direction only: a pair is asymmetric whichever of its two cells sees the "
+        "other, and is not seen by it.": (
+            edit("pairs != pairs.T", "pairs & ~pairs.T"),
+            edit(DIFFERING, "np.tril(pairs & ~pairs.T)"),
         ),
         "You take only pairs of which one cell is above *and* to the left of the other. Number the "
         "cells, row · M + col, and take all with number 1 < number 2.": (
-            lambda s: _southeast(s).sum() / _pairs(s)
-        ),
-        "You take only pairs of which one cell is above *and* to the left of the other, also to "
-        "divide by: number the cells, and take all with number 1 < number 2.": (
-            lambda s: _southeast(s).mean()
+            edit(DIFFERING, "_southeast(sight)"),
+            edit(f"{DIFFERING}.sum() / {ALL}", "_southeast(sight).mean()"),
         ),
     },
     read=number,
@@ -476,16 +403,11 @@ ASYMMETRIC = Table(
 
 
 @exercise(
-    "2.3",
-    "How asymmetric is a table?",
-    points=2,
-    minutes=12,
-    hints=(
-        "Make the table a square matrix, one row and one column for each cell. Where does it "
-        "differ from its transpose? How many unordered pairs are there?",
-        "With n = M² cells, reshape to (n, n) and compare with .T: each asymmetric pair shows up "
-        "twice. There are n (n − 1) / 2 unordered pairs of different cells.",
-    ),
+    "2.3 · How asymmetric is a table? (2 points, 12 minutes)",
+    "Make the table a square matrix, one row and one column for each cell. Where does it "
+    "differ from its transpose? How many unordered pairs are there?",
+    "With n = M² cells, reshape to (n, n) and compare with .T: each asymmetric pair shows up "
+    "twice. There are n (n − 1) / 2 unordered pairs of different cells.",
     figure=_draw_asymmetric,
     table=ASYMMETRIC,
 )

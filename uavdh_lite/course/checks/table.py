@@ -1,6 +1,9 @@
 """A check as data: cases by the rule that they test, and what typical mistakes would give."""
 
-from collections.abc import Callable, Iterator
+import inspect
+import textwrap
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -26,16 +29,40 @@ class Outcome:
     error: BaseException | None = None
 
 
+@dataclass(frozen=True)
+class Edit:
+    """A mistake as a change of the solution's code, below the line of its `def`."""
+
+    changes: tuple[tuple[str, str], ...]
+
+    def of(self, solution: Callable) -> Callable:
+        """The solution with this mistake in it."""
+        signature, code = textwrap.dedent(inspect.getsource(solution)).split("\n", 1)
+        for old, new in self.changes:
+            if old not in code:
+                raise ValueError(f"{solution.__name__} has no {old!r} to be changed")
+            code = code.replace(old, new)
+        names: dict[str, Callable] = {}
+        exec(f"{signature}\n{code}", solution.__globals__, names)
+        return names[solution.__name__]
+
+
+def edit(*texts: str) -> Edit:
+    """A mistake: what stands in the solution's code, and what stands there instead, in turns."""
+    return Edit(tuple(zip(texts[::2], texts[1::2], strict=True)))
+
+
 @dataclass(eq=False)
 class Table:
     """What a function must give back. Call the table with the function to check it.
 
     Arguments:
         solution: the right function.
-        rules: a function that makes the cases: tuples of arguments by the rule that they test,
-            a sentence; from what is basic to what is special.
-        mistakes: by what to say of it, a function that makes the mistake, or several that make it
-            in different ways. It is named only if one agrees with the answer on every case.
+        rules: a function that makes the cases: arguments, a tuple if there are several, by the
+            rule that they test, a sentence; from what is basic to what is special.
+        mistakes: by what to say of it, a function that makes the mistake, or the `edit` of the
+            solution that does, or a tuple of these if there are several ways. It is named only if
+            one agrees with the answer on every case.
         read: turns what the answer gives back into an array, or raises `Unreadable`.
         tolerance: relative. smallest: absolute.
         errors: what to say, besides the rule, if an answer stops with an error whose message has
@@ -47,7 +74,7 @@ class Table:
 
     solution: Callable
     rules: Callable[[], dict[str, list[tuple]]]
-    mistakes: dict[str, Callable | tuple[Callable, ...]] = field(default_factory=dict)
+    mistakes: dict[str, Callable | Edit | tuple] = field(default_factory=dict)
     read: Callable[[Any], np.ndarray] = numbers
     tolerance: float = 1e-6
     smallest: float = 1e-9
@@ -59,18 +86,27 @@ class Table:
     @cached_property
     def cases(self) -> list[tuple[str, tuple]]:
         """All cases, each with its rule."""
-        return [(rule, case) for rule, several in self.rules().items() for case in several]
+        return [
+            (rule, case if isinstance(case, tuple) else (case,))
+            for rule, several in self.rules().items()
+            for case in several
+        ]
 
     @cached_property
     def right(self) -> list[Outcome]:
         """What the solution gives in each case."""
         return [self.outcome(self.solution, case) for _, case in self.cases]
 
-    def each_mistake(self) -> Iterator[tuple[str, Callable]]:
+    @cached_property
+    def each_mistake(self) -> list[tuple[str, Callable]]:
         """What to say of each function that makes a mistake, and the function."""
+        found = []
         for message, made in self.mistakes.items():
             for mistake in made if isinstance(made, tuple) else (made,):
-                yield message, mistake
+                with suppress(OSError):  # installed without sources: rules only
+                    edited = isinstance(mistake, Edit)
+                    found.append((message, mistake.of(self.solution) if edited else mistake))
+        return found
 
     def __call__(self, answer: Callable) -> None:
         """Check a function.
@@ -85,7 +121,7 @@ class Table:
                 self._repeat(answer, given)
             return
         order = [*wrong, *(k for k in range(len(given)) if k not in set(wrong))]
-        for message, mistake in self.each_mistake():
+        for message, mistake in self.each_mistake:
             if all(self.same(given[k], self.outcome(mistake, self.cases[k][1])) for k in order):
                 raise CheckFailed(message)
         rule = self.cases[wrong[0]][0]

@@ -7,8 +7,8 @@ import numpy as np
 import torch
 
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
-from uavdh_lite.course.checks.table import Table
-from uavdh_lite.course.checks.values import Unreadable, number
+from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.values import number, one_of
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments.runs import keep_freed_memory
 from uavdh_lite.plotting import BLUE, GREEN, ORANGE, VERMILION
@@ -19,51 +19,12 @@ from uavdh_lite.training import Trainer
 
 
 def _n_step(rewards, terminals, values, n, discount):
-    total, factor = 0.0, 1.0
-    for k in range(min(n, len(rewards))):
-        total += factor * rewards[k]
-        factor *= discount
+    m, total = min(n, len(rewards)), 0.0
+    for k in range(m):
+        total += discount**k * rewards[k]
         if terminals[k]:
             return total
-    return total + factor * values[min(n, len(rewards))]
-
-
-def _wrong(power=0, shift=0, plain=False, bootstraps=False, goes_on=False, last_lost=False):
-    """The n-step return with a mistake.
-
-    Arguments:
-        power, shift: added to the exponent of the last discount, to the index of the value.
-        plain: rewards are not discounted. bootstraps: adds a value after a terminal too.
-        goes_on: does not stop at a terminal. last_lost: leaves out the terminal's reward.
-    """
-
-    def mistake(rewards, terminals, values, n, discount):
-        steps = min(n, len(rewards))
-        ended = np.flatnonzero(terminals[:steps])
-        ends = bool(len(ended)) and not goes_on
-        steps = int(ended[0]) + 1 if ends else steps
-        summed = np.array(rewards[:steps], float)
-        if ends and last_lost:
-            summed[-1] = 0
-        total = (summed * (1.0 if plain else discount ** np.arange(steps))).sum()
-        if ends and not bootstraps:
-            return total
-        at = max(0, min(steps + shift, len(values) - 1))
-        return total + discount ** (steps + power) * values[at]
-
-    return mistake
-
-
-def _last_asked(power):
-    """The sum stops at any terminal, but only one at its planned end keeps the value out."""
-
-    def mistake(rewards, terminals, values, n, discount):
-        m = min(n, len(rewards))
-        total = _n_step(rewards, terminals, 0 * values, n, discount)
-        summed = int(np.argmax(terminals)) + 1 if terminals[:m].any() else m
-        return total + (not terminals[m - 1]) * discount ** power(m, summed) * values[m]
-
-    return mistake
+    return total + discount**m * values[m]
 
 
 def _stored(length: int, ends: tuple[int, ...], seed: int) -> tuple:
@@ -81,13 +42,8 @@ def _draw_n_step(ax):
         terminals = np.isin(np.arange(10), ends)
         targets = [_n_step(rewards, terminals, values, n, 0.95) for n in steps]
         ax.plot(steps, targets, "o-", label=label, alpha=0.7)
-    ax.set(
-        xlabel="n, steps",
-        ylabel="n-step return, data units",
-        title="10 steps stored, the 6th earns 3, the others −0.1;\nγ = 0.95, all values 5",
-    )
-    ax.grid(alpha=0.3)
-    ax.legend()
+    ax.set(xlabel="n, steps", ylabel="n-step return, data units")
+    ax.set_title("10 steps stored, the 6th earns 3, the others −0.1;\nγ = 0.95, all values 5")
 
 
 def _n_step_cases():
@@ -101,8 +57,7 @@ def _n_step_cases():
         "With n = 1 it is rewards[0], and then γ times values[1], the value of the next state.": [
             *(case(3, (), 1, discount, seed) for seed, discount in enumerate((0.9, 0.5, 1.0, 0.0)))
         ],
-        "Reward k counts γ^k times. After m rewards the UAV is in state m: γ^m values[m] comes "
-        "last.": [
+        "Reward k counts γ^k times. After m rewards γ^m values[m] comes, of state m.": [
             *(case(6, (), n, d, n) for n, d in ((2, 0.9), (3, 0.8), (4, 0.99), (5, 0.3))),
             *((*whole, n, d) for n, d in ((2, 0.5), (2, 1.0), (2, 1))),
         ],
@@ -115,8 +70,7 @@ def _n_step_cases():
             *(case(6, (2, 4), n, 0.8, 7) for n in (1, 2)),
             *(case(6, (5,), n, 0.9, 10) for n in (4, 5)),
         ],
-        "Where fewer than n steps are stored, m = T: sum those that there are, then add "
-        "γ^T values[T].": [
+        "Where fewer than n steps are stored, m = T: sum those, then add γ^T values[T].": [
             *(case(6, (), n, 0.9, 1) for n in (6, 7, 20)),
             *(case(1, (), n, 0.4, 2) for n in (1, 3)),
             *((*whole, n, 0.5) for n in (3, 1000)),
@@ -128,55 +82,50 @@ def _n_step_cases():
     }
 
 
+VALUE = "discount**m * values[m]"
 N_STEP = Table(
     _n_step,
     _n_step_cases,
     mistakes={
         "You look for a terminal step in the whole memory, but only a terminal among the m steps "
-        "matters: before it comes, the value counts.": (
-            lambda r, t, v, n, d: _n_step(r, t, 0 * v if t.any() else v, n, d)
+        "matters: before it comes, the value counts.": edit(
+            VALUE, f"{VALUE} * (not any(terminals))"
         ),
         "You ask only whether the last of the m steps is terminal. If an earlier one is, the sum "
-        "has stopped there, and no value is added either.": _last_asked(lambda m, summed: m),
-        "You ask only whether the last of the m steps is terminal. If an earlier one is, where the "
-        "sum stops, no value is added either.": _last_asked(lambda m, summed: summed),
+        "has stopped there, and no value is added either.": (
+            edit("return total\n", "break\n", VALUE, f"{VALUE} * (not terminals[m - 1])"),
+            edit(
+                *("return total\n", "break\n"),
+                *(VALUE, "discount ** (k + 1) * values[m] * (not terminals[m - 1])"),
+            ),
+        ),
         "The power of γ before the value is one too low: after m rewards, the last one with "
-        "γ^(m−1), the value comes with γ^m.": _wrong(power=-1),
+        "γ^(m−1), the value comes with γ^m.": edit("discount**m", "discount ** (m - 1)"),
         "The power of γ before the value is one too high: it is that of the number of rewards, "
-        "γ^m.": _wrong(power=1),
+        "γ^m.": edit("discount**m", "discount ** (m + 1)"),
         "You take the value of the state before the last step. After m rewards the UAV is in "
-        "state m, values[m].": _wrong(shift=-1),
+        "state m, values[m].": edit("values[m]", "values[m - 1]"),
         "A value is added after a terminal step. The episode is over there: nothing follows.": (
-            _wrong(bootstraps=True)
+            edit("return total\n", "return total + discount ** (k + 1) * values[k + 1]\n")
         ),
         "The sum goes on after a terminal step, into the next episode. It must stop there, "
-        "without a value.": _wrong(goes_on=True),
+        "without a value.": edit("if terminals[k]", "if False"),
         "The reward of the terminal step is lost. It was earned: add it, then stop.": (
-            _wrong(last_lost=True)
+            edit("* rewards[k]", "* rewards[k] * (not terminals[k])")
         ),
-        "The rewards are not discounted: reward k counts γ^k times.": _wrong(plain=True),
-        "The powers of γ of the rewards are one too high: rewards[0] counts in full.": (
-            lambda r, t, v, n, d: _n_step(d * r, t, v, n, d)
+        "The rewards are not discounted: reward k counts γ^k times.": edit("discount**k *", ""),
+        "The powers of γ are one too high: rewards[0] counts in full.": (
+            edit("discount**k", "discount ** (k + 1)")
         ),
         "You take the last value that is stored. After n rewards the UAV is in state n, "
-        "values[n].": lambda r, t, v, n, d: _n_step(r, t, np.full(len(v), v[-1]), n, d),
-        "n has no effect: that is the return over one step.": (
-            lambda r, t, v, n, d: _n_step(r, t, v, 1, d)
-        ),
-        "The value at the end is missing: what comes after the n rewards counts too.": (
-            lambda r, t, v, n, d: _n_step(r, t, 0 * v, n, d)
-        ),
-        "The value at the end is not discounted: it comes with γ^m.": (
-            lambda r, t, v, n, d: (
-                _n_step(r, t, 0 * v, n, d) + v[min(n, len(r))] * (not t[: min(n, len(r))].any())
-            )
-        ),
+        "values[n].": edit("values[m]", "values[-1]"),
+        "n has no effect: that is the return over one step.": edit("min(n, len(rewards))", "1"),
+        "The value at the end is missing: what comes later counts too.": edit(VALUE, "0"),
+        "The value at the end is not discounted: it comes with γ^m.": edit(VALUE, "values[m]"),
         "Where fewer than n steps are stored, the power of γ is that of the steps that there "
-        "are, not n.": lambda r, t, v, n, d: _n_step(r, t, v * d ** max(0, n - len(r)), n, d),
+        "are, not n.": edit("discount**m", "discount**n"),
         "Where fewer than n steps are stored, no value is added. Add that of the last state "
-        "stored, values[T].": lambda r, t, v, n, d: _n_step(
-            r, t, v if n <= len(r) else 0 * v, n, d
-        ),
+        "stored, values[T].": edit(VALUE, f"{VALUE} * (n <= len(rewards))"),
     },
     read=number,
     errors={"IndexError": "There are T rewards and T + 1 values."},
@@ -184,16 +133,11 @@ N_STEP = Table(
 
 
 @exercise(
-    "6.1",
-    "The n-step return",
-    points=2,
-    minutes=15,
-    hints=(
-        "Write it down for n = 1 and n = 2, then for n = 2 with the first step terminal. After m "
-        "rewards, with which power of γ and of which state does the value come?",
-        "Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor "
-        "by γ, and return if terminals[k]. After m = min(n, T) steps add factor · values[m].",
-    ),
+    "6.1 · The n-step return (2 points, 15 minutes)",
+    "Write it down for n = 1 and n = 2, then for n = 2 with the first step terminal. After m "
+    "rewards, with which power of γ and of which state does the value come?",
+    "Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor "
+    "by γ, and return if terminals[k]. After m = min(n, T) steps add factor · values[m].",
     figure=_draw_n_step,
     table=N_STEP,
 )
@@ -205,11 +149,8 @@ NAMES = ("lazy", "crashes", "good", "wanders")
 
 
 def _diagnose(landed, collection_ratio, time_used):
-    if time_used < 0.25:
-        return "lazy"
-    if landed < 0.9:
-        return "crashes"
-    return "good" if collection_ratio >= 0.8 else "wanders"
+    lazy, crashes, good = time_used < 0.25, landed < 0.9, collection_ratio >= 0.8
+    return "lazy" if lazy else "crashes" if crashes else "good" if good else "wanders"
 
 
 # Of data/runs/deviations-manhattan, by variant, seed and thousand steps: landed, collected, time
@@ -234,14 +175,9 @@ def _draw_diagnosis(ax):
         ax.plot(used, collected, "o", color=colour, label=name)
         for x, y, share in zip(used, collected, landed, strict=True):
             ax.annotate(f"{share:.0%}", (x, y), (6, 3), textcoords="offset points", fontsize=8)
-    ax.set(
-        xlabel="flying time used, share",
-        ylabel="collection ratio",
-        xlim=(-0.03, 1.03),
-        ylim=(-0.05, 1.05),
-        title="nine validations; the number is the share that landed",
-    )
-    ax.title.set_fontsize("medium")
+    ax.set(xlabel="flying time used, share", xlim=(-0.03, 1.03))
+    ax.set(ylabel="collection ratio", ylim=(-0.05, 1.05))
+    ax.set_title("nine validations; the number is the share that landed", fontsize="medium")
     ax.legend(loc="upper left", fontsize="small")
 
 
@@ -266,78 +202,53 @@ def _diagnosis_cases():
     }
 
 
-def _name(value) -> np.ndarray:
-    if not (isinstance(value, str) and value in NAMES):
-        raise Unreadable(f"expected is one of {', '.join(NAMES)}, as text.")
-    return np.asarray(str(value))
+def _asked(*names):
+    """A mistake: these are asked for in this order."""
+    right, wrong = (
+        " else ".join(f'"{name}" if {name}' for name in order)
+        for order in (("lazy", "crashes", "good"), names)
+    )
+    return edit(right, wrong)
 
 
-def _in_order(*order, least=0.8, landed_least=0.9, time=0.25):
-    """Ask in this order; the first that holds counts."""
-
-    def mistake(landed, collected, used):
-        holds = {
-            "lazy": used < time,
-            "crashes": landed < landed_least,
-            "good": collected >= least,
-        }
-        return next((name for name in order if holds[name]), "wanders")
-
-    return mistake
-
-
-RIGHT_ORDER = ("lazy", "crashes", "good")
 DIAGNOSIS = Table(
     _diagnose,
     _diagnosis_cases,
     mistakes={
-        "Exactly 90 % landed is enough: it crashes if *fewer* than 90 % land.": (
-            _in_order(*RIGHT_ORDER, landed_least=0.9 + 1e-9)
-        ),
-        "Exactly 80 % collected is good: *at least* 80 %.": (
-            _in_order(*RIGHT_ORDER, least=0.8 + 1e-9)
-        ),
-        "Exactly 25 % of the time is not lazy any more: *less* than 25 %.": (
-            _in_order(*RIGHT_ORDER, time=0.25 + 1e-9)
+        "Exactly 90 % landed is enough: *fewer* is a crash.": edit("landed <", "landed <="),
+        "Exactly 80 % collected is good: *at least* 80 %.": edit(">=", ">"),
+        "Exactly 25 % of the time is not lazy: *less* than 25 % is.": (
+            edit("time_used <", "time_used <=")
         ),
         "You ask for the landings first: an agent that hardly flies is lazy, also if it crashes "
-        "now and then.": _in_order("crashes", "lazy", "good"),
+        "now and then.": _asked("crashes", "lazy", "good"),
         "An agent that collects much but crashes is not good: what it collects does not come "
         "home. Look at `landed` before you look at what it collects.": (
-            _in_order("lazy", "good", "crashes")
+            _asked("lazy", "good", "crashes")
         ),
-        "You ask first for what it collects: the time and the landings come before.": (
-            _in_order("good", "lazy", "crashes")
-        ),
+        "You ask first for what it collects.": _asked("good", "lazy", "crashes"),
         "You ask for the time last: it comes first, an agent that uses little of it is lazy, "
-        "however much it lands or collects.": _in_order("crashes", "good", "lazy"),
+        "however much it lands or collects.": _asked("crashes", "good", "lazy"),
         "The collection ratio alone is asked for, not its product with the share that landed.": (
-            lambda landed, c, t: _diagnose(landed, c * landed, t)
+            edit("collection_ratio >=", "landed * collection_ratio >=")
         ),
-        "Lazy and wandering are confused: the lazy one uses little of its time.": (
-            lambda landed, c, t: {"lazy": "wanders", "wanders": "lazy"}.get(
-                name := _diagnose(landed, c, t), name
-            )
+        "Lazy and wandering are confused.": edit(
+            '"lazy"', '"x"', '"wanders"', '"lazy"', '"x"', '"wanders"'
         ),
         "The numbers are shares between 0 and 1, not percentages: 90 % is 0.9.": (
-            lambda landed, c, t: _diagnose(landed / 100, c / 100, t / 100)
+            edit("0.25", "25", "0.9", "90", "0.8", "80")
         ),
     },
-    read=_name,
+    read=one_of(*NAMES),
 )
 
 
 @exercise(
-    "6.2",
-    "What is wrong with this agent?",
-    points=1,
-    minutes=5,
-    hints=(
-        "The four terms are defined one after the other, each among those that are left. So which "
-        "number must be looked at first?",
-        "First `if time_used < 0.25`, then `if landed < 0.9`, then collection_ratio: from 0.8 on "
-        'it is "good", else it "wanders".',
-    ),
+    "6.2 · What is wrong with this agent? (1 point, 5 minutes)",
+    "The four terms are defined one after the other, each among those that are left. So which "
+    "number must be looked at first?",
+    "First `if time_used < 0.25`, then `if landed < 0.9`, then collection_ratio: from 0.8 on "
+    'it is "good", else it "wanders".',
     figure=_draw_diagnosis,
     table=DIAGNOSIS,
 )
@@ -357,15 +268,8 @@ LAZY = replace(
 )
 MOST_STEPS, LEAST_PENALTY, LEAST_SCORE = 24_000, -40.0, 0.35
 MAY_CHANGE = (
-    "steps",
-    "crash_reward",
-    "crash_reward_end",
-    "crash_reward_growth",
-    "huber_delta",
-    "temperature",
-    "temperature_end",
-    "temperature_decay",
-    "exploring_starts",
+    *("steps", "crash_reward", "crash_reward_end", "crash_reward_growth", "huber_delta"),
+    *("temperature", "temperature_end", "temperature_decay", "exploring_starts"),
 )
 MENDED = replace(
     LAZY,
@@ -385,27 +289,17 @@ def _draw_schedules(ax):
         warm = recipe.temperature
         label = f"{recipe.name}: β = {warm:g} at first, Huber loss: {recipe.huber_delta or 'none'}"
         ax.plot(steps / 1000, crash, style, label=label)
-    ax.set(
-        xlabel="thousand environment steps",
-        ylabel="reward for a crash",
-        title=f"how fast it changes: crash_reward_growth = {MENDED.crash_reward_growth:g}",
-    )
-    ax.legend(fontsize="small")
-    ax.grid(alpha=0.3)
+    ax.set(xlabel="thousand environment steps", ylabel="reward for a crash")
+    ax.set_title(f"how fast it changes: crash_reward_growth = {MENDED.crash_reward_growth:g}")
 
 
 @exercise(
-    "6.3",
-    "Mend a lazy agent",
-    points=4,
-    minutes=30,
-    hints=(
-        "It lands at once since it learned to fear the crash before it saw what there is to "
-        "collect. Must a crash cost as much at the beginning of the training as at its end?",
-        "Begin with a crash_reward of a few points, comparable with the data that a step brings, "
-        "and let it grow to crash_reward_end. Explore more while the Q-values are still wrong "
-        "(temperature about 1), limit the pull of large errors (huber_delta), use all the steps.",
-    ),
+    "6.3 · Mend a lazy agent (4 points, 30 minutes)",
+    "It lands at once since it learned to fear the crash before it saw what there is to "
+    "collect. Must a crash cost as much at the beginning of the training as at its end?",
+    "Begin with a crash_reward of a few points, comparable with the data that a step brings, "
+    "and let it grow to crash_reward_end. Explore more while the Q-values are still wrong "
+    "(temperature about 1), limit the pull of large errors (huber_delta), use all the steps.",
     figure=_draw_schedules,
     function=False,
     seconds=3600,
@@ -449,40 +343,34 @@ def mended_recipe(answer) -> None:
     )
     if score >= LEAST_SCORE:
         return
+    symptom = f"it lands, but collects only {collected:.0%}."
+    cause = (
+        "It sees too little of what there is to collect, or its price of a crash grows too fast: "
+        "let it explore more at first, and use all the steps."
+    )
     if landed < 0.9:
         symptom = f"it lands in only {landed:.0%} of the missions."
+        cause = (
+            "Let the price of a crash grow sooner (crash_reward_growth), or the temperature fall "
+            "lower, so that it learns to come home."
+        )
     elif used < 0.25:
         symptom = f"it is still lazy, and uses {used:.0%} of its time."
-    else:
-        symptom = f"it lands, but collects only {collected:.0%}."
     if answer.crash_reward < -20:
         cause = (
             f"A crash costs {-answer.crash_reward:g} from the very start, far more than there is "
-            "to collect, and that drowns all else: begin with a small price and let it grow."
+            "to collect: begin with a small price and let it grow."
         )
     elif answer.crash_reward_end < 1.5 * LEAST_PENALTY:
         cause = (
             f"Its crash costs {-answer.crash_reward_end:g} at the end (crash_reward_end), and that "
             f"drowns all else: {-LEAST_PENALTY:g} are enough."
         )
-    elif landed < 0.9:
-        cause = (
-            "Let the price of a crash grow sooner (crash_reward_growth), or the temperature fall "
-            "lower, so that it learns to come home."
-        )
-    else:
-        cause = (
-            "It sees too little of what there is to collect, or its price of a crash grows too "
-            "fast: let it explore more at first, and use all the steps."
-        )
-    few = (
-        f" And it trains for {answer.steps:,} steps only; {MOST_STEPS:,} may be."
-        if answer.steps < 0.8 * MOST_STEPS
-        else ""
-    )
+    if answer.steps < 0.8 * MOST_STEPS:
+        cause += f" And it trains for {answer.steps:,} steps only; {MOST_STEPS:,} may be."
     raise CheckFailed(
         f"Collected and landed is {score:.0%}, and {LEAST_SCORE:.0%} are asked for: {symptom} "
-        f"{cause}{few}"
+        f"{cause}"
     )
 
 

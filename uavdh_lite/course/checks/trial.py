@@ -10,7 +10,6 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 
@@ -97,11 +96,13 @@ def stops_with(error: BaseException) -> str:
     return said if said.endswith((".", "!", "?")) else f"{said}."
 
 
-def within(seconds: float, work: Callable[[], Any]) -> None:
+def within(seconds: float, work: Callable[[], None]) -> None:
     """Do the work in a thread, and stop it when its time is up.
 
-    A thread can be stopped on every system, unlike the main thread, and the kernel lives on.
-    (A single operation of C code that never ends cannot be stopped.)
+    Unlike an alarm signal, a thread needs neither Unix nor the main thread, so that this works on
+    every system, in a kernel and in any thread of it, and the kernel lives on. Without threads, as
+    in a browser's Python, there is no limit. (A single operation of C code that never ends cannot
+    be stopped.)
 
     Raises:
         CheckFailed: if the time is up; else whatever the work raises.
@@ -118,7 +119,10 @@ def within(seconds: float, work: Callable[[], Any]) -> None:
 
     context = contextvars.copy_context()  # numpy's error state, and where a notebook prints to
     thread = threading.Thread(target=context.run, args=(target,), daemon=True)
-    thread.start()
+    try:
+        thread.start()
+    except RuntimeError:  # no threads here
+        target()
     asked, deadline = "", time.monotonic() + seconds
     try:
         while thread.is_alive() and time.monotonic() < deadline:
@@ -138,7 +142,12 @@ def within(seconds: float, work: Callable[[], Any]) -> None:
 
 
 def _stop(thread: threading.Thread) -> None:
-    """Raise `Stopped` in the thread, for a second again and again."""
+    """Raise `Stopped` in the thread, for a second again and again.
+
+    Only CPython can: elsewhere the thread is left alone, and ends with the process.
+    """
+    if not hasattr(ctypes, "pythonapi"):
+        return
     deadline = time.monotonic() + 1
     while thread.is_alive() and time.monotonic() < deadline:
         number, kind = ctypes.c_ulong(thread.ident or 0), ctypes.py_object(Stopped)
@@ -173,12 +182,19 @@ def _leave(*_):
     raise SystemExit
 
 
+def _unraisable(ignored, hook: Callable) -> None:
+    """Say nothing of a `Stopped` that comes where Python ignores errors, as while it tidies up."""
+    if not isinstance(ignored.exc_value, Stopped):
+        hook(ignored)
+
+
 @contextmanager
 def contained() -> Iterator[None]:
     """While an answer runs: little is printed, nothing warns, and `exit()` leaves no kernel."""
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
     names = shell.user_ns if shell else {}
     kept = {name: names[name] for name in ("exit", "quit") if name in names}
+    hook, sys.unraisablehook = sys.unraisablehook, lambda one: _unraisable(one, hook)
     output, sys.stdout = sys.stdout, _Brief(sys.stdout)
     names.update(dict.fromkeys(kept, _leave))
     try:
@@ -186,7 +202,7 @@ def contained() -> Iterator[None]:
             warnings.simplefilter("ignore")
             yield
     finally:
-        sys.stdout = output
+        sys.stdout, sys.unraisablehook = output, hook
         names.update(kept)
 
 

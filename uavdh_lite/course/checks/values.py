@@ -1,11 +1,16 @@
-"""What an answer gives back: read whatever it is, compared, and shown in a message."""
+"""What an answer gives back: read whatever it is, compared, and shown in a message.
 
-from collections.abc import Iterable
+A reader makes an array of what it is for, and raises `Unreadable` for anything else.
+"""
+
+from collections.abc import Callable, Iterable
 from decimal import Decimal
 from numbers import Real
 from typing import Any
 
 import numpy as np
+
+Reader = Callable[[Any], np.ndarray]
 
 
 class Unreadable(ValueError):
@@ -41,11 +46,7 @@ def numbers(value, depth: int = 5) -> np.ndarray:
 
 
 def number(value) -> np.ndarray:
-    """One number.
-
-    Raises:
-        Unreadable: for anything else, an array of one number included.
-    """
+    """One number; an array of one number is none."""
     array = numbers(value)
     if array.ndim:
         raise Unreadable(f"one number is expected, not an array of the shape {array.shape}.")
@@ -53,38 +54,47 @@ def number(value) -> np.ndarray:
 
 
 def whole(value) -> np.ndarray:
-    """One whole number, an `int` of Python or numpy.
-
-    Raises:
-        Unreadable: for anything else, 4.0 included.
-    """
+    """One whole number, an `int` of Python or numpy; 4.0 is none."""
     array = number(value)
     kind = np.asarray(value).dtype.kind if not isinstance(value, int) else "i"
     if kind not in "iu" or isinstance(value, bool):
-        raise Unreadable(
-            "an int is expected, a whole number. (math.ceil gives one, np.ceil does not.)"
-        )
+        raise Unreadable("an int is expected. (math.ceil gives one, np.ceil does not.)")
     return array
 
 
-def pair(value) -> np.ndarray:
-    """Two numbers.
+def row(count: int, what: str) -> Reader:
+    """A reader of so many numbers, and what it says of anything else."""
 
-    Raises:
-        Unreadable: for anything else.
-    """
-    array = numbers(value)
-    if array.shape != (2,):
-        raise Unreadable(f"two numbers are expected, not the shape {array.shape}.")
-    return array
+    def read(value):
+        array = numbers(value)
+        if array.shape != (count,):
+            raise Unreadable(f"{what} expected, not the shape {array.shape}.")
+        return array
+
+    return read
+
+
+pair = row(2, "two numbers are")
+
+
+def or_none(read: Reader) -> Reader:
+    """A reader that takes None, too."""
+    return lambda value: np.asarray(None) if value is None else read(value)
+
+
+def one_of(*names: str) -> Reader:
+    """A reader of one of these texts."""
+
+    def read(value):
+        if not (isinstance(value, str) and value in names):
+            raise Unreadable(f"expected is one of {', '.join(names)}, as text.")
+        return np.asarray(str(value))
+
+    return read
 
 
 def truth(value) -> np.ndarray:
-    """True or False; 1 and 0 count as such.
-
-    Raises:
-        Unreadable: for anything else.
-    """
+    """True or False; 1 and 0 count as such."""
     array = np.asarray(value) if isinstance(value, bool | int | np.bool_ | np.integer) else None
     array = _bare(value) if array is None else array
     if array is None or array.ndim or array.dtype.kind not in "biu" or array not in (0, 1):
@@ -93,16 +103,20 @@ def truth(value) -> np.ndarray:
 
 
 def truths(value) -> np.ndarray:
-    """An array of Booleans.
-
-    Raises:
-        Unreadable: for anything else, arrays of 0 and 1 included.
-    """
+    """An array of Booleans; one of 0 and 1 is none."""
     array = _bare(value)
     if array is None or array.dtype != bool:
         kind = "" if array is None else f", not of {array.dtype}"
         raise Unreadable(f"an array of Booleans is expected{kind}.")
     return array.astype(bool)
+
+
+def array_of_numbers(value) -> np.ndarray:
+    """An array or tensor of numbers; a list is none."""
+    array = numbers(value)
+    if _bare(value) is None:
+        raise Unreadable("an array is expected, not a list: np.array makes one.")
+    return array
 
 
 def _bare(value) -> np.ndarray | None:
