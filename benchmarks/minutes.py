@@ -37,12 +37,12 @@ STUDIED = {  # by recipe: studies, and the variant that is the recipe as it is
         ("in_20_minutes", "manhattan-2500000"),
     ],
     "quantile": [
-        ("values-manhattan-30000", "as_it_is"),
-        ("values-manhattan-100000", "as_it_is"),
-        ("parts-manhattan", "all"),
+        ("values-manhattan-30000", "8_quantiles"),
+        ("values-manhattan-100000", "8_quantiles"),
+        ("in_minutes-manhattan", "210000_steps"),
+        ("in_minutes-manhattan", "850000_steps"),
     ],
 }
-ALONE = {"quantile": [f"manhattan-quantile-{seed}" for seed in range(3)]}
 
 
 def ends(recipe: str) -> np.ndarray:
@@ -53,9 +53,6 @@ def ends(recipe: str) -> np.ndarray:
         for seed in np.unique(table["seed"][table["variant"] == variant]):
             run = (table["variant"] == variant) & (table["seed"] == seed)
             points.append([table["steps"][run][-1], table[CRAL][run][-1]])
-    for folder in ALONE.get(recipe, []):
-        table = read_table(RUNS / folder / "validation.csv")
-        points.append([table["steps"][-1], table[CRAL][-1]])
     return np.array(points)
 
 

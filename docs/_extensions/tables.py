@@ -378,7 +378,7 @@ MEANS = {CRAL: 3, "cumulative_reward": 2}  # with so many digits
 
 def values() -> str:
     """Other values of `quantile`, one at a time, in short runs of two lengths on `manhattan`."""
-    names = {"as_it_is": "none: `quantile`"}
+    names = {"as_it_is": "none"}
     rows: dict[str, list[str]] = {}
     for steps in VALUES_STEPS:
         table = read_table(DATA / "runs" / f"values-manhattan-{steps}" / "validation.csv.gz")
@@ -395,6 +395,29 @@ def values() -> str:
         head += [f"{steps:,} steps: CRAL of three seeds", "change", "change of the return"]
     text = _table(head, rows.values())
     return f"{text}\nStreams version {_streams(_runs(f'values-manhattan-{VALUES_STEPS[0]}'))}.\n"
+
+
+def five_minutes() -> str:
+    """The recipe and others in runs of five minutes on one core, as fast as each is."""
+    table = read_table(DATA / "runs" / "in_minutes-manhattan" / "validation.csv.gz")
+    rows = []
+    for variant, name in {
+        "210000_steps": "`quantile`: an update with 128 transitions for every 32 steps",
+        "64_environments": "128 transitions for every 64 steps",
+        "minibatch_64": "64 transitions for every 16 steps",
+    }.items():
+        end = {name: values[table["variant"] == variant] for name, values in table.items()}
+        last = end["steps"] == end["steps"].max()
+        rows.append(
+            [
+                name,
+                f"{round(end['steps'].max(), -4):,}",
+                _together(*(f"{value:.3f}" for value in end[CRAL][last])),
+                _together(*(f"{value:.2f}" for value in end[RETURN][last])),
+            ]
+        )
+    head = ["", "steps", "CRAL, three seeds", "return, three seeds"]
+    return f"{_table(head, rows)}\nStreams version {_streams(_runs('in_minutes-manhattan'))}.\n"
 
 
 def _unseen(**wanted: object) -> list[str]:
