@@ -70,9 +70,13 @@ for name, value in vars(start).items():
 #
 # ## 3.2 Actions and one step
 #
-# There are six actions. Each costs one unit of flying time. A world in which the next state depends only
-# on the present one and the action is a *Markov decision process*; a rule that picks an action from a
-# state is a *policy*.
+# There are six actions. Each costs one unit of flying time. In a *Markov decision process* the chances of what comes
+# next depend only on the present state and the action. A rule that picks an action from a state is a *policy*.
+#
+# Here chance is the fading. It is not part of the state, and need not be: it is drawn anew in every slot, so the fading
+# of the past says nothing about the next. If good moments came in runs, the last ones would say something, and
+# the state would have to hold them. The time left must be part of it: with 40 units left the same place is worth another action
+# than with 5.
 
 # %%
 print(dict(enumerate(ACTIONS)))
@@ -175,7 +179,11 @@ print({name: round(float(value[0]), 2) for name, value in rewards.terms(outcome)
 
 # %% [markdown]
 # Landing outside the landing zone is replaced the same way. There is no collision in this world, only
-# wasted time. The one disaster left is the last one: a flying time of 0 in the air.
+# wasted time. Why does a wrong move not end the episode? A beginner makes one every few steps, and would hardly ever get far
+# enough to see a device. Replaced, it costs a little, and the flight goes on. Another way is to forbid such actions (a *mask*): then
+# nothing need be learned about walls. Notebook 12 does that with the way home.
+#
+# The one disaster left is the last one: a flying time of 0 in the air.
 
 # %%
 Quiz("the_last_step")
@@ -191,10 +199,15 @@ print("crashed:", outcome.crashed[0], "reward", rewards(outcome)[0])
 # (−150 is from the authors' code. Our recipe `lite` trains with a milder crash and half the price of a
 # step, `recipe.py`; notebook 6 shows why. All rewards printed here are the paper's.)
 #
+# Is 0.2 a good price for a step? At 0, all ways are equally good, and nothing tells the agent to come home before the time
+# is up. At 5, a flight of 20 steps costs 100, more than all devices hold: the best it could do is to land at once. A step near a
+# device brings several data units, one far away hardly any. At 0.2 a detour of ten steps pays if it brings 2 units.
+#
 # ## 3.5 Who may send: four slots a step
 #
 # While the UAV moves from one cell to the next there are four communication slots. In each, *one*
-# device sends: the one with the best SNR among those with data left (TDMA with a max-rate scheduler).
+# device sends: the one with the best SNR among those with data left. (Devices take turns in time: *time division
+# multiple access*, TDMA. The rule is a *max-rate scheduler*.)
 # The fading is drawn again for every slot and device, so luck can change who it is:
 
 # %%
@@ -226,6 +239,10 @@ figure
 # Each box has the SNR of a device. The one that sends has its colour, and the data units that it sends. All three are
 # equally far from the UAV, so luck decides. Device 2 gets the first two slots. The second carries only what
 # it has left, and then it makes way.
+#
+# Why is "serve device 2" not an action of the agent? Then there would be one for each device, and their number changes. The rule
+# does it well: it takes the most data in this slot. But it is *greedy*. It never thinks ahead: if the UAV passes device
+# A only now and will be near B for long, it should serve A now, even if B is a little louder.
 #
 # The UAV is a little further in every slot. Where it is decides the distance and whether it sees the
 # device. Here it flies east, round the corner of a building, without fading:
@@ -369,8 +386,7 @@ print(f"{speed[-1] / speed[0]:.0f} times as many steps a second as one by one")
 figure
 
 # %% [markdown]
-# That is why one core is enough for this project: compared with learning, flying costs almost nothing
-# (notebook 6 measures it).
+# That is why one core is enough for this project: compared with learning, flying costs almost nothing.
 #
 # ## Recap
 #
