@@ -199,8 +199,8 @@ print("crashed:", outcome.crashed[0], "reward", rewards(outcome)[0])
 # (−150 is from the authors' code. Our recipe `lite` trains with a milder crash and half the price of a
 # step, `recipe.py`; notebook 6 shows why. All rewards printed here are the paper's.)
 #
-# Is 0.2 a good price for a step? At 0, all ways are equally good, and nothing tells the agent to come home before the time
-# is up. At 5, a flight of 20 steps costs 100, more than all devices hold: the best it could do is to land at once. A step near a
+# Is 0.2 a good price for a step? At 0, a long way is as good as a short one, and nothing speaks for landing before the last
+# moment. At 5, a flight of 20 steps costs 100, more than all devices hold: the best it could do is to land at once. A step near a
 # device brings several data units, one far away hardly any. At 0.2 a detour of ten steps pays if it brings 2 units.
 #
 # ## 3.5 Who may send: four slots a step

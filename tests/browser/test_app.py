@@ -411,7 +411,7 @@ def test_flying_by_keys_ends_with_a_score(shared_page):
 
 def test_the_channel_follows_device_and_sliders(shared_page):
     lab = open_lab(shared_page, "Channel")
-    sentence = lab.get_by_text("data units a slot").last
+    sentence = lab.get_by_text("m through the air")
     before = sentence.inner_text()
     picture = lab.locator(".uavdh-picture img")
     width, height = size(picture)

@@ -88,6 +88,7 @@ class Thoughts:
             title = "Q-values; lines: 50% and 80% of the returns"
             known = self.returns[self.q.isfinite()].quantile(torch.tensor(MOST), dim=1)
         low, high = float(known.min()), float(known.max())
+        low = max(low, -0.3 * max(high, 1))  # a bar far below is cut off: its number says the rest
         self.bars.set(title=title, xlim=(min(low, 0) - 1, 1.25 * max(high, 0) + 1))
         self.chances.set(title="softmax policy", xlim=(0, 1.4), xticks=(0, 0.5, 1))
         self.changing = [
