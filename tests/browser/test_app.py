@@ -523,6 +523,7 @@ def test_a_city_is_painted_uploaded_and_flown(shared_page):
     kinds = painted(link).kinds
     lab.get_by_role("link", name="link", exact=True).click()
     expect(status).to_contain_text("copy it")
+    expect(lab.get_by_role("button", name="Play")).to_be_visible()  # nothing is on its way any more
     shared_page.reload()  # somebody opens the address
     link.wait_for()
     until(shared_page, lambda: (painted(link).kinds == kinds).all())
