@@ -329,7 +329,7 @@ for variant in dict.fromkeys(study["variant"].tolist()):
 
 # %% [markdown]
 # The crash penalty is the worst part to undo: with −150 throughout no seed learns much. Without input scales, layer
-# norm or the memory's size no seed gets far, either. Other parts hardly matter here, and with some it depends on the
+# norm, the memory's size or the higher learning rate no seed gets far, either. Other parts hardly matter here, and with some it depends on the
 # seed. Three limits: runs this short say what learns *sooner*, not what is better in the end. A part may be needed in
 # this recipe only, so the rows do not say how the paper's own would do. And `without_replay` undoes two settings, the
 # memory's size and its random share, so it does not say which of them matters.

@@ -2,7 +2,7 @@
 # # 13 · Any city
 #
 # The agents of the notebooks before this one know one city each. Here one network flies over cities that it has never
-# seen, the moment they are drawn. It was trained like the agent of notebook 12. Only its cities are new: thousands of them,
+# seen, the moment they are drawn. It was trained like the agent of notebook 12, but over thousands of cities,
 # another one for each mission.
 
 # %% tags=["remove-cell"]
@@ -430,7 +430,7 @@ for recipe, (_, label) in runs.items():
 
 # %% [markdown]
 # A run that begins with `any_city` is far ahead at first: after its first validation it is where the others are after ten
-# to twenty times as many steps. In these validations it ends below them, though, by more than a point. But they look at
+# to twenty times as many steps or more. In these validations it ends below them, though, by one to two points. But they look at
 # one view of the map, to save time. In flight the fine-tuned agents act on all eight. Measured so, over 3000 missions
 # in pairs with greedy:
 #
