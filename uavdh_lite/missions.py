@@ -130,6 +130,20 @@ class Mission:
         devices[device] = cell
         return replace(self, devices=tuple(devices))
 
+    def drag(self, start: Cell, end: Cell) -> "Mission":
+        """The mission with the device, or else the start, that is in one cell in another one."""
+        device = self.device_at(start)
+        if device is not None:
+            return self.move(device, end)
+        return replace(self, start=end) if start == self.start else self
+
+    def fill(self, device: int, amount: float) -> "Mission":
+        """The mission with this much data at a device, data units."""
+        self._require(device)
+        data = list(self.data)
+        data[device] = amount
+        return replace(self, data=tuple(data))
+
     def remove(self, device: int) -> "Mission":
         """The mission without this device; those after it move up."""
         self._require(device)

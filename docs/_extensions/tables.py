@@ -406,14 +406,15 @@ def five_minutes() -> str:
         "64_environments": "128 transitions for every 64 steps",
         "minibatch_64": "64 transitions for every 16 steps",
     }.items():
-        end = {name: values[table["variant"] == variant] for name, values in table.items()}
-        last = end["steps"] == end["steps"].max()
+        ends = table["variant"] == variant
+        steps = table["steps"][ends].max()
+        ends &= table["steps"] == steps
         rows.append(
             [
                 name,
-                f"{round(end['steps'].max(), -4):,}",
-                _together(*(f"{value:.3f}" for value in end[CRAL][last])),
-                _together(*(f"{value:.2f}" for value in end[RETURN][last])),
+                f"{1000 * round(steps / 1000):,}",
+                _together(*(f"{value:.3f}" for value in table[CRAL][ends])),
+                _together(*(f"{value:.2f}" for value in table[RETURN][ends])),
             ]
         )
     head = ["", "steps", "CRAL, three seeds", "return, three seeds"]

@@ -738,6 +738,9 @@ def test_missions_in_a_painted_city_are_set_by_hand_and_have_numbers():
     assert lab.number.value == 1 and lab._mission != before
     lab.number.value = 0
     assert set_by(lab._mission) == set_by(drawn)
+    lab.blank.click()  # no landing zone: nothing to fly in
+    lab.number.value = 2
+    assert "no start and landing zone" in lab.message.value
 
 
 def test_many_missions_say_more_than_one_and_find_where_greedy_fails():

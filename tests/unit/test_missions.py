@@ -215,3 +215,16 @@ def test_a_huge_file_is_not_read(tmp_path):
     path.write_bytes(b" " * 2_000_000)
     with pytest.raises(InputError, match="2000000 bytes: no mission is that large"):
         load_mission(path)
+
+
+def test_what_is_in_a_cell_is_dragged_and_devices_are_filled():
+    mission = Mission.draw(SCENARIOS["village"], City.load("village"), 0)
+    (device, *others), free = mission.devices, (7, 0)
+    moved = mission.drag(device, free)
+    assert moved.devices == (free, *others) and moved.start == mission.start
+    begun = mission.drag(mission.start, (0, 0))
+    assert begun.start == (0, 0) and begun.devices == mission.devices
+    assert mission.drag(free, (6, 0)) is mission  # nothing is there
+    assert mission.fill(0, 3.5).data == (3.5, *mission.data[1:])
+    with pytest.raises(InputError, match="no device 9"):
+        mission.fill(9, 1.0)

@@ -3,6 +3,7 @@
 import base64
 import html
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -140,8 +141,8 @@ class CityLab(ipywidgets.VBox):
         self.canvas = Canvas(figure)
         self.stage = Stage(
             dropped=self.dropped,
-            filled=self._change_data,
-            timed=lambda time: self._change(lambda: replace(self._mission, flying_time=time)),
+            filled=lambda device, amount: self._fly(lambda: self._mission.fill(device, amount)),
+            timed=lambda time: self._fly(lambda: replace(self._mission, flying_time=time)),
         )
         self.stage.layout = BESIDE
         self.views = ipywidgets.HBox([self.canvas.picture], layout=WRAP)
@@ -273,7 +274,7 @@ class CityLab(ipywidgets.VBox):
             self._say("The address of this page now opens this city: copy it.", TEXT)
             return
         try:
-            data = base64.b64decode(code, altchars="-_", validate=True)
+            data = base64.b64decode(code, validate=True)
         except ValueError:
             self._say("the link holds no city: part of it is missing")
             return
@@ -289,7 +290,8 @@ class CityLab(ipywidgets.VBox):
             self._say(str(error).replace("upload.png", source))
 
     def _code(self) -> str:
-        return base64.b64encode(self.draft.png(), altchars=b"-_").decode()
+        """The city's PNG in base64."""
+        return base64.b64encode(self.draft.png()).decode()
 
     def _show(self) -> None:
         self._corner = self._sight = self._looked_from = None
@@ -301,9 +303,9 @@ class CityLab(ipywidgets.VBox):
         self.canvas.draw(alt=self.draft.description())
         if not self.at_once.value:
             self._hide_flights()
-        png = base64.b64encode(self.draft.png()).decode()
+        code = self._code()
         save = LINK.format(
-            f'download="my_city.png" href="data:image/png;base64,{png}"', "save as PNG"
+            f'download="my_city.png" href="data:image/png;base64,{code}"', "save as PNG"
         )
         try:
             city = self.draft.city()
@@ -316,7 +318,7 @@ class CityLab(ipywidgets.VBox):
         self._say("")
         self.fly.disabled = self.many.disabled = False
         if self._linked:
-            save += " or as a " + LINK.format(f'href="#{ADDRESS}{self._code()}"', "link")
+            save += " or as a " + LINK.format(f'href="#{ADDRESS}{code}"', "link")
         if "any_city" in self._offer_policies(city):
             command = FINE_TUNE
         else:
@@ -347,38 +349,22 @@ class CityLab(ipywidgets.VBox):
             return
         city, last = self.draft.city(), self._mission
         if last is not None and last.city.size == city.size:
-            try:
-                self._fly(lambda: replace(last, city=city))
+            with suppress(InputError):  # a device, or the start, is where none can be any more
+                mission = replace(last, city=city)
+                self._fly(lambda: mission)
                 return
-            except InputError:
-                pass  # a device, or the start, is where none can be any more
         self._fly_next()
 
     def dropped(self, start: Cell, end: Cell) -> None:
         """Drag a device or the start from one cell to another. The same cell twice is a click: it
         adds a device, or takes it away."""
         mission = self._mission
-        device = mission.device_at(start)
-        if start == end:
-            self._change(lambda: mission.add(end) if device is None else mission.remove(device))
-        elif device is not None:
-            self._change(lambda: mission.move(device, end))
-        elif start == mission.start:
-            self._change(lambda: replace(mission, start=end))
-
-    def _change_data(self, device: int, amount: float) -> None:
-        data = list(self._mission.data)
-        data[device] = amount
-        self._change(lambda: replace(self._mission, data=tuple(data)))
-
-    def _change(self, change: Callable[[], Mission]) -> None:
-        """Fly the mission as it is after a change, or say why it is not possible."""
-        self._say("")
-        try:
-            self._fly(change)
-        except InputError as error:
-            self._say(str(error))
-            self.stage.put_back()
+        if start != end:
+            self._fly(lambda: mission.drag(start, end))
+        elif (device := mission.device_at(end)) is None:
+            self._fly(lambda: mission.add(end))
+        else:
+            self._fly(lambda: mission.remove(device))
 
     def _scenario(self, city: City) -> Scenario:
         """Up to three devices, with time to cross the city about twice."""
@@ -420,6 +406,7 @@ class CityLab(ipywidgets.VBox):
             self._average += (
                 f"; {title} is ahead in {(ahead > 0.01).sum()}, behind in {(ahead < -0.01).sum()}"
             )
+        if ahead.max() > 0.01:
             number = int(ahead.argmax())
             self._average += f". Mission {number} is the one in which greedy is furthest behind"
         if number == self.number.value:
@@ -427,13 +414,10 @@ class CityLab(ipywidgets.VBox):
         self.number.value = number  # which flies it
 
     def _fly(self, choose: Callable[[], Mission]) -> None:
-        """Fly a mission; the greedy planner flies it, too, for comparison.
-
-        Raises `InputError` if the mission cannot be.
-        """
-        mission = choose()
+        """Fly a mission, and the greedy planner for comparison; or say why it cannot be."""
+        self._say("")
         try:
-            city = self.draft.city()
+            mission, city = choose(), self.draft.city()
             environment = Environment(city)
             self.result.value = f"{self.policy.value} is planning …"
             flown = {
@@ -442,6 +426,7 @@ class CityLab(ipywidgets.VBox):
             }
         except InputError as error:
             self._say(str(error))
+            self.stage.put_back()
             return
         self._mission = mission
         told = [*map(self._told, flown, flown.values()), HINT]

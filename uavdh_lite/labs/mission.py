@@ -102,7 +102,7 @@ class MissionLab(ipywidgets.VBox):
         self.sentence.add_class("uavdh-sentence")
         self.stage = Stage(
             dropped=self.dropped,
-            filled=self._change_data,
+            filled=lambda device, amount: self._attempt(lambda: self.mission.fill(device, amount)),
             timed=lambda time: self._change(flying_time=time),
         )
         self.charts = self._side()
@@ -160,13 +160,10 @@ class MissionLab(ipywidgets.VBox):
 
     def dropped(self, start: tuple[int, int], end: tuple[int, int]) -> None:
         """Drag a device or the start from one cell to another; the same cell twice is a click."""
-        device = self.mission.device_at(start)
         if start == end:
             self.clicked(end)
-        elif device is not None:
-            self._attempt(lambda: self.mission.move(device, end))
-        elif start == self.mission.start:
-            self._change(start=end)
+        else:
+            self._attempt(lambda: self.mission.drag(start, end))
 
     def clicked(self, cell: tuple[int, int]) -> None:
         """Do what `click` says to this cell, (row, column)."""
@@ -209,11 +206,6 @@ class MissionLab(ipywidgets.VBox):
         with self._quiet():
             self.seed.value = mission.seed
         self._fly()
-
-    def _change_data(self, device: int, amount: float) -> None:
-        data = list(self.mission.data)
-        data[device] = amount
-        self._change(data=tuple(data))
 
     def _fly(self) -> None:
         """Fly the mission with the chosen policies and show the whole flights."""
