@@ -141,7 +141,7 @@ for name, flight in (("agent", short), ("genie", planned)):
 # %% [markdown]
 # The third device sent two thousandths of a unit: its arrows have colour, but next to no data. No rule says which device
 # to leave. The agent's choice comes from training, and here it is not the best: the genie flies on to the far landing
-# zone and brings home more. (Notebook 8 compares the two over 1000 missions.)
+# zone and brings home more. (Notebook 8 compares agents with the genie over 1000 missions.)
 #
 # That the agent gets home is not left to learning: a rule, the *failsafe*, forbids each action after which the time left
 # would not suffice for the way home (notebook 12). The safety controller is another rule, which does not look

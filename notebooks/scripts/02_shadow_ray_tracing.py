@@ -39,8 +39,8 @@ figure
 # | | |
 # | --- | --- |
 # | **What you'll do** | Follow one ray from cell to cell, turn it into a test with whole numbers, compute whole shadow maps, and compare with sampled rays and with the rasterised rays that the paper's authors used |
-# | **What you'll learn** | Exact geometry without rounding, what "blocked" means at a corner, where Bresenham's lines go wrong, and what it costs |
-# | **What you'll need** | Notebook 1, the equation of a line. 38 minutes to read, 20 seconds to run; 12 minutes of exercises |
+# | **What you'll learn** | Exact geometry without rounding, what "blocked" means at a corner, and where Bresenham's lines go wrong |
+# | **What you'll need** | Notebook 1, the equation of a line. 36 minutes to read, 20 seconds to run; 12 minutes of exercises. An appendix, 2 minutes more, says what it costs |
 #
 # ## 2.1 One ray
 #
@@ -434,31 +434,6 @@ figure
 # with Bresenham's shadows. But radio works both ways: a channel that connects in one direction only is hard to explain.
 # The library's default is exact.
 #
-# ## 2.6 What it costs
-#
-# A city of $M$ cells a side has $M^4$ pairs, so doubling the side makes sixteen times the pairs. On a
-# random city of growing size:
-
-# %%
-import time
-
-def seconds(size, method):
-    drawn, best = np.random.default_rng(0).random((size, size)) < 0.2, np.inf
-    for _ in range(3):  # the quickest of three: other programs only make it slower
-        started = time.process_time()
-        line_of_sight(drawn, method)
-        best = min(best, time.process_time() - started)
-    return best
-
-# %%
-for size in (8, 16, 32):
-    exact, fan_of_rays = seconds(size, "exact"), seconds(size, "bresenham")
-    print(f"{size:>2} cells a side: exact {1000 * exact:6.1f} ms, Bresenham {1000 * fan_of_rays:6.1f} ms")
-
-# %% [markdown]
-# The times are those of one machine. Exact takes about ten times as long, but still a fraction of a second. And it is
-# done once for a city: the table is kept, $16^4$ = 65,536 Boolean values, and flying only looks things up.
-#
 # ## Recap
 #
 # - A link is blocked if its segment crosses the open inside of a building's cell: a comparison of
@@ -500,6 +475,31 @@ assert not city.buildings[best] and (share <= share[best]).all()
 print(best, f"{share[best]:.0%}")
 
 # %% [markdown]
+# ## Appendix: what it costs
+#
+# A city of $M$ cells a side has $M^4$ pairs, so doubling the side makes sixteen times the pairs. On a
+# random city of growing size:
+
+# %%
+import time
+
+def seconds(size, method):
+    drawn, best = np.random.default_rng(0).random((size, size)) < 0.2, np.inf
+    for _ in range(3):  # the quickest of three: other programs only make it slower
+        started = time.process_time()
+        line_of_sight(drawn, method)
+        best = min(best, time.process_time() - started)
+    return best
+
+# %%
+for size in (8, 16, 32):
+    exact, fan_of_rays = seconds(size, "exact"), seconds(size, "bresenham")
+    print(f"{size:>2} cells a side: exact {1000 * exact:6.1f} ms, Bresenham {1000 * fan_of_rays:6.1f} ms")
+
+# %% [markdown]
+# The times are those of one machine. Exact takes longer, roughly ten times here, but still a fraction of a second. And it is
+# done once for a city: the table is kept, $16^4$ = 65,536 Boolean values, and flying only looks things up.
+#
 # ## Further reading
 #
 # - Bresenham: *Algorithm for computer control of a digital plotter*, IBM Systems Journal, 1965.

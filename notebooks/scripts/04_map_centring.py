@@ -380,6 +380,19 @@ for recipe in (PAPER, LITE):
     print(f"{recipe.name:<6}", " → ".join(map(str, sides)), f"cells on a side, {numbers} numbers after flattening")
 
 # %% [markdown]
+# Each of these numbers, and the flying time, has a weight to each of the 256 outputs of the first fully connected layer. So in
+# `PAPER` this layer alone has $8465 \cdot 256 + 256$ weights, nearly all of the network. What if the city is larger?
+
+# %%
+for size in (16, 32, 50):
+    side = places(places(2 * size - 1, 5, 1), 5, 1)  # after two convolutions of `PAPER`
+    print(f"M = {size}: map {2 * size - 1}², flattened 16·{side}² = {16 * side**2:,}, "
+          f"first fully connected layer {(16 * side**2 + 1) * 256 + 256:,} weights")
+
+# %% [markdown]
+# The convolutions stay as they are: their kernels do not know how large the map is. The first fully connected layer grows
+# with $M^2$. (The appendix has the cure.)
+#
 # ## 4.5 At the border
 #
 # Wherever the UAV is, $1 - 256/961 = 73\,\%$ of the frame lie outside the city; with the UAV in a corner they lie on
@@ -396,20 +409,6 @@ print("the far device is at", np.argwhere(maps[0, 3].numpy() > 0).tolist())
 # %% [markdown]
 # The device is at (30, 28) of the frame: 15 rows south and 13 columns east of the middle.
 #
-# ## 4.6 Larger cities: global and local maps
-#
-# At 50×50 cells the centred map has 99×99. The authors' later papers give the network two smaller maps
-# instead: the whole surroundings, averaged over blocks of `pooling` cells a side, and the middle,
-# `local_size` cells a side, in full detail. The first no longer says in which of its nine cells a device is, the second
-# sees no further than eight cells. The library has that as the kind `global_local`:
-
-# %%
-metropolis = City.load("metropolis")
-for kind in ("centred", "global_local"):
-    shapes = Observation(metropolis, kind, pooling=3, local_size=17).map_shapes()
-    print(f"{kind:<13}", shapes, f"{sum(np.prod(s) for s in shapes):,} numbers")
-
-# %% [markdown]
 # ## Recap
 #
 # - The input is five layers and the flying time. Without the time, the same picture asks for different actions.
@@ -449,6 +448,23 @@ assert (city_in_frame(maps[0, 2].numpy(), (8, 4)) == city.buildings).all()
 assert (city_in_frame(maps[0, 1].numpy(), (8, 4)) == city.no_fly).all()
 
 # %% [markdown]
+# ## Appendix: larger cities, global and local maps
+#
+# At 50×50 cells the centred map has 99×99. The authors' later papers give the network two smaller maps
+# instead: the whole surroundings, averaged over blocks of `pooling` cells a side, and the middle,
+# `local_size` cells a side, in full detail. The first no longer says in which of its nine cells a device is, or a wall: a
+# layer of 0s and 1s becomes one of shares. The second sees no further than eight cells. The library has that as the kind
+# `global_local`:
+
+# %%
+metropolis = City.load("metropolis")
+for kind in ("centred", "global_local"):
+    shapes = Observation(metropolis, kind, pooling=3, local_size=17).map_shapes()
+    print(f"{kind:<13}", shapes, f"{sum(np.prod(s) for s in shapes):,} numbers")
+
+# %% [markdown]
+# The coarse map still grows with the city, but a ninth as fast, and the fine one does not grow at all.
+#
 # ## Further reading
 #
 # - Bayerlein et al., Globecom 2020, section III-C, and its Fig. 2.

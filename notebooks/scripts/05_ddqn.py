@@ -301,8 +301,21 @@ def stored(number):
 memory = Replay(capacity=50, environments=1, max_devices=1)
 for t in np.arange(100):
     memory.add(stored(t[None]), action=0, reward=0, terminal=False, next_state=stored(t[None] + 1))
-for _ in range(3):
-    print("a minibatch of the steps", *memory.sample(6, generator, discount=0.95).state.uav_cell)
+minibatches = [memory.sample(6, generator, discount=0.95).state.uav_cell for _ in range(3)]
+
+# %%
+figure = Figure(figsize=(8, 2.1), layout="constrained")
+ax = figure.subplots()
+ax.axvspan(-0.5, 49.5, color="0.85", label="forgotten")
+ax.axvspan(49.5, 99.5, color=BLUE, alpha=0.15, label="in the memory")
+for k, numbers in enumerate(minibatches):
+    ax.plot(numbers[1:], [k] * 5, "o", color=BLUE, label="drawn at random" if k == 0 else None)
+    ax.plot(numbers[0], k, "D", color=VERMILION, label="the newest" if k == 0 else None)
+ax.set(xlabel="number of the step", xlim=(-0.5, 100.5), ylim=(2.5, -0.5))
+ax.set_yticks(range(3), [f"minibatch {k + 1}" for k in range(3)])
+ax.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize="small")
+print("minibatch 1:", *minibatches[0])
+figure
 
 # %% [markdown]
 # The memory holds 50 of 100 steps. The newest, 99, is in each minibatch, and the first in it; the others are drawn from

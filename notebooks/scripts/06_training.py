@@ -103,19 +103,26 @@ for name, meaning in constants.items():
 # `huber_delta` keeps a crash from drowning all else in the loss; `None` means squared throughout. And `crash_reward`
 # lets the agent learn to fly far while a crash costs little, and to land in time when it costs all of 150.
 #
-# `lite` trains in about 20 minutes; the shipped DDQN agents took two to four times its steps. **The paper's own recipe
+# The 2,000,000 steps of `lite` take 20 to 25 minutes; the shipped DDQN agents had more of them. **The paper's own recipe
 # was not run to its end here**: a million of its updates take a day or more without a GPU (`docs/results/speed.md`, on
 # the site under Results). So this course does not show what that recipe reaches with this library.
 #
 # Every deviation is listed with its reason (`docs/project/differences_from_the_paper.md`). Otherwise nobody could
-# repeat the result, or say how far it may be compared with the paper's. As long as targets, replay memory and the two
-# networks work as in notebook 5, `lite` is another *recipe*. Other targets (quantiles or advantage learning, notebook
-# 12), or no target network, make another *algorithm*. Other rewards, or another $\gamma$, change what the agent is
-# asked for. So the curves and tables always count the paper's rewards.
+# repeat the result, say what made it fast, or say how far it may be compared with the paper's. A change is of one of
+# three kinds:
+#
+# | what is changed | for example | then it is |
+# | --- | --- | --- |
+# | a constant, or the size of something | learning rate, minibatch, environments, $\tau$, layers, $\beta$ | another *recipe* of the same algorithm: `lite` |
+# | the target, the memory, or the two networks | quantiles or advantage learning (notebook 12), no target network | another *algorithm* |
+# | rewards, or $\gamma$ | a crash that costs less | another *task* for the agent. So curves and tables always count the paper's rewards |
+#
+# And "reaches the paper's quality in minutes" is a claim. To believe it, ask for several seeds, missions that neither
+# training nor the choice of the agent saw, and the machine (notebooks 7 and 8).
 #
 # ## 6.2 Train one now
 #
-# Those 20 minutes are for a city of 16×16 cells. The village of 8×8 with one or two devices, and the
+# So much for a city of 16×16 cells. The village of 8×8 with one or two devices, and the
 # recipe `small`, take ten seconds on a quiet machine for 20,000 steps. That is less than half of the recipe's:
 
 # %%
@@ -182,7 +189,7 @@ for name, row in (("step 0", first), ("step 20,000", last)):
 # The untrained network repeats some action until the battery is empty. In a village this small the radio reaches far,
 # and even a UAV that hovers over its start until it crashes has collected about as much. So *collected* alone says
 # little; none of this data comes home. At the end the agent lands in nearly all missions, in about half of the time that it
-# has. The rest of the recipe's 48,000 steps teaches it to use the other half (notebook 11 has those curves). In between,
+# has. The recipe has 48,000 steps, and in the rest it learns to collect more (notebook 11 has the curve). In between,
 # *landed* may rise once or jump up and down, as the agent tries what a crash costs and as that cost grows: that differs from
 # seed to seed, and from machine to machine.
 #
@@ -329,10 +336,18 @@ for variant in dict.fromkeys(study["variant"].tolist()):
 
 # %% [markdown]
 # The crash penalty is the worst part to undo: with −150 throughout no seed learns much. Without input scales, layer
-# norm, the memory's size or the higher learning rate no seed gets far, either. Other parts hardly matter here, and with some it depends on the
-# seed. Three limits: runs this short say what learns *sooner*, not what is better in the end. A part may be needed in
+# norm, the larger memory or the higher learning rate no seed gets far, either. Other parts hardly matter here, and with
+# some it depends on the seed. Without exploring starts all three seeds do better: they cost a little in short runs here,
+# and `lite` has them for the open field, where they help a lot.
+#
+# Three of the parts belong to the network. *Input scales* divide data and time by constants, so that all inputs are about
+# as large as the 0s and 1s of the map. *Layer norm* shifts and scales the sums of a fully connected layer to mean 0 and
+# variance 1, before its ReLU; so the next layer sees numbers of the same size all along. A *leaky ReLU* lets a little of what is
+# below 0 through, where a ReLU gives 0 and no gradient.
+#
+# Three limits: runs this short say what learns *sooner*, not what is better in the end. A part may be needed in
 # this recipe only, so the rows do not say how the paper's own would do. And `without_replay` undoes two settings, the
-# memory's size and its random share, so it does not say which of them matters.
+# memory's size and how much of it random flights fill, so it does not say which of them matters.
 #
 # ## 6.6 Early and late
 #
@@ -367,7 +382,15 @@ for name, flown in flights.items():
                   for metric, label in METRICS.items()))
 
 # %% [markdown]
-# In the picture the early agent keeps far from the device in the no-fly zone and leaves most of its data, and yet it
+# Play both, step by step:
+
+# %%
+from uavdh_lite.player import play
+
+play(environment, {name: flown.trajectory(7) for name, flown in flights.items()})
+
+# %% [markdown]
+# The early agent keeps far from the device in the no-fly zone and leaves most of its data, and yet it
 # uses 42 of 45 units of time. The final one flies up to the zone and collects all. One mission is no rule: this one
 # takes the final agent all of its time, but over 200 missions it uses less than the early one, and brings home more.
 #

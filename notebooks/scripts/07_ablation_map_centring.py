@@ -164,8 +164,9 @@ for quality in (0.8, 0.9, 0.95):
 # validation earlier they were not in this order. On the way the curves cross more than once. So this recipe gets a good
 # agent out of either map, sooner out of the centred one, and perhaps one that is a little better (7.4). The paper's
 # figure shows a far larger gap. The recipes differ in many things; one that may matter here is that ours starts half of
-# its training episodes anywhere in the city (`exploring_starts`), so that the network sees every place from the
-# beginning. Which of the differences it is, these runs do not say.
+# its training episodes anywhere in the city (`exploring_starts`), so that a network without centring sees every place
+# from the beginning. (The centred one does not need that here, notebook 6.) Which of the differences it is, these runs do
+# not say.
 #
 # ## 7.3 One seed, and six
 #

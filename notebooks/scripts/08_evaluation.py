@@ -31,12 +31,12 @@ from uavdh_lite.evaluation import bootstrap_interval, mean_interval, wilson_inte
 from uavdh_lite.storage import read_table
 
 RUNS = Path("../data/runs")
-POLICIES = ("agent", "random", "greedy", "genie", "genie_data")
+POLICIES = ("ddqn", "random", "greedy", "genie", "genie_data")
 
 # %%
 def policies(city):
     table = read_table(RUNS / f"comparison-{city}.csv.gz")
-    rows = {p: table["policy"] == p for p in POLICIES} | {"agent": table["policy"] == f"{city}_ddqn"}
+    rows = {p: table["policy"] == (f"{city}_ddqn" if p == "ddqn" else p) for p in POLICIES}
     return {p: {k: v[rows[p]] for k, v in table.items()} for p in POLICIES}
 
 cities = {city: policies(city) for city in ("manhattan", "open_field")}
@@ -78,7 +78,7 @@ for city in cities:
 # %% [markdown]
 # | policy | what it knows |
 # | --- | --- |
-# | `agent` | (trained by the paper's method, `manhattan_ddqn` and `open_field_ddqn`) the map, the devices, their data and the remaining time, through its network; it has learned what to do |
+# | `ddqn`, *the agent* below | (trained by the paper's method: `manhattan_ddqn` and `open_field_ddqn`) the map, the devices, their data and the remaining time, through its network; it has learned what to do |
 # | `random` | nothing |
 # | `greedy` | the same as the agent; a person wrote its rule: to the nearest device with data, and home in time |
 # | `genie` | also the channel's mean rate at every cell; it searches over whole flights for the highest return |
@@ -105,11 +105,11 @@ for generators in (habit, stream):
 # %% [markdown]
 # So the run of seed 1 would train on the missions that choose the agent of seed 0, and the "independent" runs would
 # share their luck. The library makes each generator in one place (`uavdh_lite/streams.py`), from
-# `SeedSequence(seed, spawn_key=(use,))`. The use is not added to the seed, so no two uses share numbers, whatever the
-# seeds.
+# `SeedSequence(seed, spawn_key=(use,))`. The *spawn key* keeps the uses apart: seed and use go in as two numbers, not as
+# their sum, and each pair begins a stream of its own. So no two uses share numbers, whatever the seeds.
 #
-# Nor may exploration share a generator with the missions. How many numbers it takes depends on the policy: a greedy one
-# takes none, a long flight more than a short one. Then the next mission is another:
+# Nor may exploration share a generator with the missions that two policies are compared on. How many numbers it takes
+# depends on the policy: a greedy one takes none, a long flight more than a short one. Then the next mission is another:
 
 # %%
 from uavdh_lite.city import City
@@ -131,7 +131,10 @@ print("flying time of the second mission:", *(second_mission(explored) for explo
 # | --- | --- |
 # | held equal | the validation and test missions, their fading, the list of seeds |
 # | varied | the training seed, three times at least: first weights, training missions, exploration |
-# | not to be matched | the steps of training. Flights part as soon as the policies differ, even with a stream for each use. (In this library one stream serves the missions, fading and exploration of a training run) |
+# | not to be matched | the steps of training. Flights part as soon as the policies differ, even with a stream for each use. (So the library has one stream for a whole training run: its missions, fading and exploration) |
+#
+# What equal missions buy: both ways have the same easy and hard ones, so that luck falls out of the *difference*, and
+# its interval gets narrower (8.6). What is varied from run to run stays in, and has to: it is the luck of training.
 #
 # ## 8.2 The paper's table
 #
@@ -144,7 +147,7 @@ from uavdh_lite.paper import RESULTS
 for city, results in cities.items():
     print(city)
     for metric, paper in RESULTS[city].items():
-        mean, low, high = mean_interval(results["agent"][metric])
+        mean, low, high = mean_interval(results["ddqn"][metric])
         print(f"  {metric:<28}{mean:6.1%}  ({low:.1%} to {high:.1%})   paper {paper:.1%}")
 
 # %% [markdown]
@@ -199,7 +202,7 @@ assert z < 1.96 and p > 0.05
 # again. The middle 95 % of these means are the interval. By hand:
 
 # %%
-values = cities["manhattan"]["agent"][METRIC]
+values = cities["manhattan"]["ddqn"][METRIC]
 generator = np.random.default_rng(0)
 means = [values[generator.integers(0, 1000, 1000)].mean() for _ in range(2000)]
 print(np.quantile(means, [0.025, 0.975]).round(4))
@@ -224,7 +227,8 @@ print(f"the recorded run of the DDQN agent: best validation {best:.1%}, test {va
 
 # %% [markdown]
 # All are equal, yet the best seems better than it is: it was chosen for its luck. That the missions are random does not
-# help, since the choice was made on *these*. So the test has missions of its own. (In a real run all checkpoints fly
+# help, since the choice was made on *these*, and fits them. The figure is independent of the choice only on others. So
+# the test has missions of its own. (In a real run all checkpoints fly
 # the same missions, so part of the luck is common; and of the last line's difference, part is simply other missions.)
 #
 # ## 8.3 Next to the planners
@@ -255,7 +259,7 @@ for city, results in cities.items():
 
 # %%
 for city, results in cities.items():
-    more = results["agent"]["cumulative_reward"] - results["greedy"]["cumulative_reward"]
+    more = results["ddqn"]["cumulative_reward"] - results["greedy"]["cumulative_reward"]
     print(f"{city:<12}agent's return above greedy's by {{:+.2f}} ({{:+.2f}} to {{:+.2f}})".format(*bootstrap_interval(more)))
 
 # %% [markdown]
@@ -264,7 +268,7 @@ for city, results in cities.items():
 # %%
 for city, results in cities.items():
     for metric, reference in ((METRIC, "genie_data"), ("cumulative_reward", "genie")):
-        mean, low, high = share(results["agent"][metric], results[reference][metric])
+        mean, low, high = share(results["ddqn"][metric], results[reference][metric])
         print(f"{city:<12}{metric:<29}{mean:6.1%} of {reference}  ({low:.1%} to {high:.1%})")
 
 # %% [markdown]
@@ -280,7 +284,7 @@ results = cities["manhattan"]
 BY = {"devices": "devices", "flying_time": "flying time", "data": "data, data units"}
 figure = Figure(figsize=(10, 3.6), layout="constrained")
 for ax, (by, label) in zip(figure.subplots(1, 3, sharey=True), BY.items()):
-    for shift, policy in zip((-0.08, 0, 0.08), ("agent", "greedy", "genie_data")):
+    for shift, policy in zip((-0.08, 0, 0.08), ("ddqn", "greedy", "genie_data")):
         names, _, means = zip(*breakdown(results[policy][METRIC], results[policy][by].round()))
         mean, low, high = np.array(means).T
         ax.errorbar(np.arange(len(mean)) + shift, mean, [mean - low, high - mean], fmt="o-", ms=4, label=policy)
@@ -295,8 +299,8 @@ figure
 # %%
 for by, label in BY.items():
     for reference in ("genie_data", "greedy"):
-        lost = results[reference][METRIC] - results["agent"][METRIC]
-        parts = breakdown(lost, results["agent"][by].round())
+        lost = results[reference][METRIC] - results["ddqn"][METRIC]
+        parts = breakdown(lost, results["ddqn"][by].round())
         print(f"{label:<17}against {reference:<11}", *(f"{name}: {interval.mean:+.1%}" for name, _, interval in parts))
 
 # %% [markdown]
@@ -320,8 +324,8 @@ torch.set_num_threads(1)  # the network is small
 agent = load_agent("manhattan_ddqn")
 environment = Environment(agent.city)
 flights = evaluate(environment, agent, agent.scenario, 1000, seed=0, record=True)
-assert (flights.start.time_left == results["agent"]["flying_time"]).all()  # the missions of the table
-lost = results["genie_data"][METRIC] - results["agent"][METRIC]
+assert (flights.start.time_left == results["ddqn"]["flying_time"]).all()  # the missions of the table
+lost = results["genie_data"][METRIC] - results["ddqn"][METRIC]
 worst = np.argsort(lost)[::-1]
 print([f"mission {m}: {lost[m]:.0%} lost" for m in worst[:5]])
 
@@ -347,7 +351,16 @@ for name, own in parts.items():
     print(f"{name:<32}{own.sum():>4} missions, {lost[own].sum() / lost.sum():>4.0%} of the loss")
 
 # %% [markdown]
-# Few missions, one in forty, make more than a third of the loss; the rest is a little in very many.
+# Few missions, one in forty, make more than a third of the loss; the rest is a little in very many. The crash, step by
+# step:
+
+# %%
+from uavdh_lite.player import play
+
+play(environment, flights.trajectory(int(worst[0])))
+
+# %% [markdown]
+# Watch the last data come in: by then the way home is longer than the time that is left.
 #
 # ## 8.6 How many missions does a claim need?
 #
@@ -364,13 +377,13 @@ print(f"for ± 1 point: {needed:.0f} missions, for ± half a point four times as
 
 # %%
 for city, results in cities.items():
-    greedy, agent_s = results["greedy"][METRIC], results["agent"][METRIC]
-    difference = greedy - agent_s
-    unpaired = 1.96 * np.sqrt((greedy.var() + agent_s.var()) / 1000)
+    greedy, ddqn = results["greedy"][METRIC], results["ddqn"][METRIC]
+    difference = greedy - ddqn
+    unpaired = 1.96 * np.sqrt((greedy.var() + ddqn.var()) / 1000)
     paired = 1.96 * np.sqrt(difference.var() / 1000)
     print(f"{city:<12}greedy ahead by {difference.mean():+.4f}: unpaired ± {unpaired:.4f}, paired ± {paired:.4f}",
           "(holds 0)" if abs(difference.mean()) < paired else "(without 0)",
-          f"correlation {np.corrcoef(greedy, agent_s)[0, 1]:.2f}")
+          f"correlation {np.corrcoef(greedy, ddqn)[0, 1]:.2f}")
 
 # %% [markdown]
 # Which collects more? Where the paired interval of the difference holds 0, these missions do not tell. Would more
@@ -378,7 +391,7 @@ for city, results in cities.items():
 
 # %%
 for city, results in cities.items():
-    spread = (results["greedy"][METRIC] - results["agent"][METRIC]).std()
+    spread = (results["greedy"][METRIC] - results["ddqn"][METRIC]).std()
     narrow, found = (((z * spread) / 0.005) ** 2 for z in (1.96, 1.96 + 0.84))
     print(f"{city:<12}interval of ± half a point: {narrow:.0f} missions; lead found in 8 of 10 tries: {found:.0f}")
 
@@ -392,7 +405,7 @@ for city, results in cities.items():
 # ## Recap
 #
 # - A result is a mean with an interval, over missions that neither training nor the choice of the agent saw.
-# - Each use of random numbers has a stream of its own, and policies are compared on equal missions and fading.
+# - Training, validation and test draw from streams of their own, and policies are compared on equal missions and fading.
 # - Compare with something simple and with something near the optimum, on the same missions.
 # - The interval over missions says nothing about another training run.
 # - Fly the failures again and look. A mean does not say what went wrong.
@@ -411,16 +424,16 @@ assert np.isclose(probability, 0.0496, atol=1e-3)
 print(f"such luck has a chance of {probability:.1%}, so with {1 - probability:.0%} confidence")
 
 # %% [markdown]
-# **2.** Somebody waits for *one* UAV, and needs at least half of the data. Which policy of the three, agent,
-# greedy, genie, fails them how often? Does the mean tell?
+# **2.** Somebody waits for *one* UAV, and needs at least half of the data. Which policy of the three, `ddqn`,
+# `greedy`, `genie`, fails them how often? Does the mean tell?
 
 # %%
-fails = {p: cities["manhattan"][p][METRIC] < 0.5 for p in ("agent", "greedy", "genie")}
-assert fails["genie"].sum() < fails["agent"].sum()
+fails = {p: cities["manhattan"][p][METRIC] < 0.5 for p in ("ddqn", "greedy", "genie")}
+assert fails["genie"].sum() < fails["ddqn"].sum()
 for p, failed in fails.items():
     share_of, low, high = mean_interval(failed.astype(float))
     print(f"{p:<8}{failed.sum()} of 1000: {share_of:.1%}  ({low:.1%} to {high:.1%})")
-print("agent and greedy in the same mission:", (fails["agent"] & fails["greedy"]).sum())
+print("agent and greedy in the same mission:", (fails["ddqn"] & fails["greedy"]).sum())
 
 # %% [markdown]
 # The mean cannot tell: such missions are too rare to move it. A thousand missions hardly tell either. They count only a

@@ -112,11 +112,12 @@ show("manhattan", flights, ["three devices", "five devices"])
 # %%
 for k in (2, 3, 4, 5):
     flights = mission("manhattan", PLACES[:k], [12] * k, 65, (0, 0), copies=20)
-    print(f"{k} devices: mean {flights.steps.mean():.0f} of 65 units, brought home {brought_home(flights).mean():.1%}")
+    print(f"{k} devices: mean {flights.steps.mean():.0f} of 65 units, all 65 in {(flights.steps == 65).sum()} of 20, "
+          f"brought home {brought_home(flights).mean():.1%}")
 
 # %% [markdown]
 # It brings home all or nearly all, but these flights are no optimum. With two devices they take longer than with three.
-# And with five, most of them last until the time is up: the agent lingers next to a device that is empty.
+# And with five, many of them last until the time is up: the agent lingers next to a device that is empty.
 #
 # ## 9.3 A device in the no-fly zone
 #
@@ -189,7 +190,7 @@ print(f"over 100 draws: brought home {brought_home(flights).min():.1%} to {broug
 
 # %% [markdown]
 # The two flights are the same at first, and part in the east: a little more or less data left at a device may tip
-# a decision. Over a hundred draws luck changes what is brought home by a few percent: a flight is some
+# a decision. Over a hundred draws luck changes little of what is brought home: a flight is some
 # two hundred slots, and most of their luck averages out.
 #
 # ## 9.6 Q-values along a flight
@@ -211,14 +212,15 @@ figure
 
 # %% [markdown]
 # The values rise while the data comes nearer, and fall as it is collected: they are about the *future*.
-# The curves of the moves lie close together, because a wrong step can be undone in two. Outside the zone
+# The curves of the moves lie apart by a few units while there is data to collect, and close together at the end, where
+# a wrong step costs only time. The best two of them are often nearly equal: two ways to the same place. Outside the zone
 # `land` is refused: it is `hover` and a penalty of 1. The network puts it much lower than that for most of the flight.
 #
 # Can the values be trusted? Compare the largest Q-value with what was really earned from there on, with
 # the rewards and the discount that the agent was trained with:
 
 # %%
-rewards = agent.recipe.rewards_at(agent.recipe.steps)
+rewards = agent.recipe.rewards_at(agent.training["steps"])
 earned, returns = 0.0, []
 for step in reversed(flown.history):
     earned = float(rewards(step.outcome)[0]) + agent.recipe.discount * earned

@@ -20,6 +20,7 @@ if not any(distributions(name="uavdh_lite")):
 # %%
 # %matplotlib inline
 import inspect
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -94,7 +95,7 @@ print(f"{len(learned)} different cities to learn in, {len(unseen)} to test in, "
 
 # %% [markdown]
 # That is what *unseen* means here: other cities, but from the same generator. It says nothing yet of cities that
-# no such generator would draw; we come back to that.
+# no such generator would draw. (A person drew Manhattan: exercise 2 flies there.)
 #
 # ## 13.2 Is one network enough?
 #
@@ -392,7 +393,7 @@ for frame in frames:
 # never seen there is nothing to remember. It would have to find its own place on the map, and relate every wall to it,
 # for each place separately. In the centred map, a wall two cells to the east is always in the same place of the input.
 # Two resolutions are centred, too, and about a point ahead of the whole map. And the mean of all eight views adds
-# three to four points to the centred frames.
+# three to five points to the centred frames.
 #
 # ## 13.7 Learn one city by heart
 #
@@ -427,6 +428,9 @@ figure
 # %%
 for recipe, (_, label) in runs.items():
     own = [curve for (of, _), curve in curves.items() if of == recipe]
+    abouts = [Path("../data/runs", run, "about.json") for of, run in curves if of == recipe]
+    minutes = [json.loads(about.read_text())["seconds"] / 60 for about in abouts]
+    print(f"{label:<14}took" + ",".join(f" {m:.0f}" for m in minutes) + " minutes on one core")
     for when in (0, -1):
         print(f"{label:<14}after {own[0]['steps'][when]:>9,.0f} steps: ", *(f"{curve[CRAL][when]:.3f}" for curve in own))
 
