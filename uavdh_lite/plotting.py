@@ -286,7 +286,7 @@ def draw_curves(
     (line,) = ax.plot(steps, values.mean(axis=0), label=label, **style)
     if len(runs) > 1:
         low, high = np.quantile(values, [0.005, 0.995], axis=0)
-        ax.fill_between(steps, low, high, color=line.get_color(), alpha=0.2, linewidth=0)
+        ax.fill_between(steps, low, high, color=line.get_color(), alpha=0.35, linewidth=0)
     ax.set(xlabel="environment steps", ylabel=metric.replace("_", " "))
     return ax
 

@@ -52,7 +52,7 @@ show(flights)
 # | --- | --- |
 # | **What you'll do** | Fly a trained agent through one mission, read the picture, then set missions of your own |
 # | **What you'll learn** | What the task is, what the agent knows and does not know, how to read a flight |
-# | **What you'll need** | Python. 15 minutes to read, 10 seconds to run; 9 minutes of exercises |
+# | **What you'll need** | Python. 18 minutes to read, 10 seconds to run; 9 minutes of exercises |
 #
 # ## 0.1 Reading the picture
 #
@@ -92,12 +92,18 @@ for name, values in flights.records().items():
 # `cumulative_reward` is their sum. `time_used` is a share, here 31 of 45 units. `safety_interventions` counts moves that
 # the *safety controller* refused: into a tall building or a no-fly zone, off the map, or a landing elsewhere.
 #
-# What does the agent know? The city, where the devices stand, how much data each has left, and the time
+# What does the agent know? The city, where the devices stand, how much data each has left and has sent, and the time
 # left. It does not know the channel's formulae, the shadows drawn here in violet, or the luck of the
 # radio link, called *fading*. It learned what they do.
 #
-# (This agent goes beyond the paper; notebook 12 says how. Notebooks 3 to 9 teach the paper's method, whose
-# agent is called `manhattan_ddqn`.)
+# Several agents are shipped with the library, and fly in these notebooks:
+#
+# | agent | how it was made | where it flies |
+# | --- | --- | --- |
+# | `manhattan` | beyond the paper (notebook 12), for this city | 0, 10, 12 |
+# | `manhattan_ddqn`, `open_field_ddqn` | by the paper's method, taught in notebooks 3 to 8 | 4 to 9 |
+# | `manhattan_ddqn_early` | the same, stopped early | 6, 9 |
+# | `any_city` | as `manhattan`, over two thousand cities | 10, 13 |
 #
 # ## 0.2 One agent, any mission
 #
@@ -183,13 +189,14 @@ for name in ("has_landed", "collection_ratio", "collection_ratio_and_landed"):
 
 # %% [markdown]
 # The interval says how far the mean may be off because of which missions were drawn (notebook 8). More
-# missions make it narrower. All flights landed: that is the failsafe. The CRAL is the agent's own work.
+# missions make it narrower. All flights landed: that is the failsafe. How much they brought home is the agent's work, for the
+# most part (12.1 measures what the failsafe adds).
 #
 # ## Recap
 #
 # - The task: collect as much as you can from devices on the ground, and land in time.
-# - One network does it for all missions on this map. It sees the city, the data left at each device, and
-#   the time, and no more.
+# - One network does it for all missions on this map. It sees the city, the data that each device has left and has sent,
+#   and the time, and no more.
 # - A claim about an agent is a mean over many missions, with an interval.
 #
 # ## Exercises

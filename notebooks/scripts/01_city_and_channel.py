@@ -39,7 +39,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Take the city apart into layers, compute one link from the transmitter to the data unit, and map the rate over the whole city for a device |
 # | **What you'll learn** | Log-distance path loss with and without line of sight, the cell-edge SNR and the link budget behind it, shadow fading, and why a place further away can be much better than a near one |
-# | **What you'll need** | Logarithms, the normal distribution, a little numpy. 32 minutes to read, 10 seconds to run; 15 minutes of exercises |
+# | **What you'll need** | Logarithms, the normal distribution, a little numpy. 30 minutes to read, 10 seconds to run; 15 minutes of exercises |
 #
 # ## 1.1 Three layers
 #
@@ -124,6 +124,18 @@ above_db = channel.mean_snr_db(np.float32(channel.altitude_m**2), True, city.siz
 print(f"straight above the device: {above_db:.2f} dB")
 
 # %% [markdown]
+# The paper gives no second budget for links behind a building, and there is none: the transmitter does not know what
+# stands in the way. If somebody set −15 dB at the edge for these links, too, they would need far more power:
+
+# %%
+nlos_budget_db = channel.cell_edge_snr_db + 10 * channel.path_loss_exponent_nlos * np.log10(edge_m)
+at_30_m = nlos_budget_db - 10 * channel.path_loss_exponent_nlos * np.log10(np.hypot(30, channel.altitude_m))
+in_sight = channel.mean_snr_db(np.float32(30**2 + channel.altitude_m**2), True, city.size)
+print(f"budget {nlos_budget_db:.1f} dB; 30 m away {at_30_m:.1f} dB behind a building, {in_sight:.1f} dB in sight")
+
+# %% [markdown]
+# Then a building would make the link better, everywhere up to the edge. An agent would learn to hide.
+#
 # ## 1.4 From SNR to data
 #
 # While the UAV makes one move, there are four communication *slots* (notebook 3 draws them). In one slot
@@ -191,10 +203,12 @@ generator = np.random.default_rng(0)
 normal = generator.standard_normal(20_000)
 for name, sight in (("LoS", True), ("NLoS", False)):
     spread_db = channel.fading_db(normal, sight).std()
-    print(f"{name:>4}: {spread_db:.2f} dB, a factor of {10 ** (spread_db / 10):.2f} up or down")
+    factor = 10 ** (channel.fading_db(normal, sight) / 10)
+    print(f"{name:>4}: {spread_db:.2f} dB, a factor of {10 ** (spread_db / 10):.2f} up or down, {factor.mean():.2f} in the mean")
 
 # %% [markdown]
-# If you pass the variance, 5, you get a typical factor of $10^{5/10} = 3.2$ instead of 1.67.
+# If you pass the variance, 5, you get a typical factor of $10^{5/10} = 3.2$ instead of 1.67. And though $\eta$ has the mean 0, the
+# mean factor is above 1: 3 dB up doubles the signal, which adds 1, and 3 dB down halves it, which takes 0.5.
 
 # %%
 figure = Figure(figsize=(9, 3.4), layout="constrained")

@@ -40,7 +40,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Follow one ray from cell to cell, turn it into a test with whole numbers, compute whole shadow maps, and compare with sampled rays and with the rasterised rays that the paper's authors used |
 # | **What you'll learn** | Exact geometry without rounding, what "blocked" means at a corner, and where Bresenham's lines go wrong |
-# | **What you'll need** | Notebook 1, the equation of a line. 36 minutes to read, 20 seconds to run; 12 minutes of exercises. An appendix, 2 minutes more, says what it costs |
+# | **What you'll need** | Notebook 1, the equation of a line. 40 minutes to read, 20 seconds to run; 12 minutes of exercises. An appendix, 3 minutes more, says what it costs |
 #
 # ## 2.1 One ray
 #
@@ -259,7 +259,7 @@ print(sum(between_two(maps["random"], *pair) for pair in wrong), "of", len(wrong
 #
 # The cells that a ray crosses depend only on the displacement $(R, C)$, not on where it starts. So for
 # each displacement the library shifts the building layer by each crossed cell and joins the results:
-# one line of array code treats all pairs with this displacement. For (0, 3), by hand:
+# one array operation for each crossed cell, and all pairs with this displacement are decided. For (0, 3), by hand:
 
 # %%
 buildings = city.buildings
@@ -416,8 +416,8 @@ print(f"{links // 2} pairs of cells, two links each: one link wrong in {one_way.
       f"{one_way.sum() / links:.1%}, both in {both}")
 
 # %% [markdown]
-# A pair with one wrong link is connected one way only. There are as many wrong links as such pairs, plus twice the pairs
-# with both wrong; but there are only half as many pairs as links, so the share of pairs is larger.
+# A pair with one wrong link is connected one way only. The second share is nearly twice the first, because there are half
+# as many pairs as links.
 
 # %%
 worst = np.argmax((rays != pairs).sum(axis=1) * free)
@@ -438,7 +438,7 @@ figure
 #
 # - A link is blocked if its segment crosses the open inside of a building's cell: a comparison of
 #   whole numbers.
-# - Which cells are crossed depends only on the displacement, so one array operation decides all pairs
+# - Which cells are crossed depends only on the displacement, so a few array operations decide all pairs
 #   that share it.
 # - Two buildings that meet at a corner block the ray between them.
 # - Samples along a ray jump over cells.
@@ -497,8 +497,9 @@ for size in (8, 16, 32):
     print(f"{size:>2} cells a side: exact {1000 * exact:6.1f} ms, Bresenham {1000 * fan_of_rays:6.1f} ms")
 
 # %% [markdown]
-# The times are those of one machine. Exact takes longer, roughly ten times here, but still a fraction of a second. And it is
-# done once for a city: the table is kept, $16^4$ = 65,536 Boolean values, and flying only looks things up.
+# The times are those of one machine. Exact takes ten to twenty times as long here, but still a fraction of a second. (The
+# times grow less than sixteenfold from row to row: in small cities most of the time goes into calling the array operations.)
+# And it is done once for a city: the table is kept, $16^4$ = 65,536 Boolean values, and flying only looks things up.
 #
 # ## Further reading
 #

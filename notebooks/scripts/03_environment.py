@@ -49,14 +49,14 @@ draw(flights.trajectory(0))
 # | --- | --- |
 # | **What you'll do** | Fly an episode action by action, take each reward apart, provoke the safety controller, follow the devices' slots, fly with buttons |
 # | **What you'll learn** | The Markov decision process of the paper: state, actions, transition, reward, end; the scheduler |
-# | **What you'll need** | Notebooks 1 and 2. 30 minutes to read, 20 seconds to run; 13 minutes of exercises. An appendix, 3 minutes more, steps a thousand episodes at once |
+# | **What you'll need** | Notebooks 1 and 2. 35 minutes to read, 20 seconds to run; 13 minutes of exercises. An appendix, 4 minutes more, steps a thousand episodes at once |
 #
 # The flight above is by a simple planner that always goes to the nearest device with data left. Here that is
 # a bad idea: it has to leave a third of the data. We shall do better than it, and worse.
 #
 # ## 3.1 The state
 #
-# All that can change in an episode, and all that the agent may know, is in a few arrays. A cell is a
+# A few arrays hold all that can change in an episode. The agent may know nothing else. A cell is a
 # number, `row * 16 + column`:
 
 # %%
@@ -156,8 +156,8 @@ print(f"return {(data + price).sum():.2f} = data {data.sum():.2f}, price of {(pr
 figure
 
 # %% [markdown]
-# On the way to the second device the sum falls, step by step. An agent that minded the next reward only would never set out. It
-# has to learn that a step which costs now is worth what comes much later: notebook 5 is about that.
+# On the way to the second device the sum falls, step by step. An agent that looked no further than the next reward would never
+# set out. It has to learn that a step which costs now is worth what comes much later: notebook 5 is about that.
 #
 # ## 3.4 The safety controller
 #
@@ -241,7 +241,9 @@ figure
 # it has left, and then it makes way.
 #
 # Why is "serve device 2" not an action of the agent? Then there would be one for each device, and their number changes. The rule
-# does it well: it takes the most data in this slot. But it is *greedy*. It never thinks ahead: if the UAV passes device
+# mostly does it well: the loudest device sends the most, and with fading drawn for each, the loudest of several is
+# louder on average than any one of them. But it never asks how much is left: in slot 2 above, device 0 would have sent
+# more than the rest of device 2. Nor does it think ahead: if the UAV passes device
 # A only now and will be near B for long, it should serve A now, even if B is a little louder.
 #
 # The UAV is a little further in every slot. Where it is decides the distance and whether it sees the
@@ -334,9 +336,12 @@ draw_state([start])
 # %%
 from uavdh_lite.planners import Genie, Random
 
-for name, policy in (("random", Random(0)), ("greedy", Greedy(environment)), ("genie", Genie(environment))):
-    flights = fly(environment, policy, start, np.random.default_rng(0))
-    print(name, {key: round(float(value[0]), 2) for key, value in flights.records().items()})
+names = ("has_landed", "collection_ratio", "cumulative_reward", "time_used", "safety_interventions")
+print(" " * 22, "random  greedy   genie")
+policies = (Random(0), Greedy(environment), Genie(environment))
+flown = [fly(environment, policy, start, np.random.default_rng(0)).records() for policy in policies]
+for name in names:
+    print(f"{name:<22}", *(f"{records[name][0]:7.2f}" for records in flown))
 
 # %% [markdown]
 # Greedy took the long way and ran short of time. The genie, a search that knows where the shadows are, shows
@@ -354,14 +359,15 @@ for name, values in clueless.records().items():
     print(f"{name:<28} {values.mean():.3f}")
 
 # %% [markdown]
-# It lands in most missions, but brings home little of the data. An agent that knows nothing yet flies like this.
+# It lands in most missions, but brings home little of the data. Training begins with such flights (notebook 6). An untrained
+# *network*, left alone, is another thing: it repeats one action until the time is over.
 #
 # ## Recap
 #
 # - The state is six arrays; a step is a pure function of state, action and fading.
 # - The reward pays for data and charges for time, interventions and crashes.
 # - In each of four slots the device with the best SNR sends, if it has data left.
-# - A pilot who knows nothing lands soon, with little data: that is where learning begins.
+# - A pilot who draws actions at random lands soon, with little data.
 #
 # ## Exercises
 #
@@ -429,7 +435,8 @@ print(f"{speed[-1] / speed[0]:.0f} times as many steps a second as one by one")
 figure
 
 # %% [markdown]
-# That is why one core is enough for this project: compared with learning, flying costs almost nothing.
+# That is why one core is enough for this project: training makes about a thousand steps a second (notebook 6), and
+# flying takes a small part of that time.
 #
 # ## Further reading
 #

@@ -54,7 +54,7 @@ show(maps[0], LAYERS)
 # | --- | --- |
 # | **What you'll do** | Look through the agent's eyes, stop its clock, move the UAV and watch the frame move, count the weights that each frame costs, and look at the border |
 # | **What you'll learn** | What the five layers hold, why the flying time goes with them, why padding outside the city is a no-fly zone, and what a neuron after flattening means in either frame |
-# | **What you'll need** | Notebook 1; what a neural network is. 36 minutes to read, 15 seconds to run; 10 minutes of exercises |
+# | **What you'll need** | Notebook 1; what a neural network is. 44 minutes to read, 15 seconds to run; 10 minutes of exercises |
 #
 # ## 4.1 The layers
 #
@@ -65,7 +65,9 @@ print("map", tuple(maps.shape), "time", tuple(time.shape))
 
 # %% [markdown]
 # One episode, five layers, 31×31 cells. The first three are the city's own (notebook 1), the last two
-# say how much data each device still has, and how much has been collected from it. Yes is 1 and no is 0; data is in
+# say how much data each device still has, and how much has been collected from it. (What can still be earned depends on what
+# is left, not on what has been collected. So the last layer is no necessity, and the authors' code leaves it out. The
+# paper has it.) Yes is 1 and no is 0; data is in
 # data units, here 15 and 10 in the cells of the two devices, and 0 in all others. (A recipe may divide it by a constant
 # to get smaller numbers.) Dark is large. "Data collected" is empty because the flight has not begun. The blue cross
 # is the middle of the frame, where the UAV is.
@@ -145,8 +147,8 @@ assert running[2] > stopped[:, 2].max() + 0.2
 print(f"collected and landed: {running[2]:.0%} with the true time, {stopped[:, 2].max():.0%} with the best stopped clock")
 
 # %% [markdown]
-# A clock that shows 5 or 10 sends most UAVs home, with little data. From 20 on they collect most of it, but many crash:
-# at 30 about a third, at 60 all. No constant comes near the agent that sees the time.
+# A clock that shows 5 or 10 sends most UAVs home, with little data. From 20 on they collect most of it, but a third of
+# them or more crash, and at 60 all. With no stopped clock does the agent come near what it does with the true time.
 #
 # Why does more than one in five crash even with a clock that shows 5? Look at their last six steps:
 

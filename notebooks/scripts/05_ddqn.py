@@ -58,7 +58,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Learn a table of Q-values, replace it by a network, compare three ways to use a memory, measure the maximisation bias, slow down the targets, explore in two ways, and open the paper's network |
 # | **What you'll learn** | Q-learning, function approximation, combined experience replay, double Q-learning, soft targets, the softmax policy and ε-greedy |
-# | **What you'll need** | Notebooks 3 and 4; means, variances, gradients, the idea of a neural network. 60 minutes to read, 45 seconds to run; 10 minutes of exercises. An appendix, 15 minutes more, asks what the network knows of shadows |
+# | **What you'll need** | Notebooks 3 and 4; means, variances, gradients, the idea of a neural network. 80 minutes to read, 45 seconds to run; 10 minutes of exercises. An appendix, 20 minutes more, asks what the network knows of shadows |
 #
 # ## 5.1 Q-learning in a table
 #
@@ -140,7 +140,7 @@ for title, part in (("data waiting", q[:, 6:]), ("data collected", q[:, :6])):
 # memory.
 #
 # Is the table right? It is if the Bellman equation holds in all 36 places: with $\gamma < 1$ it has only one
-# solution. Its right side is the library's target function, with the same Q-values as online and as target:
+# solution. The library's target function computes the right side, if it gets the same Q-values twice, as online and as target:
 
 # %%
 cell, full, action = np.indices((6, 2, 3)).reshape(3, -1)
@@ -323,14 +323,14 @@ figure
 # only*, *plain* and *combined*, the last two with four steps in a minibatch.
 #
 # First the memory is *prefilled* by flying at random, as in the paper, where that is half of the memory. Otherwise the
-# first minibatches would be drawn from a few steps of one flight, hardly differ, and be learned by heart. And random
-# flights try every action, also those that an untrained policy never takes. Then learning begins, with actions from the
+# first minibatches would be drawn from a few steps of one flight. They would be nearly the same, and the network would
+# memorise them. And random flights try every action, also those that an untrained policy never takes. Then learning begins, with actions from the
 # softmax policy of 5.7. In the second of two worlds the way is closed behind cell 4 while the memory is filled, and
 # nobody gets to the device in cell 7; then it opens.
 #
-# To repeat this 20 times at the price of one run, 20 streets of 8 cells share a table, a memory and a minibatch. The
-# newest steps of all streets come first in a minibatch, so *plain* draws one step more for each street and leaves these
-# out.
+# The next two cells are bookkeeping, which you may skip. To repeat this 20 times at the price of one run, 20 streets of 8
+# cells share a table, a memory and a minibatch. The newest steps of all streets come first in a minibatch, so *plain*
+# draws one step more for each street and leaves these out.
 
 # %%
 STREETS = 20
@@ -390,7 +390,8 @@ figure
 #   say that the street ends in cell 4. Plain replay has not recovered after 1500 steps, combined replay in part. In the
 #   last 500 steps, learning without a memory is ahead of both.
 #
-# So combined replay is a remedy for a memory that is too large, and Zhang and Sutton present it as that. The paper's
+# What to take home: replay learns more from each step, unless the memory is full of a past that is over. Combined replay
+# is a remedy for a memory that is too large, and Zhang and Sutton present it as that. The paper's
 # holds 50,000 steps, and an update draws 128. With *plain* replay a step is drawn 128 times before it is forgotten, and
 # waits $50{,}000/128 = 390$ updates, on average, for the first time. With *combined* replay it is in the very next
 # minibatch. In a run of a million steps 390 are few, so expect little. It costs one place of 128. (With N environments
@@ -817,8 +818,8 @@ chosen = np.ravel(pairs)
 state, seen, distance = state[chosen], seen[chosen], distance[chosen]
 
 # %% [markdown]
-# The probe is fitted where the device stands in an even cell, and tested where it stands in an odd one, so it has not
-# met those places, though their neighbours. Next to the trained network it gets the distance alone, and a network of
+# The probe is fitted where the device stands in an even cell, and tested where it stands in an odd one. So it has met
+# the neighbours of those places, but not the places. Next to the trained network it gets the distance alone, and a network of
 # the same shape without any training:
 
 # %%

@@ -1,7 +1,7 @@
 # %% [markdown]
 # # 8 · Evaluation
 #
-# How good is an agent? Better than the paper's, than a simple rule, than anything could be? And how
+# How good is an agent? Is it better than the paper's, or than a simple rule? How far is it from the best that can be done? And how
 # sure are we? This notebook regenerates the paper's table, with what it lacks: intervals, planners to
 # compare with, and a look at who is left behind.
 
@@ -60,7 +60,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Compare an agent with the paper, with chance and with three planners on the same 1000 missions, find whom it leaves behind, and work out what a claim needs |
 # | **What you'll learn** | Random streams, Wilson's and bootstrap intervals, tests for two agents, why the best checkpoint looks too good, paired comparisons |
-# | **What you'll need** | Notebooks 0 and 3, means and quantiles. 30 minutes to read, 15 seconds to run; 5 minutes of exercises |
+# | **What you'll need** | Notebooks 0 and 3, means and quantiles. 44 minutes to read, 15 seconds to run; 5 minutes of exercises |
 #
 # Above: the agents of two cities next to a simple rule, `greedy`, and a search that knows the channel, `genie`.
 # Section 8.1 says what each of them knows.
@@ -83,6 +83,19 @@ for city in cities:
 # | `greedy` | the same as the agent; a person wrote its rule: to the nearest device with data, and home in time |
 # | `genie` | also the channel's mean rate at every cell; it searches over whole flights for the highest return |
 # | `genie_data` | the same, but it searches for the most data and hardly minds the time |
+#
+# `greedy` will be met again and again, so here are the lines that decide:
+
+# %%
+import inspect
+
+from uavdh_lite.planners import Greedy
+
+print(inspect.getsource(Greedy.__call__))
+
+# %% [markdown]
+# `goals` are the devices' cells, or the nearest cells over which the UAV may fly; `landing_distance` is the number of moves
+# home.
 #
 # The *return* is the sum of a flight's rewards with the paper's constants (−0.2 a step, −150 for a crash),
 # not discounted. The agent was trained with other constants (notebook 6), and with a discount.
@@ -133,8 +146,8 @@ print("flying time of the second mission:", *(second_mission(explored) for explo
 # | varied | the training seed, three times at least: first weights, training missions, exploration |
 # | not to be matched | the steps of training. Flights part as soon as the policies differ, even with a stream for each use. (So the library has one stream for a whole training run: its missions, fading and exploration) |
 #
-# What equal missions buy: both ways have the same easy and hard ones, so that luck falls out of the *difference*, and
-# its interval gets narrower (8.6). What is varied from run to run stays in, and has to: it is the luck of training.
+# Why equal missions? Then both ways get the same easy ones and the same hard ones. This luck cancels in the *difference*, and
+# its interval gets narrower (8.6). The luck of training does not cancel, and should not: it is what the seeds are for.
 #
 # ## 8.2 The paper's table
 #
@@ -155,6 +168,18 @@ for city, results in cities.items():
 # the paper's level on maps of the same description, not that they are better. (On Manhattan the interval of *has
 # landed* holds the paper's figure anyway.)
 #
+# Three shares say more than each alone. From the paper's Manhattan column one can work out what the flights that did
+# not land had collected:
+
+# %%
+landed, collected, both = (RESULTS["manhattan"][name] for name in ("has_landed", "collection_ratio", METRIC))
+print(f"collected by those that did not land: {(collected - both) / (1 - landed):.0%}, by the others {both / landed:.0%}")
+print(f"product of the two means {landed * collected:.1%}, mean of the products {both:.1%}")
+
+# %% [markdown]
+# Flights that do not land collect less, so landing and collecting go together, and the mean of the products is above the
+# product of the means. (With rounded shares, that is rough.)
+#
 # The table's intervals are of two kinds. A question about the open field's first row:
 
 # %%
@@ -163,7 +188,7 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("all_landed")
 
 # %% [markdown]
-# Shares of ones, such as *has landed*, have Wilson's interval. All else has the bootstrap's (below). For a share $p$ of
+# Shares of ones, such as *has landed*, have Wilson's interval. All other means have the bootstrap's (below). For a share $p$ of
 # $n$, with $z = 1.96$, Wilson's is
 #
 # $$\frac{p + z^2/2n \pm z\sqrt{p(1-p)/n + z^2/4n^2}}{1 + z^2/n}$$
@@ -182,7 +207,7 @@ for landed in (995, 999, 1000):
 # %% [markdown]
 # One agent landed in 995 of 1000 missions, another in 999 of 1000 others. Is it safer? Two tests. The first compares
 # the difference with its standard error. The second is exact: six missions failed. If the agents were alike, how likely
-# is it that they are dealt out five to one, or more unevenly?
+# would it be that one agent has five of the six, or all of them?
 
 # %%
 from math import comb
@@ -233,7 +258,9 @@ print(f"the recorded run of the DDQN agent: best validation {best:.1%}, test {va
 #
 # ## 8.3 Next to the planners
 #
-# All on the same missions:
+# All on the same missions. (*Both* is the mean of the product, landed times collected, mission by mission. An average of
+# the two shares would give half a point to a flight that collects all and crashes, and half a point to one that lands at
+# once with nothing.)
 
 # %%
 for city, results in cities.items():
@@ -301,13 +328,14 @@ for by, label in BY.items():
     for reference in ("genie_data", "greedy"):
         lost = results[reference][METRIC] - results["ddqn"][METRIC]
         parts = breakdown(lost, results["ddqn"][by].round())
-        print(f"{label:<17}against {reference:<11}", *(f"{name}: {interval.mean:+.1%}" for name, _, interval in parts))
+        print(f"{label:<17}against {reference:<11}", *(f"{name}: {interval.mean:+.1%}" for name, _, interval in parts),
+              f" each about ± {np.mean([interval.high - interval.low for *_, interval in parts]) / 2:.1%}")
 
 # %% [markdown]
-# Against the genie the agent loses most in the shortest missions, 6 points, and little in long ones; with five devices
-# and with much data it also loses more. Against `greedy` it is the other way round: in the shortest missions, and with
-# much data, the two are level; with two devices or little data `greedy` is next to perfect and the agent behind. So what
-# is hard is hard for both, and in easy missions the agent is a little careless.
+# Against the genie the agent loses most in the shortest missions, and least in long ones; the number of devices and the data make a
+# difference of a point or two, which is about what the intervals allow. Against `greedy` it is the other way round: in the
+# shortest missions, and with much data, the two are level; with two devices or little data `greedy` is next to perfect
+# and the agent behind. So what is hard is hard for both, and in easy missions the agent loses what it need not.
 #
 # ## 8.5 Failures, one by one
 #
@@ -373,7 +401,8 @@ print(f"for ± 1 point: {needed:.0f} missions, for ± half a point four times as
 
 # %% [markdown]
 # Two policies that fly the *same* missions can be compared in pairs. The interval of the difference is then
-# narrower by as much as the two results go up and down together:
+# narrower by as much as the two results go up and down together, their *correlation* $\rho$: the variance of a difference is
+# $\sigma_1^2 + \sigma_2^2 - 2\rho\,\sigma_1\sigma_2$, and without pairs the last term is missing.
 
 # %%
 for city, results in cities.items():

@@ -60,7 +60,7 @@ def show(city, missions, titles, height=6.8):
 # | --- | --- |
 # | **What you'll do** | Fly the paper's missions, change one thing at a time, and read the agent's Q-values on the way |
 # | **What you'll learn** | How one policy trades data for time, what it does when there is too little of it, and what luck changes |
-# | **What you'll need** | Notebooks 0, 3 and 5. 22 minutes to read, 20 seconds to run; 11 minutes of exercises |
+# | **What you'll need** | Notebooks 0, 3 and 5. 25 minutes to read, 20 seconds to run; 11 minutes of exercises |
 #
 # ## 9.1 Open field: equal data, and a quarter at one device
 #
@@ -171,9 +171,9 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Within the times that it was trained on, it collects all or nearly all, like the greedy planner. Below, nobody taught it. At
-# 30 it does better than greedy. But at 14 and 18 it brings home nothing at all, where greedy still brings a tenth and a
-# quarter. In between the two are level.
+# Within the times that it was trained on, it collects all or nearly all, like the greedy planner. Shorter missions are new to
+# it. At 30 it does better than greedy. But at 14 and 18 it brings home nothing at all, where greedy still brings a tenth and a
+# quarter. Between these and 30, agent and greedy are level.
 #
 # ## 9.5 The same mission with other luck
 #
@@ -237,7 +237,7 @@ print(f"mean error {error.mean():+.2f}, largest {np.abs(error).max():.2f}, of va
 starts = agent.scenario.sample(agent.city, 200, np.random.default_rng(0))
 for name in ("manhattan_ddqn_early", "manhattan_ddqn"):
     said = load_agent(name).q_values(starts).numpy()
-    print(f"{name:<16}land {said[:, LAND].mean():5.1f}, the best action {said.max(axis=1).mean():5.1f}")
+    print(f"{name:<21}land {said[:, LAND].mean():5.1f}, the best action {said.max(axis=1).mean():5.1f}")
 print(f"after this flight, in the zone again: land {q[-1, LAND]:.2f}")
 
 # %% [markdown]
@@ -250,8 +250,9 @@ print(f"after this flight, in the zone again: land {q[-1, LAND]:.2f}")
 #
 # ## Recap
 #
-# - One policy answers to devices, data, time and luck, because all of them are in the state.
-# - What it leaves is what does not pay within the time and the reward it was trained with.
+# - One policy answers to devices, data and time, because these are in the state, and to luck as far as the data left shows it.
+# - It leaves what does not pay within the time and the reward that it was trained with. But its behaviour is learned, and
+#   not exact: now and then it leaves what would have paid.
 # - Q-values can be read, and checked against what follows.
 #
 # ## Exercises

@@ -66,7 +66,8 @@ lab
 #
 # At every step, the Q-values are signs around the UAV: the larger, the better, and the best one is blue. An action that the
 # failsafe forbids (it brings the UAV home in time, notebook 12) has none. The bars next to the map are the same Q-values. This agent has learned quantiles of the return (notebook 12), so
-# black lines show where it expects half of the returns (thick) and 80% of them (thin). The *action gap*, above the map, is the
+# black lines show where it expects half of the returns (thick) and 80% of them (thin). (They are wider than the luck of
+# this mission: notebook 12 shows what they hold.) The *action gap*, above the map, is the
 # distance from the best Q-value to the next.
 #
 # Then come the softmax policy at a temperature of your choice, the five layers of

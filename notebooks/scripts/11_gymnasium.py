@@ -53,7 +53,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Fly the environment through its Gymnasium interface, step many at once, and train agents of another library on it |
 # | **What you'll learn** | What a single and a vectorised environment promise, what happens where an episode ends, and how to compare agents fairly |
-# | **What you'll need** | Notebooks 3 and 6; `pip install -e "..[sb3]"`. 15 minutes to read, 45 seconds to run; 10 minutes of exercises |
+# | **What you'll need** | Notebooks 3 and 6; `pip install -e "..[sb3]"`. 18 minutes to read, 45 seconds to run; 10 minutes of exercises |
 #
 # ## 11.1 One episode
 #
@@ -189,7 +189,7 @@ for name, (title, _) in KINDS.items():
 # %% [markdown]
 # With equal steps ours is ahead in all seeds, in less than half of the training time. DQN is on its way: it collects most
 # of the data in the missions in which it lands, and crashes in the rest. PPO lands in about half of the missions with one seed,
-# and hardly ever with the others. Part of the reason may be that it learns from each step only a few times and then forgets it, which
+# and hardly ever with the others. (These are the last points of curves that jump. The figure says more.) Part of the reason may be that it learns from each step only a few times and then forgets it, which
 # replay avoids: 48,000 steps are few for that.
 #
 # What the comparison does *not* show: that one algorithm is better. Ours is tuned for this task, by many runs in
@@ -223,7 +223,7 @@ assert min(rewards) >= 0 and sum(rewards) > 0
 print(np.round(rewards, 2))
 
 # %% [markdown]
-# Landing, and nearly all of the time: only the discount still makes it hurry to the data. When the last device is empty,
+# About landing, and nearly always about time. Only the discount still makes it hurry, to get the data sooner. When the last device is empty,
 # flying home, hovering and crashing are worth the same to it: nothing.
 #
 # **2.** How much of the observation can change within an episode? Count the entries of `map` that differ between

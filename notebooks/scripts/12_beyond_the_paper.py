@@ -90,7 +90,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Bring a random pilot home, find a crash in a minibatch, measure why an agent dithers, learn quantiles in a few lines, widen the gaps between actions, and take the parts out one by one |
 # | **What you'll learn** | What to guarantee and what to learn; the distribution of returns, quantile regression, the action gap, two resolutions, the horizon of a discount |
-# | **What you'll need** | Notebooks 5 to 7. 60 minutes to read, 60 seconds to run; 50 minutes of exercises. Two sittings are better than one: the second begins with 12.6 |
+# | **What you'll need** | Notebooks 5 to 7. 80 minutes to read, 60 seconds to run; 50 minutes of exercises. Two sittings are better than one: the second begins with 12.6 |
 #
 # Above, both agents land in the same cell, and it is the mission in which the paper's learner, `manhattan_ddqn`, wastes
 # most compared with the new agent, `manhattan`. It was chosen for that: most flights of both go straight home. The two
@@ -158,8 +158,8 @@ for name, flown in flights.items():
 assert flights["random, failsafe"].end.landed.all() and not flights["random"].end.landed.all()
 
 # %% [markdown]
-# With the failsafe all flights land. That is no average: no policy whatever can crash, which a test of the library
-# checks for random cities. (Is the new agent ahead of greedy? 12.9 asks that in pairs.) A flight in which the failsafe
+# With the failsafe all flights land. That is no average: from a start with enough time for the way home, no policy whatever can
+# crash, which a test of the library checks for random cities. (Is the new agent ahead of greedy? 12.9 asks that in pairs.) A flight in which the failsafe
 # brings the random pilot home:
 
 # %%
@@ -270,7 +270,9 @@ for ax, (name, agent) in zip(figure.subplots(1, 2, sharex=True, sharey=True), ag
 figure
 
 # %% [markdown]
-# While there is data, a wrong action costs some of it, and the gap is large. Afterwards only time is at stake. Let a
+# While there is data, a wrong action costs some of it, and the gap is large. Afterwards only time is at stake. (The spike
+# of the DDQN agent is a cell between walls and no-fly cells: all moves but one are refused there, and the network puts
+# hovering, the second best, far too low.) Let a
 # step cost $c$, which is 0.1 in `lite`. If it is $d$ moves home, hovering once is worth less than flying home by
 # exactly
 #
@@ -307,9 +309,9 @@ figure
 
 # %% [markdown]
 # Left of 0 the agent goes the wrong way, or to the farther zone. (A flight that dithers has more such steps, so it counts more.) The lead would be positive everywhere if the Q-values were exact; the
-# network's errors, of about the same size, push it below 0 here and there. Nor could exact values, with time to spare, put
-# it above $c = 0.1$ for the DDQN agent, since hovering is always possible. (For the new one the bound is 0.5, see 12.6.)
-# Half of its leads are above that: the errors go both ways. So an agent that knows the way home dithers. What is to come hardly depends on the action, so it hardly teaches the action. Two remedies: a better
+# network's errors, of about the same size, push it below 0 here and there. They also push it up: with exact values and time to
+# spare, the DDQN agent's lead would be 0.1 at most, as hovering costs no more, and half of its leads are larger. (For the new agent
+# the bound is 0.5, see 12.6.) So an agent that knows the way home dithers. What is to come hardly depends on the action, so it hardly teaches the action. Two remedies: a better
 # estimate (12.4, 12.5), and a wider gap (12.6).
 #
 # ## 12.4 What a mean hides
@@ -355,7 +357,7 @@ Quiz("mean_of_two_heaps")
 # ## 12.5 Quantile regression by hand
 #
 # How does one learn a distribution? By its *quantiles*: the value $\theta$ below which a share $\tau$ of the returns
-# lie. They are the minimum of the *pinball loss*
+# lie. (The letter is the same as for the rate of soft targets in 5.6, but the two have nothing to do with each other.) They are the minimum of the *pinball loss*
 #
 # $$\rho_\tau(u) = u\,\big(\tau - \mathbb{1}\{u < 0\}\big), \qquad u = y - \theta$$
 #
@@ -468,8 +470,8 @@ print(f"earned between the quantiles at 10% and 90%: {((below > 0.1) & (below < 
 #
 # $$y' = y - \alpha\,\big(\max_b Q(s,b) - Q(s,a)\big)$$
 #
-# Both Q-values are the target network's. For the best action nothing is taken. The others get worse in each round, until it
-# balances. A street of ten cells
+# Both Q-values are the target network's. (This $\alpha$ is neither the path loss exponent nor the learning rate of 5.1.) For the best
+# action nothing is taken. The others get worse from round to round, and settle where both effects balance. A street of ten cells
 # shows it: land in cell 0, each step costs 0.1, and there is nothing to collect. With so few states, *value
 # iteration* repeats the target in all of them at once:
 
@@ -626,22 +628,22 @@ for name, runs in ends.items():
 
 # %%
 figure = Figure(figsize=(9, 3.2), layout="constrained")
-panels = {METRIC: "collected and landed", "cumulative_reward": "return"}
-for ax, (column, label) in zip(figure.subplots(1, 2, sharey=True), panels.items()):
+panels = ((METRIC, "collected and landed", None), (METRIC, "the same, enlarged", (0.94, 0.966)), ("cumulative_reward", "return", (24, 34)))
+for ax, (column, label, limits) in zip(figure.subplots(1, 3, sharey=True), panels):
     for name, runs in ends.items():
         ax.plot(runs[column], [name.replace("_", " ")] * 3, "o", color=BLUE, alpha=0.7)
-    ax.set(xlabel=f"{label}, each seed")
+    ax.set(xlabel=label, xlim=limits)
     ax.grid(axis="x", alpha=0.4)
 figure.axes[0].invert_yaxis()
 figure
 
 # %% [markdown]
-# The failsafe is worth 20 points in every seed: what need not be learned takes no time. (The row without it has the
+# (What the second and third panel do not show lies to their left.) In runs of this length the failsafe is worth 20 points with every seed: what need not be learned takes no time. (The row without it has the
 # growing crash reward and the exploring starts of `lite` instead.) Two resolutions show in the return: all three runs
-# without them are below all three of *all*, and use more of the time. By luck alone, three against three come out like
-# that once in ten. Without quantiles, or without advantage learning, two of three seeds lose about a point and the third
-# loses nothing. A larger discount gains nothing yet: 12.8 says why a short run may suffer from it. So four of the five
-# parts these runs alone could not defend.
+# without them are below all three of *all*, and use more of the time. By luck alone, three against three are apart like
+# that, one way or the other, once in ten. Without quantiles, or without advantage learning, two of three runs end about a point lower, and one level
+# with *all*. A larger discount gains nothing yet: 12.8 says why a short run may suffer from it. So these runs alone do not
+# show that the other four parts are worth having.
 #
 # Why is *none* so low? `lite` learns to land by crashing, and its schedules are made for two million steps. Squeezed to
 # a thirteenth, they leave it little time.
@@ -676,12 +678,12 @@ for other in ("greedy", "manhattan_ddqn"):
 #
 # - Do not learn what you can guarantee: with the failsafe any policy lands. It is the one part that the study defends.
 # - Where only time is at stake, a wasted step costs $c\,\gamma^d$. Errors of that size make an agent dither.
-# - Quantiles are learned by steps of $\tau$ up and $1-\tau$ down. The online network chooses by their mean; all of the target
-#   network's are the targets. A network's quantiles hold its ignorance as well as the return's chances.
+# - Quantiles are learned by steps of $\tau$ up and $1-\tau$ down. The online network chooses an action by their mean; the target network's
+#   quantiles for that action are the targets. A network's quantiles hold its ignorance as well as the return's chances.
 # - Advantage learning leaves the best values alone and makes all gaps $1/(1-\alpha)$ times as wide.
 # - Two resolutions show exactly what is near. A larger discount reaches further, and takes longer to learn.
-# - What the other four parts are worth one by one, three short runs each could not settle. All five together, in long
-#   runs, end about a point above `lite`'s, after fewer steps.
+# - What the other four parts are worth one by one, three short runs each could not settle. All five together, with
+#   what belongs to them, end about a point above `lite` in long runs, after fewer steps.
 #
 # ## Exercises
 #

@@ -2,8 +2,8 @@
 # # 13 · Any city
 #
 # The agents of the notebooks before this one know one city each. Here one network flies over cities that it has never
-# seen, the moment they are drawn. It was trained like the agent of notebook 12, but over thousands of cities,
-# another one for each mission.
+# seen, the moment they are drawn. It was trained like the agent of notebook 12, but over two thousand cities, with one of
+# them drawn for each mission.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -62,7 +62,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Draw cities by the hundred, fly an agent over one that you have just typed, compare seen with unseen cities, look at one mission from eight sides, and fine-tune |
 # | **What you'll learn** | Why a centred map can carry over to a new city; what "unseen" proves; why missions in one city are worth less than missions in many; symmetry as a free lunch, or nearly |
-# | **What you'll need** | Notebooks 4, 8 and 12. 40 minutes to read, 60 seconds to run; 45 minutes of exercises |
+# | **What you'll need** | Notebooks 4, 8 and 12. 52 minutes to read, 60 seconds to run; 45 minutes of exercises |
 #
 # The four flights above are the first over each kind of city. The agent has learned in none of these cities. Its missions
 # have wider ranges than those of the notebooks before:
@@ -123,6 +123,7 @@ assert collected["any_city"].mean() > collected["manhattan"].mean() + 0.02
 # All land. The specialist of Manhattan collects far more than the random pilot, so it does look at its map. But in streets
 # that it has not learned it collects less than the agent that learned in many cities. Whether that one is ahead of
 # greedy, which knows all distances exactly while the network sees most of the map blurred, 13.4 asks with an interval.
+# (`any_city` looks at each mission from eight sides and acts on the mean. 13.5 says how, and what that adds.)
 
 # %%
 Quiz("centred_in_a_new_city")
@@ -171,7 +172,7 @@ for size, frame in ((10, 16), (16, 50)):
     print(f"{size} cells in a frame of {frame}: {factor:.1f} times, {10 * np.log10(factor):.1f} dB")
 
 # %% [markdown]
-# The city would be an easier task in a larger frame.
+# So with the frame's constants a small city would be an easier task than it is. That is why they are not used.
 #
 # The labs do the same with the mouse: in the city editor of notebook 10, paint a city and press *fly*.
 #
@@ -210,7 +211,7 @@ Quiz("what_unseen_proves")
 # ### How many cities does it take?
 #
 # To see learning by heart, give the network fewer cities. These agents learned in 1, 10, 100 or 2000 of them, for
-# 200,000 steps each, a small part of the shipped agent's, with three seeds. All looked at the map from one side. They flew
+# 200,000 steps each, a small part of the shipped agent's, with three seeds. All looked at the map from one side only (13.5). They flew
 # 500 missions over the cities that they learned in, and 500 over 300 others. These sets are not equally hard. So greedy
 # flies the same missions, and each agent is compared with it:
 
@@ -257,9 +258,10 @@ figure
 # %% [markdown]
 # ### What is a mission worth?
 #
-# A hundred missions in one city say little about cities: they all share its walls. The same number of missions,
-# spread over fewer cities, knows less. How much less? Fly 400 missions in 12 cities, and take the interval twice: as if the
-# missions were independent, and with the cities as what was drawn. By hand here; 13.4's `groups` does the same.
+# A hundred missions in one city say little about cities: they all share its walls. The fewer cities the missions are spread
+# over, the less they tell. How much less? Fly 400 missions in 12 cities, and take the interval twice: as if the
+# missions were independent, and with the cities as what was drawn. (By hand here. The argument `groups` of
+# `bootstrap_interval`, above, does the same.)
 # (`stream(use, seed)` makes all random generators of this library: each use has a sequence of its own, so what draws
 # intervals never shares numbers with what draws missions.)
 
@@ -308,10 +310,13 @@ for ax in figure.axes[10:]:
 figure
 
 # %% [markdown]
-# Sort them. Does a flight use most of its time (below the map) with few arrows to be seen? Then they lie on top of one another: it
-# turns back and forth, as in 12.3, but with data left to collect. Are there devices behind walls, with a long way round?
-# The agent knows the walls near it cell by cell, and those further off only as averages over three by three cells. And
-# do several come from one city?
+# Sort them before you read on. Does a flight use most of its time (below the map) with few arrows to be seen? Then they lie on
+# top of one another. Are there devices behind walls, with a long way round? And do several come from one city?
+#
+# Most are of one kind: between the UAV and the data lie walls or a no-fly zone, and it turns back and forth in front of
+# them, as in 12.3, but with data left to collect. It knows the walls near it cell by cell, and those further off only as
+# averages over three by three cells. One is of another kind (mission 64): it lands at once, with time enough for the only
+# device. And two cities, 51 and 41, are there twice: a city that is hard for the agent is hard again.
 #
 # ## 13.5 One mission from eight sides
 #
@@ -436,9 +441,9 @@ for recipe, (_, label) in runs.items():
 
 # %% [markdown]
 # A run that begins with `any_city` is far ahead at first: after its first validation it is where the others are after ten
-# to twenty times as many steps or more. In these validations it ends below them, though, by one to two points. But they look at
+# to twenty times as many steps or more. In these validations it ends below them, though, by about two points. But they look at
 # one view of the map, to save time. In flight the fine-tuned agents act on all eight. Measured so, over 3000 missions
-# in pairs with greedy:
+# in pairs with greedy (`docs/results/any_city.md`, on the site under Results, has the commands):
 #
 # | agent, by all eight views | collected and landed | points ahead of greedy | return, ahead of greedy |
 # | --- | --- | --- | --- |
@@ -455,7 +460,8 @@ for recipe, (_, label) in runs.items():
 # - *Unseen* is a claim about a source of cities. Test on cities that were not learned in, and say where they come from.
 # - Missions in one city share its walls. Draw whole cities again for an interval that is about cities.
 # - Turned and mirrored maps are the same task. A mean over the eight views is a cheap ensemble.
-# - A general agent is a quick start for a city of your own: it takes minutes. Over Manhattan, a long run there alone still flies a little quicker.
+# - A general agent, once somebody has trained it, is a quick start for a city of your own: it takes minutes. Over Manhattan, a long run there
+#   alone still flies a little quicker.
 #
 # ## Exercises
 #
