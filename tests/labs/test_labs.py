@@ -3,6 +3,7 @@
 import base64
 import datetime
 import io
+import json
 import re
 import subprocess
 import sys
@@ -27,10 +28,10 @@ from uavdh_lite.labs import (
     ThinkLab,
     TrainingLab,
 )
-from uavdh_lite.labs.draft import Draft
+from uavdh_lite.labs.draft import Draft, scenario_of
 from uavdh_lite.labs.fly import HARD, KEYS
 from uavdh_lite.labs.think import Thoughts
-from uavdh_lite.missions import HandFlight, Mission, environment_of
+from uavdh_lite.missions import HandFlight, Mission, as_json, environment_of, read_mission
 from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.shadowing import line_of_sight
@@ -703,6 +704,148 @@ def test_a_link_opens_its_city_on_the_labs_page():
     assert "#city" not in CityLab().take_home.value  # in a notebook, nothing reads the address
 
 
+@pytest.mark.parametrize("title", ["Mission", "Watch it think", "Fly it yourself"])
+def test_a_painted_city_is_flown_in_the_other_labs(title):
+    page = Labs()
+    open_tab(page, title)
+    lab = page.made[title]
+    before = lab.environment
+    lab.city.value = "my city"
+    assert "no city of yours yet. Paint one in the tab City" in lab.message.value
+    assert lab.city.value == "manhattan" and lab.environment is before
+    open_tab(page, "City")
+    city = page.made["City"]
+    stroke(city, (7, 6))
+    open_tab(page, title)
+    lab.city.value = "my city"
+    assert lab.environment.city.fingerprint == city.draft.city().fingerprint
+    mission = lab.flight.mission if title == "Fly it yourself" else lab.mission
+    city.fly.click()
+    assert set_by(mission) == set_by(city._mission)  # equal numbers, equal missions
+    shown = lab.stage.drawing
+    open_tab(page, "City")
+    stroke(city, (7, 7))
+    open_tab(page, title)  # it is taken up as it is now
+    assert lab.environment.city.fingerprint == city.draft.city().fingerprint
+    assert lab.stage.drawing != shown
+    last = lab.environment
+    open_tab(page, "City")
+    city.blank.click()
+    open_tab(page, title)
+    assert "your city is not finished" in lab.message.value
+    assert "at least one cell blue" in lab.message.value
+    assert lab.environment is last and lab.city.value == "my city"
+    lab.city.value = "village"
+    lab.city.value = "my city"
+    assert "your city is not finished" in lab.message.value and lab.city.value == "village"
+    assert lab.environment.city.name == "village"
+
+
+def open_tab(page, title):
+    page.selected_index = page.titles.index(title)
+
+
+def test_a_painted_city_keeps_the_mission_that_was_set_in_it_if_it_can():
+    page = Labs()
+    open_tab(page, "City")
+    open_tab(page, "Mission")
+    lab, city = page.made["Mission"], page.made["City"]
+    lab.city.value = "my city"
+    lab.other.value = "genie"
+    click(lab, (7, 0))
+    kept = set_by(lab.mission)
+    stroke(city, (7, 7))
+    open_tab(page, "City")
+    open_tab(page, "Mission")
+    assert set_by(lab.mission) == kept and lab.other.value == "genie"
+    assert lab.mission.city.buildings[7, 7] and lab.undo.disabled
+    stroke(city, (7, 0))  # on the device
+    open_tab(page, "City")
+    open_tab(page, "Mission")
+    assert (7, 0) not in lab.mission.devices and "genie" in lab.flights
+    assert "my city" not in MissionLab().city.options  # in a notebook, there is no city editor
+
+
+def test_changes_of_a_mission_are_undone_and_numbers_are_typed(lab):
+    drawn = Mission.draw(SCENARIOS["manhattan"], lab.environment.city, 0)
+    assert lab.undo.disabled and lab.redo.disabled and lab.number.value == 0
+    click(lab, (8, 8))
+    tell(lab.stage, kind="time", value=25)
+    lab.undo.click()
+    assert (8, 8) in lab.mission.devices and lab.mission.flying_time == drawn.flying_time
+    tell(lab.stage, kind="undo", by=-1)
+    assert set_by(lab.mission) == set_by(drawn) and lab.undo.disabled
+    tell(lab.stage, kind="undo", by=-1)  # there is nothing before
+    lab.redo.click()
+    tell(lab.stage, kind="undo", by=1)
+    assert lab.mission.flying_time == 25 and lab.redo.disabled
+    assert lab.flights["manhattan"].start.time_left[0] == 25
+    lab.number.value = 5
+    fifth = Mission.draw(SCENARIOS["manhattan"], lab.environment.city, 5)
+    assert set_by(lab.mission) == set_by(replace(fifth, seed=0))
+    lab.draw.click()
+    assert lab.number.value == 6
+    lab.undo.click()
+    lab.undo.click()
+    assert lab.number.value == 0 and lab.mission.flying_time == 25
+    click(lab, (2, 2))  # refused: nothing to undo, and what was undone can still be redone
+    lab.redo.click()
+    assert lab.number.value == 5
+    lab.city.value = "village"
+    assert lab.undo.disabled and lab.redo.disabled and lab.number.value == 0
+
+
+def test_a_link_opens_its_mission_on_the_labs_page():
+    there = MissionLab("village", linked=True)
+    click(there, (7, 0))
+    code = re.search('href="#(mission=[^"]*)"', there.take_home.value)[1]
+    page = Labs()
+    lab = page.made["Mission"]
+    click(lab, (8, 8))
+    page.address.value = code
+    assert lab.city.value == "village" and set_by(lab.mission) == set_by(there.mission)
+    assert (7, 0) in lab.mission.devices and lab.undo.disabled
+    lab.open_link(code.removeprefix("mission="))  # the lab's own link
+    assert "copy it" in lab.message.value
+    saved = lab.take_home.value.split("base64,")[1].split('"')[0]
+    same = read_mission(base64.b64decode(saved).decode())
+    assert set_by(same) == set_by(lab.mission)
+    for broken in (code[:40], "mission=%3Cscript", "mission=é", "mission=", code[:-8]):
+        page.address.value = broken
+        assert "the link holds no mission" in lab.message.value, broken
+        assert "Copy it again" in lab.message.value
+        assert set_by(lab.mission) == set_by(there.mission)
+    for side in (10, 11):  # links to missions in cities that nobody has
+        (city,) = CityGenerator((side, side)).draw(1, seed=3)
+        own = Mission.draw(scenario_of(city), city, 4)
+        text = json.dumps(as_json(own)).encode()
+        page.address.value = f"mission={base64.b64encode(text).decode()}"
+        assert lab.city.value == "the link's city" and set_by(lab.mission) == set_by(own)
+        assert lab.environment.city.fingerprint == city.fingerprint
+    lab.draw.click()
+    assert lab.mission.city.size == 11
+    assert MissionLab().take_home.value == ""  # in a notebook, nothing reads the address
+
+
+def test_charts_show_whichever_policy_is_asked_for(lab):
+    assert lab.charted.layout.display == "none"  # one flight: nothing to choose
+    lab.other.value, lab.third.value = "greedy", "random"
+    assert lab.charted.layout.display is None
+    assert [name for _, name in lab.charted.options] == ["manhattan", "greedy", "random"]
+    first = lab.charts.canvas.picture.value
+    lab.stage.step = 3
+    for name in ("greedy", "random"):
+        lab.charted.value = name
+        left = lab.flights[name].trajectory(0).data_left
+        assert (lab.charts.left == left).all() and lab.charts.canvas.picture.value != first
+        assert f"Charts of {name}" in lab.charts.canvas.picture.alt
+        assert "After step 3" in lab.charts.canvas.picture.alt
+    click(lab, (8, 8))
+    assert lab.charted.value == "random"  # it stays chosen
+    lab.third.value = "none"
+    assert lab.charted.value == "manhattan" and "manhattan" in lab.charts.canvas.picture.alt
+
+
 def pick(lab, row, column):
     """A click by numbers instead of the mouse."""
     lab.picker.row.value, lab.picker.column.value = row, column
@@ -749,7 +892,7 @@ def test_many_missions_say_more_than_one_and_find_where_greedy_fails():
     lab.many.click()
     assert "Over 100 missions" in lab.result.value and "behind in" in lab.result.value
     city = lab.draft.city()
-    drawn = Mission.draw(lab._scenario(city), city, lab.number.value)
+    drawn = Mission.draw(scenario_of(city), city, lab.number.value)
     assert set_by(lab._mission) == set_by(drawn)
     stroke(lab, (7, 7))
     assert lab.result.value == ""

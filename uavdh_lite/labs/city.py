@@ -15,14 +15,31 @@ from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import CityError, InputError, extra
 from uavdh_lite.evaluation import Flights, fly
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.draft import BRUSHES, MIRRORS, UPLOAD_BYTES, Cell, Draft, History, rectangle
+from uavdh_lite.labs.draft import (
+    BRUSHES,
+    MIRRORS,
+    UPLOAD_BYTES,
+    Cell,
+    Draft,
+    History,
+    rectangle,
+    scenario_of,
+)
 from uavdh_lite.labs.stage import BESIDE, Stage
 from uavdh_lite.labs.views import policy_title
-from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, cell_at, status
+from uavdh_lite.labs.widgets import (
+    ROW,
+    TEXT,
+    WRAP,
+    CellPicker,
+    cell_at,
+    link,
+    status,
+    undo_and_redo,
+)
 from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import RED, device_colour, draw_city, shadow_colours
 from uavdh_lite.policies import PLANNERS, agents_for, find_policy
-from uavdh_lite.scenario import Scenario
 from uavdh_lite.shadowing import line_of_sight
 from uavdh_lite.streams import Use, stream
 
@@ -32,10 +49,8 @@ with extra("notebooks"):
 LARGEST = 50  # cells on a side; in larger cities, planners take minutes
 MANY = 100  # missions that say more than one
 TRAIN = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
-LINK = '<a style="color:var(--jp-content-link-color, #0645AD);text-decoration:underline" {}>{}</a>'
 HINT = "Drag devices, the start or the bars. A click on a map adds a device, or takes it away."
 ADDRESS = "city="  # what stands behind the # of an address that opens a city
-TEXT = "inherit"
 FINE_TUNE = "python -m uavdh_lite train --from any_city --city my_city.png --out runs/my_city"
 
 
@@ -105,10 +120,7 @@ class CityLab(ipywidgets.VBox):
             layout=ROW,
         )
         self.mirror = ipywidgets.Dropdown(options=list(MIRRORS), description="mirror")
-        self.undo = ipywidgets.Button(description="undo", icon="undo", tooltip="key z")
-        self.redo = ipywidgets.Button(description="redo", icon="repeat", tooltip="key y")
-        for button in (self.undo, self.redo):
-            button.layout.width = "90px"
+        self.undo, self.redo = undo_and_redo()
         self.brush = ipywidgets.ToggleButtons(
             options=list(BRUSHES),
             value="tall building",
@@ -183,7 +195,7 @@ class CityLab(ipywidgets.VBox):
         for cell in self.draft.mirrored(cells, self.mirror.value):
             self.draft.paint(cell, self.brush.value)
         if (self.draft.kinds != shown).any():
-            self._history.record(self.draft.kinds, new=not self._recorded)
+            self._history.record(self.draft.kinds.copy(), new=not self._recorded)
             self._recorded = True
             self.base.value = None  # so that the city can be chosen again
             self._show()
@@ -304,9 +316,7 @@ class CityLab(ipywidgets.VBox):
         if not self.at_once.value:
             self._hide_flights()
         code = self._code()
-        save = LINK.format(
-            f'download="my_city.png" href="data:image/png;base64,{code}"', "save as PNG"
-        )
+        save = link("save as PNG", f"data:image/png;base64,{code}", "my_city.png")
         try:
             city = self.draft.city()
         except CityError as error:
@@ -318,7 +328,7 @@ class CityLab(ipywidgets.VBox):
         self._say("")
         self.fly.disabled = self.many.disabled = False
         if self._linked:
-            save += " or as a " + LINK.format(f'href="#{ADDRESS}{code}"', "link")
+            save += f" or as a {link('link', f'#{ADDRESS}{code}')}"
         if "any_city" in self._offer_policies(city):
             command = FINE_TUNE
         else:
@@ -366,15 +376,10 @@ class CityLab(ipywidgets.VBox):
         else:
             self._fly(lambda: mission.remove(device))
 
-    def _scenario(self, city: City) -> Scenario:
-        """Up to three devices, with time to cross the city about twice."""
-        most, time = min(3, len(city.device_cells)), (2 * city.size, 4 * city.size)
-        return Scenario("my_city", devices=(1, most), flying_time=time)
-
     def _drawn_mission(self) -> Mission:
         """The random mission of the number that is shown."""
         city = self.draft.city()
-        return Mission.draw(self._scenario(city), city, self.number.value)
+        return Mission.draw(scenario_of(city), city, self.number.value)
 
     def _fly_next(self) -> None:
         if self._mission is None:
@@ -388,7 +393,7 @@ class CityLab(ipywidgets.VBox):
         All missions fly at once, so their fading differs from that of a mission flown alone.
         """
         city = self.draft.city()
-        scenario, environment = self._scenario(city), Environment(city)
+        scenario, environment = scenario_of(city), Environment(city)
         missions = [Mission.draw(scenario, city, number) for number in range(MANY)]
         states = State.concatenate([mission.state for mission in missions])
         chosen, title = self.policy.value, policy_title(self.policy.value)

@@ -228,6 +228,16 @@ function render({ model, el }) {
   }
   el.addEventListener("keydown", pressed, { capture: true });
 
+  // Undo and redo, while the mouse is over the stage or the focus in it
+  function undoes(event) {
+    const by = { z: -1, y: 1 }[event.key];
+    const writing = event.target.matches?.("input:not([type=range]), textarea, select");
+    if (!by || writing || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (!model.get("editable") || !el.matches(":hover, :focus-within")) return;
+    send("undo", { by });
+  }
+  document.addEventListener("keydown", undoes);
+
   // A step that comes with a new drawing is not one of this drawing's.
   const follow = () => {
     if (player === null || steered() || model.get("step") === told) return;
@@ -243,6 +253,7 @@ function render({ model, el }) {
     model.off("change:drawing", draw);
     model.off("msg:custom", draw);
     model.off("change:step", follow);
+    document.removeEventListener("keydown", undoes);
     window.removeEventListener("pointerup", released);
     window.removeEventListener("pointercancel", cancel);
   };

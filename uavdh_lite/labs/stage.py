@@ -31,6 +31,7 @@ class Stage(anywidget.AnyWidget):
             (row, column); the same cell twice is a click.
         filled: called with a device's number and its data at the start, data units.
         timed: called with the flying time, units of time.
+        undone: called with -1 for the key z, and with 1 for y: undo a change, or redo it.
         keys: for each key that steers, called with its name as in JavaScript.
         pressed: what to call.
 
@@ -55,6 +56,7 @@ class Stage(anywidget.AnyWidget):
         dropped: Callable[[Cell, Cell], None] | None = None,
         filled: Callable[[int, float], None] | None = None,
         timed: Callable[[int], None] | None = None,
+        undone: Callable[[int], None] | None = None,
         keys: Sequence[str] = (),
         pressed: Callable[[str], None] | None = None,
     ):
@@ -63,6 +65,7 @@ class Stage(anywidget.AnyWidget):
             "drop": lambda told: dropped(tuple(told["from"]), tuple(told["to"])),
             "data": lambda told: filled(told["device"], float(told["value"])),
             "time": lambda told: timed(int(told["value"])),
+            "undo": lambda told: undone and undone(int(told["by"])),
             "key": lambda told: pressed(told["key"]),
         }
         self.on_msg(lambda _, told, buffers: self._hear[told["kind"]](told))
