@@ -846,6 +846,25 @@ def test_charts_show_whichever_policy_is_asked_for(lab):
     assert lab.charted.value == "manhattan" and "manhattan" in lab.charts.canvas.picture.alt
 
 
+def test_painted_cities_and_running_trainings_are_work_that_can_be_lost():
+    page = Labs()
+    for title in ("City", "Training"):
+        open_tab(page, title)
+    city, training = page.made["City"], page.made["Training"]
+    assert page.address.painted == "" and not page.address.training
+    stroke(city, (7, 6))
+    assert (Draft.from_png(base64.b64decode(page.address.painted)).kinds == city.draft.kinds).all()
+    city.undo.click()
+    assert page.address.painted == ""  # as it came
+    city.redo.click()
+    assert page.address.painted == city._code()
+    city.size.value = 8
+    city.random.click()
+    assert page.address.painted == ""
+    training.running = True
+    assert page.address.training
+
+
 def pick(lab, row, column):
     """A click by numbers instead of the mouse."""
     lab.picker.row.value, lab.picker.column.value = row, column

@@ -25,7 +25,7 @@ from uavdh_lite.labs.draft import (
     rectangle,
     scenario_of,
 )
-from uavdh_lite.labs.stage import BESIDE, Stage
+from uavdh_lite.labs.stage import BESIDE, FullScreen, Stage, together
 from uavdh_lite.labs.views import policy_title
 from uavdh_lite.labs.widgets import (
     ROW,
@@ -38,18 +38,23 @@ from uavdh_lite.labs.widgets import (
     undo_and_redo,
 )
 from uavdh_lite.missions import Mission
-from uavdh_lite.plotting import RED, device_colour, draw_city, shadow_colours
+from uavdh_lite.plotting import RED, device_colour, draw_city, png, shadow_colours
 from uavdh_lite.policies import PLANNERS, agents_for, find_policy
 from uavdh_lite.shadowing import line_of_sight
 from uavdh_lite.streams import Use, stream
 
 with extra("notebooks"):
     import ipywidgets
+    import traitlets
 
 LARGEST = 50  # cells on a side; in larger cities, planners take minutes
 MANY = 100  # missions that say more than one
 TRAIN = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
 HINT = "Drag devices, the start or the bars. A click on a map adds a device, or takes it away."
+SWATCH = """.uavdh-brush .widget-toggle-button::before {
+    content: ""; display: inline-block; width: 14px; height: 14px; margin-right: 6px;
+    vertical-align: -2px; border: 1px solid #666; background-size: cover}
+"""
 ADDRESS = "city="  # what stands behind the # of an address that opens a city
 FINE_TUNE = "python -m uavdh_lite train --from any_city --city my_city.png --out runs/my_city"
 
@@ -69,7 +74,13 @@ class CityLab(ipywidgets.VBox):
     Arguments:
         city: the name of a shipped city to start from.
         linked: offer a link that opens the city on the labs' page; see `open_link`.
+
+    | trait | meaning |
+    | --- | --- |
+    | `unsaved` | the PNG, in base64, of a city that was painted here; "" for any other city |
     """
+
+    unsaved = traitlets.Unicode()
 
     def __init__(self, city: str = "village", linked: bool = False):
         self._linked = linked
@@ -78,14 +89,21 @@ class CityLab(ipywidgets.VBox):
         super().__init__(
             [
                 row([self.base, self.size, self.blank, self.random, self.upload], layout=WRAP),
-                self.brush,
-                row([self.tool, self.mirror, self.undo, self.redo], layout=WRAP),
-                self.picker,
-                row([self.policy, self.number, self.fly, self.at_once, self.many], layout=WRAP),
-                self.message,
-                self.result,
-                self.views,
-                self.seen,
+                together(
+                    [
+                        row([self.brush, self.swatches, FullScreen()], layout=WRAP),
+                        row([self.tool, self.mirror, self.undo, self.redo], layout=WRAP),
+                        self.picker,
+                        row(
+                            [self.policy, self.number, self.fly, self.at_once, self.many],
+                            layout=WRAP,
+                        ),
+                        self.message,
+                        self.result,
+                        self.views,
+                        self.seen,
+                    ]
+                ),
                 self.take_home,
             ]
         )
@@ -125,9 +143,11 @@ class CityLab(ipywidgets.VBox):
             options=list(BRUSHES),
             value="tall building",
             description="paint",
-            style={"button_width": "110px", "description_width": "80px"},
+            style={"button_width": "125px", "description_width": "80px"},
             layout=ROW,
         )
+        self.brush.add_class("uavdh-brush")
+        self.swatches = ipywidgets.HTML(_swatches(), layout={"display": "none"})
         self.policy = ipywidgets.Dropdown(description="policy")
         self.number = ipywidgets.BoundedIntText(
             min=0, max=10**6, description="mission", tooltip="the number of the random mission"
@@ -148,7 +168,7 @@ class CityLab(ipywidgets.VBox):
         self.message = ipywidgets.HTML(layout={"min_height": "28px"})
         self.result, self.take_home = ipywidgets.HTML(), ipywidgets.HTML()
         self.seen = ipywidgets.HTML(layout={"min_height": "28px"})
-        figure = Figure(figsize=(4.2, 4.2), dpi=100)
+        figure = Figure(figsize=(4.2, 4.2), dpi=150)
         self.ax = figure.add_axes((0.07, 0.06, 0.92, 0.92))
         self.canvas = Canvas(figure)
         self.stage = Stage(
@@ -199,6 +219,7 @@ class CityLab(ipywidgets.VBox):
             self._recorded = True
             self.base.value = None  # so that the city can be chosen again
             self._show()
+            self._mark_unsaved()
 
     def picked(self, cell: Cell) -> None:
         """Use the tool on a cell that was picked by numbers; a rectangle takes two."""
@@ -261,11 +282,18 @@ class CityLab(ipywidgets.VBox):
         """Go on with another city."""
         self._history.record(kinds)
         self._set(kinds, name)
+        self._taken, self.unsaved = kinds, ""
+
+    def _mark_unsaved(self) -> None:
+        """What one has painted is unsaved, but not a city that is as one took it."""
+        same = np.array_equal(self.draft.kinds, self._taken)
+        self.unsaved = "" if same else self._code()
 
     def _go(self, by: int) -> None:
         """Undo a step (-1), or redo one (1)."""
         if by and (kinds := self._history.move(by)) is not None:
             self._set(kinds)
+            self._mark_unsaved()
 
     def _set(self, kinds: np.ndarray, name: str | None = None) -> None:
         self.draft = Draft(kinds)
@@ -453,3 +481,17 @@ class CityLab(ipywidgets.VBox):
 
     def _say(self, text: str, colour: str = RED) -> None:
         self.message.value = status(text, colour)
+
+
+def _swatches() -> str:
+    """A style sheet that puts what a brush paints, as the map shows it, before its name."""
+    rules = []
+    for place, kind in enumerate(BRUSHES.values(), start=1):
+        figure = Figure(figsize=(0.3, 0.3), dpi=100)
+        draw_city(figure.add_axes((0, 0, 1, 1)), Draft(np.full((1, 1), kind)))
+        picture = base64.b64encode(png(figure)).decode()
+        rules.append(
+            f".uavdh-brush .widget-toggle-button:nth-child({place})::before "
+            f"{{background-image: url(data:image/png;base64,{picture})}}"
+        )
+    return f"<style>{SWATCH}{''.join(rules)}</style>"

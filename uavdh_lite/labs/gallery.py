@@ -53,22 +53,57 @@ LABS = {  # for each title: how the page makes the lab, and what it is about
 }
 
 
+WATCHED = {  # what is lost if one leaves the page: in which lab, and what `Address` calls it
+    "City": ("unsaved", "painted"),
+    "Training": ("running", "training"),
+}
+
+
 class Address(anywidget.AnyWidget):
-    """What stands behind the # in the page's address, as `value`; it takes no room on the page."""
+    """What stands behind the # in the page's address, as `value`; it takes no room on the page.
+
+    While leaving the page would lose work, the page has `data-unsaved`; its template asks then.
+
+    | trait | meaning |
+    | --- | --- |
+    | `painted` | a painted city, the PNG in base64; lost, unless a link that saves it was clicked |
+    | `training` | whether a training is on |
+    """
 
     _esm = """
     function render({ model }) {
+      const saved = new Set();
+      const mark = () => {
+        const painted = model.get("painted");
+        const unsaved = model.get("training") || (painted && !saved.has(painted));
+        document.body.toggleAttribute("data-unsaved", Boolean(unsaved));
+      };
+      const save = (event) => {
+        const address = event.target.closest?.("a")?.getAttribute("href");
+        if (address) saved.add(address.split(/city=|base64,/).at(-1));
+        mark();
+      };
+      document.addEventListener("click", save);
+      model.on("change:painted", mark);
+      model.on("change:training", mark);
       const tell = () => {
         model.set("value", location.hash.slice(1));
         model.save_changes();
       };
       addEventListener("hashchange", tell);
       tell();
-      return () => removeEventListener("hashchange", tell);
+      return () => {
+        document.removeEventListener("click", save);
+        model.off("change:painted", mark);
+        model.off("change:training", mark);
+        removeEventListener("hashchange", tell);
+      };
     }
     export default { render };
     """
     value = traitlets.Unicode().tag(sync=True)
+    painted = traitlets.Unicode().tag(sync=True)
+    training = traitlets.Bool().tag(sync=True)
 
 
 class Labs(ipywidgets.Tab):
@@ -121,6 +156,9 @@ class Labs(ipywidgets.Tab):
             self.made[title] = LABS[title][0](self)
             page = self.children[index]
             page.children = [*page.children, self.made[title]]
+            if title in WATCHED:
+                work, name = WATCHED[title]
+                traitlets.dlink((self.made[title], work), (self.address, name))
         menu = getattr(self.made[title], "city", None)
         if isinstance(menu, CityMenu):
             menu.look_again()

@@ -13,7 +13,7 @@ from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights
 from uavdh_lite.labs.draft import History
 from uavdh_lite.labs.menu import CityMenu
-from uavdh_lite.labs.stage import Stage
+from uavdh_lite.labs.stage import Stage, together
 from uavdh_lite.labs.views import Charts, policy_title
 from uavdh_lite.labs.widgets import (
     ROW,
@@ -90,13 +90,11 @@ class MissionLab(ipywidgets.VBox):
         self.city = CityMenu(city, painted, style=LABEL, layout=NARROW)
         self._build()
         self._set_city()
-        together = ipywidgets.VBox([self.sentence, self._views()])
-        together.add_class("uavdh-together")  # on the full screen
         super().__init__(
             [
                 self._controls(),
                 self.message,
-                together,
+                together([self.sentence, self._views()]),
                 self.numbers,
                 self.take_home,
                 words(self.words),
