@@ -32,7 +32,7 @@ from uavdh_lite.scenario import SCENARIOS
 CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
 SCREENSHOTS = Path(__file__).parents[2] / "build" / "screenshots"
 SHOWN_IN_DOCS = Path(__file__).parents[2] / "data" / "figures" / "labs"
-WAIT = 30_000  # milliseconds; only a page that never answers takes so long
+WAIT = 180_000  # milliseconds; only a page that never answers takes so long
 
 pytestmark = pytest.mark.skipif(
     CHROMIUM is None, reason="no Chromium: install it, or name one in CHROMIUM"

@@ -458,6 +458,12 @@ def test_the_channel_lab_follows_clicks_and_sliders():
     assert (lab.device, lab.uav) == ((4, 7), (4, 4))
     assert "line of sight" in lab.numbers.value and "0.652 data units" in lab.numbers.value
     assert "device in cell (4, 7), UAV over (4, 4)" in lab.canvas.picture.alt
+    numbers = [text.get_text() for text in lab._draw_scale(lab.rates.get_clim()[1])]
+    assert f"in the brightest cell {numbers[-1].strip()}" in lab.numbers.value
+    assert lab.bar.images[0].get_cmap().name == lab.rates.get_cmap().name
+    assert lab.bar.images[0].get_array()[0] == 1  # the largest is at the top
+    while lab.bar.texts:
+        lab.bar.texts[0].remove()
     assert lab.numbers.value in lab.canvas.picture.alt
     picture = lab.canvas.picture.value
     click_map((7, 4))
@@ -468,7 +474,7 @@ def test_the_channel_lab_follows_clicks_and_sliders():
     assert lab.numbers.value != blocked
     lab.constants["fading_nlos_db"].value = 3
     assert "± 3.0 dB" in lab.numbers.value
-    assert len(lab.map.lines) == len(lab.curve.lines) == 0  # nothing piles up
+    assert len(lab.map.lines) == len(lab.curve.lines) == len(lab.bar.texts) == 0  # nothing piles up
     lab.city.value = "village"
     assert lab.uav == (0, 0)
 
@@ -664,6 +670,7 @@ def test_uploads_are_taken_or_refused_with_a_reason():
     upload(b"nonsense <script>")
     assert "not a readable PNG" in lab.message.value and "<script>" not in lab.message.value
     assert "x.png" in lab.message.value and lab.upload.value == ()
+    assert "mend the file, and upload it again" in lab.message.value
     upload(Draft.blank(60).png())  # no city, and larger than the editor
     assert lab.draft.size == 16
     large = Draft.blank(60)
@@ -696,7 +703,7 @@ def test_a_link_opens_its_city_on_the_labs_page():
         "city=": "the link: not a readable PNG",
     }.items():
         labs.address.value = broken
-        assert told in lab.message.value, broken
+        assert told in lab.message.value and "Copy it again" in lab.message.value, broken
         assert (lab.draft.kinds == painted.draft.kinds).all()
     stroke(lab, (7, 6))
     lab.blank.click()
@@ -793,6 +800,25 @@ def test_changes_of_a_mission_are_undone_and_numbers_are_typed(lab):
     assert lab.number.value == 5
     lab.city.value = "village"
     assert lab.undo.disabled and lab.redo.disabled and lab.number.value == 0
+
+
+def test_errors_say_how_to_put_them_right(lab):
+    def told(change):
+        change()
+        return lab.message.value
+
+    first, second = lab.mission.devices[:2]
+    assert "another device stands: move one of them" in told(lambda: drag(lab, first, second))
+    assert "rows and columns go from 0 to 15" in told(lambda: drag(lab, first, (16, 0)))
+    assert "a no-fly cell: move it" in told(lambda: drag(lab, lab.mission.start, (2, 2)))
+    for cell in ((8, 8), (7, 7), (7, 8)):
+        said = told(lambda cell=cell: click(lab, cell))
+    assert "6 devices: this scenario takes 1 to 5; take some away" in said
+    lab.click.value = "remove"
+    for cell in lab.mission.devices:
+        said = told(lambda cell=cell: click(lab, cell))
+    assert "0 devices" in said and "; add one" in said
+    assert "click on one" in told(lambda: click(lab, (15, 0)))
 
 
 def test_a_link_opens_its_mission_on_the_labs_page():

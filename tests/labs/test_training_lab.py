@@ -162,7 +162,8 @@ def test_any_two_recipes_race():
     assert not any(each.disabled for each in held)
     lab.rival.values["temperature"].value = -1
     lab.start.click()
-    assert "temperature is -1.0, must be above 0" in lab.status.value and not lab.running
+    assert "the rival" in lab.status.value and not lab.running
+    assert "temperature is -1.0, must be above 0" in lab.status.value
     lab.race.value = False
     assert lab.rivals.children == () and list(lab._new()) == [YOURS]
 

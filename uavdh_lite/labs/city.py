@@ -49,6 +49,8 @@ with extra("notebooks"):
 
 LARGEST = 50  # cells on a side; in larger cities, planners take minutes
 MANY = 100  # missions that say more than one
+COPY = "Copy it again, as a whole"
+UPLOAD = "Your city is as it was: mend the file, and upload it again"
 TRAIN = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
 HINT = "Drag devices, the start or the bars. A click on a map adds a device, or takes it away."
 SWATCH = """.uavdh-brush .widget-toggle-button::before {
@@ -215,7 +217,7 @@ class CityLab(ipywidgets.VBox):
         for cell in self.draft.mirrored(cells, self.mirror.value):
             self.draft.paint(cell, self.brush.value)
         if (self.draft.kinds != shown).any():
-            self._history.record(self.draft.kinds.copy(), new=not self._recorded)
+            self._history.record(self.draft.kinds, new=not self._recorded)
             self._recorded = True
             self.base.value = None  # so that the city can be chosen again
             self._show()
@@ -305,7 +307,7 @@ class CityLab(ipywidgets.VBox):
     def _read(self, files) -> None:
         """Use an uploaded PNG; if it is not a city, say why and change nothing."""
         if files:
-            self._read_png(bytes(files[0]["content"]), files[0]["name"])
+            self._read_png(bytes(files[0]["content"]), files[0]["name"], UPLOAD)
             self.upload.value = ()  # so that the same file can be uploaded again
 
     def open_link(self, code: str) -> None:
@@ -316,18 +318,18 @@ class CityLab(ipywidgets.VBox):
         try:
             data = base64.b64decode(code, validate=True)
         except ValueError:
-            self._say("the link holds no city: part of it is missing")
+            self._say(f"the link holds no city: part of it is missing. {COPY}")
             return
-        self._read_png(data, "the link")
+        self._read_png(data, "the link", COPY)
 
-    def _read_png(self, data: bytes, source: str) -> None:
+    def _read_png(self, data: bytes, source: str, remedy: str) -> None:
         try:
             kinds = Draft.from_png(data).kinds
             if len(kinds) > LARGEST:
                 raise CityError(f"{len(kinds)} cells on a side: at most {LARGEST} fit this editor")
             self._take(kinds)
         except CityError as error:
-            self._say(str(error).replace("upload.png", source))
+            self._say(f"{str(error).replace('upload.png', source)}. {remedy}")
 
     def _code(self) -> str:
         """The city's PNG in base64."""
@@ -348,7 +350,7 @@ class CityLab(ipywidgets.VBox):
         try:
             city = self.draft.city()
         except CityError as error:
-            self._say(str(error))
+            self._say(str(error).removeprefix("my_city: "))
             self._hide_flights()
             self.fly.disabled = self.many.disabled = True
             self.take_home.value = save

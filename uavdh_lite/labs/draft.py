@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Iterable
+from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,10 @@ class Draft:
         Raises `CityError` if it has more than `UPLOAD_BYTES`, or if `City.load` refuses it.
         """
         if len(data) > UPLOAD_BYTES:
-            raise CityError(f"the file has {len(data):,} bytes, at most {UPLOAD_BYTES:,} are read")
+            raise CityError(
+                f"the file has {len(data):,} bytes, at most {UPLOAD_BYTES:,} are read: "
+                "one pixel for each cell is enough"
+            )
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder, "upload.png")
             path.write_bytes(data)
@@ -147,7 +151,7 @@ class History:
     def record(self, state: Any, new: bool = True) -> None:
         """Remember a state after the current one, or in place of it; what was undone is gone."""
         del self._states[self._at + new :]
-        self._states.append(state)
+        self._states.append(copy(state))
         del self._states[: -self.most]
         self._at = len(self._states) - 1
 

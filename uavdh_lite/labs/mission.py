@@ -266,13 +266,13 @@ class MissionLab(ipywidgets.VBox):
             self._change(start=cell)
         elif mode == "remove":
             if device is None:
-                self._say("there is no device here to remove")
+                self._say("there is no device here to remove: click on one")
             else:
                 self._attempt(lambda: self.mission.remove(device))
         elif self._picked is None:
             self._picked = device
             found = f"device {device}: now click its new cell"
-            self._say("there is no device here" if device is None else found)
+            self._say("there is no device here: click on one" if device is None else found)
         else:
             picked, self._picked = self._picked, None
             self._attempt(lambda: self.mission.move(picked, cell))

@@ -241,7 +241,10 @@ class TrainingLab(ipywidgets.VBox):
     def _new(self) -> dict[str, Trainer]:
         recipes = {YOURS: self.yours.recipe}
         if self.race.value:
-            rival = self.rival.recipe
+            try:
+                rival = self.rival.recipe
+            except InputError as error:
+                raise InputError(f"the rival's settings: {error}") from None
             recipes[RIVAL if rival == self.recipe else CHANGED] = rival
         trainers = {
             name: Trainer(self.scenario, recipe, self.seed.value)
