@@ -616,7 +616,13 @@ def test_a_training_runs_pauses_and_goes_on(shared_page):
     expect(lab.get_by_label("temperature")).to_be_enabled()
     lab.get_by_label("failsafe").check()
     lab.get_by_label("race the recipe").check()
+    rival = lab.get_by_label("rival: return steps")
+    expect(rival).to_be_enabled()
+    unsaved = shared_page.locator("body[data-unsaved]")
+    expect(unsaved).to_have_count(0)
     lab.get_by_role("button", name=re.compile(r"start$")).click()
+    expect(rival).to_be_disabled()
+    expect(unsaved).to_have_count(1)  # who leaves now is asked
     expect(status).to_contain_text(re.compile(r"after (32|40|48),.*; the recipe landed"))
     for run in ("your run", "the recipe"):
         expect(lab.get_by_text(re.compile(f"{run} after .* steps"))).to_be_visible()
@@ -624,6 +630,9 @@ def test_a_training_runs_pauses_and_goes_on(shared_page):
     shoot(shared_page, "training", tolerance=0.12)  # the curves, and how far the flight has come
     lab.get_by_role("button", name=re.compile(r"pause$")).click()
     expect(status).to_contain_text("paused")
+    expect(unsaved).to_have_count(0)
+    lab.get_by_role("button", name="new run").click()
+    expect(rival).to_be_enabled()
 
 
 def test_a_city_is_painted_uploaded_and_flown(shared_page):

@@ -137,9 +137,9 @@ def test_the_recipe_races_the_run_with_changes_and_each_learns_as_if_alone(finis
 
 def test_any_two_recipes_race():
     lab = TrainingLab("village", TINY)
-    assert lab.rivals.children == ()
+    assert lab.recipes.children == (lab.yours,)
     lab.race.value = True
-    assert lab.rivals.children == (lab.rival,)
+    assert lab.recipes.children == (lab.yours, lab.rival)
     lab.parts["failsafe"].value = True
     lab.rival.values["return_steps"].value = 1
     lab.rival.parts["quantiles"].value = True
@@ -165,7 +165,7 @@ def test_any_two_recipes_race():
     assert "the rival" in lab.status.value and not lab.running
     assert "temperature is -1.0, must be above 0" in lab.status.value
     lab.race.value = False
-    assert lab.rivals.children == () and list(lab._new()) == [YOURS]
+    assert lab.recipes.children == (lab.yours,) and list(lab._new()) == [YOURS]
 
 
 def test_settings_are_taken_and_held_while_a_run_is_on(finished):

@@ -45,7 +45,7 @@ WORDS = {
     "advantage learning": "it widens the gap between the best action and the others. Both pay "
     "together with the failsafe",
     "race the recipe": "the recipe as it is trains next to yours, with the same seed. Its settings "
-    "appear below yours: change them, and any two recipes race",
+    "appear next to yours: change them, and any two recipes race",
     "seed": "the number of the random draws. Two runs that differ only in it show how much is luck",
     "landed": "the share of validation missions in which it landed in time",
     "collected and landed": "the share of the data that it brought home; 0 where it did not land",
@@ -132,7 +132,9 @@ class TrainingLab(ipywidgets.VBox):
             tooltip="train the recipe at the same time; its settings, too, can be changed",
         )
         self.yours.right.children = [*self.yours.right.children, self.race]
-        self.seed = ipywidgets.BoundedIntText(description="seed", min=0, max=10**6)
+        self.seed = ipywidgets.BoundedIntText(
+            description="seed", min=0, max=10**6, layout={"width": "200px"}
+        )
         self.start = ipywidgets.Button(description="start", icon="play", button_style="primary")
         self.pause = ipywidgets.Button(description="pause", icon="pause", disabled=True)
         self.new_run = ipywidgets.Button(
@@ -156,16 +158,23 @@ class TrainingLab(ipywidgets.VBox):
         )
         self.views = ipywidgets.HBox([self.curves.picture, self.stage], layout=WRAP)
         self.curves.on_click(lambda ax, steps, _: self.look_at(steps))
-        self.rivals = ipywidgets.VBox()  # has its settings while there is a rival
+        self.recipes = ipywidgets.HBox([self.yours], layout=WRAP)
         super().__init__(
             [
-                ipywidgets.HBox(
-                    [self.yours, ipywidgets.VBox([self.seed, self.progress])], layout=WRAP
-                ),
-                self.rivals,
+                self.recipes,
                 together(
                     [
-                        ipywidgets.HBox([self.start, self.pause, self.new_run, FullScreen()]),
+                        ipywidgets.HBox(
+                            [
+                                self.start,
+                                self.pause,
+                                self.new_run,
+                                self.seed,
+                                self.progress,
+                                FullScreen(),
+                            ],
+                            layout=WRAP,
+                        ),
                         self.status,
                         self.looked_at,
                         self.views,
@@ -236,7 +245,7 @@ class TrainingLab(ipywidgets.VBox):
         super().close()
 
     def _show_rival(self, races: bool) -> None:
-        self.rivals.children = [self.rival] if races else []
+        self.recipes.children = [self.yours, self.rival] if races else [self.yours]
 
     def _new(self) -> dict[str, Trainer]:
         recipes = {YOURS: self.yours.recipe}
