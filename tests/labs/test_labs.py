@@ -748,6 +748,20 @@ def test_a_painted_city_is_flown_in_the_other_labs(title):
     assert lab.environment.city.name == "village"
 
 
+def test_radio_links_are_traced_in_a_painted_city():
+    page = Labs()
+    open_tab(page, "Channel")
+    lab = page.made["Channel"]
+    lab.city.value = "my city"
+    assert "no city of yours yet" in lab.message.value and lab.city.value == "manhattan"
+    open_tab(page, "City")
+    stroke(page.made["City"], (7, 6))
+    open_tab(page, "Channel")
+    lab.city.value = "my city"
+    assert lab.environment.city.buildings[7, 6] and lab.message.value == ""
+    assert "Rates over my_city" in lab.canvas.picture.alt
+
+
 def open_tab(page, title):
     page.selected_index = page.titles.index(title)
 

@@ -1,5 +1,6 @@
 """Channel and shadow lab: one ray and the cells it crosses, SNR and rate, and the constants."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -7,12 +8,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from uavdh_lite.channel import Channel, link, rate, rate_map
-from uavdh_lite.city import shipped_cities
+from uavdh_lite.city import City
 from uavdh_lite.errors import extra
 from uavdh_lite.labs.canvas import Canvas
+from uavdh_lite.labs.menu import CityMenu
 from uavdh_lite.labs.stage import FullScreen, together
-from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, words
-from uavdh_lite.missions import environment_of
+from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, status, words
 from uavdh_lite.plotting import BLUE, VERMILION, draw_city
 
 with extra("notebooks"):
@@ -44,10 +45,11 @@ class ChannelLab(ipywidgets.VBox):
 
     Arguments:
         city: the name of a shipped city to start with.
+        painted: returns the city to use as *my city*; see `CityMenu`.
     """
 
-    def __init__(self, city: str = "manhattan"):
-        self.city = ipywidgets.Dropdown(options=shipped_cities(), value=city, description="city")
+    def __init__(self, city: str = "manhattan", painted: Callable[[], City] | None = None):
+        self.city = CityMenu(city, painted)
         self.click = ipywidgets.ToggleButtons(
             options=["device", "UAV"],
             description="click moves",
@@ -68,7 +70,7 @@ class ChannelLab(ipywidgets.VBox):
             description="the paper's constants", icon="undo", layout={"width": "180px"}
         )
         self.logarithmic = ipywidgets.Checkbox(description="logarithmic axis", indent=False)
-        self.numbers = ipywidgets.HTML()
+        self.numbers, self.message = ipywidgets.HTML(), ipywidgets.HTML()
         figure = Figure(figsize=(8.6, 4.4), dpi=150)
         self.map = figure.add_axes((0.03, 0.06, 0.45, 0.88))
         self.bar = figure.add_axes((0.495, 0.06, 0.015, 0.88))
@@ -85,6 +87,7 @@ class ChannelLab(ipywidgets.VBox):
                         ),
                         ipywidgets.HBox([self.canvas.picture, sliders], layout=WRAP),
                         self.numbers,
+                        self.message,
                     ]
                 ),
                 words(WORDS),
@@ -93,7 +96,7 @@ class ChannelLab(ipywidgets.VBox):
         self._defaults = {name: slider.value for name, slider in self.constants.items()}
         self.paper.on_click(lambda _: self._reset())
         self.logarithmic.observe(lambda _: self._set_scale(), "value")
-        self.city.observe(lambda _: self._set_city(), "value")
+        self.city.on_choice(lambda _: self._set_city(), self._refuse)
         for slider in self.constants.values():
             slider.observe(lambda _: self._show(), "value")
         self.canvas.on_click(self._clicked)
@@ -123,7 +126,8 @@ class ChannelLab(ipywidgets.VBox):
 
     def _set_city(self) -> None:
         """The chosen city, with a device in the middle and the UAV in the landing zone."""
-        self.environment = environment_of(self.city.value)
+        self.message.value = ""
+        self.environment = self.city.environment
         city = self.environment.city
         middle = len(city.device_cells) // 2
         self.picker.row.max = self.picker.column.max = city.size - 1
@@ -144,6 +148,9 @@ class ChannelLab(ipywidgets.VBox):
         self.curve.set(xlim=(0, 10 * city.size * 1.4))
         self.top = 0
         self._show()
+
+    def _refuse(self, reason: str) -> None:
+        self.message.value = status(reason)
 
     def _clicked(self, ax, x: float, y: float) -> None:
         if ax is self.map:

@@ -55,7 +55,7 @@ TRAIN = "python -m uavdh_lite train --city my_city.png --devices {devices} --out
 HINT = "Drag devices, the start or the bars. A click on a map adds a device, or takes it away."
 SWATCH = """.uavdh-brush .widget-toggle-button::before {
     content: ""; display: inline-block; width: 14px; height: 14px; margin-right: 6px;
-    vertical-align: -2px; border: 1px solid #666; background-size: cover}
+    vertical-align: -2px; border: 1px solid #999; background-size: cover}
 """
 ADDRESS = "city="  # what stands behind the # of an address that opens a city
 FINE_TUNE = "python -m uavdh_lite train --from any_city --city my_city.png --out runs/my_city"
@@ -93,8 +93,11 @@ class CityLab(ipywidgets.VBox):
                 row([self.base, self.size, self.blank, self.random, self.upload], layout=WRAP),
                 together(
                     [
-                        row([self.brush, self.swatches, FullScreen()], layout=WRAP),
-                        row([self.tool, self.mirror, self.undo, self.redo], layout=WRAP),
+                        row([self.brush, self.swatches], layout=WRAP),
+                        row(
+                            [self.tool, self.mirror, self.undo, self.redo, FullScreen()],
+                            layout=WRAP,
+                        ),
                         self.picker,
                         row(
                             [self.policy, self.number, self.fly, self.at_once, self.many],

@@ -34,7 +34,7 @@ LABS = {  # for each title: how the page makes the lab, and what it is about
         "the same mission with the same fading.",
     ),
     "Channel": (
-        lambda page: ChannelLab(),
+        lambda page: ChannelLab(painted=page.painted),
         "How much data a device can send to the UAV in one slot, and what buildings between them "
         "do to it.",
     ),

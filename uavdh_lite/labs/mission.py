@@ -58,6 +58,7 @@ SCORES = {
     "a no-fly zone or off the map, or a landing outside of the zone",
 }
 FADING = {
+    "mission": "the number of a random mission: the same number draws the same one again",
     "fading": "the number of the random ups and downs of the radio links; the same number gives "
     "every policy the same ones",
 }
