@@ -81,7 +81,9 @@ class City:
             raise CityError(f"{self.name}: no start and landing zone; paint at least one cell blue")
         both = self.landing & (self.no_fly | self.buildings)
         if both.any():
-            raise CityError(f"{self.name}: {_first(both)} is landing zone and no-fly or building")
+            raise CityError(
+                f"{self.name}: {_first(both)} is landing zone and no-fly or building: choose one"
+            )
         walled_in = self.landing & ~grow(~self.no_fly)
         if walled_in.any() and shape[0] > 1:
             raise CityError(
@@ -89,7 +91,9 @@ class City:
                 "the UAV cannot leave it; free a cell to its north, east, south or west"
             )
         if not self.device_cells.size:
-            raise CityError(f"{self.name}: no cell for a device: all are buildings or landing zone")
+            raise CityError(
+                f"{self.name}: no cell for a device: all are buildings or landing zone; free one"
+            )
 
     @property
     def size(self) -> int:

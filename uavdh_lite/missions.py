@@ -197,6 +197,11 @@ class HandFlight:
 
 def save_mission(path: str | Path, mission: Mission) -> None:
     """Write a mission, atomically."""
+    write_json(path, as_json(mission))
+
+
+def as_json(mission: Mission) -> dict:
+    """What a mission's file holds."""
     values = {
         "format": FORMAT,
         "version": VERSION,
@@ -210,7 +215,7 @@ def save_mission(path: str | Path, mission: Mission) -> None:
         "seed": mission.seed,
         "max_devices": mission.max_devices,
     }
-    write_json(path, {**values, "sha256": _digest(values)})
+    return {**values, "sha256": _digest(values)}
 
 
 def load_mission(path: str | Path) -> Mission:
@@ -219,34 +224,41 @@ def load_mission(path: str | Path) -> Mission:
     if path.stat().st_size > LARGEST:
         raise InputError(f"{path}: {path.stat().st_size} bytes: no mission is that large")
     try:
-        values = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_number)
-    except (ValueError, RecursionError) as error:
+        return read_mission(path.read_text(encoding="utf-8"))
+    except UnicodeDecodeError as error:
         raise InputError(f"{path}: not a JSON file: {error}") from None
-    try:
-        if isinstance(values, dict) and values.get("version") == 1:
-            raise InputError(
-                "of version 1, whose fading came from other random streams: its flight would "
-                'differ; to fly it all the same, set "version" to 2 and take the entry "sha256" out'
-            )
-        _check(values)
-        expected = values.pop("sha256", None)
-        if expected not in (None, _digest(values)):
-            raise InputError(
-                "changed since it was saved: its sha256 is another; if you meant to edit it, take "
-                "that entry out"
-            )
-        city = City.from_text(values["city"]["name"], "\n".join(values["city"]["rows"]))
-        return Mission(
-            city,
-            tuple(values["start"]),
-            tuple(tuple(device["cell"]) for device in values["devices"]),
-            tuple(float(device["data"]) for device in values["devices"]),
-            values["flying_time"],
-            values["seed"],
-            values["max_devices"],
-        )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def read_mission(text: str) -> Mission:
+    """The mission that is written in a file; `InputError` says what is wrong in it."""
+    try:
+        values = json.loads(text, parse_constant=_no_number)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"not a JSON file: {error}") from None
+    if isinstance(values, dict) and values.get("version") == 1:
+        raise InputError(
+            "of version 1, whose fading came from other random streams: its flight would "
+            'differ; to fly it all the same, set "version" to 2 and take the entry "sha256" out'
+        )
+    _check(values)
+    expected = values.pop("sha256", None)
+    if expected not in (None, _digest(values)):
+        raise InputError(
+            "changed since it was saved: its sha256 is another; if you meant to edit it, take "
+            "that entry out"
+        )
+    city = City.from_text(values["city"]["name"], "\n".join(values["city"]["rows"]))
+    return Mission(
+        city,
+        tuple(values["start"]),
+        tuple(tuple(device["cell"]) for device in values["devices"]),
+        tuple(float(device["data"]) for device in values["devices"]),
+        values["flying_time"],
+        values["seed"],
+        values["max_devices"],
+    )
 
 
 def _digest(values: dict) -> str:

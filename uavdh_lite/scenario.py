@@ -168,14 +168,17 @@ def place(
     Raises `InputError`, naming the device or cell, for anything that cannot be flown.
     """
     if not 1 <= len(devices) <= max_devices:
-        raise InputError(f"{len(devices)} devices: this scenario takes 1 to {max_devices}")
+        change = "take some away" if devices else "add one"
+        raise InputError(
+            f"{len(devices)} devices: this scenario takes 1 to {max_devices}; {change}"
+        )
     if len(data) != len(devices):
         raise InputError(f"{len(devices)} devices but {len(data)} amounts of data: give one each")
     if not 1 <= flying_time < 2**15:
         raise InputError(f"flying time {flying_time}: must be at least 1 and below {2**15}")
     uav_cell = _cell(city, uav, "the UAV")
     if city.no_fly.ravel()[uav_cell]:
-        raise InputError(f"the UAV cannot start at {tuple(uav)}: a no-fly cell")
+        raise InputError(f"the UAV cannot start at {tuple(uav)}, a no-fly cell: move it")
     device_cells = np.zeros((1, max_devices), np.int16)
     data_initial = np.zeros((1, max_devices), np.float32)
     for k, (device, amount) in enumerate(zip(devices, data, strict=True)):
@@ -185,7 +188,9 @@ def place(
         if city.landing.ravel()[cell]:
             raise InputError(f"device {k} stands in the landing zone at {tuple(device)}: move it")
         if cell in device_cells[0, :k]:
-            raise InputError(f"device {k} is at {tuple(device)}, where another device stands")
+            raise InputError(
+                f"device {k} is at {tuple(device)}, where another device stands: move one of them"
+            )
         if not 0 <= amount < np.inf:
             raise InputError(f"device {k} has {amount} data units: must be 0 or more")
         device_cells[0, k], data_initial[0, k] = cell, amount
@@ -205,5 +210,8 @@ def _cell(city: City, cell: tuple[int, int], what: str) -> int:
     row, col = cell
     if not (0 <= row < city.size and 0 <= col < city.size):
         size = f"{city.size} × {city.size} cells"
-        raise InputError(f"{what} at {tuple(cell)} is outside the city of {size}")
+        raise InputError(
+            f"{what} at {tuple(cell)} is outside the city of {size}: rows and columns go from 0 to "
+            f"{city.size - 1}"
+        )
     return int(row) * city.size + int(col)

@@ -66,6 +66,7 @@ def visiting(browser, server):
     page.goto(server)
     page.locator(SHOWN).first.wait_for()
     yield page
+    page.on("dialog", lambda dialog: dialog.accept())  # yes, leave what was painted
     page.goto("about:blank")  # ends the session; closing the page alone would not, here
     page.close()
     assert outside == [] and errors == []
@@ -236,6 +237,173 @@ def test_a_mission_is_set_on_the_map_and_flown(page):
     assert fits(page)
     shoot(page, "mission")
     drag_a_bar(page, lab)
+
+
+def test_changes_are_undone_by_key_and_a_mission_has_a_number_and_a_link(page):
+    lab = open_lab(page, "Mission")
+    amounts, status = lab.get_by_role("slider", name="data of device"), "span[role=status]"
+    devices = amounts.count()
+    click_cell(page, lab, 8, 8)
+    expect(amounts).to_have_count(devices + 1)
+    page.keyboard.press("z")  # the mouse is over the map
+    expect(amounts).to_have_count(devices)
+    expect(lab.get_by_role("button", name="undo")).to_be_disabled()
+    page.keyboard.press("y")
+    expect(amounts).to_have_count(devices + 1)
+    lab.get_by_role("button", name="undo").click()
+    expect(amounts).to_have_count(devices)
+    number = lab.get_by_role("spinbutton", name="mission")
+    number.fill("5")
+    number.press("Tab")
+    fifth = Mission.draw(SCENARIOS["manhattan"], environment_of("manhattan").city, 5)
+    until(page, lambda: table(lab)[0]["time left"].endswith(f"of {fifth.flying_time}"))
+    lab.get_by_role("button", name="random mission").click()
+    expect(number).to_have_value("6")
+
+    lab.get_by_label("compare with").select_option("greedy")
+    charts = lab.locator(".uavdh-picture img")
+    expect(charts).to_have_attribute("alt", re.compile("Charts of manhattan agent"))
+    lab.get_by_role("button", name="greedy").click()
+    expect(charts).to_have_attribute("alt", re.compile("Charts of greedy"))
+
+    flown = table(lab)
+    lab.get_by_role("link", name="link", exact=True).click()
+    expect(lab.locator(status)).to_contain_text("copy it")
+    expect(lab.get_by_role("button", name="Play")).to_be_visible()
+    page.reload()  # somebody opens the address
+    page.locator(SHOWN).first.wait_for()
+    until(page, lambda: len(table(lab)) == 1 and table(lab)[0] == flown[0])
+
+
+def test_a_painted_city_is_flown_in_the_other_labs(page):
+    def choose():
+        lab.get_by_label("city", exact=True).select_option("my city")
+
+    lab = open_lab(page, "Mission")
+    choose()
+    expect(lab.locator("span[role=status]")).to_contain_text("no city of yours yet")
+    expect(lab.get_by_label("city", exact=True)).to_have_value("manhattan")
+    lab = open_lab(page, "City")
+    save = lab.get_by_role("link", name="save as PNG")
+    lab.get_by_role("spinbutton", name="row").fill("7")
+    lab.get_by_role("spinbutton", name="column").fill("6")
+    lab.get_by_role("spinbutton", name="column").press("Tab")
+    lab.get_by_role("button", name="click there").click()
+    until(page, lambda: painted(save).buildings[7, 6])
+    for title in ("Mission", "Watch it think", "Fly it yourself"):
+        lab = open_lab(page, title)
+        choose()
+        svg = lab.locator(".uavdh-stage .uavdh-player")
+        expect(svg).to_have_attribute("aria-label", "Flight over my_city")
+    open_lab(page, "City").get_by_role("button", name="blank city").click()
+    expect(page.get_by_text("at least one cell blue").first).to_be_visible()
+    lab = open_lab(page, "Mission")
+    expect(lab.locator("span[role=status]")).to_contain_text("your city is not finished")
+
+
+def test_the_browser_asks_before_work_is_lost_and_only_then(page, server):
+    asked = []
+
+    def leave(accept):
+        def answer(dialog):
+            asked.append(dialog.type)
+            dialog.accept() if accept else dialog.dismiss()
+
+        page.on("dialog", answer)
+        page.evaluate("() => { setTimeout(() => location.reload()) }")
+        return lambda: page.remove_listener("dialog", answer)
+
+    lab = open_lab(page, "City")
+    lab.get_by_role("button", name="random city").click()  # nobody's work
+    first = kernel(page)
+    done = leave(accept=False)
+    until(page, lambda: kernel(page) != first)
+    page.locator(SHOWN).first.wait_for()
+    done()
+    assert asked == []
+
+    lab = open_lab(page, "City")
+    map_, save = lab.locator(".uavdh-picture img"), lab.get_by_role("link", name="save as PNG")
+    place, before = {"x": 230, "y": 200}, painted(save).kinds
+    map_.click(position=place)
+    until(page, lambda: (painted(save).kinds != before).any())
+    second = kernel(page)
+    done = leave(accept=False)
+    until(page, lambda: asked == ["beforeunload"])
+    done()
+    page.keyboard.press("z")  # one stays, and the session is alive
+    until(page, lambda: (painted(save).kinds == before).all())
+    page.keyboard.press("y")
+    until(page, lambda: (painted(save).kinds != before).any())
+    done = leave(accept=True)
+    until(page, lambda: len(asked) == 2 and kernel(page) != second)
+    done()
+
+    async def fetch():
+        request = HTTPRequest(f"{server}api/kernels/{second}")
+        return (await AsyncHTTPClient().fetch(request, raise_error=False)).code
+
+    until(page, lambda: aside(fetch) == 404)  # and who leaves gives it back
+    page.locator(SHOWN).first.wait_for()
+    lab = open_lab(page, "City")
+    map_.click(position=place)
+    until(page, lambda: (painted(save).kinds != before).any())
+    with page.expect_download():
+        save.click()
+    third = kernel(page)
+    done = leave(accept=False)
+    until(page, lambda: kernel(page) != third)  # it was saved: nobody is asked
+    done()
+    assert len(asked) == 2
+
+
+FULL = "document.fullscreenElement?.className.includes('together')"
+
+
+def test_a_large_screen_is_used_and_pictures_fill_it(shared_page):
+    page = shared_page
+    widths = {}
+    for title, shown in (
+        ("Mission", ".uavdh-stage .map"),
+        ("Channel", ".uavdh-picture img"),
+        ("City", ".uavdh-picture img"),
+    ):
+        lab = open_lab(page, title)
+        picture = lab.locator(shown).first
+        for screen in ((1280, 720), (1920, 1080)):
+            page.set_viewport_size(dict(zip(("width", "height"), screen, strict=True)))
+            widths[screen] = picture.bounding_box()["width"]
+        assert widths[1920, 1080] > 1.3 * widths[1280, 720] and fits(page), title
+        lab.get_by_role("button", name="Full screen").focus()
+        page.keyboard.press("Enter")
+        until(page, lambda: page.evaluate(FULL))
+        assert picture.bounding_box()["width"] > widths[1920, 1080], title
+        if title == "Channel":
+            at = picture.bounding_box()
+            sentence = lab.get_by_text("m through the air")
+            before = sentence.inner_text()
+            picture.click(position={"x": 0.3 * at["width"], "y": 0.4 * at["height"]})
+            expect(sentence).not_to_have_text(before)
+        lab.get_by_role("button", name="Full screen").click()
+        until(page, lambda: page.evaluate("document.fullscreenElement === null"))
+    lab = open_lab(page, "Training")
+    lab.get_by_role("button", name="Full screen").click()
+    until(page, lambda: page.evaluate("document.fullscreenElement !== null"))
+    page.evaluate("document.exitFullscreen()")
+    page.set_viewport_size({"width": 1280, "height": 1000})
+
+
+def test_brushes_show_what_they_paint(shared_page):
+    lab = open_lab(shared_page, "City")
+    swatch = "button => getComputedStyle(button, '::before').backgroundImage"
+    names = ("free", "no-fly zone", "low building", "landing zone", "tall building")
+    shown = [lab.get_by_role("button", name=name).evaluate(swatch) for name in names]
+    data = [each.split("base64,")[1].rstrip('")') for each in shown]
+    pictures = [Image.open(io.BytesIO(base64.b64decode(each))).convert("RGB") for each in data]
+    red, green, blue = np.array([np.asarray(each).mean((0, 1)) for each in pictures]).T
+    assert names[green.argmax()] == "free" and names[green.argmin()] == "tall building"
+    assert names[(red - green).argmax()] == "no-fly zone"
+    assert names[(blue - red).argmax()] == "landing zone"
 
 
 def test_keys_set_bars_move_devices_and_scrub(page):
@@ -448,7 +616,13 @@ def test_a_training_runs_pauses_and_goes_on(shared_page):
     expect(lab.get_by_label("temperature")).to_be_enabled()
     lab.get_by_label("failsafe").check()
     lab.get_by_label("race the recipe").check()
+    rival = lab.get_by_label("rival: return steps")
+    expect(rival).to_be_enabled()
+    unsaved = shared_page.locator("body[data-unsaved]")
+    expect(unsaved).to_have_count(0)
     lab.get_by_role("button", name=re.compile(r"start$")).click()
+    expect(rival).to_be_disabled()
+    expect(unsaved).to_have_count(1)  # who leaves now is asked
     expect(status).to_contain_text(re.compile(r"after (32|40|48),.*; the recipe landed"))
     for run in ("your run", "the recipe"):
         expect(lab.get_by_text(re.compile(f"{run} after .* steps"))).to_be_visible()
@@ -456,6 +630,9 @@ def test_a_training_runs_pauses_and_goes_on(shared_page):
     shoot(shared_page, "training", tolerance=0.12)  # the curves, and how far the flight has come
     lab.get_by_role("button", name=re.compile(r"pause$")).click()
     expect(status).to_contain_text("paused")
+    expect(unsaved).to_have_count(0)
+    lab.get_by_role("button", name="new run").click()
+    expect(rival).to_be_enabled()
 
 
 def test_a_city_is_painted_uploaded_and_flown(shared_page):
@@ -556,7 +733,13 @@ def test_every_lab_is_for_everybody(page):
     """No finding of axe-core, which checks contrast, names, roles and more, on a dark page and on a
     light one; and a tablet is wide enough: controls and pictures continue below."""
     for tab in page.get_by_role("tab").all():
-        open_lab(page, tab.inner_text())
+        lab = open_lab(page, tab.inner_text())
+        if tab.inner_text() == "Mission":
+            lab.get_by_label("compare with").select_option("greedy")
+            expect(lab.get_by_text("charts of")).to_be_visible()
+        if tab.inner_text() == "Training":
+            lab.get_by_label("race the recipe").check()
+            expect(lab.get_by_label("rival: temperature")).to_be_visible()
         for scheme, behind in (("dark", "rgb(17, 17, 17)"), ("light", "rgb(255, 255, 255)")):
             page.emulate_media(color_scheme=scheme)
             background = "getComputedStyle(document.body).backgroundColor"

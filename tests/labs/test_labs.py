@@ -3,6 +3,7 @@
 import base64
 import datetime
 import io
+import json
 import re
 import subprocess
 import sys
@@ -27,10 +28,10 @@ from uavdh_lite.labs import (
     ThinkLab,
     TrainingLab,
 )
-from uavdh_lite.labs.draft import Draft
+from uavdh_lite.labs.draft import Draft, scenario_of
 from uavdh_lite.labs.fly import HARD, KEYS
 from uavdh_lite.labs.think import Thoughts
-from uavdh_lite.missions import HandFlight, Mission, environment_of
+from uavdh_lite.missions import HandFlight, Mission, as_json, environment_of, read_mission
 from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.shadowing import line_of_sight
@@ -457,6 +458,12 @@ def test_the_channel_lab_follows_clicks_and_sliders():
     assert (lab.device, lab.uav) == ((4, 7), (4, 4))
     assert "line of sight" in lab.numbers.value and "0.652 data units" in lab.numbers.value
     assert "device in cell (4, 7), UAV over (4, 4)" in lab.canvas.picture.alt
+    numbers = [text.get_text() for text in lab._draw_scale(lab.rates.get_clim()[1])]
+    assert f"in the brightest cell {numbers[-1].strip()}" in lab.numbers.value
+    assert lab.bar.images[0].get_cmap().name == lab.rates.get_cmap().name
+    assert lab.bar.images[0].get_array()[0] == 1  # the largest is at the top
+    while lab.bar.texts:
+        lab.bar.texts[0].remove()
     assert lab.numbers.value in lab.canvas.picture.alt
     picture = lab.canvas.picture.value
     click_map((7, 4))
@@ -467,7 +474,7 @@ def test_the_channel_lab_follows_clicks_and_sliders():
     assert lab.numbers.value != blocked
     lab.constants["fading_nlos_db"].value = 3
     assert "± 3.0 dB" in lab.numbers.value
-    assert len(lab.map.lines) == len(lab.curve.lines) == 0  # nothing piles up
+    assert len(lab.map.lines) == len(lab.curve.lines) == len(lab.bar.texts) == 0  # nothing piles up
     lab.city.value = "village"
     assert lab.uav == (0, 0)
 
@@ -663,6 +670,7 @@ def test_uploads_are_taken_or_refused_with_a_reason():
     upload(b"nonsense <script>")
     assert "not a readable PNG" in lab.message.value and "<script>" not in lab.message.value
     assert "x.png" in lab.message.value and lab.upload.value == ()
+    assert "mend the file, and upload it again" in lab.message.value
     upload(Draft.blank(60).png())  # no city, and larger than the editor
     assert lab.draft.size == 16
     large = Draft.blank(60)
@@ -695,12 +703,206 @@ def test_a_link_opens_its_city_on_the_labs_page():
         "city=": "the link: not a readable PNG",
     }.items():
         labs.address.value = broken
-        assert told in lab.message.value, broken
+        assert told in lab.message.value and "Copy it again" in lab.message.value, broken
         assert (lab.draft.kinds == painted.draft.kinds).all()
     stroke(lab, (7, 6))
     lab.blank.click()
     assert "#city" not in lab.take_home.value  # no landing zone yet
     assert "#city" not in CityLab().take_home.value  # in a notebook, nothing reads the address
+
+
+@pytest.mark.parametrize("title", ["Mission", "Watch it think", "Fly it yourself"])
+def test_a_painted_city_is_flown_in_the_other_labs(title):
+    page = Labs()
+    open_tab(page, title)
+    lab = page.made[title]
+    before = lab.environment
+    lab.city.value = "my city"
+    assert "no city of yours yet. Paint one in the tab City" in lab.message.value
+    assert lab.city.value == "manhattan" and lab.environment is before
+    open_tab(page, "City")
+    city = page.made["City"]
+    stroke(city, (7, 6))
+    open_tab(page, title)
+    lab.city.value = "my city"
+    assert lab.environment.city.fingerprint == city.draft.city().fingerprint
+    mission = lab.flight.mission if title == "Fly it yourself" else lab.mission
+    city.fly.click()
+    assert set_by(mission) == set_by(city._mission)  # equal numbers, equal missions
+    shown = lab.stage.drawing
+    open_tab(page, "City")
+    stroke(city, (7, 7))
+    open_tab(page, title)  # it is taken up as it is now
+    assert lab.environment.city.fingerprint == city.draft.city().fingerprint
+    assert lab.stage.drawing != shown
+    last = lab.environment
+    open_tab(page, "City")
+    city.blank.click()
+    open_tab(page, title)
+    assert "your city is not finished" in lab.message.value
+    assert "at least one cell blue" in lab.message.value
+    assert lab.environment is last and lab.city.value == "my city"
+    lab.city.value = "village"
+    lab.city.value = "my city"
+    assert "your city is not finished" in lab.message.value and lab.city.value == "village"
+    assert lab.environment.city.name == "village"
+
+
+def test_radio_links_are_traced_in_a_painted_city():
+    page = Labs()
+    open_tab(page, "Channel")
+    lab = page.made["Channel"]
+    lab.city.value = "my city"
+    assert "no city of yours yet" in lab.message.value and lab.city.value == "manhattan"
+    open_tab(page, "City")
+    stroke(page.made["City"], (7, 6))
+    open_tab(page, "Channel")
+    lab.city.value = "my city"
+    assert lab.environment.city.buildings[7, 6] and lab.message.value == ""
+    assert "Rates over my_city" in lab.canvas.picture.alt
+
+
+def open_tab(page, title):
+    page.selected_index = page.titles.index(title)
+
+
+def test_a_painted_city_keeps_the_mission_that_was_set_in_it_if_it_can():
+    page = Labs()
+    open_tab(page, "City")
+    open_tab(page, "Mission")
+    lab, city = page.made["Mission"], page.made["City"]
+    lab.city.value = "my city"
+    lab.other.value = "genie"
+    click(lab, (7, 0))
+    kept = set_by(lab.mission)
+    stroke(city, (7, 7))
+    open_tab(page, "City")
+    open_tab(page, "Mission")
+    assert set_by(lab.mission) == kept and lab.other.value == "genie"
+    assert lab.mission.city.buildings[7, 7] and lab.undo.disabled
+    stroke(city, (7, 0))  # on the device
+    open_tab(page, "City")
+    open_tab(page, "Mission")
+    assert (7, 0) not in lab.mission.devices and "genie" in lab.flights
+    assert "my city" not in MissionLab().city.options  # in a notebook, there is no city editor
+
+
+def test_changes_of_a_mission_are_undone_and_numbers_are_typed(lab):
+    drawn = Mission.draw(SCENARIOS["manhattan"], lab.environment.city, 0)
+    assert lab.undo.disabled and lab.redo.disabled and lab.number.value == 0
+    click(lab, (8, 8))
+    tell(lab.stage, kind="time", value=25)
+    lab.undo.click()
+    assert (8, 8) in lab.mission.devices and lab.mission.flying_time == drawn.flying_time
+    tell(lab.stage, kind="undo", by=-1)
+    assert set_by(lab.mission) == set_by(drawn) and lab.undo.disabled
+    tell(lab.stage, kind="undo", by=-1)  # there is nothing before
+    lab.redo.click()
+    tell(lab.stage, kind="undo", by=1)
+    assert lab.mission.flying_time == 25 and lab.redo.disabled
+    assert lab.flights["manhattan"].start.time_left[0] == 25
+    lab.number.value = 5
+    fifth = Mission.draw(SCENARIOS["manhattan"], lab.environment.city, 5)
+    assert set_by(lab.mission) == set_by(replace(fifth, seed=0))
+    lab.draw.click()
+    assert lab.number.value == 6
+    lab.undo.click()
+    lab.undo.click()
+    assert lab.number.value == 0 and lab.mission.flying_time == 25
+    click(lab, (2, 2))  # refused: nothing to undo, and what was undone can still be redone
+    lab.redo.click()
+    assert lab.number.value == 5
+    lab.city.value = "village"
+    assert lab.undo.disabled and lab.redo.disabled and lab.number.value == 0
+
+
+def test_errors_say_how_to_put_them_right(lab):
+    def told(change):
+        change()
+        return lab.message.value
+
+    first, second = lab.mission.devices[:2]
+    assert "another device stands: move one of them" in told(lambda: drag(lab, first, second))
+    assert "rows and columns go from 0 to 15" in told(lambda: drag(lab, first, (16, 0)))
+    assert "a no-fly cell: move it" in told(lambda: drag(lab, lab.mission.start, (2, 2)))
+    for cell in ((8, 8), (7, 7), (7, 8)):
+        said = told(lambda cell=cell: click(lab, cell))
+    assert "6 devices: this scenario takes 1 to 5; take some away" in said
+    lab.click.value = "remove"
+    for cell in lab.mission.devices:
+        said = told(lambda cell=cell: click(lab, cell))
+    assert "0 devices" in said and "; add one" in said
+    assert "click on one" in told(lambda: click(lab, (15, 0)))
+
+
+def test_a_link_opens_its_mission_on_the_labs_page():
+    there = MissionLab("village", linked=True)
+    click(there, (7, 0))
+    code = re.search('href="#(mission=[^"]*)"', there.take_home.value)[1]
+    page = Labs()
+    lab = page.made["Mission"]
+    click(lab, (8, 8))
+    page.address.value = code
+    assert lab.city.value == "village" and set_by(lab.mission) == set_by(there.mission)
+    assert (7, 0) in lab.mission.devices and lab.undo.disabled
+    lab.open_link(code.removeprefix("mission="))  # the lab's own link
+    assert "copy it" in lab.message.value
+    saved = lab.take_home.value.split("base64,")[1].split('"')[0]
+    same = read_mission(base64.b64decode(saved).decode())
+    assert set_by(same) == set_by(lab.mission)
+    for broken in (code[:40], "mission=%3Cscript", "mission=é", "mission=", code[:-8]):
+        page.address.value = broken
+        assert "the link holds no mission" in lab.message.value, broken
+        assert "Copy it again" in lab.message.value
+        assert set_by(lab.mission) == set_by(there.mission)
+    for side in (10, 11):  # links to missions in cities that nobody has
+        (city,) = CityGenerator((side, side)).draw(1, seed=3)
+        own = Mission.draw(scenario_of(city), city, 4)
+        text = json.dumps(as_json(own)).encode()
+        page.address.value = f"mission={base64.b64encode(text).decode()}"
+        assert lab.city.value == "the link's city" and set_by(lab.mission) == set_by(own)
+        assert lab.environment.city.fingerprint == city.fingerprint
+    lab.draw.click()
+    assert lab.mission.city.size == 11
+    assert MissionLab().take_home.value == ""  # in a notebook, nothing reads the address
+
+
+def test_charts_show_whichever_policy_is_asked_for(lab):
+    assert lab.charted.layout.display == "none"  # one flight: nothing to choose
+    lab.other.value, lab.third.value = "greedy", "random"
+    assert lab.charted.layout.display is None
+    assert [name for _, name in lab.charted.options] == ["manhattan", "greedy", "random"]
+    first = lab.charts.canvas.picture.value
+    lab.stage.step = 3
+    for name in ("greedy", "random"):
+        lab.charted.value = name
+        left = lab.flights[name].trajectory(0).data_left
+        assert (lab.charts.left == left).all() and lab.charts.canvas.picture.value != first
+        assert f"Charts of {name}" in lab.charts.canvas.picture.alt
+        assert "After step 3" in lab.charts.canvas.picture.alt
+    click(lab, (8, 8))
+    assert lab.charted.value == "random"  # it stays chosen
+    lab.third.value = "none"
+    assert lab.charted.value == "manhattan" and "manhattan" in lab.charts.canvas.picture.alt
+
+
+def test_painted_cities_and_running_trainings_are_work_that_can_be_lost():
+    page = Labs()
+    for title in ("City", "Training"):
+        open_tab(page, title)
+    city, training = page.made["City"], page.made["Training"]
+    assert page.address.painted == "" and not page.address.training
+    stroke(city, (7, 6))
+    assert (Draft.from_png(base64.b64decode(page.address.painted)).kinds == city.draft.kinds).all()
+    city.undo.click()
+    assert page.address.painted == ""  # as it came
+    city.redo.click()
+    assert page.address.painted == city._code()
+    city.size.value = 8
+    city.random.click()
+    assert page.address.painted == ""
+    training.running = True
+    assert page.address.training
 
 
 def pick(lab, row, column):
@@ -749,7 +951,7 @@ def test_many_missions_say_more_than_one_and_find_where_greedy_fails():
     lab.many.click()
     assert "Over 100 missions" in lab.result.value and "behind in" in lab.result.value
     city = lab.draft.city()
-    drawn = Mission.draw(lab._scenario(city), city, lab.number.value)
+    drawn = Mission.draw(scenario_of(city), city, lab.number.value)
     assert set_by(lab._mission) == set_by(drawn)
     stroke(lab, (7, 7))
     assert lab.result.value == ""

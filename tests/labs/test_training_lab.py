@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from uavdh_lite.labs import TrainingLab
-from uavdh_lite.labs.training import RIVAL, YOURS
+from uavdh_lite.labs.training import CHANGED, RIVAL, YOURS
 from uavdh_lite.recipe import find_recipe
 
 TINY = replace(
@@ -133,6 +133,39 @@ def test_the_recipe_races_the_run_with_changes_and_each_learns_as_if_alone(finis
     assert [len(line.get_xdata()) for line in dashed] == [5, 5, 5]
     lab.new_run.click()
     assert not lab.race.disabled and lab.trainers == {}
+
+
+def test_any_two_recipes_race():
+    lab = TrainingLab("village", TINY)
+    assert lab.recipes.children == (lab.yours,)
+    lab.race.value = True
+    assert lab.recipes.children == (lab.yours, lab.rival)
+    lab.parts["failsafe"].value = True
+    lab.rival.values["return_steps"].value = 1
+    lab.rival.parts["quantiles"].value = True
+    lab.start.click()
+    wait(lab)
+    recipes = {name: trainer.recipe for name, trainer in lab.trainers.items()}
+    source = find_recipe("quantile")
+    assert recipes == {
+        YOURS: replace(TINY, failsafe=True),
+        CHANGED: replace(
+            TINY, return_steps=1, quantiles=source.quantiles, huber_delta=source.huber_delta
+        ),
+    }
+    labels = [text.get_text() for text in lab.ax.get_legend().get_texts()]
+    assert any(label.startswith("the rival: ") and "quantiles" in label for label in labels)
+    assert f"{CHANGED} after 1,600 steps" in lab.stage.drawing
+    held = [*lab.rival.values.values(), *lab.rival.parts.values(), lab.race, lab.seed]
+    assert all(each.disabled for each in held) and "press new run" in lab.status.value
+    lab.new_run.click()
+    assert not any(each.disabled for each in held)
+    lab.rival.values["temperature"].value = -1
+    lab.start.click()
+    assert "the rival" in lab.status.value and not lab.running
+    assert "temperature is -1.0, must be above 0" in lab.status.value
+    lab.race.value = False
+    assert lab.recipes.children == (lab.yours,) and list(lab._new()) == [YOURS]
 
 
 def test_settings_are_taken_and_held_while_a_run_is_on(finished):

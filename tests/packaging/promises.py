@@ -18,7 +18,7 @@ from uavdh_lite.errors import MissingExtra
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = "uavdh_lite/DataHarvesting-v0"
-LABS = "canvas channel city fly gallery mission stage think training views widgets"
+LABS = "canvas channel city fly gallery menu mission stage think training views widgets"
 NEEDS = {  # modules that need an extra
     **{f"uavdh_lite.labs.{name}": "notebooks" for name in LABS.split()},
     "uavdh_lite.course.quiz": "notebooks",

@@ -438,7 +438,7 @@ def test_a_placed_start_is_as_given():
         ({"devices": [], "data": []}, r"0 devices"),
         ({"flying_time": 0}, r"flying time 0"),
         ({"flying_time": -3}, r"flying time -3"),
-        ({"max_devices": 1}, r"2 devices.* 1$"),
+        ({"max_devices": 1}, r"2 devices.* 1; take some away$"),
         ({"uav": (1, 3)}, r"UAV .*\(1, 3\).*no-fly"),
         ({"uav": (3, 1)}, r"UAV .*\(3, 1\).*no-fly"),
         ({"uav": (5, 0)}, r"UAV .*\(5, 0\).*outside"),

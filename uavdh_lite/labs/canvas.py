@@ -31,6 +31,7 @@ class Picture(anywidget.AnyWidget):
     | `value` | the PNG, bytes |
     | `alt` | what it shows, as a sentence |
     | `listens` | what it tells: some of click, draw and key |
+    | `size` | width and height on the page, pixels; on a large screen, it grows |
     """
 
     _esm = (HERE / "picture.js").read_text(encoding="utf-8")
@@ -38,10 +39,14 @@ class Picture(anywidget.AnyWidget):
     value = traitlets.Bytes().tag(sync=True)
     alt = traitlets.Unicode().tag(sync=True)
     listens = traitlets.List().tag(sync=True)
+    size = traitlets.List([100, 100]).tag(sync=True)
 
 
 class Canvas:
     """The picture of a figure: `draw_all` once, then `draw` the few artists that change.
+
+    On the page, an inch of the figure is 100 pixels; with more dots per inch it stays sharp where
+    it grows.
 
     | attribute | meaning |
     | --- | --- |
@@ -53,7 +58,7 @@ class Canvas:
         self.figure = figure
         self._canvas = FigureCanvasAgg(figure)
         self._background = None
-        self.picture = Picture()
+        self.picture = Picture(size=[round(100 * inches) for inches in figure.get_size_inches()])
         self._hear: dict[str, Callable[[dict], None]] = {}
         self.picture.on_msg(lambda _, told, buffers: self._hear[told["kind"]](told))
 

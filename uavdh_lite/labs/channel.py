@@ -1,5 +1,6 @@
 """Channel and shadow lab: one ray and the cells it crosses, SNR and rate, and the constants."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -7,22 +8,24 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from uavdh_lite.channel import Channel, link, rate, rate_map
-from uavdh_lite.city import shipped_cities
+from uavdh_lite.city import City
 from uavdh_lite.errors import extra
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, words
-from uavdh_lite.missions import environment_of
+from uavdh_lite.labs.menu import CityMenu
+from uavdh_lite.labs.stage import FullScreen, together
+from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, status, words
 from uavdh_lite.plotting import BLUE, VERMILION, draw_city
 
 with extra("notebooks"):
     import ipywidgets
 
 FAINTEST = 1e-5  # data units a slot, the lower end of a logarithmic axis
+RATE_ALPHA = 0.75  # of the colours over the city
 CLEAR, BLOCKED = BLUE, VERMILION
 WORDS = {
     "✕ and ◆ on the map": "the device on the ground, and the UAV above its cell. The brighter a "
-    "cell, the more the UAV would hear from there. Cells that the ray crosses are framed, "
-    "buildings in its way in orange",
+    "cell, the more the UAV would hear from there; the scale is next to the map. Cells that the "
+    "ray crosses are framed, buildings in its way in orange",
     "LoS, NLoS": "with and without line of sight. Any building between them blocks it, as if it "
     "were higher than the UAV: the model does not know how high buildings are",
     "slot": "the radio's unit of time; a step of the UAV has four",
@@ -42,10 +45,11 @@ class ChannelLab(ipywidgets.VBox):
 
     Arguments:
         city: the name of a shipped city to start with.
+        painted: returns the city to use as *my city*; see `CityMenu`.
     """
 
-    def __init__(self, city: str = "manhattan"):
-        self.city = ipywidgets.Dropdown(options=shipped_cities(), value=city, description="city")
+    def __init__(self, city: str = "manhattan", painted: Callable[[], City] | None = None):
+        self.city = CityMenu(city, painted)
         self.click = ipywidgets.ToggleButtons(
             options=["device", "UAV"],
             description="click moves",
@@ -66,27 +70,39 @@ class ChannelLab(ipywidgets.VBox):
             description="the paper's constants", icon="undo", layout={"width": "180px"}
         )
         self.logarithmic = ipywidgets.Checkbox(description="logarithmic axis", indent=False)
-        self.numbers = ipywidgets.HTML()
-        figure = Figure(figsize=(8.6, 4.4), dpi=100)
+        self.numbers, self.message = ipywidgets.HTML(), ipywidgets.HTML()
+        figure = Figure(figsize=(8.6, 4.4), dpi=150)
         self.map = figure.add_axes((0.03, 0.06, 0.45, 0.88))
-        self.curve = figure.add_axes((0.56, 0.12, 0.42, 0.8))
+        self.bar = figure.add_axes((0.495, 0.06, 0.015, 0.88))
+        self.curve = figure.add_axes((0.62, 0.12, 0.37, 0.8))
         self.canvas = Canvas(figure)
         sliders = ipywidgets.VBox([*self.constants.values(), self.paper, self.logarithmic])
+        self.numbers.add_class("uavdh-sentence")
         super().__init__(
             [
-                ipywidgets.HBox([self.city, self.click, self.picker], layout=WRAP),
-                ipywidgets.HBox([self.canvas.picture, sliders], layout=WRAP),
-                self.numbers,
+                together(
+                    [
+                        ipywidgets.HBox(
+                            [self.city, self.click, self.picker, FullScreen()], layout=WRAP
+                        ),
+                        ipywidgets.HBox([self.canvas.picture, sliders], layout=WRAP),
+                        self.numbers,
+                        self.message,
+                    ]
+                ),
                 words(WORDS),
             ]
         )
         self._defaults = {name: slider.value for name, slider in self.constants.items()}
         self.paper.on_click(lambda _: self._reset())
         self.logarithmic.observe(lambda _: self._set_scale(), "value")
-        self.city.observe(lambda _: self._set_city(), "value")
+        self.city.on_choice(lambda _: self._set_city(), self._refuse)
         for slider in self.constants.values():
             slider.observe(lambda _: self._show(), "value")
         self.canvas.on_click(self._clicked)
+        ramp = self.bar.imshow(np.linspace(1, 0, 100)[:, None], "viridis", alpha=RATE_ALPHA)
+        ramp.set_extent((0, 1, 0, 1))
+        self.bar.set(aspect="auto", xticks=[], yticks=[])
         self._set_city()
 
     @property
@@ -110,7 +126,8 @@ class ChannelLab(ipywidgets.VBox):
 
     def _set_city(self) -> None:
         """The chosen city, with a device in the middle and the UAV in the landing zone."""
-        self.environment = environment_of(self.city.value)
+        self.message.value = ""
+        self.environment = self.city.environment
         city = self.environment.city
         middle = len(city.device_cells) // 2
         self.picker.row.max = self.picker.column.max = city.size - 1
@@ -119,7 +136,11 @@ class ChannelLab(ipywidgets.VBox):
         self.map.clear()
         draw_city(self.map, city).set(xlabel="", ylabel="")
         self.rates = self.map.imshow(
-            np.zeros((city.size, city.size)), "viridis", alpha=0.75, zorder=1.5, animated=True
+            np.zeros((city.size, city.size)),
+            "viridis",
+            alpha=RATE_ALPHA,
+            zorder=1.5,
+            animated=True,
         )
         self.map.set_title("data units a slot; ✕ device, ◆ UAV", fontsize="medium")
         self.curve.clear()
@@ -127,6 +148,9 @@ class ChannelLab(ipywidgets.VBox):
         self.curve.set(xlim=(0, 10 * city.size * 1.4))
         self.top = 0
         self._show()
+
+    def _refuse(self, reason: str) -> None:
+        self.message.value = status(reason)
 
     def _clicked(self, ax, x: float, y: float) -> None:
         if ax is self.map:
@@ -151,7 +175,12 @@ class ChannelLab(ipywidgets.VBox):
         most = rates[~city.no_fly].max()
         self.rates.set_data(np.where(city.no_fly, np.nan, rates))
         self.rates.set_clim(0, max(most, 1e-6))
-        artists = [self.rates, *self._draw_ray(found), *self._draw_curves(channel, found)]
+        artists = [
+            self.rates,
+            *self._draw_ray(found),
+            *self._draw_curves(channel, found),
+            *self._draw_scale(max(most, 1e-6)),
+        ]
         top = max(np.max(line.get_ydata()) for line in self.curve.lines)
         if not top <= self.top <= 2 * top + 1:  # the curves leave the axes, or are small in them
             self.top = np.ceil(1.2 * top)
@@ -182,6 +211,13 @@ class ChannelLab(ipywidgets.VBox):
         artists += self.map.plot(from_col, from_row, "X", color="white", mec="black", ms=11)
         artists += self.map.plot(to_col, to_row, "D", color="white", mec="black", ms=9)
         return artists
+
+    def _draw_scale(self, most: float) -> list:
+        """The numbers next to the colours, up to that of the brightest."""
+        return [
+            self.bar.text(1.4, share, f" {share * most:.3g}", va=where, fontsize="small")
+            for share, where in ((0, "bottom"), (0.5, "center"), (1, "top"))
+        ]
 
     def _draw_curves(self, channel: Channel, found) -> list:
         ground_m = np.linspace(0, self.curve.get_xlim()[1], 150)

@@ -15,27 +15,49 @@ from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import CityError, InputError, extra
 from uavdh_lite.evaluation import Flights, fly
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.draft import BRUSHES, MIRRORS, UPLOAD_BYTES, Cell, Draft, History, rectangle
-from uavdh_lite.labs.stage import BESIDE, Stage
+from uavdh_lite.labs.draft import (
+    BRUSHES,
+    MIRRORS,
+    UPLOAD_BYTES,
+    Cell,
+    Draft,
+    History,
+    rectangle,
+    scenario_of,
+)
+from uavdh_lite.labs.stage import BESIDE, FullScreen, Stage, together
 from uavdh_lite.labs.views import policy_title
-from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, cell_at, status
+from uavdh_lite.labs.widgets import (
+    ROW,
+    TEXT,
+    WRAP,
+    CellPicker,
+    cell_at,
+    link,
+    status,
+    undo_and_redo,
+)
 from uavdh_lite.missions import Mission
-from uavdh_lite.plotting import RED, device_colour, draw_city, shadow_colours
+from uavdh_lite.plotting import RED, device_colour, draw_city, png, shadow_colours
 from uavdh_lite.policies import PLANNERS, agents_for, find_policy
-from uavdh_lite.scenario import Scenario
 from uavdh_lite.shadowing import line_of_sight
 from uavdh_lite.streams import Use, stream
 
 with extra("notebooks"):
     import ipywidgets
+    import traitlets
 
 LARGEST = 50  # cells on a side; in larger cities, planners take minutes
 MANY = 100  # missions that say more than one
+COPY = "Copy it again, as a whole"
+UPLOAD = "Your city is as it was: mend the file, and upload it again"
 TRAIN = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
-LINK = '<a style="color:var(--jp-content-link-color, #0645AD);text-decoration:underline" {}>{}</a>'
 HINT = "Drag devices, the start or the bars. A click on a map adds a device, or takes it away."
+SWATCH = """.uavdh-brush .widget-toggle-button::before {
+    content: ""; display: inline-block; width: 14px; height: 14px; margin-right: 6px;
+    vertical-align: -2px; border: 1px solid #999; background-size: cover}
+"""
 ADDRESS = "city="  # what stands behind the # of an address that opens a city
-TEXT = "inherit"
 FINE_TUNE = "python -m uavdh_lite train --from any_city --city my_city.png --out runs/my_city"
 
 
@@ -54,7 +76,13 @@ class CityLab(ipywidgets.VBox):
     Arguments:
         city: the name of a shipped city to start from.
         linked: offer a link that opens the city on the labs' page; see `open_link`.
+
+    | trait | meaning |
+    | --- | --- |
+    | `unsaved` | the PNG, in base64, of a city that was painted here; "" for any other city |
     """
+
+    unsaved = traitlets.Unicode()
 
     def __init__(self, city: str = "village", linked: bool = False):
         self._linked = linked
@@ -63,14 +91,24 @@ class CityLab(ipywidgets.VBox):
         super().__init__(
             [
                 row([self.base, self.size, self.blank, self.random, self.upload], layout=WRAP),
-                self.brush,
-                row([self.tool, self.mirror, self.undo, self.redo], layout=WRAP),
-                self.picker,
-                row([self.policy, self.number, self.fly, self.at_once, self.many], layout=WRAP),
-                self.message,
-                self.result,
-                self.views,
-                self.seen,
+                together(
+                    [
+                        row([self.brush, self.swatches], layout=WRAP),
+                        row(
+                            [self.tool, self.mirror, self.undo, self.redo, FullScreen()],
+                            layout=WRAP,
+                        ),
+                        self.picker,
+                        row(
+                            [self.policy, self.number, self.fly, self.at_once, self.many],
+                            layout=WRAP,
+                        ),
+                        self.message,
+                        self.result,
+                        self.views,
+                        self.seen,
+                    ]
+                ),
                 self.take_home,
             ]
         )
@@ -105,17 +143,16 @@ class CityLab(ipywidgets.VBox):
             layout=ROW,
         )
         self.mirror = ipywidgets.Dropdown(options=list(MIRRORS), description="mirror")
-        self.undo = ipywidgets.Button(description="undo", icon="undo", tooltip="key z")
-        self.redo = ipywidgets.Button(description="redo", icon="repeat", tooltip="key y")
-        for button in (self.undo, self.redo):
-            button.layout.width = "90px"
+        self.undo, self.redo = undo_and_redo()
         self.brush = ipywidgets.ToggleButtons(
             options=list(BRUSHES),
             value="tall building",
             description="paint",
-            style={"button_width": "110px", "description_width": "80px"},
+            style={"button_width": "125px", "description_width": "80px"},
             layout=ROW,
         )
+        self.brush.add_class("uavdh-brush")
+        self.swatches = ipywidgets.HTML(_swatches(), layout={"display": "none"})
         self.policy = ipywidgets.Dropdown(description="policy")
         self.number = ipywidgets.BoundedIntText(
             min=0, max=10**6, description="mission", tooltip="the number of the random mission"
@@ -136,7 +173,7 @@ class CityLab(ipywidgets.VBox):
         self.message = ipywidgets.HTML(layout={"min_height": "28px"})
         self.result, self.take_home = ipywidgets.HTML(), ipywidgets.HTML()
         self.seen = ipywidgets.HTML(layout={"min_height": "28px"})
-        figure = Figure(figsize=(4.2, 4.2), dpi=100)
+        figure = Figure(figsize=(4.2, 4.2), dpi=150)
         self.ax = figure.add_axes((0.07, 0.06, 0.92, 0.92))
         self.canvas = Canvas(figure)
         self.stage = Stage(
@@ -187,6 +224,7 @@ class CityLab(ipywidgets.VBox):
             self._recorded = True
             self.base.value = None  # so that the city can be chosen again
             self._show()
+            self._mark_unsaved()
 
     def picked(self, cell: Cell) -> None:
         """Use the tool on a cell that was picked by numbers; a rectangle takes two."""
@@ -249,11 +287,18 @@ class CityLab(ipywidgets.VBox):
         """Go on with another city."""
         self._history.record(kinds)
         self._set(kinds, name)
+        self._taken, self.unsaved = kinds, ""
+
+    def _mark_unsaved(self) -> None:
+        """What one has painted is unsaved, but not a city that is as one took it."""
+        same = np.array_equal(self.draft.kinds, self._taken)
+        self.unsaved = "" if same else self._code()
 
     def _go(self, by: int) -> None:
         """Undo a step (-1), or redo one (1)."""
         if by and (kinds := self._history.move(by)) is not None:
             self._set(kinds)
+            self._mark_unsaved()
 
     def _set(self, kinds: np.ndarray, name: str | None = None) -> None:
         self.draft = Draft(kinds)
@@ -265,7 +310,7 @@ class CityLab(ipywidgets.VBox):
     def _read(self, files) -> None:
         """Use an uploaded PNG; if it is not a city, say why and change nothing."""
         if files:
-            self._read_png(bytes(files[0]["content"]), files[0]["name"])
+            self._read_png(bytes(files[0]["content"]), files[0]["name"], UPLOAD)
             self.upload.value = ()  # so that the same file can be uploaded again
 
     def open_link(self, code: str) -> None:
@@ -276,18 +321,18 @@ class CityLab(ipywidgets.VBox):
         try:
             data = base64.b64decode(code, validate=True)
         except ValueError:
-            self._say("the link holds no city: part of it is missing")
+            self._say(f"the link holds no city: part of it is missing. {COPY}")
             return
-        self._read_png(data, "the link")
+        self._read_png(data, "the link", COPY)
 
-    def _read_png(self, data: bytes, source: str) -> None:
+    def _read_png(self, data: bytes, source: str, remedy: str) -> None:
         try:
             kinds = Draft.from_png(data).kinds
             if len(kinds) > LARGEST:
                 raise CityError(f"{len(kinds)} cells on a side: at most {LARGEST} fit this editor")
             self._take(kinds)
         except CityError as error:
-            self._say(str(error).replace("upload.png", source))
+            self._say(f"{str(error).replace('upload.png', source)}. {remedy}")
 
     def _code(self) -> str:
         """The city's PNG in base64."""
@@ -304,13 +349,11 @@ class CityLab(ipywidgets.VBox):
         if not self.at_once.value:
             self._hide_flights()
         code = self._code()
-        save = LINK.format(
-            f'download="my_city.png" href="data:image/png;base64,{code}"', "save as PNG"
-        )
+        save = link("save as PNG", f"data:image/png;base64,{code}", "my_city.png")
         try:
             city = self.draft.city()
         except CityError as error:
-            self._say(str(error))
+            self._say(str(error).removeprefix("my_city: "))
             self._hide_flights()
             self.fly.disabled = self.many.disabled = True
             self.take_home.value = save
@@ -318,7 +361,7 @@ class CityLab(ipywidgets.VBox):
         self._say("")
         self.fly.disabled = self.many.disabled = False
         if self._linked:
-            save += " or as a " + LINK.format(f'href="#{ADDRESS}{code}"', "link")
+            save += f" or as a {link('link', f'#{ADDRESS}{code}')}"
         if "any_city" in self._offer_policies(city):
             command = FINE_TUNE
         else:
@@ -366,15 +409,10 @@ class CityLab(ipywidgets.VBox):
         else:
             self._fly(lambda: mission.remove(device))
 
-    def _scenario(self, city: City) -> Scenario:
-        """Up to three devices, with time to cross the city about twice."""
-        most, time = min(3, len(city.device_cells)), (2 * city.size, 4 * city.size)
-        return Scenario("my_city", devices=(1, most), flying_time=time)
-
     def _drawn_mission(self) -> Mission:
         """The random mission of the number that is shown."""
         city = self.draft.city()
-        return Mission.draw(self._scenario(city), city, self.number.value)
+        return Mission.draw(scenario_of(city), city, self.number.value)
 
     def _fly_next(self) -> None:
         if self._mission is None:
@@ -388,7 +426,7 @@ class CityLab(ipywidgets.VBox):
         All missions fly at once, so their fading differs from that of a mission flown alone.
         """
         city = self.draft.city()
-        scenario, environment = self._scenario(city), Environment(city)
+        scenario, environment = scenario_of(city), Environment(city)
         missions = [Mission.draw(scenario, city, number) for number in range(MANY)]
         states = State.concatenate([mission.state for mission in missions])
         chosen, title = self.policy.value, policy_title(self.policy.value)
@@ -448,3 +486,17 @@ class CityLab(ipywidgets.VBox):
 
     def _say(self, text: str, colour: str = RED) -> None:
         self.message.value = status(text, colour)
+
+
+def _swatches() -> str:
+    """A style sheet that puts what a brush paints, as the map shows it, before its name."""
+    rules = []
+    for place, kind in enumerate(BRUSHES.values(), start=1):
+        figure = Figure(figsize=(0.3, 0.3), dpi=100)
+        draw_city(figure.add_axes((0, 0, 1, 1)), Draft(np.full((1, 1), kind)))
+        picture = base64.b64encode(png(figure)).decode()
+        rules.append(
+            f".uavdh-brush .widget-toggle-button:nth-child({place})::before "
+            f"{{background-image: url(data:image/png;base64,{picture})}}"
+        )
+    return f"<style>{SWATCH}{''.join(rules)}</style>"

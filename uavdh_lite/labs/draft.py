@@ -2,13 +2,16 @@
 
 import tempfile
 from collections.abc import Iterable
+from copy import copy
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from uavdh_lite.city import COLOURS, LAYERS, City
 from uavdh_lite.errors import CityError
 from uavdh_lite.plotting import png
+from uavdh_lite.scenario import Scenario
 
 Cell = tuple[int, int]
 
@@ -50,7 +53,10 @@ class Draft:
         Raises `CityError` if it has more than `UPLOAD_BYTES`, or if `City.load` refuses it.
         """
         if len(data) > UPLOAD_BYTES:
-            raise CityError(f"the file has {len(data):,} bytes, at most {UPLOAD_BYTES:,} are read")
+            raise CityError(
+                f"the file has {len(data):,} bytes, at most {UPLOAD_BYTES:,} are read: "
+                "one pixel for each cell is enough"
+            )
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder, "upload.png")
             path.write_bytes(data)
@@ -126,8 +132,14 @@ def rectangle(corner: Cell, opposite: Cell) -> list[Cell]:
     return [(r, c) for r in range(top, bottom + 1) for c in range(left, right + 1)]
 
 
+def scenario_of(city: City) -> Scenario:
+    """Missions over a painted city: up to three devices, with time to cross it about twice."""
+    most, time = min(3, len(city.device_cells)), (2 * city.size, 4 * city.size)
+    return Scenario("my_city", devices=(1, most), flying_time=time)
+
+
 class History:
-    """The states of a draft, to go back and forth between them.
+    """The states of what is being edited, to go back and forth between them.
 
     Arguments:
         most: how many are kept; the oldest are forgotten first.
@@ -136,14 +148,14 @@ class History:
     def __init__(self, most: int = 200):
         self.most, self._states, self._at = most, [], -1
 
-    def record(self, kinds: np.ndarray, new: bool = True) -> None:
+    def record(self, state: Any, new: bool = True) -> None:
         """Remember a state after the current one, or in place of it; what was undone is gone."""
         del self._states[self._at + new :]
-        self._states.append(kinds.copy())
+        self._states.append(copy(state))
         del self._states[: -self.most]
         self._at = len(self._states) - 1
 
-    def move(self, by: int) -> np.ndarray | None:
+    def move(self, by: int) -> Any:
         """The state so many steps later, or earlier; None if there is none."""
         if not self.can(by):
             return None

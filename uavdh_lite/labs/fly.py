@@ -1,20 +1,21 @@
 """Fly it yourself with buttons or keys, and see how the policies do on the same mission."""
 
 import html
+from collections.abc import Callable
 
 import numpy as np
 
-from uavdh_lite.city import shipped_cities
+from uavdh_lite.city import City
 from uavdh_lite.environment import ACTIONS, LAND, MOVES, State
 from uavdh_lite.errors import extra
 from uavdh_lite.evaluation import Flights
+from uavdh_lite.labs.menu import CityMenu
 from uavdh_lite.labs.mission import POLICIES, PRICES, SCORES
 from uavdh_lite.labs.stage import Stage
 from uavdh_lite.labs.views import policy_title
 from uavdh_lite.labs.widgets import WRAP, table, words
-from uavdh_lite.missions import HandFlight, Mission, environment_of
+from uavdh_lite.missions import HandFlight, Mission
 from uavdh_lite.policies import find_policy, policies_for
-from uavdh_lite.scenario import scenario_for
 
 with extra("notebooks"):
     import ipywidgets
@@ -38,10 +39,16 @@ class FlyLab(ipywidgets.VBox):
     Arguments:
         city: the name of a shipped city to start with.
         seed: of the first mission.
+        painted: returns the city to fly as *my city*; see `CityMenu`.
     """
 
-    def __init__(self, city: str = "manhattan", seed: int = 0):
-        self.city = ipywidgets.Dropdown(options=shipped_cities(), value=city, description="city")
+    def __init__(
+        self,
+        city: str = "manhattan",
+        seed: int = 0,
+        painted: Callable[[], City] | None = None,
+    ):
+        self.city = CityMenu(city, painted)
         self.seed = ipywidgets.BoundedIntText(
             value=seed, min=0, max=10**6, description="mission", tooltip="the mission's number"
         )
@@ -79,15 +86,15 @@ class FlyLab(ipywidgets.VBox):
             button.on_click(lambda _, number=number: self.act(number))
         self.again.on_click(lambda _: self._start())
         self.hard.on_click(lambda _: self._choose_hard())
-        for control in (self.city, self.seed):
-            control.observe(lambda _: self._start(), "value")
+        self.city.on_choice(lambda _: self._start(), self._show)
+        self.seed.observe(lambda _: self._start(), "value")
         self._start()
 
     def _start(self) -> None:
         """Start the chosen mission from its beginning."""
-        self.environment = environment_of(self.city.value)
-        scenario, city = scenario_for(self.city.value), self.environment.city
-        self.flight = HandFlight(self.environment, Mission.draw(scenario, city, self.seed.value))
+        self.environment = self.city.environment
+        mission = Mission.draw(self.city.scenario, self.environment.city, self.seed.value)
+        self.flight = HandFlight(self.environment, mission)
         self.score.value = ""
         self._show("")
 
@@ -165,7 +172,7 @@ class FlyLab(ipywidgets.VBox):
 
     def _score(self, results: dict[str, Flights]) -> None:
         """Count a mission's results, if it is flown for the first time in this session."""
-        mission = self.city.value, self.seed.value
+        mission = self.environment.city.fingerprint, self.seed.value
         if mission in self._scored:
             return
         self._scored.add(mission)

@@ -1,11 +1,13 @@
 """All labs on one page with a tab for each; a lab is made when its tab is first opened."""
 
-from functools import partial
-
-from uavdh_lite.errors import extra
+from uavdh_lite.city import City
+from uavdh_lite.errors import InputError, extra
 from uavdh_lite.labs.channel import ChannelLab
-from uavdh_lite.labs.city import ADDRESS, CityLab
+from uavdh_lite.labs.city import ADDRESS as CITY
+from uavdh_lite.labs.city import CityLab
 from uavdh_lite.labs.fly import FlyLab
+from uavdh_lite.labs.menu import CityMenu
+from uavdh_lite.labs.mission import ADDRESS as MISSION
 from uavdh_lite.labs.mission import MissionLab
 from uavdh_lite.labs.think import ThinkLab
 from uavdh_lite.labs.training import TrainingLab
@@ -15,35 +17,35 @@ with extra("notebooks"):
     import ipywidgets
     import traitlets
 
-LABS = {
+LABS = {  # for each title: how the page makes the lab, and what it is about
     "Mission": (
-        MissionLab,
+        lambda page: MissionLab(painted=page.painted, linked=True),
         "A UAV collects data from devices and must land in time. Drag the devices and the start on "
         "the map; drag the right end of a bar for more data or time. Then play the flight.",
     ),
     "Watch it think": (
-        ThinkLab,
+        lambda page: ThinkLab(painted=page.painted),
         "At each step of a flight: the Q-value of each action, as arrows on the map and as bars, "
         "the softmax policy, the layers that the network sees, and the cells that matter most.",
     ),
     "Fly it yourself": (
-        FlyLab,
+        lambda page: FlyLab(painted=page.painted),
         "Collect as much as you can and land in time. Then see how the agents and planners do on "
         "the same mission with the same fading.",
     ),
     "Channel": (
-        ChannelLab,
+        lambda page: ChannelLab(painted=page.painted),
         "How much data a device can send to the UAV in one slot, and what buildings between them "
         "do to it.",
     ),
     "Training": (
-        TrainingLab,
+        lambda page: TrainingLab(),
         "A small agent learns a small city in half a minute. Change a setting, start a new run, "
         "and compare it with the dotted curves of the last one, or let both race. Click a curve to "
         "see how the agent flew at that time.",
     ),
     "City": (
-        partial(CityLab, linked=True),
+        lambda page: CityLab(linked=True),
         "Paint a city and let an agent fly in it that has never seen it. It learned among blocks, "
         "houses, lanes and courtyards; long walls are hard for it. Can you draw a city in which "
         "the greedy rule fails?",
@@ -51,28 +53,65 @@ LABS = {
 }
 
 
+WATCHED = {  # what is lost if one leaves the page: in which lab, and what `Address` calls it
+    "City": ("unsaved", "painted"),
+    "Training": ("running", "training"),
+}
+
+
 class Address(anywidget.AnyWidget):
-    """What stands behind the # in the page's address, as `value`; it takes no room on the page."""
+    """What stands behind the # in the page's address, as `value`; it takes no room on the page.
+
+    While leaving the page would lose work, the page has `data-unsaved`; its template asks then.
+
+    | trait | meaning |
+    | --- | --- |
+    | `painted` | a painted city, the PNG in base64; lost, unless a link that saves it was clicked |
+    | `training` | whether a training is on |
+    """
 
     _esm = """
     function render({ model }) {
+      const saved = new Set();
+      const mark = () => {
+        const painted = model.get("painted");
+        const unsaved = model.get("training") || (painted && !saved.has(painted));
+        document.body.toggleAttribute("data-unsaved", Boolean(unsaved));
+      };
+      const save = (event) => {
+        const address = event.target.closest?.("a")?.getAttribute("href");
+        if (address) saved.add(address.split(/city=|base64,/).at(-1));
+        mark();
+      };
+      document.addEventListener("click", save);
+      model.on("change:painted", mark);
+      model.on("change:training", mark);
       const tell = () => {
         model.set("value", location.hash.slice(1));
         model.save_changes();
       };
       addEventListener("hashchange", tell);
       tell();
-      return () => removeEventListener("hashchange", tell);
+      return () => {
+        document.removeEventListener("click", save);
+        model.off("change:painted", mark);
+        model.off("change:training", mark);
+        removeEventListener("hashchange", tell);
+      };
     }
     export default { render };
     """
     value = traitlets.Unicode().tag(sync=True)
+    painted = traitlets.Unicode().tag(sync=True)
+    training = traitlets.Bool().tag(sync=True)
 
 
 class Labs(ipywidgets.Tab):
     """The labs of the web page; `made` holds the labs that were opened, by title.
 
-    A link to a city, made by the city editor, opens the page with that city.
+    A link to a city, made by the city editor, opens the page with that city; one to a mission, made
+    by the mission lab, with that mission. The city that is painted can be flown in other labs, as
+    *my city*.
     """
 
     def __init__(self):
@@ -90,13 +129,36 @@ class Labs(ipywidgets.Tab):
         self.address.observe(lambda change: self._visit(change.new), "value")
 
     def _visit(self, address: str) -> None:
-        if address.startswith(ADDRESS):
-            self.selected_index = list(LABS).index("City")
-            self.made["City"].open_link(address.removeprefix(ADDRESS))
+        for start, title in ((CITY, "City"), (MISSION, "Mission")):
+            if address.startswith(start):
+                self.selected_index = list(LABS).index(title)
+                self.made[title].open_link(address.removeprefix(start))
+
+    def painted(self) -> City:
+        """The city of the city editor; `InputError` if there is none, or if it is not finished."""
+        if "City" not in self.made:
+            raise InputError(
+                "there is no city of yours yet. Paint one in the tab City, then choose it here "
+                "again"
+            )
+        try:
+            return self.made["City"].draft.city()
+        except InputError as error:
+            reason = str(error).removeprefix("my_city: ")
+            raise InputError(
+                f"your city is not finished, so it is not taken: {reason}. Go on with it in the "
+                "tab City, then choose it here again"
+            ) from None
 
     def _open(self, index: int) -> None:
         title = list(LABS)[index]
         if title not in self.made:
-            self.made[title] = LABS[title][0]()
+            self.made[title] = LABS[title][0](self)
             page = self.children[index]
             page.children = [*page.children, self.made[title]]
+            if title in WATCHED:
+                work, name = WATCHED[title]
+                traitlets.dlink((self.made[title], work), (self.address, name))
+        menu = getattr(self.made[title], "city", None)
+        if isinstance(menu, CityMenu):
+            menu.look_again()

@@ -1,24 +1,40 @@
 """Mission lab: set a mission on the map, and watch up to three policies fly it side by side."""
 
+import base64
 import html
-from contextlib import contextmanager
+import json
+from collections.abc import Callable
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 
-from uavdh_lite.city import shipped_cities
+from uavdh_lite.city import City
 from uavdh_lite.environment import Rewards
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights
-from uavdh_lite.labs.stage import Stage
+from uavdh_lite.labs.draft import History
+from uavdh_lite.labs.menu import CityMenu
+from uavdh_lite.labs.stage import Stage, together
 from uavdh_lite.labs.views import Charts, policy_title
-from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, status, table, words
-from uavdh_lite.missions import Mission, environment_of
+from uavdh_lite.labs.widgets import (
+    ROW,
+    TEXT,
+    WRAP,
+    CellPicker,
+    link,
+    status,
+    table,
+    undo_and_redo,
+    words,
+)
+from uavdh_lite.missions import Mission, as_json, read_mission
+from uavdh_lite.plotting import RED
 from uavdh_lite.policies import find_policy, policies_for
-from uavdh_lite.scenario import scenario_for
 
 with extra("notebooks"):
     import ipywidgets
 
 NONE = "none"
+ADDRESS = "mission="  # what stands behind the # of an address that opens a mission
 LABEL = {"description_width": "95px"}  # room for the labels of controls
 NARROW = {"width": "245px"}
 POLICIES = {
@@ -42,6 +58,7 @@ SCORES = {
     "a no-fly zone or off the map, or a landing outside of the zone",
 }
 FADING = {
+    "mission": "the number of a random mission: the same number draws the same one again",
     "fading": "the number of the random ups and downs of the radio links; the same number gives "
     "every policy the same ones",
 }
@@ -51,34 +68,46 @@ class MissionLab(ipywidgets.VBox):
     """Set a mission, fly it, and compare up to three policies on it under the same fading.
 
     Devices and the start are dragged on the map, amounts of data and the flying time on the bars.
+    Every change can be undone.
 
     Arguments:
         city: the name of a shipped city to start with, or the path of a PNG with your own.
+        painted: returns the city to fly as *my city*; see `CityMenu`.
+        linked: offer the mission as a file, and as a link that opens it on the labs' page; see
+            `open_link`.
     """
 
     _silent = False
     _picked: int | None = None
     words = POLICIES | SCORES | FADING
 
-    def __init__(self, city: str = "manhattan"):
+    def __init__(
+        self,
+        city: str = "manhattan",
+        painted: Callable[[], City] | None = None,
+        linked: bool = False,
+    ):
+        self._linked = linked
+        self.city = CityMenu(city, painted, style=LABEL, layout=NARROW)
         self._build()
-        if city not in self.city.options:
-            self.city.options = [*self.city.options, city]
-        self.city.value = city
         self._set_city()
-        together = ipywidgets.VBox([self.sentence, self._views()])
-        together.add_class("uavdh-together")  # on the full screen
         super().__init__(
-            [self._controls(), self.message, together, self.numbers, words(self.words)]
+            [
+                self._controls(),
+                self.message,
+                together([self.sentence, self._views()]),
+                self.numbers,
+                self.take_home,
+                words(self.words),
+            ]
         )
         self._listen()
 
     def _build(self) -> None:
-        self.city, self.policy, self.other, self.third = (
+        self.policy, self.other, self.third = (
             ipywidgets.Dropdown(description=about, style=LABEL, layout=NARROW)
-            for about in ("city", "policy", "compare with", "and with")
+            for about in ("policy", "compare with", "and with")
         )
-        self.city.options = shipped_cities()
         self.click = ipywidgets.ToggleButtons(
             options=["add", "move", "remove", "start"],
             description="click to",
@@ -96,14 +125,23 @@ class MissionLab(ipywidgets.VBox):
             description="fading", min=0, max=10**6, tooltip="the number of the random fading"
         )
         self.seed.style, self.seed.layout = {"description_width": "45px"}, {"width": "120px"}
-        self.draw = ipywidgets.Button(description="random mission", icon="random")
+        self.number = ipywidgets.BoundedIntText(
+            description="mission", min=0, max=10**6, tooltip="the number of the random mission"
+        )
+        self.number.style, self.number.layout = {"description_width": "55px"}, {"width": "135px"}
+        self.draw = ipywidgets.Button(
+            description="random mission", icon="random", tooltip="the next random mission"
+        )
+        self.undo, self.redo = undo_and_redo()
         self.message = ipywidgets.HTML(layout={"min_height": "28px"})
-        self.sentence, self.numbers = ipywidgets.HTML(), ipywidgets.HTML()
+        self.sentence, self.numbers, self.take_home = (ipywidgets.HTML() for _ in range(3))
+        self.charted = ipywidgets.ToggleButtons(description="charts of", style=LABEL, layout=ROW)
         self.sentence.add_class("uavdh-sentence")
         self.stage = Stage(
             dropped=self.dropped,
             filled=lambda device, amount: self._attempt(lambda: self.mission.fill(device, amount)),
             timed=lambda time: self._change(flying_time=time),
+            undone=self._go,
         )
         self.charts = self._side()
 
@@ -113,30 +151,43 @@ class MissionLab(ipywidgets.VBox):
 
     def _views(self) -> ipywidgets.Widget:
         """The maps, and what is next to them."""
-        return ipywidgets.VBox([self.stage, self.charts.canvas.picture])
+        return ipywidgets.VBox([self.stage, self.charted, self.charts.canvas.picture])
 
     def _controls(self) -> ipywidgets.Widget:
         row = ipywidgets.HBox
         return ipywidgets.VBox(
             [
                 row([self.city, self.policy, self.other, self.third, self.draw], layout=WRAP),
-                row([self.click, self.picker, self.seed], layout=WRAP),
+                row(
+                    [self.click, self.picker, self.number, self.seed, self.undo, self.redo],
+                    layout=WRAP,
+                ),
             ]
         )
 
     def _listen(self) -> None:
-        self.city.observe(lambda _: self._set_city(), "value")
+        self.city.on_choice(self._set_city, self._say)
         self.click.observe(lambda _: self._pick(None), "value")
         self.draw.on_click(lambda _: self._random())
+        self.number.observe(lambda _: self._attempt(self._numbered), "value")
+        self.undo.on_click(lambda _: self._go(-1))
+        self.redo.on_click(lambda _: self._go(1))
+        self.charted.observe(lambda _: self._chart(), "value")
         for control in (self.policy, self.other, self.third):
             control.observe(lambda _: self._fly(), "value")
         self.seed.observe(lambda change: self._change(seed=change.new), "value")
         self.stage.observe(lambda _: self._show(), "step")
 
-    def _set_city(self) -> None:
-        """Start again, in the chosen city."""
-        self.environment = environment_of(self.city.value)
-        self.scenario = scenario_for(self.city.value)
+    def _set_city(self, again: bool = False) -> None:
+        """Start again, in the chosen city.
+
+        Arguments:
+            again: it is the city of before, painted further; then the mission stays if it can, and
+                so do the policies.
+        """
+        self.environment, self.scenario = self.city.environment, self.city.scenario
+        chosen = self.policy, self.other, self.third
+        before = [control.value for control in chosen]
         with self._quiet():
             self.stage.most = {
                 "data": self.scenario.data[1],
@@ -145,15 +196,57 @@ class MissionLab(ipywidgets.VBox):
             names = policies_for(self.environment)
             self.policy.options = options = [(policy_title(name), name) for name in names]
             self.other.options = self.third.options = [(NONE, NONE), *options]
-            self.policy.value, self.other.value, self.third.value = names[0], NONE, NONE
-        self._drawn = 0
-        self._set_mission(Mission.draw(self.scenario, self.environment.city, 0))
+            for control, first, name in zip(chosen, (names[0], NONE, NONE), before, strict=True):
+                control.value = name if again and name in (*names, NONE) else first
+            if not again:
+                self.number.value = self.seed.value = 0
+        mission = None
+        if again:
+            with suppress(InputError):  # a device, or the start, is where none can be any more
+                mission = replace(self.mission, city=self.environment.city)
+        self._begin(self._numbered() if mission is None else mission)
+
+    def _begin(self, mission: Mission) -> None:
+        """Show a mission; what was before it cannot be brought back."""
+        self._history = History()
+        self._set_mission(mission)
+
+    def _numbered(self) -> Mission:
+        """The random mission of the number that is shown."""
+        mission = Mission.draw(self.scenario, self.environment.city, self.number.value)
+        return replace(mission, seed=self.seed.value)
 
     def _random(self) -> None:
-        self._drawn += 1
-        city = self.environment.city
-        mission = Mission.draw(self.scenario, city, self._drawn)
-        self._set_mission(replace(mission, seed=self.seed.value))
+        self.number.value += 1
+
+    def open_link(self, code: str) -> None:
+        """Fly the mission of a link, its file in base64; if it is none, say why."""
+        if code == self._code():
+            self._say("The address of this page now opens this mission: copy it.", TEXT)
+            return
+        try:
+            mission = read_mission(base64.b64decode(code, validate=True).decode())
+        except InputError as error:
+            self._say(f"the link holds no mission: {error}. Copy it again, as a whole")
+            return
+        except ValueError:
+            self._say("the link holds no mission: part of it is missing. Copy it again, as a whole")
+            return
+        with self._quiet():
+            self.city.take(mission.city)
+        self._begin(mission)
+
+    def _code(self) -> str:
+        """The mission's file in base64."""
+        return base64.b64encode(json.dumps(as_json(self.mission)).encode()).decode()
+
+    def _go(self, by: int) -> None:
+        """Undo a change (-1), or redo one (1)."""
+        if by and (before := self._history.move(by)) is not None:
+            mission, number = before
+            with self._quiet():
+                self.number.value = number
+            self._show_mission(mission)
 
     def _change(self, **changes) -> None:
         self._attempt(lambda: replace(self.mission, **changes))
@@ -174,13 +267,13 @@ class MissionLab(ipywidgets.VBox):
             self._change(start=cell)
         elif mode == "remove":
             if device is None:
-                self._say("there is no device here to remove")
+                self._say("there is no device here to remove: click on one")
             else:
                 self._attempt(lambda: self.mission.remove(device))
         elif self._picked is None:
             self._picked = device
             found = f"device {device}: now click its new cell"
-            self._say("there is no device here" if device is None else found)
+            self._say("there is no device here: click on one" if device is None else found)
         else:
             picked, self._picked = self._picked, None
             self._attempt(lambda: self.mission.move(picked, cell))
@@ -202,7 +295,19 @@ class MissionLab(ipywidgets.VBox):
             self._set_mission(mission)
 
     def _set_mission(self, mission: Mission) -> None:
+        self._history.record((mission, self.number.value))
+        self._show_mission(mission)
+
+    def _show_mission(self, mission: Mission) -> None:
         self.mission, self._picked = mission, None
+        self.undo.disabled, self.redo.disabled = (not self._history.can(by) for by in (-1, 1))
+        if self._linked:
+            code = self._code()
+            save = link("save as JSON", f"data:application/json;base64,{code}", "my_mission.json")
+            self.take_home.value = (
+                f"{save} or as a {link('link', f'#{ADDRESS}{code}')}: the page keeps nothing when "
+                "you leave it. The file is for <code>python -m uavdh_lite fly --mission</code>."
+            )
         with self._quiet():
             self.seed.value = mission.seed
         self._fly()
@@ -214,15 +319,21 @@ class MissionLab(ipywidgets.VBox):
         chosen = [self.policy.value, self.other.value, self.third.value]
         names = [name for name in dict.fromkeys(chosen) if name != NONE]
         self._say("the genie is planning …" if "genie" in names else "")
-        policies = {name: find_policy(name, self.environment, self.mission.seed) for name in names}
+        self._policies = {
+            name: find_policy(name, self.environment, self.mission.seed) for name in names
+        }
         self.flights = {
-            name: self.mission.fly(self.environment, policy) for name, policy in policies.items()
+            name: self.mission.fly(self.environment, policy)
+            for name, policy in self._policies.items()
         }
         twice = len(names) < len(chosen) - chosen.count(NONE)
         self._say("each policy is shown once: twice, it would fly the same way" if twice else "")
-        last = max(int(flights.steps[0]) for flights in self.flights.values())
-        first = names[0]
-        self.charts.set_flight(policy_title(first), self.flights[first], policies[first], last)
+        with self._quiet():
+            charted = self.charted.value
+            self.charted.options = [(policy_title(name), name) for name in names]
+            self.charted.value = charted if charted in names else names[0]
+        self.charted.layout.display = None if len(names) > 1 else "none"
+        self._draw_charts()
         told = [html.escape(sentence) for sentence in self._sentences()]
         self.sentence.value = "<br>".join(told)
         with self._quiet():
@@ -234,6 +345,17 @@ class MissionLab(ipywidgets.VBox):
             if self.charts.sizes:
                 self.stage.step = 0  # its thoughts are seen on the way, not at the end
         self._show()
+
+    def _draw_charts(self) -> None:
+        """Draw the flight of the policy that `charted` says."""
+        name = self.charted.value
+        last = max(int(flights.steps[0]) for flights in self.flights.values())
+        self.charts.set_flight(policy_title(name), self.flights[name], self._policies[name], last)
+
+    def _chart(self) -> None:
+        if not self._silent:
+            self._draw_charts()
+            self.charts.show(self.stage.step)
 
     def _show(self) -> None:
         """Show the numbers of the step that the stage shows."""
@@ -268,8 +390,8 @@ class MissionLab(ipywidgets.VBox):
         (first, flights), *others = self.flights.items()
         return [_compared(first, flights, *other) for other in others]
 
-    def _say(self, text: str) -> None:
-        self.message.value = status(text)
+    def _say(self, text: str, colour: str = RED) -> None:
+        self.message.value = status(text, colour)
 
     @contextmanager
     def _quiet(self):

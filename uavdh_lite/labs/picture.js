@@ -53,11 +53,22 @@ function render({ model, el }) {
   }
   document.addEventListener("keydown", pressed);
 
+  function resize() {
+    const [width, height] = model.get("size");
+    el.style.setProperty("--width", width);
+    el.style.setProperty("--ratio", width / height);
+  }
+
   const describe = () => {
     image.alt = model.get("alt");
   };
   const mark = () => image.classList.toggle("drawn-on", listens("draw"));
-  const changes = { "change:value": show, "change:alt": describe, "change:listens": mark };
+  const changes = {
+    "change:value": show,
+    "change:alt": describe,
+    "change:listens": mark,
+    "change:size": resize,
+  };
   for (const [name, change] of Object.entries(changes)) {
     model.on(name, change);
     change();

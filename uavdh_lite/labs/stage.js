@@ -1,5 +1,6 @@
 // The stage of a lab. It plays what Python draws, tells Python which step it shows, and what is
-// dragged and pressed here. player.js, which stands before this text, has `start`.
+// dragged and pressed here. player.js, which stands before this text, has `start`,
+// and fullscreen.js `fullScreenButton`.
 const SVG = "http://www.w3.org/2000/svg";
 const FINEST = { data: 0.5, time: 1 }; // what an arrow key adds to a bar
 const MOVES = { ArrowUp: [-1, 0], ArrowRight: [0, 1], ArrowDown: [1, 0], ArrowLeft: [0, -1] };
@@ -11,20 +12,9 @@ function render({ model, el }) {
   let held = null; // what is being dragged
   let told = null; // the step that Python knows of
   const steered = () => model.get("steering").length > 0; // then the step is always the last one
-  const whole = () => el.closest(".uavdh-together") ?? el; // what fills the screen
 
-  // For a lecture hall: the flights and what belongs to them, with large letters
-  const fullScreen = document.createElement("button");
-  fullScreen.type = "button";
-  fullScreen.title = "Full screen";
-  fullScreen.setAttribute("aria-label", fullScreen.title);
-  fullScreen.innerHTML = `<svg width="16" height="16" viewBox="0 0 16 16" aria-hidden="true">
-    <path d="M1 6V1h5M10 1h5v5M15 10v5h-5M6 15H1v-5" fill="none" stroke="currentColor"
-      stroke-width="2"/></svg>`;
-  fullScreen.addEventListener("click", () => {
-    if (document.fullscreenElement) document.exitFullscreen();
-    else whole().requestFullscreen();
-  });
+  // The flights and what belongs to them
+  const fullScreen = fullScreenButton(() => el.closest(".uavdh-together") ?? el);
 
   function draw() {
     const speed = player?.speed.value;
@@ -228,6 +218,16 @@ function render({ model, el }) {
   }
   el.addEventListener("keydown", pressed, { capture: true });
 
+  // Undo and redo, while the mouse is over the stage or the focus in it
+  function undoes(event) {
+    const by = { z: -1, y: 1 }[event.key];
+    const writing = event.target.matches?.("input:not([type=range]), textarea, select");
+    if (!by || writing || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (!model.get("editable") || !el.matches(":hover, :focus-within")) return;
+    send("undo", { by });
+  }
+  document.addEventListener("keydown", undoes);
+
   // A step that comes with a new drawing is not one of this drawing's.
   const follow = () => {
     if (player === null || steered() || model.get("step") === told) return;
@@ -243,6 +243,7 @@ function render({ model, el }) {
     model.off("change:drawing", draw);
     model.off("msg:custom", draw);
     model.off("change:step", follow);
+    document.removeEventListener("keydown", undoes);
     window.removeEventListener("pointerup", released);
     window.removeEventListener("pointercancel", cancel);
   };

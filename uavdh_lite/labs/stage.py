@@ -10,6 +10,7 @@ from uavdh_lite.player import play, script
 
 with extra("notebooks"):
     import anywidget
+    import ipywidgets
     import traitlets
 
 Cell = tuple[int, int]
@@ -18,6 +19,26 @@ BESIDE = {"flex": "1 1 600px", "min_width": "0"}  # the layout of a stage beside
 
 def _read(name: str) -> str:
     return Path(__file__).with_name(name).read_text(encoding="utf-8")
+
+
+class FullScreen(anywidget.AnyWidget):
+    """A button that lets the `together` around it fill the screen."""
+
+    _esm = f"""{_read("fullscreen.js")}
+    function render({{ el }}) {{
+      el.classList.add("uavdh-full-screen");
+      el.append(fullScreenButton(() => el.closest(".uavdh-together")));
+    }}
+    export default {{ render }};
+    """
+    _css = _read("fullscreen.css")
+
+
+def together(children: Sequence[ipywidgets.Widget]) -> ipywidgets.VBox:
+    """Widgets below each other that fill the screen together."""
+    box = ipywidgets.VBox(children)
+    box.add_class("uavdh-together")
+    return box
 
 
 class Stage(anywidget.AnyWidget):
@@ -31,6 +52,7 @@ class Stage(anywidget.AnyWidget):
             (row, column); the same cell twice is a click.
         filled: called with a device's number and its data at the start, data units.
         timed: called with the flying time, units of time.
+        undone: called with -1 for the key z, and with 1 for y: undo a change, or redo it.
         keys: for each key that steers, called with its name as in JavaScript.
         pressed: what to call.
 
@@ -40,8 +62,8 @@ class Stage(anywidget.AnyWidget):
     | `most` | the right end of the bars: `data` in data units, `time` in units of time |
     """
 
-    _esm = f"{script()}\n{_read('stage.js')}"
-    _css = _read("stage.css")
+    _esm = f"{script()}\n{_read('fullscreen.js')}\n{_read('stage.js')}"
+    _css = f"{_read('stage.css')}\n{_read('fullscreen.css')}"
     drawing = traitlets.Unicode().tag(sync=True)
     begin = traitlets.Int(-1).tag(sync=True)
     step = traitlets.Int(0).tag(sync=True)
@@ -55,6 +77,7 @@ class Stage(anywidget.AnyWidget):
         dropped: Callable[[Cell, Cell], None] | None = None,
         filled: Callable[[int, float], None] | None = None,
         timed: Callable[[int], None] | None = None,
+        undone: Callable[[int], None] | None = None,
         keys: Sequence[str] = (),
         pressed: Callable[[str], None] | None = None,
     ):
@@ -63,6 +86,7 @@ class Stage(anywidget.AnyWidget):
             "drop": lambda told: dropped(tuple(told["from"]), tuple(told["to"])),
             "data": lambda told: filled(told["device"], float(told["value"])),
             "time": lambda told: timed(int(told["value"])),
+            "undo": lambda told: undone and undone(int(told["by"])),
             "key": lambda told: pressed(told["key"]),
         }
         self.on_msg(lambda _, told, buffers: self._hear[told["kind"]](told))

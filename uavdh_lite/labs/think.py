@@ -207,6 +207,7 @@ class ThinkLab(MissionLab):
 
     Arguments:
         city: the name of a shipped city with an agent.
+        painted: returns the city to fly as *my city*; see `CityMenu`.
     """
 
     words = WORDS | POLICIES | SCORES | FADING

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights
 from uavdh_lite.labs.canvas import Canvas
-from uavdh_lite.labs.stage import BESIDE, Stage
+from uavdh_lite.labs.stage import BESIDE, FullScreen, Stage, together
 from uavdh_lite.labs.widgets import WRAP, status, words
 from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import BLUE, ORANGE, RED
@@ -21,13 +21,14 @@ from uavdh_lite.training import Trainer
 
 with extra("notebooks"):
     import ipywidgets
+    import traitlets
 
 CURVES = {
     "has_landed": ("landed", "#999999"),
     "collection_ratio": ("collected", ORANGE),
     "collection_ratio_and_landed": ("collected and landed", BLUE),
 }
-YOURS, RIVAL = "your run", "the recipe"
+YOURS, RIVAL, CHANGED = "your run", "the recipe", "the rival"
 WORDS = {
     "what happens": "the agent flies the village again and again. From what it has seen, a small "
     "neural network learns how much each action is worth. Every 8000 steps it is tested in "
@@ -43,13 +44,15 @@ WORDS = {
     "quantiles": "it learns how returns are spread, not their mean alone",
     "advantage learning": "it widens the gap between the best action and the others. Both pay "
     "together with the failsafe",
-    "race the recipe": "the recipe as it is trains next to yours, with the same seed",
+    "race the recipe": "the recipe as it is trains next to yours, with the same seed. Its settings "
+    "appear next to yours: change them, and any two recipes race",
     "seed": "the number of the random draws. Two runs that differ only in it show how much is luck",
     "landed": "the share of validation missions in which it landed in time",
     "collected and landed": "the share of the data that it brought home; 0 where it did not land",
 }
+UNLOCK = "To change settings, press new run"
 REFRESH = 0.3  # seconds between updates of the progress
-PART = {"width": "190px"}
+PART, WIDE = {"width": "190px"}, {"description_width": "155px"}
 PARTS = {  # of the recipe `quantile`: what each one sets
     "failsafe": ("failsafe",),
     "quantiles": ("quantiles", "huber_delta"),
@@ -57,43 +60,81 @@ PARTS = {  # of the recipe `quantile`: what each one sets
 }
 
 
+class Settings(ipywidgets.HBox):
+    """What can be changed of a recipe.
+
+    Arguments:
+        recipe: the values to start with.
+        whose: stands before each setting's name.
+    """
+
+    def __init__(self, recipe: Recipe, whose: str = ""):
+        self._recipe = recipe
+        number = ipywidgets.FloatText
+        self.values = {
+            "crash_reward": number(recipe.crash_reward, description=f"{whose}crash reward"),
+            "crash_reward_end": number(
+                recipe.crash_reward_end, description=f"{whose}crash reward, end"
+            ),
+            "temperature": number(recipe.temperature, description=f"{whose}temperature"),
+            "return_steps": ipywidgets.BoundedIntText(
+                recipe.return_steps, min=1, max=20, description=f"{whose}return steps"
+            ),
+        }
+        for value in self.values.values():
+            value.style = WIDE
+        self.parts = {
+            name: ipywidgets.Checkbox(description=f"{whose}{name}", indent=False, layout=PART)
+            for name in PARTS
+        }
+        self.right = ipywidgets.VBox(list(self.parts.values()))
+        super().__init__([ipywidgets.VBox(list(self.values.values())), self.right], layout=WRAP)
+
+    @property
+    def recipe(self) -> Recipe:
+        """The recipe with these settings; `InputError` says which one cannot be."""
+        changes = {name: setting.value for name, setting in self.values.items()}
+        source = find_recipe("quantile")
+        for part, names in PARTS.items():
+            if self.parts[part].value:
+                changes |= {name: getattr(source, name) for name in names}
+        return replace(self._recipe, **changes)
+
+    def lock(self, locked: bool) -> None:
+        """Hold the settings, or free them."""
+        for setting in (*self.values.values(), *self.parts.values()):
+            setting.disabled = locked
+
+
 class TrainingLab(ipywidgets.VBox):
     """A small training run in the background, its curves, and how the agent flies.
 
-    With a tick at *race*, the recipe without your changes trains next to it, step by step. The
-    flights are those after the newest validation; a click on the curves, or the slider, shows those
-    after another one. A run pauses when the lab is closed, and when the process ends.
+    With a tick at *race*, the recipe without your changes trains next to it, step by step; or any
+    other one, if you change the rival's settings, too. The flights are those after the newest
+    validation; a click on the curves, or the slider, shows those after another one. A run pauses
+    when the lab is closed, and when the process ends. `running` says whether one is on.
 
     Arguments:
         scenario, recipe: names of presets; `recipe` may also be a `Recipe`.
     """
 
+    running = traitlets.Bool(False)
+
     def __init__(self, scenario: str = "village", recipe: str | Recipe = "small"):
         self.scenario = find_scenario(scenario)
         self.recipe = find_recipe(recipe) if isinstance(recipe, str) else recipe
-        number, wide = ipywidgets.FloatText, {"description_width": "140px"}
-        self.settings = {
-            "crash_reward": number(
-                self.recipe.crash_reward, description="crash reward", style=wide
-            ),
-            "crash_reward_end": number(
-                self.recipe.crash_reward_end, description="crash reward, end", style=wide
-            ),
-            "temperature": number(self.recipe.temperature, description="temperature", style=wide),
-            "return_steps": ipywidgets.BoundedIntText(
-                self.recipe.return_steps, min=1, max=20, description="return steps", style=wide
-            ),
-        }
-        self.parts = {
-            name: ipywidgets.Checkbox(description=name, indent=False, layout=PART) for name in PARTS
-        }
+        self.yours, self.rival = Settings(self.recipe), Settings(self.recipe, "rival: ")
+        self.settings, self.parts = self.yours.values, self.yours.parts
         self.race = ipywidgets.Checkbox(
             description="race the recipe",
             indent=False,
             layout=PART,
-            tooltip="train the recipe without your changes at the same time",
+            tooltip="train the recipe at the same time; its settings, too, can be changed",
         )
-        self.seed = ipywidgets.BoundedIntText(description="seed", min=0, max=10**6, style=wide)
+        self.yours.right.children = [*self.yours.right.children, self.race]
+        self.seed = ipywidgets.BoundedIntText(
+            description="seed", min=0, max=10**6, layout={"width": "200px"}
+        )
         self.start = ipywidgets.Button(description="start", icon="play", button_style="primary")
         self.pause = ipywidgets.Button(description="pause", icon="pause", disabled=True)
         self.new_run = ipywidgets.Button(
@@ -112,29 +153,38 @@ class TrainingLab(ipywidgets.VBox):
             max=0,
             description="flight at validation",
             readout=False,  # the maps say after how many steps
-            style=wide,
+            style=WIDE,
             layout={"width": "480px"},
         )
         self.views = ipywidgets.HBox([self.curves.picture, self.stage], layout=WRAP)
         self.curves.on_click(lambda ax, steps, _: self.look_at(steps))
+        self.recipes = ipywidgets.HBox([self.yours], layout=WRAP)
         super().__init__(
             [
-                ipywidgets.HBox(
+                self.recipes,
+                together(
                     [
-                        ipywidgets.VBox(list(self.settings.values())),
-                        ipywidgets.VBox([*self.parts.values(), self.race]),
-                        ipywidgets.VBox([self.seed, self.progress]),
-                    ],
-                    layout=WRAP,
+                        ipywidgets.HBox(
+                            [
+                                self.start,
+                                self.pause,
+                                self.new_run,
+                                self.seed,
+                                self.progress,
+                                FullScreen(),
+                            ],
+                            layout=WRAP,
+                        ),
+                        self.status,
+                        self.looked_at,
+                        self.views,
+                    ]
                 ),
-                ipywidgets.HBox([self.start, self.pause, self.new_run]),
-                self.status,
-                self.looked_at,
-                self.views,
                 words(WORDS),
             ]
         )
         self.looked_at.observe(lambda _: self._show_flights(), "value")
+        self.race.observe(lambda change: self._show_rival(change.new), "value")
         self.start.on_click(lambda _: self.run())
         self.pause.on_click(lambda _: self.stop())
         self.new_run.on_click(lambda _: self.reset())
@@ -194,15 +244,17 @@ class TrainingLab(ipywidgets.VBox):
             trainer.close()
         super().close()
 
+    def _show_rival(self, races: bool) -> None:
+        self.recipes.children = [self.yours, self.rival] if races else [self.yours]
+
     def _new(self) -> dict[str, Trainer]:
-        changes = {name: setting.value for name, setting in self.settings.items()}
-        source = find_recipe("quantile")
-        for part, names in PARTS.items():
-            if self.parts[part].value:
-                changes |= {name: getattr(source, name) for name in names}
-        recipes = {YOURS: replace(self.recipe, **changes)}
+        recipes = {YOURS: self.yours.recipe}
         if self.race.value:
-            recipes[RIVAL] = self.recipe
+            try:
+                rival = self.rival.recipe
+            except InputError as error:
+                raise InputError(f"the rival's settings: {error}") from None
+            recipes[RIVAL if rival == self.recipe else CHANGED] = rival
         trainers = {
             name: Trainer(self.scenario, recipe, self.seed.value)
             for name, recipe in recipes.items()
@@ -233,7 +285,7 @@ class TrainingLab(ipywidgets.VBox):
                     self.progress.value = trainer.steps
             self.progress.value = min(trainers[-1].steps, self.recipe.steps)
             finished = all(trainer.finished for trainer in trainers)
-            self._say(f"{'finished' if finished else 'paused'}: {self._result()}")
+            self._say(f"{'finished' if finished else 'paused'}: {self._result()}. {UNLOCK}")
         except Exception as error:  # whatever it is, the reader must see it
             self._say(f"{type(error).__name__}: {error}", error=True)
         finally:
@@ -244,8 +296,10 @@ class TrainingLab(ipywidgets.VBox):
         done = made and all(trainer.finished for trainer in self.trainers.values())
         self.start.disabled, self.pause.disabled = running or done, not running
         self.new_run.disabled = running or not made
-        for setting in (*self.settings.values(), *self.parts.values(), self.race, self.seed):
-            setting.disabled = made
+        self.yours.lock(made)
+        self.rival.lock(made)
+        self.race.disabled = self.seed.disabled = made
+        self.running = running
 
     def _rows(self) -> list[dict]:
         """Your validations, as many as all runs have made."""
@@ -316,8 +370,10 @@ class TrainingLab(ipywidgets.VBox):
                 alpha = 0.6 if style == ":" else 1.0
                 self.ax.plot(x, y, style, color=colour, alpha=alpha)
             self.ax.plot([], [], "o-", color=colour, label=label)
-        if len(self.trainers) > 1:
-            self.ax.plot([], [], "k--", label=RIVAL)
+        for name in list(self.trainers)[1:]:
+            rival = self.trainers[name].recipe.as_json()
+            changes = _differences(rival, self.recipe.as_json())
+            self.ax.plot([], [], "k--", label=f"{name}{changes}")
         if self.previous:
             self.ax.plot([], [], "k:", label=f"the run before{self._before}")
         self.ax.set(xlim=(0, self.recipe.steps), ylim=(-0.03, 1.03), xlabel="environment steps")

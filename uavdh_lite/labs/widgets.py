@@ -12,6 +12,8 @@ with extra("notebooks"):
     import ipywidgets
 
 ROW = {"display": "flex", "flex_flow": "row", "width": "max-content"}  # label and buttons
+LINK = "color:var(--jp-content-link-color, #0645AD);text-decoration:underline"
+TEXT = "inherit"  # the colour of a `status` that reports no error
 WRAP = {"flex_flow": "row wrap"}  # the layout of a row that continues below on a narrow page
 
 __all__ = ["CellPicker", "cell_at", "explore", "png", "status", "table", "words"]
@@ -65,6 +67,21 @@ class CellPicker(ipywidgets.HBox):
         )
         self.button.on_click(lambda _: handler((self.row.value, self.column.value)))
         super().__init__([self.row, self.column, self.button])
+
+
+def undo_and_redo() -> tuple[ipywidgets.Button, ipywidgets.Button]:
+    """The buttons of an editor."""
+    undo = ipywidgets.Button(description="undo", icon="undo", tooltip="key z")
+    redo = ipywidgets.Button(description="redo", icon="repeat", tooltip="key y")
+    for button in (undo, redo):
+        button.layout.width = "90px"
+    return undo, redo
+
+
+def link(text: str, address: str, download: str = "") -> str:
+    """A link in the page's colours, or with the name of a file, one that saves it."""
+    saved = f'download="{download}" ' if download else ""
+    return f'<a style="{LINK}" {saved}href="{address}">{text}</a>'
 
 
 def status(text: str, colour: str = RED) -> str:
