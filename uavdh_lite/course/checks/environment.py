@@ -4,9 +4,10 @@ import numpy as np
 
 from uavdh_lite.channel import rate
 from uavdh_lite.city import City
-from uavdh_lite.course.checks.exercise import close, exercise, expect, show
+from uavdh_lite.course.checks.exercise import close, exercise, expect
 from uavdh_lite.course.checks.table import Table, edit
-from uavdh_lite.course.checks.values import Unreadable, pair, truth
+from uavdh_lite.course.checks.trial import first_true
+from uavdh_lite.course.checks.values import Unreadable, number, pair, truth
 from uavdh_lite.environment import HOVER, LAND, MOVES
 from uavdh_lite.plotting import BLUE, GREEN, ORANGE, RED, draw_city
 from uavdh_lite.streams import Use, stream
@@ -35,58 +36,43 @@ def _draw_slot(ax):
     ax.set(ylabel="uploaded, data units")
 
 
-def _slot_cases():
-    generator = stream(Use.EXERCISE, 3)
-
-    def case(*arguments):
-        return tuple(np.array(values) for values in arguments)
-
-    def drawn(count, share=0.6):
-        left = generator.uniform(0.2, 8, count) * (generator.random(count) < share)
-        left[generator.integers(count)] = 1.5
-        return case(generator.normal(0, 8, count).round(2), left.round(2))
-
-    return {
-        "If no device has data left, nobody may send: −1 and 0.": [
-            case([3.0, 8.0], [0.0, 0.0]),
-            *(case([-4.0, -9.0, -6.0], [0, 0, 0]), case([5.0], [0.0]), case([-70.0], [0.0])),
-        ],
-        "What is uploaded is what the slot carries, rate(snr_db), but no more than is left.": [
-            *(case([2], [9]), case([0], [1]), case([-30.0], [5.0]), case([60.0], [1000.0])),
-            *(case([10.0], [0.7]), case([40.0], [1.5])),
-        ],
-        "The device with the highest SNR is served, however little it is ahead, whatever it has "
-        "left; its number is an index into snr_db.": [
-            *(case([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]), case([-3, -1], [9, 9])),
-            *(case([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0]), case([1e-9, 0.0], [9.0, 9.0])),
-            *(case([9.0, 3.0], [1.0, 50.0]), case([-20.5, -20.4, -20.45], [1.0, 2.0, 3.0])),
-            *(case([10.0, 3.0], [0.7, 8.0]), case([0.0, -1.0], [9.0, 9.0])),
-            case([60.0, 2.0], [1000.0, 5.0]),
-        ],
-        "A device without data is not served: of the others the highest SNR wins.": [
-            *(case([4.0, 9.0, -2.0], [50.0, 0.0, 40.0]), case([12, 5, 9], [0, 50, 40])),
-            *(case([9.0, 3.0, 6.0], [0.0, 0.0, 2.0]), case([9.0, 8.0, 7.0], [0.0, 5.0, 6.0])),
-        ],
-        "That holds for the lowest SNRs too: none is too low to be served.": [
-            *(case([-6.0, -11.0], [0.0, 8.0]), case([-30.0, -53.5, -60.0], [0.0, 4.0, 5.0])),
-            *(case([5.0, -140.0], [0.0, 1.0]), case([-100.0, -99.0], [2.0, 0.0])),
-        ],
-        "A device has data left if it is more than 0, however little.": [
-            *(case([8.0, 3.0], [0.05, 9.0]), case([8.0, 3.0], [1e-7, 9.0])),
-            *(case([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0]), case([1.0], [1e-4])),
-            case([40.0], [1e-6]),
-        ],
-        "It must hold for any number of devices.": [
-            drawn(count) for count in (1, 2, 2, 3, 3, 4, 5, 5, 8, 13)
-        ],
-    }
+def _slot_case(*arguments):
+    return tuple(np.array(values) for values in arguments)
 
 
 BEST, ANY = "np.where(left > 0, snr_db, -np.inf)", "(left > 0).any()"
 UPLOAD = "min(rate(snr_db[device]), left[device])"
 SLOT = Table(
     _slot,
-    _slot_cases,
+    lambda: {
+        "If no device has data left, nobody may send: −1 and 0.": [
+            *(_slot_case([3.0, 8.0], [0.0, 0.0]), _slot_case([-70.0], [0])),
+        ],
+        "What is uploaded is what the slot carries, rate(snr_db), but no more than is left.": [
+            *(_slot_case([2], [9]), _slot_case([-30.0], [5.0]), _slot_case([60.0], [1000.0])),
+            *(_slot_case([10.0], [0.7]), _slot_case([40.0], [1.5])),
+        ],
+        "The device with the highest SNR is served, however little it is ahead, whatever it has "
+        "left; its number is an index into snr_db.": [
+            _slot_case([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]),
+            _slot_case([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0]),
+            *(_slot_case([-3, -1], [9, 9]), _slot_case([1e-9, 0.0], [9.0, 9.0])),
+            *(_slot_case([9.0, 3.0], [1.0, 50.0]), _slot_case([10.0, 3.0], [0.7, 8.0])),
+        ],
+        "A device without data is not served: of the others the highest SNR wins.": [
+            *(_slot_case([12, 5, 9], [0, 50, 40]), _slot_case([9.0, 8.0, 7.0], [0.0, 5.0, 6.0])),
+            _slot_case([9.0, 3.0, 6.0, -2.5, 8.5], [0.0, 0.0, 2.0, 3.0, 0.0]),
+        ],
+        "That holds for the lowest SNRs too: none is too low to be served, 0 dB is not low. An "
+        "empty device must get −infinity.": [
+            *(_slot_case([-6.0, -11.0], [0.0, 8.0]), _slot_case([-30.0, -53.5], [0.0, 4.0])),
+            *(_slot_case([5.0, -140.0], [0.0, 1.0]), _slot_case([-100.0, -99.0], [2.0, 0.0])),
+        ],
+        "A device has data left if it is more than 0, however little.": [
+            *(_slot_case([8.0, 3.0], [0.05, 9.0]), _slot_case([8.0, 3.0], [1e-7, 9.0])),
+            *(_slot_case([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0]), _slot_case([40.0], [1e-6])),
+        ],
+    },
     mistakes={
         "If the device with the best SNR is empty, nobody sends in yours: the next best device "
         "sends, of those with data left.": edit(ANY, "left[snr_db.argmax()] > 0"),
@@ -98,22 +84,14 @@ SLOT = Table(
         ),
         "You upload as many data units as the SNR has decibels: turn it into a rate first, "
         "rate(snr_db).": edit("rate(snr_db[device])", "snr_db[device]"),
-        "Of the rate and the data left the device uploads the smaller, min.": edit("min(", "max("),
         "Your number counts only the devices with data left. Count all of them: the result is an "
         "index into snr_db.": (edit(BEST, "snr_db[left > 0]", "[device]", "[left > 0][device]")),
         "Your index counts the filtered array, the devices with data left, but you use it in the "
         "full arrays.": edit(BEST, "snr_db[left > 0]"),
-        "An SNR times 0 is 0 dB, which is better than a negative SNR: an empty device must get "
-        "−infinity instead.": edit(BEST, "snr_db * (left > 0)"),
-        "An empty device gets a number that real SNRs can be below: take −infinity.": tuple(
-            edit("-np.inf", str(low)) for low in (-1, -10, -15, -20, -50, -99, -100)
-        ),
         "The slot goes to the device with the largest upload, but the rule is the best SNR.": (
             edit(BEST, "np.minimum(rate(snr_db), left)")
         ),
         "The slot goes to the best SNR, not to the most data.": edit(BEST, "left"),
-        "That is the worst SNR of those with data left.": edit(BEST, BEST.replace("snr", "-snr")),
-        "If all devices are empty, nobody is served: −1 and 0.": edit(ANY, "True"),
     },
     read=pair,
     smallest=1e-12,
@@ -144,8 +122,34 @@ FLIGHTS = {
 }
 
 
-def _rewards_of(name):
-    return np.array(FLIGHTS[name])[:, :4].sum(1)
+def _terms(data, movement, safety, crash, carried):
+    return data + movement + safety + crash
+
+
+TERMS = Table(
+    _terms,
+    lambda: {
+        "Write down its four terms, for data, movement, safety and crash, and add them up.": [
+            step for steps in FLIGHTS.values() for step in steps
+        ]
+    },
+    mistakes={
+        "That counts what the link could carry. A step uploads no more than the device has left, "
+        "and in the step that ends an episode nothing is uploaded.": edit("data", "carried"),
+        "The data uploaded is missing: it counts 1 for each data unit.": edit("data", "0"),
+        "The 0.2 for the step is missing: it is charged whenever the step does not land, also for "
+        "hovering and for an intervention.": edit("movement", "0"),
+        "The controller replaced the action: its penalty is missing.": edit("safety", "0"),
+        "The time has run out without a landing: the penalty for the crash is missing.": (
+            edit("crash", "0")
+        ),
+        "The step that lands does not pay for the movement.": edit("movement", "-0.2"),
+        "The safety controller did not intervene in this step.": edit("safety", "-1"),
+        "Only the end of the time without a landing is a crash.": edit("crash", "-150"),
+        "The 0.2 for the step is a price: subtract it.": edit("movement", "-movement"),
+    },
+    read=number,
+)
 
 
 def _draw_by_hand(ax):
@@ -178,70 +182,17 @@ def rewards_by_hand(answer) -> None:
         and all(hasattr(part, "__len__") and hasattr(part, "__getitem__") for part in given),
         "Give back two lists, the rewards of flight A and those of flight B.",
     )
-    for name, numbers in zip(FLIGHTS, given, strict=True):
-        steps = len(FLIGHTS[name])
+    for (name, steps), rewards in zip(FLIGHTS.items(), given, strict=True):
         expect(
-            len(numbers) == steps,
-            f"Flight {name} has {steps} steps, your list has {len(numbers)} numbers.",
+            len(rewards) == len(steps),
+            f"Flight {name} has {len(steps)} steps, your list has {len(rewards)} numbers.",
         )
         expect(
-            not close(numbers, np.cumsum(_rewards_of(name))),
+            not close(rewards, np.cumsum([_terms(*step) for step in steps])),
             f"Flight {name}: these are the sums of the rewards so far. Give each step's own.",
         )
-        for step, number in enumerate(list(numbers)):
-            at = f"Flight {name}, step {step + 1}"
-            expect(number is not None and number is not ..., f"{at} has no number yet.")
-            expect(
-                close(number, number, 1) and np.ndim(number) == 0,
-                f"{at}: a number is expected, not {show(number)}.",
-            )
-            reason = _why_not(name, step, number)
-            expect(not reason, f"{at}: {show(number)} is not right. {reason}")
-
-
-def _why_not(name, step, number):
-    """What is probably wrong with the reward of this step; empty if nothing is."""
-    data, movement, safety, crash, carried = FLIGHTS[name][step]
-    total = data + movement + safety + crash
-    if close(number, total):
-        return ""
-    ends = step == len(FLIGHTS[name]) - 1
-    lands = ends and not crash
-    for applies, value, reason in (
-        (data, total - data, "The data uploaded is missing: it counts 1 for each data unit."),
-        (
-            movement,
-            total - movement,
-            "The 0.2 for the step is missing: it is charged whenever the step does not land, also "
-            "for hovering and for an intervention.",
-        ),
-        (safety, total - safety, "The controller replaced the action: its penalty is missing."),
-        (
-            crash,
-            total - crash,
-            "The time has run out without a landing: the penalty for the crash is missing.",
-        ),
-        (lands, -0.2, "The step that lands does not pay for the movement."),
-        (lands, -150, "It landed with its last unit of time, and that is no crash."),
-        (lands, -150.2, "It landed in time: no crash, no movement."),
-        (ends, total + carried, "In the step that ends the episode nothing is uploaded."),
-        (ends, carried - 0.2, "In the step that ends the episode nothing is uploaded."),
-        (
-            carried > data,
-            total + carried - data,
-            f"The link could carry {carried:g}, but the device has only {data:g} left.",
-        ),
-        (not safety, total - 1, "The safety controller did not intervene in this step."),
-        *(
-            (True, term, "That is one of the terms alone: add the others that apply to this step.")
-            for term in (data, movement, safety, crash)
-        ),
-        (True, total - 2 * movement, "The 0.2 for the step is a price: subtract it."),
-        (True, -total, "The sign is wrong: data is a gain, all other terms are prices."),
-    ):
-        if applies and close(number, value):
-            return reason
-    return "Write down its four terms, for data, movement, safety and crash, and add them up."
+        for k, (reward, step) in enumerate(zip(list(rewards), steps, strict=True), 1):
+            TERMS.by_hand(f"Flight {name}, step {k}", reward, step)
 
 
 def _rewards(uploaded, intervened, landed, crashed):
@@ -262,71 +213,43 @@ def _draw_reward(ax):
     ax.set(xlabel="uploaded in the four slots together, data units", ylabel="reward")
 
 
-def _batch(kinds, seed=0, whole=False):
-    """Steps with random uploads; a kind is (intervened, landed, crashed)."""
-    events = np.reshape(kinds, (-1, 3)).astype(bool)
-    uploaded = stream(Use.EXERCISE, seed).uniform(0, 4, (len(events), 4)).round(3)
-    uploaded *= ~events[:, 1:].any(1)[:, None]  # the step that ends an episode uploads nothing
-    return uploaded.round().astype(int) if whole else uploaded, *events.T
-
-
-def _reward_cases():
-    nothing, refused, landed, crashed = (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)
-    both = (1, 0, 1)
-    several = [nothing, refused, landed, crashed, both, nothing, refused]
-    return {
-        "An ordinary step earns the sum of its own four slots, .sum(1), less 0.2.": [
-            *(_batch([nothing] * count, count) for count in (1, 2, 5)),
-            _batch([nothing] * 4, 9),
-            _batch([nothing] * 3, 4, whole=True),
-        ],
-        "Only the step that lands is free of the 0.2.": [
-            *(_batch([landed]), _batch([landed, nothing], 1), _batch([nothing, nothing, landed])),
-        ],
-        "An intervention costs 1, besides the 0.2.": [
-            *(_batch([refused]), _batch([refused, nothing], 2), _batch([nothing, refused, landed])),
-        ],
-        "A crash costs 150, besides the 0.2.": [
-            *(_batch([crashed]), _batch([crashed, nothing], 3), _batch([landed, crashed, refused])),
-        ],
-        "All that applies is added: with an intervention in the step that crashes, too.": [
-            *(_batch([both]), _batch([both, crashed, refused])),
-        ],
-        "Each episode of a batch has its own reward, also if there are four of them.": [
-            *(_batch(several[k : k + 4], k) for k in range(4)),
-            *(_batch(several * copies, copies) for copies in (1, 3)),
-            _batch(several, 5, whole=True),
-        ],
-    }
+def _batch(*events, whole=False):
+    """Steps with random uploads; an event has the letters of what happens in it."""
+    flags = np.array([[letter in event for letter in "ILC"] for event in events])
+    uploaded = stream(Use.EXERCISE, len(events)).uniform(0, 4, (len(events), 4)).round(3)
+    uploaded *= ~flags[:, 1:].any(1)[:, None]  # the step that ends an episode uploads nothing
+    return uploaded.round().astype(int) if whole else uploaded, *flags.T
 
 
 REWARD = Table(
     _rewards,
-    _reward_cases,
+    lambda: {
+        "An ordinary step earns the sum of its own four slots, .sum(1), less 0.2.": [
+            *(_batch(*[""] * count) for count in (1, 2, 4, 5)),
+            _batch("", "", "", whole=True),
+        ],
+        "Only the step that lands is free of the 0.2.": [
+            *(_batch("L"), _batch("L", ""), _batch("", "", "L")),
+        ],
+        "An intervention costs 1, besides the 0.2.": [
+            *(_batch("I"), _batch("I", ""), _batch("", "I", "L")),
+        ],
+        "A crash costs 150, besides the 0.2.": [
+            *(_batch("C"), _batch("C", ""), _batch("L", "C", "I")),
+        ],
+        "All that applies is added. In one step an intervention and the crash can both happen.": [
+            *(_batch("IC"), _batch("IC", "C", "I")),
+        ],
+        "Each episode of a batch has its own reward, also if there are four of them.": [
+            *(_batch("", "I", "L", "C"), _batch("I", "L", "C", "IC")),
+            _batch(*["", "I", "L", "C", "IC", "", "I"], whole=True),
+        ],
+    },
     mistakes={
-        "You sum the uploads of all episodes together: take .sum(1).": edit("sum(1)", "sum()"),
         "You sum over the episodes: the slots are the second axis, .sum(1).": edit("m(1)", "m(0)"),
-        "You take the mean of the four slots: the reward counts their sum.": edit("sum", "mean"),
-        "Only one of the four slots counts in yours: sum over all.": edit(".sum(1)", "[:, 0]"),
         "You charge 0.2 for the step that lands too: it is free of it.": edit("* ~landed", ""),
         "You charge 0.2 only for a landing: it is the other way round.": edit("~landed", "landed"),
-        "An intervention costs 1 in addition to the 0.2 for the step, not instead of it.": (
-            edit("~landed", "~(landed | intervened)")
-        ),
-        "A crash comes in addition to the 0.2 for the step.": (
-            edit("~landed", "~(landed | crashed)")
-        ),
-        "A step with an intervention or a crash costs the 0.2 too.": (
-            edit("~landed", "~(landed | intervened | crashed)")
-        ),
         "The 0.2 for the step is missing.": edit("- 0.2 * ~landed", ""),
-        "The penalty for an intervention is missing.": edit("- 1.0 * intervened", ""),
-        "The penalty for a crash is missing.": edit("- 150.0 * crashed", ""),
-        "The terms for intervention and crash exclude each other in yours. In one step both can "
-        "happen, and then both count.": (
-            edit("* crashed", "* (crashed & ~intervened)"),
-            edit("* intervened", "* (intervened & ~crashed)"),
-        ),
         "You punish each step without a landing as a crash.": edit("* crashed", "* ~landed"),
         "The prices have the wrong sign: they are subtracted.": edit(" - ", " + "),
     },
@@ -353,6 +276,10 @@ def reward(answer) -> None:
 class Town(City):
     """A city that a message shows by its signs, or by its name if it is known or large."""
 
+    @classmethod
+    def of(cls, name: str, *rows: str) -> "Town":
+        return cls.from_text(name, "\n".join(rows))
+
     def __repr__(self) -> str:
         if self.name == "small":
             return "CITY_OF_HINT_3"
@@ -360,29 +287,12 @@ class Town(City):
         return f"City.from_text({self.name!r}, {text!r})" if self.size < 8 else self.name
 
 
-PLAIN = Town.from_text("plain", ". . . . .\n. . . . .\n. . L . .\n. . . . .\n. . . . .")
-SMALL = Town.from_text(
-    "small",
-    """
-    L . . . B
-    . N . b .
-    . . . b N
-    B . . . .
-    . . L . L
-    """,
-)
-
-LARGE = Town.from_text(
-    "seven",
-    """
-    . N . . b . .
-    . . B . . L .
-    N . . b . . N
-    . b . L . B .
-    L . N . . . b
-    . . . . N . .
-    B . . L . . N
-    """,
+SMALL = Town.of("small", "L...B", ".N.b.", "...bN", "B....", "..L.L")
+TOWNS = (
+    Town.of("plain", ".....", ".....", "..L..", ".....", "....."),
+    SMALL,
+    Town.of("seven", ".N..b..", "..B..L.", "N..b..N", ".b.L.B.", "L.N...b", "....N..", "B..L..N"),
+    Town.of("two", "L.", ".N"),
 )
 
 
@@ -414,46 +324,42 @@ def _draw_safe_step(ax):
     ax.legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
 
 
-def _kind(city, cell, action):
-    """What is special about this action in this cell."""
-    if action == HOVER:
-        return "hover"
-    if action == LAND:
-        return "land" if city.landing[cell] else "land outside"
-    row, col = np.add(cell, MOVES[action]).tolist()
-    if not (0 <= row < city.size and 0 <= col < city.size):
-        return "edge"
-    if city.no_fly[row, col]:
-        return "tall building" if city.buildings[row, col] else "no-fly zone"
-    return "low building" if city.buildings[row, col] else "move"
-
-
-KINDS = {
-    "move": "North is one row up (row − 1), east one column to the right (col + 1); the actions "
-    "are numbered north, east, south, west, hover, land. Nothing is in the way there, so the "
-    "controller does not intervene. Rows and columns go from 0 to M − 1.",
-    "hover": "Hovering stays in the cell and is always allowed: the controller does not intervene.",
-    "land": "A UAV that lands stays in its cell; in the zone the controller does not intervene.",
-    "land outside": "That cell is not in the landing zone, so landing is not allowed: the UAV "
-    "hovers instead, in its cell, and the controller intervenes.",
-    "edge": "That leaves the grid: the UAV hovers instead, in its cell, and the controller "
-    "intervenes. (To numpy, row or column −1 is the last one: no error warns you.)",
-    "no-fly zone": "The target is a no-fly zone: the UAV hovers instead, in its cell, and the "
-    "controller intervenes.",
-    "tall building": "The target is a tall building, one that is in city.no_fly: the UAV hovers "
-    "instead, in its cell, and the controller intervenes.",
-    "low building": "The building in the target cell is low and may be flown over: only "
-    "city.no_fly says where the UAV may not go, city.buildings is about the radio link.",
+KINDS = {  # the rules, and which action in which cell each of them is about
+    "North is one row up (row − 1), east one column to the right (col + 1); the actions are "
+    "numbered north, east, south, west, hover, land. Nothing is in the way there, so the "
+    "controller does not intervene. Rows and columns go from 0 to M − 1.": (
+        lambda at: at.action < HOVER and at.inside and not at.buildings and not at.no_fly
+    ),
+    "Hovering stays in the cell and is always allowed: the controller does not intervene.": (
+        lambda at: at.action == HOVER
+    ),
+    "A UAV that lands stays in its cell; in the zone the controller does not intervene.": (
+        lambda at: at.action == LAND and at.landing
+    ),
+    "That cell is not in the landing zone, so landing is not allowed: the UAV hovers instead, in "
+    "its cell, and the controller intervenes.": lambda at: at.action == LAND,
+    "That leaves the grid: the UAV hovers instead, in its cell, and the controller intervenes. (To "
+    "numpy, row or column −1 is the last one: no error warns you.)": lambda at: not at.inside,
+    "The target is a no-fly zone or a tall building, one that is in city.no_fly: the UAV hovers "
+    "instead, in its cell, and the controller intervenes.": lambda at: at.no_fly,
+    "The building in the target cell is low and may be flown over: only city.no_fly says where "
+    "the UAV may not go, city.buildings is about the radio link.": lambda at: at.buildings,
 }
 
 
 def _safe_step_cases():
-    cities = PLAIN, SMALL, LARGE, Town.from_text("two", "L .\n. N"), Town.load("village")
-    cases = {text: [] for text in KINDS.values()}
-    for city in cities:
-        for cell in _inner_first(city, np.argwhere(~city.no_fly).tolist()):
+    cases = {rule: [] for rule in KINDS}
+    for city in TOWNS:
+        for cell in map(tuple, np.argwhere(~city.no_fly).tolist()):
             for action in range(6):
-                cases[KINDS[_kind(city, cell, action)]].append((city, cell, action))
+                target = tuple(np.add(cell, MOVES[action]).tolist())
+                inside = min(target) >= 0 and max(target) < city.size
+                facts = {
+                    name: inside and getattr(city, name)[target]
+                    for name in ("landing", "no_fly", "buildings")
+                }
+                rule = first_true(KINDS, action=action, inside=inside, **facts)
+                cases[rule].append((city, cell, action))
     return cases
 
 
@@ -475,10 +381,6 @@ def _cell_and_flag(value) -> np.ndarray:
         ) from None
 
 
-def _renumbered(*actions):
-    return edit("MOVES[action]", f"MOVES[{actions}[action]]")
-
-
 SAFE_STEP = Table(
     _safe_step,
     _safe_step_cases,
@@ -494,16 +396,13 @@ SAFE_STEP = Table(
         ),
         "Limiting row and column to the grid keeps the UAV in its cell, but hides that the "
         "controller intervenes there: say True.": edit("cell, True", "cell, inside"),
-        "Low buildings may be flown over: only city.no_fly says where the UAV may not go.": (
-            edit("city.no_fly", "(city.no_fly | city.buildings)"),
-            edit("city.no_fly", "city.buildings"),
-        ),
-        "Landing is not always allowed: outside the landing zone the controller intervenes.": (
-            edit("not city.landing[cell]", "False")
-        ),
         "You never say that the controller intervenes in a move.": edit("True", "False"),
-        "North and south are the wrong way round: north is row − 1.": _renumbered(2, 1, 0, 3, 4, 5),
-        "East and west are the wrong way round: east is col + 1.": _renumbered(0, 3, 2, 1, 4, 5),
+        "North and south are the wrong way round: north is row − 1.": (
+            edit("MOVES[action]", "MOVES[(2, 1, 0, 3)[action]]")
+        ),
+        "East and west are the wrong way round: east is col + 1.": (
+            edit("MOVES[action]", "MOVES[(0, 3, 2, 1)[action]]")
+        ),
     },
     read=_cell_and_flag,
     shown=lambda array: (tuple(array[:2].astype(int).tolist()), bool(array[2])),
@@ -524,9 +423,3 @@ SAFE_STEP = Table(
 )
 def safe_step(answer) -> None:
     """`safe_step(city, cell, action)`: the next cell, and whether the controller intervened."""
-
-
-def _inner_first(city, cells):
-    """Cells as tuples, from the middle to the border: there more may be special."""
-    middle = (city.size - 1) / 2
-    return sorted(map(tuple, cells), key=lambda cell: max(abs(k - middle) for k in cell))
