@@ -27,14 +27,6 @@ def _n_step(rewards, terminals, values, n, discount):
     return total + discount**m * values[m]
 
 
-def _stored(length: int, ends: tuple[int, ...], seed: int) -> tuple:
-    """Rewards, terminals and values of a stored sequence."""
-    generator = stream(Use.EXERCISE, seed)
-    terminals = np.isin(np.arange(length), ends)
-    rewards, values = generator.normal(1, 1, length), generator.normal(8, 3, length + 1)
-    return rewards.round(2), terminals, values.round(2)
-
-
 def _draw_n_step(ax):
     steps = np.arange(1, 13)
     rewards, values = np.array([-0.1] * 5 + [3.0] + [-0.1] * 4), np.full(11, 5.0)
@@ -46,63 +38,53 @@ def _draw_n_step(ax):
     ax.set_title("10 steps stored, the 6th earns 3, the others −0.1;\nγ = 0.95, all values 5")
 
 
-def _n_step_cases():
-    def case(rewards, ends, n, discount, seed=0):
-        length = len(rewards) if np.ndim(rewards) else rewards
-        drawn, terminals, values = _stored(length, ends, seed)
-        return np.array(rewards) if np.ndim(rewards) else drawn, terminals, values, n, discount
-
-    whole = np.array([1, 2, 4]), np.zeros(3, bool), np.array([8, 16, 32, 64])
-    return {
-        "With n = 1 it is rewards[0], and then γ times values[1], the value of the next state.": [
-            *(case(3, (), 1, discount, seed) for seed, discount in enumerate((0.9, 0.5, 1.0, 0.0)))
-        ],
-        "Reward k counts γ^k times. After m rewards γ^m values[m] comes, of state m.": [
-            *(case(6, (), n, d, n) for n, d in ((2, 0.9), (3, 0.8), (4, 0.99), (5, 0.3))),
-            *((*whole, n, d) for n, d in ((2, 0.5), (2, 1.0), (2, 1))),
-        ],
-        "A terminal step among the m ends the sum with its own reward, and no value is added.": [
-            *(case(6, (2, 4), n, d, 7) for n, d in ((3, 0.8), (4, 0.95), (5, 1.0))),
-            *(case(5, (0,), n, d, 8) for n, d in ((1, 0.7), (3, 0.95))),
-            *(case(4, (0, 1, 2, 3), n, 0.6, 9) for n in (2, 4)),
-        ],
-        "A terminal step after the first m belongs to the future: the value of state m counts.": [
-            *(case(6, (2, 4), n, 0.8, 7) for n in (1, 2)),
-            *(case(6, (5,), n, 0.9, 10) for n in (4, 5)),
-        ],
-        "Where fewer than n steps are stored, m = T: sum those, then add γ^T values[T].": [
-            *(case(6, (), n, 0.9, 1) for n in (6, 7, 20)),
-            *(case(1, (), n, 0.4, 2) for n in (1, 3)),
-            *((*whole, n, 0.5) for n in (3, 1000)),
-        ],
-        "Where fewer than n steps are stored, a terminal step still ends the sum.": [
-            *((*_stored(6, (2, 4), 7), 9, 0.8), (*_stored(4, (3,), 4), 4, 0.9)),
-            *((*_stored(3, (2,), 5), 8, 0.75), (*_stored(1, (0,), 6), 2, 0.9)),
-        ],
-    }
+def _drawn(length, ends, n, discount):
+    """Rewards, terminals and values of a stored sequence, and the other two arguments."""
+    generator = stream(Use.EXERCISE, 10 * length + len(ends))
+    rewards, values = generator.normal(1, 1, length), generator.normal(8, 3, length + 1)
+    return rewards.round(2), np.isin(np.arange(length), ends), values.round(2), n, discount
 
 
-VALUE = "discount**m * values[m]"
+def _whole(n, discount):
+    return np.array([1, 2, 4]), np.zeros(3, bool), np.array([8, 16, 32, 64]), n, discount
+
+
+VALUE, WEIGHT = "discount**m * values[m]", "discount**m"
 N_STEP = Table(
     _n_step,
-    _n_step_cases,
+    lambda: {
+        "With n = 1 it is rewards[0], and then γ times values[1], the value of the next state.": [
+            *(_drawn(3, (), 1, discount) for discount in (0.9, 0.5, 1.0, 0.0))
+        ],
+        "Reward k counts γ^k times. After m rewards γ^m values[m] comes, of state m.": [
+            *(_drawn(6, (), n, discount) for n, discount in ((2, 0.9), (3, 0.8), (5, 0.3))),
+            *(_whole(2, discount) for discount in (0.5, 1)),
+        ],
+        "A terminal step among the m ends the sum with its own reward, and no value is added.": [
+            *(_drawn(6, (2, 4), n, discount) for n, discount in ((3, 0.8), (4, 0.95), (5, 1.0))),
+            *(_drawn(5, (0,), 1, 0.7), _drawn(5, (0,), 3, 0.95), _drawn(4, (0, 1, 2, 3), 2, 0.6)),
+        ],
+        "A terminal step after the first m belongs to the future: the value of state m counts.": [
+            *(_drawn(6, (2, 4), n, 0.8) for n in (1, 2)),
+            *(_drawn(6, (5,), n, 0.9) for n in (4, 5)),
+        ],
+        "Where fewer than n steps are stored, m = T: sum those, then add γ^T values[T].": [
+            *(_drawn(6, (), 7, 0.9), _drawn(1, (), 3, 0.4), _whole(3, 0.5), _whole(1000, 0.5)),
+        ],
+        "Where fewer than n steps are stored, a terminal step still ends the sum.": [
+            *(_drawn(6, (2, 4), 9, 0.8), _drawn(4, (3,), 5, 0.9), _drawn(1, (0,), 2, 0.9)),
+        ],
+    },
     mistakes={
-        "You look for a terminal step in the whole memory, but only a terminal among the m steps "
-        "matters: before it comes, the value counts.": edit(
-            VALUE, f"{VALUE} * (not any(terminals))"
-        ),
         "You ask only whether the last of the m steps is terminal. If an earlier one is, the sum "
-        "has stopped there, and no value is added either.": (
-            edit("return total\n", "break\n", VALUE, f"{VALUE} * (not terminals[m - 1])"),
-            edit(
-                *("return total\n", "break\n"),
-                *(VALUE, "discount ** (k + 1) * values[m] * (not terminals[m - 1])"),
-            ),
+        "has stopped there, and no value is added either.": tuple(
+            edit("return total\n", "break\n", VALUE, f"{value} * (not terminals[m - 1])")
+            for value in (VALUE, "discount ** (k + 1) * values[m]")
         ),
         "The power of γ before the value is one too low: after m rewards, the last one with "
-        "γ^(m−1), the value comes with γ^m.": edit("discount**m", "discount ** (m - 1)"),
+        "γ^(m−1), the value comes with γ^m.": edit(WEIGHT, "discount ** (m - 1)"),
         "The power of γ before the value is one too high: it is that of the number of rewards, "
-        "γ^m.": edit("discount**m", "discount ** (m + 1)"),
+        "γ^m.": edit(WEIGHT, "discount ** (m + 1)"),
         "You take the value of the state before the last step. After m rewards the UAV is in "
         "state m, values[m].": edit("values[m]", "values[m - 1]"),
         "A value is added after a terminal step. The episode is over there: nothing follows.": (
@@ -119,13 +101,8 @@ N_STEP = Table(
         ),
         "You take the last value that is stored. After n rewards the UAV is in state n, "
         "values[n].": edit("values[m]", "values[-1]"),
-        "n has no effect: that is the return over one step.": edit("min(n, len(rewards))", "1"),
         "The value at the end is missing: what comes later counts too.": edit(VALUE, "0"),
         "The value at the end is not discounted: it comes with γ^m.": edit(VALUE, "values[m]"),
-        "Where fewer than n steps are stored, the power of γ is that of the steps that there "
-        "are, not n.": edit("discount**m", "discount**n"),
-        "Where fewer than n steps are stored, no value is added. Add that of the last state "
-        "stored, values[T].": edit(VALUE, f"{VALUE} * (n <= len(rewards))"),
     },
     read=number,
     errors={"IndexError": "There are T rewards and T + 1 values."},
@@ -191,10 +168,8 @@ DEFINITIONS = {
 
 def _diagnosis_cases():
     """The recorded runs, and all that is at a limit, a little off it, or far from it."""
-    near = [
-        (0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1)
-        for limit in (0.9, 0.8, 0.25)  # of landed, collection_ratio, time_used
-    ]
+    limits = (0.9, 0.8, 0.25)  # of landed, collection_ratio, time_used
+    near = [(0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1) for limit in limits]
     grid = [*RUNS.values(), *itertools.product(*near)]
     return {
         text: [case for case in grid if _diagnose(*case) == name]
@@ -202,38 +177,21 @@ def _diagnosis_cases():
     }
 
 
-def _asked(*names):
-    """A mistake: these are asked for in this order."""
-    right, wrong = (
-        " else ".join(f'"{name}" if {name}' for name in order)
-        for order in (("lazy", "crashes", "good"), names)
-    )
-    return edit(right, wrong)
-
-
+IN_ORDER = '"lazy" if lazy else "crashes" if crashes else "good" if good'
 DIAGNOSIS = Table(
     _diagnose,
     _diagnosis_cases,
     mistakes={
         "Exactly 90 % landed is enough: *fewer* is a crash.": edit("landed <", "landed <="),
         "Exactly 80 % collected is good: *at least* 80 %.": edit(">=", ">"),
-        "Exactly 25 % of the time is not lazy: *less* than 25 % is.": (
-            edit("time_used <", "time_used <=")
-        ),
+        "Exactly 25 % of the time is not lazy: *less* than 25 % is.": edit("used <", "used <="),
         "You ask for the landings first: an agent that hardly flies is lazy, also if it crashes "
-        "now and then.": _asked("crashes", "lazy", "good"),
+        "now and then.": (
+            edit(IN_ORDER, '"crashes" if crashes else "lazy" if lazy else "good" if good')
+        ),
         "An agent that collects much but crashes is not good: what it collects does not come "
         "home. Look at `landed` before you look at what it collects.": (
-            _asked("lazy", "good", "crashes")
-        ),
-        "You ask first for what it collects.": _asked("good", "lazy", "crashes"),
-        "You ask for the time last: it comes first, an agent that uses little of it is lazy, "
-        "however much it lands or collects.": _asked("crashes", "good", "lazy"),
-        "The collection ratio alone is asked for, not its product with the share that landed.": (
-            edit("collection_ratio >=", "landed * collection_ratio >=")
-        ),
-        "Lazy and wandering are confused.": edit(
-            '"lazy"', '"x"', '"wanders"', '"lazy"', '"x"', '"wanders"'
+            edit(IN_ORDER, '"lazy" if lazy else "good" if good else "crashes" if crashes')
         ),
         "The numbers are shares between 0 and 1, not percentages: 90 % is 0.9.": (
             edit("0.25", "25", "0.9", "90", "0.8", "80")
