@@ -187,11 +187,11 @@ MISTAKES = {
         ({"crash_reward": -2.0}, "A Recipe is expected"),
         (
             replace(LAZY, steps=2_400, huber_delta=10.0),
-            "costs 150 from the very start.*2,400 steps only",
+            "2,400 of 24,000 steps.*crash is -150 from the very start",
         ),
         (
             replace(LAZY, steps=2_400, crash_reward=-5.0, huber_delta=10.0),
-            "costs 150 at the end .crash_reward_end.*40 are enough",
+            "crash is -150 at the end .crash_reward_end.*-40 is enough",
         ),
     ],
 }

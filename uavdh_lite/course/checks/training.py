@@ -6,8 +6,9 @@ from dataclasses import fields, replace
 import numpy as np
 import torch
 
-from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
+from uavdh_lite.course.checks.exercise import exercise, expect
 from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.trial import expect_none, first_true
 from uavdh_lite.course.checks.values import number, one_of
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments.runs import keep_freed_memory
@@ -240,6 +241,33 @@ MENDED = replace(
 )
 
 
+RECIPE = {  # what is said of a recipe, and when
+    f"{{steps:,}} steps: at most {MOST_STEPS:,} may be.": lambda of: of.steps > MOST_STEPS,
+    f"crash_reward_end is {{crash_reward_end:g}}, but a crash must cost {-LEAST_PENALTY:g} at "
+    f"least at the end: {LEAST_PENALTY:g} or lower. (crash_reward, at the start, is free.)": (
+        lambda of: of.crash_reward_end > LEAST_PENALTY
+    ),
+    "crash_reward is {crash_reward:g}: a crash is rewarded at the start. At most 0.": (
+        lambda of: of.crash_reward > 0
+    ),
+    "That is the lazy recipe, unchanged: its agent lands at once and collects nothing.": (
+        lambda of: {**vars(of), "name": "lazy"} == vars(LAZY)
+    ),
+}
+CAUSES = {  # what is said of a recipe whose agent collects too little, and when
+    "Its reward for a crash is {crash_reward:g} from the very start, far more than there is to "
+    "collect: begin with a small price and let it grow.": lambda of: of.crash_reward < -20,
+    "Its reward for a crash is {crash_reward_end:g} at the end (crash_reward_end), and that "
+    f"drowns all else: {LEAST_PENALTY:g} is enough.": (
+        lambda of: of.crash_reward_end < 1.5 * LEAST_PENALTY
+    ),
+    "Let the price of a crash grow sooner (crash_reward_growth), or the temperature fall lower, so "
+    "that it learns to come home.": lambda of: of.landed < 0.9,
+    "It sees too little of what there is to collect, or its price of a crash grows too fast: let "
+    "it explore more at first, and use all the steps.": lambda of: True,
+}
+
+
 def _draw_schedules(ax):
     for recipe, style in ((LAZY, "--"), (MENDED, "-")):
         steps = np.linspace(0, recipe.steps, 101)
@@ -275,68 +303,26 @@ def mended_recipe(answer) -> None:
             f"{field.name} is {given}, but must stay {kept}: start from replace(lazy, …). Only "
             f"these may be changed: {', '.join(MAY_CHANGE)}.",
         )
-    expect(answer.steps <= MOST_STEPS, f"{answer.steps:,} steps: at most {MOST_STEPS:,} may be.")
-    expect(
-        answer.crash_reward_end <= LEAST_PENALTY,
-        f"crash_reward_end is {answer.crash_reward_end:g}, but a crash must cost {-LEAST_PENALTY:g}"
-        f" at least at the end: {LEAST_PENALTY:g} or lower. (crash_reward, at "
-        "the start, is free.)",
-    )
-    expect(
-        answer.crash_reward <= 0,
-        f"crash_reward is {answer.crash_reward:g}: a crash is rewarded at the start. At most 0.",
-    )
-    expect(
-        replace(answer, name=LAZY.name) != LAZY,
-        "That is the lazy recipe, unchanged: its agent lands at once and collects nothing.",
-    )
+    expect_none(RECIPE, **vars(answer))
     metrics = _train(answer)
-    landed, collected, used, score = (
-        metrics[name]
-        for name in ("has_landed", "collection_ratio", "time_used", "collection_ratio_and_landed")
+    names = "has_landed", "collection_ratio", "time_used", "collection_ratio_and_landed"
+    landed, collected, used, score = (metrics[name] for name in names)
+    said = (
+        f"Landed {landed:.0%}, collected {collected:.0%}, flying time used {used:.0%}; collected "
+        f"and landed {score:.0%}"
     )
-    print(
-        f"Landed {landed:.0%}, collected {collected:.0%}, flying time used {used:.0%}; "
-        f"collected and landed {score:.0%}."
-    )
-    if score >= LEAST_SCORE:
-        return
-    symptom = f"it lands, but collects only {collected:.0%}."
-    cause = (
-        "It sees too little of what there is to collect, or its price of a crash grows too fast: "
-        "let it explore more at first, and use all the steps."
-    )
-    if landed < 0.9:
-        symptom = f"it lands in only {landed:.0%} of the missions."
-        cause = (
-            "Let the price of a crash grow sooner (crash_reward_growth), or the temperature fall "
-            "lower, so that it learns to come home."
-        )
-    elif used < 0.25:
-        symptom = f"it is still lazy, and uses {used:.0%} of its time."
-    if answer.crash_reward < -20:
-        cause = (
-            f"A crash costs {-answer.crash_reward:g} from the very start, far more than there is "
-            "to collect: begin with a small price and let it grow."
-        )
-    elif answer.crash_reward_end < 1.5 * LEAST_PENALTY:
-        cause = (
-            f"Its crash costs {-answer.crash_reward_end:g} at the end (crash_reward_end), and that "
-            f"drowns all else: {-LEAST_PENALTY:g} are enough."
-        )
-    if answer.steps < 0.8 * MOST_STEPS:
-        cause += f" And it trains for {answer.steps:,} steps only; {MOST_STEPS:,} may be."
-    raise CheckFailed(
-        f"Collected and landed is {score:.0%}, and {LEAST_SCORE:.0%} are asked for: {symptom} "
-        f"{cause}"
+    print(f"{said}.")
+    cause = first_true(CAUSES, landed=landed, **vars(answer))
+    expect(
+        score >= LEAST_SCORE,
+        f"{said}, and {LEAST_SCORE:.0%} are asked for, after {answer.steps:,} of {MOST_STEPS:,} "
+        f"steps. {cause}",
     )
 
 
 def _train(recipe: Recipe, seed: int = 0) -> dict[str, float]:
     """Train an agent for the village; its means over 500 test missions."""
-    print(
-        f"Training for {recipe.steps:,} steps, about half a minute on a quiet machine …", flush=True
-    )
+    print(f"Training for {recipe.steps:,} steps, half a minute on a quiet machine …", flush=True)
     threads = torch.get_num_threads()
     torch.set_num_threads(1)  # the network is small
     keep_freed_memory()
