@@ -23,11 +23,14 @@ OUT_AND_BACK = ["east"] * 6 + ["hover"] * 3 + ["west"] * 6
 MISTAKES = {
     "flight_score": [
         (lambda c, i, landed: _mean_ratio(c, i) if landed else 0, "devices' own ratios"),
-        (lambda c, i, landed: sum(c) / sum(i), "`landed` is not used"),
-        (lambda c, i, landed: _mean_ratio(c, i), "every data unit counts the same"),
-        (lambda c, i, landed: 100 * sum(c) / sum(i) if landed else 0, "percentage"),
-        (lambda c, i, landed: (sum(i) - sum(c)) / sum(i) if landed else 0, "left at the devices"),
-        (lambda c, i, landed: 0 if landed else sum(c) / sum(i), "wrong way round"),
+        (lambda c, i, landed: sum(c) / sum(i), "has not landed scores 0"),
+        (lambda c, i, landed: _mean_ratio(c, i), "not average the devices' own ratios"),
+        (lambda c, i, landed: 100 * sum(c) / sum(i) if landed else 0, "from 0 to 1"),
+        (
+            lambda c, i, landed: (sum(i) - sum(c)) / sum(i) if landed else 0,
+            "the sum of all",
+        ),
+        (lambda c, i, landed: 0 if landed else sum(c) / sum(i), "UAV that has landed is"),
         (_per_device, "had no data at the start"),
         (_sorts_first, "changes what it is given"),
     ],

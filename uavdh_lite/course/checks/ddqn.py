@@ -183,7 +183,7 @@ RING = Table(
             *((5, added, 1) for added in range(5, 17)),
             *((1, added, 1) for added in range(1, 4)),
         ],
-        "The other items of a sample are drawn from all that are stored, each of them on its own.": [
+        "The other items of a sample are drawn from all stored ones, each of them on its own.": [
             *((5, added, 300) for added in range(1, 6)),
         ],
         "When the ring is full, each new item must overwrite the oldest, and no other: the ring "
@@ -483,12 +483,6 @@ UPDATE = Table(
             *(_weights(0.25, *LAYERS), _weights(0.1, *LAYERS, (), kind=np.float32)),
             _weights(0.2, (1, 1), (5, 0), (2,)),
         ],
-    },
-    mistakes={
-        "The rates are swapped: τ is the share of the online weights, 1 − τ that of the old "
-        "target.": edit("(1 - rate) * t + rate * o", "rate * t + (1 - rate) * o"),
-        "You add τ θ, but do not shrink the old target to 1 − τ of itself: the weights would grow "
-        "and grow.": edit("(1 - rate) *", ""),
     },
     tolerance=1e-5,
     smallest=1e-6,

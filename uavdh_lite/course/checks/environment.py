@@ -40,8 +40,6 @@ def _slot_case(*arguments):
     return tuple(np.array(values) for values in arguments)
 
 
-BEST, ANY = "np.where(left > 0, snr_db, -np.inf)", "(left > 0).any()"
-UPLOAD = "min(rate(snr_db[device]), left[device])"
 SLOT = Table(
     _slot,
     lambda: {
@@ -59,7 +57,8 @@ SLOT = Table(
             *(_slot_case([-3, -1], [9, 9]), _slot_case([1e-9, 0.0], [9.0, 9.0])),
             *(_slot_case([9.0, 3.0], [1.0, 50.0]), _slot_case([10.0, 3.0], [0.7, 8.0])),
         ],
-        "A device without data is not served: of the others the highest SNR wins.": [
+        "A device without data is not served, but it counts: of the others the highest SNR wins, "
+        "and its number is still an index into snr_db, the full array.": [
             *(_slot_case([12, 5, 9], [0, 50, 40]), _slot_case([9.0, 8.0, 7.0], [0.0, 5.0, 6.0])),
             _slot_case([9.0, 3.0, 6.0, -2.5, 8.5], [0.0, 0.0, 2.0, 3.0, 0.0]),
         ],
@@ -72,26 +71,6 @@ SLOT = Table(
             *(_slot_case([8.0, 3.0], [0.05, 9.0]), _slot_case([8.0, 3.0], [1e-7, 9.0])),
             *(_slot_case([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0]), _slot_case([40.0], [1e-6])),
         ],
-    },
-    mistakes={
-        "If the device with the best SNR is empty, nobody sends in yours: the next best device "
-        "sends, of those with data left.": edit(ANY, "left[snr_db.argmax()] > 0"),
-        "You serve a device that has nothing left: the slot goes to the best of those with data "
-        "left.": (edit(BEST, "snr_db"), edit(BEST, "snr_db", ANY, "True")),
-        "The device uploads more than it has.": edit(UPLOAD, "rate(snr_db[device])"),
-        "The device uploads all it has, but a slot carries no more than the rate, log2(1 + SNR).": (
-            edit(UPLOAD, "left[device]")
-        ),
-        "You upload as many data units as the SNR has decibels: turn it into a rate first, "
-        "rate(snr_db).": edit("rate(snr_db[device])", "snr_db[device]"),
-        "Your number counts only the devices with data left. Count all of them: the result is an "
-        "index into snr_db.": (edit(BEST, "snr_db[left > 0]", "[device]", "[left > 0][device]")),
-        "Your index counts the filtered array, the devices with data left, but you use it in the "
-        "full arrays.": edit(BEST, "snr_db[left > 0]"),
-        "The slot goes to the device with the largest upload, but the rule is the best SNR.": (
-            edit(BEST, "np.minimum(rate(snr_db), left)")
-        ),
-        "The slot goes to the best SNR, not to the most data.": edit(BEST, "left"),
     },
     read=pair,
     smallest=1e-12,
@@ -245,14 +224,6 @@ REWARD = Table(
             _batch(*["", "I", "L", "C", "IC", "", "I"], whole=True),
         ],
     },
-    mistakes={
-        "You sum over the episodes: the slots are the second axis, .sum(1).": edit("m(1)", "m(0)"),
-        "You charge 0.2 for the step that lands too: it is free of it.": edit("* ~landed", ""),
-        "You charge 0.2 only for a landing: it is the other way round.": edit("~landed", "landed"),
-        "The 0.2 for the step is missing.": edit("- 0.2 * ~landed", ""),
-        "You punish each step without a landing as a crash.": edit("* crashed", "* ~landed"),
-        "The prices have the wrong sign: they are subtracted.": edit(" - ", " + "),
-    },
     errors={
         "truth value": "`if`, `and` and `or` cannot decide for a whole batch, where some episodes "
         "have landed and some have not. Use np.where, or multiply by the Boolean array.",
@@ -390,18 +361,6 @@ SAFE_STEP = Table(
         ),
         "You look up city.landing[col, row]. The row comes first: city.landing[row, col].": (
             edit("landing[cell]", "landing[cell[::-1]]")
-        ),
-        "The UAV must not come back on the opposite side: off the grid it hovers instead.": (
-            edit("if not inside or", "row, col = row % city.size, col % city.size\n    if")
-        ),
-        "Limiting row and column to the grid keeps the UAV in its cell, but hides that the "
-        "controller intervenes there: say True.": edit("cell, True", "cell, inside"),
-        "You never say that the controller intervenes in a move.": edit("True", "False"),
-        "North and south are the wrong way round: north is row − 1.": (
-            edit("MOVES[action]", "MOVES[(2, 1, 0, 3)[action]]")
-        ),
-        "East and west are the wrong way round: east is col + 1.": (
-            edit("MOVES[action]", "MOVES[(0, 3, 2, 1)[action]]")
         ),
     },
     read=_cell_and_flag,

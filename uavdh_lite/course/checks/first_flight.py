@@ -3,7 +3,7 @@
 import numpy as np
 
 from uavdh_lite.course.checks.exercise import exercise, expect
-from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.table import Table
 from uavdh_lite.course.checks.trial import expect_none
 from uavdh_lite.course.checks.values import number, show
 from uavdh_lite.environment import ACTIONS, MOVES
@@ -25,13 +25,12 @@ def _draw_score(ax):
     ax.set_title("the second device's 5 units are all collected")
 
 
-RATIO = "sum(collected) / sum(initial)"
-RATIOS = "sum(c / i for c, i in zip(collected, initial, strict=True) if i) / len(initial)"
 SCORE = Table(
     _score,
     lambda: {
         "The score of a UAV that has landed is the sum of all that was collected over the sum of "
-        "all that was there: every data unit counts the same.": [
+        "all that was there, from 0 to 1. Every data unit counts the same: do not average the "
+        "devices' own ratios.": [
             *(([20.0, 0.0], [20.0, 5.0], True), ([6, 1], [8, 2], True), ([1.5], [6.0], True)),
             ([2.3, 7.1, 0.4, 11.9, 5.0], [9.2, 13.7, 6.6, 15.3, 5.1], True),
         ],
@@ -47,17 +46,6 @@ SCORE = Table(
         "Large and small amounts count alike, and nothing is rounded.": [
             *(([1e-6, 0.0], [2e-6, 1e-6], True), ([1e9, 1.0], [3e9, 1.0], True)),
         ],
-    },
-    mistakes={
-        "You average the devices' own ratios, so that a device with little data counts as much "
-        "as one with a lot. Add up first, then divide once.": (
-            edit(RATIO, RATIOS),
-            edit(RATIO, RATIOS.replace(" if i", "")),
-        ),
-        "`landed` is not used: a UAV that did not land scores 0.": edit("if landed else 0.0", ""),
-        "`landed` is the wrong way round.": edit("if landed", "if not landed"),
-        "That is a percentage: leave out the 100.": edit("return", "return 100 *"),
-        "That is the share left at the devices.": edit("return", "return 1 -"),
     },
     read=number,
 )

@@ -113,36 +113,21 @@ def _draw_worst(ax):
     ax.set(xlabel="UAV's column", ylabel="UAV's row", title="manhattan (white: the UAV cannot go)")
 
 
-MASK, CELL = "city.landing_distance >= 0", "line_of_sight, cell"
-BACK = "return min(best, key=best.get)"
+CELL, BACK = "line_of_sight, cell", "return min(best, key=best.get)"
 WORST = Table(
     _worst,
     lambda: {
-        "It is the (row, column) of the cell in city.device_cells whose best rate is lowest; the "
-        "best is over all UAV cells with city.landing_distance >= 0. All is taken from the "
-        "environment that your function is given, not from the notebook's own, M too.": [
+        "For each cell in city.device_cells take the best rate, the max over all UAV cells with "
+        "city.landing_distance >= 0: there the UAV can get to, the landing zone (0) too, but not "
+        "to walled-in cells (−1). The answer is the device's cell with the lowest of these rates, "
+        "as (row, column). Use the environment that your function is given, not the notebook's "
+        "own, for all of that, for M too.": [
             *(Environment(Town.of("a city", *rows)) for rows in (POCKET, OTHER)),
         ],
     },
     mistakes={
-        "A device cannot stand there, on a building: only city.device_cells count.": (
-            edit("city.device_cells", "range(city.size**2)")
-        ),
         "That cell has the lowest *mean* of the rates over all UAV cells. The UAV chooses where "
         "it hovers: take the best rate for each device cell first.": edit(".max", ".mean"),
-        "That cell has the lowest rate of all at the *worst* UAV cell; the UAV hovers at the best "
-        "one: max over the UAV's cells, then min over the devices.": edit(".max", ".min"),
-        "Your UAV never hovers over the landing zone: there landing_distance is 0, and it counts "
-        "too (>= 0, not > 0).": edit(">= 0", "> 0"),
-        "Your UAV hovers where it cannot get to, in cells that are walled in. Only the cells with "
-        "city.landing_distance >= 0 count; that a cell is no no-fly cell is not enough.": (
-            edit(MASK, "~city.no_fly")
-        ),
-        "A device there is heard as well as anywhere, from right above, but the UAV cannot get "
-        "there. Only the cells with city.landing_distance >= 0 count.": edit(f"[{MASK}]", ""),
-        "Row and column are the wrong way round: the answer is (row, column).": (
-            edit(BACK, f"{BACK}[::-1]")
-        ),
         "The device that you hand to rate_map is (column, row). It must be (row, column), as "
         "divmod(number, M) gives it.": (
             *(edit(CELL, f"{CELL}[::-1]"), edit(CELL, f"{CELL}[::-1]", BACK, f"{BACK}[::-1]")),
@@ -150,7 +135,6 @@ WORST = Table(
         "That is an index into city.device_cells, not a cell: take the number that stands there.": (
             _index
         ),
-        "That cell has the highest best rate: the lowest is asked for.": edit("min(", "max("),
     },
     read=pair,
     call=lambda environment: f"worst_device_cell(Environment({environment.city!r}))",

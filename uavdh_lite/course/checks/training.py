@@ -50,7 +50,6 @@ def _whole(n, discount):
     return np.array([1, 2, 4]), np.zeros(3, bool), np.array([8, 16, 32, 64]), n, discount
 
 
-VALUE, WEIGHT = "discount**m * values[m]", "discount**m"
 N_STEP = Table(
     _n_step,
     lambda: {
@@ -75,35 +74,6 @@ N_STEP = Table(
         "Where fewer than n steps are stored, a terminal step still ends the sum.": [
             *(_drawn(6, (2, 4), 9, 0.8), _drawn(4, (3,), 5, 0.9), _drawn(1, (0,), 2, 0.9)),
         ],
-    },
-    mistakes={
-        "You ask only whether the last of the m steps is terminal. If an earlier one is, the sum "
-        "has stopped there, and no value is added either.": tuple(
-            edit("return total\n", "break\n", VALUE, f"{value} * (not terminals[m - 1])")
-            for value in (VALUE, "discount ** (k + 1) * values[m]")
-        ),
-        "The power of γ before the value is one too low: after m rewards, the last one with "
-        "γ^(m−1), the value comes with γ^m.": edit(WEIGHT, "discount ** (m - 1)"),
-        "The power of γ before the value is one too high: it is that of the number of rewards, "
-        "γ^m.": edit(WEIGHT, "discount ** (m + 1)"),
-        "You take the value of the state before the last step. After m rewards the UAV is in "
-        "state m, values[m].": edit("values[m]", "values[m - 1]"),
-        "A value is added after a terminal step. The episode is over there: nothing follows.": (
-            edit("return total\n", "return total + discount ** (k + 1) * values[k + 1]\n")
-        ),
-        "The sum goes on after a terminal step, into the next episode. It must stop there, "
-        "without a value.": edit("if terminals[k]", "if False"),
-        "The reward of the terminal step is lost. It was earned: add it, then stop.": (
-            edit("* rewards[k]", "* rewards[k] * (not terminals[k])")
-        ),
-        "The rewards are not discounted: reward k counts γ^k times.": edit("discount**k *", ""),
-        "The powers of γ are one too high: rewards[0] counts in full.": (
-            edit("discount**k", "discount ** (k + 1)")
-        ),
-        "You take the last value that is stored. After n rewards the UAV is in state n, "
-        "values[n].": edit("values[m]", "values[-1]"),
-        "The value at the end is missing: what comes later counts too.": edit(VALUE, "0"),
-        "The value at the end is not discounted: it comes with γ^m.": edit(VALUE, "values[m]"),
     },
     read=number,
     errors={"IndexError": "There are T rewards and T + 1 values."},
@@ -161,7 +131,8 @@ def _draw_diagnosis(ax):
 
 DEFINITIONS = {
     "lazy": "An agent that uses less than 25 % of the flying time is lazy, whatever else it does.",
-    "crashes": "Of those that use 25 % of their time or more, one crashes if fewer than 90 % land.",
+    "crashes": "Of those that use 25 % of their time or more (0.25), one crashes if fewer than "
+    "90 % land (0.9), whatever it collects.",
     "good": "Of those that are neither lazy nor crash, one is good if it collects at least 80 %.",
     "wanders": "What is neither lazy nor crashes, and collects less than 80 %, wanders.",
 }
@@ -178,26 +149,10 @@ def _diagnosis_cases():
     }
 
 
-IN_ORDER = '"lazy" if lazy else "crashes" if crashes else "good" if good'
 DIAGNOSIS = Table(
     _diagnose,
     _diagnosis_cases,
-    mistakes={
-        "Exactly 90 % landed is enough: *fewer* is a crash.": edit("landed <", "landed <="),
-        "Exactly 80 % collected is good: *at least* 80 %.": edit(">=", ">"),
-        "Exactly 25 % of the time is not lazy: *less* than 25 % is.": edit("used <", "used <="),
-        "You ask for the landings first: an agent that hardly flies is lazy, also if it crashes "
-        "now and then.": (
-            edit(IN_ORDER, '"crashes" if crashes else "lazy" if lazy else "good" if good')
-        ),
-        "An agent that collects much but crashes is not good: what it collects does not come "
-        "home. Look at `landed` before you look at what it collects.": (
-            edit(IN_ORDER, '"lazy" if lazy else "good" if good else "crashes" if crashes')
-        ),
-        "The numbers are shares between 0 and 1, not percentages: 90 % is 0.9.": (
-            edit("0.25", "25", "0.9", "90", "0.8", "80")
-        ),
-    },
+    {"Exactly 90 % landed is enough: *fewer* is a crash.": edit("landed <", "landed <=")},
     read=one_of(*NAMES),
 )
 
