@@ -12,7 +12,6 @@ from uavdh_lite.course.checks.exercise import close, exercise, expect, guarded
 from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import Unreadable, numbers
 from uavdh_lite.ddqn import softmax_policy
-from uavdh_lite.environment import ACTIONS
 from uavdh_lite.streams import Use, stream
 
 
@@ -29,13 +28,11 @@ def _softmax(q_values, temperature):
 
 def _draw_policy(ax):
     q_values = torch.tensor([[1000, 999.75, 999.5, 999, 998, 997]])
-    places = np.arange(len(ACTIONS))
     for k, temperature in enumerate((0.1, 0.5, 2.0)):
         shares = softmax_policy(q_values, temperature)[0].numpy()
-        ax.bar(places + 0.27 * (k - 1), shares, 0.27, label=f"β = {temperature}")
-    names = [f"{name}\n{q:g}" for name, q in zip(ACTIONS, q_values[0], strict=True)]
-    ax.set_xticks(places, names, fontsize="small")
-    ax.set(xlabel="action and its Q-value", ylabel="probability")
+        ax.bar(np.arange(6) + 0.27 * (k - 1), shares, 0.27, label=f"β = {temperature}")
+    ax.set_xticks(range(6), q_values[0].tolist())
+    ax.set(xlabel="Q-value of an action", ylabel="probability")
 
 
 def _few(count, temperature, kind=torch.float32):
@@ -198,8 +195,7 @@ RING = Table(
         "assignment index": "A list has only the places that were appended, or made in __init__.",
         "list index": "Draw only from the places that are filled.",
         "larger": "A sample may be larger than the number of items stored: items may repeat.",
-        "inhomogeneous": "generator.choice makes arrays of items: draw places.",
-        "dimensional": "generator.choice makes arrays of items: draw places.",
+        "dimension": "generator.choice makes arrays of items: draw places.",
         "ambiguous": "Items may hold arrays: do not compare them, keep their places.",
     },
     call=_call,
@@ -207,17 +203,12 @@ RING = Table(
 
 
 def _draw_ring(ax):
-    for added, colour, shift in ((3, "C0", -0.2), (12, "C1", 0.2)):
-        ring = _Ring(5)
-        for number in range(added):
-            ring.add(number)
-        generator = stream(Use.EXERCISE, 0)
-        drawn = Counter(n for _ in range(1000) for n in ring.sample(4, generator))
-        heights = [drawn[n] / 1000 for n in range(12)]
-        label = f"after {added} items"
-        ax.bar(np.arange(1, 13) + shift, heights, 0.4, color=colour, label=label)
-    ax.set(xlabel="number of the item, 1 for the first added", xticks=range(1, 13))
-    ax.set(ylabel="times in a sample of 4, mean", title="capacity 5")
+    for added in (3, 12):
+        ring, generator = _filled(_Ring, 5, added), stream(Use.EXERCISE, 0)
+        drawn = [item.number for _ in range(1000) for item in ring.sample(4, generator)]
+        ax.plot(np.bincount(drawn, minlength=13)[1:] / 1000, "o--", label=f"after {added} items")
+    ax.set(xlabel="items by age, oldest first", ylabel="times in a sample of 4, mean")
+    ax.set_title("capacity 5")
 
 
 @exercise(
@@ -236,8 +227,6 @@ def ring_buffer(answer) -> None:
         isinstance(answer, type),
         "Hand over the class itself: checks.ring_buffer(Ring), without brackets behind Ring.",
     )
-    for method in ("add", "sample"):
-        expect(hasattr(answer, method), f"The class has no method {method}.")
     RING(_sampled(answer))
     for capacity, added, limit in ((1000, 1, 1e-9), (8, 3, 37.0), (8, 27, 52.0), (8, 8, 52.0)):
         call = _call(capacity, added, 9)
@@ -326,56 +315,42 @@ BY_HAND = (  # the table of exercise 5.3, as the arguments of `target`
 
 
 def _draw_target(ax):
-    reward, terminal, _, online, target = BY_HAND
-    wrong, right = (reward + 0.9 * target.amax(1)).numpy(), _target(*BY_HAND).numpy()
-    ax.bar((-0.2, 0.8), wrong, 0.4, color="0.7", label="the wrong function's target")
-    ax.bar((0.2, 1.2), right, 0.4, color="C0", label="target y")
-    for bars in ax.containers:
+    wrong = BY_HAND[0] + 0.9 * BY_HAND[4].amax(1)
+    for shift, values, label in (
+        (-0.2, wrong, "the wrong function's"),
+        (0.2, _target(*BY_HAND), "y"),
+    ):
+        bars = ax.bar(np.arange(2) + shift, values.numpy(), 0.4, label=f"target: {label}")
         ax.bar_label(bars, fmt="%.4g")
-    names = [
-        f"r = {reward[k]:g}, {'terminal' if terminal[k] else 'not terminal'}\n"
-        f"online {online[k].tolist()}\ntarget {target[k].tolist()}"
-        for k in (0, 1)
-    ]
-    ax.axhline(0, color="black", linewidth=0.8)
-    ax.set_xticks((0, 1), names)
-    ax.margins(y=0.1)
+    ax.set_xticks((0, 1), ("first row", "second row, terminal"))
     ax.set(ylabel="target, data units", title="the two transitions of the table, γ = 0.9")
 
 
-def _transitions(size, discount, ends=0.4, at=5.0, kind=np.float32):
+def _transitions(size, discount, ends=0.4, at=5.0, kind=np.float32, apart=2.0):
     """Arguments of `target` for so many transitions, with Q-values near `at`."""
     generator = stream(Use.EXERCISE, 10 * size + int(10 * discount))
-    online = generator.normal(at, 2, (size, 6)).round(2)
-    target = (online + generator.normal(0, 2, (size, 6))).round(2)
+    online = generator.normal(at, apart, (size, 6)).round(6)
+    target = generator.normal(at, 3, (size, 6)).round(2)
     reward, terminal = generator.normal(1, 2, size).round(2), generator.random(size) < ends
     reward, online, target = (torch.tensor(a.astype(kind)) for a in (reward, online, target))
     return reward, torch.tensor(terminal), discount, online, target
 
 
-def _close_together():
-    """Two transitions whose Q-values in the next state are nearly equal."""
-    near, far = [[1, 1.0001, 1, 1, 1, 1]] * 2, [[1.0, -7, 2, 3, 4, 5], [6.0, 8, 7, 9, 1, 0]]
-    return (*_transitions(2, 1.0, 0)[:3], torch.tensor(near), torch.tensor(far))
-
-
 PLAIN, ONLINE = ("online_next.argmax", "target_next.argmax"), ("target_next.g", "online_next.g")
 TARGET = Table(
     _target,
-    lambda: {
+    {
         "There is one target for each transition, (B,): the reward, plus γ times the entry in its "
         "row of target_next at the number of the best action by online_next.": [
-            *(_transitions(size, 1.0, 0) for size in (1, 8, 6)),
-            _transitions(3, 1, 0, kind=np.float64),
+            *((1, 1.0, 0), (8, 1.0, 0), (6, 1.0, 0), (3, 1, 0, 5.0, np.float64)),
         ],
         "The best action counts also if all Q-values are far below 0, or close together.": [
-            *(_transitions(4, 1.0, 0, at=-50.0), _close_together()),
+            *((4, 1.0, 0, -50.0), (2, 1.0, 0, 1.0, np.float32, 1e-4)),
         ],
         "The value of the next state counts γ times, with the γ that is handed in, the reward in "
-        "full.": [_transitions(2, discount, 0) for discount in (0.5, 0.99, 0.0, 1)],
+        "full.": [(2, 0.5, 0), (2, 0.99, 0), (2, 0.0, 0), (2, 1, 0)],
         "At a terminal transition the target is the reward alone.": [
-            *(_transitions(1, discount, 2) for discount in (0.9, 1.0)),
-            *(_transitions(size, 0.8) for size in (2, 6, 32, 7)),
+            *((1, 0.9, 2), (1, 1.0, 2), (2, 0.8), (6, 0.8), (32, 0.8), (7, 0.8)),
         ],
     },
     mistakes={
@@ -408,6 +383,7 @@ TARGET = Table(
         "could not be broadcast": "As many rows as columns are needed: torch.arange(B), with B the "
         "number of transitions.",
     },
+    made=_transitions,
 )
 
 
@@ -442,15 +418,11 @@ def double_target(answer) -> None:
 
 
 def _draw_soft_update(ax):
+    updates = np.arange(61)
     for rate in (0.5, 0.1, 0.02):
-        target, online, path = torch.zeros(1), torch.ones(1), [0.0]
-        for _ in range(60):
-            torch._foreach_lerp_([target], [online], rate)
-            path.append(target.item())
-        ax.plot(path, label=f"τ = {rate}")
-    ax.axhline(1, color="black", linewidth=0.8)
+        ax.plot(updates, 1 - (1 - rate) ** updates, label=f"τ = {rate}")
     ax.set(xlabel="soft updates", ylabel="a weight of the target network")
-    ax.set_title("its weight in the online network is 1")
+    ax.set_title("from 0, with a weight of 1 in the online network")
 
 
 def _moved(target, online, rate):
@@ -459,33 +431,32 @@ def _moved(target, online, rate):
     return np.concatenate([np.ravel((1 - rate) * t + rate * o) for t, o in pairs])
 
 
-def _weights(rate, *shapes, kind=np.float64):
+def _weights(rate, *shapes):
     """Target and online weights of these shapes, and a rate."""
     generator = stream(Use.EXERCISE, len(shapes))
-    target, online = (
-        [generator.normal(0, 1, shape).round(2).astype(kind) for shape in shapes] for _ in range(2)
-    )
-    return target, online, rate
+    target, online = ([generator.normal(size=shape).round(2) for shape in shapes] for _ in "to")
+    return [np.asarray(t) for t in target], [np.asarray(o) for o in online], rate
 
 
-LAYERS = (3,), (2, 3), (4, 1, 2)
 UPDATE = Table(
     _moved,
-    lambda: {
+    {
         "Each target weight becomes 1 − τ of itself plus τ of the online weight: it goes only the "
-        "share τ of the way.": [
-            *(_weights(rate, (2,)) for rate in (0.25, 0.5, 0.9, 0.005)),
-        ],
+        "share τ of the way.": [(0.25, (2,)), (0.5, (2,)), (0.9, (2,)), (0.005, (2,))],
         "With τ = 0 nothing changes, with τ = 1 the target weights become the online ones.": [
-            *(_weights(rate, (2,)) for rate in (0.0, 1.0, 0, 1)),
+            *((0.0, (2,)), (1.0, (2,)), (0, (2,)), (1, (2,))),
         ],
         "All tensors of the lists take part, whatever their shapes.": [
-            *(_weights(0.25, *LAYERS), _weights(0.1, *LAYERS, (), kind=np.float32)),
-            _weights(0.2, (1, 1), (5, 0), (2,)),
+            *(
+                (0.25, (3,), (2, 3), (4, 1, 2)),
+                (0.1, (3,), (2, 3), ()),
+                (0.2, (1, 1), (5, 0), (2,)),
+            ),
         ],
     },
     tolerance=1e-5,
     smallest=1e-6,
+    made=_weights,
 )
 
 

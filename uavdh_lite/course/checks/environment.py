@@ -9,7 +9,7 @@ from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.trial import first_true
 from uavdh_lite.course.checks.values import Unreadable, number, pair, truth
 from uavdh_lite.environment import HOVER, LAND, MOVES
-from uavdh_lite.plotting import BLUE, GREEN, ORANGE, RED, draw_city
+from uavdh_lite.plotting import GREEN, RED, draw_city
 from uavdh_lite.streams import Use, stream
 
 
@@ -21,59 +21,46 @@ def _slot(snr_db, left):
 
 
 def _draw_slot(ax):
-    snr_db = np.array([(4, 9, -2), (8, 6, 1), (5, 7, 3), (2, 8, 4), (-3, 9, -6), (6, 1, 2)], float)
-    left, labels = np.array([4.0, 5.0, 3.0]), []
-    colours = (ORANGE, BLUE, GREEN)
-    for slot, snrs in enumerate(snr_db):
-        device, amount = _slot(snrs, left)
-        labels.append("\n".join(f"{s:g} dB, {d:.2g}" for s, d in zip(snrs, left, strict=True)))
-        ax.bar(slot, amount, color=colours[int(device)])
-        left[int(device)] -= amount
-    for device, colour in enumerate(colours):
-        ax.bar(0, 0, color=colour, label=f"device {device}")
-    ax.set_xticks(range(len(labels)), labels, fontsize="small")
-    ax.set(xlabel="a slot each: SNR and data left before it, of devices 0, 1, 2")
-    ax.set(ylabel="uploaded, data units")
-
-
-def _slot_case(*arguments):
-    return tuple(np.array(values) for values in arguments)
+    left = np.array([4.0, 5.0, 3.0])
+    for slot, snr_db in enumerate(([4, 9, -2], [8, 6, 1], [5, 7, 3], [2, 8, 4], [-3, 9, -6])):
+        device, amount = _slot(np.array(snr_db, float), left)
+        bar = ax.bar(slot, amount, color=f"C{device}")
+        ax.bar_label(bar, [f"device {device}\nSNR {snr_db}\nleft {left.round(1).tolist()}"])
+        left[device] -= amount
+    ax.margins(y=0.3)
+    ax.set(xlabel="slot", ylabel="uploaded, data units")
 
 
 SLOT = Table(
     _slot,
-    lambda: {
+    {
         "If no device has data left, nobody may send: −1 and 0.": [
-            *(_slot_case([3.0, 8.0], [0.0, 0.0]), _slot_case([-70.0], [0])),
+            *(([3.0, 8.0], [0.0, 0.0]), ([-70.0], [0])),
         ],
         "What is uploaded is what the slot carries, rate(snr_db), but no more than is left.": [
-            *(_slot_case([2], [9]), _slot_case([-30.0], [5.0]), _slot_case([60.0], [1000.0])),
-            *(_slot_case([10.0], [0.7]), _slot_case([40.0], [1.5])),
+            *(([2], [9]), ([-30.0], [5.0]), ([60.0], [1000.0]), ([10.0], [0.7]), ([40.0], [1.5])),
         ],
         "The device with the highest SNR is served, however little it is ahead, whatever it has "
         "left; its number is an index into snr_db.": [
-            _slot_case([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]),
-            _slot_case([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0]),
-            *(_slot_case([-3, -1], [9, 9]), _slot_case([1e-9, 0.0], [9.0, 9.0])),
-            *(_slot_case([9.0, 3.0], [1.0, 50.0]), _slot_case([10.0, 3.0], [0.7, 8.0])),
+            *(([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]), ([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0])),
+            *(([-3, -1], [9, 9]), ([9.0, 3.0], [1.0, 50.0]), ([10.0, 3.0], [0.7, 8.0])),
         ],
         "A device without data is not served, but it counts: of the others the highest SNR wins, "
         "and its number is still an index into snr_db, the full array.": [
-            *(_slot_case([12, 5, 9], [0, 50, 40]), _slot_case([9.0, 8.0, 7.0], [0.0, 5.0, 6.0])),
-            _slot_case([9.0, 3.0, 6.0, -2.5, 8.5], [0.0, 0.0, 2.0, 3.0, 0.0]),
+            *(([12, 5, 9], [0, 50, 40]), ([9.0, 8.0, 7.0], [0.0, 5.0, 6.0])),
+            ([9.0, 3.0, 6.0, -2.5, 8.5], [0.0, 0.0, 2.0, 3.0, 0.0]),
         ],
         "That holds for the lowest SNRs too: none is too low to be served, 0 dB is not low. An "
         "empty device must get −infinity.": [
-            *(_slot_case([-6.0, -11.0], [0.0, 8.0]), _slot_case([-30.0, -53.5], [0.0, 4.0])),
-            *(_slot_case([5.0, -140.0], [0.0, 1.0]), _slot_case([-100.0, -99.0], [2.0, 0.0])),
+            *(([-6.0, -11.0], [0.0, 8.0]), ([5.0, -140.0], [0.0, 1.0])),
         ],
         "A device has data left if it is more than 0, however little.": [
-            *(_slot_case([8.0, 3.0], [0.05, 9.0]), _slot_case([8.0, 3.0], [1e-7, 9.0])),
-            *(_slot_case([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0]), _slot_case([40.0], [1e-6])),
+            *(([8.0, 3.0], [1e-7, 9.0]), ([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0])),
         ],
     },
     read=pair,
     smallest=1e-12,
+    made=lambda *arrays: tuple(map(np.array, arrays)),
 )
 
 
@@ -107,9 +94,10 @@ def _terms(data, movement, safety, crash, carried):
 
 TERMS = Table(
     _terms,
-    lambda: {
+    {
         "Write down its four terms, for data, movement, safety and crash, and add them up.": [
-            step for steps in FLIGHTS.values() for step in steps
+            *FLIGHTS["A"],
+            *FLIGHTS["B"],
         ]
     },
     mistakes={
@@ -132,15 +120,11 @@ TERMS = Table(
 
 
 def _draw_by_hand(ax):
-    for name, style in (("A", "o-"), ("B", "s-")):
-        terms = np.array(FLIGHTS[name])
-        crash = terms[:, 3].sum()
-        label = f"flight {name}" + (f", and then {crash:g} for the crash" if crash else "")
-        returns = np.cumsum(terms[:, :3].sum(1))
-        ax.plot(np.arange(len(returns) + 1), np.append(0, returns), style, label=label)
-    ax.set(xlabel="steps flown", ylabel="sum of the rewards so far", xticks=range(7))
-    ax.set_ylim(-1.3, 3.3)
-    ax.legend(loc="upper left")
+    for name, steps in FLIGHTS.items():
+        returns = np.cumsum([0, *(sum(step[:3]) for step in steps)])
+        ax.plot(returns, "o-", label=f"flight {name}")
+    ax.set(xlabel="steps flown", ylabel="sum of the rewards so far", ylim=(-1.3, 3.3))
+    ax.set_title("without the 150 for the crash at the end of flight B")
 
 
 @exercise(
@@ -179,55 +163,42 @@ def _rewards(uploaded, intervened, landed, crashed):
 
 
 def _draw_reward(ax):
-    uploaded = np.linspace(0, 4, 9)[:, None] * np.full(4, 0.25)
-    no, yes = np.zeros(9, bool), np.ones(9, bool)
-    for style, label, intervened in (
-        *(("o-", "an ordinary step", no), ("s-", "with an intervention", yes)),
-    ):
-        rewards = _rewards(uploaded, intervened, no, no)
-        ax.plot(uploaded.sum(1), rewards, style, label=label)
-    landed = _rewards(uploaded[:1], no[:1], yes[:1], no[:1])
-    ax.plot(0, landed[0], "^", color=GREEN, ms=9, label="the step that lands")
-    ax.plot([], [], " ", label="a crash, far below: -150.2")
+    uploaded = np.linspace(0, 4, 9)
+    for label, *event in (("an ordinary step", 0, 0, 0), ("with an intervention", 1, 0, 0)):
+        rewards = _rewards(uploaded[:, None], *np.array(event, bool))
+        ax.plot(uploaded, rewards, "o-", label=label)
+    ax.plot(0, 0, "^", color=GREEN, label="the step that lands (a crash: -150.2)")
     ax.set(xlabel="uploaded in the four slots together, data units", ylabel="reward")
 
 
-def _batch(*events, whole=False):
+def _batch(events):
     """Steps with random uploads; an event has the letters of what happens in it."""
     flags = np.array([[letter in event for letter in "ILC"] for event in events])
     uploaded = stream(Use.EXERCISE, len(events)).uniform(0, 4, (len(events), 4)).round(3)
-    uploaded *= ~flags[:, 1:].any(1)[:, None]  # the step that ends an episode uploads nothing
-    return uploaded.round().astype(int) if whole else uploaded, *flags.T
+    return uploaded * ~flags[:, 1:].any(1)[:, None], *flags.T  # none in the step that ends it
 
 
 REWARD = Table(
     _rewards,
-    lambda: {
+    {
         "An ordinary step earns the sum of its own four slots, .sum(1), less 0.2.": [
-            *(_batch(*[""] * count) for count in (1, 2, 4, 5)),
-            _batch("", "", "", whole=True),
+            *([""], ["", ""], [""] * 4, [""] * 5),
         ],
-        "Only the step that lands is free of the 0.2.": [
-            *(_batch("L"), _batch("L", ""), _batch("", "", "L")),
-        ],
-        "An intervention costs 1, besides the 0.2.": [
-            *(_batch("I"), _batch("I", ""), _batch("", "I", "L")),
-        ],
-        "A crash costs 150, besides the 0.2.": [
-            *(_batch("C"), _batch("C", ""), _batch("L", "C", "I")),
-        ],
+        "Only the step that lands is free of the 0.2.": [["L"], ["L", ""], ["", "", "L"]],
+        "An intervention costs 1, besides the 0.2.": [["I"], ["I", ""], ["", "I", "L"]],
+        "A crash costs 150, besides the 0.2.": [["C"], ["C", ""], ["L", "C", "I"]],
         "All that applies is added. In one step an intervention and the crash can both happen.": [
-            *(_batch("IC"), _batch("IC", "C", "I")),
+            *(["IC"], ["IC", "C", "I"]),
         ],
         "Each episode of a batch has its own reward, also if there are four of them.": [
-            *(_batch("", "I", "L", "C"), _batch("I", "L", "C", "IC")),
-            _batch(*["", "I", "L", "C", "IC", "", "I"], whole=True),
+            *(["", "I", "L", "C"], ["I", "L", "C", "IC"], ["", "I", "L", "C", "IC", "", "I"]),
         ],
     },
     errors={
         "truth value": "`if`, `and` and `or` cannot decide for a whole batch, where some episodes "
         "have landed and some have not. Use np.where, or multiply by the Boolean array.",
     },
+    made=_batch,
 )
 
 

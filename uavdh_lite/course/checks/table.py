@@ -58,8 +58,8 @@ class Table:
 
     Arguments:
         solution: the right function.
-        rules: a function that makes the cases: arguments, a tuple if there are several, by the
-            rule that they test, a sentence; from what is basic to what is special.
+        rules: the cases: arguments, a tuple if there are several, by the rule that they test, a
+            sentence; from what is basic to what is special. Or a function that makes them.
         mistakes: by what to say of it, a function that makes the mistake, or the `edit` of the
             solution that does, or a tuple of these if there are several ways. It is named only if
             one agrees with the answer on every case.
@@ -71,10 +71,11 @@ class Table:
         where: says of a case and a place in a large result what should be there.
         again: whether each case is asked twice.
         call: makes of a case what a message calls it, if not the function with its arguments.
+        made: makes the arguments of what stands in the rules.
     """
 
     solution: Callable
-    rules: Callable[[], dict[str, list[tuple]]]
+    rules: dict[str, list] | Callable[[], dict[str, list]]
     mistakes: dict[str, Callable | Edit | tuple] = field(default_factory=dict)
     read: Callable[[Any], np.ndarray] = numbers
     tolerance: float = 1e-6
@@ -84,13 +85,15 @@ class Table:
     where: Callable[..., str] | None = None
     again: bool = True
     call: Callable[..., str] | None = None
+    made: Callable[..., tuple] = lambda *case: case
 
     @cached_property
     def cases(self) -> list[tuple[str, tuple]]:
         """All cases, each with its rule."""
+        rules = self.rules() if callable(self.rules) else self.rules
         return [
-            (rule, case if isinstance(case, tuple) else (case,))
-            for rule, several in self.rules().items()
+            (rule, self.made(*case) if isinstance(case, tuple) else self.made(case))
+            for rule, several in rules.items()
             for case in several
         ]
 

@@ -39,44 +39,41 @@ def _draw_n_step(ax):
     ax.set_title("10 steps stored, the 6th earns 3, the others −0.1;\nγ = 0.95, all values 5")
 
 
-def _drawn(length, ends, n, discount):
+def _stored(length, ends, n, discount):
     """Rewards, terminals and values of a stored sequence, and the other two arguments."""
     generator = stream(Use.EXERCISE, 10 * length + len(ends))
     rewards, values = generator.normal(1, 1, length), generator.normal(8, 3, length + 1)
+    if length == 3:
+        return np.array([1, 2, 4]), np.zeros(3, bool), np.array([8, 16, 32, 64]), n, discount
     return rewards.round(2), np.isin(np.arange(length), ends), values.round(2), n, discount
-
-
-def _whole(n, discount):
-    return np.array([1, 2, 4]), np.zeros(3, bool), np.array([8, 16, 32, 64]), n, discount
 
 
 N_STEP = Table(
     _n_step,
-    lambda: {
+    {
         "With n = 1 it is rewards[0], and then γ times values[1], the value of the next state.": [
-            *(_drawn(3, (), 1, discount) for discount in (0.9, 0.5, 1.0, 0.0))
+            *((3, (), 1, 0.5), (2, (), 1, 0.9), (2, (), 1, 1.0), (2, (), 1, 0.0)),
         ],
         "Reward k counts γ^k times. After m rewards γ^m values[m] comes, of state m.": [
-            *(_drawn(6, (), n, discount) for n, discount in ((2, 0.9), (3, 0.8), (5, 0.3))),
-            *(_whole(2, discount) for discount in (0.5, 1)),
+            *((3, (), 2, 0.5), (3, (), 2, 1), (6, (), 2, 0.9), (6, (), 3, 0.8), (6, (), 5, 0.3)),
         ],
         "A terminal step among the m ends the sum with its own reward, and no value is added.": [
-            *(_drawn(6, (2, 4), n, discount) for n, discount in ((3, 0.8), (4, 0.95), (5, 1.0))),
-            *(_drawn(5, (0,), 1, 0.7), _drawn(5, (0,), 3, 0.95), _drawn(4, (0, 1, 2, 3), 2, 0.6)),
+            *((6, (2, 4), 3, 0.8), (6, (2, 4), 4, 0.95), (6, (2, 4), 5, 1.0)),
+            *((5, (0,), 1, 0.7), (5, (0,), 3, 0.95), (4, (0, 1, 2, 3), 2, 0.6)),
         ],
         "A terminal step after the first m belongs to the future: the value of state m counts.": [
-            *(_drawn(6, (2, 4), n, 0.8) for n in (1, 2)),
-            *(_drawn(6, (5,), n, 0.9) for n in (4, 5)),
+            *((6, (2, 4), 1, 0.8), (6, (2, 4), 2, 0.8), (6, (5,), 4, 0.9), (6, (5,), 5, 0.9)),
         ],
         "Where fewer than n steps are stored, m = T: sum those, then add γ^T values[T].": [
-            *(_drawn(6, (), 7, 0.9), _drawn(1, (), 3, 0.4), _whole(3, 0.5), _whole(1000, 0.5)),
+            *((6, (), 7, 0.9), (1, (), 3, 0.4), (3, (), 3, 0.5), (3, (), 1000, 0.5)),
         ],
         "Where fewer than n steps are stored, a terminal step still ends the sum.": [
-            *(_drawn(6, (2, 4), 9, 0.8), _drawn(4, (3,), 5, 0.9), _drawn(1, (0,), 2, 0.9)),
+            *((6, (2, 4), 9, 0.8), (4, (3,), 5, 0.9), (1, (0,), 2, 0.9)),
         ],
     },
     read=number,
     errors={"IndexError": "There are T rewards and T + 1 values."},
+    made=_stored,
 )
 
 
