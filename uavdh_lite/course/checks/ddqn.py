@@ -2,13 +2,12 @@
 
 import functools
 import operator
-import time
-from collections import Counter
+import timeit
 
 import numpy as np
 import torch
 
-from uavdh_lite.course.checks.exercise import close, exercise, expect, guarded
+from uavdh_lite.course.checks.exercise import close, exercise, expect, guarded, show
 from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import Unreadable, numbers
 from uavdh_lite.ddqn import softmax_policy
@@ -117,61 +116,44 @@ class _Ring:
         return [self.items[self.newest], *(self.items[k] for k in rest)]
 
 
-class _Item(tuple):
-    """A transition that knows its number, 1 for the first added; below 0 in another ring."""
-
-    @classmethod
-    def of(cls, number: int) -> "_Item":
-        item = cls((np.full(2, number % 3), number % 6, number / 10, f"state {number % 4}"))
-        item.number = number
-        return item
-
-
-def _filled(ring: type, capacity: int, added: int):
-    """A ring with so many items added to it, and by turns to another one."""
-    own, other = ring(capacity), ring(3)
-    for number in range(1, added + 1):
-        own.add(_Item.of(number))
-        other.add(_Item.of(-number))
-    return own
-
-
-def _items(sample) -> np.ndarray:
-    """The numbers of the items in a sample, as text."""
-    for item in sample:
-        if not isinstance(item, _Item):
-            raise Unreadable(
-                "that is none of the tuples added. Draw places, only from those that are filled, "
-                "and take the items from there: generator.choice makes arrays of them."
-            )
-        if item.number < 0:
-            raise Unreadable("that was added to another ring: make the list in __init__.")
-    return np.asarray(", ".join(map(str, sorted({item.number for item in sample}))))
-
-
-def _sampled(ring: type):
-    """What a table asks of a class: a large sample has all items that are stored."""
-
-    def sampled(capacity, added, size):
-        sample = _filled(ring, capacity, added).sample(size, stream(Use.EXERCISE, added))
-        sample = None if sample is None else list(sample)
+def _draws(ring: type, capacity: int, added: int, size: int, count: int = 1, seed: int = 0):
+    """The numbers of the items in so many samples, 1 for the first added; another ring has more."""
+    items = [(np.full(2, n % 3), n % 6, n / 10, f"state {n % 4}") for n in range(added)]
+    numbers = {id(item): number for number, item in enumerate(items, 1)}
+    own, other, generator = ring(capacity), ring(3), stream(Use.EXERCISE, seed)
+    for item in items:
+        own.add(item)
+        other.add((*item,) * 2)
+    samples = [list(own.sample(size, generator)) for _ in range(count)]
+    for sample in samples:
         expect(
-            sample is None or len(sample) == size,
-            f"{_call(capacity, added, size)} does not give back {size} items: the newest counts as "
-            "one of them, and an item may come more than once.",
+            len(sample) == size,
+            f"{_call(capacity, added, size)} gives back {len(sample)} items, expected {size}: the "
+            "newest counts as one of them, and an item may come more than once.",
         )
-        return sample
-
-    return sampled
+        strange = [item for item in sample if id(item) not in numbers]
+        expect(
+            not strange,
+            f"{_call(capacity, added, size)} gives back {show(strange[:1])}, which is none of the "
+            "tuples added to this ring. Draw places (generator.integers), only from those that are "
+            "filled, and take the items from there: generator.choice makes arrays of them. And "
+            "each ring has its own items.",
+        )
+    return [[numbers[id(item)] for item in sample] for sample in samples]
 
 
 def _call(capacity, added, size):
     return f"Ring({capacity}), after {added} × add(item), sample({size}, generator)"
 
 
+def _drawn(ring: type):
+    """What the table asks of a class: which items are in a sample, by their numbers."""
+    return lambda *case: f"items {sorted(set(*_draws(ring, *case)))}"
+
+
 RING = Table(
-    _sampled(_Ring),
-    lambda: {
+    _drawn(_Ring),
+    {
         "The newest item is in every sample, so that a sample of 1 is the newest alone.": [
             *((5, added, 1) for added in range(1, 5)),
         ],
@@ -190,8 +172,9 @@ RING = Table(
             *((1, 3, 60), (3, 8, 200), (7, 22, 420)),
         ],
     },
-    read=_items,
+    read=np.asarray,
     errors={
+        "NoneType": "Is a `return` missing, or a list that __init__ should make?",
         "assignment index": "A list has only the places that were appended, or made in __init__.",
         "list index": "Draw only from the places that are filled.",
         "larger": "A sample may be larger than the number of items stored: items may repeat.",
@@ -204,11 +187,10 @@ RING = Table(
 
 def _draw_ring(ax):
     for added in (3, 12):
-        ring, generator = _filled(_Ring, 5, added), stream(Use.EXERCISE, 0)
-        drawn = [item.number for _ in range(1000) for item in ring.sample(4, generator)]
-        ax.plot(np.bincount(drawn, minlength=13)[1:] / 1000, "o--", label=f"after {added} items")
-    ax.set(xlabel="items by age, oldest first", ylabel="times in a sample of 4, mean")
-    ax.set_title("capacity 5")
+        counts = np.bincount(np.ravel(_draws(_Ring, 5, added, 4, 1000)), minlength=13)
+        ax.plot(range(1, 13), counts[1:] / 1000, "o--", label=f"after {added} items")
+    ax.set(xlabel="number of the item, 1 for the first added", xticks=range(1, 13))
+    ax.set(ylabel="times in a sample of 4, mean", title="capacity 5")
 
 
 @exercise(
@@ -227,48 +209,39 @@ def ring_buffer(answer) -> None:
         isinstance(answer, type),
         "Hand over the class itself: checks.ring_buffer(Ring), without brackets behind Ring.",
     )
-    RING(_sampled(answer))
+    RING(_drawn(answer))
     for capacity, added, limit in ((1000, 1, 1e-9), (8, 3, 37.0), (8, 27, 52.0), (8, 8, 52.0)):
-        call = _call(capacity, added, 9)
-        guarded(_expect_uniform, call, none=True)(answer, capacity, added, limit)
+        call = _call(capacity, added, "…")
+        guarded(_expect_chance, call, none=True)(answer, capacity, added, limit)
     guarded(_expect_quick, "Ring(65536) and add(item)", none=True)(answer)
 
 
-def _expect_uniform(ring: type, capacity: int, added: int, limit: float) -> None:
+def _expect_chance(ring: type, capacity: int, added: int, limit: float) -> None:
     """Besides one newest item, all stored ones are equally likely, and drawn independently.
 
     A right answer fails with a probability below 1e-7: chi-square is compared with its quantile of
     1 - 1e-8, the mean number of different items in a sample with 6 standard errors. One of 8 items
     that is drawn half as often as the others is found with a probability above 0.999.
     """
-    own, generator = _filled(ring, capacity, added), stream(Use.EXERCISE, added)
-
-    def draw(size, generator):
-        return [item.number for item in own.sample(size, generator)]
-
-    again = [draw(60, stream(Use.EXERCISE, seed)) for seed in (1, 1, 2)]
+    again = [_draws(ring, capacity, added, 60, seed=seed) for seed in (1, 1, 2)]
     expect(
         again[0] == again[1] and (added == 1 or again[0] != again[2]),
         "All chance must come from the generator that is passed in: same seed, same sample, and "
         "another one with another seed.",
     )
-    samples = [draw(9, generator) for _ in range(600)]
+    drawn, stored = np.array(_draws(ring, capacity, added, 9, 600)), min(capacity, added)
     expect(
-        all(added in sample for sample in samples),
+        (drawn == added).any(1).all(),
         "A sample of 1 is the newest item, but larger samples do not always have it.",
     )
-    stored = min(capacity, added)
-    counts = Counter(number for sample in samples for number in sample)
-    counts[added] -= len(samples)
-    mean = 8 * len(samples) / stored
-    last = range(added - stored + 1, added + 1)
+    counts = np.bincount(drawn.ravel())[-stored:] - 600 * (np.arange(stored) == stored - 1)
     expect(
-        sum((counts[number] - mean) ** 2 / mean for number in last) < limit,
+        ((counts - counts.mean()) ** 2).sum() / counts.mean() < limit,
         f"After {added} items with the capacity {capacity} the items besides the newest are not "
-        f"equally likely: {dict((n, counts[n]) for n in last)} draws by number. Draw each place "
-        "from generator.integers(0, number stored).",
+        f"equally likely: from the oldest on {counts.tolist()} draws. Draw each place from "
+        "generator.integers(0, number stored).",
     )
-    different = [len(set(draw(3, generator))) for _ in range(1800)]
+    different = [len(set(sample)) for sample in _draws(ring, capacity, added, 3, 1800)]
     right = 1 + (stored - 1) * (1 - (1 - 1 / stored) ** 2)
     expect(
         abs(np.mean(different) - right) <= 6 * np.std(different) / 1800**0.5 + 1e-9,
@@ -285,12 +258,9 @@ def _expect_quick(ring: type) -> None:
     """
 
     def seconds(capacity):
-        own, batches = ring(capacity), []
-        for count in (capacity, 100, 100, 100, 100, 100):
-            began = time.perf_counter()
-            for number in range(count):
-                own.add((number,))
-            batches.append(time.perf_counter() - began)
+        own = ring(capacity)
+        batches = [timeit.timeit(lambda: own.add((0,)), number=capacity)]
+        batches += timeit.repeat(lambda: own.add((0,)), number=100, repeat=5)
         return min(batches[1:])
 
     expect(
@@ -315,11 +285,8 @@ BY_HAND = (  # the table of exercise 5.3, as the arguments of `target`
 
 
 def _draw_target(ax):
-    wrong = BY_HAND[0] + 0.9 * BY_HAND[4].amax(1)
-    for shift, values, label in (
-        (-0.2, wrong, "the wrong function's"),
-        (0.2, _target(*BY_HAND), "y"),
-    ):
+    wrong, right = BY_HAND[0] + 0.9 * BY_HAND[4].amax(1), _target(*BY_HAND)
+    for shift, values, label in ((-0.2, wrong, "the wrong function's"), (0.2, right, "right")):
         bars = ax.bar(np.arange(2) + shift, values.numpy(), 0.4, label=f"target: {label}")
         ax.bar_label(bars, fmt="%.4g")
     ax.set_xticks((0, 1), ("first row", "second row, terminal"))
@@ -447,11 +414,7 @@ UPDATE = Table(
             *((0.0, (2,)), (1.0, (2,)), (0, (2,)), (1, (2,))),
         ],
         "All tensors of the lists take part, whatever their shapes.": [
-            *(
-                (0.25, (3,), (2, 3), (4, 1, 2)),
-                (0.1, (3,), (2, 3), ()),
-                (0.2, (1, 1), (5, 0), (2,)),
-            ),
+            *((0.25, (3,), (2, 3), (4, 1, 2)), (0.1, (3,), ()), (0.2, (1, 1), (5, 0), (2,))),
         ],
     },
     tolerance=1e-5,

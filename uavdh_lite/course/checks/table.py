@@ -122,24 +122,28 @@ class Table:
         given = [self.ask(answer, case, k % 2 == 1) for k, (_, case) in enumerate(self.cases)]
         wrong = [k for k, right in enumerate(self.right) if not self.same(given[k], right)]
         if not wrong:
-            if self.again:
-                self._repeat(answer, given)
+            for k in reversed(range(len(given) if self.again else 0)):
+                self._ask_again(answer, k, given[k])
             return
         order = [*wrong, *(k for k in range(len(given)) if k not in set(wrong))]
         for message, mistake in self.each_mistake:
             if all(self.same(given[k], self.outcome(mistake, self.cases[k][1])) for k in order):
                 raise CheckFailed(message)
-        rule = self.cases[wrong[0]][0]
-        own = [k for k in wrong if self.cases[k][0] == rule]
+        own = [k for k in wrong if self.cases[k][0] == self.cases[wrong[0]][0]]
         k = min(own, key=lambda k: _extent(self.cases[k][1]))
-        call = self._called(answer, self.cases[k][1])
         if self.again and not given[k].problem:
-            other = self.ask(answer, self.cases[k][1], k % 2 == 1)
-            if not self.same(other, given[k]):
-                said = other.problem or f"gives {show(other.value)}"
-                first = f"{call} gives {show(given[k].value)} at first"
-                raise CheckFailed(f"{first}; asked again, it {said}. {ALONE}")
-        raise CheckFailed(self._failure(call, k, given[k]))
+            self._ask_again(answer, k, given[k])
+        raise CheckFailed(self._failure(self._called(answer, self.cases[k][1]), k, given[k]))
+
+    def _ask_again(self, answer: Callable, k: int, given: Outcome) -> None:
+        """Ask a case once more: it must give the same."""
+        case = self.cases[k][1]
+        other = self.ask(answer, case, k % 2 == 0)
+        if not self.same(other, given):
+            said = other.problem or differing(other.value, given.value)
+            said = said.replace("expected", "at first it gave")
+            call = self._called(answer, case)
+            raise CheckFailed(f"{call}: asked again after other calls, it {said}. {ALONE}")
 
     def by_hand(self, place: str, given, case: tuple) -> None:
         """Check what was worked out by hand for a case; the message does not say what is right."""
@@ -176,18 +180,6 @@ class Table:
             gives, expected = (show(self.shown(value)) for value in (given.value, right))
             return f"{call} gives {gives}, expected {expected}. {rule}{there}"
         return f"{call} {differing(given.value, right)}. {rule}{there}"
-
-    def _repeat(self, answer: Callable, given: list[Outcome]) -> None:
-        """Ask all cases again, the last one first."""
-        for k in reversed(range(len(given))):
-            case = self.cases[k][1]
-            other = self.ask(answer, case, k % 2 == 0)
-            if not self.same(other, given[k]):
-                call, first = self._called(answer, case), given[k].value
-                said = other.problem or differing(other.value, first)
-                raise CheckFailed(
-                    f"{call} was right at first; asked again after other calls, it {said}. {ALONE}"
-                )
 
     def ask(self, answer: Callable, case: tuple, read_only: bool) -> Outcome:
         """The outcome of a student's function, which must leave its arguments as they are."""

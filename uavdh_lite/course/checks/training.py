@@ -43,9 +43,9 @@ def _stored(length, ends, n, discount):
     """Rewards, terminals and values of a stored sequence, and the other two arguments."""
     generator = stream(Use.EXERCISE, 10 * length + len(ends))
     rewards, values = generator.normal(1, 1, length), generator.normal(8, 3, length + 1)
-    if length == 3:
-        return np.array([1, 2, 4]), np.zeros(3, bool), np.array([8, 16, 32, 64]), n, discount
-    return rewards.round(2), np.isin(np.arange(length), ends), values.round(2), n, discount
+    kind, digits = (int, 0) if length == 3 else (float, 2)
+    rewards, values = (array.round(digits).astype(kind) for array in (rewards, values))
+    return rewards, np.isin(np.arange(length), ends), values, n, discount
 
 
 N_STEP = Table(
