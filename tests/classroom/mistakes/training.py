@@ -168,14 +168,14 @@ MISTAKES = {
     ],
     "diagnosis": [
         (_in_order("lazy", "good", "crashes"), "whatever it collects"),
-        (_in_order("good", "lazy", "crashes"), "whatever else it does"),
+        (_in_order("good", "lazy", "crashes"), "whatever it collects"),
         (_in_order("crashes", "lazy", "good"), "whatever else it does"),
         (_in_order("crashes", "good", "lazy"), "whatever else it does"),
-        (_percent, "\\(0.25\\)"),
+        (_percent, r"\(0.8\), wanders"),
         (_in_order(*RULES, landed_least=0.9 + 1e-9), "Exactly 90 %"),
         (_in_order(*RULES, ratio=lambda landed, ratio: ratio > 0.8), "at least 80 %"),
         (_in_order(*RULES, ratio=lambda landed, ratio: landed * ratio >= 0.8), "at least 80 %"),
-        (_confused, "is lazy, whatever else it does"),
+        (_confused, "wanders"),
         (lambda landed, ratio, used: landed >= 0.9, "expected is one of lazy, crashes"),
     ],
     "mended_recipe": [

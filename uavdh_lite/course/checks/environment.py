@@ -5,11 +5,10 @@ import numpy as np
 from uavdh_lite.channel import rate
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.exercise import close, exercise, expect
-from uavdh_lite.course.checks.table import Table, edit
-from uavdh_lite.course.checks.trial import first_true
+from uavdh_lite.course.checks.table import Table, by_rule, edit
 from uavdh_lite.course.checks.values import Unreadable, number, pair, truth
 from uavdh_lite.environment import HOVER, LAND, MOVES
-from uavdh_lite.plotting import GREEN, RED, draw_city
+from uavdh_lite.plotting import GREEN, draw_city
 from uavdh_lite.streams import Use, stream
 
 
@@ -254,72 +253,66 @@ def _draw_safe_step(ax):
     draw_city(ax, SMALL)
     for cell in map(tuple, np.argwhere(~SMALL.no_fly).tolist()):
         for action in range(4):
-            _, intervened = _safe_step(SMALL, cell, action)
             row, col = np.add(cell, 0.3 * MOVES[action])
-            ax.plot(col, row, "x" if intervened else ".", color=RED if intervened else "k")
+            ax.plot(col, row, "rx" if _safe_step(SMALL, cell, action)[1] else "k.")
         if not _safe_step(SMALL, cell, LAND)[1]:
             ax.text(cell[1], cell[0], "H", ha="center", va="center")
-    for marker, colour, label in ((".", "k", "flies"), ("x", RED, "hovers instead")):
-        ax.plot([], [], marker, color=colour, ls="", label=label)
-    ax.plot([], [], marker="$H$", color="k", ls="", label="may land")
-    ax.set_title("the four moves from each cell")
-    ax.legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
+    ax.set_title("the four moves from each cell (×: hovers instead)\nH: may land")
 
 
-KINDS = {  # the rules, and which action in which cell each of them is about
-    "North is one row up (row − 1), east one column to the right (col + 1); the actions are "
-    "numbered north, east, south, west, hover, land. Nothing is in the way there, so the "
-    "controller does not intervene. Rows and columns go from 0 to M − 1.": (
-        lambda at: at.action < HOVER and at.inside and not at.buildings and not at.no_fly
-    ),
-    "Hovering stays in the cell and is always allowed: the controller does not intervene.": (
-        lambda at: at.action == HOVER
-    ),
-    "A UAV that lands stays in its cell; in the zone the controller does not intervene.": (
-        lambda at: at.action == LAND and at.landing
-    ),
-    "That cell is not in the landing zone, so landing is not allowed: the UAV hovers instead, in "
-    "its cell, and the controller intervenes.": lambda at: at.action == LAND,
-    "That leaves the grid: the UAV hovers instead, in its cell, and the controller intervenes. (To "
-    "numpy, row or column −1 is the last one: no error warns you.)": lambda at: not at.inside,
-    "The target is a no-fly zone or a tall building, one that is in city.no_fly: the UAV hovers "
-    "instead, in its cell, and the controller intervenes.": lambda at: at.no_fly,
-    "The building in the target cell is low and may be flown over: only city.no_fly says where "
-    "the UAV may not go, city.buildings is about the radio link.": lambda at: at.buildings,
-}
+def _target(layer):
+    """A question: whether an action leads to a cell of this layer of the city."""
+
+    def asked(city, cell, action):
+        target = tuple(np.add(cell, MOVES[action]).tolist())
+        return _inside(city, cell, action) and getattr(city, layer)[target]
+
+    return asked
+
+
+def _inside(city, cell, action):
+    target = np.add(cell, MOVES[action])
+    return min(target) >= 0 and max(target) < city.size
 
 
 def _safe_step_cases():
-    cases = {rule: [] for rule in KINDS}
-    for city in TOWNS:
-        for cell in map(tuple, np.argwhere(~city.no_fly).tolist()):
-            for action in range(6):
-                target = tuple(np.add(cell, MOVES[action]).tolist())
-                inside = min(target) >= 0 and max(target) < city.size
-                facts = {
-                    name: inside and getattr(city, name)[target]
-                    for name in ("landing", "no_fly", "buildings")
-                }
-                rule = first_true(KINDS, action=action, inside=inside, **facts)
-                cases[rule].append((city, cell, action))
-    return cases
+    questions = {
+        "North is one row up (row − 1), east one column to the right (col + 1); the actions are "
+        "numbered north, east, south, west, hover, land. Nothing is in the way there, so the "
+        "controller does not intervene. Rows and columns go from 0 to M − 1.": lambda *case: True,
+        "The building in the target cell is low and may be flown over: only city.no_fly says where "
+        "the UAV may not go, city.buildings is about the radio link.": _target("buildings"),
+        "The target is a no-fly zone or a tall building, one that is in city.no_fly: the UAV "
+        "hovers instead, in its cell, and the controller intervenes.": _target("no_fly"),
+        "That leaves the grid: the UAV hovers instead, in its cell, and the controller intervenes. "
+        "(To numpy, row or column −1 is the last one: no error warns you.)": (
+            lambda *case: not _inside(*case)
+        ),
+        "Hovering stays in the cell and is always allowed: the controller does not intervene.": (
+            lambda city, cell, action: action == HOVER
+        ),
+        "A UAV that lands stays in its cell; in the zone the controller does not intervene.": (
+            lambda city, cell, action: action == LAND
+        ),
+        "That cell is not in the landing zone, so landing is not allowed: the UAV hovers instead, "
+        "in its cell, and the controller intervenes.": (
+            lambda city, cell, action: action == LAND and not city.landing[cell]
+        ),
+    }
+    cells = ((city, cell) for city in TOWNS for cell in np.argwhere(~city.no_fly).tolist())
+    return by_rule(
+        questions, ((city, tuple(cell), action) for city, cell in cells for action in range(6))
+    )
 
 
 def _cell_and_flag(value) -> np.ndarray:
     try:
         cell, flag = value
-        cell = pair(cell)
+        return np.append(pair(cell), truth(flag))
     except Exception:
         raise Unreadable(
-            "give back the cell and whether the controller intervened, `return (row, col), "
-            "intervened`."
-        ) from None
-    try:
-        return np.append(cell, truth(flag))
-    except Unreadable:
-        raise Unreadable(
-            "whether the controller intervened must be True or False. If you wrote ~, write `not`: "
-            "in Python ~True is −2 and ~False is −1, and both count as True."
+            "give back the cell and whether the controller intervened, True or False: `return "
+            "(row, col), intervened`. (If you wrote ~, write `not`: in Python ~True is −2.)"
         ) from None
 
 

@@ -2,7 +2,7 @@
 
 import inspect
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -50,6 +50,14 @@ class Edit:
 def edit(*texts: str) -> Edit:
     """A mistake: what stands in the solution's code, and what stands there instead, in turns."""
     return Edit(tuple(zip(texts[::2], texts[1::2], strict=True)))
+
+
+def by_rule(questions: dict[str, Callable[..., Any]], cases: Iterable[tuple]) -> dict[str, list]:
+    """Cases under the last of the rules whose question is true of them."""
+    rules: dict[str, list] = {rule: [] for rule in questions}
+    for case in cases:
+        rules[[rule for rule, asked in questions.items() if asked(*case)][-1]].append(case)
+    return rules
 
 
 @dataclass(eq=False)

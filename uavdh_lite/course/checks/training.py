@@ -7,12 +7,11 @@ import numpy as np
 import torch
 
 from uavdh_lite.course.checks.exercise import exercise, expect
-from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.table import Table, by_rule, edit
 from uavdh_lite.course.checks.trial import expect_none, first_true
 from uavdh_lite.course.checks.values import number, one_of
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments.runs import keep_freed_memory
-from uavdh_lite.plotting import BLUE, GREEN, ORANGE, VERMILION
 from uavdh_lite.recipe import SMALL, Recipe
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream
@@ -29,11 +28,10 @@ def _n_step(rewards, terminals, values, n, discount):
 
 
 def _draw_n_step(ax):
-    steps = np.arange(1, 13)
-    rewards, values = np.array([-0.1] * 5 + [3.0] + [-0.1] * 4), np.full(11, 5.0)
-    for ends, label in (((), "under way throughout"), ((7,), "the 8th step is terminal")):
-        terminals = np.isin(np.arange(10), ends)
-        targets = [_n_step(rewards, terminals, values, n, 0.95) for n in steps]
+    steps, rewards, values = range(1, 13), np.full(10, -0.1), np.full(11, 5.0)
+    rewards[5] = 3
+    for end, label in ((10, "under way throughout"), (7, "the 8th step is terminal")):
+        targets = [_n_step(rewards, np.arange(10) == end, values, n, 0.95) for n in steps]
         ax.plot(steps, targets, "o-", label=label, alpha=0.7)
     ax.set(xlabel="n, steps", ylabel="n-step return, data units")
     ax.set_title("10 steps stored, the 6th earns 3, the others −0.1;\nγ = 0.95, all values 5")
@@ -113,37 +111,32 @@ RUNS = {
 
 
 def _draw_diagnosis(ax):
-    colours = dict(zip(NAMES, (ORANGE, VERMILION, GREEN, BLUE), strict=True))
-    for name, colour in colours.items():
-        own = [row for row in RUNS.values() if _diagnose(*row) == name]
-        landed, collected, used = np.transpose(own)
-        ax.plot(used, collected, "o", color=colour, label=name)
-        for x, y, share in zip(used, collected, landed, strict=True):
-            ax.annotate(f"{share:.0%}", (x, y), (6, 3), textcoords="offset points", fontsize=8)
-    ax.set(xlabel="flying time used, share", xlim=(-0.03, 1.03))
-    ax.set(ylabel="collection ratio", ylim=(-0.05, 1.05))
-    ax.set_title("nine validations; the number is the share that landed", fontsize="medium")
-    ax.legend(loc="upper left", fontsize="small")
-
-
-DEFINITIONS = {
-    "lazy": "An agent that uses less than 25 % of the flying time is lazy, whatever else it does.",
-    "crashes": "Of those that use 25 % of their time or more (0.25), one crashes if fewer than "
-    "90 % land (0.9), whatever it collects.",
-    "good": "Of those that are neither lazy nor crash, one is good if it collects at least 80 %.",
-    "wanders": "What is neither lazy nor crashes, and collects less than 80 %, wanders.",
-}
+    for landed, collected, used in RUNS.values():
+        name = _diagnose(landed, collected, used)
+        ax.plot(used, collected, "o", color=f"C{NAMES.index(name)}")
+        ax.annotate(f"{name}, {landed:.0%}", (used, collected), fontsize="small")
+    ax.set(xlabel="flying time used, share", xlim=(-0.03, 1.2), ylabel="collection ratio")
+    ax.set_title("nine validations, with the share that landed")
 
 
 def _diagnosis_cases():
     """The recorded runs, and all that is at a limit, a little off it, or far from it."""
     limits = (0.9, 0.8, 0.25)  # of landed, collection_ratio, time_used
     near = [(0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1) for limit in limits]
-    grid = [*RUNS.values(), *itertools.product(*near)]
-    return {
-        text: [case for case in grid if _diagnose(*case) == name]
-        for name, text in DEFINITIONS.items()
+    questions = {
+        "What is neither lazy nor crashes, and collects less than 80 % (0.8), wanders.": (
+            lambda *shares: True
+        ),
+        "Of those that are neither lazy nor crash, one is good if it collects at least 80 %.": (
+            lambda landed, collected, used: collected >= 0.8
+        ),
+        "Of those that use 25 % of their time or more, one crashes if fewer than 90 % land, "
+        "whatever it collects.": lambda landed, collected, used: landed < 0.9,
+        "An agent that uses less than 25 % of the flying time is lazy, whatever else it does.": (
+            lambda landed, collected, used: used < 0.25
+        ),
     }
+    return by_rule(questions, [*RUNS.values(), *itertools.product(*near)])
 
 
 DIAGNOSIS = Table(
