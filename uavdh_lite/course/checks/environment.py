@@ -24,7 +24,9 @@ def _draw_slot(ax):
     for slot, snr_db in enumerate(([4, 9, -2], [8, 6, 1], [5, 7, 3], [2, 8, 4], [-3, 9, -6])):
         device, amount = _slot(np.array(snr_db, float), left)
         bar = ax.bar(slot, amount, color=f"C{device}")
-        ax.bar_label(bar, [f"device {device}\nSNR {snr_db}\nleft {left.round(1).tolist()}"])
+        ax.bar_label(
+            bar, [f"device {device}\nSNR {snr_db}\nleft {left.round(1).tolist()}"], fontsize=7
+        )
         left[device] -= amount
     ax.margins(y=0.3)
     ax.set(xlabel="slot", ylabel="uploaded, data units")
@@ -122,7 +124,7 @@ def _draw_by_hand(ax):
     for name, steps in FLIGHTS.items():
         returns = np.cumsum([0, *(sum(step[:3]) for step in steps)])
         ax.plot(returns, "o-", label=f"flight {name}")
-    ax.set(xlabel="steps flown", ylabel="sum of the rewards so far", ylim=(-1.3, 3.3))
+    ax.set(xlabel="steps flown", ylabel="sum of the rewards so far", ylim=(-1.3, 4.3))
     ax.set_title("without the 150 for the crash at the end of flight B")
 
 
