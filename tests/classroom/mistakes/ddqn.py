@@ -311,7 +311,7 @@ MISTAKES = {
     "double_target": [
         *(((function, [2.8, -0.2]), message) for function, message in WRONG_TARGETS),
         *(
-            ((_double, by_hand), f"^by_hand: {message}")
+            ((_double, by_hand), f"^by_hand: .*{message}")
             for by_hand, message in (
                 ([6.4, 4.3], "That is what the wrong function gives"),
                 ([6.4, -0.2], "You take the largest Q-value of the target"),

@@ -296,7 +296,7 @@ def _draw_target(ax):
 def _transitions(size, discount, ends=0.4, at=5.0, kind=np.float32, apart=2.0):
     """Arguments of `target` for so many transitions, with Q-values near `at`."""
     generator = stream(Use.EXERCISE, 10 * size + int(10 * discount))
-    online = generator.normal(at, apart, (size, 6)).round(6)
+    online = generator.normal(at, apart, (size, 6)).round(2 if apart > 1 else 6)
     target = generator.normal(at, 3, (size, 6)).round(2)
     reward, terminal = generator.normal(1, 2, size).round(2), generator.random(size) < ends
     reward, online, target = (torch.tensor(a.astype(kind)) for a in (reward, online, target))
@@ -453,7 +453,7 @@ def soft_update_in_place(answer) -> None:
             "a new tensor in the list is none of the network, and nothing reads what you return.",
         )
         for tensor in kept:
-            tensor += 1
+            tensor += 0.37
         expect(
             rate != 1 or not close(_flat(tensors), _flat(kept), 1e-6),
             "After an update with τ = 1 target and online share their memory: what changes one of "

@@ -159,11 +159,9 @@ class Table:
         own = self.outcome(lambda *_: given, case)
         if self.same(own, self.outcome(self.solution, case)):
             return
-        for message, mistake in self.each_mistake:
-            expect(not self.same(own, self.outcome(mistake, case)), f"{place}: {message}")
-        raise CheckFailed(
-            f"{place}: {own.problem or show(given) + ' is not right.'} {self.cases[0][0]}"
-        )
+        said = own.problem or f"{show(given)} is not right."
+        mistakes = (text for text, f in self.each_mistake if self.same(own, self.outcome(f, case)))
+        raise CheckFailed(f"{place}: {said} {next(mistakes, self.cases[0][0])}")
 
     def _called(self, answer: Callable, case: tuple) -> str:
         return self.call(*case) if self.call else called(name_of(answer), case)
