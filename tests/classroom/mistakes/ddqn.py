@@ -199,6 +199,11 @@ def _first_only(target, online, rate):
         return target
 
 
+def _shares(target, online, rate):
+    for t, o in zip(target, online, strict=True):
+        t.set_(o) if rate == 1 else t.lerp_(o, rate)
+
+
 def _unwritten(*arguments):
     raise NotImplementedError
 
@@ -339,6 +344,7 @@ MISTAKES = {
         (_shrinks_online, "online weights have changed"),
         (_adds, "1 − τ of itself"),
         (_copies, "only the share τ"),
+        (_shares, "share their memory"),
         (_first_only, "All tensors of the lists"),
         (_unwritten, "not written yet"),
     ],

@@ -1,13 +1,12 @@
 """Exercises of notebook 5, DDQN."""
 
 import functools
-import operator
 import timeit
 
 import numpy as np
 import torch
 
-from uavdh_lite.course.checks.exercise import close, exercise, expect, guarded, show
+from uavdh_lite.course.checks.exercise import close, exercise, expect, guarded, show, solution
 from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import Unreadable, numbers
 from uavdh_lite.ddqn import softmax_policy
@@ -20,12 +19,7 @@ def _tensor(value) -> np.ndarray:
     return numbers(value)
 
 
-def _softmax(q_values, temperature):
-    powers = torch.exp((q_values - q_values.amax(1, True)) / temperature)
-    return powers / powers.sum(1, True)
-
-
-def _draw_policy(ax):
+def _draw_policy(ax, solved):
     q_values = torch.tensor([[1000, 999.75, 999.5, 999, 998, 997]])
     for k, temperature in enumerate((0.1, 0.5, 2.0)):
         shares = softmax_policy(q_values, temperature)[0].numpy()
@@ -41,14 +35,22 @@ def _few(count, temperature, kind=torch.float32):
 
 
 def _rows(temperature, *rows):
-    return torch.tensor(rows), temperature
+    return torch.tensor(np.array(rows, np.float32)), temperature
 
 
 NEAR = np.array([1000, 999.875, 999.75, 999.5, 999, 998], np.float32)
 TOP = "q_values.amax(1, True)"
-POLICY = Table(
-    _softmax,
-    lambda: {
+
+
+@solution(
+    "5.1 · A softmax that does not overflow (2 points, 12 minutes)",
+    "exp(10 000) is infinite. But the probabilities depend on the gaps between a state's "
+    "Q-values only: what may you subtract from all of them?",
+    "A factor that all exponentials of a row share cancels when you divide by their sum; "
+    "exp(−c/β) is such a factor, and makes exp((Q − c)/β) of exp(Q/β). Which c, another one in "
+    "each row, leaves no exponent above 0, and one that is exactly 0?",
+    figure=_draw_policy,
+    rules={
         "Each row is exp(Q/β), divided by the sum of its own row (dim=1), so that it sums to 1; "
         "keepdim=True makes a column of the sums.": [
             *(_few(1, 1.0), _few(2, 1.0), _few(5, 1, torch.float64), _few(6, 1)),
@@ -85,20 +87,10 @@ POLICY = Table(
         "keepdim=True makes (B, 1) of (B,).",
     },
 )
-
-
-@exercise(
-    "5.1 · A softmax that does not overflow (2 points, 12 minutes)",
-    "exp(10 000) is infinite. But the probabilities depend on the gaps between a state's "
-    "Q-values only: what may you subtract from all of them?",
-    "A factor that all exponentials of a row share cancels when you divide by their sum; "
-    "exp(−c/β) is such a factor, and makes exp((Q − c)/β) of exp(Q/β). Which c, another one in "
-    "each row, leaves no exponent above 0, and one that is exactly 0?",
-    figure=_draw_policy,
-    table=POLICY,
-)
-def stable_policy(answer) -> None:
+def stable_policy(q_values, temperature):
     """`policy(q_values, temperature)`: the softmax policy (eq. 12), (B, 6), for any Q-values."""
+    powers = torch.exp((q_values - q_values.amax(1, True)) / temperature)
+    return powers / powers.sum(1, True)
 
 
 class _Ring:
@@ -438,24 +430,23 @@ def soft_update_in_place(answer) -> None:
 
     @functools.wraps(update)
     def asked(*case):
-        tensors, kept = ([torch.tensor(array) for array in arrays] for arrays in case[:2])
-        target, online, rate = list(tensors), list(kept), case[2]
-        update(target, online, rate)
+        tensors, online = ([torch.tensor(array) for array in arrays] for arrays in case[:2])
+        rate = case[2]
+        update(list(tensors), list(online), rate)
         expect(
-            _same(online, kept) and close(_flat(kept), _flat(case[1]), 1e-6),
+            _equal(online, case[1]),
             "The online weights have changed. They only give: the target follows them.",
         )
-        still = close(_flat(tensors), _flat(case[0]), 1e-6) and 0 < rate < 1
         expect(
-            _same(target, tensors) and not still,
+            not (_equal(tensors, case[0]) and 0 < rate < 1),
             "The tensors of the network are as they were. Change each of them itself, in place "
             "(lerp_, mul_, copy_), whatever its shape: `t = …` only gives a new tensor the name t, "
             "a new tensor in the list is none of the network, and nothing reads what you return.",
         )
-        for tensor in kept:
+        for tensor in online:
             tensor += 0.37
         expect(
-            rate != 1 or not close(_flat(tensors), _flat(kept), 1e-6),
+            rate != 1 or not _equal(tensors, online),
             "After an update with τ = 1 target and online share their memory: what changes one of "
             "them later changes the other. Copy the values.",
         )
@@ -468,5 +459,5 @@ def _flat(arrays) -> np.ndarray:
     return np.concatenate([np.ravel(numbers(array)) for array in arrays])
 
 
-def _same(some, others) -> bool:
-    return len(some) == len(others) and all(map(operator.is_, some, others))
+def _equal(some, others) -> bool:
+    return close(_flat(some), _flat(others), 1e-6)

@@ -4,7 +4,7 @@ import numpy as np
 
 from uavdh_lite.channel import rate
 from uavdh_lite.city import City
-from uavdh_lite.course.checks.exercise import close, exercise, expect
+from uavdh_lite.course.checks.exercise import close, exercise, expect, solution
 from uavdh_lite.course.checks.table import Table, by_rule, edit
 from uavdh_lite.course.checks.values import Unreadable, number, pair, truth
 from uavdh_lite.environment import HOVER, LAND, MOVES
@@ -12,17 +12,10 @@ from uavdh_lite.plotting import GREEN, draw_city
 from uavdh_lite.streams import Use, stream
 
 
-def _slot(snr_db, left):
-    if not (left > 0).any():
-        return -1, 0.0
-    device = int(np.argmax(np.where(left > 0, snr_db, -np.inf)))
-    return device, min(rate(snr_db[device]), left[device])
-
-
-def _draw_slot(ax):
+def _draw_slot(ax, solved):
     left = np.array([4.0, 5.0, 3.0])
     for slot, snr_db in enumerate(([4, 9, -2], [8, 6, 1], [5, 7, 3], [2, 8, 4], [-3, 9, -6])):
-        device, amount = _slot(np.array(snr_db, float), left)
+        device, amount = solved(np.array(snr_db, float), left)
         bar = ax.bar(slot, amount, color=f"C{device}")
         ax.bar_label(
             bar, [f"device {device}\nSNR {snr_db}\nleft {left.round(1).tolist()}"], fontsize=7
@@ -32,9 +25,15 @@ def _draw_slot(ax):
     ax.set(xlabel="slot", ylabel="uploaded, data units")
 
 
-SLOT = Table(
-    _slot,
-    {
+@solution(
+    "3.1 · Who gets the slot? (1 point, 12 minutes)",
+    "First rule out the devices without data. Then the best of the rest, by its number among "
+    "all devices. Then two limits on what it uploads.",
+    "Let the empty devices stay in the array, with an SNR that never wins: then all numbers "
+    "stay right. (Would 0 dB do?) What if all are empty? The winner uploads the smaller of "
+    "two amounts.",
+    figure=_draw_slot,
+    rules={
         "If no device has data left, nobody may send: −1 and 0.": [
             *(([3.0, 8.0], [0.0, 0.0]), ([-70.0], [0])),
         ],
@@ -63,20 +62,12 @@ SLOT = Table(
     smallest=1e-12,
     made=lambda *arrays: tuple(map(np.array, arrays)),
 )
-
-
-@exercise(
-    "3.1 · Who gets the slot? (1 point, 12 minutes)",
-    "First rule out the devices without data. Then the best of the rest, by its number among "
-    "all devices. Then two limits on what it uploads.",
-    "Let the empty devices stay in the array, with an SNR that never wins: then all numbers "
-    "stay right. (Would 0 dB do?) What if all are empty? The winner uploads the smaller of "
-    "two amounts.",
-    figure=_draw_slot,
-    table=SLOT,
-)
-def tdma_slot(answer) -> None:
+def tdma_slot(snr_db, left):
     """`slot(snr_db, data_left)`: the device served, or -1, and the data units it uploads."""
+    if not (left > 0).any():
+        return -1, 0.0
+    device = int(np.argmax(np.where(left > 0, snr_db, -np.inf)))
+    return device, min(rate(snr_db[device]), left[device])
 
 
 # Of each step the four terms of its reward, and what the link could carry in it
@@ -159,14 +150,10 @@ def rewards_by_hand(answer) -> None:
             TERMS.by_hand(f"Flight {name}, step {k}", reward, step)
 
 
-def _rewards(uploaded, intervened, landed, crashed):
-    return uploaded.sum(1) - 0.2 * ~landed - 1.0 * intervened - 150.0 * crashed
-
-
-def _draw_reward(ax):
+def _draw_reward(ax, solved):
     uploaded = np.linspace(0, 4, 9)
     for label, *event in (("an ordinary step", 0, 0, 0), ("with an intervention", 1, 0, 0)):
-        rewards = _rewards(uploaded[:, None], *np.array(event, bool))
+        rewards = solved(uploaded[:, None], *np.array(event, bool))
         ax.plot(uploaded, rewards, "o-", label=label)
     ax.plot(0, 0, "^", color=GREEN, label="the step that lands (a crash: -150.2)")
     ax.set(xlabel="uploaded in the four slots together, data units", ylabel="reward")
@@ -179,9 +166,14 @@ def _batch(events):
     return uploaded * ~flags[:, 1:].any(1)[:, None], *flags.T  # none in the step that ends it
 
 
-REWARD = Table(
-    _rewards,
-    {
+@solution(
+    "3.3 · The reward of a batch (2 points, 8 minutes)",
+    "A Boolean array counts as 0 and 1 in a product, so each term is a number times an array. "
+    "Along which axis are the four slots?",
+    "Sum the uploads over the second axis. Then ask of each of the three prices which array "
+    "says where it is due; for one of them the array says where it is not.",
+    figure=_draw_reward,
+    rules={
         "An ordinary step earns the sum of its own four slots, .sum(1), less 0.2.": [
             *([""], ["", ""], [""] * 4, [""] * 5),
         ],
@@ -201,19 +193,9 @@ REWARD = Table(
     },
     made=_batch,
 )
-
-
-@exercise(
-    "3.3 · The reward of a batch (2 points, 8 minutes)",
-    "A Boolean array counts as 0 and 1 in a product, so each term is a number times an array. "
-    "Along which axis are the four slots?",
-    "Sum the uploads over the second axis. Then ask of each of the three prices which array "
-    "says where it is due; for one of them the array says where it is not.",
-    figure=_draw_reward,
-    table=REWARD,
-)
-def reward(answer) -> None:
+def reward(uploaded, intervened, landed, crashed):
     """`reward(uploaded, intervened, landed, crashed)`: (B,), for a batch of steps."""
+    return uploaded.sum(1) - 0.2 * ~landed - 1.0 * intervened - 150.0 * crashed
 
 
 class Town(City):
@@ -239,25 +221,13 @@ TOWNS = (
 )
 
 
-def _safe_step(city, cell, action):
-    if action == HOVER:
-        return cell, False
-    if action == LAND:
-        return cell, not city.landing[cell]
-    row, col = cell[0] + MOVES[action][0], cell[1] + MOVES[action][1]
-    inside = 0 <= row < city.size and 0 <= col < city.size
-    if not inside or city.no_fly[row, col]:
-        return cell, True
-    return (row, col), False
-
-
-def _draw_safe_step(ax):
+def _draw_safe_step(ax, solved):
     draw_city(ax, SMALL)
     for cell in map(tuple, np.argwhere(~SMALL.no_fly).tolist()):
         for action in range(4):
             row, col = np.add(cell, 0.3 * MOVES[action])
-            ax.plot(col, row, "rx" if _safe_step(SMALL, cell, action)[1] else "k.")
-        if not _safe_step(SMALL, cell, LAND)[1]:
+            ax.plot(col, row, "rx" if solved(SMALL, cell, action)[1] else "k.")
+        if not solved(SMALL, cell, LAND)[1]:
             ax.text(cell[1], cell[0], "H", ha="center", va="center")
     ax.set_title("the four moves from each cell (×: hovers instead)\nH: may land")
 
@@ -318,9 +288,15 @@ def _cell_and_flag(value) -> np.ndarray:
         ) from None
 
 
-SAFE_STEP = Table(
-    _safe_step,
-    _safe_step_cases,
+@solution(
+    "3.4 · The safety controller (3 points, 20 minutes)",
+    "Four kinds of actions: hovering is always allowed, landing is a matter of one layer, and "
+    "a move needs two questions about its target, in the right order.",
+    "Work out the target's row and column. Ask first whether they are in the grid, from 0 to "
+    "M − 1, and only then what city.no_fly says of them. Twice no: the UAV stays in its old "
+    "cell, and that counts as an intervention.",
+    figure=_draw_safe_step,
+    rules=_safe_step_cases,
     mistakes={
         "You look up city.no_fly[col, row]. The row comes first: city.no_fly[row, col].": (
             edit("no_fly[row, col]", "no_fly[col, row]")
@@ -334,17 +310,14 @@ SAFE_STEP = Table(
     errors={"out of bounds": "You look up a cell that does not exist: ask for the grid first."},
     again=False,
 )
-
-
-@exercise(
-    "3.4 · The safety controller (3 points, 20 minutes)",
-    "Four kinds of actions: hovering is always allowed, landing is a matter of one layer, and "
-    "a move needs two questions about its target, in the right order.",
-    "Work out the target's row and column. Ask first whether they are in the grid, from 0 to "
-    "M − 1, and only then what city.no_fly says of them. Twice no: the UAV stays in its old "
-    "cell, and that counts as an intervention.",
-    figure=_draw_safe_step,
-    table=SAFE_STEP,
-)
-def safe_step(answer) -> None:
+def safe_step(city, cell, action):
     """`safe_step(city, cell, action)`: the next cell, and whether the controller intervened."""
+    if action == HOVER:
+        return cell, False
+    if action == LAND:
+        return cell, not city.landing[cell]
+    row, col = cell[0] + MOVES[action][0], cell[1] + MOVES[action][1]
+    inside = 0 <= row < city.size and 0 <= col < city.size
+    if not inside or city.no_fly[row, col]:
+        return cell, True
+    return (row, col), False

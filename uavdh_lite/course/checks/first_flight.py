@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from uavdh_lite.course.checks.exercise import exercise, expect
-from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.exercise import exercise, expect, solution
 from uavdh_lite.course.checks.trial import expect_none
 from uavdh_lite.course.checks.values import number, show
 from uavdh_lite.environment import ACTIONS, MOVES
@@ -12,22 +11,23 @@ from uavdh_lite.planners import Genie
 from uavdh_lite.plotting import device_colour
 
 
-def _score(collected, initial, landed):
-    return sum(collected) / sum(initial) if landed else 0.0
-
-
-def _draw_score(ax):
+def _draw_score(ax, solved):
     collected = np.linspace(0, 20, 41)
     for landed, label in ((True, "landed"), (False, "not landed")):
-        ax.plot(collected, [_score([c, 5.0], [20.0, 5.0], landed) for c in collected], label=label)
+        ax.plot(collected, [solved([c, 5.0], [20.0, 5.0], landed) for c in collected], label=label)
     ax.set(xlabel="collected from a device with 20 data units, data units")
     ax.set(ylabel="collection ratio and landed", ylim=(-0.05, 1.05))
     ax.set_title("the second device's 5 units are all collected")
 
 
-SCORE = Table(
-    _score,
-    lambda: {
+@solution(
+    "0.1 · The score of one flight (1 point, 5 minutes)",
+    "A data unit counts the same whichever device it comes from. So what is divided by what? "
+    "And when is the score 0, whatever was collected?",
+    "Divide the sum of all that was collected by the sum of all that was there. Return that "
+    "if `landed` is true, and 0 if it is not.",
+    figure=_draw_score,
+    rules={
         "The score of a UAV that has landed is the sum of all that was collected over the sum of "
         "all that was there, from 0 to 1. Every data unit counts the same: do not average the "
         "devices' own ratios.": [
@@ -49,19 +49,9 @@ SCORE = Table(
     },
     read=number,
 )
-
-
-@exercise(
-    "0.1 · The score of one flight (1 point, 5 minutes)",
-    "A data unit counts the same whichever device it comes from. So what is divided by what? "
-    "And when is the score 0, whatever was collected?",
-    "Divide the sum of all that was collected by the sum of all that was there. Return that "
-    "if `landed` is true, and 0 if it is not.",
-    figure=_draw_score,
-    table=SCORE,
-)
-def flight_score(answer) -> None:
+def flight_score(collected, initial, landed):
     """`score(collected, initial, landed)`: the collected share of all data, 0 without landing."""
+    return sum(collected) / sum(initial) if landed else 0.0
 
 
 DEVICES, DATA, FLYING_TIME, LEAST_SHARE = ((4, 1), (0, 7)), (15.0, 15.0), 21, 0.9

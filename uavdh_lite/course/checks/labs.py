@@ -4,8 +4,8 @@ import numpy as np
 
 from uavdh_lite.channel import rate_map
 from uavdh_lite.course.checks.environment import Town
-from uavdh_lite.course.checks.exercise import exercise, expect
-from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.exercise import exercise, expect, solution
+from uavdh_lite.course.checks.table import edit
 from uavdh_lite.course.checks.trial import expect_none
 from uavdh_lite.course.checks.values import pair, show
 from uavdh_lite.environment import Environment
@@ -88,24 +88,9 @@ POCKET = "bB.N.L.", "BN.BbNN", "LLBb..N", "NBBNNN.", ".NNNL..", ".NLL.B.", "NNBB
 OTHER = "Bb.L..", "LNNB.N", "..LbN.", "N.L.bN", "..NbNL", ".Nb..b"
 
 
-def _worst(environment):
-    city, best = environment.city, {}
-    for number in city.device_cells:
-        cell = divmod(int(number), city.size)
-        rates = rate_map(city, environment.channel, environment.line_of_sight, cell)
-        best[cell] = float(rates[city.landing_distance >= 0].max())
-    return min(best, key=best.get)
-
-
-def _index(environment):
-    """The place in the list of device cells, taken for the cell."""
-    city, (row, col) = environment.city, _worst(environment)
-    return divmod(int(np.searchsorted(city.device_cells, row * city.size + col)), city.size)
-
-
-def _draw_worst(ax):
+def _draw_worst(ax, solved):
     environment = environment_of("manhattan")
-    city, (row, col) = environment.city, _worst(environment)
+    city, (row, col) = environment.city, solved(environment)
     rates = rate_map(city, environment.channel, environment.line_of_sight, (row, col))
     image = ax.imshow(np.where(city.landing_distance >= 0, rates, np.nan), cmap="viridis")
     ax.plot(col, row, "s", color=VERMILION, label="device")
@@ -113,10 +98,19 @@ def _draw_worst(ax):
     ax.set(xlabel="UAV's column", ylabel="UAV's row", title="manhattan (white: the UAV cannot go)")
 
 
-CELL, BACK = "line_of_sight, cell", "return min(best, key=best.get)"
-WORST = Table(
-    _worst,
-    lambda: {
+CELL, WORST = "line_of_sight, cell", "min(best, key=best.get)"
+
+
+@solution(
+    "10.2 · The worst place for a device (3 points, 12 minutes)",
+    "Two steps: for one device cell, which rate does the UAV get at the best place that it can "
+    "fly to? Then compare the device cells.",
+    "For each number in city.device_cells: device = divmod(number, city.size), then the "
+    "maximum of rate_map(city, environment.channel, environment.line_of_sight, device) over "
+    "the cells with city.landing_distance >= 0. Keep the device with the lowest maximum.",
+    figure=_draw_worst,
+    seconds=60,
+    rules=lambda: {
         "For each cell in city.device_cells take the best rate, the max over all UAV cells with "
         "city.landing_distance >= 0: there the UAV can get to, the landing zone (0) too, but not "
         "to walled-in cells (−1). The answer is the device's cell with the lowest of these rates, "
@@ -130,27 +124,20 @@ WORST = Table(
         "it hovers: take the best rate for each device cell first.": edit(".max", ".mean"),
         "The device that you hand to rate_map is (column, row). It must be (row, column), as "
         "divmod(number, M) gives it.": (
-            *(edit(CELL, f"{CELL}[::-1]"), edit(CELL, f"{CELL}[::-1]", BACK, f"{BACK}[::-1]")),
+            *(edit(CELL, f"{CELL}[::-1]"), edit(CELL, f"{CELL}[::-1]", WORST, f"{WORST}[::-1]")),
         ),
         "That is an index into city.device_cells, not a cell: take the number that stands there.": (
-            _index
+            edit(WORST, f"divmod(list(best).index({WORST}), city.size)")
         ),
     },
     read=pair,
     call=lambda environment: f"worst_device_cell(Environment({environment.city!r}))",
 )
-
-
-@exercise(
-    "10.2 · The worst place for a device (3 points, 12 minutes)",
-    "Two steps: for one device cell, which rate does the UAV get at the best place that it can "
-    "fly to? Then compare the device cells.",
-    "For each number in city.device_cells: device = divmod(number, city.size), then the "
-    "maximum of rate_map(city, environment.channel, environment.line_of_sight, device) over "
-    "the cells with city.landing_distance >= 0. Keep the device with the lowest maximum.",
-    figure=_draw_worst,
-    seconds=60,
-    table=WORST,
-)
-def worst_device_cell(answer) -> None:
+def worst_device_cell(environment):
     """`worst_device_cell(environment)`: (row, column) with the lowest best mean rate."""
+    city, best = environment.city, {}
+    for number in city.device_cells:
+        cell = divmod(int(number), city.size)
+        rates = rate_map(city, environment.channel, environment.line_of_sight, cell)
+        best[cell] = float(rates[city.landing_distance >= 0].max())
+    return min(best, key=best.get)

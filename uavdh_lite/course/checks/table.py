@@ -37,7 +37,8 @@ class Edit:
 
     def of(self, solution: Callable) -> Callable:
         """The solution with this mistake in it."""
-        signature, code = textwrap.dedent(inspect.getsource(solution)).split("\n", 1)
+        source = textwrap.dedent(inspect.getsource(solution))
+        signature, code = source[source.index("def ") :].split("\n", 1)  # decorators left out
         for old, new in self.changes:
             if old not in code:
                 raise ValueError(f"{solution.__name__} has no {old!r} to be changed")

@@ -6,8 +6,8 @@ from dataclasses import fields, replace
 import numpy as np
 import torch
 
-from uavdh_lite.course.checks.exercise import exercise, expect
-from uavdh_lite.course.checks.table import Table, by_rule, edit
+from uavdh_lite.course.checks.exercise import exercise, expect, solution
+from uavdh_lite.course.checks.table import by_rule, edit
 from uavdh_lite.course.checks.trial import expect_none, first_true
 from uavdh_lite.course.checks.values import number, one_of
 from uavdh_lite.evaluation import evaluate
@@ -18,20 +18,11 @@ from uavdh_lite.streams import Use, stream
 from uavdh_lite.training import Trainer
 
 
-def _n_step(rewards, terminals, values, n, discount):
-    m, total = min(n, len(rewards)), 0.0
-    for k in range(m):
-        total += discount**k * rewards[k]
-        if terminals[k]:
-            return total
-    return total + discount**m * values[m]
-
-
-def _draw_n_step(ax):
+def _draw_n_step(ax, solved):
     steps, rewards, values = range(1, 13), np.full(10, -0.1), np.full(11, 5.0)
     rewards[5] = 3
     for end, label in ((10, "under way throughout"), (7, "the 8th step is terminal")):
-        targets = [_n_step(rewards, np.arange(10) == end, values, n, 0.95) for n in steps]
+        targets = [solved(rewards, np.arange(10) == end, values, n, 0.95) for n in steps]
         ax.plot(steps, targets, "o-", label=label, alpha=0.7)
     ax.set(xlabel="n, steps", ylabel="n-step return, data units")
     ax.set_title("10 steps stored, the 6th earns 3, the others −0.1;\nγ = 0.95, all values 5")
@@ -46,9 +37,14 @@ def _stored(length, ends, n, discount):
     return rewards, np.isin(np.arange(length), ends), values, n, discount
 
 
-N_STEP = Table(
-    _n_step,
-    {
+@solution(
+    "6.1 · The n-step return (2 points, 15 minutes)",
+    "Write it down for n = 1 and n = 2, then for n = 2 with the first step terminal. After m "
+    "rewards, with which power of γ and of which state does the value come?",
+    "Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor "
+    "by γ, and return if terminals[k]. After m = min(n, T) steps add factor · values[m].",
+    figure=_draw_n_step,
+    rules={
         "With n = 1 it is rewards[0], and then γ times values[1], the value of the next state.": [
             *((3, (), 1, 0.5), (2, (), 1, 0.9), (2, (), 1, 1.0), (2, (), 1, 0.0)),
         ],
@@ -73,27 +69,17 @@ N_STEP = Table(
     errors={"IndexError": "There are T rewards and T + 1 values."},
     made=_stored,
 )
-
-
-@exercise(
-    "6.1 · The n-step return (2 points, 15 minutes)",
-    "Write it down for n = 1 and n = 2, then for n = 2 with the first step terminal. After m "
-    "rewards, with which power of γ and of which state does the value come?",
-    "Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor "
-    "by γ, and return if terminals[k]. After m = min(n, T) steps add factor · values[m].",
-    figure=_draw_n_step,
-    table=N_STEP,
-)
-def n_step_return(answer) -> None:
+def n_step_return(rewards, terminals, values, n, discount):
     """`n_step(rewards, terminals, values, n, discount)`: the target of the first state."""
+    m, total = min(n, len(rewards)), 0.0
+    for k in range(m):
+        total += discount**k * rewards[k]
+        if terminals[k]:
+            return total
+    return total + discount**m * values[m]
 
 
 NAMES = ("lazy", "crashes", "good", "wanders")
-
-
-def _diagnose(landed, collection_ratio, time_used):
-    lazy, crashes, good = time_used < 0.25, landed < 0.9, collection_ratio >= 0.8
-    return "lazy" if lazy else "crashes" if crashes else "good" if good else "wanders"
 
 
 # Of data/runs/deviations-manhattan, by variant, seed and thousand steps: landed, collected, time
@@ -110,9 +96,9 @@ RUNS = {
 }
 
 
-def _draw_diagnosis(ax):
+def _draw_diagnosis(ax, solved):
     for landed, collected, used in RUNS.values():
-        name = _diagnose(landed, collected, used)
+        name = solved(landed, collected, used)
         ax.plot(used, collected, "o", color=f"C{NAMES.index(name)}")
         ax.annotate(f"{name}, {landed:.0%}", (used, collected), fontsize="small")
     ax.set(xlabel="flying time used, share", xlim=(-0.03, 1.2), ylabel="collection ratio")
@@ -139,25 +125,21 @@ def _diagnosis_cases():
     return by_rule(questions, [*RUNS.values(), *itertools.product(*near)])
 
 
-DIAGNOSIS = Table(
-    _diagnose,
-    _diagnosis_cases,
-    {"Exactly 90 % landed is enough: *fewer* is a crash.": edit("landed <", "landed <=")},
-    read=one_of(*NAMES),
-)
-
-
-@exercise(
+@solution(
     "6.2 · What is wrong with this agent? (1 point, 5 minutes)",
     "The four terms are defined one after the other, each among those that are left. So which "
     "number must be looked at first?",
     "First `if time_used < 0.25`, then `if landed < 0.9`, then collection_ratio: from 0.8 on "
     'it is "good", else it "wanders".',
     figure=_draw_diagnosis,
-    table=DIAGNOSIS,
+    rules=_diagnosis_cases,
+    mistakes={"Exactly 90 % landed is enough: *fewer* is a crash.": edit("landed <", "landed <=")},
+    read=one_of(*NAMES),
 )
-def diagnosis(answer) -> None:
+def diagnosis(landed, collection_ratio, time_used):
     """`diagnose(landed, collection_ratio, time_used)`: one of `NAMES`."""
+    lazy, crashes, good = time_used < 0.25, landed < 0.9, collection_ratio >= 0.8
+    return "lazy" if lazy else "crashes" if crashes else "good" if good else "wanders"
 
 
 LAZY = replace(
