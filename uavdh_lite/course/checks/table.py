@@ -37,8 +37,8 @@ class Edit:
 
     def of(self, solution: Callable) -> Callable:
         """The solution with this mistake in it."""
-        source = textwrap.dedent(inspect.getsource(solution))
-        signature, code = source[source.index("def ") :].split("\n", 1)  # decorators left out
+        source = "\n" + textwrap.dedent(inspect.getsource(solution))
+        signature, code = source[source.index("\ndef ") + 1 :].split("\n", 1)  # no decorators
         for old, new in self.changes:
             if old not in code:
                 raise ValueError(f"{solution.__name__} has no {old!r} to be changed")
