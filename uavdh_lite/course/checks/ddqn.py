@@ -59,7 +59,7 @@ TOP = "q_values.amax(1, True)"
         "alike.": [_few(1, 0.25), _few(2, 2.0), _few(6, 0.7), _few(3, 40.0)],
         "No exponent may be above 0, since exp(1000 / 0.1) is infinite: it overflows, and infinity "
         "over infinity is nan. Subtract the state's largest Q-value first; that changes no "
-        "probability.": [_rows(0.125, NEAR), _rows(0.125, NEAR[::-1].copy())],
+        "probability.": [_rows(0.125, NEAR), _rows(0.125, NEAR[::-1])],
         "All Q-values of a state may be far below 0: every exp(Q/β) is 0, and 0/0 is nan.": [
             *(_rows(0.125, -NEAR), _rows(0.1, [-1000.0] * 6)),
         ],
@@ -115,7 +115,7 @@ def _draws(ring: type, capacity: int, added: int, size: int, count: int = 1, see
     own, other, generator = ring(capacity), ring(3), stream(Use.EXERCISE, seed)
     for item in items:
         own.add(item)
-        other.add((*item,) * 2)
+        other.add((item,))
     samples = [list(own.sample(size, generator)) for _ in range(count)]
     for sample in samples:
         expect(
