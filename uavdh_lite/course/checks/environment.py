@@ -3,7 +3,7 @@
 import numpy as np
 
 from uavdh_lite.channel import rate
-from uavdh_lite.city import City
+from uavdh_lite.city import SIGNS, City
 from uavdh_lite.course.checks.exercise import close, exercise, expect, solution
 from uavdh_lite.course.checks.table import Table, by_rule, edit
 from uavdh_lite.course.checks.values import Unreadable, number, pair, truth
@@ -208,7 +208,7 @@ class Town(City):
     def __repr__(self) -> str:
         if self.name == "small":
             return "CITY_OF_HINT_3"
-        text = "\n".join(" ".join(".NbLB"[kind] for kind in row) for row in self.kinds)
+        text = "\n".join(" ".join(SIGNS[kind] for kind in row) for row in self.kinds)
         return f"City.from_text({self.name!r}, {text!r})" if self.size < 8 else self.name
 
 
@@ -232,19 +232,11 @@ def _draw_safe_step(ax, solved):
     ax.set_title("the four moves from each cell (×: hovers instead)\nH: may land")
 
 
-def _target(layer):
-    """A question: whether an action leads to a cell of this layer of the city."""
-
-    def asked(city, cell, action):
-        target = tuple(np.add(cell, MOVES[action]).tolist())
-        return _inside(city, cell, action) and getattr(city, layer)[target]
-
-    return asked
-
-
-def _inside(city, cell, action):
-    target = np.add(cell, MOVES[action])
-    return min(target) >= 0 and max(target) < city.size
+def _sign(city, cell, action):
+    """The sign of the cell that an action leads to; empty outside of the grid."""
+    row, col = np.add(cell, MOVES[action])
+    inside = min(row, col) >= 0 and max(row, col) < city.size
+    return SIGNS[city.kinds[row, col]] if inside else ""
 
 
 def _safe_step_cases():
@@ -253,12 +245,16 @@ def _safe_step_cases():
         "numbered north, east, south, west, hover, land. Nothing is in the way there, so the "
         "controller does not intervene. Rows and columns go from 0 to M − 1.": lambda *case: True,
         "The building in the target cell is low and may be flown over: only city.no_fly says where "
-        "the UAV may not go, city.buildings is about the radio link.": _target("buildings"),
+        "the UAV may not go, city.buildings is about the radio link.": lambda *case: (
+            _sign(*case) == "b"
+        ),
         "The target is a no-fly zone or a tall building, one that is in city.no_fly: the UAV "
-        "hovers instead, in its cell, and the controller intervenes.": _target("no_fly"),
+        "hovers instead, in its cell, and the controller intervenes.": lambda *case: (
+            _sign(*case) in "NB"
+        ),
         "That leaves the grid: the UAV hovers instead, in its cell, and the controller intervenes. "
         "(To numpy, row or column −1 is the last one: no error warns you.)": (
-            lambda *case: not _inside(*case)
+            lambda *case: not _sign(*case)
         ),
         "Hovering stays in the cell and is always allowed: the controller does not intervene.": (
             lambda city, cell, action: action == HOVER
