@@ -249,7 +249,9 @@ def mended_recipe(answer) -> None:
 
 def _train(recipe: Recipe, seed: int = 0) -> dict[str, float]:
     """Train an agent for the village; its means over 500 test missions."""
-    print(f"Training for {recipe.steps:,} steps, half a minute on a quiet machine …", flush=True)
+    print(
+        f"Training for {recipe.steps:,} steps, about half a minute on a quiet machine …", flush=True
+    )
     threads = torch.get_num_threads()
     torch.set_num_threads(1)  # the network is small
     keep_freed_memory()
