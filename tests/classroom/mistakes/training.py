@@ -173,6 +173,10 @@ MISTAKES = {
         (_in_order("crashes", "good", "lazy"), "whatever else it does"),
         (_percent, r"\(0.8\), wanders"),
         (_in_order(*RULES, landed_least=0.9 + 1e-9), "Exactly 90 %"),
+        (
+            lambda *shares: "lazy" if shares[2] == 0.25 else _in_order(*RULES)(*shares),
+            "Exactly 25 %",
+        ),
         (_in_order(*RULES, ratio=lambda landed, ratio: ratio > 0.8), "at least 80 %"),
         (_in_order(*RULES, ratio=lambda landed, ratio: landed * ratio >= 0.8), "at least 80 %"),
         (_confused, "wanders"),

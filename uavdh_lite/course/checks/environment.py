@@ -159,11 +159,12 @@ def _draw_reward(ax, solved):
     ax.set(xlabel="uploaded in the four slots together, data units", ylabel="reward")
 
 
-def _batch(events):
+def _batch(events, whole=False):
     """Steps with random uploads; an event has the letters of what happens in it."""
     flags = np.array([[letter in event for letter in "ILC"] for event in events])
     uploaded = stream(Use.EXERCISE, len(events)).uniform(0, 4, (len(events), 4)).round(3)
-    return uploaded * ~flags[:, 1:].any(1)[:, None], *flags.T  # none in the step that ends it
+    uploaded = uploaded * ~flags[:, 1:].any(1)[:, None]  # none in the step that ends it
+    return uploaded.round().astype(int) if whole else uploaded, *flags.T
 
 
 @solution(
@@ -175,7 +176,7 @@ def _batch(events):
     figure=_draw_reward,
     rules={
         "An ordinary step earns the sum of its own four slots, .sum(1), less 0.2.": [
-            *([""], ["", ""], [""] * 4, [""] * 5),
+            *([""], ["", ""], [""] * 4, [""] * 5, ([""] * 3, True)),
         ],
         "Only the step that lands is free of the 0.2.": [["L"], ["L", ""], ["", "", "L"]],
         "An intervention costs 1, besides the 0.2.": [["I"], ["I", ""], ["", "I", "L"]],

@@ -133,7 +133,10 @@ def _diagnosis_cases():
     'it is "good", else it "wanders".',
     figure=_draw_diagnosis,
     rules=_diagnosis_cases,
-    mistakes={"Exactly 90 % landed is enough: *fewer* is a crash.": edit("landed <", "landed <=")},
+    mistakes={
+        "Exactly 90 % landed is enough: *fewer* is a crash.": edit("landed <", "landed <="),
+        "Exactly 25 % of the time is not lazy: *less* than 25 % is.": edit("used <", "used <="),
+    },
     read=one_of(*NAMES),
 )
 def diagnosis(landed, collection_ratio, time_used):
