@@ -12,8 +12,9 @@ from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.course import checks
 from uavdh_lite.course.checks import any_city
 from uavdh_lite.course.checks.environment import FLIGHTS
-from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.table import Table, by_rule, edit
 from uavdh_lite.course.checks.training import RUNS
+from uavdh_lite.course.checks.trial import expect_none
 from uavdh_lite.course.checks.values import close
 from uavdh_lite.environment import Rewards
 from uavdh_lite.observation import Observation
@@ -193,6 +194,41 @@ def test_the_smallest_failing_case_comes_with_its_rule_and_the_digits_that_diffe
         table(lambda x: [x + 1])
     with pytest.raises(checks.CheckFailed, match=r"\(1000.25\) stops with KeyError: 1. Also for"):
         table(lambda x: {}[1] if x > 100 else x + 1)
+
+
+def test_rows_are_made_into_arguments_and_called_by_their_own_words():
+    table = Table(one_more, {"One more.": [(1, 2)]}, made=lambda *two: (sum(two),))
+    table.call = lambda x: f"asked for {x}"
+    table(lambda x: x + 1)
+    with pytest.raises(checks.CheckFailed, match=r"^asked for 3 gives 3, expected 4\. One more"):
+        table(lambda x: x)
+
+
+def test_a_case_goes_to_the_last_rule_whose_question_is_true():
+    questions = {"any": lambda x: True, "even": lambda x: x % 2 == 0, "large": lambda x: x > 5}
+    rules = by_rule(questions, [(1,), (2,), (7,), (8,)])
+    assert rules == {"any": [(1,)], "even": [(2,)], "large": [(7,), (8,)]}
+
+
+def test_what_is_worked_out_by_hand_is_not_told():
+    table = plus_one({"one less": edit("+", "-")})
+    table.by_hand("here", 13, (12,))
+    for given, message in (
+        (11, "here: 11 is not right. one less"),
+        (14, "here: 14 is not right. One more."),
+        (None, "here has no number yet."),
+    ):
+        with pytest.raises(checks.CheckFailed) as caught:
+            table.by_hand("here", given, (12,))
+        assert str(caught.value) == message
+
+
+def test_the_first_sentence_whose_question_is_true_is_told():
+    sentences = {"{x} is odd": lambda of: of.x % 2, "{x:.1f} is large": lambda of: of.x > 5}
+    expect_none(sentences, x=4)
+    for x, message in ((7, "7 is odd"), (8, r"8\.0 is large")):
+        with pytest.raises(checks.CheckFailed, match=message):
+            expect_none(sentences, x=x)
 
 
 def test_close_compares_shapes_and_takes_anything():

@@ -199,6 +199,11 @@ def _first_only(target, online, rate):
         return target
 
 
+def _shares(target, online, rate):
+    for t, o in zip(target, online, strict=True):
+        t.set_(o) if rate == 1 else t.lerp_(o, rate)
+
+
 def _unwritten(*arguments):
     raise NotImplementedError
 
@@ -208,7 +213,7 @@ def _double(r, t, d, online, target):
 
 
 WRONG_TARGETS = [
-    (lambda r, t, d, online, target: _double(r, t, 0.9, online, target), "whatever γ is"),
+    (lambda r, t, d, online, target: _double(r, t, 0.9, online, target), "γ times the entry"),
     (lambda r, t, d, online, target: _double(r, t, d**2, online, target), "counts γ times"),
     (lambda r, t, d, online, target: r + d * target.amax(1), "what the wrong function gives"),
     (lambda r, t, d, online, target: r + d * ~t * target.amax(1), "plain DQN"),
@@ -266,49 +271,52 @@ class OneForAll(_Base):
 
 MISTAKES = {
     "stable_policy": [
-        (lambda q, beta: _softmax(q / beta), "It overflows"),
-        (lambda q, beta: _softmax(q * beta), "multiply by the temperature"),
-        (lambda q, beta: _softmax(q / beta, 0), "over the batch"),
-        (lambda q, beta: torch.exp(q / beta) / torch.exp(q / beta).sum(), "whole batch"),
-        (lambda q, beta: (torch.exp(q) / beta) / (torch.exp(q) / beta).sum(1, True), "no effect"),
+        (lambda q, beta: _softmax(q / beta), "it overflows"),
+        (lambda q, beta: _softmax(q * beta), "Divide Q by β"),
+        (lambda q, beta: _softmax(q / beta, 0), "the sum of its own row"),
+        (lambda q, beta: torch.exp(q / beta) / torch.exp(q / beta).sum(), "the sum of its own row"),
+        (
+            lambda q, beta: (torch.exp(q) / beta) / (torch.exp(q) / beta).sum(1, True),
+            "Divide Q by β",
+        ),
         (lambda q, beta: _shifted(q, beta, q.amin(1, True)), "smaller than the maximum"),
         (lambda q, beta: _shifted(q, beta, q.mean(1, True)), "smaller than the maximum"),
-        (lambda q, beta: _shifted(q, beta, q.amax(1, True), None), "sum of the whole batch"),
-        (lambda q, beta: _shifted(q, beta, q.amax(1, True), 0), "over the batch"),
+        (lambda q, beta: _shifted(q, beta, q.amax(1, True), None), "the sum of its own row"),
+        (lambda q, beta: _shifted(q, beta, q.amax(1, True), 0), "the sum of its own row"),
         (lambda q, beta: _shifted(q, beta, q.amax(0)), "maximum over the states, dim=0"),
         (lambda q, beta: _shifted(q, beta, q.max(1, keepdim=True)), "take `.values`"),
         (lambda q, beta: _shifted(q, beta, q.amax(1)), r"keepdim=True makes \(B, 1\)"),
-        (lambda q, beta: torch.exp((q - q.amax(1, True)) / beta), "row does not sum to 1"),
-        (_top_of_all, "Subtract the maximum of each row"),
+        (lambda q, beta: torch.exp((q - q.amax(1, True)) / beta), "so that it sums to 1"),
+        (_top_of_all, "subtract from each row its own maximum"),
         (_scales_in_place, "changes what it is given"),
         (lambda q, beta: torch.log_softmax(q / beta, 1), "logarithms"),
         (lambda q, beta: torch.softmax(q / beta, 1).tolist(), "torch tensor is expected"),
     ],
     "ring_buffer": [
         (PopsTheFirst, r"pop\(0\) does"),
-        (OneForAll, "Draw each of them on its own"),
-        (Plain, "newest item is not in every sample"),
+        (OneForAll, "each of them on its own"),
+        (Plain, "newest item is in every sample"),
         (NewestAtTheEnd, "ring is full and begins again"),
         (NextPlace, "to be overwritten next"),
-        (Unfilled, "nothing was stored in"),
-        (UpToTheCapacity, "Only 1 of 5 places are filled"),
+        (Unfilled, "only from those that are filled"),
+        (UpToTheCapacity, "only from the places that are filled"),
         (AssignsToAnEmptyList, "only the places that were appended"),
         (NoReplacement, "items may repeat"),
-        (Grows, "the ring grows"),
+        (Grows, "the ring does not grow"),
         (OverwritesTheNewest, "must overwrite the oldest, and no other"),
         (OneTooMany, "the newest counts as one of them"),
         (WithoutReplacement, "may come more than once"),
         (LastPlaceNever, "upper end"),
         (OwnChance, "generator that is passed in"),
         (Arrays, "generator.choice makes arrays"),
-        (Unwritten, "sample is not written yet"),
+        (Unwritten, "Ring is not written yet"),
         (Skewed, "not equally likely"),
         (_Base(3), "without brackets"),
     ],
     "double_target": [
         *(((function, [2.8, -0.2]), message) for function, message in WRONG_TARGETS),
         *(
-            ((_double, by_hand), f"^by_hand: {message}")
+            ((_double, by_hand), f"^by_hand: .*{message}")
             for by_hand, message in (
                 ([6.4, 4.3], "That is what the wrong function gives"),
                 ([6.4, -0.2], "You take the largest Q-value of the target"),
@@ -318,8 +326,8 @@ MISTAKES = {
                 ([2.8, 0], "At the terminal transitions the reward is lost"),
                 ([3, -0.2], "The discount is missing"),
                 ([1.9, -0.2], "You add the number of the best action"),
-                ([2.8, 7], "not yet right in the second row"),
-                ([9, 7], "not yet right in the first and second row"),
+                ([2.8, 7], r"\[2.8, 7\] is not right"),
+                ([9, 7], r"\[9, 7\] is not right"),
             )
         ),
         ((_double, [2.8]), "a list of two numbers"),
@@ -330,12 +338,13 @@ MISTAKES = {
     "soft_update_in_place": [
         (_rebinds, "only gives a new tensor the name"),
         (_matrices_only, "whatever its shape"),
-        (_returns, "Nothing reads what you return"),
-        (_new_in_list, "list has new tensors"),
-        (_swapped, "swapped"),
+        (_returns, "nothing reads what you return"),
+        (_new_in_list, "in the list is none of the network"),
+        (_swapped, "plus τ of the online weight"),
         (_shrinks_online, "online weights have changed"),
-        (_adds, "grow and grow"),
+        (_adds, "1 − τ of itself"),
         (_copies, "only the share τ"),
+        (_shares, "share their memory"),
         (_first_only, "All tensors of the lists"),
         (_unwritten, "not written yet"),
     ],

@@ -23,21 +23,24 @@ OUT_AND_BACK = ["east"] * 6 + ["hover"] * 3 + ["west"] * 6
 MISTAKES = {
     "flight_score": [
         (lambda c, i, landed: _mean_ratio(c, i) if landed else 0, "devices' own ratios"),
-        (lambda c, i, landed: sum(c) / sum(i), "`landed` is not used"),
-        (lambda c, i, landed: _mean_ratio(c, i), "own ratios .* `landed` is not used"),
-        (lambda c, i, landed: 100 * sum(c) / sum(i) if landed else 0, "percentage"),
-        (lambda c, i, landed: (sum(i) - sum(c)) / sum(i) if landed else 0, "left at the devices"),
-        (lambda c, i, landed: 0 if landed else sum(c) / sum(i), "wrong way round"),
+        (lambda c, i, landed: sum(c) / sum(i), "has not landed scores 0"),
+        (lambda c, i, landed: _mean_ratio(c, i), "not average the devices' own ratios"),
+        (lambda c, i, landed: 100 * sum(c) / sum(i) if landed else 0, "from 0 to 1"),
+        (
+            lambda c, i, landed: (sum(i) - sum(c)) / sum(i) if landed else 0,
+            "the sum of all",
+        ),
+        (lambda c, i, landed: 0 if landed else sum(c) / sum(i), "UAV that has landed is"),
         (_per_device, "had no data at the start"),
         (_sorts_first, "changes what it is given"),
     ],
     "flown_by_hand": [
         (["south", "up"], "Step 2 is 'up', which is no action"),
-        (["South", "land"], "Did you mean 'south'"),
+        (["South", "land"], "in small letters"),
         ([2, 2, 5], "Give names"),
         ("south", "must be a list"),
         (["east"] + ["south"] * 4, r"intervened at step 4, .*cell \(3, 1\) is no-fly"),
-        (["east"] * 4 + ["south"], r"cell \(1, 4\) is a tall building"),
+        (["east"] * 4 + ["south"], r"cell \(1, 4\) is no-fly or a tall building"),
         (["north"], "the map ends there"),
         (["east"] * 3 + ["land"], "outside the landing zone"),
         (OUT_AND_BACK, "last action must be `land`"),
@@ -52,7 +55,7 @@ MISTAKES = {
             + ["hover"]
             + ["west"] * 4
             + ["land"],
-            "only 6.*9.6 of 15 at the device .0, 7.",
+            "only 6.*9.6 of 15 data units",
         ),
     ],
 }

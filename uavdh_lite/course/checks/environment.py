@@ -3,124 +3,29 @@
 import numpy as np
 
 from uavdh_lite.channel import rate
-from uavdh_lite.city import City
-from uavdh_lite.course.checks.exercise import close, exercise, expect, show
-from uavdh_lite.course.checks.table import Table, edit
-from uavdh_lite.course.checks.values import Unreadable, pair, truth
+from uavdh_lite.city import SIGNS, City
+from uavdh_lite.course.checks.exercise import close, exercise, expect, solution
+from uavdh_lite.course.checks.table import Table, by_rule, edit
+from uavdh_lite.course.checks.values import Unreadable, number, pair, truth
 from uavdh_lite.environment import HOVER, LAND, MOVES
-from uavdh_lite.plotting import BLUE, GREEN, ORANGE, RED, draw_city
+from uavdh_lite.plotting import GREEN, draw_city
 from uavdh_lite.streams import Use, stream
 
 
-def _slot(snr_db, left):
-    if not (left > 0).any():
-        return -1, 0.0
-    device = int(np.argmax(np.where(left > 0, snr_db, -np.inf)))
-    return device, min(rate(snr_db[device]), left[device])
+def _draw_slot(ax, solved):
+    left = np.array([4.0, 5.0, 3.0])
+    for slot, snr_db in enumerate(([4, 9, -2], [8, 6, 1], [5, 7, 3], [2, 8, 4], [-3, 9, -6])):
+        device, amount = solved(np.array(snr_db, float), left)
+        bar = ax.bar(slot, amount, color=f"C{device}")
+        ax.bar_label(
+            bar, [f"device {device}\nSNR {snr_db}\nleft {left.round(1).tolist()}"], fontsize=7
+        )
+        left[device] -= amount
+    ax.margins(y=0.3)
+    ax.set(xlabel="slot", ylabel="uploaded, data units")
 
 
-def _draw_slot(ax):
-    snr_db = np.array([(4, 9, -2), (8, 6, 1), (5, 7, 3), (2, 8, 4), (-3, 9, -6), (6, 1, 2)], float)
-    left, labels = np.array([4.0, 5.0, 3.0]), []
-    colours = (ORANGE, BLUE, GREEN)
-    for slot, snrs in enumerate(snr_db):
-        device, amount = _slot(snrs, left)
-        labels.append("\n".join(f"{s:g} dB, {d:.2g}" for s, d in zip(snrs, left, strict=True)))
-        ax.bar(slot, amount, color=colours[int(device)])
-        left[int(device)] -= amount
-    for device, colour in enumerate(colours):
-        ax.bar(0, 0, color=colour, label=f"device {device}")
-    ax.set_xticks(range(len(labels)), labels, fontsize="small")
-    ax.set(xlabel="a slot each: SNR and data left before it, of devices 0, 1, 2")
-    ax.set(ylabel="uploaded, data units")
-
-
-def _slot_cases():
-    generator = stream(Use.EXERCISE, 3)
-
-    def case(*arguments):
-        return tuple(np.array(values) for values in arguments)
-
-    def drawn(count, share=0.6):
-        left = generator.uniform(0.2, 8, count) * (generator.random(count) < share)
-        left[generator.integers(count)] = 1.5
-        return case(generator.normal(0, 8, count).round(2), left.round(2))
-
-    return {
-        "If no device has data left, nobody may send: −1 and 0.": [
-            case([3.0, 8.0], [0.0, 0.0]),
-            *(case([-4.0, -9.0, -6.0], [0, 0, 0]), case([5.0], [0.0]), case([-70.0], [0.0])),
-        ],
-        "What is uploaded is what the slot carries, rate(snr_db), but no more than is left.": [
-            *(case([2], [9]), case([0], [1]), case([-30.0], [5.0]), case([60.0], [1000.0])),
-            *(case([10.0], [0.7]), case([40.0], [1.5])),
-        ],
-        "The device with the highest SNR is served, however little it is ahead, whatever it has "
-        "left; its number is an index into snr_db.": [
-            *(case([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]), case([-3, -1], [9, 9])),
-            *(case([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0]), case([1e-9, 0.0], [9.0, 9.0])),
-            *(case([9.0, 3.0], [1.0, 50.0]), case([-20.5, -20.4, -20.45], [1.0, 2.0, 3.0])),
-            *(case([10.0, 3.0], [0.7, 8.0]), case([0.0, -1.0], [9.0, 9.0])),
-            case([60.0, 2.0], [1000.0, 5.0]),
-        ],
-        "A device without data is not served: of the others the highest SNR wins.": [
-            *(case([4.0, 9.0, -2.0], [50.0, 0.0, 40.0]), case([12, 5, 9], [0, 50, 40])),
-            *(case([9.0, 3.0, 6.0], [0.0, 0.0, 2.0]), case([9.0, 8.0, 7.0], [0.0, 5.0, 6.0])),
-        ],
-        "That holds for the lowest SNRs too: none is too low to be served.": [
-            *(case([-6.0, -11.0], [0.0, 8.0]), case([-30.0, -53.5, -60.0], [0.0, 4.0, 5.0])),
-            *(case([5.0, -140.0], [0.0, 1.0]), case([-100.0, -99.0], [2.0, 0.0])),
-        ],
-        "A device has data left if it is more than 0, however little.": [
-            *(case([8.0, 3.0], [0.05, 9.0]), case([8.0, 3.0], [1e-7, 9.0])),
-            *(case([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0]), case([1.0], [1e-4])),
-            case([40.0], [1e-6]),
-        ],
-        "It must hold for any number of devices.": [
-            drawn(count) for count in (1, 2, 2, 3, 3, 4, 5, 5, 8, 13)
-        ],
-    }
-
-
-BEST, ANY = "np.where(left > 0, snr_db, -np.inf)", "(left > 0).any()"
-UPLOAD = "min(rate(snr_db[device]), left[device])"
-SLOT = Table(
-    _slot,
-    _slot_cases,
-    mistakes={
-        "If the device with the best SNR is empty, nobody sends in yours: the next best device "
-        "sends, of those with data left.": edit(ANY, "left[snr_db.argmax()] > 0"),
-        "You serve a device that has nothing left: the slot goes to the best of those with data "
-        "left.": (edit(BEST, "snr_db"), edit(BEST, "snr_db", ANY, "True")),
-        "The device uploads more than it has.": edit(UPLOAD, "rate(snr_db[device])"),
-        "The device uploads all it has, but a slot carries no more than the rate, log2(1 + SNR).": (
-            edit(UPLOAD, "left[device]")
-        ),
-        "You upload as many data units as the SNR has decibels: turn it into a rate first, "
-        "rate(snr_db).": edit("rate(snr_db[device])", "snr_db[device]"),
-        "Of the rate and the data left the device uploads the smaller, min.": edit("min(", "max("),
-        "Your number counts only the devices with data left. Count all of them: the result is an "
-        "index into snr_db.": (edit(BEST, "snr_db[left > 0]", "[device]", "[left > 0][device]")),
-        "Your index counts the filtered array, the devices with data left, but you use it in the "
-        "full arrays.": edit(BEST, "snr_db[left > 0]"),
-        "An SNR times 0 is 0 dB, which is better than a negative SNR: an empty device must get "
-        "−infinity instead.": edit(BEST, "snr_db * (left > 0)"),
-        "An empty device gets a number that real SNRs can be below: take −infinity.": tuple(
-            edit("-np.inf", str(low)) for low in (-1, -10, -15, -20, -50, -99, -100)
-        ),
-        "The slot goes to the device with the largest upload, but the rule is the best SNR.": (
-            edit(BEST, "np.minimum(rate(snr_db), left)")
-        ),
-        "The slot goes to the best SNR, not to the most data.": edit(BEST, "left"),
-        "That is the worst SNR of those with data left.": edit(BEST, BEST.replace("snr", "-snr")),
-        "If all devices are empty, nobody is served: −1 and 0.": edit(ANY, "True"),
-    },
-    read=pair,
-    smallest=1e-12,
-)
-
-
-@exercise(
+@solution(
     "3.1 · Who gets the slot? (1 point, 12 minutes)",
     "First rule out the devices without data. Then the best of the rest, by its number among "
     "all devices. Then two limits on what it uploads.",
@@ -128,10 +33,41 @@ SLOT = Table(
     "stay right. (Would 0 dB do?) What if all are empty? The winner uploads the smaller of "
     "two amounts.",
     figure=_draw_slot,
-    table=SLOT,
+    rules={
+        "If no device has data left, nobody may send: −1 and 0.": [
+            *(([3.0, 8.0], [0.0, 0.0]), ([-70.0], [0])),
+        ],
+        "What is uploaded is what the slot carries, rate(snr_db), but no more than is left.": [
+            *(([2], [9]), ([-30.0], [5.0]), ([60.0], [1000.0]), ([10.0], [0.7]), ([40.0], [1.5])),
+        ],
+        "The device with the highest SNR is served, however little it is ahead, whatever it has "
+        "left; its number is an index into snr_db.": [
+            *(([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]), ([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0])),
+            *(([-3, -1], [9, 9]), ([9.0, 3.0], [1.0, 50.0]), ([10.0, 3.0], [0.7, 8.0])),
+        ],
+        "A device without data is not served, but it counts: of the others the highest SNR wins, "
+        "and its number is still an index into snr_db, the full array.": [
+            *(([12, 5, 9], [0, 50, 40]), ([9.0, 8.0, 7.0], [0.0, 5.0, 6.0])),
+            ([9.0, 3.0, 6.0, -2.5, 8.5], [0.0, 0.0, 2.0, 3.0, 0.0]),
+        ],
+        "That holds for the lowest SNRs too: none is too low to be served, 0 dB is not low. An "
+        "empty device must get −infinity.": [
+            *(([-6.0, -11.0], [0.0, 8.0]), ([5.0, -140.0], [0.0, 1.0])),
+        ],
+        "A device has data left if it is more than 0, however little.": [
+            *(([8.0, 3.0], [1e-7, 9.0]), ([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0])),
+        ],
+    },
+    read=pair,
+    smallest=1e-12,
+    made=lambda *arrays: tuple(map(np.array, arrays)),
 )
-def tdma_slot(answer) -> None:
+def tdma_slot(snr_db, left):
     """`slot(snr_db, data_left)`: the device served, or -1, and the data units it uploads."""
+    if not (left > 0).any():
+        return -1, 0.0
+    device = int(np.argmax(np.where(left > 0, snr_db, -np.inf)))
+    return device, min(rate(snr_db[device]), left[device])
 
 
 # Of each step the four terms of its reward, and what the link could carry in it
@@ -144,20 +80,43 @@ FLIGHTS = {
 }
 
 
-def _rewards_of(name):
-    return np.array(FLIGHTS[name])[:, :4].sum(1)
+def _terms(data, movement, safety, crash, carried):
+    return data + movement + safety + crash
+
+
+TERMS = Table(
+    _terms,
+    {
+        "Write down its four terms, for data, movement, safety and crash, and add them up.": [
+            *FLIGHTS["A"],
+            *FLIGHTS["B"],
+        ]
+    },
+    mistakes={
+        "That counts what the link could carry. A step uploads no more than the device has left, "
+        "and in the step that ends an episode nothing is uploaded.": edit("data", "carried"),
+        "The data uploaded is missing: it counts 1 for each data unit.": edit("data", "0"),
+        "The 0.2 for the step is missing: it is charged whenever the step does not land, also for "
+        "hovering and for an intervention.": edit("movement", "0"),
+        "The controller replaced the action: its penalty is missing.": edit("safety", "0"),
+        "The time has run out without a landing: the penalty for the crash is missing.": (
+            edit("crash", "0")
+        ),
+        "The step that lands does not pay for the movement.": edit("movement", "-0.2"),
+        "The safety controller did not intervene in this step.": edit("safety", "-1"),
+        "Only the end of the time without a landing is a crash.": edit("crash", "-150"),
+        "The 0.2 for the step is a price: subtract it.": edit("movement", "-movement"),
+    },
+    read=number,
+)
 
 
 def _draw_by_hand(ax):
-    for name, style in (("A", "o-"), ("B", "s-")):
-        terms = np.array(FLIGHTS[name])
-        crash = terms[:, 3].sum()
-        label = f"flight {name}" + (f", and then {crash:g} for the crash" if crash else "")
-        returns = np.cumsum(terms[:, :3].sum(1))
-        ax.plot(np.arange(len(returns) + 1), np.append(0, returns), style, label=label)
-    ax.set(xlabel="steps flown", ylabel="sum of the rewards so far", xticks=range(7))
-    ax.set_ylim(-1.3, 3.3)
-    ax.legend(loc="upper left")
+    for name, steps in FLIGHTS.items():
+        returns = np.cumsum([0, *(sum(step[:3]) for step in steps)])
+        ax.plot(returns, "o-", label=f"flight {name}")
+    ax.set(xlabel="steps flown", ylabel="sum of the rewards so far", ylim=(-1.3, 4.3))
+    ax.set_title("without the 150 for the crash at the end of flight B")
 
 
 @exercise(
@@ -178,215 +137,178 @@ def rewards_by_hand(answer) -> None:
         and all(hasattr(part, "__len__") and hasattr(part, "__getitem__") for part in given),
         "Give back two lists, the rewards of flight A and those of flight B.",
     )
-    for name, numbers in zip(FLIGHTS, given, strict=True):
-        steps = len(FLIGHTS[name])
+    for (name, steps), rewards in zip(FLIGHTS.items(), given, strict=True):
         expect(
-            len(numbers) == steps,
-            f"Flight {name} has {steps} steps, your list has {len(numbers)} numbers.",
+            len(rewards) == len(steps),
+            f"Flight {name} has {len(steps)} steps, your list has {len(rewards)} numbers.",
         )
         expect(
-            not close(numbers, np.cumsum(_rewards_of(name))),
+            not close(rewards, np.cumsum([_terms(*step) for step in steps])),
             f"Flight {name}: these are the sums of the rewards so far. Give each step's own.",
         )
-        for step, number in enumerate(list(numbers)):
-            at = f"Flight {name}, step {step + 1}"
-            expect(number is not None and number is not ..., f"{at} has no number yet.")
-            expect(
-                close(number, number, 1) and np.ndim(number) == 0,
-                f"{at}: a number is expected, not {show(number)}.",
-            )
-            reason = _why_not(name, step, number)
-            expect(not reason, f"{at}: {show(number)} is not right. {reason}")
+        for k, (reward, step) in enumerate(zip(list(rewards), steps, strict=True), 1):
+            TERMS.by_hand(f"Flight {name}, step {k}", reward, step)
 
 
-def _why_not(name, step, number):
-    """What is probably wrong with the reward of this step; empty if nothing is."""
-    data, movement, safety, crash, carried = FLIGHTS[name][step]
-    total = data + movement + safety + crash
-    if close(number, total):
-        return ""
-    ends = step == len(FLIGHTS[name]) - 1
-    lands = ends and not crash
-    for applies, value, reason in (
-        (data, total - data, "The data uploaded is missing: it counts 1 for each data unit."),
-        (
-            movement,
-            total - movement,
-            "The 0.2 for the step is missing: it is charged whenever the step does not land, also "
-            "for hovering and for an intervention.",
-        ),
-        (safety, total - safety, "The controller replaced the action: its penalty is missing."),
-        (
-            crash,
-            total - crash,
-            "The time has run out without a landing: the penalty for the crash is missing.",
-        ),
-        (lands, -0.2, "The step that lands does not pay for the movement."),
-        (lands, -150, "It landed with its last unit of time, and that is no crash."),
-        (lands, -150.2, "It landed in time: no crash, no movement."),
-        (ends, total + carried, "In the step that ends the episode nothing is uploaded."),
-        (ends, carried - 0.2, "In the step that ends the episode nothing is uploaded."),
-        (
-            carried > data,
-            total + carried - data,
-            f"The link could carry {carried:g}, but the device has only {data:g} left.",
-        ),
-        (not safety, total - 1, "The safety controller did not intervene in this step."),
-        *(
-            (True, term, "That is one of the terms alone: add the others that apply to this step.")
-            for term in (data, movement, safety, crash)
-        ),
-        (True, total - 2 * movement, "The 0.2 for the step is a price: subtract it."),
-        (True, -total, "The sign is wrong: data is a gain, all other terms are prices."),
-    ):
-        if applies and close(number, value):
-            return reason
-    return "Write down its four terms, for data, movement, safety and crash, and add them up."
-
-
-def _rewards(uploaded, intervened, landed, crashed):
-    return uploaded.sum(1) - 0.2 * ~landed - 1.0 * intervened - 150.0 * crashed
-
-
-def _draw_reward(ax):
-    uploaded = np.linspace(0, 4, 9)[:, None] * np.full(4, 0.25)
-    no, yes = np.zeros(9, bool), np.ones(9, bool)
-    for style, label, intervened in (
-        *(("o-", "an ordinary step", no), ("s-", "with an intervention", yes)),
-    ):
-        rewards = _rewards(uploaded, intervened, no, no)
-        ax.plot(uploaded.sum(1), rewards, style, label=label)
-    landed = _rewards(uploaded[:1], no[:1], yes[:1], no[:1])
-    ax.plot(0, landed[0], "^", color=GREEN, ms=9, label="the step that lands")
-    ax.plot([], [], " ", label="a crash, far below: -150.2")
+def _draw_reward(ax, solved):
+    uploaded = np.linspace(0, 4, 9)
+    for label, *event in (("an ordinary step", 0, 0, 0), ("with an intervention", 1, 0, 0)):
+        rewards = solved(uploaded[:, None], *np.array(event, bool))
+        ax.plot(uploaded, rewards, "o-", label=label)
+    ax.plot(0, 0, "^", color=GREEN, label="the step that lands (a crash: -150.2)")
     ax.set(xlabel="uploaded in the four slots together, data units", ylabel="reward")
 
 
-def _batch(kinds, seed=0, whole=False):
-    """Steps with random uploads; a kind is (intervened, landed, crashed)."""
-    events = np.reshape(kinds, (-1, 3)).astype(bool)
-    uploaded = stream(Use.EXERCISE, seed).uniform(0, 4, (len(events), 4)).round(3)
-    uploaded *= ~events[:, 1:].any(1)[:, None]  # the step that ends an episode uploads nothing
-    return uploaded.round().astype(int) if whole else uploaded, *events.T
+def _batch(events, whole=False):
+    """Steps with random uploads; an event has the letters of what happens in it."""
+    flags = np.array([[letter in event for letter in "ILC"] for event in events])
+    uploaded = stream(Use.EXERCISE, len(events)).uniform(0, 4, (len(events), 4)).round(3)
+    uploaded = uploaded * ~flags[:, 1:].any(1)[:, None]  # none in the step that ends it
+    return uploaded.round().astype(int) if whole else uploaded, *flags.T
 
 
-def _reward_cases():
-    nothing, refused, landed, crashed = (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)
-    both = (1, 0, 1)
-    several = [nothing, refused, landed, crashed, both, nothing, refused]
-    return {
-        "An ordinary step earns the sum of its own four slots, .sum(1), less 0.2.": [
-            *(_batch([nothing] * count, count) for count in (1, 2, 5)),
-            _batch([nothing] * 4, 9),
-            _batch([nothing] * 3, 4, whole=True),
-        ],
-        "Only the step that lands is free of the 0.2.": [
-            *(_batch([landed]), _batch([landed, nothing], 1), _batch([nothing, nothing, landed])),
-        ],
-        "An intervention costs 1, besides the 0.2.": [
-            *(_batch([refused]), _batch([refused, nothing], 2), _batch([nothing, refused, landed])),
-        ],
-        "A crash costs 150, besides the 0.2.": [
-            *(_batch([crashed]), _batch([crashed, nothing], 3), _batch([landed, crashed, refused])),
-        ],
-        "All that applies is added: with an intervention in the step that crashes, too.": [
-            *(_batch([both]), _batch([both, crashed, refused])),
-        ],
-        "Each episode of a batch has its own reward, also if there are four of them.": [
-            *(_batch(several[k : k + 4], k) for k in range(4)),
-            *(_batch(several * copies, copies) for copies in (1, 3)),
-            _batch(several, 5, whole=True),
-        ],
-    }
-
-
-REWARD = Table(
-    _rewards,
-    _reward_cases,
-    mistakes={
-        "You sum the uploads of all episodes together: take .sum(1).": edit("sum(1)", "sum()"),
-        "You sum over the episodes: the slots are the second axis, .sum(1).": edit("m(1)", "m(0)"),
-        "You take the mean of the four slots: the reward counts their sum.": edit("sum", "mean"),
-        "Only one of the four slots counts in yours: sum over all.": edit(".sum(1)", "[:, 0]"),
-        "You charge 0.2 for the step that lands too: it is free of it.": edit("* ~landed", ""),
-        "You charge 0.2 only for a landing: it is the other way round.": edit("~landed", "landed"),
-        "An intervention costs 1 in addition to the 0.2 for the step, not instead of it.": (
-            edit("~landed", "~(landed | intervened)")
-        ),
-        "A crash comes in addition to the 0.2 for the step.": (
-            edit("~landed", "~(landed | crashed)")
-        ),
-        "A step with an intervention or a crash costs the 0.2 too.": (
-            edit("~landed", "~(landed | intervened | crashed)")
-        ),
-        "The 0.2 for the step is missing.": edit("- 0.2 * ~landed", ""),
-        "The penalty for an intervention is missing.": edit("- 1.0 * intervened", ""),
-        "The penalty for a crash is missing.": edit("- 150.0 * crashed", ""),
-        "The terms for intervention and crash exclude each other in yours. In one step both can "
-        "happen, and then both count.": (
-            edit("* crashed", "* (crashed & ~intervened)"),
-            edit("* intervened", "* (intervened & ~crashed)"),
-        ),
-        "You punish each step without a landing as a crash.": edit("* crashed", "* ~landed"),
-        "The prices have the wrong sign: they are subtracted.": edit(" - ", " + "),
-    },
-    errors={
-        "truth value": "`if`, `and` and `or` cannot decide for a whole batch, where some episodes "
-        "have landed and some have not. Use np.where, or multiply by the Boolean array.",
-    },
-)
-
-
-@exercise(
+@solution(
     "3.3 · The reward of a batch (2 points, 8 minutes)",
     "A Boolean array counts as 0 and 1 in a product, so each term is a number times an array. "
     "Along which axis are the four slots?",
     "Sum the uploads over the second axis. Then ask of each of the three prices which array "
     "says where it is due; for one of them the array says where it is not.",
     figure=_draw_reward,
-    table=REWARD,
+    rules={
+        "An ordinary step earns the sum of its own four slots, .sum(1), less 0.2.": [
+            *([""], ["", ""], [""] * 4, [""] * 5, ([""] * 3, True)),
+        ],
+        "Only the step that lands is free of the 0.2.": [["L"], ["L", ""], ["", "", "L"]],
+        "An intervention costs 1, besides the 0.2.": [["I"], ["I", ""], ["", "I", "L"]],
+        "A crash costs 150, besides the 0.2.": [["C"], ["C", ""], ["L", "C", "I"]],
+        "All that applies is added. In one step an intervention and the crash can both happen.": [
+            *(["IC"], ["IC", "C", "I"]),
+        ],
+        "Each episode of a batch has its own reward, also if there are four of them.": [
+            *(["", "I", "L", "C"], ["I", "L", "C", "IC"], ["", "I", "L", "C", "IC", "", "I"]),
+        ],
+    },
+    errors={
+        "truth value": "`if`, `and` and `or` cannot decide for a whole batch, where some episodes "
+        "have landed and some have not. Use np.where, or multiply by the Boolean array.",
+    },
+    made=_batch,
 )
-def reward(answer) -> None:
+def reward(uploaded, intervened, landed, crashed):
     """`reward(uploaded, intervened, landed, crashed)`: (B,), for a batch of steps."""
+    return uploaded.sum(1) - 0.2 * ~landed - 1.0 * intervened - 150.0 * crashed
 
 
 class Town(City):
     """A city that a message shows by its signs, or by its name if it is known or large."""
 
+    @classmethod
+    def of(cls, name: str, *rows: str) -> "Town":
+        return cls.from_text(name, "\n".join(rows))
+
     def __repr__(self) -> str:
         if self.name == "small":
             return "CITY_OF_HINT_3"
-        text = "\n".join(" ".join(".NbLB"[kind] for kind in row) for row in self.kinds)
+        text = "\n".join(" ".join(SIGNS[kind] for kind in row) for row in self.kinds)
         return f"City.from_text({self.name!r}, {text!r})" if self.size < 8 else self.name
 
 
-PLAIN = Town.from_text("plain", ". . . . .\n. . . . .\n. . L . .\n. . . . .\n. . . . .")
-SMALL = Town.from_text(
-    "small",
-    """
-    L . . . B
-    . N . b .
-    . . . b N
-    B . . . .
-    . . L . L
-    """,
-)
-
-LARGE = Town.from_text(
-    "seven",
-    """
-    . N . . b . .
-    . . B . . L .
-    N . . b . . N
-    . b . L . B .
-    L . N . . . b
-    . . . . N . .
-    B . . L . . N
-    """,
+SMALL = Town.of("small", "L...B", ".N.b.", "...bN", "B....", "..L.L")
+TOWNS = (
+    Town.of("plain", ".....", ".....", "..L..", ".....", "....."),
+    SMALL,
+    Town.of("seven", ".N..b..", "..B..L.", "N..b..N", ".b.L.B.", "L.N...b", "....N..", "B..L..N"),
+    Town.of("two", "L.", ".N"),
 )
 
 
-def _safe_step(city, cell, action):
+def _draw_safe_step(ax, solved):
+    draw_city(ax, SMALL)
+    for cell in map(tuple, np.argwhere(~SMALL.no_fly).tolist()):
+        for action in range(4):
+            row, col = np.add(cell, 0.3 * MOVES[action])
+            ax.plot(col, row, "rx" if solved(SMALL, cell, action)[1] else "k.")
+        if not solved(SMALL, cell, LAND)[1]:
+            ax.text(cell[1], cell[0], "H", ha="center", va="center")
+    ax.set_title("the four moves from each cell (×: hovers instead)\nH: may land")
+
+
+def _sign(city, cell, action):
+    """The sign of the cell that an action leads to; empty outside of the grid."""
+    row, col = np.add(cell, MOVES[action])
+    inside = min(row, col) >= 0 and max(row, col) < city.size
+    return SIGNS[city.kinds[row, col]] if inside else ""
+
+
+def _safe_step_cases():
+    questions = {
+        "North is one row up (row − 1), east one column to the right (col + 1); the actions are "
+        "numbered north, east, south, west, hover, land. Nothing is in the way there, so the "
+        "controller does not intervene. Rows and columns go from 0 to M − 1.": lambda *case: True,
+        "The building in the target cell is low and may be flown over: only city.no_fly says where "
+        "the UAV may not go, city.buildings is about the radio link.": lambda *case: (
+            _sign(*case) == "b"
+        ),
+        "The target is a no-fly zone or a tall building, one that is in city.no_fly: the UAV "
+        "hovers instead, in its cell, and the controller intervenes.": lambda *case: (
+            _sign(*case) in "NB"
+        ),
+        "That leaves the grid: the UAV hovers instead, in its cell, and the controller intervenes. "
+        "(To numpy, row or column −1 is the last one: no error warns you.)": (
+            lambda *case: not _sign(*case)
+        ),
+        "Hovering stays in the cell and is always allowed: the controller does not intervene.": (
+            lambda city, cell, action: action == HOVER
+        ),
+        "A UAV that lands stays in its cell; in the zone the controller does not intervene.": (
+            lambda city, cell, action: action == LAND
+        ),
+        "That cell is not in the landing zone, so landing is not allowed: the UAV hovers instead, "
+        "in its cell, and the controller intervenes.": (
+            lambda city, cell, action: action == LAND and not city.landing[cell]
+        ),
+    }
+    cells = ((city, cell) for city in TOWNS for cell in np.argwhere(~city.no_fly).tolist())
+    return by_rule(
+        questions, ((city, tuple(cell), action) for city, cell in cells for action in range(6))
+    )
+
+
+def _cell_and_flag(value) -> np.ndarray:
+    try:
+        cell, flag = value
+        return np.append(pair(cell), truth(flag))
+    except Exception:
+        raise Unreadable(
+            "give back the cell and whether the controller intervened, True or False: `return "
+            "(row, col), intervened`. (If you wrote ~, write `not`: in Python ~True is −2.)"
+        ) from None
+
+
+@solution(
+    "3.4 · The safety controller (3 points, 20 minutes)",
+    "Four kinds of actions: hovering is always allowed, landing is a matter of one layer, and "
+    "a move needs two questions about its target, in the right order.",
+    "Work out the target's row and column. Ask first whether they are in the grid, from 0 to "
+    "M − 1, and only then what city.no_fly says of them. Twice no: the UAV stays in its old "
+    "cell, and that counts as an intervention.",
+    figure=_draw_safe_step,
+    rules=_safe_step_cases,
+    mistakes={
+        "You look up city.no_fly[col, row]. The row comes first: city.no_fly[row, col].": (
+            edit("no_fly[row, col]", "no_fly[col, row]")
+        ),
+        "You look up city.landing[col, row]. The row comes first: city.landing[row, col].": (
+            edit("landing[cell]", "landing[cell[::-1]]")
+        ),
+    },
+    read=_cell_and_flag,
+    shown=lambda array: (tuple(array[:2].astype(int).tolist()), bool(array[2])),
+    errors={"out of bounds": "You look up a cell that does not exist: ask for the grid first."},
+    again=False,
+)
+def safe_step(city, cell, action):
+    """`safe_step(city, cell, action)`: the next cell, and whether the controller intervened."""
     if action == HOVER:
         return cell, False
     if action == LAND:
@@ -396,137 +318,3 @@ def _safe_step(city, cell, action):
     if not inside or city.no_fly[row, col]:
         return cell, True
     return (row, col), False
-
-
-def _draw_safe_step(ax):
-    draw_city(ax, SMALL)
-    for cell in map(tuple, np.argwhere(~SMALL.no_fly).tolist()):
-        for action in range(4):
-            _, intervened = _safe_step(SMALL, cell, action)
-            row, col = np.add(cell, 0.3 * MOVES[action])
-            ax.plot(col, row, "x" if intervened else ".", color=RED if intervened else "k")
-        if not _safe_step(SMALL, cell, LAND)[1]:
-            ax.text(cell[1], cell[0], "H", ha="center", va="center")
-    for marker, colour, label in ((".", "k", "flies"), ("x", RED, "hovers instead")):
-        ax.plot([], [], marker, color=colour, ls="", label=label)
-    ax.plot([], [], marker="$H$", color="k", ls="", label="may land")
-    ax.set_title("the four moves from each cell")
-    ax.legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
-
-
-def _kind(city, cell, action):
-    """What is special about this action in this cell."""
-    if action == HOVER:
-        return "hover"
-    if action == LAND:
-        return "land" if city.landing[cell] else "land outside"
-    row, col = np.add(cell, MOVES[action]).tolist()
-    if not (0 <= row < city.size and 0 <= col < city.size):
-        return "edge"
-    if city.no_fly[row, col]:
-        return "tall building" if city.buildings[row, col] else "no-fly zone"
-    return "low building" if city.buildings[row, col] else "move"
-
-
-KINDS = {
-    "move": "North is one row up (row − 1), east one column to the right (col + 1); the actions "
-    "are numbered north, east, south, west, hover, land. Nothing is in the way there, so the "
-    "controller does not intervene. Rows and columns go from 0 to M − 1.",
-    "hover": "Hovering stays in the cell and is always allowed: the controller does not intervene.",
-    "land": "A UAV that lands stays in its cell; in the zone the controller does not intervene.",
-    "land outside": "That cell is not in the landing zone, so landing is not allowed: the UAV "
-    "hovers instead, in its cell, and the controller intervenes.",
-    "edge": "That leaves the grid: the UAV hovers instead, in its cell, and the controller "
-    "intervenes. (To numpy, row or column −1 is the last one: no error warns you.)",
-    "no-fly zone": "The target is a no-fly zone: the UAV hovers instead, in its cell, and the "
-    "controller intervenes.",
-    "tall building": "The target is a tall building, one that is in city.no_fly: the UAV hovers "
-    "instead, in its cell, and the controller intervenes.",
-    "low building": "The building in the target cell is low and may be flown over: only "
-    "city.no_fly says where the UAV may not go, city.buildings is about the radio link.",
-}
-
-
-def _safe_step_cases():
-    cities = PLAIN, SMALL, LARGE, Town.from_text("two", "L .\n. N"), Town.load("village")
-    cases = {text: [] for text in KINDS.values()}
-    for city in cities:
-        for cell in _inner_first(city, np.argwhere(~city.no_fly).tolist()):
-            for action in range(6):
-                cases[KINDS[_kind(city, cell, action)]].append((city, cell, action))
-    return cases
-
-
-def _cell_and_flag(value) -> np.ndarray:
-    try:
-        cell, flag = value
-        cell = pair(cell)
-    except Exception:
-        raise Unreadable(
-            "give back the cell and whether the controller intervened, `return (row, col), "
-            "intervened`."
-        ) from None
-    try:
-        return np.append(cell, truth(flag))
-    except Unreadable:
-        raise Unreadable(
-            "whether the controller intervened must be True or False. If you wrote ~, write `not`: "
-            "in Python ~True is −2 and ~False is −1, and both count as True."
-        ) from None
-
-
-def _renumbered(*actions):
-    return edit("MOVES[action]", f"MOVES[{actions}[action]]")
-
-
-SAFE_STEP = Table(
-    _safe_step,
-    _safe_step_cases,
-    mistakes={
-        "You look up city.no_fly[col, row]. The row comes first: city.no_fly[row, col].": (
-            edit("no_fly[row, col]", "no_fly[col, row]")
-        ),
-        "You look up city.landing[col, row]. The row comes first: city.landing[row, col].": (
-            edit("landing[cell]", "landing[cell[::-1]]")
-        ),
-        "The UAV must not come back on the opposite side: off the grid it hovers instead.": (
-            edit("if not inside or", "row, col = row % city.size, col % city.size\n    if")
-        ),
-        "Limiting row and column to the grid keeps the UAV in its cell, but hides that the "
-        "controller intervenes there: say True.": edit("cell, True", "cell, inside"),
-        "Low buildings may be flown over: only city.no_fly says where the UAV may not go.": (
-            edit("city.no_fly", "(city.no_fly | city.buildings)"),
-            edit("city.no_fly", "city.buildings"),
-        ),
-        "Landing is not always allowed: outside the landing zone the controller intervenes.": (
-            edit("not city.landing[cell]", "False")
-        ),
-        "You never say that the controller intervenes in a move.": edit("True", "False"),
-        "North and south are the wrong way round: north is row − 1.": _renumbered(2, 1, 0, 3, 4, 5),
-        "East and west are the wrong way round: east is col + 1.": _renumbered(0, 3, 2, 1, 4, 5),
-    },
-    read=_cell_and_flag,
-    shown=lambda array: (tuple(array[:2].astype(int).tolist()), bool(array[2])),
-    errors={"out of bounds": "You look up a cell that does not exist: ask for the grid first."},
-    again=False,
-)
-
-
-@exercise(
-    "3.4 · The safety controller (3 points, 20 minutes)",
-    "Four kinds of actions: hovering is always allowed, landing is a matter of one layer, and "
-    "a move needs two questions about its target, in the right order.",
-    "Work out the target's row and column. Ask first whether they are in the grid, from 0 to "
-    "M − 1, and only then what city.no_fly says of them. Twice no: the UAV stays in its old "
-    "cell, and that counts as an intervention.",
-    figure=_draw_safe_step,
-    table=SAFE_STEP,
-)
-def safe_step(answer) -> None:
-    """`safe_step(city, cell, action)`: the next cell, and whether the controller intervened."""
-
-
-def _inner_first(city, cells):
-    """Cells as tuples, from the middle to the border: there more may be special."""
-    middle = (city.size - 1) / 2
-    return sorted(map(tuple, cells), key=lambda cell: max(abs(k - middle) for k in cell))

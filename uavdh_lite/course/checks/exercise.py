@@ -23,7 +23,17 @@ from uavdh_lite.course.checks.trial import (
 from uavdh_lite.course.checks.values import close, show
 from uavdh_lite.plotting import png
 
-__all__ = ["EXERCISES", "CheckFailed", "Exercise", "close", "exercise", "expect", "guarded", "show"]
+__all__ = [
+    "EXERCISES",
+    "CheckFailed",
+    "Exercise",
+    "close",
+    "exercise",
+    "expect",
+    "guarded",
+    "show",
+    "solution",
+]
 
 EXERCISES: dict[str, "Exercise"] = {}
 """All exercises by the name of their check, in the order of the notebooks."""
@@ -144,5 +154,24 @@ def exercise(heading: str, *hints: str, figure: Callable[[Axes], Any], **options
         functools.update_wrapper(made, check, updated=())
         EXERCISES[check.__name__] = made
         return made
+
+    return register
+
+
+def solution(heading: str, *hints: str, figure: Callable, seconds: float | None = None, **options):
+    """Make an exercise of its solution: an answer must give the same as this function.
+
+    Arguments:
+        figure: the third hint, drawn on an Axes with the solution.
+        options: `rules`, `mistakes` and others of `Table`.
+    """
+
+    def register(solved: Callable) -> Exercise:
+        @functools.wraps(solved)
+        def check(answer) -> None:
+            """All is in the table."""
+
+        table, drawn = Table(solved, **options), functools.partial(figure, solved=solved)
+        return exercise(heading, *hints, figure=drawn, table=table, seconds=seconds)(check)
 
     return register

@@ -6,19 +6,71 @@ from dataclasses import fields, replace
 import numpy as np
 import torch
 
-from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
-from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.exercise import exercise, expect, solution
+from uavdh_lite.course.checks.table import by_rule, edit
+from uavdh_lite.course.checks.trial import expect_none, first_true
 from uavdh_lite.course.checks.values import number, one_of
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments.runs import keep_freed_memory
-from uavdh_lite.plotting import BLUE, GREEN, ORANGE, VERMILION
 from uavdh_lite.recipe import SMALL, Recipe
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream
 from uavdh_lite.training import Trainer
 
 
-def _n_step(rewards, terminals, values, n, discount):
+def _draw_n_step(ax, solved):
+    steps, rewards, values = range(1, 13), np.full(10, -0.1), np.full(11, 5.0)
+    rewards[5] = 3
+    for end, label in ((10, "under way throughout"), (7, "the 8th step is terminal")):
+        targets = [solved(rewards, np.arange(10) == end, values, n, 0.95) for n in steps]
+        ax.plot(steps, targets, "o-", label=label, alpha=0.7)
+    ax.set(xlabel="n, steps", ylabel="n-step return, data units")
+    ax.set_title("10 steps stored, the 6th earns 3, the others −0.1;\nγ = 0.95, all values 5")
+
+
+def _stored(length, ends, n, discount):
+    """Rewards, terminals and values of a stored sequence, and the other two arguments."""
+    generator = stream(Use.EXERCISE, 10 * length + len(ends))
+    rewards, values = generator.normal(1, 1, length), generator.normal(8, 3, length + 1)
+    kind, digits = (int, 0) if length == 3 else (float, 2)
+    rewards, values = (array.round(digits).astype(kind) for array in (rewards, values))
+    return rewards, np.isin(np.arange(length), ends), values, n, discount
+
+
+@solution(
+    "6.1 · The n-step return (2 points, 15 minutes)",
+    "Write it down for n = 1 and n = 2, then for n = 2 with the first step terminal. After m "
+    "rewards, with which power of γ and of which state does the value come?",
+    "Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor "
+    "by γ, and return if terminals[k]. After m = min(n, T) steps add factor · values[m].",
+    figure=_draw_n_step,
+    rules={
+        "With n = 1 it is rewards[0], and then γ times values[1], the value of the next state.": [
+            *((3, (), 1, 0.5), (2, (), 1, 0.9), (2, (), 1, 1.0), (2, (), 1, 0.0)),
+        ],
+        "Reward k counts γ^k times. After m rewards γ^m values[m] comes, of state m.": [
+            *((3, (), 2, 0.5), (3, (), 2, 1), (6, (), 2, 0.9), (6, (), 3, 0.8), (6, (), 5, 0.3)),
+        ],
+        "A terminal step among the m ends the sum with its own reward, and no value is added.": [
+            *((6, (2, 4), 3, 0.8), (6, (2, 4), 4, 0.95), (6, (2, 4), 5, 1.0)),
+            *((5, (0,), 1, 0.7), (5, (0,), 3, 0.95), (4, (0, 1, 2, 3), 2, 0.6)),
+        ],
+        "A terminal step after the first m belongs to the future: the value of state m counts.": [
+            *((6, (2, 4), 1, 0.8), (6, (2, 4), 2, 0.8), (6, (5,), 4, 0.9), (6, (5,), 5, 0.9)),
+        ],
+        "Where fewer than n steps are stored, m = T: sum those, then add γ^T values[T].": [
+            *((6, (), 7, 0.9), (1, (), 3, 0.4), (3, (), 3, 0.5), (3, (), 1000, 0.5)),
+        ],
+        "Where fewer than n steps are stored, a terminal step still ends the sum.": [
+            *((6, (2, 4), 9, 0.8), (4, (3,), 5, 0.9), (1, (0,), 2, 0.9)),
+        ],
+    },
+    read=number,
+    errors={"IndexError": "There are T rewards and T + 1 values."},
+    made=_stored,
+)
+def n_step_return(rewards, terminals, values, n, discount):
+    """`n_step(rewards, terminals, values, n, discount)`: the target of the first state."""
     m, total = min(n, len(rewards)), 0.0
     for k in range(m):
         total += discount**k * rewards[k]
@@ -27,130 +79,7 @@ def _n_step(rewards, terminals, values, n, discount):
     return total + discount**m * values[m]
 
 
-def _stored(length: int, ends: tuple[int, ...], seed: int) -> tuple:
-    """Rewards, terminals and values of a stored sequence."""
-    generator = stream(Use.EXERCISE, seed)
-    terminals = np.isin(np.arange(length), ends)
-    rewards, values = generator.normal(1, 1, length), generator.normal(8, 3, length + 1)
-    return rewards.round(2), terminals, values.round(2)
-
-
-def _draw_n_step(ax):
-    steps = np.arange(1, 13)
-    rewards, values = np.array([-0.1] * 5 + [3.0] + [-0.1] * 4), np.full(11, 5.0)
-    for ends, label in (((), "under way throughout"), ((7,), "the 8th step is terminal")):
-        terminals = np.isin(np.arange(10), ends)
-        targets = [_n_step(rewards, terminals, values, n, 0.95) for n in steps]
-        ax.plot(steps, targets, "o-", label=label, alpha=0.7)
-    ax.set(xlabel="n, steps", ylabel="n-step return, data units")
-    ax.set_title("10 steps stored, the 6th earns 3, the others −0.1;\nγ = 0.95, all values 5")
-
-
-def _n_step_cases():
-    def case(rewards, ends, n, discount, seed=0):
-        length = len(rewards) if np.ndim(rewards) else rewards
-        drawn, terminals, values = _stored(length, ends, seed)
-        return np.array(rewards) if np.ndim(rewards) else drawn, terminals, values, n, discount
-
-    whole = np.array([1, 2, 4]), np.zeros(3, bool), np.array([8, 16, 32, 64])
-    return {
-        "With n = 1 it is rewards[0], and then γ times values[1], the value of the next state.": [
-            *(case(3, (), 1, discount, seed) for seed, discount in enumerate((0.9, 0.5, 1.0, 0.0)))
-        ],
-        "Reward k counts γ^k times. After m rewards γ^m values[m] comes, of state m.": [
-            *(case(6, (), n, d, n) for n, d in ((2, 0.9), (3, 0.8), (4, 0.99), (5, 0.3))),
-            *((*whole, n, d) for n, d in ((2, 0.5), (2, 1.0), (2, 1))),
-        ],
-        "A terminal step among the m ends the sum with its own reward, and no value is added.": [
-            *(case(6, (2, 4), n, d, 7) for n, d in ((3, 0.8), (4, 0.95), (5, 1.0))),
-            *(case(5, (0,), n, d, 8) for n, d in ((1, 0.7), (3, 0.95))),
-            *(case(4, (0, 1, 2, 3), n, 0.6, 9) for n in (2, 4)),
-        ],
-        "A terminal step after the first m belongs to the future: the value of state m counts.": [
-            *(case(6, (2, 4), n, 0.8, 7) for n in (1, 2)),
-            *(case(6, (5,), n, 0.9, 10) for n in (4, 5)),
-        ],
-        "Where fewer than n steps are stored, m = T: sum those, then add γ^T values[T].": [
-            *(case(6, (), n, 0.9, 1) for n in (6, 7, 20)),
-            *(case(1, (), n, 0.4, 2) for n in (1, 3)),
-            *((*whole, n, 0.5) for n in (3, 1000)),
-        ],
-        "Where fewer than n steps are stored, a terminal step still ends the sum.": [
-            *((*_stored(6, (2, 4), 7), 9, 0.8), (*_stored(4, (3,), 4), 4, 0.9)),
-            *((*_stored(3, (2,), 5), 8, 0.75), (*_stored(1, (0,), 6), 2, 0.9)),
-        ],
-    }
-
-
-VALUE = "discount**m * values[m]"
-N_STEP = Table(
-    _n_step,
-    _n_step_cases,
-    mistakes={
-        "You look for a terminal step in the whole memory, but only a terminal among the m steps "
-        "matters: before it comes, the value counts.": edit(
-            VALUE, f"{VALUE} * (not any(terminals))"
-        ),
-        "You ask only whether the last of the m steps is terminal. If an earlier one is, the sum "
-        "has stopped there, and no value is added either.": (
-            edit("return total\n", "break\n", VALUE, f"{VALUE} * (not terminals[m - 1])"),
-            edit(
-                *("return total\n", "break\n"),
-                *(VALUE, "discount ** (k + 1) * values[m] * (not terminals[m - 1])"),
-            ),
-        ),
-        "The power of γ before the value is one too low: after m rewards, the last one with "
-        "γ^(m−1), the value comes with γ^m.": edit("discount**m", "discount ** (m - 1)"),
-        "The power of γ before the value is one too high: it is that of the number of rewards, "
-        "γ^m.": edit("discount**m", "discount ** (m + 1)"),
-        "You take the value of the state before the last step. After m rewards the UAV is in "
-        "state m, values[m].": edit("values[m]", "values[m - 1]"),
-        "A value is added after a terminal step. The episode is over there: nothing follows.": (
-            edit("return total\n", "return total + discount ** (k + 1) * values[k + 1]\n")
-        ),
-        "The sum goes on after a terminal step, into the next episode. It must stop there, "
-        "without a value.": edit("if terminals[k]", "if False"),
-        "The reward of the terminal step is lost. It was earned: add it, then stop.": (
-            edit("* rewards[k]", "* rewards[k] * (not terminals[k])")
-        ),
-        "The rewards are not discounted: reward k counts γ^k times.": edit("discount**k *", ""),
-        "The powers of γ are one too high: rewards[0] counts in full.": (
-            edit("discount**k", "discount ** (k + 1)")
-        ),
-        "You take the last value that is stored. After n rewards the UAV is in state n, "
-        "values[n].": edit("values[m]", "values[-1]"),
-        "n has no effect: that is the return over one step.": edit("min(n, len(rewards))", "1"),
-        "The value at the end is missing: what comes later counts too.": edit(VALUE, "0"),
-        "The value at the end is not discounted: it comes with γ^m.": edit(VALUE, "values[m]"),
-        "Where fewer than n steps are stored, the power of γ is that of the steps that there "
-        "are, not n.": edit("discount**m", "discount**n"),
-        "Where fewer than n steps are stored, no value is added. Add that of the last state "
-        "stored, values[T].": edit(VALUE, f"{VALUE} * (n <= len(rewards))"),
-    },
-    read=number,
-    errors={"IndexError": "There are T rewards and T + 1 values."},
-)
-
-
-@exercise(
-    "6.1 · The n-step return (2 points, 15 minutes)",
-    "Write it down for n = 1 and n = 2, then for n = 2 with the first step terminal. After m "
-    "rewards, with which power of γ and of which state does the value come?",
-    "Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor "
-    "by γ, and return if terminals[k]. After m = min(n, T) steps add factor · values[m].",
-    figure=_draw_n_step,
-    table=N_STEP,
-)
-def n_step_return(answer) -> None:
-    """`n_step(rewards, terminals, values, n, discount)`: the target of the first state."""
-
-
 NAMES = ("lazy", "crashes", "good", "wanders")
-
-
-def _diagnose(landed, collection_ratio, time_used):
-    lazy, crashes, good = time_used < 0.25, landed < 0.9, collection_ratio >= 0.8
-    return "lazy" if lazy else "crashes" if crashes else "good" if good else "wanders"
 
 
 # Of data/runs/deviations-manhattan, by variant, seed and thousand steps: landed, collected, time
@@ -167,93 +96,53 @@ RUNS = {
 }
 
 
-def _draw_diagnosis(ax):
-    colours = dict(zip(NAMES, (ORANGE, VERMILION, GREEN, BLUE), strict=True))
-    for name, colour in colours.items():
-        own = [row for row in RUNS.values() if _diagnose(*row) == name]
-        landed, collected, used = np.transpose(own)
-        ax.plot(used, collected, "o", color=colour, label=name)
-        for x, y, share in zip(used, collected, landed, strict=True):
-            ax.annotate(f"{share:.0%}", (x, y), (6, 3), textcoords="offset points", fontsize=8)
-    ax.set(xlabel="flying time used, share", xlim=(-0.03, 1.03))
-    ax.set(ylabel="collection ratio", ylim=(-0.05, 1.05))
-    ax.set_title("nine validations; the number is the share that landed", fontsize="medium")
-    ax.legend(loc="upper left", fontsize="small")
-
-
-DEFINITIONS = {
-    "lazy": "An agent that uses less than 25 % of the flying time is lazy, whatever else it does.",
-    "crashes": "Of those that use 25 % of their time or more, one crashes if fewer than 90 % land.",
-    "good": "Of those that are neither lazy nor crash, one is good if it collects at least 80 %.",
-    "wanders": "What is neither lazy nor crashes, and collects less than 80 %, wanders.",
-}
+def _draw_diagnosis(ax, solved):
+    for landed, collected, used in RUNS.values():
+        name = solved(landed, collected, used)
+        ax.plot(used, collected, "o", color=f"C{NAMES.index(name)}")
+        ax.annotate(f"{name}, {landed:.0%}", (used, collected), fontsize="small")
+    ax.set(xlabel="flying time used, share", xlim=(-0.03, 1.2), ylabel="collection ratio")
+    ax.set_title("nine validations, with the share that landed")
 
 
 def _diagnosis_cases():
     """The recorded runs, and all that is at a limit, a little off it, or far from it."""
-    near = [
-        (0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1)
-        for limit in (0.9, 0.8, 0.25)  # of landed, collection_ratio, time_used
-    ]
-    grid = [*RUNS.values(), *itertools.product(*near)]
-    return {
-        text: [case for case in grid if _diagnose(*case) == name]
-        for name, text in DEFINITIONS.items()
+    limits = (0.9, 0.8, 0.25)  # of landed, collection_ratio, time_used
+    near = [(0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1) for limit in limits]
+    questions = {
+        "What is neither lazy nor crashes, and collects less than 80 % (0.8), wanders.": (
+            lambda *shares: True
+        ),
+        "Of those that are neither lazy nor crash, one is good if it collects at least 80 %.": (
+            lambda landed, collected, used: collected >= 0.8
+        ),
+        "Of those that use 25 % of their time or more, one crashes if fewer than 90 % land, "
+        "whatever it collects.": lambda landed, collected, used: landed < 0.9,
+        "An agent that uses less than 25 % of the flying time is lazy, whatever else it does.": (
+            lambda landed, collected, used: used < 0.25
+        ),
     }
+    return by_rule(questions, [*RUNS.values(), *itertools.product(*near)])
 
 
-def _asked(*names):
-    """A mistake: these are asked for in this order."""
-    right, wrong = (
-        " else ".join(f'"{name}" if {name}' for name in order)
-        for order in (("lazy", "crashes", "good"), names)
-    )
-    return edit(right, wrong)
-
-
-DIAGNOSIS = Table(
-    _diagnose,
-    _diagnosis_cases,
-    mistakes={
-        "Exactly 90 % landed is enough: *fewer* is a crash.": edit("landed <", "landed <="),
-        "Exactly 80 % collected is good: *at least* 80 %.": edit(">=", ">"),
-        "Exactly 25 % of the time is not lazy: *less* than 25 % is.": (
-            edit("time_used <", "time_used <=")
-        ),
-        "You ask for the landings first: an agent that hardly flies is lazy, also if it crashes "
-        "now and then.": _asked("crashes", "lazy", "good"),
-        "An agent that collects much but crashes is not good: what it collects does not come "
-        "home. Look at `landed` before you look at what it collects.": (
-            _asked("lazy", "good", "crashes")
-        ),
-        "You ask first for what it collects.": _asked("good", "lazy", "crashes"),
-        "You ask for the time last: it comes first, an agent that uses little of it is lazy, "
-        "however much it lands or collects.": _asked("crashes", "good", "lazy"),
-        "The collection ratio alone is asked for, not its product with the share that landed.": (
-            edit("collection_ratio >=", "landed * collection_ratio >=")
-        ),
-        "Lazy and wandering are confused.": edit(
-            '"lazy"', '"x"', '"wanders"', '"lazy"', '"x"', '"wanders"'
-        ),
-        "The numbers are shares between 0 and 1, not percentages: 90 % is 0.9.": (
-            edit("0.25", "25", "0.9", "90", "0.8", "80")
-        ),
-    },
-    read=one_of(*NAMES),
-)
-
-
-@exercise(
+@solution(
     "6.2 · What is wrong with this agent? (1 point, 5 minutes)",
     "The four terms are defined one after the other, each among those that are left. So which "
     "number must be looked at first?",
     "First `if time_used < 0.25`, then `if landed < 0.9`, then collection_ratio: from 0.8 on "
     'it is "good", else it "wanders".',
     figure=_draw_diagnosis,
-    table=DIAGNOSIS,
+    rules=_diagnosis_cases,
+    mistakes={
+        "Exactly 90 % landed is enough: *fewer* is a crash.": edit("landed <", "landed <="),
+        "Exactly 25 % of the time is not lazy: *less* than 25 % is.": edit("used <", "used <="),
+    },
+    read=one_of(*NAMES),
 )
-def diagnosis(answer) -> None:
+def diagnosis(landed, collection_ratio, time_used):
     """`diagnose(landed, collection_ratio, time_used)`: one of `NAMES`."""
+    lazy, crashes, good = time_used < 0.25, landed < 0.9, collection_ratio >= 0.8
+    return "lazy" if lazy else "crashes" if crashes else "good" if good else "wanders"
 
 
 LAZY = replace(
@@ -280,6 +169,33 @@ MENDED = replace(
     huber_delta=10.0,
     temperature=1.0,
 )
+
+
+RECIPE = {  # what is said of a recipe, and when
+    f"{{steps:,}} steps: at most {MOST_STEPS:,} may be.": lambda of: of.steps > MOST_STEPS,
+    f"crash_reward_end is {{crash_reward_end:g}}, but a crash must cost {-LEAST_PENALTY:g} at "
+    f"least at the end: {LEAST_PENALTY:g} or lower. (crash_reward, at the start, is free.)": (
+        lambda of: of.crash_reward_end > LEAST_PENALTY
+    ),
+    "crash_reward is {crash_reward:g}: a crash is rewarded at the start. At most 0.": (
+        lambda of: of.crash_reward > 0
+    ),
+    "That is the lazy recipe, unchanged: its agent lands at once and collects nothing.": (
+        lambda of: {**vars(of), "name": "lazy"} == vars(LAZY)
+    ),
+}
+CAUSES = {  # what is said of a recipe whose agent collects too little, and when
+    "Its reward for a crash is {crash_reward:g} from the very start, far more than there is to "
+    "collect: begin with a small price and let it grow.": lambda of: of.crash_reward < -20,
+    "Its reward for a crash is {crash_reward_end:g} at the end (crash_reward_end), and that "
+    f"drowns all else: {LEAST_PENALTY:g} is enough.": (
+        lambda of: of.crash_reward_end < 1.5 * LEAST_PENALTY
+    ),
+    "Let the price of a crash grow sooner (crash_reward_growth), or the temperature fall lower, so "
+    "that it learns to come home.": lambda of: of.landed < 0.9,
+    "It sees too little of what there is to collect, or its price of a crash grows too fast: let "
+    "it explore more at first, and use all the steps.": lambda of: True,
+}
 
 
 def _draw_schedules(ax):
@@ -317,60 +233,20 @@ def mended_recipe(answer) -> None:
             f"{field.name} is {given}, but must stay {kept}: start from replace(lazy, …). Only "
             f"these may be changed: {', '.join(MAY_CHANGE)}.",
         )
-    expect(answer.steps <= MOST_STEPS, f"{answer.steps:,} steps: at most {MOST_STEPS:,} may be.")
-    expect(
-        answer.crash_reward_end <= LEAST_PENALTY,
-        f"crash_reward_end is {answer.crash_reward_end:g}, but a crash must cost {-LEAST_PENALTY:g}"
-        f" at least at the end: {LEAST_PENALTY:g} or lower. (crash_reward, at "
-        "the start, is free.)",
-    )
-    expect(
-        answer.crash_reward <= 0,
-        f"crash_reward is {answer.crash_reward:g}: a crash is rewarded at the start. At most 0.",
-    )
-    expect(
-        replace(answer, name=LAZY.name) != LAZY,
-        "That is the lazy recipe, unchanged: its agent lands at once and collects nothing.",
-    )
+    expect_none(RECIPE, **vars(answer))
     metrics = _train(answer)
-    landed, collected, used, score = (
-        metrics[name]
-        for name in ("has_landed", "collection_ratio", "time_used", "collection_ratio_and_landed")
+    names = "has_landed", "collection_ratio", "time_used", "collection_ratio_and_landed"
+    landed, collected, used, score = (metrics[name] for name in names)
+    said = (
+        f"Landed {landed:.0%}, collected {collected:.0%}, flying time used {used:.0%}; collected "
+        f"and landed {score:.0%}"
     )
-    print(
-        f"Landed {landed:.0%}, collected {collected:.0%}, flying time used {used:.0%}; "
-        f"collected and landed {score:.0%}."
-    )
-    if score >= LEAST_SCORE:
-        return
-    symptom = f"it lands, but collects only {collected:.0%}."
-    cause = (
-        "It sees too little of what there is to collect, or its price of a crash grows too fast: "
-        "let it explore more at first, and use all the steps."
-    )
-    if landed < 0.9:
-        symptom = f"it lands in only {landed:.0%} of the missions."
-        cause = (
-            "Let the price of a crash grow sooner (crash_reward_growth), or the temperature fall "
-            "lower, so that it learns to come home."
-        )
-    elif used < 0.25:
-        symptom = f"it is still lazy, and uses {used:.0%} of its time."
-    if answer.crash_reward < -20:
-        cause = (
-            f"A crash costs {-answer.crash_reward:g} from the very start, far more than there is "
-            "to collect: begin with a small price and let it grow."
-        )
-    elif answer.crash_reward_end < 1.5 * LEAST_PENALTY:
-        cause = (
-            f"Its crash costs {-answer.crash_reward_end:g} at the end (crash_reward_end), and that "
-            f"drowns all else: {-LEAST_PENALTY:g} are enough."
-        )
-    if answer.steps < 0.8 * MOST_STEPS:
-        cause += f" And it trains for {answer.steps:,} steps only; {MOST_STEPS:,} may be."
-    raise CheckFailed(
-        f"Collected and landed is {score:.0%}, and {LEAST_SCORE:.0%} are asked for: {symptom} "
-        f"{cause}"
+    print(f"{said}.")
+    cause = first_true(CAUSES, landed=landed, **vars(answer))
+    expect(
+        score >= LEAST_SCORE,
+        f"{said}, and {LEAST_SCORE:.0%} are asked for, after {answer.steps:,} of {MOST_STEPS:,} "
+        f"steps. {cause}",
     )
 
 

@@ -10,6 +10,8 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +33,19 @@ def expect(holds, message: str) -> None:
     """Raise `CheckFailed` with the message unless it holds."""
     if not holds:
         raise CheckFailed(message)
+
+
+def first_true(sentences: dict[str, Callable[[Any], Any]], **facts) -> str:
+    """The first sentence whose question is true of the facts, with them filled in; else ""."""
+    of = SimpleNamespace(**facts)
+    true = (text for text, question in sentences.items() if question(of))
+    return next(true, "").format(**facts)
+
+
+def expect_none(sentences: dict[str, Callable[[Any], Any]], **facts) -> None:
+    """Raise `CheckFailed` with the first sentence that is true of the facts, if any is."""
+    said = first_true(sentences, **facts)
+    expect(not said, said)
 
 
 class Stopped(SystemExit):
