@@ -296,7 +296,7 @@ MISTAKES = {
         (PopsTheFirst, r"pop\(0\) does"),
         (OneForAll, "each of them on its own"),
         (Plain, "newest item is in every sample"),
-        (NewestAtTheEnd, "ring is full and begins again"),
+        (NewestAtTheEnd, "in the place of the oldest"),
         (NextPlace, "to be overwritten next"),
         (Unfilled, "only from those that are filled"),
         (UpToTheCapacity, "only from the places that are filled"),

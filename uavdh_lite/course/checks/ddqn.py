@@ -60,7 +60,8 @@ TOP = "q_values.amax(1, True)"
         "No exponent may be above 0, since exp(1000 / 0.1) is infinite: it overflows, and infinity "
         "over infinity is nan. Subtract the state's largest Q-value first; that changes no "
         "probability.": [_rows(0.125, NEAR), _rows(0.125, NEAR[::-1])],
-        "All Q-values of a state may be far below 0: every exp(Q/β) is 0, and 0/0 is nan.": [
+        "All Q-values of a state may be far below 0. Then every exp(Q/β) is 0, and 0/0 is nan; and "
+        "what is added to a number of ten thousand is rounded. Subtract the maximum first.": [
             *(_rows(0.125, -NEAR), _rows(0.1, [-1000.0] * 6)),
         ],
         "Within a row the best action may be far above the others, whichever it is: subtract the "
@@ -128,8 +129,8 @@ def _draws(ring: type, capacity: int, added: int, size: int, count: int = 1, see
             not strange,
             f"{_call(capacity, added, size)} gives back {show(strange[:1])}, which is none of the "
             "tuples added to this ring. Draw places (generator.integers), only from those that are "
-            "filled, and take the items from there: generator.choice makes arrays of them. And "
-            "each ring has its own items.",
+            "filled, and take the items themselves from there, no copies: generator.choice makes "
+            "arrays of them. And each ring has its own items.",
         )
     return [[numbers[id(item)] for item in sample] for sample in samples]
 
@@ -149,8 +150,8 @@ RING = Table(
         "The newest item is in every sample, so that a sample of 1 is the newest alone.": [
             *((5, added, 1) for added in range(1, 5)),
         ],
-        "When the ring is full and begins again, the newest item is no longer at the end: its "
-        "place is the one before that to be overwritten next.": [
+        "When the ring is full, each new item still goes in, in the place of the oldest. So the "
+        "newest is no longer at the end: it is one place before that to be overwritten next.": [
             *((5, added, 1) for added in range(5, 17)),
             *((1, added, 1) for added in range(1, 4)),
         ],
@@ -401,7 +402,9 @@ UPDATE = Table(
     _moved,
     {
         "Each target weight becomes 1 − τ of itself plus τ of the online weight: it goes only the "
-        "share τ of the way.": [(0.25, (2,)), (0.5, (2,)), (0.9, (2,)), (0.005, (2,))],
+        "share τ of the way. All tensors of the lists take part.": [
+            *((0.25, (2, 2), (2,)), (0.5, (2,)), (0.9, (2,)), (0.005, (2,))),
+        ],
         "With τ = 0 nothing changes, with τ = 1 the target weights become the online ones.": [
             *((0.0, (2,)), (1.0, (2,)), (0, (2,)), (1, (2,))),
         ],
@@ -432,7 +435,13 @@ def soft_update_in_place(answer) -> None:
     def asked(*case):
         tensors, online = ([torch.tensor(array) for array in arrays] for arrays in case[:2])
         rate = case[2]
-        update(list(tensors), list(online), rate)
+        lists = list(tensors), list(online)
+        update(*lists, rate)
+        expect(
+            [len(one) for one in lists] == [len(tensors), len(online)],
+            "Your function takes tensors out of a list, or puts some in. The lists stay as they "
+            "are: only the target tensors' values change.",
+        )
         expect(
             _equal(online, case[1]),
             "The online weights have changed. They only give: the target follows them.",

@@ -239,7 +239,7 @@ def mended_recipe(answer) -> None:
     landed, collected, used, score = (metrics[name] for name in names)
     said = (
         f"Landed {landed:.0%}, collected {collected:.0%}, flying time used {used:.0%}; collected "
-        f"and landed {score:.0%}"
+        f"and landed {score:.1%}"
     )
     print(f"{said}.")
     cause = first_true(CAUSES, landed=landed, **vars(answer))
