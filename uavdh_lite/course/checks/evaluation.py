@@ -321,8 +321,8 @@ def policy(answer) -> None:
             ),
             (
                 not len(unknown),
-                f"There is no action {', '.join(map(show, unknown[:1]))}: they are 0 to {len(ACTIONS) - 1}, "
-                f"{', '.join(ACTIONS)}.",
+                f"There is no action {', '.join(map(show, unknown[:1]))}: they are 0 to "
+                f"{len(ACTIONS) - 1}, {', '.join(ACTIONS)}.",
             ),
             (
                 time.process_time() - began < SECONDS,
