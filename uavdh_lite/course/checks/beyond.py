@@ -5,7 +5,7 @@ import numpy as np
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.exercise import exercise
 from uavdh_lite.course.checks.table import Table, edit
-from uavdh_lite.course.checks.values import number, numbers, truths, whole
+from uavdh_lite.course.checks.values import number, truths, whole
 from uavdh_lite.environment import LAND, Environment
 from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.streams import Use, stream
@@ -22,24 +22,26 @@ def _situations() -> dict[str, list[tuple]]:
     """Distance, moves, cells and times of small cities, one of them with cells cut off."""
     cut_off = City.from_text("cut off", "L . . B .\n. . . B .\n. B . B B\n. . . . .\n. . . . L")
     generator = stream(Use.EXERCISE, 12)
-    cases: list[list[tuple]] = []
-    for city in (cut_off, City.load("village")):
-        environment = Environment(city)
-        distance = city.landing_distance.ravel()
+
+    def drawn(city, counts):
+        moves, distance = Environment(city).next_cell, city.landing_distance.ravel()
         cells = np.flatnonzero(~city.no_fly.ravel())
-        cases.append([])
-        for count in (1, 6, 40):
-            cell = generator.choice(cells, count)
-            spare = generator.integers(-2, 3, count)
-            time_left = (np.maximum(distance[cell], 0) + 1 + spare).clip(1)
-            cases[-1].append((distance, environment.next_cell, cell, time_left))
         much = np.full(len(cells), 10**6)  # no number stands for "no way home"
-        cases[-1].append((distance, environment.next_cell, cells, much))
+        cases = [(distance, moves, cells, much)]
+        for count in counts:
+            cell = generator.choice(cells, count)
+            spare = generator.integers(-1, 4, count)
+            cases.append((distance, moves, cell, np.maximum(distance[cell] + spare, 1)))
+        return cases
+
     rule = (
         "An action fits if the units for itself, for the way home after it and for the landing are "
-        "at most time_left; to land at once, in the zone, always fits."
+        "at most time_left; to land at once always fits, but in the zone only."
     )
-    return {f"{rule} (Here some cells have no way home.)": cases[0], rule: cases[1]}
+    return {
+        f"{rule} (Some cells here have no way home, distance −1.)": drawn(cut_off, (1, 6, 40)),
+        rule: drawn(City.load("village"), (1, 6, 40)),
+    }
 
 
 def _draw_failsafe(ax):
@@ -55,21 +57,16 @@ def _draw_failsafe(ax):
     ax.set(title="village, five units of time left", xlabel="column", ylabel="row")
 
 
-AT_HOME = ("fits[:, LAND] |= distance[cell] == 0", "")
 FROM_HERE = ("home[next_cell[cell]]", "0 * next_cell[cell] + home[cell][:, None]")
 MASK = Table(
     _fits,
     _situations,
     {
-        "A unit of time is missing: action and landing take one each.": edit("+ 1 <=", "<="),
-        "You forget the units for action and landing.": edit("+ 1 <=", "<=", "] - 1", "]"),
-        "Time that is just enough is enough: <=, not <.": edit("<=", "<"),
-        "A distance of −1 means that there is no way.": edit("np.inf", "-1"),
-        "Landing in the landing zone ends the flight: it fits with any time.": edit(*AT_HOME),
-        "Landing fits in the landing zone only. Elsewhere it is refused, and costs a unit of time "
-        "like hovering.": edit("|= distance[cell] == 0", "= True"),
+        "A unit of time is missing: action and landing take one each.": (
+            *(edit("+ 1 <=", "<="), edit("] - 1", "]"), edit("+ 1 <=", "<=", "] - 1", "]")),
+        ),
         "Ask for the distance from the cell that the action leads to, not from the cell where the "
-        "UAV is.": (edit(*FROM_HERE), edit(*FROM_HERE, *AT_HOME)),
+        "UAV is.": edit(*FROM_HERE),
     },
     read=truths,
 )
@@ -108,20 +105,21 @@ def _distributions() -> dict[str, list[tuple]]:
         return np.zeros(1), np.array([error]), kappa
 
     return {
-        "Up to kappa, whatever kappa is, Huber's loss is u²/2. The level of a single quantile is "
-        "1/2.": ([one(error, kappa) for error, kappa in ((0.25, 1.0), (-0.9, 1.0), (1.5, 3.0))]),
-        "Beyond kappa Huber's loss is kappa · (|u| − kappa/2), whatever kappa is.": (
-            [one(error, kappa) for error, kappa in ((2.0, 1.0), (-3.0, 0.5), (9.0, 3.0))]
-        ),
+        "Up to kappa, whatever kappa is, Huber's loss is u²/2. The levels are the middles of N "
+        "equal parts, (i − 1/2)/N, so that of a single quantile is 1/2.": [
+            *(one(0.25, 1.0), one(-0.9, 1.0), one(1.5, 3.0)),
+        ],
+        "Beyond kappa Huber's loss is kappa · (|u| − kappa/2), whatever kappa is.": [
+            *(one(2.0, 1.0), one(-3.0, 0.5), one(9.0, 3.0)),
+        ],
         "With one quantile its level is 1/2, and the loss is the mean over the samples.": (
             drawn(1, 1) + drawn(1, 5)
         ),
-        "The weight is τ where u = y − θ is not below 0, and 1 − τ where it is.": [
-            (np.array([0.0, 4.0]), np.array([y]), 1.0) for y in (0.5, 3.5, 6.0, -2.0)
+        "The weight is τ where u = y − θ is not below 0, and 1 − τ where it is. Each quantile has "
+        "the mean over all samples; these means are added up.": [
+            *((np.array([0.0, 4.0]), np.array([y]), 1.0) for y in (0.5, 3.5, 6.0, -2.0)),
+            *(drawn(2, 3) + drawn(4, 4) + drawn(32, 1) + drawn(8, 50)),
         ],
-        "Each quantile has the mean over all samples; these means are added up.": (
-            drawn(2, 3) + drawn(4, 4) + drawn(32, 1) + drawn(8, 50)
-        ),
     }
 
 
@@ -137,40 +135,12 @@ def _draw_quantile_loss(ax):
     ax.set(xlabel="the only sample y", ylabel="loss, κ = 1")
 
 
-HUBER, BEYOND = "np.where(abs(u) <= kappa, u**2 / 2, ", "kappa * (abs(u) - kappa / 2)"
 LOSS = Table(
     _quantile_loss,
     _distributions,
     {
-        "The levels are the middles of N equal parts, (i − 1/2)/N: yours are their left ends, "
-        "which begin at 0.": edit(" + 0.5", ""),
-        "The levels are the middles of N equal parts, (i − 1/2)/N: yours are their right ends, "
-        "which end at 1.": edit(" + 0.5", " + 1"),
         "The error is u = y − θ: yours has the other sign, so that weights for too high and too "
         "low are swapped.": edit("u < 0", "u > 0"),
-        "The weight is |τ − 1| where u < 0, not τ everywhere: without it nothing makes the "
-        "quantiles differ.": edit("- (u < 0)", ""),
-        "Within kappa the loss is u²/2: the half is missing.": edit("u**2 / 2", "u**2"),
-        "That is the pinball loss: within kappa it is u²/2.": edit(f"{HUBER}{BEYOND})", "abs(u)"),
-        "You square all errors: beyond kappa it is kappa · (|u| − kappa/2).": (
-            edit(BEYOND, "u**2 / 2")
-        ),
-        "In kappa · (|u| − kappa/2) the factor kappa in front is missing.": edit("kappa * (", "("),
-        "In kappa · (|u| − kappa/2) the factor kappa multiplies the whole bracket.": edit(
-            BEYOND, "kappa * abs(u) - kappa / 2"
-        ),
-        "In kappa · (|u| − kappa/2) half of kappa is taken from |u|.": (
-            *(edit("- kappa / 2", ""), edit("kappa / 2", "kappa")),
-        ),
-        "You take 1 for kappa, whatever it is.": (
-            *(edit("<= kappa", "<= 1", BEYOND, "abs(u) - 1 / 2"), edit("<= kappa", "<= 1")),
-        ),
-        "You divide by kappa, which this loss does not.": (edit("* huber", "* huber / kappa")),
-        "You average over the quantiles as well: their losses are added up.": edit("sum", "mean"),
-        "You add up the samples as well: take the mean over them.": edit("mean", "sum"),
-        "Average over the samples and add up the quantiles, not vice versa.": (
-            edit("mean(1)", "mean(0)")
-        ),
     },
     read=number,
 )
@@ -209,14 +179,11 @@ def _minibatches() -> dict[str, list[tuple]]:
         return cases
 
     return {
-        "The gap is the largest Q-value of the row minus that of the action taken.": (
-            drawn(1, 0.0, 2.0) + drawn(3, 0.0, 2.0)
-        ),
-        "Only actions that are allowed count for the maximum, whatever the Q-values' signs.": (
-            drawn(1, -20.0, 0.6)
-            + drawn(6, -20.0, 0.6)
-            + drawn(8, 10.0, 0.6)
-            + drawn(6, -1e6, 0.6)  # no number is small enough for what is not allowed
+        "The target is y − alpha · gap. The gap is the largest Q-value of the row minus that of "
+        "the action taken.": drawn(1, 0.0, 2.0) + drawn(3, 0.0, 2.0),
+        "Only actions that are allowed count for the maximum, whatever the Q-values' signs: no "
+        "number is small enough for the others, take −inf.": (
+            drawn(1, -20.0, 0.6) + drawn(6, -20.0, 0.6) + drawn(8, 10.0, 0.6) + drawn(6, -1e6, 0.6)
         ),
     }
 
@@ -237,28 +204,11 @@ TARGET = Table(
     _advantage_target,
     _minibatches,
     {
-        "The best action is sought among all, also those that are not allowed: a Q-value that is "
-        "never learned must not count.": edit("np.where(allowed, q_values, -np.inf)", "q_values"),
-        "You set Q-values that are not allowed to 0. If all others are below 0, that is the "
-        "largest: take −inf.": edit("-np.inf", "0"),
-        "The maximum is over the actions of each state, axis=1.": edit("max(1)", "max()"),
-        "The sign is wrong: the gap is taken away from the target, so that worse actions get "
-        "worse.": edit("y - alpha", "y + alpha"),
-        "You take the whole gap away: only the share alpha of it.": edit("alpha * ", ""),
         "Dividing by 1 − alpha is what comes out in the end, at rest. The target of one update "
         "takes alpha times the gap.": edit(
             "alpha * (best - taken)", "(best - taken) / (1 - alpha)"
         ),
-        "You take alpha times the best Q-value: take the gap to it.": (
-            edit("(best - taken)", "best")
-        ),
-        "You take alpha times the taken action's Q-value: take its gap to the best.": edit(
-            "(best - taken)", "taken"
-        ),
-        "You compare with y instead of the Q-value of the action taken.": edit("- taken", "- y"),
-        "The targets y are missing: the rest is taken from them.": edit("y - alpha", "alpha"),
     },
-    read=numbers,
 )
 
 
@@ -285,17 +235,15 @@ def _longest_way(data, discount, cost):
 def _detours() -> dict[str, list[tuple]]:
     """So little data that even without a discount for it the search comes to an end."""
     return {
-        "Without a discount, γ = 1, it pays as long as data > 2 · way · cost.": (
-            [(5.0, 1.0, 0.11), (20.0, 1.0, 0.23), (6.0, 1.0, 1.0)]
-        ),
-        "It pays if data · γ^(way − 1) is more than the sum of cost · γ^t, t < 2 · way.": [
-            (1.5, 0.95, 0.11),
-            (4.0, 0.95, 0.23),
-            (3.0, 0.97, 0.11),
-            (7.0, 0.97, 0.23),
+        "Without a discount, γ = 1, it pays as long as data > 2 · way · cost: there and back, and "
+        "landing is free. The longest way that pays is the answer.": [
+            *((5.0, 1.0, 0.11), (20.0, 1.0, 0.23), (6.0, 1.0, 1.0)),
         ],
-        "If not even a way of 1 pays, the answer is 0.": [(0.05, 0.8, 0.11)],
-        "A way of 1 has two moves.": [(0.5, 0.8, 0.11)],
+        "It pays if data · γ^(way − 1) is more than the sum of cost · γ^t, t < 2 · way: the first "
+        "move is step 0, so the data comes in step way − 1.": [
+            *((1.5, 0.95, 0.11), (4.0, 0.95, 0.23), (7.0, 0.97, 0.23), (0.5, 0.8, 0.11)),
+        ],
+        "If not even a way of 1, two moves, pays, the answer is 0.": [(0.05, 0.8, 0.11)],
         "Search on for as long as it pays: no way is too long.": [(5.0, 1.0, 0.002)],
     }
 
@@ -308,24 +256,7 @@ def _draw_longest_way(ax):
     ax.set(xlabel="discount γ", ylabel="longest way that pays, moves")
 
 
-COSTS, GAIN = "(discount ** np.arange(2 * way)).sum()", "discount ** (way - 1) * data"
-WAY = Table(
-    _longest_way,
-    _detours,
-    {
-        "That is the shortest way that does not pay.": edit("return way - 1", "return way"),
-        "The way back is missing: it takes as many moves, and each costs.": edit("2 * way", "way"),
-        "The data comes in the last move of the way there, which is step way − 1 when the first "
-        "is step 0: γ^(way − 1), not γ^way.": edit("(way - 1)", "way"),
-        "The costs are discounted, too: that of step t counts γ^t.": edit(COSTS, "2 * way"),
-        "The data counts less the later it comes: γ^(way − 1).": edit(GAIN, "data"),
-        "Landing is free: only the 2 · way moves cost.": edit("2 * way", "2 * way + 1"),
-        "That is the number of moves there and back.": (
-            edit("return way - 1", "return 2 * (way - 1)")
-        ),
-    },
-    read=whole,
-)
+WAY = Table(_longest_way, _detours, read=whole)
 
 
 @exercise(
