@@ -101,7 +101,7 @@ MISTAKES = {
         (lambda *case: centred(*case, shift=1), r"in the middle of the map, at \(M − 1, M − 1\)"),
         (lambda *case: centred(*case, shift=-1), r"in the middle of the map, at \(M − 1, M − 1\)"),
         (lambda layers, uav, size: centred(layers, uav[::-1], size), "Rows and columns"),
-        (too_long, "m cells further, not M"),
+        (too_long, "m cells further, not M|a cell outside the city"),
         (as_numbers, "array of Booleans is expected"),
     ],
     "symmetric_q": [

@@ -141,7 +141,7 @@ MISTAKES = {
         (lambda theta, y, kappa: loss(theta, y, kappa, power=1), "loss is u²/2"),
         (lambda theta, y, kappa: loss(theta, y, kappa, sign=-1), "the other sign"),
         (lambda theta, y, kappa: loss(theta, y, kappa, over="all"), "these means are added up"),
-        (lambda theta, y, kappa: loss(theta, y, kappa, over="none"), "the mean over the samples"),
+        (lambda theta, y, kappa: loss(theta, y, kappa, over="none"), "the mean over all samples"),
         (lambda theta, y, kappa: loss(theta, y, np.inf), "Beyond kappa Huber's loss is"),
         (pinball, "Up to kappa, whatever kappa is"),
         (lambda theta, y, kappa: loss(theta, y, 1.0), "whatever kappa is"),

@@ -185,7 +185,7 @@ MISTAKES = {
             lambda s: different(s) / (len(s) ** 2 * (len(s) ** 2 - 1) / 2),
             "each asymmetric pair twice",
         ),
-        (lambda s: np.triu(square(s) != square(s).T).mean(), "half the share or less"),
+        (lambda s: np.triu(square(s) != square(s).T).mean(), "Divide by the number of all pairs"),
         (lambda s: (s != s.T).sum() / (len(s) ** 2 * (len(s) ** 2 - 1)), "reverses them all"),
         (lambda s: (s != s.T).mean(), "reverses them all"),
         (lambda s: square(s) != square(s).T, "one number is expected"),

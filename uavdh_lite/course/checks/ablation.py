@@ -63,10 +63,11 @@ def _draw_steps_to(ax):
     ax.plot(steps, values, ".-", color=KINDS["non_centred"])
     for threshold in (0.7, 0.8, 0.9):
         at = _steps_to(steps, values, threshold)
+        said = "never" if at is None else f"{at:,.0f}"
         ax.axhline(threshold, color="grey", linewidth=0.6)
-        if at is not None:
-            ax.text(at, 0.03, f" {at:,.0f}", rotation=90, fontsize=8)
-            ax.plot([at, at], [0, threshold], "k:")
+        text = f"{threshold} from {said} on"
+        ax.text(steps[-1], threshold, text, ha="right", va="top", fontsize=8)
+        ax.plot(at, threshold, "ko")
     ax.set(xlabel="environment steps", ylabel="collected and landed, greedy", ylim=(0, 1))
     ax.set_title("the first recorded non-centred run, three thresholds")
 
@@ -80,7 +81,6 @@ def _steps_to_cases():
 
     rises = [0.1, 0.35, 0.6, 0.75, 0.5, 0.8, 0.9, 0.85]
     drawn = [generator.uniform(0.4, 1, n).round(1) for n in (2, 3, 4, 5, 8, 8, 8, 13) * 2]
-    apart = [np.cumsum(generator.integers(1, 9_000, len(values))) - 1 for values in drawn]
     return {
         "From the result on all values are at least the threshold, and stay there; the one before "
         "it is below.": [
@@ -94,15 +94,17 @@ def _steps_to_cases():
         "(np.argmax of a condition that is nowhere true is 0, the first place.)": [
             *(case(rises, 0.95), case(rises, 0.88), case([0.5], 0.6), case([0.9, 0.8], 0.85)),
         ],
-        "A value that equals the threshold has reached it: only a smaller one is below.": [
-            *(case(rises, 0.85), case([0.2, 0.6, 0.6], 0.6), case([1, 0, 1, 1], 1)),
-        ],
-        "However little a value is below the threshold, it is below.": [
-            case([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7)
+        "A value that equals the threshold has reached it: only a smaller one, however little, is "
+        "below.": [
+            *(
+                case(rises, 0.85),
+                case([0.2, 0.6, 0.6], 0.6),
+                case([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7),
+            ),
         ],
         "It must hold for all curves and all distances between validations.": [
-            case(values, threshold, steps)
-            for values, steps in zip(drawn, apart, strict=True)
+            case(values, threshold, np.cumsum(generator.integers(1, 9_000, len(values))) - 1)
+            for values in drawn
             for threshold in (0.5, 0.6, 0.8)
         ],
     }
@@ -180,14 +182,12 @@ def _permutation_cases():
             *(case([1.0, 1.0, 6.0], [2.0, 8.0]), case([1, 2, 2], [2, 5]), case([3, 3], [3, 3])),
             *(case([0, 1, 1], [1, 0, 0]), case([5.0], [5.0, 5.0, 1.0])),
         ],
-        "Differences that are equal up to 1e-9 count as equal: sums of decimals are rounded.": [
+        "Differences that are equal up to 1e-9 count as equal: sums of decimals are rounded. "
+        "Others count as different, however small that is.": [
             *(case([0.5, 0.1], [0.4, 0.9, 0.2]), case([0.1, 0.7, 0.3], [0.2, 0.6, 0.4])),
             *drawn((3, 4), (4, 3), (2, 5), (3, 3), (4, 4), parts=100),
             *(case([0.9, 0.92, 0.94], [0.8, 0.82, 0.85]), case([1000.1, 1000.7], [1000.2, 1000.3])),
-        ],
-        "Differences that are further apart than 1e-9 count as different, however small.": [
-            case([1e-6, 2e-6, 4e-6], [0.0, 0.5e-6, 1e-6]),
-            case([0.5, 0.7, 0.900001], [0.5, 0.6, 0.9]),
+            *(case([1e-6, 2e-6, 4e-6], [0, 0.5e-6, 1e-6]), case([0.5, 0.900001], [0.5, 0.9])),
         ],
     }
 
@@ -238,43 +238,29 @@ def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool | float, str]]:
     """What is right in exercise 7.3, and why: of each statement, and the smallest p."""
     runs = curves(table)
     (yes, no), at = runs.values(), _at(table, 300_000)
-    gap = abs(yes[:, at].mean() - no[:, at].mean())
-    spread = max(one[:, at].std(ddof=1) for one in runs.values())
+    a, b = yes[:, at], no[:, at]
+    gap, spread = abs(a.mean() - b.mean()), max(a.std(ddof=1), b.std(ddof=1))
+    best, worst = no[:, -1].max(), yes[:, -1].min()
     fall = max(-np.diff(one, axis=1).min() for one in runs.values())
-    least = (1 + (len(yes) == len(no))) / comb(len(yes) + len(no), len(yes))
-    return {
-        "early": (
-            bool(yes[:, at].min() > no[:, at].max()),
-            f"Centred: {yes[:, at].min():.4g} or more; others: {no[:, at].max():.4g} or less.",
-        ),
-        "spread": (
-            bool(gap > spread),
-            f"The means differ by {gap:.4g}, the larger standard deviation is {spread:.4g}.",
-        ),
-        "swap": (
-            bool(no[:, -1].max() > yes[:, -1].min()),
-            f"At the end the best non-centred run has {no[:, -1].max():.4g}, the worst centred one "
-            f"{yes[:, -1].min():.4g}.",
-        ),
-        "steady": (bool(fall <= 0.05), f"The largest fall of a run is {fall:.4g}."),
-        "best": (
-            True,
-            "The largest of several values is never below the last. That is why reporting the best "
-            "validation flatters every run.",
-        ),
-        "equal": (
-            False,
-            "Not to find a difference is not to show that there is none: few seeds leave room for "
-            "a difference as large as the spread.",
-        ),
-        "missions": (
-            False,
-            "More missions measure these networks more exactly. How another training run would "
-            "come out is seen only in more runs.",
-        ),
-        "any_city": (False, "In another city it has to be tried: no number of runs here shows it."),
-        "smallest_p": (least, "It is the same whatever the values are."),
+    least = (1 + (len(a) == len(b))) / comb(len(a) + len(b), len(a))
+    reasons = {
+        "early": f"Centred: {a.min():.4g} or more; others: {b.max():.4g} or less.",
+        "spread": f"The means differ by {gap:.4g}, the larger standard deviation is {spread:.4g}.",
+        "swap": f"At the end the best non-centred run has {best:.4g}, the worst centred one "
+        f"{worst:.4g}.",
+        "steady": f"The largest fall of a run is {fall:.4g}.",
+        "best": "The largest of several values is never below the last. That is why reporting the "
+        "best validation flatters every run.",
+        "equal": "Not to find a difference is not to show that there is none: few seeds leave room "
+        "for a difference as large as the spread.",
+        "missions": "More missions measure these networks more exactly. How another training run "
+        "would come out is seen only in more runs.",
+        "any_city": "In another city it has to be tried: no number of runs here shows it.",
+        "smallest_p": "It is the same whatever the values are.",
     }
+    computed = a.min() > b.max(), gap > spread, best > worst, fall <= 0.05
+    right = *computed, True, False, False, False, least
+    return dict(zip(reasons, zip(right, reasons.values(), strict=True), strict=True))
 
 
 @exercise(

@@ -9,7 +9,7 @@ from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.course.checks.exercise import exercise
 from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import number, truths
-from uavdh_lite.plotting import BLUE, VERMILION
+from uavdh_lite.plotting import BLUE
 from uavdh_lite.streams import Use, stream
 
 NO_FLY = 1  # of the layers landing, no-fly, buildings
@@ -31,7 +31,7 @@ def _random_city(m=9, size=12):
     return layers, tuple(np.argwhere(city.landing)[0].tolist()), size
 
 
-def _small_cities() -> dict[str, list[tuple]]:
+def _small_cities():
     generator = stream(Use.EXERCISE, 15)
 
     def drawn(m, size, uav=None):
@@ -41,11 +41,10 @@ def _small_cities() -> dict[str, list[tuple]]:
     return {
         "The UAV's cell is in the middle of the map, at (M − 1, M − 1). Outside the city only "
         "no-fly, layers[1], is True.": [drawn(2, 2, (0, 1)), drawn(4, 4, (1, 3)), drawn(7, 7)],
-        "Every map has 2M − 1 cells on a side, whatever the size m of the city.": [
-            *(drawn(m, size) for m, size in ((2, 3), (2, 7), (3, 5), (3, 8), (5, 6), (6, 11)) * 2),
-        ],
-        "Inside the city the layers stay as they are; a city may be a single cell.": [
-            *(drawn(1, 2), (np.ones((3, 3, 3), bool), (1, 2), 5), _random_city()),
+        "Every map has 2M − 1 cells on a side, whatever the size m of the city; it may be a single "
+        "cell. Inside the city the layers stay as they are.": [
+            *(drawn(m, size) for m, size in ((1, 2), (2, 3), (2, 7), (3, 5), (5, 6), (6, 11)) * 2),
+            *((np.ones((3, 3, 3), bool), (1, 2), 5), _random_city()),
         ],
     }
 
@@ -126,25 +125,17 @@ def _weighted(one: np.ndarray) -> np.ndarray:
     return np.tanh(weights @ one.ravel())
 
 
+STEPS = ((-1, 0), (0, 1), (1, 0), (0, -1), (0, 0))
 SAME_FOR_ALL = Pilot("q_same_for_all_maps", lambda one: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-SEES_NORTH = Pilot("q_sees_north_only", lambda one: [_next_to(one, -1, 0), 0, 0, 0, 0, 0])
+SEES_NEXT = Pilot("q_sees_next_cell", lambda one: [*(_next_to(one, *s) for s in STEPS), one.mean()])
 SEES_NORTH_EAST = Pilot(
     "q_north_sees_north_east", lambda one: [_next_to(one, -1, 1), 0, 0, 0, _next_to(one, 0, 0), 0]
-)
-SEES_NEXT = Pilot(
-    "q_sees_next_cell",
-    lambda one: [
-        *(_next_to(one, *step) for step in ((-1, 0), (0, 1), (1, 0), (0, -1))),
-        _next_to(one, 0, 0),
-        one.mean(),
-    ],
 )
 NETWORK = Pilot("q_network", _weighted)
 
 TURNED = np.array([[0, 1, 2, 3, 4, 5], [3, 0, 1, 2, 4, 5], [2, 3, 0, 1, 4, 5], [1, 2, 3, 0, 4, 5]])
 """Which action each becomes in a map turned by np.rot90 so often."""
 MIRRORED = np.array([0, 3, 2, 1, 4, 5])
-OPPOSITE = np.array([2, 3, 0, 1, 4, 5])
 
 
 def _symmetric_q(q_of, layers):
@@ -156,34 +147,23 @@ def _symmetric_q(q_of, layers):
     return np.mean(rows, 0)
 
 
-def _maps() -> dict[str, list[tuple]]:
+def _maps():
     generator = stream(Use.EXERCISE, 16)
 
     def drawn(q_of, *shapes):
         return [(q_of, generator.normal(0, 1, (c, w, w)).round(2)) for c, w in shapes]
 
-    small = np.arange(1.0, 10.0).reshape(1, 3, 3)
     return {
         "Q-values that are the same for all maps, 1 to 6: each move becomes each of the four moves "
-        "twice, so all get the mean of these, 2.5. Hover and land stay.": [
-            (SAME_FOR_ALL, small),
-            *drawn(SAME_FOR_ALL, (2, 5)),
-        ],
+        "twice, so all get the mean of these, 2.5. Hover and land stay.": (
+            drawn(SAME_FOR_ALL, (1, 3), (2, 5))
+        ),
         "A network that treats all directions alike already gets its own Q-values back. (Here the "
-        "value of a move is that of the cell to which it leads.)": [
-            (SEES_NEXT, small),
-            *drawn(SEES_NEXT, (1, 5), (3, 7)),
-        ],
-        "If q_of[north] is the value of the cell north of the middle, and all else is 0, each move "
-        "gets a quarter of the cell to which it leads.": [
-            (SEES_NORTH, small),
-            *drawn(SEES_NORTH, (2, 3), (1, 7)),
-        ],
+        "value of a move is that of the cell to which it leads.)": drawn(SEES_NEXT, (1, 3), (3, 7)),
         "If q_of[north] is the value of the cell north-east of the middle, north gets a quarter of "
-        "the mean of the cells north-east and north-west of it. The other moves likewise.": [
-            (SEES_NORTH_EAST, small),
-            *drawn(SEES_NORTH_EAST, (2, 3), (1, 7)),
-        ],
+        "the mean of the cells north-east and north-west of it. The other moves likewise.": (
+            drawn(SEES_NORTH_EAST, (1, 3), (2, 3), (1, 7))
+        ),
         "Average the Q-values of all eight maps, each with its moves turned and mirrored back; any "
         "q_of, any number of layers.": drawn(NETWORK, (1, 3), (3, 3), (5, 5), (2, 9)),
     }
@@ -212,7 +192,7 @@ SYMMETRIC_Q = Table(
         "In some of the maps that are mirrored, the moves come back half a turn wrong in yours: "
         "where left and right change places, swap east and west; where top and bottom do, north "
         "and south; and undo the last step first.": (
-            *(edit(BACK, "TURNED[k][MIRRORED[OPPOSITE]]"), edit(BACK, "MIRRORED[TURNED[k]]")),
+            *(edit(BACK, "TURNED[k][MIRRORED[TURNED[2]]]"), edit(BACK, "MIRRORED[TURNED[k]]")),
         ),
         "There are eight maps, four turns of the map and four of its mirror image: yours are "
         "fewer.": tuple(edit(MEAN, f"np.mean(rows[{some}], 0)") for some in ("::2", ":2", ":1")),
@@ -246,7 +226,7 @@ def _usual(values, city):
     return 1.96 * np.std(values, ddof=1) / np.sqrt(len(values))
 
 
-def _evaluations() -> dict[str, list[tuple]]:
+def _evaluations():
     generator = stream(Use.EXERCISE, 18)
 
     def drawn(counts, names):
@@ -259,16 +239,12 @@ def _evaluations() -> dict[str, list[tuple]]:
         "Take the mean from the values, add up the rest in each city, and square these sums. "
         "C/(C − 1) times the sum of the squares is under the root; 1.96 / N is before it.": [
             (np.array([4.0, 6, 1, 1]), np.array([0, 0, 1, 1])),
-            *(drawn([3, 3, 3], [0, 1, 2]), drawn([4] * 6, list(range(6)))),
+            *(drawn([3, 3, 3], range(3)), drawn([4] * 6, range(6))),
         ],
         "Cities may have different numbers of missions. The mean is that of all N missions, not of "
         "the cities' means.": [drawn([1, 3], [0, 1]), drawn([5, 1, 2, 9], [0, 1, 2, 3])],
         "The cities' numbers are names: any ints, in any order. C is how many there are.": [
-            *(drawn([2, 3], [7, 4]), drawn([3, 1, 4, 2], [12, -5, 900, 0])),
-            drawn([2, 5, 1], [-1, -2, 10**6]),
-        ],
-        "With one mission in each city it is 1.96 · s/√N, the usual one.": [
-            *(drawn([1] * 2, [0, 1]), drawn([1] * 9, list(range(9)))),
+            *(drawn([2, 3], [7, 4]), drawn([2, 5, 1], [-1, -2, 10**6]), drawn([1] * 4, range(4))),
         ],
         "Whole numbers and Booleans are values, too, such as whether each UAV landed.": [
             (np.array([3, 4, 4, 9, 1]), np.array([1, 1, 0, 0, 2])),
@@ -278,17 +254,14 @@ def _evaluations() -> dict[str, list[tuple]]:
 
 
 def _draw_half_width(ax):
-    generator, missions = stream(Use.EXERCISE, 19), np.array([1, 2, 5, 10, 20, 50, 100])
-    cities = 100
-    shared, own = generator.normal(0, 1, cities), generator.normal(0, 2, (cities, missions[-1]))
-    widths = []
-    for count in missions.tolist():
-        values = (shared[:, None] + own[:, :count]).ravel()
-        city = np.repeat(np.arange(cities), count)
-        widths.append((_half_width(values, city), _usual(values, city)))
-    right, usual = np.array(widths).T
-    ax.loglog(missions, right, "o-", color=BLUE, label="cities drawn at random")
-    ax.loglog(missions, usual, "s--", color=VERMILION, label="as if missions were independent")
+    generator, missions = stream(Use.EXERCISE, 19), (1, 2, 5, 10, 20, 50, 100)
+    values = generator.normal(0, 1, (100, 1)) + generator.normal(0, 2, (100, missions[-1]))
+    for label, width, style in (
+        ("cities drawn at random", _half_width, "o-"),
+        ("as if missions were independent", _usual, "s--"),
+    ):
+        some = [(values[:, :count].ravel(), np.repeat(range(100), count)) for count in missions]
+        ax.loglog(missions, [width(*one) for one in some], style, label=label)
     ax.set(xlabel="missions in each of 100 cities", ylabel="half-width")
 
 

@@ -18,40 +18,36 @@ def _fits(distance, next_cell, cell, time_left):
     return fits
 
 
-def _situations() -> dict[str, list[tuple]]:
-    """Distance, moves, cells and times of small cities, one of them with cells cut off."""
+def _situations():
     cut_off = City.from_text("cut off", "L . . B .\n. . . B .\n. B . B B\n. . . . .\n. . . . L")
     generator = stream(Use.EXERCISE, 12)
 
-    def drawn(city, counts):
+    def drawn(city):
         moves, distance = Environment(city).next_cell, city.landing_distance.ravel()
         cells = np.flatnonzero(~city.no_fly.ravel())
-        much = np.full(len(cells), 10**6)  # no number stands for "no way home"
-        cases = [(distance, moves, cells, much)]
-        for count in counts:
+        cases = [(cells, np.full(len(cells), 10**6))]  # no number stands for "no way home"
+        for count in (1, 6, 40):
             cell = generator.choice(cells, count)
             spare = generator.integers(-1, 4, count)
-            cases.append((distance, moves, cell, np.maximum(distance[cell] + spare, 1)))
-        return cases
+            cases.append((cell, np.maximum(distance[cell] + spare, 1)))
+        return [(distance, moves, *case) for case in cases]
 
     rule = (
         "An action fits if the units for itself, for the way home after it and for the landing are "
         "at most time_left; to land at once always fits, but in the zone only."
     )
     return {
-        f"{rule} (Some cells here have no way home, distance −1.)": drawn(cut_off, (1, 6, 40)),
-        rule: drawn(City.load("village"), (1, 6, 40)),
+        f"{rule} (Some cells here have no way home, distance −1.)": drawn(cut_off),
+        rule: drawn(City.load("village")),
     }
 
 
 def _draw_failsafe(ax):
     city = City.load("village")
-    environment = Environment(city)
-    cells = np.flatnonzero(~city.no_fly.ravel())
-    distance = city.landing_distance.ravel()
-    fits = _fits(distance, environment.next_cell, cells, np.full(len(cells), 5))
+    cells, distance = np.flatnonzero(~city.no_fly.ravel()), city.landing_distance.ravel()
     counts = np.full(city.size**2, np.nan)
-    counts[cells] = fits.sum(1)
+    five = np.full(len(cells), 5)
+    counts[cells] = _fits(distance, Environment(city).next_cell, cells, five).sum(1)
     image = ax.imshow(counts.reshape(city.size, city.size), cmap="viridis")
     ax.figure.colorbar(image, label="actions that fit")
     ax.set(title="village, five units of time left", xlabel="column", ylabel="row")
@@ -92,7 +88,7 @@ def _quantile_loss(theta, y, kappa):
     return (abs(levels[:, None] - (u < 0)) * huber).mean(1).sum()
 
 
-def _distributions() -> dict[str, list[tuple]]:
+def _distributions():
     generator = stream(Use.EXERCISE, 13)
 
     def drawn(quantiles, samples):
@@ -101,24 +97,20 @@ def _distributions() -> dict[str, list[tuple]]:
             for kappa in (0.5, 1.0, 3.0)
         ]
 
-    def one(error, kappa):
-        return np.zeros(1), np.array([error]), kappa
-
     return {
         "Up to kappa, whatever kappa is, Huber's loss is u²/2. The levels are the middles of N "
         "equal parts, (i − 1/2)/N, so that of a single quantile is 1/2.": [
-            *(one(0.25, 1.0), one(-0.9, 1.0), one(1.5, 3.0)),
+            (np.zeros(1), np.array([u]), kappa)
+            for u, kappa in ((0.25, 1.0), (-0.9, 1.0), (1.5, 3.0))
         ],
         "Beyond kappa Huber's loss is kappa · (|u| − kappa/2), whatever kappa is.": [
-            *(one(2.0, 1.0), one(-3.0, 0.5), one(9.0, 3.0)),
+            (np.zeros(1), np.array([u]), kappa)
+            for u, kappa in ((2.0, 1.0), (-3.0, 0.5), (9.0, 3.0))
         ],
-        "With one quantile its level is 1/2, and the loss is the mean over the samples.": (
-            drawn(1, 1) + drawn(1, 5)
-        ),
         "The weight is τ where u = y − θ is not below 0, and 1 − τ where it is. Each quantile has "
         "the mean over all samples; these means are added up.": [
             *((np.array([0.0, 4.0]), np.array([y]), 1.0) for y in (0.5, 3.5, 6.0, -2.0)),
-            *(drawn(2, 3) + drawn(4, 4) + drawn(32, 1) + drawn(8, 50)),
+            *(drawn(1, 5) + drawn(2, 3) + drawn(4, 4) + drawn(32, 1) + drawn(8, 50)),
         ],
     }
 
@@ -165,17 +157,16 @@ def _advantage_target(y, q_values, allowed, action, alpha):
     return y - alpha * (best - taken)
 
 
-def _minibatches() -> dict[str, list[tuple]]:
+def _minibatches():
     generator = stream(Use.EXERCISE, 14)
 
     def drawn(count, shift, share):
         cases = []
         for alpha in (0.0, 0.3, 0.8):
-            q_values = generator.normal(shift, 3, (count, 6))
-            action = generator.integers(0, 6, count)
-            allowed = generator.random((count, 6)) < share
+            q_values, y = generator.normal(shift, 3, (count, 6)), generator.normal(shift, 3, count)
+            action, allowed = generator.integers(0, 6, count), generator.random((count, 6)) < share
             allowed[np.arange(count), action] = True
-            cases.append((generator.normal(shift, 3, count), q_values, allowed, action, alpha))
+            cases.append((y, q_values, allowed, action, alpha))
         return cases
 
     return {
@@ -189,13 +180,10 @@ def _minibatches() -> dict[str, list[tuple]]:
 
 
 def _draw_advantage_target(ax):
-    q_values = np.array([[2.0, 1.6, 1.9, 0.8, 1.7, 0.2]])
-    allowed, places = np.ones((1, 6), bool), np.arange(6)
+    q_values = np.tile([2.0, 1.6, 1.9, 0.8, 1.7, 0.2], (6, 1))
+    places = np.arange(6)
     for offset, alpha, colour in ((-0.2, 0.0, "0.7"), (0.2, 0.5, BLUE)):
-        targets = [
-            _advantage_target(q_values[:, k], q_values, allowed, np.array([k]), alpha)[0]
-            for k in places
-        ]
+        targets = _advantage_target(q_values[0], q_values, q_values > 0, places, alpha)
         ax.bar(places + offset, targets, 0.4, color=colour, label=f"α = {alpha}")
     ax.set(xlabel="action taken", ylabel="target, if y is the Q-value")
 
@@ -232,22 +220,6 @@ def _longest_way(data, discount, cost):
     return way - 1
 
 
-def _detours() -> dict[str, list[tuple]]:
-    """So little data that even without a discount for it the search comes to an end."""
-    return {
-        "Without a discount, γ = 1, it pays as long as data > 2 · way · cost: there and back, and "
-        "landing is free. The longest way that pays is the answer.": [
-            *((5.0, 1.0, 0.11), (20.0, 1.0, 0.23), (6.0, 1.0, 1.0)),
-        ],
-        "It pays if data · γ^(way − 1) is more than the sum of cost · γ^t, t < 2 · way: the first "
-        "move is step 0, so the data comes in step way − 1.": [
-            *((1.5, 0.95, 0.11), (4.0, 0.95, 0.23), (7.0, 0.97, 0.23), (0.5, 0.8, 0.11)),
-        ],
-        "If not even a way of 1, two moves, pays, the answer is 0.": [(0.05, 0.8, 0.11)],
-        "Search on for as long as it pays: no way is too long.": [(5.0, 1.0, 0.002)],
-    }
-
-
 def _draw_longest_way(ax):
     discounts = np.linspace(0.9, 0.99, 46)
     for data, colour in ((5.0, BLUE), (20.0, VERMILION)):
@@ -256,7 +228,22 @@ def _draw_longest_way(ax):
     ax.set(xlabel="discount γ", ylabel="longest way that pays, moves")
 
 
-WAY = Table(_longest_way, _detours, read=whole)
+WAY = Table(
+    _longest_way,
+    lambda: {
+        "Without a discount, γ = 1, it pays as long as data > 2 · way · cost: there and back, and "
+        "landing is free. The longest way that pays is the answer.": [
+            *((5.0, 1.0, 0.11), (20.0, 1.0, 0.23), (6.0, 1.0, 1.0)),
+        ],
+        "It pays if data · γ^(way − 1) is more than the sum of cost · γ^t, t < 2 · way: the first "
+        "move is step 0, so the data comes in step way − 1.": [
+            *((1.5, 0.95, 0.11), (4.0, 0.95, 0.23), (7.0, 0.97, 0.23), (0.5, 0.8, 0.11)),
+        ],
+        "If not even a way of 1, two moves, pays, the answer is 0. Else search on as long as it "
+        "pays: no way is too long.": [(0.05, 0.8, 0.11), (5.0, 1.0, 0.002)],
+    },
+    read=whole,
+)
 
 
 @exercise(

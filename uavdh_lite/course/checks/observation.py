@@ -1,7 +1,5 @@
 """Exercises of notebook 4, map centring."""
 
-import itertools
-
 import numpy as np
 
 from uavdh_lite.city import City
@@ -22,8 +20,7 @@ def _draw_city_cell(ax):
     for place in np.ndindex(2 * size - 1, 2 * size - 1):
         cell = _city_cell(place, uav, size)
         text = "–" if cell is None else "{},{}".format(*cell)
-        colour = "#AAAAAA" if cell is None else "black"
-        ax.text(place[1], place[0], text, ha="center", va="center", fontsize=7, color=colour)
+        ax.text(*place[::-1], text, ha="center", va="center", fontsize=7)
     ax.plot(size - 1, size - 1, "s", mfc="none", mec=BLUE, ms=17)
     ax.set(xlim=(-0.5, 8.5), ylim=(8.5, -0.5), aspect="equal", xticks=range(9), yticks=range(9))
     ax.set(xlabel="column of the map", ylabel="row of the map")
@@ -31,22 +28,20 @@ def _draw_city_cell(ax):
 
 
 def _city_cell_cases():
-    generator = stream(Use.EXERCISE, 4)
-
-    def drawn(size):
-        place, uav = generator.integers(0, 2 * size - 1, 2), generator.integers(0, size, 2)
-        return tuple(place.tolist()), tuple(uav.tolist()), size
-
-    cases = [drawn(size) for size in (2, 3, 4, 5, 7, 8, 16, 17) * 30]
+    cases = [
+        (place, uav, size)
+        for size in (2, 3)
+        for place in np.ndindex(2 * size - 1, 2 * size - 1)
+        for uav in np.ndindex(size, size)
+    ]
     inside = [case for case in cases if _city_cell(*case)]
-    edge = [case for case in inside if set(_city_cell(*case)) & {0, case[2] - 1}]
     return {
         "The UAV's cell is in the middle of the map, at (M − 1, M − 1).": [
             ((size - 1, size - 1), uav, size) for uav, size in (((3, 5), 8), ((2, 1), 4))
         ],
         "A place so many rows below the middle, and so many columns to its right, shows the cell "
-        "as far from the UAV's: count from (M − 1, M − 1).": [c for c in inside if c not in edge],
-        "Row 0 and column 0 are in the city, and so are row M − 1 and column M − 1.": edge,
+        "as far from the UAV's: count from (M − 1, M − 1). Row 0 and column 0 are in the city, and "
+        "so are row M − 1 and column M − 1.": inside,
         "A place whose row or column would be below 0, or M or more, is outside the city: None. "
         "(numpy would take a negative one.)": [case for case in cases if case not in inside],
     }
@@ -60,8 +55,7 @@ CITY_CELL = Table(
         "That is the other direction, from the city to the map: here the place in the map is given "
         "and the cell of the city is wanted.": edit(CELL, "p - u + size - 1"),
         "The shift goes the wrong way: east stays east.": edit(CELL, "u - p + size - 1"),
-        "You are off by one: the middle of a map with 2M − 1 cells a side is M − 1, counted from "
-        "0.": edit(CELL, "p + u - size"),
+        "You are off by one: the middle is M − 1, counted from 0.": edit(CELL, "p + u - size"),
         "Rows and columns change places in yours: place, uav and result are all (row, col).": (
             *(edit("(place, uav", "(place, uav[::-1]"), edit("(place, uav", "(place[::-1], uav")),
         ),
@@ -105,26 +99,20 @@ def _centre_cases():
         return generator.integers(1, 9, (size, size))
 
     return {
-        "The map has (2M − 1)×(2M − 1) cells, the UAV's in the middle, at (M − 1, M − 1).": [
-            (small, uav, 0.0) for uav in ((1, 1), (0, 2), (2, 0), (2, 1), (0, 1))
+        "The map has (2M − 1)×(2M − 1) cells, the UAV's in the middle, at (M − 1, M − 1); M may be "
+        "any number.": [
+            *((small, uav, 0.0) for uav in ((1, 1), (0, 2), (2, 0), (2, 1), (0, 1))),
+            *((whole(n), tuple(generator.integers(0, n, 2).tolist()), 0) for n in (1, 4, 5, 8, 9)),
         ],
         "Everywhere outside the city the map is `outside`, any number; zeros of the layer stay.": [
             *((small, (1, 0), outside) for outside in (1, 7.0)),
             (np.array([[0.0, 3], [0, 0]]), (1, 0), 4.0),
         ],
-        "A layer of fractions keeps them, also if `outside` is a whole number: np.full takes its "
-        "dtype from that number, unless you say float.": [
-            (generator.random((size, size)).round(3) * 9, uav, outside)
-            for size, uav, outside in ((2, (1, 1), 0), (6, (1, 4), 7))
-        ],
-        "Whole numbers and Booleans become floats, so that `outside` may be any number. Make a map "
-        "of floats: np.full(shape, outside, float), or layer.astype(float) first.": [
+        "Make a map of floats, np.full(shape, outside, float), or layer.astype(float) first: the "
+        "layer or `outside` may be a fraction, and the other a whole number or a Boolean.": [
+            *((generator.random((n, n)).round(3) * 9, (1, n - 2), n) for n in (2, 6)),
             *((whole(2), (0, 1), 0.5), (whole(5), (4, 1), 2)),
             *((generator.random((n, n)) < 0.5, (n - 1, 0), v) for n, v in ((2, 0.5), (3, 3))),
-        ],
-        "Rows and columns are not the same, in the layer and in uav; M may be any number.": [
-            (np.array([[7.0]]), (0, 0), 1.0),
-            *((whole(n), tuple(generator.integers(0, n, 2).tolist()), 0) for n in (4, 5, 8, 9)),
         ],
     }
 
@@ -143,10 +131,6 @@ CENTRE = Table(
         "The shift goes the wrong way: where the UAV is further north, the city lies further "
         "south.": (edit(CORNER, "-u"), edit(CORNER, "u - 2 * m + 2")),
         "Rows and columns are swapped: the UAV is at (row, col).": edit("in uav", "in uav[::-1]"),
-        "The city goes round at the border in yours: beyond its last row comes `outside`, not "
-        "its first row. (A negative index takes cells from the other end.)": (
-            edit("constant_values=outside", 'mode="wrap"')
-        ),
     },
     read=array_of_numbers,
     where=_place,
@@ -196,19 +180,11 @@ def _draw_weights(ax):
 
 
 def _weights_cases():
-    generator = stream(Use.EXERCISE, 1)
-
-    def drawn(convolutions, hidden):
-        ends = (2, 7), (14, 24), (7, 20), (2, 5)
-        layers, size, kernels, kernel_size = (int(generator.integers(*two)) for two in ends)
-        strides = tuple(generator.integers(1, 3, convolutions).tolist())
-        widths = tuple(generator.integers(8, 99, hidden).tolist())
-        return layers, size, kernels, kernel_size, strides, widths
-
     return {
-        "A kernel has a weight for each cell of its square and each layer that it sees, and a "
-        "bias; the list has the numbers of all kernels, and the flying time is one more. The "
-        "example of the exercise, counted by hand, has 113.": [
+        "A kernel has a weight for each cell of its square and each layer that it sees. The list "
+        "has the numbers of all kernels, and the flying time is one more; the output has 6 values. "
+        "Each kernel and each neuron, those of the output too, has a bias of its own. The example "
+        "of the exercise has 113.": [
             *((2, 2, 3, 2, (1,), (4,)), (1, 2, 1, 1, (1,), (1,)), (3, 3, 2, 3, (1,), (5,))),
             *((4, 2, 7, 2, (1,), (3, 2)), (5, 5, 2, 9, (1,), (4,)), (1, 1, 6, 1, (1,), (2,))),
         ],
@@ -217,35 +193,23 @@ def _weights_cases():
             *((2, 3, 4, 2, (stride,), (6,)) for stride in (2, 3, 4)),
             *((3, 12, 9, 3, (3,), (20,)), (2, 9, 3, 4, (6,), (8,))),
         ],
-        "A second convolution sees as many layers as the first has kernels, and so on.": [
-            *((4, 13, 8, 4, (3, 2), (64, 32)), (2, 9, 3, 2, (1, 1, 2), (5,))),
-        ],
-        "It must hold for any number of convolutions and hidden layers. The paper's network has "
-        "2,308,854.": [
-            (5, 16, 16, 5, (1, 1), (256, 256, 256)),
-            *(drawn(*lengths) for lengths in itertools.product((1, 2, 3), (1, 2, 4))),
+        "A second convolution sees as many layers as the first has kernels, and so on, for any "
+        "number of convolutions and hidden layers. The paper's network has 2,308,854.": [
+            *((5, 16, 16, 5, (1, 1), (256, 256, 256)), (4, 13, 8, 4, (3, 2), (64, 32))),
+            *(
+                (4, 16, 9, 3, strides, hidden)
+                for strides in ((1,), (2, 1), (1, 2, 2))
+                for hidden in ((9,), (30, 8), (8, 9, 10, 7))
+            ),
         ],
     }
 
 
-NEURONS, STEP = "neurons + neurons", "(side - kernel_size) // stride + 1"
-NO_KERNELS_BIAS, ONE_FOR_ALL_KERNELS = ("**2 + kernels", "**2"), ("**2 + kernels", "**2 + 1")
+STEP = "(side - kernel_size) // stride + 1"
 WEIGHTS = Table(
     _weights,
     _weights_cases,
     {
-        "Biases are missing in yours: each kernel and each neuron has one of its own, those of the "
-        "output, too.": (
-            *(
-                edit(*NO_KERNELS_BIAS),
-                edit(NEURONS, "neurons"),
-                edit("return total", "return total - 6"),
-            ),
-            edit(*NO_KERNELS_BIAS, NEURONS, "neurons"),
-            edit(*ONE_FOR_ALL_KERNELS, NEURONS, "neurons + 1"),
-        ),
-        "The output layer has one value for each of the 6 actions, hovering and landing too: yours "
-        "has fewer, or none.": (*(edit(", 6)", less) for less in (",)", ", 1)", ", 5)")),),
         "The map has 2M − 1 cells a side, neither M nor 2M.": (
             *(edit("2 * size - 1", "size"), edit("2 * size - 1", "2 * size")),
         ),

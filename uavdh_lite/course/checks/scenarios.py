@@ -17,16 +17,6 @@ from uavdh_lite.evaluation import Policy, evaluate
 from uavdh_lite.planners import Greedy
 from uavdh_lite.streams import Use, stream
 
-WALLED = """
-. . . . . . .
-. N N N N N .
-. N . . . N .
-. N . N . . .
-. N L N N N .
-. N . N . B .
-. N N N N B L
-"""
-
 
 def _city_cases():
     def town(name, text):
@@ -53,7 +43,7 @@ def _city_cases():
             town("wall", "L . N\n. N .\nN . .")
         ),
         "The way goes round all walls, whatever the city.": [
-            *(*town("walls", WALLED), *drawn, Town.load("manhattan"), Town.load("open_field")),
+            *(*drawn, Town.load("manhattan"), Town.load("open_field")),
         ],
     }
 
@@ -178,12 +168,12 @@ def defeat(answer) -> None:
         changed <= CHANGED,
         f"It differs from `home` in {changed} of its {size**2} cells; at most {CHANGED} may.",
     )
-    cut_off = np.argwhere(~city.no_fly & (city.landing_distance < 0))
-    for row, col in cut_off:
-        raise CheckFailed(
-            f"There is no way to the landing zone from {len(cut_off)} of the cells that the UAV "
-            f"may enter, the first at row {row}, column {col}: open one, or close them (N or B)."
-        )
+    cut_off = np.argwhere(~city.no_fly & (city.landing_distance < 0)).tolist()
+    expect(
+        not cut_off,
+        f"There is no way to the landing zone from {len(cut_off)} of the cells that the UAV may "
+        f"enter, as from {cut_off[0] if cut_off else None} (row, column): open one, or close them (N or B).",
+    )
     greedy, own = _fly(city, Greedy(Environment(city)))[CRAL], _fly(city, agent.over(city))
     expect(
         greedy >= GREEDY,
