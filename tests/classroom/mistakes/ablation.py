@@ -194,7 +194,7 @@ MISTAKES = {
         (lambda a, b: share(a, b, seen=lambda d: d), "absolute value of both"),
         (lambda a, b: share(a, b, split=lambda d: d), "absolute value of both"),
         (lambda a, b: 2 * one_sided(a, b), "double a one-sided share"),
-        (lambda a, b: min(2 * one_sided(a, b), 1), "double a one-sided share"),
+        (lambda a, b: min(2 * one_sided(a, b), 1), "in absolute value"),
         (lambda a, b: share(a, b, slack=0), "equal up to 1e-9"),
         (running_sums, "equal up to 1e-9"),
         (values_for_positions, "deal out positions"),

@@ -110,7 +110,7 @@ MISTAKES = {
         (NOWHERE, "put an L"),
         (painted(HOME, r4c4="X"), "no valid city of .*: row 4, column 4: 'X' is none of"),
         (painted(EMPTY, r0c0="L"), r"in \d+ of its 256 cells; at most 16"),
-        (ISLAND, r"from 1 of the cells .* from \[15, 0\]"),
+        (ISLAND, r"from 1 of the cells .* from \[\[15, 0\]\]"),
         (LONG, "The greedy planner's CRAL is"),
         ("L .\n. .", "has 2 rows and columns; it must have 16"),
         (City.load("manhattan"), "as one text"),

@@ -84,8 +84,7 @@ def _steps_to_cases():
     return {
         "From the result on all values are at least the threshold, and stay there; the one before "
         "it is below.": [
-            *(case(rises, threshold) for threshold in (0.6, 0.7, 0.84)),
-            case(rises, 0.7, (3, 10, 20, 21, 30, 44, 50, 90)),
+            *(case(rises, 0.7), case(rises, 0.84), case(rises, 0.6, range(3, 11))),
         ],
         "If no value is below the threshold, it is the first validation, even at 0 steps.": [
             *(case(rises, 0.05), case([0.5], 0.1, (7,)), case([0.3, 0.2, 0.9], 0, (0, 100, 200))),
@@ -96,11 +95,7 @@ def _steps_to_cases():
         ],
         "A value that equals the threshold has reached it: only a smaller one, however little, is "
         "below.": [
-            *(
-                case(rises, 0.85),
-                case([0.2, 0.6, 0.6], 0.6),
-                case([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7),
-            ),
+            *(case(rises, 0.85), case([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7)),
         ],
         "It must hold for all curves and all distances between validations.": [
             case(values, threshold, np.cumsum(generator.integers(1, 9_000, len(values))) - 1)
@@ -186,7 +181,6 @@ def _permutation_cases():
         "Others count as different, however small that is.": [
             *(case([0.5, 0.1], [0.4, 0.9, 0.2]), case([0.1, 0.7, 0.3], [0.2, 0.6, 0.4])),
             *drawn((3, 4), (4, 3), (2, 5), (3, 3), (4, 4), parts=100),
-            *(case([0.9, 0.92, 0.94], [0.8, 0.82, 0.85]), case([1000.1, 1000.7], [1000.2, 1000.3])),
             *(case([1e-6, 2e-6, 4e-6], [0, 0.5e-6, 1e-6]), case([0.5, 0.900001], [0.5, 0.9])),
         ],
     }
@@ -200,16 +194,10 @@ PERMUTATION = Table(
         "That is one-sided: the other direction counts too, so take the absolute value of both "
         "differences.": (
             *(edit(LARGE, ONE_SIDED), edit("abs(seen)", "seen")),
-            *(
-                edit("abs(differences)", "differences"),
-                edit(LARGE, "np.mean(-differences >= -seen"),
-            ),
+            *(edit("abs(differences)", "differences"), edit("abs(", "-1 * (")),
         ),
         "You double a one-sided share: count the splits whose absolute difference is at least as "
-        "large.": (
-            edit(LARGE, f"2 * {ONE_SIDED}"),
-            edit(LARGE, f"min(1, 2 * {ONE_SIDED}", "1e-9)", "1e-9))"),
-        ),
+        "large.": edit(LARGE, f"2 * {ONE_SIDED}"),
     },
     read=number,
 )

@@ -53,7 +53,6 @@ def _draw_failsafe(ax):
     ax.set(title="village, five units of time left", xlabel="column", ylabel="row")
 
 
-FROM_HERE = ("home[next_cell[cell]]", "0 * next_cell[cell] + home[cell][:, None]")
 MASK = Table(
     _fits,
     _situations,
@@ -62,7 +61,7 @@ MASK = Table(
             *(edit("+ 1 <=", "<="), edit("] - 1", "]"), edit("+ 1 <=", "<=", "] - 1", "]")),
         ),
         "Ask for the distance from the cell that the action leads to, not from the cell where the "
-        "UAV is.": edit(*FROM_HERE),
+        "UAV is.": edit("home[next_cell[cell]]", "0 * next_cell[cell] + home[cell][:, None]"),
     },
     read=truths,
 )

@@ -172,7 +172,7 @@ def defeat(answer) -> None:
     expect(
         not cut_off,
         f"There is no way to the landing zone from {len(cut_off)} of the cells that the UAV may "
-        f"enter, as from {cut_off[0] if cut_off else None} (row, column): open one, or close them (N or B).",
+        f"enter, as from {cut_off[:1]} (row, column): open one, or close them (N or B).",
     )
     greedy, own = _fly(city, Greedy(Environment(city)))[CRAL], _fly(city, agent.over(city))
     expect(
