@@ -122,7 +122,7 @@ MISTAKES = {
         (lambda *case: half_width(*case, power=1), "is under the root"),
         (lambda *case: half_width(*case, correct=False), r"C/\(C − 1\) times the sum"),
         (lambda *case: half_width(*case, per=1), "1.96 / N is before it"),
-        (lambda *case: 2 * half_width(*case), "whole width"),
+        (lambda *case: 2 * half_width(*case), "1.96 / N is before it"),
         (lambda *case: half_width(*case) / 1.96, "1.96 / N is before it"),
         (by_counting, "numbers are names"),
         (by_runs, "expected"),

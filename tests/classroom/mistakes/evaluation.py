@@ -182,7 +182,7 @@ MISTAKES = {
         (skipping(0.5), "ahead of greedy, but the interval holds 0"),
         (sometimes_idle, "behind greedy, but the interval holds 0"),
         (in_between, "whole numbers"),
-        (first_only, r"the shape \(\)"),
+        (first_only, r"one action for each .* the shape \(\)"),
         (counted_from_one, "no action 6"),
         (hidden_genie, "Genie is not allowed"),
         (hidden_agent, "Agent is not allowed"),

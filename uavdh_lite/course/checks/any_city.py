@@ -271,7 +271,6 @@ HALF_WIDTH = Table(
     {
         "That is the usual interval, as if all missions were independent: add up the differences "
         "of a city before you square them.": (_usual, edit("(sums**2).sum()", "(off**2).sum()")),
-        "That is the whole width: asked for is half of it.": edit("1.96", "3.92"),
     },
     read=number,
 )

@@ -117,11 +117,8 @@ def _distributions():
 def _draw_quantile_loss(ax):
     y = np.linspace(-4, 4, 161)
     for k, colour in ((0, BLUE), (4, VERMILION)):
-        losses = []
-        for value in y:
-            theta = np.full(5, value)
-            theta[k] = 0.0
-            losses.append(_quantile_loss(theta, np.array([value]), 1.0))
+        theta = [np.where(np.arange(5) == k, 0.0, value) for value in y]
+        losses = [_quantile_loss(*one, 1.0) for one in zip(theta, y[:, None], strict=True)]
         ax.plot(y, losses, color=colour, label=f"θ_{k + 1} = 0 of five, the others exact")
     ax.set(xlabel="the only sample y", ylabel="loss, κ = 1")
 

@@ -37,7 +37,7 @@ def _city_cell_cases():
     inside = [case for case in cases if _city_cell(*case)]
     return {
         "The UAV's cell is in the middle of the map, at (M − 1, M − 1).": [
-            ((size - 1, size - 1), uav, size) for uav, size in (((3, 5), 8), ((2, 1), 4))
+            *(((7, 7), (3, 5), 8), ((3, 3), (2, 1), 4)),
         ],
         "A place so many rows below the middle, and so many columns to its right, shows the cell "
         "as far from the UAV's: count from (M − 1, M − 1). Row 0 and column 0 are in the city, and "

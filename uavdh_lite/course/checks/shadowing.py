@@ -23,11 +23,9 @@ def _crosses(start, end, cell):
 def _draw_crosses(ax):
     start, end = (0, 0), (3, 5)
     crossed = [[_crosses(start, end, (row, col)) for col in range(7)] for row in range(5)]
-    ax.imshow(crossed, cmap="Blues", vmax=2.5)
-    ax.plot([start[1], end[1]], [start[0], end[0]], "o-", color="black")
-    ax.set_xticks(np.arange(6) + 0.5, minor=True)
-    ax.set_yticks(np.arange(4) + 0.5, minor=True)
-    ax.grid(which="minor")
+    ax.pcolormesh(crossed, cmap="Blues", vmax=2.5, edgecolors="grey")
+    ax.plot([start[1] + 0.5, end[1] + 0.5], [start[0] + 0.5, end[0] + 0.5], "ko-")
+    ax.set(aspect="equal", xticks=[], yticks=[], ylim=(5, 0))
     ax.set(xlabel="column", ylabel="row", title=f"True in the {np.sum(crossed)} blue cells")
 
 
@@ -69,9 +67,7 @@ def _crosses_cases():
         ],
         "A segment may cut off a tiny corner of a cell, or miss the cell by a hair. Points sampled "
         "along the ray step over it, and so does Bresenham's line: compare whole numbers.": [
-            ((0, 0), (size, size + 1), cell)
-            for size in (9, 100, 10**6)
-            for cell in ((0, 1), (1, 0))
+            ((0, 0), (m, m + 1), cell) for m in (9, 100, 10**6) for cell in ((0, 1), (1, 0))
         ],
     }
 
