@@ -35,16 +35,15 @@ def _crosses_cases():
     cases = [tuple(map(tuple, case)) for case in drawn]
     touching = [case for case in cases if touches(*case) and not _crosses(*case)]
     return {
-        "The segment begins and ends in the middle of a cell, so it crosses these two cells too. "
-        "Measure rows and columns from start.": [
-            ((2, 3), (4, 8), cell) for cell in ((2, 3), (4, 8), (2, 4))
+        "The segment begins and ends in the middle of a cell, so it crosses these two, too. If "
+        "both ends are the same point, it crosses that cell and no other. Measure rows and columns "
+        "from start.": [
+            *(((2, 3), (4, 8), (2, 3)), ((2, 3), (4, 8), (4, 8)), ((4, 6), (4, 6), (4, 6))),
+            *(((4, 6), (4, 6), (4, 7)), ((2, 3), (4, 8), (2, 4))),
         ],
         "Along a row or a column the segment runs through the middle of each cell between its "
         "ends, and through no other; no slope is needed, compare products.": [
             *(((3, 2), (3, 7), (3, 5)), ((3, 2), (3, 7), (4, 5)), ((6, 4), (1, 4), (3, 5))),
-        ],
-        "If both ends are the same point, it lies inside its cell and no other.": [
-            ((4, 6), (4, 6), cell) for cell in ((4, 6), (4, 7), (3, 6))
         ],
         "A cell that is on the line beyond an end of the segment is not crossed: only cells in the "
         "rectangle between the two ends can be.": [
