@@ -2,14 +2,13 @@
 
 from itertools import combinations
 from math import comb
-from numbers import Real
 from pathlib import Path
 
 import numpy as np
 
-from uavdh_lite.course.checks.exercise import close, exercise, expect, show
+from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, show
 from uavdh_lite.course.checks.table import Table, edit
-from uavdh_lite.course.checks.values import number, or_none
+from uavdh_lite.course.checks.values import Unreadable, number, or_none, truth
 from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.storage import data_folder, read_table
 from uavdh_lite.streams import Use, stream
@@ -64,17 +63,13 @@ def _draw_steps_to(ax):
     ax.plot(steps, values, ".-", color=KINDS["non_centred"])
     for threshold in (0.7, 0.8, 0.9):
         at = _steps_to(steps, values, threshold)
+        said = "never" if at is None else f"{at:,.0f}"
         ax.axhline(threshold, color="grey", linewidth=0.6)
-        if at is not None:
-            ax.plot([at, at], [0, threshold], "k:")
-            ax.text(at, 0.03, f" {at:,.0f}", rotation=90, fontsize=8)
+        text = f"{threshold} from {said} on"
+        ax.text(steps[-1], threshold, text, ha="right", va="top", fontsize=8)
+        ax.plot(at, threshold, "ko")
     ax.set(xlabel="environment steps", ylabel="collected and landed, greedy", ylim=(0, 1))
     ax.set_title("the first recorded non-centred run, three thresholds")
-
-
-def _first(steps, values, threshold):
-    reached = np.flatnonzero(values >= threshold)
-    return steps[reached[0]] if len(reached) else None
 
 
 def _steps_to_cases():
@@ -86,31 +81,25 @@ def _steps_to_cases():
 
     rises = [0.1, 0.35, 0.6, 0.75, 0.5, 0.8, 0.9, 0.85]
     drawn = [generator.uniform(0.4, 1, n).round(1) for n in (2, 3, 4, 5, 8, 8, 8, 13) * 2]
-    apart = [np.cumsum(generator.integers(1, 9_000, len(values))) - 1 for values in drawn]
     return {
-        "From the result on all values are at least the threshold; the one before it is below.": [
-            *(case(rises, threshold) for threshold in (0.6, 0.7, 0.84)),
-            case(rises, 0.7, (3, 10, 20, 21, 30, 44, 50, 90)),
-            case([-3, -1, -2, -1], -1.5, (0, 1, 2, 3)),
+        "From the result on all values are at least the threshold, and stay there; the one before "
+        "it is below.": [
+            *(case(rises, 0.7), case(rises, 0.84), case(rises, 0.6, range(3, 11))),
         ],
         "If no value is below the threshold, it is the first validation, even at 0 steps.": [
-            *(case(rises, 0.05), case([0.5, 0.4], 0.3), case([0.5], 0.1, (7,))),
-            case([0.3, 0.2, 0.9], 0, (0, 100, 200)),
+            *(case(rises, 0.05), case([0.5], 0.1, (7,)), case([0.3, 0.2, 0.9], 0, (0, 100, 200))),
         ],
         "If the last value is below the threshold, there is no such validation: return None. "
         "(np.argmax of a condition that is nowhere true is 0, the first place.)": [
             *(case(rises, 0.95), case(rises, 0.88), case([0.5], 0.6), case([0.9, 0.8], 0.85)),
         ],
-        "A value that equals the threshold has reached it: only a smaller one is below.": [
-            *(case(rises, 0.85), case([0.2, 0.6, 0.6], 0.6), case([1, 0, 1, 1], 1)),
-        ],
-        "However little a value is below the threshold, it is below.": [
-            case([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7),
-            case([0.9, 0.7 - 1e-9], 0.7),
+        "A value that equals the threshold has reached it: only a smaller one, however little, is "
+        "below.": [
+            *(case(rises, 0.85), case([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7)),
         ],
         "It must hold for all curves and all distances between validations.": [
-            case(values, threshold, steps)
-            for values, steps in zip(drawn, apart, strict=True)
+            case(values, threshold, np.cumsum(generator.integers(1, 9_000, len(values))) - 1)
+            for values in drawn
             for threshold in (0.5, 0.6, 0.8)
         ],
     }
@@ -119,14 +108,9 @@ def _steps_to_cases():
 STEPS_TO = Table(
     _steps_to,
     _steps_to_cases,
-    mistakes={
+    {
         "That is the position in the list, not the number of environment steps: look it up in "
         "`steps`.": edit("steps[first]", "first"),
-        "That is the first validation at or above the threshold, but the curve falls below it "
-        "again. Asked for is from where on it stays.": _first,
-        "That is the last validation at or above the threshold: asked for is the first of those "
-        "from which on it stays.": lambda s, v, threshold: _first(s[::-1], v[::-1], threshold),
-        "You give None for every curve: is there a `return` for the others?": lambda *_: None,
     },
     read=or_none(number),
 )
@@ -145,39 +129,26 @@ def steps_to(answer) -> None:
     """`steps_to(steps, values, threshold)`: the steps from which on it stays there, or None."""
 
 
+def _differences(a, b):
+    """The difference of the two means for each split of all values."""
+    values = np.r_[a, b]
+    splits = (list(own) for own in combinations(range(len(values)), len(a)))
+    return [np.mean(values[own]) - np.mean(np.delete(values, own)) for own in splits]
+
+
 def _p_value(a, b):
-    values, seen, as_large = np.r_[a, b], np.mean(a) - np.mean(b), 0
-    splits = list(combinations(range(len(values)), len(a)))
-    for own in splits:
-        difference = np.mean(values[list(own)]) - np.mean(np.delete(values, own))
-        as_large += abs(difference) >= abs(seen) - 1e-9
-    return as_large / len(splits)
-
-
-def _of_a_set(a, b) -> float:
-    """The p-value over splits of the different values only."""
-    values, total = sorted({*a.tolist(), *b.tolist()}), float(np.sum(a) + np.sum(b))
-    splits = np.array([np.sum(own) for own in combinations(values, len(a))])
-    others = (total - splits) / len(b)
-    return float(np.mean(abs(splits / len(a) - others) >= abs(a.mean() - b.mean()) - 1e-9))
+    seen, differences = np.mean(a) - np.mean(b), np.array(_differences(a, b))
+    return np.mean(abs(differences) >= abs(seen) - 1e-9)
 
 
 def _draw_permutation(ax):
     a, b = (values[:, values.shape[1] // 3] for values in curves(recorded()).values())
-    values, observed = np.r_[a, b], np.mean(a) - np.mean(b)
-    splits = [
-        np.mean(values[list(own)]) - np.mean(np.delete(values, own))
-        for own in combinations(range(len(values)), len(a))
-    ]
-    ax.hist(splits, 24, color=BLUE)
-    for side in (-observed, observed):
-        ax.axvline(side, color=VERMILION)
+    ax.hist(_differences(a, b), 24, color=BLUE)
+    for side in (-1, 1):
+        ax.axvline(side * (a.mean() - b.mean()), color=VERMILION)
     ax.set(xlabel="difference of the two means, each split", ylabel="number of splits")
-    groups = "; ".join(
-        f"{name} = {', '.join(f'{value:.3g}' for value in values)}"
-        for name, values in (("a", a), ("b", b))
-    )
-    title = f"a third into the recorded runs: p = {_p_value(a, b):.4g}\n{groups}"
+    listed = ("a = {}; b = {}").format(*(", ".join(f"{one:.3g}" for one in two) for two in (a, b)))
+    title = f"a third into the recorded runs: p = {_p_value(a, b):.4g}\n{listed}"
     ax.set_title(title, fontsize="medium")
 
 
@@ -199,7 +170,6 @@ def _permutation_cases():
         ],
         "The groups may differ in size: the first group of each split is as large as a, and the "
         "difference is that of the means.": [
-            *(case([1.0, 2.0], [2.0, 4.0, 9.0]), case([3.0, 3.5, 8.0, 1.0], [2.0, 2.5])),
             *(case([7], [1, 2, 4]), case([1, 2, 4, 9], [3])),
             *drawn((2, 4), (4, 3), (3, 2), (3, 5), (1, 6)),
         ],
@@ -207,57 +177,27 @@ def _permutation_cases():
             *(case([1.0, 1.0, 6.0], [2.0, 8.0]), case([1, 2, 2], [2, 5]), case([3, 3], [3, 3])),
             *(case([0, 1, 1], [1, 0, 0]), case([5.0], [5.0, 5.0, 1.0])),
         ],
-        "Differences that are equal up to 1e-9 count as equal: sums of decimals are rounded.": [
+        "Differences that are equal up to 1e-9 count as equal: sums of decimals are rounded. "
+        "Others count as different, however small that is.": [
             *(case([0.5, 0.1], [0.4, 0.9, 0.2]), case([0.1, 0.7, 0.3], [0.2, 0.6, 0.4])),
             *drawn((3, 4), (4, 3), (2, 5), (3, 3), (4, 4), parts=100),
-            case([0.9, 0.92, 0.94], [0.8, 0.82, 0.85]),
-            case([1000.1, 1000.7], [1000.2, 1000.6, 1000.3]),
-        ],
-        "Differences that are further apart than 1e-9 count as different, however small.": [
-            case([1e-6, 2e-6, 4e-6], [0.0, 0.5e-6, 1e-6]),
-            case([0.5, 0.7, 0.900001], [0.5, 0.6, 0.9]),
+            *(case([1e-6, 2e-6, 4e-6], [0, 0.5e-6, 1e-6]), case([0.5, 0.900001], [0.5, 0.9])),
         ],
     }
 
 
-LARGE, SHARE = "abs(difference) >= abs(seen) - 1e-9", "as_large / len(splits)"
-ONE_SIDED = (LARGE, "difference >= seen - 1e-9")
+LARGE, ONE_SIDED = "np.mean(abs(differences) >= abs(seen)", "np.mean(differences >= seen"
 PERMUTATION = Table(
     _p_value,
     _permutation_cases,
-    mistakes={
+    {
         "That is one-sided: the other direction counts too, so take the absolute value of both "
-        "differences.": (edit(*ONE_SIDED), edit(LARGE, "-difference >= -seen - 1e-9")),
-        "That is one-sided: the absolute value of the observed difference is taken, but not that "
-        "of the splits' differences.": edit("abs(difference)", "difference"),
-        "The absolute value of the splits' differences is taken, but not that of the observed one, "
-        "which may be negative.": edit("abs(seen)", "seen"),
-        "Two equal values are two values all the same: a set keeps one of them only.": _of_a_set,
-        "You double a one-sided share. That is right only for equally large groups, and only in "
-        "the direction of the observed difference: count the splits with an absolute difference at "
-        "least as large.": (
-            edit(*ONE_SIDED, SHARE, f"2 * {SHARE}"),
-            edit(*ONE_SIDED, SHARE, f"min(1, 2 * {SHARE})"),
-            lambda a, b: 2 * min(edit(*ONE_SIDED).of(_p_value)(*two) for two in ((a, b), (b, a))),
+        "differences.": (
+            *(edit(LARGE, ONE_SIDED), edit("abs(seen)", "seen")),
+            *(edit("abs(differences)", "differences"), edit("abs(", "-1 * (")),
         ),
-        "Splits with exactly the observed difference are left out, and the observed split is one "
-        "of them, so that your p can be 0. Count differences *at least* as large (>=, with 1e-9 "
-        "for rounding).": edit(">= abs(seen) -", "> abs(seen) +"),
-        "You leave out the observed split. It is one of all splits, and counts as large.": (
-            edit(SHARE, "(as_large - 1) / (len(splits) - 1)")
-        ),
-        "You count all splits, but not the observed one as large.": (
-            edit(SHARE, "(as_large - 1) / len(splits)")
-        ),
-        "That is the number of splits. Divide by how many there are.": edit("/ len(splits)", ""),
-        "That is in percent. Return the share itself, from 0 to 1.": edit("return", "return 100 *"),
-        "That is the share of the splits with a *smaller* difference, 1 − p: the p-value is the "
-        "share with one at least as large.": edit("return", "return 1 -"),
-        "You compare the groups' sums: take the means.": edit("np.mean", "np.sum"),
-        "You compare medians: take the means.": edit("np.mean", "np.median"),
-        "Your first group is always half of all values. It must be as large as a.": (
-            edit("(values)), len(a)", "(values)), len(values) // 2")
-        ),
+        "You double a one-sided share: count the splits whose absolute difference is at least as "
+        "large.": edit(LARGE, f"2 * {ONE_SIDED}"),
     },
     read=number,
 )
@@ -282,46 +222,33 @@ def _at(table: dict[str, np.ndarray], steps: float) -> int:
     return int(np.argmax(_steps(table) >= steps))
 
 
-def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool, str]]:
-    """For each statement of exercise 7.3, whether it is true, and why."""
+def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool | float, str]]:
+    """What is right in exercise 7.3, and why: of each statement, and the smallest p."""
     runs = curves(table)
-    yes, no = runs["centred"], runs["non_centred"]
-    at = _at(table, 300_000)
-    gap = abs(yes[:, at].mean() - no[:, at].mean())
-    spread = max(yes[:, at].std(ddof=1), no[:, at].std(ddof=1))
+    (yes, no), at = runs.values(), _at(table, 300_000)
+    a, b = yes[:, at], no[:, at]
+    gap, spread = abs(a.mean() - b.mean()), max(a.std(ddof=1), b.std(ddof=1))
+    best, worst = no[:, -1].max(), yes[:, -1].min()
     fall = max(-np.diff(one, axis=1).min() for one in runs.values())
-    return {
-        "early": (
-            bool(yes[:, at].min() > no[:, at].max()),
-            f"Centred: {yes[:, at].min():.4g} or more; others: {no[:, at].max():.4g} or less.",
-        ),
-        "spread": (
-            bool(gap > spread),
-            f"The means differ by {gap:.4g}, the larger standard deviation is {spread:.4g}.",
-        ),
-        "swap": (
-            bool(no[:, -1].max() > yes[:, -1].min()),
-            f"At the end the best non-centred run has {no[:, -1].max():.4g}, the worst centred one "
-            f"{yes[:, -1].min():.4g}.",
-        ),
-        "steady": (bool(fall <= 0.05), f"The largest fall of a run is {fall:.4g}."),
-        "best": (
-            True,
-            "The largest of several values is never below the last. That is why reporting the best "
-            "validation flatters every run.",
-        ),
-        "equal": (
-            False,
-            "Not to find a difference is not to show that there is none: few seeds leave room for "
-            "a difference as large as the spread.",
-        ),
-        "missions": (
-            False,
-            "More missions measure these networks more exactly. How another training run would "
-            "come out is seen only in more runs.",
-        ),
-        "any_city": (False, "In another city it has to be tried: no number of runs here shows it."),
+    least = (1 + (len(a) == len(b))) / comb(len(a) + len(b), len(a))
+    reasons = {
+        "early": f"Centred: {a.min():.4g} or more; others: {b.max():.4g} or less.",
+        "spread": f"The means differ by {gap:.4g}, the larger standard deviation is {spread:.4g}.",
+        "swap": f"At the end the best non-centred run has {best:.4g}, the worst centred one "
+        f"{worst:.4g}.",
+        "steady": f"The largest fall of a run is {fall:.4g}.",
+        "best": "The largest of several values is never below the last. That is why reporting the "
+        "best validation flatters every run.",
+        "equal": "Not to find a difference is not to show that there is none: few seeds leave room "
+        "for a difference as large as the spread.",
+        "missions": "More missions measure these networks more exactly. How another training run "
+        "would come out is seen only in more runs.",
+        "any_city": "In another city it has to be tried: no number of runs here shows it.",
+        "smallest_p": "It is the same whatever the values are.",
     }
+    computed = a.min() > b.max(), gap > spread, best > worst, fall <= 0.05
+    right = *computed, True, False, False, False, least
+    return dict(zip(reasons, zip(right, reasons.values(), strict=True), strict=True))
 
 
 @exercise(
@@ -338,33 +265,27 @@ def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool, str]]:
 def ablation_reading(answer) -> None:
     """A dict that says of each statement whether it is True or False, and the smallest p."""
     expect(isinstance(answer, dict), "Hand over the dict of all answers.")
-    table = recorded()
-    right, sizes = truths(table), [len(values) for values in curves(table).values()]
-    names = [*right, "smallest_p"]
-    missing = [name for name in names if answer.get(name) is None]
-    expect(not missing, f"No answer yet for {', '.join(missing)}.")
-    unknown = [show(name) for name in answer if name not in names]
-    expect(not unknown, f"There is no {', '.join(unknown)}.")
-    for name in names:
-        kind, said = (Real, "a number") if name == "smallest_p" else (bool, "True or False")
-        given = answer[name].item() if isinstance(answer[name], np.generic) else answer[name]
-        fits = isinstance(given, kind) and isinstance(given, bool) == (kind is bool)
-        expect(fits, f"`{name}` is {show(answer[name])}: answer {said}.")
-    p, one = answer["smallest_p"], 1 / comb(sum(sizes), sizes[0])
-    least = one * (1 + (sizes[0] == sizes[1]))  # equal groups have a mirrored split
-    wrong = [name for name, (true, _) in right.items() if bool(answer[name]) != true]
+    right, given = truths(recorded()), {}
+    missing = ", ".join(name for name in right if answer.get(name) is None)
+    unknown = ", ".join(show(name) for name in answer if name not in right)
+    expect(not missing, f"No answer yet for {missing}.")
+    expect(not unknown, f"There is no {unknown}.")
+    for name in right:
+        try:
+            given[name] = (number if name == "smallest_p" else truth)(answer[name])
+        except Unreadable as problem:
+            raise CheckFailed(f"`{name}` is {show(answer[name])}: {problem}") from None
+    wrong = [name for name, (true, _) in right.items() if not close(given[name], true)]
+    p, least = given["smallest_p"], right["smallest_p"][0]
     why = ""
-    if not close(p, least, 1e-4):
-        wrong.append("smallest_p")
-        if p <= 0:
-            why = " The observed split is one of the splits, so p is never 0."
-        elif close(p, one, 1e-4):
-            why = (
-                " Your `smallest_p` is one-sided: between equally large groups, the split with the "
-                "groups exchanged has the same absolute difference."
-            )
+    if p <= 0:
+        why = " The observed split is one of the splits, so p is never 0."
+    elif close(2 * p, least):
+        why = (
+            " Your `smallest_p` is one-sided: between equally large groups, the split with the "
+            "groups exchanged has the same absolute difference."
+        )
     listed = ", ".join(f"`{name}`" for name in wrong)
-    expect(not wrong, f"Wrong: {listed} ({len(wrong)} of {len(names)}).{why}")
+    expect(not wrong, f"Wrong: {listed} ({len(wrong)} of {len(right)}).{why}")
     for name, (true, reason) in right.items():
-        print(f"{name}: {true}. {reason}")
-    print(f"smallest_p: {least:.4g}, whatever the values are.")
+        print(f"{name}: {show(true)}. {reason}")

@@ -9,7 +9,7 @@ from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.course.checks.exercise import exercise
 from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import number, truths
-from uavdh_lite.plotting import BLUE, VERMILION
+from uavdh_lite.plotting import BLUE
 from uavdh_lite.streams import Use, stream
 
 NO_FLY = 1  # of the layers landing, no-fly, buildings
@@ -31,7 +31,7 @@ def _random_city(m=9, size=12):
     return layers, tuple(np.argwhere(city.landing)[0].tolist()), size
 
 
-def _small_cities() -> dict[str, list[tuple]]:
+def _small_cities():
     generator = stream(Use.EXERCISE, 15)
 
     def drawn(m, size, uav=None):
@@ -39,21 +39,12 @@ def _small_cities() -> dict[str, list[tuple]]:
         return layers, uav or tuple(generator.integers(0, m, 2).tolist()), size
 
     return {
-        "The UAV's cell is in the middle of the map, at (M − 1, M − 1).": [
-            drawn(2, 2, (0, 1)),
-            drawn(4, 4, (1, 3)),
-            drawn(7, 7, (5, 2)),
-        ],
-        "Every map has 2M − 1 cells on a side. Outside the city, only no-fly is True.": [
-            *(drawn(m, size) for m, size in ((2, 3), (2, 7), (3, 5), (3, 8), (5, 6), (6, 11)) * 2),
-            drawn(5, 9, (0, 4)),
-            drawn(5, 9, (4, 0)),
-        ],
-        "Inside the city the layers stay as they are; a city may be a single cell.": [
-            drawn(1, 2, (0, 0)),
-            (np.zeros((3, 2, 2), bool), (1, 0), 4),
-            (np.ones((3, 3, 3), bool), (1, 2), 5),
-            _random_city(),
+        "The UAV's cell is in the middle of the map, at (M − 1, M − 1). Outside the city only "
+        "no-fly, layers[1], is True.": [drawn(2, 2, (0, 1)), drawn(4, 4, (1, 3)), drawn(7, 7)],
+        "Every map has 2M − 1 cells on a side, whatever the size m of the city; it may be a single "
+        "cell. Inside the city the layers stay as they are.": [
+            *(drawn(m, size) for m, size in ((1, 2), (2, 3), (2, 7), (3, 5), (5, 6), (6, 11)) * 2),
+            *((np.ones((3, 3, 3), bool), (1, 2), 5), _random_city()),
         ],
     }
 
@@ -67,43 +58,24 @@ def _draw_small_city(ax):
     ax.set(yticks=(0, 11, 22), title=f"no-fly layer: m = 9, M = {size}, UAV over {uav}")
 
 
-CORNER, OUTSIDE = "u - size + 1", "wide[NO_FLY]"
+def _shown(layers, uav, size, place):
+    layer, *cell = place[0], *(k + u - size + 1 for k, u in zip(place[1:], uav, strict=True))
+    inside = min(cell) >= 0 and max(cell) < layers.shape[1]
+    shows = f"the city's cell {tuple(cell)}" if inside else "a cell outside the city"
+    return f"That is layer {layer}; M is {size}, the UAV is over {uav}, so the place shows {shows}."
+
+
+CORNER = "u - size + 1"
 SMALL_CITY = Table(
     _small_city_map,
     _small_cities,
     {
-        "Outside the city all is False: no-fly must be True.": edit("wide[NO_FLY] = True", ""),
-        "Outside the city all is True in yours: there only no-fly is True.": edit(
-            OUTSIDE, "wide[:]"
-        ),
-        "Outside the city another layer than no-fly is True in yours: the order is landing, "
-        "no-fly, buildings, so no-fly is layers[1].": (
-            *(edit(OUTSIDE, "wide[0]"), edit(OUTSIDE, "wide[2]")),
-        ),
-        "Outside the city the buildings are True as well: only no-fly is.": (
-            edit(OUTSIDE, "wide[1:]")
-        ),
-        "Your map has 2m − 1 cells on a side, as the city would need. The network's map has "
-        "2M − 1, whatever the size of the city.": (
-            lambda layers, uav, size: _small_city_map(layers, uav, layers.shape[1])
-        ),
-        "The UAV's cell is at (m − 1, m − 1) in yours. The middle of a map of 2M − 1 cells is at "
-        "(M − 1, M − 1).": edit(CORNER, "u - m + 1"),
-        "You put the city into the middle of M×M cells first, and count the UAV's row and column "
-        "from the city's own corner: then another cell is in the middle of the map.": (
-            edit(CORNER, "u - (size - m) // 2 - size + 1")
-        ),
-        "The city is one cell too far south-east: the middle of 2M − 1 cells is M − 1, counted "
-        "from 0.": edit(CORNER, "u - size"),
-        "The city is one cell too far north-west: the middle of 2M − 1 cells is M − 1, counted "
-        "from 0.": edit(CORNER, "u - size + 2"),
         "The shift goes the wrong way: where the UAV is further north, the city lies further "
         "south.": edit(CORNER, "1 - size - u"),
-        "The city always lies at the same place: it must move so that the UAV's cell is in the "
-        "middle.": (edit(CORNER, "0"), edit(CORNER, "-((2 * size - 1 - m) // 2)")),
         "Rows and columns are swapped: the UAV is at (row, col).": edit("in uav", "in uav[::-1]"),
     },
     read=truths,
+    where=_shown,
     errors={
         "broadcast": "The city does not fit where you put it: its row 0 goes to M − 1 − uav[0], "
         "and it reaches m cells further, not M."
@@ -153,25 +125,17 @@ def _weighted(one: np.ndarray) -> np.ndarray:
     return np.tanh(weights @ one.ravel())
 
 
+STEPS = ((-1, 0), (0, 1), (1, 0), (0, -1), (0, 0))
 SAME_FOR_ALL = Pilot("q_same_for_all_maps", lambda one: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-SEES_NORTH = Pilot("q_sees_north_only", lambda one: [_next_to(one, -1, 0), 0, 0, 0, 0, 0])
+SEES_NEXT = Pilot("q_sees_next_cell", lambda one: [*(_next_to(one, *s) for s in STEPS), one.mean()])
 SEES_NORTH_EAST = Pilot(
     "q_north_sees_north_east", lambda one: [_next_to(one, -1, 1), 0, 0, 0, _next_to(one, 0, 0), 0]
-)
-SEES_NEXT = Pilot(
-    "q_sees_next_cell",
-    lambda one: [
-        *(_next_to(one, *step) for step in ((-1, 0), (0, 1), (1, 0), (0, -1))),
-        _next_to(one, 0, 0),
-        one.mean(),
-    ],
 )
 NETWORK = Pilot("q_network", _weighted)
 
 TURNED = np.array([[0, 1, 2, 3, 4, 5], [3, 0, 1, 2, 4, 5], [2, 3, 0, 1, 4, 5], [1, 2, 3, 0, 4, 5]])
 """Which action each becomes in a map turned by np.rot90 so often."""
 MIRRORED = np.array([0, 3, 2, 1, 4, 5])
-KEPT, OPPOSITE = np.arange(6), np.array([2, 3, 0, 1, 4, 5])
 
 
 def _symmetric_q(q_of, layers):
@@ -183,34 +147,23 @@ def _symmetric_q(q_of, layers):
     return np.mean(rows, 0)
 
 
-def _maps() -> dict[str, list[tuple]]:
+def _maps():
     generator = stream(Use.EXERCISE, 16)
 
     def drawn(q_of, *shapes):
         return [(q_of, generator.normal(0, 1, (c, w, w)).round(2)) for c, w in shapes]
 
-    small = np.arange(1.0, 10.0).reshape(1, 3, 3)
     return {
         "Q-values that are the same for all maps, 1 to 6: each move becomes each of the four moves "
-        "twice, so all get the mean of these, 2.5. Hover and land stay.": [
-            (SAME_FOR_ALL, small),
-            *drawn(SAME_FOR_ALL, (2, 5)),
-        ],
+        "twice, so all get the mean of these, 2.5. Hover and land stay.": (
+            drawn(SAME_FOR_ALL, (1, 3), (2, 5))
+        ),
         "A network that treats all directions alike already gets its own Q-values back. (Here the "
-        "value of a move is that of the cell to which it leads.)": [
-            (SEES_NEXT, small),
-            *drawn(SEES_NEXT, (1, 5), (3, 7)),
-        ],
-        "If q_of[north] is the value of the cell north of the middle, and all else is 0, each move "
-        "gets a quarter of the cell to which it leads.": [
-            (SEES_NORTH, small),
-            *drawn(SEES_NORTH, (2, 3), (1, 7)),
-        ],
+        "value of a move is that of the cell to which it leads.)": drawn(SEES_NEXT, (1, 3), (3, 7)),
         "If q_of[north] is the value of the cell north-east of the middle, north gets a quarter of "
-        "the mean of the cells north-east and north-west of it. The other moves likewise.": [
-            (SEES_NORTH_EAST, small),
-            *drawn(SEES_NORTH_EAST, (2, 3), (1, 7)),
-        ],
+        "the mean of the cells north-east and north-west of it. The other moves likewise.": (
+            drawn(SEES_NORTH_EAST, (1, 3), (2, 3), (1, 7))
+        ),
         "Average the Q-values of all eight maps, each with its moves turned and mirrored back; any "
         "q_of, any number of layers.": drawn(NETWORK, (1, 3), (3, 3), (5, 5), (2, 9)),
     }
@@ -227,37 +180,22 @@ def _draw_symmetric_q(ax):
     ax.axhline(0, color="black", lw=0.8)
 
 
-def _asked_once(q_of, layers):
-    eight = [np.rot90(one, k, (1, 2)) for one in (layers, np.flip(layers, 2)) for k in range(4)]
-    return q_of(np.mean(eight, 0)[None])[0]
-
-
 BACK, MEAN = "TURNED[k][MIRRORED]", "np.mean(rows, 0)"
 SYMMETRIC_Q = Table(
     _symmetric_q,
     _maps,
     {
-        "You leave the actions as they are: in a map turned to the left, what was north is west, "
-        "so the Q-value of its west belongs to north.": edit(BACK, "KEPT", "TURNED[k]", "KEPT"),
         "The moves are turned the wrong way in yours: a quarter turn to the left brings north to "
         "west, so north's Q-value is found at west, not at east.": edit("TURNED[k]", "TURNED[-k]"),
         "You mirror the map, but do not swap the moves: where left and right change places, so do "
         "east and west.": edit(BACK, "TURNED[k]"),
-        "In the maps that are mirrored, the moves come back half a turn wrong in yours: where left "
-        "and right change places, swap east and west; where top and bottom do, north and south.": (
-            edit(BACK, "TURNED[k][MIRRORED[OPPOSITE]]")
+        "In some of the maps that are mirrored, the moves come back half a turn wrong in yours: "
+        "where left and right change places, swap east and west; where top and bottom do, north "
+        "and south; and undo the last step first.": (
+            *(edit(BACK, "TURNED[k][MIRRORED[TURNED[2]]]"), edit(BACK, "MIRRORED[TURNED[k]]")),
         ),
-        "In the maps that are both mirrored and turned by a quarter, the moves come back half a "
-        "turn wrong in yours: undo the last step first.": edit(BACK, "MIRRORED[TURNED[k]]"),
-        "The moves of mirrored maps must be turned back, too.": edit(BACK, "MIRRORED"),
-        "The four mirrored ones are missing: there are eight.": edit(MEAN, "np.mean(rows[::2], 0)"),
-        "That is one map and its mirror image: the turned ones are missing.": (
-            edit(MEAN, "np.mean(rows[:2], 0)")
-        ),
-        "Those are the Q-values of one map: the other seven are missing.": edit(MEAN, "rows[0]"),
-        "That is the sum of the eight: their mean is asked for.": edit("mean", "sum"),
-        "That is the largest of the eight: their mean is asked for.": edit("mean", "max"),
-        "You average the eight maps: average their Q-values.": _asked_once,
+        "There are eight maps, four turns of the map and four of its mirror image: yours are "
+        "fewer.": tuple(edit(MEAN, f"np.mean(rows[{some}], 0)") for some in ("::2", ":2", ":1")),
     },
     errors={"q_of takes": "One map becomes a stack of one by layers[None], several by np.stack."},
 )
@@ -288,12 +226,7 @@ def _usual(values, city):
     return 1.96 * np.std(values, ddof=1) / np.sqrt(len(values))
 
 
-def _of_means(values, city):
-    means = [values[city == name].mean() for name in np.unique(city)]
-    return 1.96 * np.std(means, ddof=1) / np.sqrt(len(means))
-
-
-def _evaluations() -> dict[str, list[tuple]]:
+def _evaluations():
     generator = stream(Use.EXERCISE, 18)
 
     def drawn(counts, names):
@@ -303,23 +236,15 @@ def _evaluations() -> dict[str, list[tuple]]:
         return (values + generator.normal(0, 0.1, len(city))).round(3), city
 
     return {
-        "Take the mean from the values, add up the rest in each city, and square these sums.": [
+        "Take the mean from the values, add up the rest in each city, and square these sums. "
+        "C/(C − 1) times the sum of the squares is under the root; 1.96 / N is before it.": [
             (np.array([4.0, 6, 1, 1]), np.array([0, 0, 1, 1])),
-            drawn([3, 3, 3], [0, 1, 2]),
-            drawn([4] * 6, list(range(6))),
+            *(drawn([3, 3, 3], range(3)), drawn([4] * 6, range(6))),
         ],
-        "Cities may have different numbers of missions. The mean is that of all N missions.": [
-            drawn([1, 3], [0, 1]),
-            drawn([5, 1, 2, 9], [0, 1, 2, 3]),
-        ],
+        "Cities may have different numbers of missions. The mean is that of all N missions, not of "
+        "the cities' means.": [drawn([1, 3], [0, 1]), drawn([5, 1, 2, 9], [0, 1, 2, 3])],
         "The cities' numbers are names: any ints, in any order. C is how many there are.": [
-            drawn([2, 3], [7, 4]),
-            drawn([3, 1, 4, 2], [12, -5, 900, 0]),
-            drawn([2, 5, 1], [-1, -2, 10**6]),
-        ],
-        "With one mission in each city it is 1.96 · s/√N, the usual one.": [
-            drawn([1] * 2, [0, 1]),
-            drawn([1] * 9, list(range(9))),
+            *(drawn([2, 3], [7, 4]), drawn([2, 5, 1], [-1, -2, 10**6]), drawn([1] * 4, range(4))),
         ],
         "Whole numbers and Booleans are values, too, such as whether each UAV landed.": [
             (np.array([3, 4, 4, 9, 1]), np.array([1, 1, 0, 0, 2])),
@@ -329,41 +254,23 @@ def _evaluations() -> dict[str, list[tuple]]:
 
 
 def _draw_half_width(ax):
-    generator, missions = stream(Use.EXERCISE, 19), np.array([1, 2, 5, 10, 20, 50, 100])
-    cities = 100
-    shared, own = generator.normal(0, 1, cities), generator.normal(0, 2, (cities, missions[-1]))
-    widths = []
-    for count in missions.tolist():
-        values = (shared[:, None] + own[:, :count]).ravel()
-        city = np.repeat(np.arange(cities), count)
-        widths.append((_half_width(values, city), _usual(values, city)))
-    right, usual = np.array(widths).T
-    ax.loglog(missions, right, "o-", color=BLUE, label="cities drawn at random")
-    ax.loglog(missions, usual, "s--", color=VERMILION, label="as if missions were independent")
+    generator, missions = stream(Use.EXERCISE, 19), (1, 2, 5, 10, 20, 50, 100)
+    values = generator.normal(0, 1, (100, 1)) + generator.normal(0, 2, (100, missions[-1]))
+    for label, width, style in (
+        ("cities drawn at random", _half_width, "o-"),
+        ("as if missions were independent", _usual, "s--"),
+    ):
+        some = [(values[:, :count].ravel(), np.repeat(range(100), count)) for count in missions]
+        ax.loglog(missions, [width(*one) for one in some], style, label=label)
     ax.set(xlabel="missions in each of 100 cities", ylabel="half-width")
 
 
-FACTOR = "count / (count - 1)"
 HALF_WIDTH = Table(
     _half_width,
     _evaluations,
     {
         "That is the usual interval, as if all missions were independent: add up the differences "
-        "of a city before you square them.": _usual,
-        "You square each difference before you add them up: add up those of a city first, then "
-        "square the sum.": edit("(sums**2).sum()", "(off**2).sum()"),
-        "You average the differences of a city: take their sum.": edit("].sum", "].mean"),
-        "That is the interval of the mean of the cities' means, in which every city counts the "
-        "same. Asked for is that of the mean of all missions.": _of_means,
-        "The factor C/(C − 1) under the root is missing.": edit(FACTOR, "1"),
-        "The C of the factor C/(C − 1) counts cities, not missions.": edit(FACTOR, "n / (n - 1)"),
-        "The factor under the root is C/(C − 1): you have 1/(C − 1).": edit("count /", "1 /"),
-        "You divide by the number of cities: divide by N.": edit("/ n", "/ count"),
-        "You divide by the root of N: here it is N itself.": edit("/ n", "/ np.sqrt(n)"),
-        "The division by N is missing.": edit("/ n", ""),
-        "The square root is missing.": edit("np.sqrt", ""),
-        "That is the standard error: the half-width is 1.96 times as much.": edit("1.96 *", ""),
-        "That is the whole width: asked for is half of it.": edit("1.96", "3.92"),
+        "of a city before you square them.": (_usual, edit("(sums**2).sum()", "(off**2).sum()")),
     },
     read=number,
 )

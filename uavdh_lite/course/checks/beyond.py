@@ -5,7 +5,7 @@ import numpy as np
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.exercise import exercise
 from uavdh_lite.course.checks.table import Table, edit
-from uavdh_lite.course.checks.values import number, numbers, truths, whole
+from uavdh_lite.course.checks.values import number, truths, whole
 from uavdh_lite.environment import LAND, Environment
 from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.streams import Use, stream
@@ -18,58 +18,50 @@ def _fits(distance, next_cell, cell, time_left):
     return fits
 
 
-def _situations() -> dict[str, list[tuple]]:
-    """Distance, moves, cells and times of small cities, one of them with cells cut off."""
+def _situations():
     cut_off = City.from_text("cut off", "L . . B .\n. . . B .\n. B . B B\n. . . . .\n. . . . L")
     generator = stream(Use.EXERCISE, 12)
-    cases: list[list[tuple]] = []
-    for city in (cut_off, City.load("village")):
-        environment = Environment(city)
-        distance = city.landing_distance.ravel()
+
+    def drawn(city):
+        moves, distance = Environment(city).next_cell, city.landing_distance.ravel()
         cells = np.flatnonzero(~city.no_fly.ravel())
-        cases.append([])
+        cases = [(cells, np.full(len(cells), 10**6))]  # no number stands for "no way home"
         for count in (1, 6, 40):
             cell = generator.choice(cells, count)
-            spare = generator.integers(-2, 3, count)
-            time_left = (np.maximum(distance[cell], 0) + 1 + spare).clip(1)
-            cases[-1].append((distance, environment.next_cell, cell, time_left))
-        much = np.full(len(cells), 10**6)  # no number stands for "no way home"
-        cases[-1].append((distance, environment.next_cell, cells, much))
+            spare = generator.integers(-1, 4, count)
+            cases.append((cell, np.maximum(distance[cell] + spare, 1)))
+        return [(distance, moves, *case) for case in cases]
+
     rule = (
         "An action fits if the units for itself, for the way home after it and for the landing are "
-        "at most time_left; to land at once, in the zone, always fits."
+        "at most time_left; to land at once always fits, but in the zone only."
     )
-    return {f"{rule} (Here some cells have no way home.)": cases[0], rule: cases[1]}
+    return {
+        f"{rule} (Some cells here have no way home, distance −1.)": drawn(cut_off),
+        rule: drawn(City.load("village")),
+    }
 
 
 def _draw_failsafe(ax):
     city = City.load("village")
-    environment = Environment(city)
-    cells = np.flatnonzero(~city.no_fly.ravel())
-    distance = city.landing_distance.ravel()
-    fits = _fits(distance, environment.next_cell, cells, np.full(len(cells), 5))
+    cells, distance = np.flatnonzero(~city.no_fly.ravel()), city.landing_distance.ravel()
     counts = np.full(city.size**2, np.nan)
-    counts[cells] = fits.sum(1)
+    five = np.full(len(cells), 5)
+    counts[cells] = _fits(distance, Environment(city).next_cell, cells, five).sum(1)
     image = ax.imshow(counts.reshape(city.size, city.size), cmap="viridis")
     ax.figure.colorbar(image, label="actions that fit")
     ax.set(title="village, five units of time left", xlabel="column", ylabel="row")
 
 
-AT_HOME = ("fits[:, LAND] |= distance[cell] == 0", "")
-FROM_HERE = ("home[next_cell[cell]]", "0 * next_cell[cell] + home[cell][:, None]")
 MASK = Table(
     _fits,
     _situations,
     {
-        "A unit of time is missing: action and landing take one each.": edit("+ 1 <=", "<="),
-        "You forget the units for action and landing.": edit("+ 1 <=", "<=", "] - 1", "]"),
-        "Time that is just enough is enough: <=, not <.": edit("<=", "<"),
-        "A distance of −1 means that there is no way.": edit("np.inf", "-1"),
-        "Landing in the landing zone ends the flight: it fits with any time.": edit(*AT_HOME),
-        "Landing fits in the landing zone only. Elsewhere it is refused, and costs a unit of time "
-        "like hovering.": edit("|= distance[cell] == 0", "= True"),
+        "A unit of time is missing: action and landing take one each.": (
+            *(edit("+ 1 <=", "<="), edit("] - 1", "]"), edit("+ 1 <=", "<=", "] - 1", "]")),
+        ),
         "Ask for the distance from the cell that the action leads to, not from the cell where the "
-        "UAV is.": (edit(*FROM_HERE), edit(*FROM_HERE, *AT_HOME)),
+        "UAV is.": edit("home[next_cell[cell]]", "0 * next_cell[cell] + home[cell][:, None]"),
     },
     read=truths,
 )
@@ -95,7 +87,7 @@ def _quantile_loss(theta, y, kappa):
     return (abs(levels[:, None] - (u < 0)) * huber).mean(1).sum()
 
 
-def _distributions() -> dict[str, list[tuple]]:
+def _distributions():
     generator = stream(Use.EXERCISE, 13)
 
     def drawn(quantiles, samples):
@@ -104,73 +96,39 @@ def _distributions() -> dict[str, list[tuple]]:
             for kappa in (0.5, 1.0, 3.0)
         ]
 
-    def one(error, kappa):
-        return np.zeros(1), np.array([error]), kappa
-
     return {
-        "Up to kappa, whatever kappa is, Huber's loss is u²/2. The level of a single quantile is "
-        "1/2.": ([one(error, kappa) for error, kappa in ((0.25, 1.0), (-0.9, 1.0), (1.5, 3.0))]),
-        "Beyond kappa Huber's loss is kappa · (|u| − kappa/2), whatever kappa is.": (
-            [one(error, kappa) for error, kappa in ((2.0, 1.0), (-3.0, 0.5), (9.0, 3.0))]
-        ),
-        "With one quantile its level is 1/2, and the loss is the mean over the samples.": (
-            drawn(1, 1) + drawn(1, 5)
-        ),
-        "The weight is τ where u = y − θ is not below 0, and 1 − τ where it is.": [
-            (np.array([0.0, 4.0]), np.array([y]), 1.0) for y in (0.5, 3.5, 6.0, -2.0)
+        "Up to kappa, whatever kappa is, Huber's loss is u²/2. The levels are the middles of N "
+        "equal parts, (i − 1/2)/N, so that of a single quantile is 1/2.": [
+            (np.zeros(1), np.array([u]), kappa)
+            for u, kappa in ((0.25, 1.0), (-0.9, 1.0), (1.5, 3.0))
         ],
-        "Each quantile has the mean over all samples; these means are added up.": (
-            drawn(2, 3) + drawn(4, 4) + drawn(32, 1) + drawn(8, 50)
-        ),
+        "Beyond kappa Huber's loss is kappa · (|u| − kappa/2), whatever kappa is.": [
+            (np.zeros(1), np.array([u]), kappa)
+            for u, kappa in ((2.0, 1.0), (-3.0, 0.5), (9.0, 3.0))
+        ],
+        "The weight is τ where u = y − θ is not below 0, and 1 − τ where it is. Each quantile has "
+        "the mean over all samples; these means are added up.": [
+            *((np.array([0.0, 4.0]), np.array([y]), 1.0) for y in (0.5, 3.5, 6.0, -2.0)),
+            *(drawn(1, 5) + drawn(2, 3) + drawn(4, 4) + drawn(32, 1) + drawn(8, 50)),
+        ],
     }
 
 
 def _draw_quantile_loss(ax):
     y = np.linspace(-4, 4, 161)
     for k, colour in ((0, BLUE), (4, VERMILION)):
-        losses = []
-        for value in y:
-            theta = np.full(5, value)
-            theta[k] = 0.0
-            losses.append(_quantile_loss(theta, np.array([value]), 1.0))
+        theta = [np.where(np.arange(5) == k, 0.0, value) for value in y]
+        losses = [_quantile_loss(*one, 1.0) for one in zip(theta, y[:, None], strict=True)]
         ax.plot(y, losses, color=colour, label=f"θ_{k + 1} = 0 of five, the others exact")
     ax.set(xlabel="the only sample y", ylabel="loss, κ = 1")
 
 
-HUBER, BEYOND = "np.where(abs(u) <= kappa, u**2 / 2, ", "kappa * (abs(u) - kappa / 2)"
 LOSS = Table(
     _quantile_loss,
     _distributions,
     {
-        "The levels are the middles of N equal parts, (i − 1/2)/N: yours are their left ends, "
-        "which begin at 0.": edit(" + 0.5", ""),
-        "The levels are the middles of N equal parts, (i − 1/2)/N: yours are their right ends, "
-        "which end at 1.": edit(" + 0.5", " + 1"),
         "The error is u = y − θ: yours has the other sign, so that weights for too high and too "
         "low are swapped.": edit("u < 0", "u > 0"),
-        "The weight is |τ − 1| where u < 0, not τ everywhere: without it nothing makes the "
-        "quantiles differ.": edit("- (u < 0)", ""),
-        "Within kappa the loss is u²/2: the half is missing.": edit("u**2 / 2", "u**2"),
-        "That is the pinball loss: within kappa it is u²/2.": edit(f"{HUBER}{BEYOND})", "abs(u)"),
-        "You square all errors: beyond kappa it is kappa · (|u| − kappa/2).": (
-            edit(BEYOND, "u**2 / 2")
-        ),
-        "In kappa · (|u| − kappa/2) the factor kappa in front is missing.": edit("kappa * (", "("),
-        "In kappa · (|u| − kappa/2) the factor kappa multiplies the whole bracket.": edit(
-            BEYOND, "kappa * abs(u) - kappa / 2"
-        ),
-        "In kappa · (|u| − kappa/2) half of kappa is taken from |u|.": (
-            *(edit("- kappa / 2", ""), edit("kappa / 2", "kappa")),
-        ),
-        "You take 1 for kappa, whatever it is.": (
-            *(edit("<= kappa", "<= 1", BEYOND, "abs(u) - 1 / 2"), edit("<= kappa", "<= 1")),
-        ),
-        "You divide by kappa, which this loss does not.": (edit("* huber", "* huber / kappa")),
-        "You average over the quantiles as well: their losses are added up.": edit("sum", "mean"),
-        "You add up the samples as well: take the mean over them.": edit("mean", "sum"),
-        "Average over the samples and add up the quantiles, not vice versa.": (
-            edit("mean(1)", "mean(0)")
-        ),
     },
     read=number,
 )
@@ -195,40 +153,33 @@ def _advantage_target(y, q_values, allowed, action, alpha):
     return y - alpha * (best - taken)
 
 
-def _minibatches() -> dict[str, list[tuple]]:
+def _minibatches():
     generator = stream(Use.EXERCISE, 14)
 
     def drawn(count, shift, share):
         cases = []
         for alpha in (0.0, 0.3, 0.8):
-            q_values = generator.normal(shift, 3, (count, 6))
-            action = generator.integers(0, 6, count)
-            allowed = generator.random((count, 6)) < share
+            q_values, y = generator.normal(shift, 3, (count, 6)), generator.normal(shift, 3, count)
+            action, allowed = generator.integers(0, 6, count), generator.random((count, 6)) < share
             allowed[np.arange(count), action] = True
-            cases.append((generator.normal(shift, 3, count), q_values, allowed, action, alpha))
+            cases.append((y, q_values, allowed, action, alpha))
         return cases
 
     return {
-        "The gap is the largest Q-value of the row minus that of the action taken.": (
-            drawn(1, 0.0, 2.0) + drawn(3, 0.0, 2.0)
-        ),
-        "Only actions that are allowed count for the maximum, whatever the Q-values' signs.": (
-            drawn(1, -20.0, 0.6)
-            + drawn(6, -20.0, 0.6)
-            + drawn(8, 10.0, 0.6)
-            + drawn(6, -1e6, 0.6)  # no number is small enough for what is not allowed
+        "The target is y − alpha · gap. The gap is the largest Q-value of the row minus that of "
+        "the action taken.": drawn(1, 0.0, 2.0) + drawn(3, 0.0, 2.0),
+        "Only actions that are allowed count for the maximum, whatever the Q-values' signs: no "
+        "number is small enough for the others, take −inf.": (
+            drawn(1, -20.0, 0.6) + drawn(6, -20.0, 0.6) + drawn(8, 10.0, 0.6) + drawn(6, -1e6, 0.6)
         ),
     }
 
 
 def _draw_advantage_target(ax):
-    q_values = np.array([[2.0, 1.6, 1.9, 0.8, 1.7, 0.2]])
-    allowed, places = np.ones((1, 6), bool), np.arange(6)
+    q_values = np.tile([2.0, 1.6, 1.9, 0.8, 1.7, 0.2], (6, 1))
+    places = np.arange(6)
     for offset, alpha, colour in ((-0.2, 0.0, "0.7"), (0.2, 0.5, BLUE)):
-        targets = [
-            _advantage_target(q_values[:, k], q_values, allowed, np.array([k]), alpha)[0]
-            for k in places
-        ]
+        targets = _advantage_target(q_values[0], q_values, q_values > 0, places, alpha)
         ax.bar(places + offset, targets, 0.4, color=colour, label=f"α = {alpha}")
     ax.set(xlabel="action taken", ylabel="target, if y is the Q-value")
 
@@ -237,28 +188,11 @@ TARGET = Table(
     _advantage_target,
     _minibatches,
     {
-        "The best action is sought among all, also those that are not allowed: a Q-value that is "
-        "never learned must not count.": edit("np.where(allowed, q_values, -np.inf)", "q_values"),
-        "You set Q-values that are not allowed to 0. If all others are below 0, that is the "
-        "largest: take −inf.": edit("-np.inf", "0"),
-        "The maximum is over the actions of each state, axis=1.": edit("max(1)", "max()"),
-        "The sign is wrong: the gap is taken away from the target, so that worse actions get "
-        "worse.": edit("y - alpha", "y + alpha"),
-        "You take the whole gap away: only the share alpha of it.": edit("alpha * ", ""),
         "Dividing by 1 − alpha is what comes out in the end, at rest. The target of one update "
         "takes alpha times the gap.": edit(
             "alpha * (best - taken)", "(best - taken) / (1 - alpha)"
         ),
-        "You take alpha times the best Q-value: take the gap to it.": (
-            edit("(best - taken)", "best")
-        ),
-        "You take alpha times the taken action's Q-value: take its gap to the best.": edit(
-            "(best - taken)", "taken"
-        ),
-        "You compare with y instead of the Q-value of the action taken.": edit("- taken", "- y"),
-        "The targets y are missing: the rest is taken from them.": edit("y - alpha", "alpha"),
     },
-    read=numbers,
 )
 
 
@@ -282,24 +216,6 @@ def _longest_way(data, discount, cost):
     return way - 1
 
 
-def _detours() -> dict[str, list[tuple]]:
-    """So little data that even without a discount for it the search comes to an end."""
-    return {
-        "Without a discount, γ = 1, it pays as long as data > 2 · way · cost.": (
-            [(5.0, 1.0, 0.11), (20.0, 1.0, 0.23), (6.0, 1.0, 1.0)]
-        ),
-        "It pays if data · γ^(way − 1) is more than the sum of cost · γ^t, t < 2 · way.": [
-            (1.5, 0.95, 0.11),
-            (4.0, 0.95, 0.23),
-            (3.0, 0.97, 0.11),
-            (7.0, 0.97, 0.23),
-        ],
-        "If not even a way of 1 pays, the answer is 0.": [(0.05, 0.8, 0.11)],
-        "A way of 1 has two moves.": [(0.5, 0.8, 0.11)],
-        "Search on for as long as it pays: no way is too long.": [(5.0, 1.0, 0.002)],
-    }
-
-
 def _draw_longest_way(ax):
     discounts = np.linspace(0.9, 0.99, 46)
     for data, colour in ((5.0, BLUE), (20.0, VERMILION)):
@@ -308,21 +224,19 @@ def _draw_longest_way(ax):
     ax.set(xlabel="discount γ", ylabel="longest way that pays, moves")
 
 
-COSTS, GAIN = "(discount ** np.arange(2 * way)).sum()", "discount ** (way - 1) * data"
 WAY = Table(
     _longest_way,
-    _detours,
-    {
-        "That is the shortest way that does not pay.": edit("return way - 1", "return way"),
-        "The way back is missing: it takes as many moves, and each costs.": edit("2 * way", "way"),
-        "The data comes in the last move of the way there, which is step way − 1 when the first "
-        "is step 0: γ^(way − 1), not γ^way.": edit("(way - 1)", "way"),
-        "The costs are discounted, too: that of step t counts γ^t.": edit(COSTS, "2 * way"),
-        "The data counts less the later it comes: γ^(way − 1).": edit(GAIN, "data"),
-        "Landing is free: only the 2 · way moves cost.": edit("2 * way", "2 * way + 1"),
-        "That is the number of moves there and back.": (
-            edit("return way - 1", "return 2 * (way - 1)")
-        ),
+    lambda: {
+        "Without a discount, γ = 1, it pays as long as data > 2 · way · cost: there and back, and "
+        "landing is free. The longest way that pays is the answer.": [
+            *((5.0, 1.0, 0.11), (20.0, 1.0, 0.23), (6.0, 1.0, 1.0)),
+        ],
+        "It pays if data · γ^(way − 1) is more than the sum of cost · γ^t, t < 2 · way: the first "
+        "move is step 0, so the data comes in step way − 1.": [
+            *((1.5, 0.95, 0.11), (4.0, 0.95, 0.23), (7.0, 0.97, 0.23), (0.5, 0.8, 0.11)),
+        ],
+        "If not even a way of 1, two moves, pays, the answer is 0. Else search on as long as it "
+        "pays: no way is too long.": [(0.05, 0.8, 0.11), (5.0, 1.0, 0.002)],
     },
     read=whole,
 )

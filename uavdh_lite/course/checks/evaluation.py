@@ -12,7 +12,7 @@ from uavdh_lite.agent import Agent
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect, guarded
 from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.trial import name_of
-from uavdh_lite.course.checks.values import Unreadable, numbers, pair, row, show, whole
+from uavdh_lite.course.checks.values import Unreadable, pair, row, show, whole
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.missions import environment_of
@@ -20,7 +20,7 @@ from uavdh_lite.planners import Genie, Greedy
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream
 
-Z, Z90 = 1.959964, 1.644854  # 95 and 90 % of a standard normal lie within ± these
+Z = 1.959964  # 95 % of a standard normal lie within ± this
 
 
 def _wilson(successes, trials):
@@ -28,12 +28,6 @@ def _wilson(successes, trials):
     middle = p + Z**2 / (2 * n)
     half = Z * np.sqrt(p * (1 - p) / n + Z**2 / (4 * n**2))
     return np.array([middle - half, middle + half]) / (1 + Z**2 / n)
-
-
-def _grid(k, n):
-    """The ends that 1001 shares on a grid give."""
-    q = np.linspace(0, 1, 1001)
-    return q[abs(k / n - q) <= 1.96 * np.sqrt(q * (1 - q) / n)][[0, -1]]
 
 
 def _draw_wilson(ax):
@@ -44,46 +38,24 @@ def _draw_wilson(ax):
     ax.set(xlabel="share observed in 20 trials", ylabel="share and its 95 % interval")
 
 
-def _wilson_cases():
-    generator = stream(Use.EXERCISE, 81)
-    drawn = [(int(generator.integers(1, n)), int(n)) for n in generator.integers(5, 300, 6)]
-    return {
-        "At both ends of the interval |p − q| equals z sqrt(q (1 − q) / n): solve for q, with "
-        "z = 1.96. The interval is not centred on p.": [(7, 10), (5, 20), (33, 40), *drawn],
-        "If none or all succeed, one end is 0 or 1 and the other is not.": [
-            *((0, 12), (20, 20), (0, 1), (1, 1), (0, 500)),
-        ],
-        "It must hold for few and for many trials.": [
-            *((1, 2), (1, 3), (2, 3), (1, 1000), (997, 1000), (1, 50_000), (31_000, 50_000)),
-        ],
-    }
-
-
-MIDDLE, ROOT, BELOW = ("+ Z**2 / (2 * n)", ""), ("+ Z**2 / (4 * n**2)", ""), "/ (1 + Z**2 / n)"
 WILSON = Table(
     _wilson,
-    _wilson_cases,
-    mistakes={
-        "Low and high are the wrong way round.": edit("return", "half = -half; return"),
-        "That is the normal approximation, p ± z sqrt(p (1 − p) / n). Of n successes in n trials "
-        "it says that the share is certainly 1. The root must hold the unknown share, not the "
-        "observed one; solve for it.": edit(*MIDDLE, *ROOT, BELOW, ""),
-        "That is the normal approximation, cut off at 0 and 1. Of n successes in n trials it still "
-        "says that the share is certainly 1; solve for the unknown share instead.": (
-            edit(*MIDDLE, *ROOT, BELOW, ".clip(0, 1)")
+    lambda: {
+        "At both ends of the interval |p − q| equals z sqrt(q (1 − q) / n), with z = 1.96: solve "
+        "for q, a grid is not exact enough. The interval is not centred on p; its low end is the "
+        "first.": [(7, 10), (5, 20), (33, 40), (11, 271)],
+        "It must hold for few and for many trials, and if none or all succeed. Do not round.": [
+            *((1, 2), (2, 3), (0, 12), (20, 20), (0, 1), (1, 1), (0, 500)),
+            *((997, 1000), (1, 50_000), (31_000, 50_000)),
+        ],
+    },
+    {
+        "That is the normal approximation, p ± z sqrt(p (1 − p) / n). The root must hold the "
+        "unknown share, not the observed one; solve for it.": tuple(
+            edit("+ Z**2 / (2 * n)", "", "+ Z**2 / (4 * n**2)", "", "/ (1 + Z**2 / n)", cut)
+            for cut in ("", ".clip(0, 1)")
         ),
-        "z = 1 holds the share in 68 % of all cases. For 95 % z is 1.96.": edit("Z", "1"),
-        "z = 1.645 holds the share in 90 % of all cases. For 95 % z is 1.96.": edit("Z", "Z90"),
-        "z is 2 in your interval, a rule of thumb. For 95 % z is 1.96.": edit("Z", "2"),
-        "The denominator 1 + z²/n is missing: the upper end can exceed 1.": edit(BELOW, ""),
-        "The middle is not shifted: it is p + z²/(2n), not p, before the division.": edit(*MIDDLE),
-        "Under the root z²/(4n²) is missing: for a share of 1 the width would be 0.": edit(*ROOT),
-        "That is as coarse as a grid of shares, which is not exact enough. At both ends of the "
-        "interval the inequality is an equality: solve it for q.": _grid,
-        "Do not round: in many trials the ends are small numbers.": tuple(
-            (lambda k, n, digits=digits: np.round(_wilson(k, n), digits)) for digits in (2, 3, 4)
-        ),
-        "These are percentages; hand over shares from 0 to 1.": edit("return", "return 100 *"),
+        "The denominator 1 + z²/n is missing.": edit("/ (1 + Z**2 / n)", ""),
     },
     read=pair,
     tolerance=1e-3,
@@ -113,67 +85,30 @@ def _draw_needed(ax):
     for deviation in (0.05, 0.1, 0.3):
         ax.loglog(half * 100, [_needed(deviation, h) for h in half], label=f"σ = {deviation}")
     needed, exact = _needed(0.3, 0.02), f"{(1.96 * 0.3 / 0.02) ** 2:.1f}"
-    ax.plot(2, needed, "ko")
     said = f"σ = 0.3, ± 2 points:\n(1.96 · 0.3 / 0.02)² = {exact},\nso {needed} episodes"
     ax.annotate(said, (2, needed), (0.22, 12), arrowprops={"arrowstyle": "->"})
-    ticks = (0.2, 0.5, 1, 2, 5)
-    ax.set_xticks(ticks, map(str, ticks))
-    ax.set_xticks([], minor=True)
+    ax.set_xticks((0.2, 0.5, 1, 2, 5), ("0.2", "0.5", "1", "2", "5"))
+    ax.minorticks_off()
     ax.set(xlabel="half width of the interval, points (0.01)", ylabel="episodes needed")
-
-
-def _needed_cases():
-    generator = stream(Use.EXERCISE, 82)
-    drawn = []
-    while len(drawn) < 12:
-        case = tuple(generator.uniform((0.05, 0.005), (0.6, 0.08)).round(3).tolist())
-        rounded, exact = ((np.array(z) * case[0] / case[1]) ** 2 for z in ((1.96, 1.645), (Z, Z90)))
-        if 0.1 < exact[0] % 1 < 0.9 and (np.ceil(rounded) == np.ceil(exact)).all():
-            drawn.append(case)  # the rounded and the exact z agree
-    return {
-        "1.96 standard errors, standard_deviation / sqrt(n), make the half width: solve for n.": [
-            *((0.1, 0.01), (0.3, 0.05), (1, 0.1), (0.3, 0.02), *drawn),
-        ],
-        "An episode cannot be flown in part: round up to the next whole number, an int.": [
-            *((0.5, 0.3), (0.2, 0.07), (0.4, 0.101), (3, 1)),
-        ],
-        "If the formula gives a whole number, that is enough.": [
-            (0.5, 0.49),
-            (1.0, 0.98),
-            (2, 1.96),
-        ],
-        "One episode is the least, and many are no problem.": [
-            *((0.01, 0.5), (1e-6, 0.1), (40.0, 0.03), (150.0, 200.0)),
-        ],
-    }
 
 
 NEEDED = Table(
     _needed,
-    _needed_cases,
-    mistakes={
-        "Rounded down, the interval is too wide: round up (math.ceil).": edit("ceil", "floor"),
-        "Rounded to the nearest, it may be too small: math.ceil.": edit("math.ceil", "round"),
-        "math.ceil rounds up already: add nothing.": edit("return", "return 1 +"),
-        "Where the number comes out whole, it is enough; you add one there (as int(x) + 1 does). "
-        "Take math.ceil.": edit("math.ceil", "1 + math.floor"),
-        "An episode cannot be flown in part: round up (math.ceil).": edit("math.ceil", ""),
+    lambda: {
+        "1.96 standard errors, standard_deviation / sqrt(n), make the half width: solve for n. If "
+        "that is a whole number, it is enough: add nothing.": [(0.5, 0.49), (1.0, 0.98), (2, 1.96)],
+        "An episode cannot be flown in part: round up to the next whole number, an int "
+        "(math.ceil).": [
+            *((0.5, 0.3), (0.2, 0.07), (0.4, 0.101), (3, 1), (0.1, 0.01), (0.3, 0.05)),
+        ],
+        "One episode is the least, and many are no problem.": [(0.01, 0.5), (40.0, 0.03)],
+    },
+    {
         "The square is missing. The half width shrinks with the *root* of the number of "
         "episodes: for half of it you need four times as many.": edit(" ** 2", ""),
-        "The 1.96 is missing: one standard error to each side holds 68 %.": edit("1.96 *", ""),
-        "The 1.96 is not squared; it belongs inside the square.": edit("(1.96 * ", "1.96 * ("),
-        "The standard deviation is not squared, as if it were a variance already.": (
-            edit("1.96 * standard_deviation", "1.96 * standard_deviation**0.5")
+        "half_width is one side of the interval already, neither all of it nor half of a side.": (
+            *(edit("1.96", "0.98"), edit("1.96", "3.92")),
         ),
-        "half_width is one side of the interval, not all of its width: your answer is four times "
-        "too small.": edit("1.96", "0.98"),
-        "half_width is already one side of the interval. You halve it again.": edit("1.96", "3.92"),
-        "The ratio is upside down: more scatter needs more episodes, a wider interval fewer.": (
-            edit("standard_deviation / half_width", "half_width / standard_deviation")
-        ),
-        "Two standard errors are a rule of thumb. For 95 % z is 1.96.": edit("1.96", "2"),
-        "With z = 1.645 the interval is a 90 % one. For 95 % z is 1.96.": edit("1.96", "1.645"),
-        "With z = 2.576 the interval is a 99 % one. For 95 % z is 1.96.": edit("1.96", "2.576"),
     },
     read=whole,
     tolerance=1e-12,
@@ -198,23 +133,17 @@ def _lead(a, b):
     return np.array([d.mean(), d.mean() - half, d.mean() + half])
 
 
-def _unpaired(ddof):
-    return edit(
-        "d.std(ddof=1) / np.sqrt(len(d))",
-        f"np.sqrt((a.var(ddof={ddof}) + b.var(ddof={ddof})) / len(d))",
-    )
+SPREAD = "d.std(ddof=1) / np.sqrt(len(d))"
+UNPAIRED = edit(SPREAD, "np.sqrt((a.var(ddof=1) + b.var(ddof=1)) / len(d))")
 
 
 def _draw_lead(ax):
-    generator = stream(Use.EXERCISE, 0)
-    common, own = generator.standard_normal((2, 100, 1))
-    shares = np.linspace(0, 0.95, 20)
-    other = np.sqrt(shares) * common + np.sqrt(1 - shares) * generator.standard_normal((100, 1))
-    first = np.sqrt(shares) * common + np.sqrt(1 - shares) * own
-    pairs = list(zip(first.T, other.T, strict=True))
+    common, own, other = stream(Use.EXERCISE, 0).standard_normal((3, 100))
+    weights = np.linspace(0, 4, 20)
+    pairs = [(own + weight * common, other + weight * common) for weight in weights]
     correlation = [np.corrcoef(a, b)[0, 1] for a, b in pairs]
-    for name, lead in (("in pairs", _lead), ("as if unpaired", _unpaired(1).of(_lead))):
-        half = [np.ptp(lead(a, b)) / 2 for a, b in pairs]
+    for name, lead in (("in pairs", _lead), ("as if unpaired", UNPAIRED.of(_lead))):
+        half = [np.ptp(lead(a, b)) / 2 / a.std() for a, b in pairs]
         ax.plot(correlation, half, "o-", markersize=3, label=name)
     ax.set(xlabel="correlation of the two policies' results", ylabel="half width (each σ ≈ 1)")
     ax.set(title="100 scenarios", ylim=(0, None))
@@ -231,50 +160,26 @@ def _lead_cases():
     few = np.array([3.0, 5.0, 10.0]), np.array([1.0, 4.0, 2.0])
     return {
         "With d = a − b of each pair: the mean of d, and 1.96 standard errors, "
-        "d.std(ddof=1) / sqrt(n), to either side: (mean, low, high).": [
+        "d.std(ddof=1) / sqrt(n), to either side, in the order (mean, low, high).": [
             *(few, few[::-1], (np.array([9, 5]), np.array([1, 2])), drawn(8, 1.0)),
         ],
-        "It must hold whether the two results go together or not, for few and many scenarios.": [
+        "It must hold whether the two results go together or not, for few and many scenarios. If "
+        "all differences are equal, the interval has the width 0.": [
             *(drawn(30, 2.0), drawn(300, 0.5), drawn(15, -0.7), drawn(9, 0.0), drawn(2, 3.0, 2.0)),
-            *(drawn(40, 1.0, -2.0, 50.0), drawn(25, 1.0, 3.0, 0.001)),
-        ],
-        "If all differences are equal, the interval has the width 0.": [
-            (np.array([2.0, 3.0, 7.0]), np.array([1.0, 2.0, 6.0])),
+            *(drawn(40, 1.0, -2.0, 50.0), drawn(25, 1.0, 3.0, 0.001), (few[0] + 1.0, few[0])),
         ],
     }
 
 
-BY_ROOT = "/ np.sqrt(len(d))"
 LEAD = Table(
     _lead,
     _lead_cases,
-    mistakes={
+    {
         "The sign is wrong: positive means that a is ahead of b.": edit("a - b", "b - a"),
         "You take the size of each difference, abs(a − b): so even of two equally good policies "
         "one would be ahead. Keep the sign.": edit("a - b", "abs(a - b)"),
         "That is the unpaired interval: it adds both variances, as if each policy had flown "
-        "scenarios of its own. Take the standard deviation of the differences a − b.": (
-            *(_unpaired(1), _unpaired(0)),
-        ),
-        "The interval is made of the standard deviation of one difference. The mean of n of them "
-        "is known better: divide by the root of n (the standard error).": (
-            *(edit(BY_ROOT, ""), edit(BY_ROOT, "", "ddof=1", "")),
-        ),
-        "These are quantiles of the differences: 95 % of the single scenarios lie between them. "
-        "The mean of n is known better: take its standard error.": (
-            lambda a, b: np.array([(a - b).mean(), *np.quantile(a - b, (0.025, 0.975))])
-        ),
-        "Take the standard deviation, not the variance.": edit("std", "var"),
-        "Divided by n instead of by the root of n.": edit(BY_ROOT, "/ len(d)"),
-        "np.std divides by n by default. The standard deviation is estimated from the same n "
-        "values as the mean, so divide by n − 1: ddof=1.": edit("ddof=1", ""),
-        "Divided by the root of n − 1. The n − 1 belongs into the standard deviation (ddof=1); its "
-        "mean's standard error is that over the root of n.": edit("len(d)", "len(d) - 1"),
-        "One standard error on either side holds 68 %. For 95 % take 1.96.": edit("Z * ", ""),
-        "Low and high are the wrong way round.": edit("half = ", "half = -"),
-        "The order is (mean, low, high), the mean first.": (
-            edit("d.mean(), d.mean() - half", "d.mean() - half, d.mean()")
-        ),
+        "scenarios of its own. Take the standard deviation of the differences a − b.": UNPAIRED,
     },
     read=row(3, "(mean, low, high), both ends of the interval, not mean and half width, are"),
     tolerance=1e-3,
@@ -299,7 +204,6 @@ def lead(answer) -> None:
 # in 20,000 others, about 0.3. With some seeds it gains 0.5, by luck.
 EPISODES, SEED, SECONDS, AHEAD = 300, 885, 20, 0.4
 RETURN = "cumulative_reward"
-Rule = Callable[[State], np.ndarray]
 
 
 @functools.cache
@@ -307,31 +211,21 @@ def _planner(environment: Environment) -> Greedy:
     return Greedy(environment)
 
 
-def _simulated(
-    environment: Environment, state: State, plans: list[tuple[Rule, Rule]]
-) -> np.ndarray:
-    """For each episode the first action of the plan with the highest return at fading 0.
-
-    A plan is a rule for the first action and one for all later ones.
-    """
-    fading = np.zeros((len(state), 4, 5), np.float32)
-    actions = np.array([first(state) for first, _ in plans])
-    plan, episode = np.indices(actions.shape).reshape(2, -1)
-    after, outcome = environment.transition(state[episode], actions.ravel(), fading[episode])
-    total, flying = Rewards()(outcome), np.arange(len(episode))
+def _simulated(greedy: Greedy, state: State) -> np.ndarray:
+    """For each episode the action that has the highest return with greedy after it, at fading 0."""
+    count = len(state)
+    actions, episodes = np.indices((len(ACTIONS), count)).reshape(2, -1)
+    fading = np.zeros((len(actions), 4, 5), np.float32)
+    after, outcome = greedy.environment.transition(state[episodes], actions, fading)
+    total, flying = Rewards()(outcome), np.arange(len(actions))
     while not after.ended.all():
         flying, after = flying[~after.ended], after[~after.ended]
-        rows = [plan[flying] == k for k in range(len(plans))]
-        action = [then(after[mine]) for mine, (_, then) in zip(rows, plans, strict=True)]
-        after, outcome = environment.transition(
-            after, np.concatenate(action), fading[episode[flying]]
-        )
+        after, outcome = greedy.environment.transition(after, greedy(after), fading[: len(after)])
         total[flying] += Rewards()(outcome)
-    best = total.reshape(actions.shape).argmax(axis=0)
-    return actions[best, np.arange(len(state))]
+    return total.reshape(-1, count).argmax(axis=0)
 
 
-def _flown(policy: Rule) -> dict[str, np.ndarray]:
+def _flown(policy: Callable[[State], np.ndarray]) -> dict[str, np.ndarray]:
     environment = environment_of("manhattan")
     return evaluate(environment, policy, find_scenario("manhattan"), EPISODES, SEED).records()
 
@@ -339,24 +233,15 @@ def _flown(policy: Rule) -> dict[str, np.ndarray]:
 def _draw_policy(ax):
     greedy = _planner(environment_of("manhattan"))
 
-    def leaving(least: float) -> Rule:
+    def leaving(least):
         def rule(state):
             worth = np.where(state.data_left < least, np.float32(0), state.data_left)
             return greedy(replace(state, data_left=worth))
 
         return rule
 
-    def best(plans) -> Rule:
-        return lambda state: _simulated(greedy.environment, state, plans)
-
-    firsts = [(lambda s, a=a: np.full(len(s), a), greedy) for a in range(len(ACTIONS))]
-    rules = {
-        **{f"skip devices with less than {least}": leaving(least) for least in (1, 3, 6)},
-        "simulate skipping below\n0, 1, 2, 4; take the best": (
-            best([(leaving(least), leaving(least)) for least in (0, 1, 2, 4)])
-        ),
-        "simulate each action, then\ngreedy; take the best": best(firsts),
-    }
+    rules = {f"skip devices with less than {least}": leaving(least) for least in (1, 3, 6)}
+    rules["simulate each action, then\ngreedy; take the best"] = lambda s: _simulated(greedy, s)
     theirs = _flown(greedy)[RETURN]
     for y, rule in enumerate(rules.values()):
         own = _flown(rule)[RETURN]
@@ -365,8 +250,8 @@ def _draw_policy(ax):
         ax.text(1.55, y, f"{own.mean():.2f}", va="center", ha="right")
     ax.axvline(0, color="grey")
     ax.axvline(AHEAD, color="grey", linestyle="--")
-    ax.set(yticks=range(len(rules)), yticklabels=list(rules), ylim=(len(rules) - 0.5, -0.5))
-    ax.set(xlim=(-1.4, 1.6))
+    ax.set(yticks=range(len(rules)), yticklabels=list(rules), xlim=(-1.4, 1.6))
+    ax.invert_yaxis()
     ax.set_xlabel("lead over greedy, 95 % interval (dashed: goal)", fontsize=9)
     ax.set_title(f"{EPISODES} missions; right: return (greedy {theirs.mean():.2f})", fontsize=10)
 
@@ -390,36 +275,32 @@ NOT_ALLOWED = "{} is not allowed here: write the rule yourself. Greedy may be a 
 )
 def policy(answer) -> None:
     """`policy(environment, state)`: actions for a batch, with a higher return than greedy."""
-    environment = environment_of("manhattan")
-    ask, began = guarded(answer.__wrapped__, name_of(answer)), time.process_time()
+    environment, began = environment_of("manhattan"), time.process_time()
+    ask = guarded(answer.__wrapped__, name_of(answer))
 
     def asked(state: State) -> np.ndarray:
         given, count = ask(environment, state), len(state)
         try:
-            shape = numbers(given).shape
+            values = row(count, f"`state` is a batch of {count} episodes: one action for each is")(
+                given
+            )
         except Unreadable as problem:
             raise CheckFailed(f"Your policy gives {show(given)}: {problem}") from None
-        action = np.asarray(given.detach() if hasattr(given, "detach") else given)
-        expect(
-            shape == (count,),
-            f"For {count} episodes you give an array of the shape {shape}. One action an "
-            f"episode is expected, ({count},): `state` is a batch, also when few are in the air.",
-        )
-        expect(
-            np.issubdtype(action.dtype, np.integer),
-            f"The actions are of type {action.dtype}; give whole numbers, indices into {ACTIONS}.",
-        )
-        unknown = action[(action < 0) | (action >= len(ACTIONS))]
-        if len(unknown):
-            known = f"0 to {len(ACTIONS) - 1}, {', '.join(ACTIONS)}"
-            raise CheckFailed(f"There is no action {unknown[0]}: they are {known}.")
-        expect(
-            time.process_time() - began < SECONDS,
+        kind = np.asarray(given.detach().cpu() if hasattr(given, "detach") else given).dtype
+        unknown = values[(values < 0) | (values >= len(ACTIONS))]
+        needed = {
+            f"The actions are of type {kind}; give whole numbers, indices into {ACTIONS}.": (
+                kind.kind in "iu"
+            ),
+            f"There is no action {', '.join(map(show, unknown[:1]))}: they are 0 to "
+            f"{len(ACTIONS) - 1}, {', '.join(ACTIONS)}.": not len(unknown),
             f"Your policy is too slow: {SECONDS} seconds of processor time are over and not all of "
             f"the {EPISODES} missions have ended. Work on the whole batch at once, and compute "
-            "tables only once.",
-        )
-        return action
+            "tables only once.": time.process_time() - began < SECONDS,
+        }
+        for message, holds in needed.items():
+            expect(holds, message)
+        return values.astype(int)
 
     own, greedy = _flown(asked), _flown(_planner(environment))
     lead, low, high = _lead(own[RETURN], greedy[RETURN])
@@ -430,25 +311,21 @@ def policy(answer) -> None:
     if lead >= AHEAD and low > 0:
         print(standing)
         return
-    crashes = int((~own["has_landed"].astype(bool)).sum())
+    crashes = EPISODES - int(own["has_landed"].sum())
     refused = own["safety_interventions"].mean()
-    if np.array_equal(own[RETURN], greedy[RETURN]):
-        why = "These are the same flights as greedy's, in every mission."
-    elif crashes > EPISODES - greedy["has_landed"].sum():
-        why = (
-            f"It crashed in {crashes} of {EPISODES} missions, 150 points each: turn back while "
-            "time_left still suffices for landing_distance and the landing."
-        )
-    elif refused > 1:
-        why = (
-            f"The safety controller refused {refused:.1f} actions a mission, a move into a no-fly "
-            "cell or a landing outside the zone: look at environment.forbidden."
-        )
-    elif low > 0:
-        why = f"It is ahead, but by less than the {AHEAD} that are asked for."
-    elif high < 0:
-        why = "It is behind greedy: `ways(policy)` draws where it loses most."
-    else:
-        side = "ahead of" if lead > 0 else "behind"
-        why = f"It is {side} greedy, but the interval holds 0: that may be luck."
-    raise CheckFailed(f"{why} {standing}")
+    reasons = {
+        "These are the same flights as greedy's, in every mission.": (
+            np.array_equal(own[RETURN], greedy[RETURN])
+        ),
+        f"It crashed in {crashes} of {EPISODES} missions, 150 points each: turn back while "
+        "time_left still suffices for landing_distance and the landing.": (
+            crashes > EPISODES - greedy["has_landed"].sum()
+        ),
+        f"The safety controller refused {refused:.1f} actions a mission, a move into a no-fly "
+        "cell or a landing outside the zone: look at environment.forbidden.": refused > 1,
+        f"It is ahead, but by less than the {AHEAD} that are asked for.": low > 0,
+        "It is behind greedy: `ways(policy)` draws where it loses most.": high < 0,
+        "It is ahead of greedy, but the interval holds 0: that may be luck.": lead > 0,
+        "It is behind greedy, but the interval holds 0: that may be luck.": True,
+    }
+    raise CheckFailed(f"{next(why for why, holds in reasons.items() if holds)} {standing}")

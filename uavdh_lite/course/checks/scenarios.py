@@ -9,7 +9,7 @@ from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.environment import Town
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
-from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.table import Table
 from uavdh_lite.course.checks.values import Unreadable, numbers
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import CityError
@@ -17,75 +17,35 @@ from uavdh_lite.evaluation import Policy, evaluate
 from uavdh_lite.planners import Greedy
 from uavdh_lite.streams import Use, stream
 
-SMALL = """
-L . . . B .
-. b B . B .
-N N B . B B
-. . . . . .
-. b N N N .
-. . N . N .
-"""
-WALLED = """
-. . . . . . .
-. N N N N N .
-. N . . . N .
-. N . N . . .
-. N L N N N .
-. N . N . B .
-. N N N N B L
-"""
-DIAGONAL = """
-. N . . .
-N . . B .
-. . b b .
-. B b L b
-. . . b .
-"""
-
 
 def _city_cases():
-    texts = {"corners": SMALL, "walls": WALLED, "diagonals": DIAGONAL, "open": "L .\n. ."}
-    texts |= {"wall": "L . N\n. N .\nN . .", "low": "L b .\nb . .\n. . .", "two": TWO, "four": FREE}
-    small = {name: (Town.from_text(name, text),) for name, text in texts.items()}
+    def town(name, text):
+        return [Town.from_text(name, text)]
+
     generator, drawn = stream(Use.EXERCISE, 91), []
-    while len(drawn) < 7:
+    while len(drawn) < 5:
         kinds = generator.choice(5, (8, 8), p=(0.55, 0.15, 0.14, 0.04, 0.12))
         with suppress(CityError):  # no landing cell, or one that is walled in
-            drawn.append((Town.from_kinds(f"random city {len(drawn)}", kinds),))
+            drawn.append(Town.from_kinds(f"random city {len(drawn)}", kinds))
     return {
         "A cell of the landing zone has 0, each other one more than its nearest neighbour: north, "
-        "east, south, west, not diagonally.": [small["open"]],
+        "east, south, west, not diagonally.": town("open", "L .\n. ."),
         "The shortest way counts: take the cell that has waited longest. And off the grid there is "
         "nothing: row or column −1 is Python's last one, without an IndexError, so test that "
-        "0 <= row < M and 0 <= column < M.": [small["four"]],
-        "All landing cells are starting points: the nearest counts.": [small["two"]],
-        "Low buildings may be flown over: what the UAV may not enter is city.no_fly.": [
-            small["low"]
-        ],
-        "No-fly cells, and all from which no landing cell can be reached, have −1.": [
-            small["wall"]
-        ],
+        "0 <= row < M and 0 <= column < M.": town("four", "L . . ." + 3 * "\n. . . ."),
+        "All landing cells are starting points: the nearest counts.": (
+            town("two", ". . . . .\n. L . . .\n. . . . .\n. . . L .\n. . . . .")
+        ),
+        "Low buildings may be flown over: what the UAV may not enter is city.no_fly.": (
+            town("low", "L b .\nb . .\n. . .")
+        ),
+        "No-fly cells, and all from which no landing cell can be reached, have −1.": (
+            town("wall", "L . N\n. N .\nN . .")
+        ),
         "The way goes round all walls, whatever the city.": [
-            *(small[name] for name in ("corners", "walls", "diagonals")),
-            *drawn,
-            *((Town.load(name),) for name in ("manhattan", "open_field")),
+            *(*drawn, Town.load("manhattan"), Town.load("open_field")),
         ],
     }
-
-
-FREE = """
-L . . .
-. . . .
-. . . .
-. . . .
-"""
-TWO = """
-. . . . .
-. L . . .
-. . . . .
-. . . L .
-. . . . .
-"""
 
 
 def _moves_home(city):
@@ -103,19 +63,6 @@ def _moves_home(city):
     return distance
 
 
-def _first_only(landing):
-    return landing & (landing.cumsum() == 1).reshape(landing.shape)
-
-
-DIAGONALS = [(-1, -1), (-1, 1), (1, -1), (1, 1)]
-
-
-def _as_the_crow_flies(city: City) -> np.ndarray:
-    row, col = np.indices((city.size,) * 2)
-    far = [abs(row - r) + abs(col - c) for r, c in np.argwhere(city.landing)]
-    return np.where(city.no_fly, -1, np.min(far, axis=0))
-
-
 def _distances(value) -> np.ndarray:
     array = numbers(value)
     if array.ndim == 2 and (np.isinf(array).any() or np.asarray(value).dtype.kind not in "iu"):
@@ -126,30 +73,6 @@ def _distances(value) -> np.ndarray:
 REACHABLE = Table(
     _moves_home,
     _city_cases,
-    mistakes={
-        "You move diagonally too: there are four moves.": edit("(0, -1)]", "(0, -1), *DIAGONALS]"),
-        "You fly through no-fly cells: ask city.no_fly.": edit("and not city.no_fly[r, c]", ""),
-        "You count moves as if nothing stood in the way.": _as_the_crow_flies,
-        "You treat every building as a wall. Low buildings may be flown over: what the UAV may not "
-        "enter is city.no_fly, which holds the tall ones already.": (
-            edit("city.no_fly", "(city.no_fly | city.buildings)")
-        ),
-        "Only buildings stop you. The UAV may not enter no-fly cells, and may fly over low "
-        "buildings: ask city.no_fly.": edit("no_fly", "buildings"),
-        "You start from one landing cell only. The nearest of all counts: put all of them into the "
-        "queue, with distance 0.": edit(", city.landing", ", _first_only(city.landing)"),
-        "Your landing cells have 1. Over the zone no move is needed: start with 0 (the landing "
-        "itself is not counted here).": edit(
-            "return distance", "return distance + (distance >= 0)"
-        ),
-        "Cells without a way have 0, as if they were landing zone: mark them with −1.": (
-            edit("return distance", "return distance.clip(0)")
-        ),
-        "Your city is joined at its edges: row or column −1 is Python's last one, without an "
-        "IndexError. Test that 0 <= row < M and 0 <= column < M.": (
-            edit("if inside and", "r, c = r % size, c % size\n            if")
-        ),
-    },
     read=_distances,
     where=lambda city, place: f"That is at row {place[0]}, column {place[1]}.",
 )
@@ -181,6 +104,7 @@ def reachable(answer) -> None:
 
 
 MISSIONS, SEED, GREEDY, BEHIND, CHANGED = 100, 92, 0.90, 0.30, 16
+CRAL = "collection_ratio_and_landed"
 
 
 def _fly(city: City, policy: Policy) -> dict[str, float]:
@@ -190,33 +114,24 @@ def _fly(city: City, policy: Policy) -> dict[str, float]:
     return {name: float(values.mean()) for name, values in records.items()}
 
 
-def _greedy(city: City) -> dict[str, float]:
-    return _fly(city, Greedy(Environment(city)))
-
-
 def _changed(city: City) -> int:
     """In how many cells the city differs from the agent's own."""
     return int((city.kinds != load_agent("manhattan_ddqn").city.kinds).sum())
 
 
-def _moved_zone() -> City:
-    """`manhattan` with its landing zones in the other two corners."""
-    kinds = City.load("manhattan").kinds.copy()
+def _draw_defeat(ax):
+    agent, kinds = load_agent("manhattan_ddqn"), City.load("manhattan").kinds.copy()
     kinds[kinds == 3] = 0
     kinds[:2, -2:] = kinds[-1:, :2] = 3
-    return City.from_kinds("moved", kinds)
-
-
-def _draw_defeat(ax):
-    agent, city = load_agent("manhattan_ddqn"), _moved_zone()
-    names = ("has_landed", "collection_ratio", "collection_ratio_and_landed")
+    city = City.from_kinds("landing zones in the other two corners", kinds)
     flown = {
         "agent, at home": _fly(agent.city, agent),
-        "greedy, new city": _greedy(city),
+        "greedy, new city": _fly(city, Greedy(Environment(city))),
         "agent, new city": _fly(city, agent.over(city)),
     }
     for k, (label, metrics) in enumerate(flown.items()):
-        ax.bar(np.arange(3) + 0.27 * (k - 1), [100 * metrics[n] for n in names], 0.25, label=label)
+        shares = [100 * metrics[name] for name in ("has_landed", "collection_ratio", CRAL)]
+        ax.bar(np.arange(3) + 0.27 * (k - 1), shares, 0.25, label=label)
     ax.set(xticks=range(3), xticklabels=("landed", "collected", "both (CRAL)"), ylim=(0, 135))
     ax.set(ylabel="mean over 100 missions, %", yticks=range(0, 101, 20))
     ax.set_title(f"landing zones moved: {_changed(city)} cells changed")
@@ -239,52 +154,43 @@ def defeat(answer) -> None:
         isinstance(answer, str),
         "Hand over the city as one text, a line a row, as City.from_text reads it.",
     )
+    expect("L" in answer, "Your city has no landing zone: put an L into at least one cell.")
     agent = load_agent("manhattan_ddqn")
     size = agent.city.size
-    rows = ["".join(line.split()) for line in answer.strip().splitlines()]
-    expect(len(rows) == size, f"Your text has {len(rows)} rows of signs; it must have {size}.")
-    for number, row in enumerate(rows):
-        expect(
-            len(row) == size,
-            f"Row {number} (the first is row 0) has {len(row)} signs; it must have {size}.",
-        )
-    expect("L" in answer, "Your city has no landing zone: put an L into at least one cell.")
     try:
         city = City.from_text("mine", answer)
     except CityError as error:
-        raise CheckFailed(f"That is no valid city: {str(error).removeprefix('mine: ')}.") from None
+        said = str(error).removeprefix("mine: ")
+        raise CheckFailed(f"That is no valid city of {size}×{size} cells: {said}.") from None
+    expect(city.size == size, f"Your city has {city.size} rows and columns; it must have {size}.")
     changed = _changed(city)
     expect(
         changed <= CHANGED,
         f"It differs from `home` in {changed} of its {size**2} cells; at most {CHANGED} may.",
     )
-    cut_off = np.argwhere(~city.no_fly & (city.landing_distance < 0))
-    for row, col in cut_off:
-        raise CheckFailed(
-            f"There is no way to the landing zone from {len(cut_off)} of the cells that the UAV "
-            f"may enter, the first at row {row}, column {col}: open one, or close them (N or B)."
-        )
-    cral = "collection_ratio_and_landed"
-    greedy, own = _greedy(city)[cral], _fly(city, agent.over(city))
+    cut_off = np.argwhere(~city.no_fly & (city.landing_distance < 0)).tolist()
+    expect(
+        not cut_off,
+        f"There is no way to the landing zone from {len(cut_off)} of the cells that the UAV may "
+        f"enter, as from {cut_off[:1]} (row, column): open one, or close them (N or B).",
+    )
+    greedy, own = _fly(city, Greedy(Environment(city)))[CRAL], _fly(city, agent.over(city))
     expect(
         greedy >= GREEDY,
         f"The greedy planner's CRAL is {greedy:.1%} here, and {GREEDY:.0%} are needed to show that "
         "the missions are possible. Make ways shorter, or devices easier to hear.",
     )
-    behind = 100 * (greedy - own[cral])
-    cells = "1 cell" if changed == 1 else f"{changed} cells"
+    behind = 100 * (greedy - own[CRAL])
     standing = (
-        f"In your city ({cells} changed) greedy has a CRAL of {greedy:.1%}, the agent "
-        f"{own[cral]:.1%} (it lands in {own['has_landed']:.0%})"
+        f"In your city (cells changed: {changed}) greedy has a CRAL of {greedy:.1%}, the agent "
+        f"{own[CRAL]:.1%} (it lands in {own['has_landed']:.0%})"
     )
-    at_home = (
-        "Its landing zones are where it learned to land."
-        if np.array_equal(city.landing, agent.city.landing)
-        else "What else is in your city that it never met?"
-    )
+    hint = "What else is in your city that it never met?"
+    if np.array_equal(city.landing, agent.city.landing):
+        hint = "Its landing zones are where it learned to land."
     expect(
         behind >= 100 * BEHIND,
         f"The agent is too good. {standing}: it is {behind:.1f} points behind, {100 * BEHIND:.0f} "
-        f"are asked for. {at_home}",
+        f"are asked for. {hint}",
     )
     print(f"{standing}.")
