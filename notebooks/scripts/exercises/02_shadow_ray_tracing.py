@@ -28,7 +28,7 @@ from uavdh_lite.shadowing import crossed_cells, line_of_sight
 # $$2\,|R\,c - C\,r| < |R| + |C|.$$
 #
 # Make it a function of any `start`, `end` and `cell`. The cells `start` and `end` themselves count as crossed. They may
-# also be the same cell: then the segment is one point. The rays can be long (a hundred cells) and go in any direction.
+# also be the same cell: then the segment is one point. The rays can be very long (a million cells) and go in any direction.
 # Try to do without `crossed_cells`, that is the point of the exercise, and so that no rounding can spoil it.
 
 # %%

@@ -43,7 +43,10 @@ def _small_cities():
         "no-fly, layers[1], is True.": [drawn(2, 2, (0, 1)), drawn(4, 4, (1, 3)), drawn(7, 7)],
         "Every map has 2M − 1 cells on a side, whatever the size m of the city; it may be a single "
         "cell. Inside the city the layers stay as they are.": [
-            *(drawn(m, size) for m, size in ((1, 2), (2, 3), (2, 7), (3, 5), (5, 6), (6, 11)) * 2),
+            *(
+                drawn(m, size)
+                for m, size in ((1, 1), (1, 2), (2, 3), (2, 7), (3, 5), (5, 6), (6, 11)) * 2
+            ),
             *((np.ones((3, 3, 3), bool), (1, 2), 5), _random_city()),
         ],
     }

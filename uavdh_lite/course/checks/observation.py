@@ -193,8 +193,9 @@ def _weights_cases():
             *((2, 3, 4, 2, (stride,), (6,)) for stride in (2, 3, 4)),
             *((3, 12, 9, 3, (3,), (20,)), (2, 9, 3, 4, (6,), (8,))),
         ],
-        "A second convolution sees as many layers as the first has kernels, and so on, for any "
-        "number of convolutions and hidden layers. The paper's network has 2,308,854.": [
+        "A second convolution sees as many layers as the first has kernels, and has its own "
+        "stride, and so on, for any number of convolutions and hidden layers. The paper's "
+        "network has 2,308,854.": [
             *((5, 16, 16, 5, (1, 1), (256, 256, 256)), (4, 13, 8, 4, (3, 2), (64, 32))),
             *(
                 (4, 16, 9, 3, strides, hidden)

@@ -27,6 +27,8 @@ def _city_cases():
         kinds = generator.choice(5, (8, 8), p=(0.55, 0.15, 0.14, 0.04, 0.12))
         with suppress(CityError):  # no landing cell, or one that is walled in
             drawn.append(Town.from_kinds(f"random city {len(drawn)}", kinds))
+    street, left, right = " ".join("." * 16), "." + " B" * 15, "B " * 15 + "."
+    winding = "\n".join(row for turn in 4 * (right, left) for row in (street, turn))
     return {
         "A cell of the landing zone has 0, each other one more than its nearest neighbour: north, "
         "east, south, west, not diagonally.": town("open", "L .\n. ."),
@@ -44,6 +46,7 @@ def _city_cases():
         ),
         "The way goes round all walls, whatever the city.": [
             *(*drawn, Town.load("manhattan"), Town.load("open_field")),
+            *town("winding", winding.replace(".", "L", 1)),
         ],
     }
 

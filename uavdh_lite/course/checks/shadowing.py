@@ -76,7 +76,10 @@ CROSSES = Table(
     _crosses_cases,
     {"You forget the factor 2 before |R·c − C·r|.": edit("2 * abs", "abs")},
     read=truth,
-    errors={"ZeroDivision": "A ray along a row or a column has no slope one way."},
+    errors={
+        "ZeroDivision": "A ray along a row or a column has no slope one way.",
+        "allocate": "Do not list the cells of the ray, test the one that is asked for.",
+    },
 )
 
 
