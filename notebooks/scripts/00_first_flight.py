@@ -100,8 +100,8 @@ for name, values in flights.records().items():
 #
 # | agent | how it was made | where it flies |
 # | --- | --- | --- |
-# | `manhattan` | beyond the paper (notebook 12), for this city | 0, 10, 12 |
-# | `manhattan_ddqn`, `open_field_ddqn` | by the paper's method, taught in notebooks 3 to 8 | 4 to 9 |
+# | `manhattan` | beyond the paper (notebook 12), for this city | 0, 10, 12, 13 |
+# | `manhattan_ddqn`, `open_field_ddqn` | by the paper's method, taught in notebooks 3 to 8 | 4 to 6, 8, 9, 12 |
 # | `manhattan_ddqn_early` | the same, stopped early | 6, 9 |
 # | `any_city` | as `manhattan`, over two thousand cities | 10, 13 |
 #

@@ -306,7 +306,7 @@ draw_shadow(7, 9)
 #
 # ## 2.4 Several devices: the shading of the paper's figures
 #
-# The paper shades each cell by the number of devices that are hidden from it: the deeper, the more.
+# The paper shades each cell by the number of devices that are hidden from it: the more devices, the deeper the shade.
 # Sum the maps (here with the shades further apart than in other figures):
 
 # %%

@@ -56,7 +56,7 @@ draw(flights.trajectory(0))
 #
 # ## 3.1 The state
 #
-# A few arrays hold all that can change in an episode. The agent may know nothing else. A cell is a
+# A few arrays hold all that can change in an episode. A cell is a
 # number, `row * 16 + column`:
 
 # %%
@@ -181,7 +181,8 @@ print({name: round(float(value[0]), 2) for name, value in rewards.terms(outcome)
 # Landing outside the landing zone is replaced the same way. There is no collision in this world, only
 # wasted time. Why does a wrong move not end the episode? A beginner makes one every few steps, and would hardly ever get far
 # enough to see a device. Replaced, it costs a little, and the flight goes on. Another way is to forbid such actions (a *mask*): then
-# nothing need be learned about walls. Notebook 12 does that with the way home.
+# nothing need be learned about walls. Notebook 12 does that, and with actions that leave no time for the way home, too. (The
+# controller's hovering is like any other: data comes in meanwhile.)
 #
 # The one disaster left is the last one: a flying time of 0 in the air.
 
@@ -196,7 +197,7 @@ print("crashed:", outcome.crashed[0], "reward", rewards(outcome)[0])
 # %% [markdown]
 # Nothing is uploaded in the step that ends an episode, be it a landing or a crash.
 #
-# (−150 is from the authors' code. Our recipe `lite` lets a crash cost less at first, notebook 6 shows why, and a step
+# (The paper gives no number for the crash; −150 is from the authors' code. Our recipe `lite` lets a crash cost less at first, notebook 6 shows why, and a step
 # cost half as much, so that a far device with little data is not left behind. All rewards printed here are the paper's.)
 #
 # Is 0.2 a good price for a step? At 0, a long way is as good as a short one, and nothing speaks for landing before the last

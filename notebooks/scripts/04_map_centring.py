@@ -148,7 +148,7 @@ print(f"collected and landed: {running[2]:.0%} with the true time, {stopped[:, 2
 
 # %% [markdown]
 # A clock that shows 5 or 10 sends most UAVs home, with little data. From 20 on they collect most of it, but a third of
-# them or more crash, and at 60 all. With no stopped clock does the agent come near what it does with the true time.
+# them or more crash, and at 60 all. The best stopped clock is far from what the agent does with the true time.
 #
 # Why does more than one in five crash even with a clock that shows 5? Look at their last six steps:
 
@@ -393,7 +393,7 @@ for size in (16, 32, 50):
 
 # %% [markdown]
 # The convolutions stay as they are: their kernels do not know how large the map is. The first fully connected layer grows
-# with $M^2$. (The appendix has the cure.)
+# about as $M^2$. (The appendix has the cure.)
 #
 # ## 4.5 At the border
 #

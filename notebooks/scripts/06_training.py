@@ -117,9 +117,13 @@ for name, meaning in constants.items():
 #
 # | what is changed | for example | then it is |
 # | --- | --- | --- |
-# | a constant, or the size of something | learning rate, minibatch, environments, $\tau$, layers, $\beta$ | another *recipe* of the same algorithm: `lite` |
+# | a constant, or the size of something | learning rate, minibatch, environments, $\tau$, layers, $\beta$ | another *recipe* of the same algorithm |
 # | the target, the memory, or the two networks | quantiles or advantage learning (notebook 12), no target network | another *algorithm* |
 # | rewards, or $\gamma$ | a crash that costs less | another *task* for the agent. So curves and tables always count the paper's rewards |
+#
+# Most of what `lite` changes is of the first kind. Its three-step returns (6.5) change the target, though who chooses, who
+# judges and the memory stay as they were. Its rewards are of the third kind. So it is DDQN with three-step returns, taught
+# with other rewards and judged by the paper's.
 #
 # And "reaches the paper's quality in minutes" is a claim. To believe it, ask for several seeds, missions that neither
 # training nor the choice of the agent saw, and the machine (notebooks 7 and 8).
@@ -234,7 +238,7 @@ figure
 # | cumulative reward | how the *exploring* policy does, in the paper's reward constants | how good the greedy policy is |
 # | landed, collected | safety and usefulness, each alone | how much comes home: a mission that collects all and crashes counts in *collected* |
 # | collected and landed | data that was brought home: the figure to compare. It is the mean of a product, not the product of the two means | why the rest is missing |
-# | flying time used | near 0: it lands at once; near 1: it flies on until it must | whether it used the time well |
+# | flying time used | near 0: it lands at once; near 1: it stays in the air to the end | whether it used the time well |
 # | temperature | how much it explores | whether that is enough |
 # | loss | how far predictions are from targets that move as well | whether the agent gets better |
 #
@@ -323,7 +327,7 @@ for name, recipe in (("paper", paper), ("lite", LITE)):
 
 # %% [markdown]
 # So each transition teaches less, and the target network is late by many more steps. `lite` makes up for it with larger
-# steps: twenty times the learning rate, and news that travels three steps at a time. One could also make several
+# steps: twenty times the learning rate, and rewards that reach back three steps at a time. One could also make several
 # updates a step, enlarge the minibatch, or raise $\tau$. Each has its risk: large learning steps and fast targets may
 # not settle, and many updates on the same transitions fit the network to what happens to be in the memory. And with the
 # newest 32 a quarter of a minibatch comes from the same moment, so it varies less.

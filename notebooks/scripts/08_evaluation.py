@@ -121,7 +121,7 @@ for generators in (habit, stream):
 # `SeedSequence(seed, spawn_key=(use,))`. The *spawn key* keeps the uses apart: seed and use go in as two numbers, not as
 # their sum, and each pair begins a stream of its own. So no two uses share numbers, whatever the seeds.
 #
-# Nor may exploration share a generator with the missions that two policies are compared on. How many numbers it takes
+# Exploration must not share a generator with the missions on which two policies are compared, either. How many numbers it takes
 # depends on the policy: a greedy one takes none, a long flight more than a short one. Then the next mission is another:
 
 # %%
@@ -335,7 +335,7 @@ for by, label in BY.items():
 # Against the genie the agent loses most in the shortest missions, and least in long ones; the number of devices and the data make a
 # difference of a point or two, which is about what the intervals allow. Against `greedy` it is the other way round: in the
 # shortest missions, and with much data, the two are level; with two devices or little data `greedy` is next to perfect
-# and the agent behind. So what is hard is hard for both, and in easy missions the agent loses what it need not.
+# and the agent behind. So what is hard is hard for both; in easy missions the agent could do better.
 #
 # ## 8.5 Failures, one by one
 #
@@ -366,8 +366,8 @@ add_legend(figure, 3)  # devices
 figure
 
 # %% [markdown]
-# Left, a crash. The flight collected everything, but turned for home too late: at the ring, where it also hovers for a
-# step, two units of time are left, and the way and the landing take four. Right, one that served the near device and
+# Left, a crash. The flight collected everything, but turned for home too late. At the ring it tries to land outside the zone,
+# which is refused. There, two or three units of time are left, and the way and the landing take four. Right, one that served the near device and
 # went home, though there was plenty of time for the far ones. Neither comes often. How is the loss made up over all
 # missions?
 

@@ -116,7 +116,7 @@ for k in (2, 3, 4, 5):
           f"brought home {brought_home(flights).mean():.1%}")
 
 # %% [markdown]
-# It brings home all or nearly all, but these flights are no optimum. With two devices they take longer than with three.
+# It brings home all of the data, but these flights are not the shortest. With two devices they take longer than with three.
 # And with five, many of them last until the time is up: the agent lingers next to a device that is empty.
 #
 # ## 9.3 A device in the no-fly zone
@@ -138,7 +138,7 @@ play(environments["manhattan"], inside.trajectory(0))
 # %% [markdown]
 # It flew back and forth in that street, between the same cells. With little data left, the best actions are worth nearly
 # the same, and small errors of the Q-values decide. And a step costs only 0.1 in the reward that it was trained with: to
-# fly about was never expensive. Other luck tips it the other way:
+# fly about cost the agent little while it learned. Other luck tips it the other way:
 
 # %%
 flights = mission("manhattan", [(11, 2), (4, 8)], [10, 10], 60, (0, 0), copies=20)
@@ -146,7 +146,7 @@ print(f"flew {flights.steps.min()} to {flights.steps.max()} of 60 units, "
       f"brought home {brought_home(flights).min():.0%} to {brought_home(flights).max():.0%}")
 
 # %% [markdown]
-# Some of these flights are half as long, and leave some percent of the data.
+# Some of these flights are half as long, and leave up to a tenth of the data.
 #
 # ## 9.4 Too little time
 #

@@ -42,7 +42,7 @@ pictures(lab.stage, lab.charts.canvas)
 # | | |
 # | --- | --- |
 # | **What you'll do** | Use six labs with mouse and keyboard |
-# | **What you'll learn** | Nothing new: here you try what the other notebooks explain |
+# | **What you'll learn** | Little that is new: here you try what the other notebooks explain |
 # | **What you'll need** | A running kernel; `pip install -e "..[notebooks]"`, which includes anywidget for what moves in the labs; notebook 0, and for each lab the notebook that is named. 12 minutes to read, 20 seconds to run; 10 minutes of exercises |
 #
 # ## 10.1 Mission lab (notebook 0)
@@ -65,7 +65,8 @@ lab
 # ## 10.2 Watch it think (notebooks 4 and 5)
 #
 # At every step, the Q-values are signs around the UAV: the larger, the better, and the best one is blue. An action that the
-# failsafe forbids (it brings the UAV home in time, notebook 12) has none. The bars next to the map are the same Q-values. This agent has learned quantiles of the return (notebook 12), so
+# safety controller would refuse has none, such as a landing outside the zone. Nor has one that the failsafe forbids (it brings
+# the UAV home in time, notebook 12). The bars next to the map are the same Q-values. This agent has learned quantiles of the return (notebook 12), so
 # black lines show where it expects half of the returns (thick) and 80% of them (thin). (They are wider than the luck of
 # this mission: notebook 12 shows what they hold.) The *action gap*, above the map, is the
 # distance from the best Q-value to the next.

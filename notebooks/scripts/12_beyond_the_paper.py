@@ -270,7 +270,7 @@ for ax, (name, agent) in zip(figure.subplots(1, 2, sharex=True, sharey=True), ag
 figure
 
 # %% [markdown]
-# While there is data, a wrong action costs some of it, and the gap is large. Afterwards only time is at stake. (The spike
+# While there is data, a wrong action costs some of it, and the gap is mostly large. Afterwards only time is at stake. (The spike
 # of the DDQN agent is a cell between walls and no-fly cells: all moves but one are refused there, and the network puts
 # hovering, the second best, far too low.) Let a
 # step cost $c$, which is 0.1 in `lite`. If it is $d$ moves home, hovering once is worth less than flying home by
@@ -311,7 +311,7 @@ figure
 # Left of 0 the agent goes the wrong way, or to the farther zone. (A flight that dithers has more such steps, so it counts more.) The lead would be positive everywhere if the Q-values were exact; the
 # network's errors, of about the same size, push it below 0 here and there. They also push it up: with exact values and time to
 # spare, the DDQN agent's lead would be 0.1 at most, as hovering costs no more, and half of its leads are larger. (For the new agent
-# the bound is 0.5, see 12.6.) So an agent that knows the way home dithers. What is to come hardly depends on the action, so it hardly teaches the action. Two remedies: a better
+# the bound is 0.5, see 12.6.) So an agent that knows the way home dithers. The rewards to come hardly depend on the next action, so they hardly teach which one is right. Two remedies: a better
 # estimate (12.4, 12.5), and a wider gap (12.6).
 #
 # ## 12.4 What a mean hides

@@ -159,7 +159,7 @@ right.set(title="what the network sees as no-fly cells", xlabel="cell, the UAV i
 figure
 
 # %% [markdown]
-# The network was made for 16 cells on a side. A smaller city lies in the middle of no-fly cells (right), as every city does at its
+# The network was made for 16 cells on a side. A smaller city is surrounded by no-fly cells (right), as every city is at its
 # border: they say what is true, that the UAV cannot get there. Free cells would promise room. So the same network takes
 # any city up to that size. A larger one does not fit: the first fully connected layer has a weight for each place on the map.
 #
@@ -440,8 +440,8 @@ for recipe, (_, label) in runs.items():
         print(f"{label:<14}after {own[0]['steps'][when]:>9,.0f} steps: ", *(f"{curve[CRAL][when]:.3f}" for curve in own))
 
 # %% [markdown]
-# A run that begins with `any_city` is far ahead at first: after its first validation it is where the others are after ten
-# to twenty times as many steps or more. In these validations it ends below them, though, by about two points. But they look at
+# A run that begins with `any_city` is far ahead at first: after its first validation it is where the others are after more than
+# ten times as many steps. In these validations it ends below them, though, by about two points. But they look at
 # one view of the map, to save time. In flight the fine-tuned agents act on all eight. Measured so, over 3000 missions
 # in pairs with greedy (`docs/results/any_city.md`, on the site under Results, has the commands):
 #

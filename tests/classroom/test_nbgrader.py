@@ -108,7 +108,7 @@ def test_the_commands_are_those_of_the_guide(course):
 @pytest.mark.longest
 def test_feedback_says_what_is_wrong(course):
     page = (course / "feedback" / "mixed" / ASSIGNMENT / f"{ASSIGNMENT}.html").read_text()
-    assert "yours is the longer distance" in page
+    assert "the distance in sight is the longer" in page
     page = (course / "feedback" / "partial" / ASSIGNMENT / f"{ASSIGNMENT}.html").read_text()
     assert "is not written yet" in page
 

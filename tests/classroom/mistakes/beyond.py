@@ -125,8 +125,8 @@ def calls_itself(data, discount, cost, way=0):
 
 MISTAKES = {
     "failsafe_mask": [
-        (no_landing_time, "A unit of time is missing"),
-        (no_action_time, "A unit of time is missing"),
+        (no_landing_time, "Time is missing"),
+        (no_action_time, "Time is missing"),
         (too_careful, "at most time_left"),
         (far_is_a_number, "no way home"),
         (minus_one_is_near, "no way home, distance −1"),

@@ -13,7 +13,7 @@ MISTAKES = {
         (lambda snr_db: np.log2(10 ** (snr_db / 10)), "0 dB is a ratio of 1"),
     ],
     "path_loss_crossover": [
-        ((lambda d: d ** (2.27 / 3.64), lambda: 1.0), "yours is the longer distance"),
+        ((lambda d: d ** (2.27 / 3.64), lambda: 1.0), "the distance in sight is the longer"),
         ((lambda d: d * 3.64 / 2.27, lambda: 1.0), "belongs in the exponent"),
         ((lambda d: (d**2 + 100) ** (1.82 / 2.27), lambda: 1.0), "add the altitude"),
         ((lambda d: d ** (3.64 / 2.27), lambda: 10.0), "At 10 m the loss is 22.7 dB in sight"),

@@ -154,7 +154,7 @@ MISTAKES = {
     "episodes_needed": [
         (lambda s, h: math.ceil(1.96 * s / h), "square is missing"),
         (lambda s, h: math.ceil((s / h) ** 2), "1.96 standard errors"),
-        (lambda s, h: int((1.96 * s / h) ** 2), "round up"),
+        (lambda s, h: int((1.96 * s / h) ** 2), "round that up"),
         (lambda s, h: math.ceil((1.96 * s / (h / 2)) ** 2), "neither all of it nor half of a side"),
         (lambda s, h: int((1.96 * s / h) ** 2) + 1, "add nothing"),
         (lambda s, h: math.ceil((1.645 * s / h) ** 2), "1.96 standard errors"),

@@ -82,8 +82,8 @@ def _steps_to_cases():
     rises = [0.1, 0.35, 0.6, 0.75, 0.5, 0.8, 0.9, 0.85]
     drawn = [generator.uniform(0.4, 1, n).round(1) for n in (2, 3, 4, 5, 8, 8, 8, 13) * 2]
     return {
-        "From the result on all values are at least the threshold, and stay there; the one before "
-        "it is below.": [
+        "The result is one of `steps`: from there on all values are at least the threshold, and "
+        "the value before it is below.": [
             *(case(rises, 0.7), case(rises, 0.84), case(rises, 0.6, range(3, 11))),
         ],
         "If no value is below the threshold, it is the first validation, even at 0 steps.": [

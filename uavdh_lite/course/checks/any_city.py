@@ -80,8 +80,9 @@ SMALL_CITY = Table(
     read=truths,
     where=_shown,
     errors={
-        "broadcast": "The city does not fit where you put it: its row 0 goes to M − 1 − uav[0], "
-        "and it reaches m cells further, not M."
+        "broadcast": "The city does not fit where you put it. The map has three layers, as the "
+        "city; the city's row 0 goes to M − 1 − uav[0], its column 0 to M − 1 − uav[1], and it "
+        "reaches m cells further, not M."
     },
 )
 
@@ -157,10 +158,9 @@ def _maps():
         return [(q_of, generator.normal(0, 1, (c, w, w)).round(2)) for c, w in shapes]
 
     return {
-        "Q-values that are the same for all maps, 1 to 6: each move becomes each of the four moves "
-        "twice, so all get the mean of these, 2.5. Hover and land stay.": (
-            drawn(SAME_FOR_ALL, (1, 3), (2, 5))
-        ),
+        "Here the Q-values are 1 to 6 whatever the map. Over the eight symmetries each move takes "
+        "the place of each of the four moves twice, so all four get their mean, 2.5. Hover and "
+        "land keep 5 and 6.": (drawn(SAME_FOR_ALL, (1, 3), (2, 5))),
         "A network that treats all directions alike already gets its own Q-values back. (Here the "
         "value of a move is that of the cell to which it leads.)": drawn(SEES_NEXT, (1, 3), (3, 7)),
         "If q_of[north] is the value of the cell north-east of the middle, north gets a quarter of "
@@ -239,8 +239,8 @@ def _evaluations():
         return (values + generator.normal(0, 0.1, len(city))).round(3), city
 
     return {
-        "Take the mean from the values, add up the rest in each city, and square these sums. "
-        "C/(C − 1) times the sum of the squares is under the root; 1.96 / N is before it.": [
+        "Subtract the mean from the values, add up the differences in each city, and square these "
+        "sums. Multiply their total by C/(C − 1), take the root, and multiply it by 1.96 / N.": [
             (np.array([4.0, 6, 1, 1]), np.array([0, 0, 1, 1])),
             *(drawn([3, 3, 3], range(3)), drawn([4] * 6, range(6))),
         ],

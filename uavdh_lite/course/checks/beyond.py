@@ -57,7 +57,7 @@ MASK = Table(
     _fits,
     _situations,
     {
-        "A unit of time is missing: action and landing take one each.": (
+        "Time is missing: action and landing take one unit each, besides the way home.": (
             *(edit("+ 1 <=", "<="), edit("] - 1", "]"), edit("+ 1 <=", "<=", "] - 1", "]")),
         ),
         "Ask for the distance from the cell that the action leads to, not from the cell where the "
@@ -97,8 +97,9 @@ def _distributions():
         ]
 
     return {
-        "Up to kappa, whatever kappa is, Huber's loss is u²/2. The levels are the middles of N "
-        "equal parts, (i − 1/2)/N, so that of a single quantile is 1/2.": [
+        "Up to kappa, whatever kappa is, Huber's loss is u²/2, weighted with the level τ where u "
+        "is not below 0, and with 1 − τ where it is. The levels are the middles of N equal parts, "
+        "(i − 1/2)/N for i from 1 to N, so that of a single quantile is 1/2.": [
             (np.zeros(1), np.array([u]), kappa)
             for u, kappa in ((0.25, 1.0), (-0.9, 1.0), (1.5, 3.0))
         ],

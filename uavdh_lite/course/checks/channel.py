@@ -67,9 +67,8 @@ SAME_LOSS = Table(
     lambda nlos_m: nlos_m ** (NLOS / LOS),
     lambda: {
         "The loss 10 α log10(d) with α_LoS at your distance must be the one with α_NLoS at the "
-        "distance given. That one fades faster, so yours is the longer distance.": [
-            *(20.0, 2.0, 55, 7.5, 1000.0)
-        ],
+        "distance given. Behind a building the loss grows faster, so the distance in sight is the "
+        "longer one.": [*(20.0, 2.0, 55, 7.5, 1000.0)],
         "Both losses are 0 dB at 1 m; nearer, the distance in sight is the shorter one.": [
             *(1.0, 0.5, 0.03)
         ],
@@ -157,7 +156,8 @@ def _of_chance(ask: Callable) -> Iterator[tuple]:
     other = [ask(0.0, 5.0, 9, seed) for seed in (1, 2, 1)]
     yield (
         other[0] != other[1],
-        "The result is the same for every generator. Draw the fading from the one passed in.",
+        "The result is the same for every generator. Draw the fading from the one passed in, with "
+        "the mean 0 and the standard deviation √variance, in this order.",
     )
     for k, case in enumerate(FADING):
         at = "At {} dB with a variance of {} dB²".format(*case)

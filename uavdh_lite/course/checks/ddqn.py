@@ -169,7 +169,7 @@ RING = Table(
     errors={
         "NoneType": "Is a `return` missing, or a list that __init__ should make?",
         "assignment index": "A list has only the places that were appended, or made in __init__.",
-        "list index": "Draw only from the places that are filled.",
+        "list index": "Only the places that are filled may be drawn from, or hold the newest.",
         "larger": "A sample may be larger than the number of items stored: items may repeat.",
         "dimension": "generator.choice makes arrays of items: draw places.",
         "ambiguous": "Items may hold arrays: do not compare them, keep their places.",

@@ -97,8 +97,8 @@ NEEDED = Table(
     lambda: {
         "1.96 standard errors, standard_deviation / sqrt(n), make the half width: solve for n. If "
         "that is a whole number, it is enough: add nothing.": [(0.5, 0.49), (1.0, 0.98), (2, 1.96)],
-        "An episode cannot be flown in part: round up to the next whole number, an int "
-        "(math.ceil).": [
+        "The number is (1.96 · standard_deviation / half_width)². An episode cannot be flown in "
+        "part: round that up to the next whole number, an int (math.ceil).": [
             *((0.5, 0.3), (0.2, 0.07), (0.4, 0.101), (3, 1), (0.1, 0.01), (0.3, 0.05)),
         ],
         "One episode is the least, and many are no problem.": [(0.01, 0.5), (40.0, 0.03)],
@@ -129,7 +129,7 @@ def episodes_needed(answer) -> None:
 
 def _lead(a, b):
     d = a - b
-    half = Z * d.std(ddof=1) / np.sqrt(len(d))
+    half = 1.96 * d.std(ddof=1) / np.sqrt(len(d))
     return np.array([d.mean(), d.mean() - half, d.mean() + half])
 
 

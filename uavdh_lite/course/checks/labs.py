@@ -112,8 +112,8 @@ CELL, WORST = "line_of_sight, cell", "min(best, key=best.get)"
     seconds=60,
     rules=lambda: {
         "For each cell in city.device_cells take the best rate, the max over all UAV cells with "
-        "city.landing_distance >= 0: there the UAV can get to, the landing zone (0) too, but not "
-        "to walled-in cells (−1). The answer is the device's cell with the lowest of these rates, "
+        "city.landing_distance >= 0, the landing zone (0) included: the UAV cannot get to the "
+        "others (−1). The answer is the device's cell with the lowest of these rates, "
         "as (row, column). Use the environment that your function is given, not the notebook's "
         "own, for all of that, for M too.": [
             *(Environment(Town.of("a city", *rows)) for rows in (POCKET, OTHER)),

@@ -181,10 +181,10 @@ def _draw_weights(ax):
 
 def _weights_cases():
     return {
-        "A kernel has a weight for each cell of its square and each layer that it sees. The list "
-        "has the numbers of all kernels, and the flying time is one more; the output has 6 values. "
-        "Each kernel and each neuron, those of the output too, has a bias of its own. The example "
-        "of the exercise has 113.": [
+        "A kernel has a weight for each cell of its square and each layer that it sees, a neuron "
+        "one for each number that it is given. The list has the numbers of all kernels, and the "
+        "flying time is one more; the output has 6 values. Each kernel and each neuron, those of "
+        "the output too, has a bias of its own. The example of the exercise has 113.": [
             *((2, 2, 3, 2, (1,), (4,)), (1, 2, 1, 1, (1,), (1,)), (3, 3, 2, 3, (1,), (5,))),
             *((4, 2, 7, 2, (1,), (3, 2)), (5, 5, 2, 9, (1,), (4,)), (1, 1, 6, 1, (1,), (2,))),
         ],

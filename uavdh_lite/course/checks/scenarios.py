@@ -35,7 +35,8 @@ def _city_cases():
         "The shortest way counts: take the cell that has waited longest. And off the grid there is "
         "nothing: row or column −1 is Python's last one, without an IndexError, so test that "
         "0 <= row < M and 0 <= column < M.": town("four", "L . . ." + 3 * "\n. . . ."),
-        "All landing cells are starting points: the nearest counts.": (
+        "All landing cells are starting points, and from each cell the search goes on to all four "
+        "neighbours: the nearest landing cell counts.": (
             town("two", ". . . . .\n. L . . .\n. . . . .\n. . . L .\n. . . . .")
         ),
         "Low buildings may be flown over: what the UAV may not enter is city.no_fly.": (
@@ -77,7 +78,7 @@ REACHABLE = Table(
     _moves_home,
     _city_cases,
     read=_distances,
-    where=lambda city, place: f"That is at row {place[0]}, column {place[1]}.",
+    where=lambda city, place: f"The first difference is at row {place[0]}, column {place[1]}.",
 )
 
 

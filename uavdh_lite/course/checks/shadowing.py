@@ -224,14 +224,14 @@ def _asymmetric_cases():
     generator = stream(Use.EXERCISE, 7)
     buildings = stream(Use.EXERCISE, 3).random((7, 7)) < 0.25
     return {
-        "Where all pairs agree, the share is 0: what differs counts, not what is seen, and a cell "
-        "and itself, [i, j, i, j], are no pair.": [
+        "If in every pair both directions agree, the share is 0, whether they are seen or blocked. "
+        "A cell and itself, [i, j, i, j], are no pair.": [
             *(table(2), table(2, (0, 1, 1, 0), (1, 0, 0, 1)), line_of_sight(buildings)),
             table(2, (0, 1, 0, 1)),
         ],
-        "One of the n (n − 1) / 2 unordered pairs of different cells is asymmetric if one "
-        "direction is blocked and the other is not, whichever of the two and wherever the cells "
-        "are; n is M². Divide by the number of all pairs.": [
+        "There are n (n − 1) / 2 unordered pairs of different cells, n = M². A pair is asymmetric "
+        "if exactly one of its two directions is blocked. Divide the number of these by the number "
+        "of all pairs.": [
             *(table(2, (0, 1, 1, 0)), table(2, (1, 0, 0, 1)), table(3, (2, 1, 0, 2))),
             *(table(3, (0, 0, 0, 2), (2, 2, 0, 0)), table(2, (0, 0, 0, 0), (0, 0, 1, 0))),
         ],

@@ -217,7 +217,7 @@ class Table:
         )
         expect(
             not (students and shared),
-            "You give back memory of an array that you are given, so that what changes one of them "
+            "You return an array that you were given, or a view of it. What changes one of them "
             "later changes the other. Make a new array.",
         )
         try:

@@ -45,7 +45,7 @@ def _stored(length, ends, n, discount):
     "by γ, and return if terminals[k]. After m = min(n, T) steps add factor · values[m].",
     figure=_draw_n_step,
     rules={
-        "With n = 1 it is rewards[0], and then γ times values[1], the value of the next state.": [
+        "With n = 1 it is rewards[0] plus γ times values[1], the value of the next state.": [
             *((3, (), 1, 0.5), (2, (), 1, 0.9), (2, (), 1, 1.0), (2, (), 1, 0.0)),
         ],
         "Reward k counts γ^k times. After m rewards γ^m values[m] comes, of state m.": [
@@ -113,11 +113,11 @@ def _diagnosis_cases():
         "What is neither lazy nor crashes, and collects less than 80 % (0.8), wanders.": (
             lambda *shares: True
         ),
-        "Of those that are neither lazy nor crash, one is good if it collects at least 80 %.": (
+        "An agent that is neither lazy nor crashes is good if it collects at least 80 %.": (
             lambda landed, collected, used: collected >= 0.8
         ),
-        "Of those that use 25 % of their time or more, one crashes if fewer than 90 % land, "
-        "whatever it collects.": lambda landed, collected, used: landed < 0.9,
+        "An agent that uses 25 % of its time or more crashes if fewer than 90 % of its missions "
+        "land, whatever it collects.": lambda landed, collected, used: landed < 0.9,
         "An agent that uses less than 25 % of the flying time is lazy, whatever else it does.": (
             lambda landed, collected, used: used < 0.25
         ),
