@@ -173,8 +173,9 @@ def test_bars_change_the_mission(lab):
     assert lab.mission.data[0] == 2.5
     lab.seed.value = 9
     assert lab.mission.seed == 9
-    lab.draw.click()
-    assert lab.mission.seed == 9 and f"of {lab.mission.flying_time}<" in lab.stage.drawing
+    lab.draw.click()  # the next mission, with its own fading, as in the city editor
+    assert lab.mission.seed == lab.seed.value == lab.number.value == 1
+    assert f"of {lab.mission.flying_time}<" in lab.stage.drawing
 
 
 def test_the_numbers_follow_the_step(lab):
@@ -423,8 +424,9 @@ def test_your_flight_gets_a_verdict():
     flown = lab.flight.mission.fly(lab.environment, greedy)
     for action in flown.trajectory(0).action:
         lab.act(int(action))
-    assert f"Your return is {flown.cumulative_reward[0]:.2f}" in lab.score.value
-    ahead = re.search("You are ahead of ([^.]*)", lab.score.value)[1]
+    assert f"Your return is {flown.cumulative_reward[0]:.2f}" in lab.verdict.value
+    assert f"mission number {lab.seed.value}" in lab.verdict.value
+    ahead = re.search("You are ahead of ([^.]*)", lab.verdict.value)[1]
     assert "random" in ahead and "greedy" not in ahead
 
 
@@ -803,7 +805,7 @@ def test_changes_of_a_mission_are_undone_and_numbers_are_typed(lab):
     assert lab.flights["manhattan"].start.time_left[0] == 25
     lab.number.value = 5
     fifth = Mission.draw(SCENARIOS["manhattan"], lab.environment.city, 5)
-    assert set_by(lab.mission) == set_by(replace(fifth, seed=0))
+    assert set_by(lab.mission) == set_by(fifth) and lab.seed.value == fifth.seed
     lab.draw.click()
     assert lab.number.value == 6
     lab.undo.click()
@@ -936,7 +938,9 @@ def test_missions_in_a_painted_city_are_set_by_hand_and_have_numbers():
     building = tuple(np.argwhere(lab.draft.buildings)[0].tolist())
     drag(lab, free, building)
     assert "stands on a building" in lab.message.value and lab._mission == before
-    lab.fly.click()
+    lab.fly.click()  # the number that is shown
+    assert lab.number.value == 0 and set_by(lab._mission) == set_by(drawn)
+    lab.following.click()
     assert lab.number.value == 1 and lab._mission != before
     lab.number.value = 0
     assert set_by(lab._mission) == set_by(drawn)

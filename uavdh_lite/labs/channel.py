@@ -188,7 +188,7 @@ class ChannelLab(ipywidgets.VBox):
             for artist in artists:
                 artist.set_animated(True)
             self.canvas.draw_all()
-        said = f"{self._sentence(found)}; in the brightest cell {most:.3g}. {self._warning()}"
+        said = f"{self._sentence(found)}; in the brightest cell {most:.3g} units. {self._warning()}"
         places = f"device in cell {self.device}, UAV over {self.uav}"
         self.canvas.draw(
             [(artist.axes, artist) for artist in artists],
@@ -253,9 +253,17 @@ class ChannelLab(ipywidgets.VBox):
         count = len(found.blocked_by)
         cells = "a building in 1 cell" if count == 1 else f"buildings in {count} cells"
         sight = "line of sight" if found.line_of_sight else f"no line of sight: {cells}"
-        return (
+        said = (
             f"{found.distance_m:.1f} m through the air, {sight}; SNR {found.snr_db:.1f} dB "
             f"(± {found.fading_db:.1f} dB fading); {found.rate:.3g} data units a slot"
+        )
+        if found.line_of_sight:
+            return said
+        squared = np.float32(found.distance_m**2)
+        clear_db = self.channel.mean_snr_db(squared, True, self.environment.city.size)
+        cost_db = clear_db - found.snr_db
+        return (
+            f"{said}. Without buildings it would be {clear_db:.1f} dB: they cost {cost_db:.1f} dB"
         )
 
 

@@ -100,7 +100,10 @@ class CityLab(ipywidgets.VBox):
                         ),
                         self.picker,
                         row(
-                            [self.policy, self.number, self.fly, self.at_once, self.many],
+                            [
+                                *(self.policy, self.number, self.fly, self.following),
+                                *(self.at_once, self.many),
+                            ],
                             layout=WRAP,
                         ),
                         self.message,
@@ -122,7 +125,7 @@ class CityLab(ipywidgets.VBox):
         self.base = ipywidgets.Dropdown(
             options=[("", None), *((name, name) for name in shipped_cities())], description="from"
         )
-        self.size = ipywidgets.BoundedIntText(value=12, min=4, max=LARGEST, description="size")
+        self.size = ipywidgets.BoundedIntText(value=12, min=4, max=LARGEST, description="new size")
         self.blank = ipywidgets.Button(description="blank city", icon="square-o")
         self.random = ipywidgets.Button(description="random city", icon="random")
         self.upload = ipywidgets.FileUpload(
@@ -159,7 +162,10 @@ class CityLab(ipywidgets.VBox):
         )
         self.number.layout.width = "190px"
         self.fly = ipywidgets.Button(
-            description="fly", icon="plane", tooltip="the next random mission"
+            description="fly", icon="plane", tooltip="the random mission of this number"
+        )
+        self.following = ipywidgets.Button(
+            description="next mission", icon="step-forward", tooltip="the next random mission"
         )
         self.many = ipywidgets.Button(
             description=f"{MANY} missions",
@@ -192,7 +198,8 @@ class CityLab(ipywidgets.VBox):
         self.tool.observe(lambda _: self._forget_corner(), "value")
         self.undo.on_click(lambda _: self._go(-1))
         self.redo.on_click(lambda _: self._go(1))
-        self.fly.on_click(lambda _: self._fly_next())
+        self.fly.on_click(lambda _: self._fly(self._drawn_mission))
+        self.following.on_click(lambda _: self._fly_next())
         self.number.observe(lambda _: self._fly(self._drawn_mission), "value")
         self.many.on_click(lambda _: self._fly_many())
         self.at_once.observe(lambda _: self._fly_again(), "value")
@@ -396,7 +403,10 @@ class CityLab(ipywidgets.VBox):
                 mission = replace(last, city=city)
                 self._fly(lambda: mission)
                 return
-        self._fly_next()
+        if last is None:
+            self._fly(self._drawn_mission)
+        else:
+            self._fly_next()
 
     def dropped(self, start: Cell, end: Cell) -> None:
         """Drag a device or the start from one cell to another. The same cell twice is a click: it
@@ -415,10 +425,7 @@ class CityLab(ipywidgets.VBox):
         return Mission.draw(scenario_of(city), city, self.number.value)
 
     def _fly_next(self) -> None:
-        if self._mission is None:
-            self._fly(self._drawn_mission)
-        else:
-            self.number.value += 1
+        self.number.value += 1
 
     def _fly_many(self) -> None:
         """Fly many missions, say how it went, and show the one in which greedy is furthest behind.
@@ -447,6 +454,8 @@ class CityLab(ipywidgets.VBox):
         if ahead.max() > 0.01:
             number = int(ahead.argmax())
             self._average += f". Mission {number} is the one in which greedy is furthest behind"
+            if ahead.min() < -0.01:
+                self._average += f", mission {ahead.argmin()} the one in which {title} is"
         if number == self.number.value:
             self._fly(self._drawn_mission)
         self.number.value = number  # which flies it

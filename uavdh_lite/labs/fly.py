@@ -62,7 +62,7 @@ class FlyLab(ipywidgets.VBox):
             ipywidgets.Button(description=action, icon=icon, layout={"width": "100px"})
             for action, icon in zip(ACTIONS, ICONS, strict=True)
         ]
-        self.message, self.score, self.session = (ipywidgets.HTML() for _ in range(3))
+        self.message, self.verdict, self.score, self.session = (ipywidgets.HTML() for _ in range(4))
         self.message.add_class("uavdh-sentence")
         self.stage = Stage(keys=list(KEYS), pressed=self._pressed)
         self.scores: dict[str, list[list[float]]] = {}
@@ -77,8 +77,9 @@ class FlyLab(ipywidgets.VBox):
                 ipywidgets.HBox(self.buttons, layout=WRAP),
                 ipywidgets.HTML(hint),
                 self.message,
-                ipywidgets.HBox([self.score, self.session], layout=WRAP),
+                self.verdict,
                 self.stage,
+                ipywidgets.HBox([self.score, self.session], layout=WRAP),
                 words(SCORES | POLICIES),
             ]
         )
@@ -95,7 +96,7 @@ class FlyLab(ipywidgets.VBox):
         self.environment = self.city.environment
         mission = Mission.draw(self.city.scenario, self.environment.city, self.seed.value)
         self.flight = HandFlight(self.environment, mission)
-        self.score.value = ""
+        self.score.value = self.verdict.value = ""
         self._show("")
 
     def _choose_hard(self) -> None:
@@ -150,15 +151,15 @@ class FlyLab(ipywidgets.VBox):
         mission, results = self.flight.mission, {"you": self.flight.flights()}
         for name in policies_for(self.environment):
             title = policy_title(name)
-            self.score.value = self._table(results) + f"<p>{html.escape(title)} is flying …</p>"
+            self.verdict.value = f"<p>{html.escape(title)} is flying …</p>"
+            self.score.value = self._table(results)
             policy = find_policy(name, self.environment, mission.seed)
             results[title] = mission.fly(self.environment, policy)
-        self.score.value = self._verdict(results) + self._table(results)
+        self.verdict.value, self.score.value = self._verdict(results), self._table(results)
         self._score(results)
 
-    @staticmethod
-    def _verdict(results: dict[str, Flights]) -> str:
-        """Your place among all, as a sentence."""
+    def _verdict(self, results: dict[str, Flights]) -> str:
+        """Your place among all, as a sentence, and where to see the best of the others."""
         returns = {name: float(each.cumulative_reward[0]) for name, each in results.items()}
         others = {name: value for name, value in returns.items() if name != "you"}
         ahead = [name for name, value in others.items() if returns["you"] > value + 0.005]
@@ -166,7 +167,8 @@ class FlyLab(ipywidgets.VBox):
         behind = ", ".join(ahead) if ahead else "nobody"
         text = (
             f"Your return is {returns['you']:.2f}. You are ahead of {behind}. "
-            f"The best of the others is {best}, with {others[best]:.2f}."
+            f"The best of the others is {best}, with {others[best]:.2f}: the mission lab shows its "
+            f"flight, with the same city and the mission number {self.seed.value}."
         )
         return f'<p role="status">{html.escape(text)}</p>'
 
@@ -180,11 +182,11 @@ class FlyLab(ipywidgets.VBox):
             records = flights.records()
             result = [records[metric][0] for metric in METRICS]
             self.scores.setdefault(name, []).append(result)
-        ranked = sorted(self.scores.items(), key=lambda each: -np.mean(each[1], axis=0)[0])
+        means = {name: np.mean(scores, axis=0) for name, scores in self.scores.items()}
         rows = [("this session", "missions", "collected and landed", "return")]
-        for name, scores in ranked:
-            collected, reward = np.mean(scores, axis=0)
-            rows.append((name, str(len(scores)), f"{collected:.0%}", f"{reward:.2f}"))
+        for name in sorted(means, key=lambda name: (*np.round(-means[name], 3), name)):
+            collected, reward = means[name]
+            rows.append((name, str(len(self.scores[name])), f"{collected:.0%}", f"{reward:z.2f}"))
         self.session.value = table(rows)
 
     def _table(self, results: dict[str, Flights]) -> str:
@@ -195,7 +197,7 @@ class FlyLab(ipywidgets.VBox):
                 "yes" if flights.end.landed[0] else "crashed",
                 f"{flights.end.collection_ratio[0]:.0%}",
                 str(flights.steps[0]),
-                f"{flights.cumulative_reward[0]:.2f}",
+                f"{flights.cumulative_reward[0]:z.2f}",
             )
             for name, flights in results.items()
         ]

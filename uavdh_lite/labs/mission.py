@@ -214,7 +214,9 @@ class MissionLab(ipywidgets.VBox):
     def _numbered(self) -> Mission:
         """The random mission of the number that is shown."""
         mission = Mission.draw(self.scenario, self.environment.city, self.number.value)
-        return replace(mission, seed=self.seed.value)
+        with self._quiet():
+            self.seed.value = mission.seed
+        return mission
 
     def _random(self) -> None:
         self.number.value += 1

@@ -294,6 +294,7 @@ class TrainingLab(ipywidgets.VBox):
     def _set_running(self, running: bool) -> None:
         made = bool(self.trainers)
         done = made and all(trainer.finished for trainer in self.trainers.values())
+        self.start.description = "go on" if made and not done else "start"
         self.start.disabled, self.pause.disabled = running or done, not running
         self.new_run.disabled = running or not made
         self.yours.lock(made)

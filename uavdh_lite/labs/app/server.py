@@ -12,6 +12,7 @@ from uavdh_lite.errors import extra
 with extra("app"):
     import psutil
     import tornado.web
+    from jupyter_server._tz import utcnow
     from tornado.ioloop import IOLoop
     from voila.app import Voila
     from voila.tornado.handler import TornadoVoilaHandler
@@ -50,6 +51,7 @@ class LabsHandler(TornadoVoilaHandler):
                 FULL.format(sessions=server.most_sessions, minutes=server.idle_seconds // 60)
             )
             return
+        server.wake()
         _ = self.xsrf_token  # sets the cookie that the page needs to end its session
         await super().get(path)
 
@@ -65,6 +67,12 @@ class LabsServer(Voila):
         """The number of kernels in use."""
         waiting = self.kernel_manager.get_pool_size(self.kernel_manager.notebook_path)
         return len(self.kernel_manager.list_kernel_ids()) - waiting
+
+    def wake(self) -> None:
+        """Let the sessions that wait for somebody count as just used: else a new one ends soon."""
+        for kernel_id in self.kernel_manager.list_kernel_ids():
+            if not self.kernel_manager.kernel_model(kernel_id)["connections"]:
+                self.kernel_manager.get_kernel(kernel_id).last_activity = utcnow()
 
     def init_handlers(self) -> list:
         *others, (pattern, _, options) = super().init_handlers()
