@@ -975,11 +975,14 @@ def test_the_channel_goes_back_to_the_paper_and_shows_small_rates():
     assert lab.curve.get_ylim()[0] == 0
 
 
-def test_the_closest_call_has_the_smallest_gap():
+def test_the_closest_call_has_the_smallest_gap_while_there_is_data():
     lab = ThinkLab("manhattan")
     lab.closest.click()
     q = lab.charts.q.topk(2, dim=1).values
-    assert lab.stage.step == int((q[:, 0] - q[:, 1]).argmin())
+    gaps, states = (q[:, 0] - q[:, 1]).tolist(), lab.charts.states
+    with_data = [step for step in range(len(gaps)) if states[step].data_left.sum() > 0]
+    assert with_data != list(range(len(gaps)))
+    assert lab.stage.step == min(with_data, key=lambda step: gaps[step])
     lab.policy.value = "greedy"
     lab.closest.click()
     assert lab.stage.step == 0

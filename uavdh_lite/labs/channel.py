@@ -254,8 +254,9 @@ class ChannelLab(ipywidgets.VBox):
         cells = "a building in 1 cell" if count == 1 else f"buildings in {count} cells"
         sight = "line of sight" if found.line_of_sight else f"no line of sight: {cells}"
         said = (
-            f"{found.distance_m:.1f} m through the air, {sight}; SNR {found.snr_db:.1f} dB "
-            f"(± {found.fading_db:.1f} dB fading); {found.rate:.3g} data units a slot"
+            f"{found.ground_m:.1f} m on the ground, {found.distance_m:.1f} m through the air, "
+            f"{sight}; SNR {found.snr_db:.1f} dB (± {found.fading_db:.1f} dB fading); "
+            f"{found.rate:.3g} data units a slot"
         )
         if found.line_of_sight:
             return said

@@ -146,10 +146,11 @@ class Thoughts:
         for image, layer in zip(self.images, layers, strict=True):
             image.set_data(layer)
         self.images[-1].set_clim(np.nanmin(worth), np.nanmax(worth))
-        allowed = q.isfinite().tolist()
+        allowed, (best, second) = q.isfinite().tolist(), q.topk(2).values.tolist()
+        digits = 1 if best - second > 0.1 else 2
         for number, (text, value) in enumerate(zip(self.numbers, values, strict=True)):
             of_q, action = number < len(ACTIONS), number % len(ACTIONS)
-            said = f"{value:.1f}" if of_q else f"{value:.0%}"
+            said = f"{value:.{digits}f}" if of_q else f"{value:.0%}"
             text.set_text(said if allowed[action] else FORBIDDEN if of_q else "")
             low, high = text.axes.get_xlim()
             text.set_x(max(value, 0) + 0.02 * (high - low))
@@ -173,11 +174,15 @@ class Thoughts:
         return [(self.bars, lines) for lines in self.ranges]
 
     def closest_call(self) -> int:
-        """The step with the smallest action gap; 0 for policies without Q-values."""
+        """The step with the smallest action gap while there is data to collect, if there is any.
+
+        0 for policies without Q-values.
+        """
         if self.agent is None:
             return 0
         best, second = self.q.topk(2, dim=1).values.T
-        return int((best - second).argmin())
+        data = torch.tensor([float(state.data_left.sum()) for state in self.states])
+        return int((best - second).where((data > 0) | (data.max() == 0), torch.inf).argmin())
 
     def told(self, step: int) -> str:
         """What it does at a step and how sure it is, in a sentence; "" for other policies."""
@@ -227,7 +232,7 @@ class ThinkLab(MissionLab):
         self.closest = ipywidgets.Button(
             description="closest call",
             icon="balance-scale",
-            tooltip="go to the step with the smallest action gap",
+            tooltip="go to the step with the smallest action gap, while there is data to collect",
         )
         self.closest.on_click(lambda _: self._go_to(self.charts.closest_call()))
         controls = super()._controls()
