@@ -6,10 +6,12 @@ import json
 import os
 import re
 import shutil
+import time
 import uuid
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -767,6 +769,18 @@ def test_one_person_more_than_the_limit_has_to_wait(browser):
         second.locator(SHOWN).first.wait_for(timeout=WAIT)
         first.close()
         second.close()
+
+
+@pytest.mark.long
+def test_visitors_who_come_one_after_the_other_all_get_a_page():
+    """Sessions are starting, or wait, while the next one comes."""
+
+    def visit(number: int) -> int:
+        time.sleep(0.3 * number)
+        return urlopen(address, timeout=60).status
+
+    with serving() as (address, _), ThreadPoolExecutor(6) as threads:
+        assert list(threads.map(visit, range(6))) == [200] * 6
 
 
 @pytest.mark.long

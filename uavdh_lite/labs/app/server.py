@@ -71,8 +71,10 @@ class LabsServer(Voila):
     def wake(self) -> None:
         """Let the sessions that wait for somebody count as just used: else a new one ends soon."""
         for kernel_id in self.kernel_manager.list_kernel_ids():
-            if not self.kernel_manager.kernel_model(kernel_id)["connections"]:
-                self.kernel_manager.get_kernel(kernel_id).last_activity = utcnow()
+            kernel = self.kernel_manager.get_kernel(kernel_id)
+            started = kernel.trait_has_value("last_activity")  # else it is not idle yet
+            if started and not self.kernel_manager.kernel_model(kernel_id)["connections"]:
+                kernel.last_activity = utcnow()
 
     def init_handlers(self) -> list:
         *others, (pattern, _, options) = super().init_handlers()

@@ -10,7 +10,11 @@ LONG_AGO = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 
 def test_a_session_that_waited_for_somebody_is_not_idle():
     """The search for idle sessions would end it in the moment before the page connects to it."""
-    kernels = {name: SimpleNamespace(last_activity=LONG_AGO) for name in ("waiting", "used")}
+    kernels = {
+        name: SimpleNamespace(last_activity=LONG_AGO, trait_has_value=lambda trait: True)
+        for name in ("waiting", "used")
+    }
+    kernels["starting"] = SimpleNamespace(trait_has_value=lambda trait: False)
     connections = {"waiting": 0, "used": 1}
     manager = SimpleNamespace(
         list_kernel_ids=lambda: list(kernels),
