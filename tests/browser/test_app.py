@@ -698,6 +698,7 @@ def test_a_city_is_painted_uploaded_and_flown(shared_page):
     drag(down=0.8)
     until(shared_page, lambda: maps.first.inner_html() != flown)
     assert fits(shared_page)
+    expect(lab.get_by_text("is planning")).to_have_count(0)
     shoot(shared_page, "city")
     kinds = painted(link).kinds
     lab.get_by_role("link", name="link", exact=True).click()

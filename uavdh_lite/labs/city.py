@@ -177,7 +177,8 @@ class CityLab(ipywidgets.VBox):
         )
         self.picker = CellPicker(self.picked)
         self.message = ipywidgets.HTML(layout={"min_height": "28px"})
-        self.result, self.take_home = ipywidgets.HTML(), ipywidgets.HTML()
+        self.result = ipywidgets.HTML(layout={"min_height": "84px"})  # the map stays in its place
+        self.take_home = ipywidgets.HTML()
         self.seen = ipywidgets.HTML(layout={"min_height": "28px"})
         figure = Figure(figsize=(4.2, 4.2), dpi=150)
         self.ax = figure.add_axes((0.07, 0.06, 0.92, 0.92))

@@ -80,9 +80,9 @@ SMALL_CITY = Table(
     read=truths,
     where=_shown,
     errors={
-        "broadcast": "The city does not fit where you put it. The map has three layers, as the "
-        "city; the city's row 0 goes to M − 1 − uav[0], its column 0 to M − 1 − uav[1], and it "
-        "reaches m cells further, not M."
+        "broadcast": "The city does not fit where you put it. The map has three layers of "
+        "(2M − 1) × (2M − 1) cells; the city's row 0 goes to M − 1 − uav[0], its column 0 to "
+        "M − 1 − uav[1], and it reaches m cells further, not M."
     },
 )
 

@@ -36,7 +36,8 @@ def _city_cell_cases():
     ]
     inside = [case for case in cases if _city_cell(*case)]
     return {
-        "The UAV's cell is in the middle of the map, at (M − 1, M − 1).": [
+        "The UAV's cell is in the middle of the map, at (M − 1, M − 1). It is inside the city, as "
+        "any cell with row and column from 0 to M − 1.": [
             *(((7, 7), (3, 5), 8), ((3, 3), (2, 1), 4)),
         ],
         "A place so many rows below the middle, and so many columns to its right, shows the cell "
