@@ -605,7 +605,7 @@ def test_a_training_runs_pauses_and_goes_on(shared_page):
     lab.get_by_role("button", name=re.compile(r"pause$")).click()
     expect(status).to_contain_text("paused")
     expect(lab.get_by_label("temperature")).to_be_disabled()
-    lab.get_by_role("button", name=re.compile(r"start$")).click()
+    lab.get_by_role("button", name=re.compile(r"go on$")).click()
     expect(status).to_contain_text(re.compile(r"after (16|24|32|40|48),0"))  # however fast it is
     expect(lab.get_by_text(re.compile("your run after .* steps"))).to_be_visible()
     curves = lab.locator(".uavdh-picture img")
