@@ -65,6 +65,20 @@ print("low buildings: ", (city.buildings & ~city.no_fly).sum(), "cells")
 print("devices may stand on", len(city.device_cells), "cells")
 
 # %% [markdown]
+# A city comes from a picture with one pixel for each cell:
+#
+# | pixel | cell |
+# | --- | --- |
+# | black `#000000` | free |
+# | blue `#0000ff` | landing zone |
+# | red `#ff0000` | no-fly zone |
+# | green `#00ff00` | low building |
+# | yellow `#ffff00`, red and green at once | tall building |
+#
+# Real files have colours that are nearly right. Of red, green and blue, each counts as set from 224 on, and as not set up to 31:
+# `#f9f900` is a tall building. In between, as in `#80ff00`, the loader stops and names the file and the pixel. If it
+# guessed, you would fly over another city than you drew, and might never notice.
+#
 # ## 1.2 Path loss: the signal thins out
 #
 # Ratios of power span many powers of ten, so one writes them in *decibels*: $x_{\mathrm{dB}} = 10 \log_{10} x$.
@@ -239,7 +253,8 @@ print(f"without fading {rate(snr_db):.3f}, mean with fading {with_fading:.3f} da
 
 # %% [markdown]
 # A little more with fading, because the rate is a convex function of the SNR in dB:
-# good luck gains more than bad luck loses. (This is Jensen's inequality.) The UAV cannot foresee the
+# good luck gains more than bad luck loses. (This is Jensen's inequality. As a function of the *ratio* the rate is concave. So the
+# mean rate is below the rate at the mean ratio; but that mean lies above the ratio at 0 dB of fading.) The UAV cannot foresee the
 # draws, only where they are good on average.
 #
 # ## 1.6 Move the constants

@@ -178,6 +178,9 @@ print("stayed at", divmod(int(after.uav_cell[0]), 16), "intervened:", outcome.in
 print({name: round(float(value[0]), 2) for name, value in rewards.terms(outcome).items()})
 
 # %% [markdown]
+# Without this penalty a refused move would earn exactly what hovering earns. The agent could not tell them apart, and would
+# learn only from the lost time not to fly against walls.
+#
 # Landing outside the landing zone is replaced the same way. There is no collision in this world, only
 # wasted time. Why does a wrong move not end the episode? A beginner makes one every few steps, and would hardly ever get far
 # enough to see a device. Replaced, it costs a little, and the flight goes on. Another way is to forbid such actions (a *mask*): then
@@ -195,7 +198,8 @@ after, outcome = step(late, EAST)
 print("crashed:", outcome.crashed[0], "reward", rewards(outcome)[0])
 
 # %% [markdown]
-# Nothing is uploaded in the step that ends an episode, be it a landing or a crash.
+# Nothing is uploaded in the step that ends an episode, be it a landing or a crash. So `land` never collects. With data still
+# coming in, one more `hover` pays if it brings more than its price of 0.2, and if a unit of time is left to land afterwards.
 #
 # (The paper gives no number for the crash; −150 is from the authors' code. Our recipe `lite` lets a crash cost less at first, notebook 6 shows why, and a step
 # cost half as much, so that a far device with little data is not left behind. All rewards printed here are the paper's.)
@@ -241,7 +245,8 @@ figure
 # equally far from the UAV, so luck decides. Device 2 gets the first two slots. The second carries only what
 # it has left, and then it makes way.
 #
-# Why is "serve device 2" not an action of the agent? Then there would be one for each device, and their number changes. The rule
+# Why is "serve device 2" not an action of the agent? Then there would be one for each device, their number changes, and the
+# agent would have to learn what a rule can do. It still has its say: where it flies decides who is loudest. The rule
 # mostly does it well: the loudest device sends the most, and with fading drawn for each, the loudest of several is
 # louder on average than any one of them. But it never asks how much is left: in slot 2 above, device 0 would have sent
 # more than the rest of device 2. Nor does it think ahead: if the UAV passes device

@@ -97,6 +97,11 @@ print(inspect.getsource(Greedy.__call__))
 # `goals` are the devices' cells, or the nearest cells over which the UAV may fly; `landing_distance` is the number of moves
 # home.
 #
+# The score of this notebook is CRAL, and not the return, for two reasons. It is a share, so missions with much and with little data
+# count alike. And it does not depend on the constants of a reward, so agents that were trained with other crash penalties can be
+# compared. It is the mean of the missions' shares: 10 of 10 and 20 of 40 units make 75 %. The *pooled* share, 30 of 50, is
+# 60 %: there each data unit counts alike, and missions with much data, which are harder, weigh more.
+#
 # The *return* is the sum of a flight's rewards with the paper's constants (−0.2 a step, −150 for a crash),
 # not discounted. The agent was trained with other constants (notebook 6), and with a discount.
 #
