@@ -491,11 +491,15 @@ def test_painting_a_city_says_at_once_what_it_lacks():
     lab.blank.click()
     assert lab.draft.size == 6
     assert lab.canvas.picture.alt == "A city of 6×6 cells: 36 free."
-    assert "no start and landing zone" in lab.message.value and lab.fly.disabled
+    assert (
+        "no start and landing zone" in lab.message.value
+        and lab.fly.disabled
+        and lab.following.disabled
+    )
     lab.brush.value = "landing zone"
     picture = lab.canvas.picture.value
     stroke(lab, (0, 0))
-    assert "landing" not in lab.message.value and not lab.fly.disabled
+    assert "landing" not in lab.message.value and not (lab.fly.disabled or lab.following.disabled)
     assert lab.canvas.picture.value != picture
     lab.brush.value = "tall building"
     stroke(lab, (3, 3))

@@ -174,12 +174,13 @@ class ChannelLab(ipywidgets.VBox):
         rates = rate_map(city, channel, self.environment.line_of_sight, self.device)
         most = rates[~city.no_fly].max()
         self.rates.set_data(np.where(city.no_fly, np.nan, rates))
-        self.rates.set_clim(0, max(most, 1e-6))
+        scale = max(most, 1e-6)
+        self.rates.set_clim(0, scale)
         artists = [
             self.rates,
             *self._draw_ray(found),
             *self._draw_curves(channel, found),
-            *self._draw_scale(max(most, 1e-6)),
+            *self._draw_scale(scale),
         ]
         top = max(np.max(line.get_ydata()) for line in self.curve.lines)
         if not top <= self.top <= 2 * top + 1:  # the curves leave the axes, or are small in them

@@ -232,7 +232,6 @@ class CityLab(ipywidgets.VBox):
             self._recorded = True
             self.base.value = None  # so that the city can be chosen again
             self._show()
-            self._mark_unsaved()
 
     def picked(self, cell: Cell) -> None:
         """Use the tool on a cell that was picked by numbers; a rectangle takes two."""
@@ -294,19 +293,13 @@ class CityLab(ipywidgets.VBox):
     def _take(self, kinds: np.ndarray, name: str | None = None) -> None:
         """Go on with another city."""
         self._history.record(kinds)
+        self._taken = kinds
         self._set(kinds, name)
-        self._taken, self.unsaved = kinds, ""
-
-    def _mark_unsaved(self) -> None:
-        """What one has painted is unsaved, but not a city that is as one took it."""
-        same = np.array_equal(self.draft.kinds, self._taken)
-        self.unsaved = "" if same else self._code()
 
     def _go(self, by: int) -> None:
         """Undo a step (-1), or redo one (1)."""
         if by and (kinds := self._history.move(by)) is not None:
             self._set(kinds)
-            self._mark_unsaved()
 
     def _set(self, kinds: np.ndarray, name: str | None = None) -> None:
         self.draft = Draft(kinds)
@@ -357,17 +350,18 @@ class CityLab(ipywidgets.VBox):
         if not self.at_once.value:
             self._hide_flights()
         code = self._code()
+        self.unsaved = "" if np.array_equal(self.draft.kinds, self._taken) else code
         save = link("save as PNG", f"data:image/png;base64,{code}", "my_city.png")
         try:
             city = self.draft.city()
         except CityError as error:
             self._say(str(error).removeprefix("my_city: "))
             self._hide_flights()
-            self.fly.disabled = self.many.disabled = True
+            self._allow_flights(False)
             self.take_home.value = save
             return
         self._say("")
-        self.fly.disabled = self.many.disabled = False
+        self._allow_flights(True)
         if self._linked:
             save += f" or as a {link('link', f'#{ADDRESS}{code}')}"
         if "any_city" in self._offer_policies(city):
@@ -388,6 +382,10 @@ class CityLab(ipywidgets.VBox):
             self.policy.options = options
             self.policy.value = chosen if chosen in names else names[0]
         return names
+
+    def _allow_flights(self, allowed: bool) -> None:
+        for button in (self.fly, self.following, self.many):
+            button.disabled = not allowed
 
     def _hide_flights(self) -> None:
         """They were in another city."""

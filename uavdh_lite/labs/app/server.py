@@ -5,6 +5,7 @@ import shutil
 import signal
 import sys
 from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
 
 from uavdh_lite.errors import extra
@@ -12,7 +13,6 @@ from uavdh_lite.errors import extra
 with extra("app"):
     import psutil
     import tornado.web
-    from jupyter_server._tz import utcnow
     from tornado.ioloop import IOLoop
     from voila.app import Voila
     from voila.tornado.handler import TornadoVoilaHandler
@@ -74,7 +74,7 @@ class LabsServer(Voila):
             kernel = self.kernel_manager.get_kernel(kernel_id)
             started = kernel.trait_has_value("last_activity")  # else it is not idle yet
             if started and not self.kernel_manager.kernel_model(kernel_id)["connections"]:
-                kernel.last_activity = utcnow()
+                kernel.last_activity = datetime.now(UTC)
 
     def init_handlers(self) -> list:
         *others, (pattern, _, options) = super().init_handlers()
