@@ -58,7 +58,7 @@ def browser():
 @contextmanager
 def visiting(browser, server):
     """The page with its first lab; all that it loads comes from the server."""
-    page = browser.new_page(viewport={"width": 1280, "height": 1000})
+    page = browser.new_page(viewport=SCREEN)
     page.set_default_timeout(WAIT)
     expect.set_options(timeout=WAIT)
     outside, errors = [], []
@@ -88,6 +88,15 @@ def shared_page(browser, server):
         yield page
 
 
+@pytest.fixture
+def on_screen(shared_page):
+    """Give the shared page another size, for one test only."""
+    yield lambda width, height: shared_page.set_viewport_size({"width": width, "height": height})
+    shared_page.evaluate("document.fullscreenElement && document.exitFullscreen()")
+    shared_page.set_viewport_size(SCREEN)
+
+
+SCREEN = {"width": 1280, "height": 1000}
 SHOWN = ".uavdh-picture img[src]:visible, .uavdh-stage .map svg:visible"
 OWN = ("http://127.0.0.1", "ws://127.0.0.1", "data:", "blob:")
 
@@ -359,40 +368,56 @@ def test_the_browser_asks_before_work_is_lost_and_only_then(page, server):
     assert len(asked) == 2
 
 
+def settled_width(page, picture):
+    """The width of a picture, once it no longer follows a screen that has changed."""
+    widths = []
+
+    def still():
+        widths.append(picture.bounding_box()["width"])
+        return len(widths) >= 5 and len(set(widths[-5:])) == 1
+
+    until(page, still)
+    return widths[-1]
+
+
 FULL = "document.fullscreenElement?.className.includes('together')"
 
 
-def test_a_large_screen_is_used_and_pictures_fill_it(shared_page):
-    page = shared_page
-    widths = {}
-    for title, shown in (
+@pytest.mark.parametrize(
+    "title, shown",
+    [
         ("Mission", ".uavdh-stage .map"),
         ("Channel", ".uavdh-picture img"),
         ("City", ".uavdh-picture img"),
-    ):
-        lab = open_lab(page, title)
-        picture = lab.locator(shown).first
-        for screen in ((1280, 720), (1920, 1080)):
-            page.set_viewport_size(dict(zip(("width", "height"), screen, strict=True)))
-            widths[screen] = picture.bounding_box()["width"]
-        assert widths[1920, 1080] > 1.3 * widths[1280, 720] and fits(page), title
-        lab.get_by_role("button", name="Full screen").focus()
-        page.keyboard.press("Enter")
-        until(page, lambda: page.evaluate(FULL))
-        assert picture.bounding_box()["width"] > widths[1920, 1080], title
-        if title == "Channel":
-            at = picture.bounding_box()
-            sentence = lab.get_by_text("m through the air")
-            before = sentence.inner_text()
-            picture.click(position={"x": 0.3 * at["width"], "y": 0.4 * at["height"]})
-            expect(sentence).not_to_have_text(before)
-        lab.get_by_role("button", name="Full screen").click()
-        until(page, lambda: page.evaluate("document.fullscreenElement === null"))
-    lab = open_lab(page, "Training")
+    ],
+)
+def test_a_large_screen_is_used_and_pictures_fill_it(shared_page, on_screen, title, shown):
+    page = shared_page
+    lab = open_lab(page, title)
+    picture = lab.locator(shown).first
+    on_screen(1280, 720)
+    small = settled_width(page, picture)
+    on_screen(1920, 1080)
+    until(page, lambda: picture.bounding_box()["width"] > 1.3 * small and fits(page))
+    large = settled_width(page, picture)
+    lab.get_by_role("button", name="Full screen").focus()
+    page.keyboard.press("Enter")
+    until(page, lambda: page.evaluate(FULL))
+    until(page, lambda: picture.bounding_box()["width"] > large)
+    if title == "Channel":
+        at = picture.bounding_box()
+        sentence = lab.get_by_text("m through the air")
+        before = sentence.inner_text()
+        picture.click(position={"x": 0.3 * at["width"], "y": 0.4 * at["height"]})
+        expect(sentence).not_to_have_text(before)
     lab.get_by_role("button", name="Full screen").click()
-    until(page, lambda: page.evaluate("document.fullscreenElement !== null"))
-    page.evaluate("document.exitFullscreen()")
-    page.set_viewport_size({"width": 1280, "height": 1000})
+    until(page, lambda: page.evaluate("document.fullscreenElement === null"))
+
+
+def test_training_fills_the_screen(shared_page, on_screen):
+    lab = open_lab(shared_page, "Training")
+    lab.get_by_role("button", name="Full screen").click()
+    until(shared_page, lambda: shared_page.evaluate("document.fullscreenElement !== null"))
 
 
 def test_brushes_show_what_they_paint(shared_page):
@@ -723,13 +748,12 @@ def fits(page):
 
 
 @pytest.mark.parametrize("title", ["Mission", "Fly it yourself"])
-def test_a_low_screen_shows_the_map_with_its_controls(shared_page, title):
+def test_a_low_screen_shows_the_map_with_its_controls(shared_page, on_screen, title):
     lab = open_lab(shared_page, title)
-    shared_page.set_viewport_size({"width": 1280, "height": 720})
+    on_screen(1280, 720)
     control = "Play" if title == "Mission" else "hover"
     lowest = lab.get_by_role("button", name=control).first
     until(shared_page, lambda: sum(lowest.bounding_box()[side] for side in ("y", "height")) <= 720)
-    shared_page.set_viewport_size({"width": 1280, "height": 1000})
 
 
 def test_every_lab_is_for_everybody(page):
@@ -751,7 +775,7 @@ def test_every_lab_is_for_everybody(page):
             assert [(each["impact"], each["id"], each["nodes"][0]["html"]) for each in found] == []
         page.set_viewport_size({"width": 800, "height": 1100})
         until(page, lambda: fits(page))
-        page.set_viewport_size({"width": 1280, "height": 1000})
+        page.set_viewport_size(SCREEN)
 
 
 @pytest.mark.long
