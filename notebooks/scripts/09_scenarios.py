@@ -55,6 +55,11 @@ def show(city, missions, titles, height=6.8):
     add_legend(figure, max(int((m.start.data_initial > 0).sum()) for m in missions))
     return figure
 
+# %%
+PLACES = [(4, 8), (11, 8), (7, 14), (8, 1), (0, 12)]
+flights = [mission("manhattan", PLACES[:k], [12] * k, 65, (0, 0)) for k in (3, 5)]
+show("manhattan", flights, ["three devices", "five devices"])
+
 # %% [markdown]
 # | | |
 # | --- | --- |
@@ -97,14 +102,8 @@ for name, data in (("equal", [20, 20]), ("quarter", [20, 5])):
 # ## 9.2 Manhattan with two to five devices
 #
 # The number of devices is not an input of the network: they are cells in a map, and a map can have any
-# number of them. Two missions, with 12 data units at each device:
-
-# %%
-PLACES = [(4, 8), (11, 8), (7, 14), (8, 1), (0, 12)]
-flights = [mission("manhattan", PLACES[:k], [12] * k, 65, (0, 0)) for k in (3, 5)]
-show("manhattan", flights, ["three devices", "five devices"])
-
-# %% [markdown]
+# number of them. The two missions at the top have 12 data units at each device.
+#
 # With three devices it flies down the avenue and turns east on the way. With five it goes down the west side first, because
 # one of the new devices stands there, and adds a loop in the north. So a new device does not only add a detour: the whole
 # route changes. How long do such flights take?
