@@ -312,6 +312,33 @@ def draw_study(figure: Figure, table: dict[str, np.ndarray]) -> None:
     axes[0].legend()
 
 
+def draw_layers(ax: Axes, layers: list[tuple[str, tuple[int, ...], str]]) -> Axes:
+    """A sketch of a network: what comes out of each layer, from left to right.
+
+    Arguments:
+        layers: name, shape and colour of each. (C, H, W) is drawn as a stack of C squares, (N,) as
+            a bar whose height grows with log N.
+    """
+    x = 0.0
+    for name, shape, colour in layers:
+        if len(shape) == 3:
+            count, side, _ = shape
+            corners = [(x + 0.9 * k, 0.9 * k - side / 2) for k in range(count)]
+            size, end = (side, side), x + side + 0.9 * count
+        else:
+            height = max(4 * np.log2(shape[0]), 1)
+            corners, size, end = [(x, -height / 2)], (3, height), x + 3
+        for depth, corner in enumerate(corners):
+            square = Rectangle(corner, *size, fc=colour, ec="white", lw=0.5, zorder=-depth)
+            ax.add_patch(square)
+        words = "×".join(map(str, shape)) + "\n" + name
+        ax.text((x + end) / 2, -32, words, ha="center", va="top", fontsize="small")
+        x = end + (12 if len(shape) == 3 else 22)
+    ax.set(xlim=(-8, x), ylim=(-56, 32), aspect="equal")
+    ax.axis("off")
+    return ax
+
+
 def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure to a file, atomically; the format follows the suffix.
 

@@ -3,7 +3,7 @@
 #
 # A UAV (unmanned aerial vehicle, a drone) collects data from devices on the ground. An *agent* flies it: a program that
 # chooses one action after the other. Inside is a neural *network*, a formula with many adjustable numbers. It was *trained*:
-# it flew one random mission after the other, and its numbers were adjusted until they foretold well how much each
+# it flew one random mission after the other, and its numbers were adjusted until they predicted well how much each
 # action brings in the end. That took about an hour on one processor core. Here is one of its flights:
 
 # %% tags=["remove-cell"]
@@ -52,7 +52,7 @@ show(flights)
 # | --- | --- |
 # | **What you'll do** | Fly a trained agent through one mission, read the picture, then set missions of your own |
 # | **What you'll learn** | What the task is, what the agent knows and does not know, how to read a flight |
-# | **What you'll need** | Python. 18 minutes to read, 10 seconds to run; 9 minutes of exercises |
+# | **What you'll need** | Python. 19 minutes to read, 10 seconds to run; 9 minutes of exercises |
 #
 # ## 0.1 Reading the picture
 #
@@ -62,9 +62,10 @@ show(flights)
 #   zones, the only places where it may start and land.
 # - Each **cross** is a device on the ground; the number next to it is how much data it has to send.
 # - An **arrow** is one unit of flying time. Its colour says which device sent the most during it. Black means that none
-#   did. A **ring** is hovering.
-# - Its **width** says how much was sent, in four sizes. The thinnest coloured arrow may be a quarter of the widest,
-#   or, far away or round a corner, a thousandth of a unit.
+#   did. Arrows lie a little to one side of the cells' middle, so that there and back do not cover each other.
+#   A **ring** is hovering.
+# - The **width** of an arrow says how much data was sent, in four sizes. The thinnest stands for everything up to a
+#   quarter of the most, even for a thousandth of a unit, as from far away or round a corner.
 # - **Violet** cells lie in the radio shadow of buildings, deeper for more devices.
 #
 # Below the map: how long it flew of the time it had (landing takes one unit too), and how much it
@@ -88,7 +89,7 @@ for name, values in flights.records().items():
 
 # %% [markdown]
 # `collection_ratio_and_landed`, **CRAL** for short, is the score to watch: the collected share of the data, or 0 if
-# the UAV ran out of time in the air. A *reward* is what one action earns: data, less a price for time (notebook 3);
+# the UAV ran out of time in the air. (Figures call it *collected and landed*, or *brought home*.) A *reward* is what one action earns: data, less a price for time (notebook 3);
 # `cumulative_reward` is their sum. `time_used` is a share, here 31 of 45 units. `safety_interventions` counts moves that
 # the *safety controller* refused: into a tall building or a no-fly zone, off the map, or a landing elsewhere.
 #
@@ -101,7 +102,7 @@ for name, values in flights.records().items():
 # | agent | how it was made | where it flies |
 # | --- | --- | --- |
 # | `manhattan` | beyond the paper (notebook 12), for this city | 0, 10, 12, 13 |
-# | `manhattan_ddqn`, `open_field_ddqn` | by the paper's method, taught in notebooks 3 to 8 | 4 to 6, 8, 9, 12 |
+# | `manhattan_ddqn`, `open_field_ddqn` | by the paper's method with our faster recipe, taught in notebooks 3 to 8 | 4 to 10, 12 |
 # | `manhattan_ddqn_early` | the same, stopped early | 6, 9 |
 # | `any_city` | as `manhattan`, over two thousand cities | 10, 13 |
 #
@@ -149,7 +150,7 @@ for name, flight in (("agent", short), ("genie", planned)):
 # to leave. The agent's choice comes from training, and here it is not the best: the genie flies on to the far landing
 # zone and brings home more. (Notebook 8 compares agents with the genie over 1000 missions.)
 #
-# That the agent gets home is not left to learning: a rule, the *failsafe*, forbids each action after which the time left
+# That the agent gets home is not left to learning: a rule, the *failsafe*, replaces each action after which the time left
 # would not suffice for the way home (notebook 12). The safety controller is another rule, which does not look
 # at the clock. The paper's agent has only that one, and must learn to land.
 #

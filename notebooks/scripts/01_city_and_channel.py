@@ -39,7 +39,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Take the city apart into layers, compute one link from the transmitter to the data unit, and map the rate over the whole city for a device |
 # | **What you'll learn** | Log-distance path loss with and without line of sight, the cell-edge SNR and the link budget behind it, shadow fading, and why a place further away can be much better than a near one |
-# | **What you'll need** | Logarithms, the normal distribution, a little numpy. 30 minutes to read, 10 seconds to run; 15 minutes of exercises |
+# | **What you'll need** | Logarithms, the normal distribution, a little numpy. 32 minutes to read, 10 seconds to run; 15 minutes of exercises |
 #
 # ## 1.1 Three layers
 #
@@ -253,9 +253,9 @@ print(f"without fading {rate(snr_db):.3f}, mean with fading {with_fading:.3f} da
 
 # %% [markdown]
 # A little more with fading, because the rate is a convex function of the SNR in dB:
-# good luck gains more than bad luck loses. (This is Jensen's inequality. As a function of the *ratio* the rate is concave. So the
-# mean rate is below the rate at the mean ratio; but that mean lies above the ratio at 0 dB of fading.) The UAV cannot foresee the
-# draws, only where they are good on average.
+# good luck gains more than bad luck loses. (*Convex*: it bends upwards, each decibel
+# adds more than the one before. That the mean then lies above the value at the mean is Jensen's inequality.) The UAV cannot foresee the draws,
+# only where they are good on average.
 #
 # ## 1.6 Move the constants
 #

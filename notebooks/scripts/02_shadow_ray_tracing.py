@@ -40,7 +40,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Follow one ray from cell to cell, turn it into a test with whole numbers, compute whole shadow maps, and compare with sampled rays and with the rasterised rays that the paper's authors used |
 # | **What you'll learn** | Exact geometry without rounding, what "blocked" means at a corner, and where Bresenham's lines go wrong |
-# | **What you'll need** | Notebook 1, the equation of a line. 40 minutes to read, 20 seconds to run; 12 minutes of exercises. An appendix, 3 minutes more, says what it costs |
+# | **What you'll need** | Notebook 1, the equation of a line. 42 minutes to read, 20 seconds to run; 12 minutes of exercises. An appendix, 3 minutes more, says what it costs |
 #
 # ## 2.1 One ray
 #
@@ -97,8 +97,8 @@ figure
 # have four corners of one colour, so the line passes them by. That is the whole test.
 #
 # It needs only the middle of a cell, not its corners. From the middle to a corner, row and column change
-# by ½. So $R\,c - C\,r$ changes by $(|R| + |C|)/2$ at the two corners where it changes most. If the number at the
-# middle is at least that large, all corners have its sign, or 0 where the line touches one. If it is
+# by ½. So $R\,c - C\,r$ changes by $(|R| + |C|)/2$ at the two corners where it changes most. In the middle of cell
+# (1, 1) it is $2 - 5 = -3$, and at these corners $-3 \pm 3.5$: one is above 0. If the number at the middle is at least that large, all corners have its sign, or 0 where the line touches one. If it is
 # smaller, one corner has the other sign. The line misses the inside of the cell in the first case only:
 #
 # $$|R\,c - C\,r| \;\ge\; \frac{|R| + |C|}{2}.$$
@@ -321,8 +321,8 @@ for number in np.unique(hidden):
 figure
 
 # %% [markdown]
-# A white cell would be one from which the UAV sees all three. For these devices there is none, no place to hover and
-# serve everyone: the UAV has to travel. (For other devices there may be such a cell.)
+# A white cell would be one from which the UAV sees all three. For these devices there is none: the ten palest cells see
+# two. So there is no place to hover and serve everyone, and the UAV has to travel. (For other devices there may be one.)
 #
 # ## 2.5 Bresenham's lines, and where they differ
 #

@@ -49,7 +49,7 @@ draw(flights.trajectory(0))
 # | --- | --- |
 # | **What you'll do** | Fly an episode action by action, take each reward apart, provoke the safety controller, follow the devices' slots, fly with buttons |
 # | **What you'll learn** | The Markov decision process of the paper: state, actions, transition, reward, end; the scheduler |
-# | **What you'll need** | Notebooks 1 and 2. 35 minutes to read, 20 seconds to run; 13 minutes of exercises. An appendix, 4 minutes more, steps a thousand episodes at once |
+# | **What you'll need** | Notebooks 1 and 2. 39 minutes to read, 20 seconds to run; 13 minutes of exercises. An appendix, 4 minutes more, steps a thousand episodes at once |
 #
 # The flight above is by a simple planner that always goes to the nearest device with data left. Here that is
 # a bad idea: it has to leave a third of the data. We shall do better than it, and worse.
@@ -183,8 +183,9 @@ print({name: round(float(value[0]), 2) for name, value in rewards.terms(outcome)
 #
 # Landing outside the landing zone is replaced the same way. There is no collision in this world, only
 # wasted time. Why does a wrong move not end the episode? A beginner makes one every few steps, and would hardly ever get far
-# enough to see a device. Replaced, it costs a little, and the flight goes on. Another way is to forbid such actions (a *mask*): then
-# nothing need be learned about walls. Notebook 12 does that, and with actions that leave no time for the way home, too. (The
+# enough to see a device. Replaced, it costs a little, and the flight goes on. Another way is to let the
+# agent choose among allowed actions only (a *mask*): then nothing need be learned about walls. The agents of notebook 12 do
+# that, and actions that leave no time for the way home are not allowed either. (The
 # controller's hovering is like any other: data comes in meanwhile.)
 #
 # The one disaster left is the last one: a flying time of 0 in the air.
@@ -201,12 +202,12 @@ print("crashed:", outcome.crashed[0], "reward", rewards(outcome)[0])
 # Nothing is uploaded in the step that ends an episode, be it a landing or a crash. So `land` never collects. With data still
 # coming in, one more `hover` pays if it brings more than its price of 0.2, and if a unit of time is left to land afterwards.
 #
-# (The paper gives no number for the crash; −150 is from the authors' code. Our recipe `lite` lets a crash cost less at first, notebook 6 shows why, and a step
+# (The paper gives no number for the crash; −150 is from the authors' code. Our *recipe* for training, `lite`, lets a crash cost less at first, notebook 6 shows why, and a step
 # cost half as much, so that a far device with little data is not left behind. All rewards printed here are the paper's.)
 #
 # Is 0.2 a good price for a step? At 0, a long way is as good as a short one, and nothing speaks for landing before the last
-# moment. At 5, a flight of 20 steps costs 100, more than all devices hold: the best it could do is to land at once. A step near a
-# device brings several data units, one far away hardly any. At 0.2 a detour of ten steps pays if it brings 2 units.
+# moment. At 5, a flight of 20 steps costs 100, as much as five full devices hold: mostly the best is to land soon. A step near a
+# device brings several data units, one far away hardly any. At 0.2 a detour of ten steps pays if it brings more than 2 units.
 #
 # ## 3.5 Who may send: four slots a step
 #
@@ -277,7 +278,7 @@ right.set(xlabel="communication slot", ylabel="data units uploaded", xticks=rang
 figure
 
 # %% [markdown]
-# In slot 1 the UAV is a quarter of the way, in slot 4 at its goal. There the line of sight is that of the nearest
+# In slot 1 the UAV is a quarter of the way, in slot 4 at its goal. In each slot the line of sight is that of the nearest
 # cell. Half-way, in slot 2, both are equally near: then the cell counts that the UAV enters. So only slot 1
 # (red) is in the shadow. From then on the device is seen (blue), and each slot carries a little more because the
 # UAV comes nearer. The same by hand, with the channel of notebook 1:

@@ -54,7 +54,7 @@ show(maps[0], LAYERS)
 # | --- | --- |
 # | **What you'll do** | Look through the agent's eyes, stop its clock, move the UAV and watch the frame move, count the weights that each frame costs, and look at the border |
 # | **What you'll learn** | What the five layers hold, why the flying time goes with them, why padding outside the city is a no-fly zone, and what a neuron after flattening means in either frame |
-# | **What you'll need** | Notebook 1; what a neural network is. 44 minutes to read, 15 seconds to run; 10 minutes of exercises |
+# | **What you'll need** | Notebook 1; what a neural network is. 47 minutes to read, 15 seconds to run; 10 minutes of exercises |
 #
 # ## 4.1 The layers
 #
@@ -68,7 +68,7 @@ print("map", tuple(maps.shape), "time", tuple(time.shape))
 # say how much data each device still has, and how much has been collected from it. (What can still be earned depends on what
 # is left, not on what has been collected. So the last layer is no necessity, and the authors' code leaves it out. The
 # paper has it.) Yes is 1 and no is 0; data is in
-# data units, here 15 and 10 in the cells of the two devices, and 0 in all others. (A recipe may divide it by a constant
+# data units, here 15 and 10 in the cells of the two devices, and 0 in all others. (Training may divide it by a constant
 # to get smaller numbers.) Dark is large. "Data collected" is empty because the flight has not begun. The blue cross
 # is the middle of the frame, where the UAV is.
 
@@ -271,7 +271,7 @@ print(f"the library's states: {Replay(50_000, 1, 5).bytes_per_transition * 50_00
 
 # %% [markdown]
 # Centred maps take 3.75 times the memory of maps in place ($31^2 / 16^2$), and hundreds of times that of the numbers that
-# they are made from.
+# they are made from. (In place the UAV's position needs no layer in the memory: it is one number.)
 #
 # ## 4.3 What a neuron can know
 #
@@ -363,7 +363,8 @@ for recipe in (PAPER, LITE):
         print(f"{recipe.name:<6}{kind:<12}{count:>10,} weights")
 
 # %% [markdown]
-# The difference between the kinds is the sixth layer: 16 kernels × 5 × 5 = 400 weights. The difference between the recipes is the
+# `PAPER` and `LITE` are two *recipes*: all constants of a network and its training, the paper's and ours (notebook 6). The
+# difference between the kinds is the sixth layer: 16 kernels × 5 × 5 = 400 weights. The difference between the recipes is the
 # stride: `lite` lets its convolutions skip cells, and the flattened picture is much smaller. How small, one can
 # count. Without padding, a kernel of $k$ cells on a side fits into $n$ cells at $n - k + 1$ places, and with a *stride* of $s$ only every
 # $s$-th of them is used:
@@ -383,7 +384,8 @@ for recipe in (PAPER, LITE):
 
 # %% [markdown]
 # Each of these numbers, and the flying time, has a weight to each of the 256 outputs of the first fully connected layer. So in
-# `PAPER` this layer alone has $8465 \cdot 256 + 256$ weights, nearly all of the network. What if the city is larger?
+# `PAPER` this layer alone has $8465 \cdot 256 + 256$ weights, nearly all of the network. (The last 256 are the *biases*: a number
+# that each output adds.) What if the city is larger?
 
 # %%
 for size in (16, 32, 50):

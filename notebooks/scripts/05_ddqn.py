@@ -58,7 +58,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Learn a table of Q-values, replace it by a network, compare three ways to use a memory, measure the maximisation bias, slow down the targets, explore in two ways, and open the paper's network |
 # | **What you'll learn** | Q-learning, function approximation, combined experience replay, double Q-learning, soft targets, the softmax policy and ε-greedy |
-# | **What you'll need** | Notebooks 3 and 4; means, variances, gradients, the idea of a neural network. 80 minutes to read, 45 seconds to run; 10 minutes of exercises. An appendix, 20 minutes more, asks what the network knows of shadows |
+# | **What you'll need** | Notebooks 3 and 4; means, variances, gradients, the idea of a neural network. 90 minutes to read, 45 seconds to run; 10 minutes of exercises. Two sittings are better than one: the second begins with 5.4. An appendix, 20 minutes more, asks what the network knows of shadows |
 #
 # ## 5.1 Q-learning in a table
 #
@@ -73,7 +73,7 @@ def step(cell, full, action, device=5, end=5):
     after = np.clip(cell + (action == EAST) - (action == WEST), 0, end)
     landed, refused = (action == LAND) & (cell == 0), (action == LAND) & (cell > 0)
     uploads = full & (after == device) & ~landed
-    outcome = Outcome(None, 10 * uploads[:, None], refused, landed, crashed=False, flew=True)
+    outcome = Outcome(None, uploaded=10 * uploads[:, None], intervened=refused, landed=landed, crashed=False, flew=True)
     return after, full & ~uploads, Rewards()(outcome), 0.95 * ~landed
 
 # %% [markdown]
@@ -93,7 +93,7 @@ def step(cell, full, action, device=5, end=5):
 # %%
 from uavdh_lite.ddqn import DDQN, ddqn_target, draw_actions, softmax_policy
 
-def row(number, rows):
+def row(number, rows):  # a tuple, since a network may have several inputs
     return (nn.functional.one_hot(torch.tensor(number).long(), rows).float(),)
 
 def q_table(rows, alpha, batch=1, tau=1.0, actions=3):
@@ -132,8 +132,8 @@ for title, part in (("data waiting", q[:, 6:]), ("data collected", q[:, :6])):
 
 # %% [markdown]
 # While the data waits, "east" is best everywhere, also in the landing zone, where "land" would end the episode with
-# nothing. (In cell 5 the UAV hits the end of the street, stays and collects; "land" is refused there, but collects
-# too.) Check one: "east" in cell 4 earns 10 − 0.2 now, then $0.95 \cdot (-0.90)$, the best of cell 5 without data,
+# nothing. (No flight comes to cell 5 and still has the data waiting, but random states do. There the UAV collects
+# whatever it does, "west" apart.) Check one: "east" in cell 4 earns 10 − 0.2 now, then $0.95 \cdot (-0.90)$, the best of cell 5 without data,
 # together 8.94. Afterwards "west" is best until cell 0, and there "land". Nobody flew like that: states and actions
 # were random. The target has the maximum in it and not the action flown next, so any steps will do, as long as every
 # action is tried in every state again and again. Such learning is called *off-policy*, and it allows learning from a
@@ -230,7 +230,9 @@ for _ in range(300):
 # %% [markdown]
 # The network gets how far and on which side the device is, how far the landing zone is, and whether there is data left.
 # For comparison, another one gets the two cells by their numbers, *one-hot*: a 1 for the cell and zeros for all others,
-# so that one place says nothing about the next.
+# so that one place says nothing about the next. Between two linear layers stands a *ReLU*, which puts 0 for all that is
+# below 0: without such a bend, two linear layers would be no more than one. After the last layer there is none, since
+# Q-values may be negative.
 
 # %%
 def relative(cell, full, device):
@@ -379,7 +381,8 @@ figure.axes[0].legend()
 figure
 
 # %% [markdown]
-# Lines are means over the 20 streets, bands two standard errors to either side.
+# Lines are means over the 20 streets, bands two standard errors to either side. (The *standard error* is by how much a mean
+# of 20 typically misses: the standard deviation of the 20, divided by $\sqrt{20}$.)
 #
 # - **Nothing changes.** Replay needs less than half the steps of the newest step alone (and learns four times a step,
 #   not once). Combined is at most a little ahead of plain, and at the end they are alike.
@@ -387,8 +390,8 @@ figure
 #   say that the street ends in cell 4. Plain replay has not recovered after 1500 steps, combined replay in part. In the
 #   last 500 steps, learning without a memory is ahead of both.
 #
-# What to take home: replay learns more from each step, unless the memory is full of a past that is over. Combined replay
-# is a remedy for a memory that is too large, and Zhang and Sutton present it as that. The paper's
+# What to take home: replay learns more from each step, unless the memory is full of a past that is over. Zhang and Sutton
+# propose combined replay for a memory that is too large. The paper's
 # holds 50,000 steps, and an update draws 128. With *plain* replay a step is drawn 128 times before it is forgotten, and
 # waits $50{,}000/128 = 390$ updates, on average, for the first time. With *combined* replay it is in the very next
 # minibatch. In a run of a million steps 390 are few, so expect little. It costs one place of 128. (With N environments
@@ -498,7 +501,7 @@ assert abs((expected - earned).mean()) < 0.05 * earned.mean()
 
 # %% [markdown]
 # On average the agent expects 0.15 less than it earns, which is less than one percent, and the interval of the
-# difference holds zero. (Notebook 8 says how such an interval is made.) Single flights differ by more, since the network
+# difference contains zero. (Notebook 8 says how such an interval is made.) Single flights differ by more, since the network
 # is not exact. (Notebook 8 looks at those that go wrong.) So the value of the action that it *flies* at the start has no
 # bias to speak of. Of the actions that it does not fly this says nothing: notebook 9 finds one, `land`, valued far too
 # high. Nor does it show that double estimation is the reason: that would take an agent trained without.
@@ -551,17 +554,18 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Does that help to learn? The network of section 5.2 with three rates, and the mean error of all its Q-values:
+# Does that help to learn? The network of section 5.2 with three rates, and the mean error of all its Q-values, for six
+# seeds:
 
 # %%
-by_rate = {tau: [five_places(relative, tau, seed) for seed in range(3)] for tau in (1.0, 0.003)}
-for tau, runs in sorted({**by_rate, 0.1: networks[relative]}.items()):
-    print(f"τ = {tau:<6} errors after 1000 updates, three seeds: {[round(run[2], 2) for run in runs]}")
+by_rate = {tau: np.array([five_places(relative, tau, seed)[2] for seed in range(6)]) for tau in (0.003, 0.1, 1.0)}
+for tau, errors in by_rate.items():
+    print(f"τ = {tau:<6} mean error {errors.mean():.2f}, six seeds from {errors.min():.2f} to {errors.max():.2f}")
 
 # %% [markdown]
-# Too fast and too slow are both bad, in each of the seeds. With $\tau = 1$ the network chases targets that each of its own
-# updates moves. (With some other seeds its errors even grow without bound.) With $\tau = 0.003$ the targets are so late that 1000
-# updates are too few. The paper's 0.005 belongs to a run of a million.
+# With $\tau = 0.003$ the targets are so late that 1000 updates are too few, in every seed. (The paper's 0.005 belongs to
+# a run of a million.) With $\tau = 1$ the network chases targets that each of its own updates moves: on average that is
+# worse than $\tau = 0.1$; single seeds may say otherwise.
 #
 # ## 5.7 Exploring: the softmax policy and its temperature
 #
@@ -571,7 +575,21 @@ for tau, runs in sorted({**by_rate, 0.1: networks[relative]}.items()):
 # $$\pi(a \mid s) = \frac{\exp(Q(s,a)/\beta)}{\sum_{a'} \exp(Q(s,a')/\beta)}$$
 #
 # Two actions' probabilities have the ratio $\exp\big((Q(s,a) - Q(s,a'))/\beta\big)$: what counts is the *gap*
-# between Q-values in units of $\beta$.
+# between Q-values in units of $\beta$. That also mends the formula, which fails if it is typed as it stands: at
+# $\beta = 0.1$ a Q-value of 100 asks for $e^{1000}$, more than a floating-point number holds. Subtract the largest
+# Q-value first. The gaps stay, and no exponent is above 0. `softmax_policy` does that, too, inside torch:
+
+# %%
+q = np.array([100.0, 99.9, 90.0])
+
+def typed(q):
+    weights = np.exp(q / 0.1)
+    return weights / weights.sum()
+
+with np.errstate(over="ignore", invalid="ignore"):
+    print("as it stands      ", typed(q))
+print("largest subtracted", typed(q - q.max()).round(3))
+print("softmax_policy    ", softmax_policy(torch.tensor(q[None]), 0.1)[0].numpy().round(3))
 
 # %%
 Quiz("cold_policy")
@@ -669,48 +687,23 @@ for name, chosen in (("all states", spare < 99), ("at most 3 steps to spare", sp
 
 # %%
 from uavdh_lite.agent import build
+from uavdh_lite.plotting import draw_layers
 from uavdh_lite.recipe import PAPER
 
 observation, network = build(PAPER, agent.city)
 layers = [layer for layer in network.modules() if isinstance(layer, (nn.Conv2d, nn.Flatten, nn.Linear))]
 shapes = []
 hooks = [layer.register_forward_hook(lambda layer, given, out: shapes.append(tuple(out.shape[1:]))) for layer in layers]
-
-# %%
-maps, time = observation(flights.start[:1])
-network(maps, time)
+network(*observation(flights.start[:1]))
 for hook in hooks:
     hook.remove()
 
 # %%
-from matplotlib.patches import Rectangle
-
-def draw_shape(ax, x, shape, colour):
-    """Maps as a stack of squares, a list of numbers as a bar; returns the x after it."""
-    if len(shape) == 1:
-        height = 4 * np.log2(shape[0])
-        ax.add_patch(Rectangle((x, -height / 2), 3, height, fc=colour, ec="white"))
-        return x + 3
-    count, side, _ = shape
-    for k in range(count):
-        corner = x + 0.9 * k, 0.9 * k - side / 2
-        ax.add_patch(Rectangle(corner, side, side, fc=colour, ec="white", lw=0.5, zorder=-k))
-    return x + side + 0.9 * count
-
-# %%
-kinds = {nn.Conv2d: ("convolution", BLUE), nn.Flatten: ("flattened", GREEN), nn.Linear: ("fully\nconnected", GREEN)}
-drawn = [("maps", ORANGE), *(kinds[type(layer)] for layer in layers[:-1]), ("Q-values", VERMILION)]
-figure, x = Figure(figsize=(8, 2.9), layout="constrained"), 0
-ax = figure.subplots()
-for (name, colour), shape in zip(drawn, [tuple(maps[0].shape[1:]), *shapes]):
-    end, numbers = draw_shape(ax, x, shape, colour), "×".join(map(str, shape))
-    if name == "flattened":  # the flying time joins here
-        ax.add_patch(Rectangle((x, 27), 3, 3, fc=ORANGE))
-        ax.text(x + 1.5, 32, f"+ {time.shape[1]}: time", ha="center", fontsize="small")
-    ax.text((x + end) / 2, -32, f"{numbers}\n{name}", ha="center", va="top", fontsize="small")
-    x = end + (12 if len(shape) == 3 else 22)
-ax.set(xlim=(-5, x - 5), ylim=(-52, 38), aspect="equal")
-ax.axis("off")
+kinds = {nn.Conv2d: ("convolution", BLUE), nn.Flatten: ("flattened,\n+ the time", GREEN), nn.Linear: ("fully\nconnected", GREEN)}
+names = [kinds[type(layer)] for layer in layers[:-1]] + [("Q-values", VERMILION)]
+figure = Figure(figsize=(8, 2.9), layout="constrained")
+draw_layers(figure.subplots(), [("maps", observation.map_shapes()[0], ORANGE),
+                                *((name, shape, colour) for (name, colour), shape in zip(names, shapes))])
 figure
 
 # %% [markdown]

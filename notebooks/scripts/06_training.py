@@ -54,7 +54,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Train an agent for a village, read the curves of the shipped DDQN agent's training, make an agent that crashes and one that is lazy, and fly an early agent next to the final one |
 # | **What you'll learn** | The order of things in the training loop, what each curve says, and which knobs decide whether it learns, and how small a crash penalty may be |
-# | **What you'll need** | Notebooks 3 and 5. 48 minutes to read, 60 seconds to run; 15 minutes of exercises |
+# | **What you'll need** | Notebooks 3 and 5. 54 minutes to read, 60 seconds to run; 15 minutes of exercises |
 #
 # ## 6.1 One step of the loop
 #
@@ -73,9 +73,11 @@ print(inspect.getsource(Trainer.step))
 #    their places. Each has devices, places, data, flying time and start of its own. So the network cannot memorise a
 #    mission, and flies any of them later. The price: it meets none of them twice, needs more steps, and in a single mission
 #    it is not as good as the best route for that one.
-# 5. **Draw** a minibatch from the memory and compute its targets. It is for the next step.
-# 6. **Learn** from the one that the step before drew: one gradient step, one soft update (`ddqn.update`). (So learning
-#    and flying can go on at the same time, with `--threads 2`, and the weights come out the same.)
+# 5. **Draw** a minibatch from the memory and compute its targets.
+# 6. **Learn** from a minibatch: one gradient step, one soft update (`ddqn.update`).
+#
+# (It learns from the minibatch that the step before drew. So learning and flying can go on at the same time, with
+# `--threads 2`, and the weights come out the same.)
 #
 # What goes into the memory if the safety controller refused the action? The action that the agent *chose*, as
 # `replay.add` above shows. The penalty belongs to the choice. Stored as `hover`, hovering would get the blame, and the
@@ -87,25 +89,27 @@ print(inspect.getsource(Trainer.step))
 # fly itself.
 #
 # Everything that the loop depends on is in a *recipe*. Two come with the library, the paper's and ours. These are the
-# constants that this notebook needs; the site's reference has them all:
+# constants that this notebook needs, the paper's and those of `lite`; the site's reference has them all:
 
 # %%
 constants = {"steps": "environment steps in all", "environments": "UAVs that fly side by side",
+             "batch_size": "transitions in a minibatch", "target_update_rate": "soft targets: notebook 5's τ",
+             "learning_rate": "of Adam, at first", "learning_rate_end": "and at the end",
              "replay_capacity": "transitions in the memory",
              "replay_prefill": "of these, flown at random before the first update",
              "temperature": "exploration at the start: notebook 5's β",
              "huber_delta": "Huber's loss: up to this error its square, beyond it grows linearly",
              "exploring_starts": "share of episodes that begin under way, anywhere",
              "crash_reward": "what a crash costs at first", "crash_reward_end": "and at the end",
-             "crash_reward_growth": "over which share of the run it grows",
              "return_steps": "rewards summed before the target's Q-value takes over (6.5)"}
 paper = find_recipe("paper")
 for name, meaning in constants.items():
     print(f"{name:<20}{getattr(paper, name)!s:>9}{getattr(LITE, name)!s:>9}   {meaning}")
 
 # %% [markdown]
-# `huber_delta` keeps a single crash from outweighing everything else in the loss; `None` means squared throughout. And `crash_reward`
-# lets the agent learn to fly far while a crash costs little, and to land in time when it costs all of 150.
+# `huber_delta` keeps a single crash from outweighing everything else in the loss: beyond it the gradient no longer grows
+# with the error. `None` means squared throughout. And `crash_reward` lets the agent learn to fly far while a crash costs
+# little, and to land in time when it costs all of 150: it grows step by step over the run, in a straight line.
 #
 # The 2,000,000 steps of `lite` take 20 to 25 minutes; the shipped DDQN agents had more of them. **The paper's own recipe
 # was not run to its end here**: a million of its updates take a day or more without a GPU (`docs/results/speed.md`, on
@@ -261,7 +265,7 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("huge_penalty")
 
 # %% [markdown]
-# **The agent that crashes.** Data is worth a few points a step, and the crash comes at the very end. If it costs
+# **The agent that crashes.** Data is worth a few units a step, and the crash comes at the very end. If it costs
 # nothing, there is no reason to fly home.
 # **The lazy agent.** With a large penalty from the start, little exploration and squared errors, the agent ends up
 # landing at once: that is safe, and from then on it sees no more of what it could collect. (Exercise 3 asks which of
@@ -309,8 +313,9 @@ for crash in (10, 20, 60, 150):
 # - **Temperature** `temperature`: large against the errors of early Q-values, small at the end. Its decay
 #   is a bet on how long exploration pays.
 # - **Return steps** `return_steps`: the number $n$ of rewards summed before the target's Q-value takes over.
-#   More steps carry news back faster; they are also those of a policy that explored. In notebook 5 $n = 1$;
-#   with the recipe's 3 the target is
+#   More steps carry news back faster. But the rewards in between were earned by actions that explored, so the target
+#   mixes in the price of exploring, which the best policy would not pay. In notebook 5 $n = 1$; with the recipe's 3 the
+#   target is
 #
 # $$y = r_t + \gamma r_{t+1} + \gamma^2 r_{t+2} + \gamma^3\, Q_{\bar\theta}\big(s_{t+3}, \arg\max_{a'} Q_\theta(s_{t+3}, a')\big)$$
 #
@@ -334,13 +339,13 @@ for name, recipe in (("paper", paper), ("lite", LITE)):
 #
 # Turn a knob, and train again: `train_village(return_steps=1)`, or with a crash reward of −20 throughout. A single run
 # is enough to play, not to conclude anything. For conclusions there is a recorded study: each row undoes one part of
-# `lite`, on Manhattan, in runs of 300,000 steps with all schedules squeezed.
+# `lite`, on Manhattan, in runs of 300,000 steps. (What changes during a run, such as the crash penalty, then changes as much in fewer steps.)
 #
 # Three of the parts belong to the network. *Input scales* divide data and time by constants, so that all inputs are about
 # as large as the 0s and 1s of the map. *Layer norm* shifts and scales the sums of a fully connected layer to mean 0 and
 # variance 1, before its ReLU; so the inputs of the next layer stay of the same size. A *leaky ReLU* lets a little of what
-# is below 0 through, where a ReLU gives 0 and no gradient. Two are constants: `lite`'s learning rate is twenty times the
-# paper's at first, and its movement reward is −0.1. *Collected and landed* for each of three seeds:
+# is below 0 through, where a ReLU gives 0 and no gradient. Two are constants: `lite`'s learning rate, twenty times the
+# paper's at first, and its movement reward of −0.1. *Collected and landed* for each of three seeds:
 
 # %%
 study = read_table("../data/runs/deviations-manhattan/validation.csv.gz")

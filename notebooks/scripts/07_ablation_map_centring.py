@@ -47,7 +47,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Regenerate the paper's ablation figure, look at each seed, run a small ablation live, and list what three runs show and what they do not |
 # | **What you'll learn** | How an ablation is set up so that it says something: same steps, same scenarios, several seeds, one thing changed |
-# | **What you'll need** | Notebooks 4 and 6. 30 minutes to read, 60 seconds to run; 5 minutes of exercises |
+# | **What you'll need** | Notebooks 4 and 6. 35 minutes to read, 60 seconds to run; 5 minutes of exercises |
 #
 # ## 7.1 The set-up
 #
@@ -242,7 +242,7 @@ Quiz("three_seeds")
 # %% [markdown]
 # A gap says little without the spread: how much do seeds of one kind differ? The measure here is the standard deviation
 # of the three results of a kind, and of the two kinds the larger one. A gap of "3.3 spreads" is 3.3 times as large
-# (exercise 2 computes it, and the t of Welch's test). Could more test missions stand in for more runs?
+# (exercise 2 computes it). Could more test missions stand in for more runs?
 
 # %%
 ends = np.array([one_run(validation, "centred", seed)[METRIC][-1] for seed in range(3)])
@@ -261,7 +261,7 @@ for runs, missions in ((1, 1000), (1, 10_000), (3, 1000), (3, 10_000), (10, 1000
 #
 # | question | answered? |
 # | --- | --- |
-# | Does the agent learn faster with the centred map, in this city, with this recipe? | Very likely: after 300,000 steps, about where the gap is widest, it is 37 points ahead, which is 3.3 spreads, and every centred run reaches 80 and 90 % before every non-centred one. (The order alone would not do: it comes about by chance in 10 % of cases) |
+# | Does the agent learn faster with the centred map, in this city, with this recipe? | Very likely: after 300,000 steps it is 37 points ahead, which is 3.3 spreads (after 200,000 it was a little more), and every centred run reaches 80 and 90 % before every non-centred one. (The order alone would not do: it comes about by chance in 10 % of cases) |
 # | Is the agent better in the end? | Perhaps a little: by 0.8 points at the last validation, 1.3 spreads. In the mean of 3000 test missions the agents kept are 1.4 points apart, and all centred ones ahead (`docs/results/training.md`, on the site under Results). Three runs do not settle it, and longer ones might end level |
 # | Is the paper's larger gap wrong? | These runs cannot say: it was measured with another recipe and other maps |
 # | Is the recipe fair to both? | Not quite: it was tuned with the centred map |
@@ -299,8 +299,9 @@ assert outside(3) == 0.5 and abs(measured - 0.5) < 0.01 and np.isclose(outside(1
 print(f"three runs: {outside(3):.0%}, measured {measured:.0%}; 19 runs: {outside(19):.0%}")
 
 # %% [markdown]
-# **2.** Compute the gap, over the larger standard deviation between seeds and over its own standard error ($t$), after
-# 300,000 steps, half way and at the end. Of which of the differences are you sure?
+# **2.** Compute the gap after 300,000 steps, half way and at the end, each time divided by the larger standard deviation
+# between seeds, and by its own standard error. (The second is the $t$ of *Welch's test*, which allows the two kinds to
+# spread differently.) Of which of the differences are you sure?
 
 # %%
 def compare(at):
@@ -315,8 +316,9 @@ for name, at in (("300,000 steps", 2), ("half way", 9), ("the end", -1)):
 
 # %% [markdown]
 # Of the first only. Half way and at the end the gap is about as large as the spread, although the one gap is 5 points
-# and the other 0.8. ($t$ would have to be above 2.8 at least, with so few runs, and the test trusts that results are normal.
-# The exercises have one that does not.) And the spread itself is known from three runs only.
+# and the other 0.8. (With three runs of each, chance alone brings $t$ above 2.8 in one of twenty tries or more, if results
+# are normally distributed. Exercise 7.2 of the sheet has a test that does not need that.) And the spread itself is known from three runs
+# only.
 #
 # **3.** The non-centred network has a layer more, because without it it could not know where it is. But a
 # single 1 among 961 cells may be hard to read. Design the ablation that separates *centring* from *how the

@@ -3,7 +3,7 @@
 #
 # How good is an agent? Is it better than the paper's, or than a simple rule? How far is it from the best that can be done? And how
 # sure are we? This notebook regenerates the paper's table, with what it lacks: intervals, planners to
-# compare with, and a look at who is left behind.
+# compare with, and a look at the missions that go badly.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -58,9 +58,9 @@ figure
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Compare an agent with the paper, with chance and with three planners on the same 1000 missions, find whom it leaves behind, and work out what a claim needs |
+# | **What you'll do** | Compare an agent with the paper, with chance and with three planners on the same 1000 missions, find the missions in which it falls behind, and work out what a claim needs |
 # | **What you'll learn** | Random streams, Wilson's and bootstrap intervals, tests for two agents, why the best checkpoint looks too good, paired comparisons |
-# | **What you'll need** | Notebooks 0 and 3, means and quantiles. 44 minutes to read, 15 seconds to run; 5 minutes of exercises |
+# | **What you'll need** | Notebooks 0 and 3, means and quantiles. 52 minutes to read, 15 seconds to run; 5 minutes of exercises |
 #
 # Above: the agents of two cities next to a simple rule, `greedy`, and a search that knows the channel, `genie`.
 # Section 8.1 says what each of them knows.
@@ -78,11 +78,13 @@ for city in cities:
 # %% [markdown]
 # | policy | what it knows |
 # | --- | --- |
-# | `ddqn`, *the agent* below | (trained by the paper's method: `manhattan_ddqn` and `open_field_ddqn`) the map, the devices, their data and the remaining time, through its network; it has learned what to do |
+# | `ddqn`, *the agent* below | (trained by the paper's method with recipe `lite`: `manhattan_ddqn` and `open_field_ddqn`) the map, the devices, their data and the remaining time, through its network; it has learned what to do |
 # | `random` | nothing |
 # | `greedy` | the same as the agent; a person wrote its rule: to the nearest device with data, and home in time |
 # | `genie` | also the channel's mean rate at every cell; it searches over whole flights for the highest return |
 # | `genie_data` | the same, but it searches for the most data and hardly minds the time |
+#
+# (The commands name one agent more, `manhattan` and `open_field`: those of notebook 12, which are left out here.)
 #
 # `greedy` will be met again and again, so here are the lines that decide:
 
@@ -126,7 +128,7 @@ for generators in (habit, stream):
 # `SeedSequence(seed, spawn_key=(use,))`. The *spawn key* keeps the uses apart: seed and use go in as two numbers, not as
 # their sum, and each pair begins a stream of its own. So no two uses share numbers, whatever the seeds.
 #
-# Exploration must not share a generator with the missions on which two policies are compared, either. How many numbers it takes
+# In a test, a policy that draws its actions must not share a generator with the missions, either. How many numbers it takes
 # depends on the policy: a greedy one takes none, a long flight more than a short one. Then the next mission is another:
 
 # %%
@@ -149,7 +151,7 @@ print("flying time of the second mission:", *(second_mission(explored) for explo
 # | --- | --- |
 # | held equal | the validation and test missions, their fading, the list of seeds |
 # | varied | the training seed, three times at least: first weights, training missions, exploration |
-# | not to be matched | the steps of training. Flights part as soon as the policies differ, even with a stream for each use. (So the library has one stream for a whole training run: its missions, fading and exploration) |
+# | not to be matched | the steps of training. Flights part as soon as the policies differ, even with a stream for each use. (In training the library does not try: a run has one stream for missions, fading and exploration) |
 #
 # Why equal missions? Then both ways get the same easy ones and the same hard ones. This luck cancels in the *difference*, and
 # its interval gets narrower (8.6). The luck of training does not cancel, and should not: it is what the seeds are for.
@@ -157,7 +159,7 @@ print("flying time of the second mission:", *(second_mission(explored) for explo
 # ## 8.2 The paper's table
 #
 # The paper evaluates each agent on 1000 random missions (its Table II). Ours, with the interval that
-# holds the true mean with 95 % confidence:
+# contains the true mean with 95 % confidence:
 
 # %%
 from uavdh_lite.paper import RESULTS
@@ -171,7 +173,7 @@ for city, results in cities.items():
 # %% [markdown]
 # The paper's maps were never published, and a map may be easier than another. So the table says that our agents reach
 # the paper's level on maps of the same description, not that they are better. (On Manhattan the interval of *has
-# landed* holds the paper's figure anyway.)
+# landed* contains the paper's figure anyway.)
 #
 # Three shares say more than each alone. From the paper's Manhattan column one can work out what the flights that did
 # not land had collected:
@@ -244,7 +246,8 @@ print(bootstrap_interval(values))
 #
 # ### The best of many checkpoints
 #
-# A run is validated again and again, and the agent with the best validation is kept. Its validation figure is too high.
+# A run is validated again and again. What it has learned up to then is a *checkpoint*, and the one with the best validation is
+# kept. Its validation figure is too high.
 # To see why, take 20 checkpoints that are all *equally* good. Each gets its own luck: the results of missions drawn
 # from the 1000 above. We report the best of the 20, and repeat it 500 times:
 
@@ -276,7 +279,7 @@ for city, results in cities.items():
               f"{one[METRIC].mean():>8.1%}{one['cumulative_reward'].mean():>8.2f}")
 
 # %% [markdown]
-# Read it slowly, it holds three lessons.
+# There are three lessons in it.
 #
 # - A simple rule is strong: on both maps `greedy` collects at least as much as our agent, on Manhattan significantly
 #   more (8.6). A learner has to be very good to be worth its training, and a paper without such a baseline does not
@@ -292,7 +295,7 @@ for city, results in cities.items():
 # %%
 for city, results in cities.items():
     more = results["ddqn"]["cumulative_reward"] - results["greedy"]["cumulative_reward"]
-    print(f"{city:<12}agent's return above greedy's by {{:+.2f}} ({{:+.2f}} to {{:+.2f}})".format(*bootstrap_interval(more)))
+    print(f"{city:<12}agent's return minus greedy's {{:+.2f}} ({{:+.2f}} to {{:+.2f}})".format(*bootstrap_interval(more)))
 
 # %% [markdown]
 # As a share of the best known: the agent's mean over the genie's, with missions resampled in pairs:
@@ -307,9 +310,9 @@ for city, results in cities.items():
 # The genie is not an optimum. It plans with the mean channel and a limited search, so luck can let
 # another policy beat it on a mission. But it is a reference that does not depend on learning.
 #
-# ## 8.4 Who is left behind?
+# ## 8.4 Which missions go badly?
 #
-# A mean hides who pays for it. Split the missions by what was drawn:
+# A mean hides where it comes from. Split the missions by what was drawn:
 
 # %%
 results = cities["manhattan"]
@@ -372,7 +375,7 @@ figure
 
 # %% [markdown]
 # Left, a crash. The flight collected everything, but turned for home too late. At the ring it tries to land outside the zone,
-# which is refused. There, two or three units of time are left, and the way and the landing take four. Right, one that served the near device and
+# which is refused. The two units of time that are then left do not suffice for the way and the landing. Right, one that served the near device and
 # went home, though there was plenty of time for the far ones. Neither comes often. How is the loss made up over all
 # missions?
 
@@ -416,11 +419,11 @@ for city, results in cities.items():
     unpaired = 1.96 * np.sqrt((greedy.var() + ddqn.var()) / 1000)
     paired = 1.96 * np.sqrt(difference.var() / 1000)
     print(f"{city:<12}greedy ahead by {difference.mean():+.4f}: unpaired ± {unpaired:.4f}, paired ± {paired:.4f}",
-          "(holds 0)" if abs(difference.mean()) < paired else "(without 0)",
+          "(contains 0)" if abs(difference.mean()) < paired else "(without 0)",
           f"correlation {np.corrcoef(greedy, ddqn)[0, 1]:.2f}")
 
 # %% [markdown]
-# Which collects more? Where the paired interval of the difference holds 0, these missions do not tell. Would more
+# Which collects more? Where the paired interval of the difference contains 0, these missions do not tell. Would more
 # missions? Say the true lead is half a point, 0.005. There are two questions:
 
 # %%
@@ -431,7 +434,7 @@ for city, results in cities.items():
 
 # %% [markdown]
 # With the first number the interval reaches half a point to either side. That is not enough to *find* a lead of half a
-# point: the measured lead falls below the true one in half of all tries, and then the interval holds 0. The chance to
+# point: the measured lead falls below the true one in half of all tries, and then the interval contains 0. The chance to
 # find a lead that is there is called the *power*, here 50 %. For a power of 80 % the true lead must be 1.96 + 0.84
 # standard errors, since a normal variable is above −0.84 with a chance of 80 %. That takes twice the missions.
 

@@ -24,7 +24,7 @@ from IPython.display import HTML, Image, display
 
 from uavdh_lite.labs import ChannelLab, CityLab, FlyLab, MissionLab, ThinkLab, TrainingLab
 
-torch.set_num_threads(1)  # two wait for each other where the cores are busy
+torch.set_num_threads(1)  # more threads would disturb each other here
 
 def pictures(stage=None, canvas=None):
     """A lab as it stands, for readers without a kernel: its flights, and its charts."""
@@ -53,7 +53,7 @@ pictures(lab.stage, lab.charts.canvas)
 # and a sentence says how they differ. *Full screen* is for the lecture hall.
 #
 # Above: the agent and the greedy planner on one mission; then, for the agent, the data left, which device has
-# each slot, and the terms of the reward. Both collect all and land, the agent in fewer steps. Now choose
+# each slot, and the terms of the reward. (The black line is the step that the map shows.) Both collect all and land, the agent in fewer steps. Now choose
 # `manhattan_ddqn` for the first policy, the agent of the paper's method. When the last device is empty, it turns back
 # and forth for a while (rings are steps spent hovering): with nothing left to collect its best actions are
 # worth nearly the same, and the errors of their Q-values decide. Notebook 12 shows what ended that.
@@ -68,7 +68,7 @@ lab
 # safety controller would refuse has none, such as a landing outside the zone. Nor has one that the failsafe forbids (it brings
 # the UAV home in time, notebook 12). The bars next to the map are the same Q-values. This agent has learned quantiles of the return (notebook 12), so
 # black lines show where it expects half of the returns (thick) and 80% of them (thin). (They are wider than the luck of
-# this mission: notebook 12 shows what they hold.) The *action gap*, above the map, is the
+# this mission: notebook 12 shows why.) The *action gap*, above the map, is the
 # distance from the best Q-value to the next.
 #
 # Then come the softmax policy at a temperature of your choice, the five layers of

@@ -2,7 +2,7 @@
 # # 12 · Beyond the paper
 #
 # The paper's agents learn everything: to collect, to find the way home, and to land in time. Ours collects a little less
-# than a rule of three lines, and in some missions, when all data is collected, it turns back and forth. This notebook
+# than a simple rule, and in some missions, when all data is collected, it turns back and forth. This notebook
 # asks what should be learned at all, why an agent dithers, and builds another learner from five small ideas. An
 # ablation then asks what each of them is worth: for one of them the answer is clear.
 
@@ -90,9 +90,9 @@ figure
 # | --- | --- |
 # | **What you'll do** | Bring a random pilot home, find a crash in a minibatch, measure why an agent dithers, learn quantiles in a few lines, widen the gaps between actions, and take the parts out one by one |
 # | **What you'll learn** | What to guarantee and what to learn; the distribution of returns, quantile regression, the action gap, two resolutions, the horizon of a discount |
-# | **What you'll need** | Notebooks 5 to 7. 80 minutes to read, 60 seconds to run; 50 minutes of exercises. Two sittings are better than one: the second begins with 12.6 |
+# | **What you'll need** | Notebooks 5 to 7. 90 minutes to read, 60 seconds to run; 50 minutes of exercises. Two sittings are better than one: the second begins with 12.6 |
 #
-# Above, both agents land in the same cell, and it is the mission in which the paper's learner, `manhattan_ddqn`, wastes
+# Above, both agents land in the same cell, and it is the mission in which the DDQN agent, `manhattan_ddqn`, wastes
 # most compared with the new agent, `manhattan`. It was chosen for that: most flights of both go straight home. The two
 # agents differ in:
 
@@ -112,7 +112,7 @@ for field, value in recipes["new"].items():
 #
 # The paper's agent *learns* to land: it crashes thousands of times, and each crash costs 150. In the end it lands
 # nearly always. But the rule that it learns is known. The map says how far it is home; if the time left is just
-# enough, fly home. Every commercial drone has this rule built in. It belongs to the safety controller:
+# enough, fly home. Drones on the market have such a rule for a low battery. It belongs to the safety controller:
 
 # %%
 safe, free = Environment(city, failsafe=True), Environment(city)
@@ -121,7 +121,8 @@ print(inspect.getsource(Environment._too_late).split('"""')[2])
 # %% [markdown]
 # `time_to_land` is the number of moves to the landing zone, plus one unit for the landing itself; `after` asks, for
 # each action, whether that still fits the time after it. If an action misses the last chance, the first move of a
-# shortest way home replaces it. As a drawing, with six units of time left:
+# shortest way home replaces it. The agent knows beforehand which actions would be replaced: in acting and in the
+# target's maximum it chooses among the others only, the *mask* of notebook 3. As a drawing, with six units of time left:
 
 # %%
 spare = np.where(city.no_fly, np.nan, (6 - safe.time_to_land.reshape(city.no_fly.shape)).clip(-1, 2))
@@ -175,6 +176,7 @@ ax = figure.subplots()
 draw_city(ax, city)
 row, col = np.divmod(path.uav_cell, city.size)
 ax.plot(col[: sent[0] + 1], row[: sent[0] + 1], color="0.5", label="random until then")
+ax.plot(col[0], row[0], "^", ms=9, mfc="white", mec="black", label="start")
 ax.plot(col[sent[0] :], row[sent[0] :], color=BLUE, lw=2, label="the rest")
 ax.plot(col[sent], row[sent], "o", ms=8, mfc="none", mec=BLUE, label="the failsafe chooses")
 ax.plot(col[-1], row[-1], "D", mfc="white", mec="black", label="landing")
@@ -237,9 +239,9 @@ for variant, label in {"all": "lite", "without_huber_loss": "with a squared erro
     print(f"{label:<21}", *(f"{end:.1%}" for end in ends[variant]))
 
 # %% [markdown]
-# In runs of this length the crash reward is what matters: with −150 from the start hardly anything is learned. Its loss
-# was Huber's, so a drowned squared error cannot be the reason: these runs show an effect, and not its cause. With a
-# squared error seeds lose little or nothing. And with ordinary starts only, all three do *better*, by one to three
+# In runs of this length the crash reward is what matters: with −150 from the start hardly anything is learned. The loss was
+# Huber's, so it cannot have failed because crashes fill the squared error: these runs show an effect, and not its cause. With
+# a squared error seeds lose little or nothing. And with ordinary starts only, all three do *better*, by one to three
 # points: on this map exploring starts cost more than they bring. (On the open field they help, `docs/results/history.md`.)
 # The failsafe does away with the crash, and with all three remedies.
 #
@@ -357,7 +359,8 @@ Quiz("mean_of_two_heaps")
 # ## 12.5 Quantile regression by hand
 #
 # How does one learn a distribution? By its *quantiles*: the value $\theta$ below which a share $\tau$ of the returns
-# lie. (The letter is the same as for the rate of soft targets in 5.6, but the two have nothing to do with each other.) They are the minimum of the *pinball loss*
+# lie. (The letters are those of the rate of soft targets and of the network's weights in notebook 5, but mean other things here.)
+# They are the minimum of the *pinball loss*
 #
 # $$\rho_\tau(u) = u\,\big(\tau - \mathbb{1}\{u < 0\}\big), \qquad u = y - \theta$$
 #
@@ -436,8 +439,8 @@ figure
 
 # %% [markdown]
 # From a given start, with a fixed policy, only the fading is left to chance, so the grey curve is steep. The learned
-# quantiles are far wider: on the right by tens of times. They are *not* the distribution of this mission's return. Then
-# of what? Take all 200 missions of the top, each flown once:
+# quantiles are far wider: on the right by tens of times. They are *not* the distribution of this mission's return. Are they
+# then that of all missions that look alike to the network? Take all 200 missions of the top, each flown once:
 
 # %%
 quantiles, once = learned(new, flights["new"].start), earned(new, flights["new"])
@@ -447,13 +450,14 @@ print(f"mean of the quantiles minus earned: mean {(quantiles.mean(1) - once).mea
 print(f"earned between the quantiles at 10% and 90%: {((below > 0.1) & (below < 0.9)).mean():.0%} of the missions")
 
 # %% [markdown]
-# Over many missions the mean of the quantiles is nearly right; in a single one it is off by several units, even more than
-# the quantiles are wide. (80% between them would be right.) So their width is of the size of the network's own errors:
-# it has seen no mission often, and cannot tell this one from others that look alike. Besides, its samples $y_j$ are its
-# own quantiles of the next state, so what is too wide there is handed on, step by step. Which of the two does more,
-# these numbers do not say.
+# So the quantiles are too wide for the luck of one mission, and too narrow over all of them, where 80% would lie between
+# these two. Over many missions their mean is nearly right. In a single one it is off by several units: the network has
+# seen no mission often, and cannot tell this one from others that look alike. The width is of the size of these errors. But
+# it is not made of them alone: the samples $y_j$ are the network's own quantiles of the next state, so what is too wide
+# there is handed on, step by step. Which of the two does more, these numbers do not say.
 #
-# Then why learn quantiles at all, if the agent acts on their mean? They helped in game after game. Two reasons are usually given:
+# Then why learn quantiles at all, if the agent acts on their mean? On the Atari games, the field's common test, they helped in
+# most (Dabney et al.). Two reasons are usually given:
 #
 # - **A richer signal.** Each step asks $N$ questions of the network and not one. All answers come from the same hidden
 #   layers, which learn from all of them.
@@ -461,7 +465,7 @@ print(f"earned between the quantiles at 10% and 90%: {((below > 0.1) & (below < 
 #   moves it no more than any other sample. In a squared error it counts by its size.
 #
 # The second fits this task without a failsafe best: its returns lie in two heaps, landings and crashes. With the failsafe
-# there is no such heap, and quantiles may still help (12.9). No one has fully explained that.
+# there is no such heap, and quantiles may still help (12.9).
 #
 # ## 12.6 The action gap
 #
@@ -471,8 +475,8 @@ print(f"earned between the quantiles at 10% and 90%: {((below > 0.1) & (below < 
 # $$y' = y - \alpha\,\big(\max_b Q(s,b) - Q(s,a)\big)$$
 #
 # Both Q-values are the target network's. (This $\alpha$ is neither the path loss exponent nor the learning rate of 5.1.) For the best
-# action nothing is taken. The others get worse from round to round, and settle where both effects balance. A street of ten cells
-# shows it: land in cell 0, each step costs 0.1, and there is nothing to collect. With so few states, *value
+# action nothing is taken. Every other one gets worse from round to round, by less and less, and settles. A street of ten cells
+# shows where: land in cell 0, each step costs 0.1, and there is nothing to collect. With so few states, *value
 # iteration* repeats the target in all of them at once:
 
 # %%
@@ -567,8 +571,8 @@ for ax, (name, which, title) in zip(figure.subplots(1, 3), panels):
 figure
 
 # %% [markdown]
-# Red is no-fly, a triangle the UAV, a cross a device with data left, and a blue dot is where the middle of a kernel
-# comes to lie. On the left there is one dot for three by three cells. How many numbers does the first convolution
+# Light red is no-fly, dark red a tall building, grey a low one, and blue the landing zone. A triangle is the UAV, a cross a
+# device with data left, and a blue dot is where the middle of a kernel comes to lie. On the left there is one dot for three by three cells. How many numbers does the first convolution
 # keep for each cell that it sees, where the map has five?
 
 # %%
@@ -605,7 +609,7 @@ print({name: agent.recipe.discount for name, agent in agents.items()})
 # ## 12.9 What is each part worth?
 #
 # An ablation as in notebook 7 asks it: the recipe with all parts, with each part taken out, and with none of them,
-# which is `lite`. Three seeds each, 150,000 steps, a tenth of the recipe's:
+# which is `lite`. Three seeds each, 150,000 steps, a tenth of the recipe's (what changes during a run changes faster then):
 #
 # ```text
 # python -m uavdh_lite ablation --study parts --recipe quantile --quantiles 32 --seeds 3 --jobs 2 --steps 150000 --validation-interval 50000
@@ -639,14 +643,17 @@ figure
 
 # %% [markdown]
 # (What the second and third panel do not show lies to their left.) In runs of this length the failsafe is worth 20 points with every seed: what need not be learned takes no time. (The row without it has the
-# growing crash reward and the exploring starts of `lite` instead.) Two resolutions show in the return: all three runs
-# without them are below all three of *all*, and use more of the time. By luck alone, three against three are apart like
-# that, one way or the other, once in ten. Without quantiles, or without advantage learning, two of three runs end about a point lower, and one level
-# with *all*. A larger discount gains nothing yet: 12.8 says why a short run may suffer from it. So these runs alone do not
-# show that the other four parts are worth having.
+# growing crash reward and the exploring starts of `lite` instead.)
 #
-# Why is *none* so low? `lite` learns to land by crashing, and its schedules are made for two million steps. Squeezed to
-# a thirteenth, they leave it little time.
+# The other four are harder to see. Some rows lie apart from *all* with all three seeds: without two resolutions the return
+# is lower and more of the time is used, without advantage learning less is collected. But four parts and three measures make
+# twelve comparisons. By luck alone, three against three are apart like that, one way or the other, once in ten. So one or
+# two of the twelve are to be expected if no part does anything. Here there are three, two of them for the same part: a hint
+# that longer runs may be worth their time, and not a result. A larger discount gains nothing yet: 12.8 says why a short run
+# may suffer from it.
+#
+# Why is *none* so low? `lite` learns to land by crashing, and its crash penalty and temperature are made to change over two million
+# steps. In a thirteenth of that they leave it little time.
 #
 # And all parts together, in long runs? Three seeds of each recipe, at their end:
 
@@ -671,15 +678,15 @@ for other in ("greedy", "manhattan_ddqn"):
         print(f"ahead of {other:<15} {metric:<28} {lead.mean:+.3f} ({lead.low:+.3f} to {lead.high:+.3f})")
 
 # %% [markdown]
-# It is ahead of our agent of the paper's method in both. Of the rule of three lines it is not ahead in data; in return it
-# is, a little, as it takes less time.
+# It is ahead of our DDQN agent in both. Of the greedy rule it is not ahead in data; in return it is, a little, as it
+# takes less time.
 #
 # ## Recap
 #
 # - Do not learn what you can guarantee: with the failsafe any policy lands. It is the one part that the study defends.
 # - Where only time is at stake, a wasted step costs $c\,\gamma^d$. Errors of that size make an agent dither.
 # - Quantiles are learned by steps of $\tau$ up and $1-\tau$ down. The online network chooses an action by their mean; the target network's
-#   quantiles for that action are the targets. A network's quantiles hold its ignorance as well as the return's chances.
+#   quantiles for that action are the targets. What a network learns as quantiles is wider than chance: its own errors are in it.
 # - Advantage learning leaves the best values alone and makes all gaps $1/(1-\alpha)$ times as wide.
 # - Two resolutions show exactly what is near. A larger discount reaches further, and takes longer to learn.
 # - What the other four parts are worth one by one, three short runs each could not settle. All five together, with

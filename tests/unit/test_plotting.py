@@ -23,6 +23,7 @@ from uavdh_lite.plotting import (
     draw_city,
     draw_curves,
     draw_flight,
+    draw_layers,
     draw_trajectory,
     pixels,
     png,
@@ -182,3 +183,20 @@ def test_an_animation_has_a_frame_a_step_and_empties_the_bars(corridor, tmp_path
             black = (picture < 40).all(axis=-1)
             coloured.append(int(black[240:].sum()))  # the lower bar: the flying time
     assert coloured[0] > 1.5 * coloured[-1] > 0 and film.info["duration"] == 3000
+
+
+def test_a_network_is_drawn_layer_by_layer_from_left_to_right(figure):
+    layers = [("maps", (5, 31, 31), "red"), ("flat", (8464,), "green"), ("values", (6,), "blue")]
+    ax = draw_layers(figure.subplots(), layers)
+    squares = {
+        colour: [p for p in ax.patches if p.get_facecolor() == to_rgba(colour)]
+        for _, _, colour in layers
+    }
+    assert [len(found) for found in squares.values()] == [5, 1, 1]  # a square for each map
+    assert {p.get_width() for p in squares["red"]} == {31}
+    heights = [squares[colour][0].get_height() for colour in ("green", "blue")]
+    assert heights == pytest.approx([4 * np.log2(8464), 4 * np.log2(6)])
+    left = [min(p.get_x() for p in found) for found in squares.values()]
+    assert left == sorted(left) and left[1] > 31
+    assert [text.get_text() for text in ax.texts] == ["5×31×31\nmaps", "8464\nflat", "6\nvalues"]
+    assert ax.get_xlim()[0] < 0 and max(p.get_x() for p in ax.patches) < ax.get_xlim()[1]
