@@ -146,7 +146,7 @@ for name, flight in (("agent", short), ("genie", planned)):
     print(name, "collected", ", ".join(f"{d - x:.3f} of {d:.0f}" for d, x in zip((12, 15, 18), left)))
 
 # %% [markdown]
-# The third device sent two thousandths of a unit: its arrows have colour, but next to no data. No rule says which device
+# The third device sent a few thousandths of a unit: its arrows have colour, but next to no data. No rule says which device
 # to leave. The agent's choice comes from training, and here it is not the best: the genie flies on to the far landing
 # zone and brings home more. (Notebook 8 compares agents with the genie over 1000 missions.)
 #
@@ -234,9 +234,9 @@ assert len(set(ratios)) > 1
 print(f"from {min(ratios):.0%} to {max(ratios):.0%}; all:", *(f"{100 * ratio:.0f}" for ratio in sorted(ratios)))
 
 # %% [markdown]
-# Nineteen of the flights lie within four points. A unit of time has four *slots*, short times in which one device
-# sends; each has a draw of its own, a flight has more than a hundred, and most of their luck averages out. In one
-# flight it did not: small differences led the agent another way, and it collected far more.
+# Nearly all of the flights lie within four points. A unit of time has four *slots*, short times in which one device
+# sends; each has a draw of its own, a flight has more than a hundred, and most of their luck averages out. Now and
+# then it does not: small differences lead the agent another way, and it collects far more.
 #
 # ## Further reading, and where to go from here
 #

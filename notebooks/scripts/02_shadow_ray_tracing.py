@@ -497,7 +497,7 @@ for size in (8, 16, 32):
     print(f"{size:>2} cells a side: exact {1000 * exact:6.1f} ms, Bresenham {1000 * fan_of_rays:6.1f} ms")
 
 # %% [markdown]
-# The times are those of one machine. Exact takes ten to twenty times as long here, but still a fraction of a second. (The
+# The times are those of one machine. Exact takes about ten times as long here or more, but still a fraction of a second. (The
 # times grow less than sixteenfold from row to row: in small cities most of the time goes into calling the array operations.)
 # And it is done once for a city: the table is kept, $16^4$ = 65,536 Boolean values, and flying only looks things up.
 #

@@ -147,10 +147,10 @@ assert running[2] > stopped[:, 2].max() + 0.2
 print(f"collected and landed: {running[2]:.0%} with the true time, {stopped[:, 2].max():.0%} with the best stopped clock")
 
 # %% [markdown]
-# A clock that shows 5 or 10 sends most UAVs home, with little data. From 20 on they collect most of it, but a third of
+# A clock that shows 5 or 10 sends most UAVs home, with little data. From 20 on they collect most of it, but about a third of
 # them or more crash, and at 60 all. The best stopped clock is far from what the agent does with the true time.
 #
-# Why does more than one in five crash even with a clock that shows 5? Look at their last six steps:
+# Why does about one in five crash even with a clock that shows 5? Look at their last six steps:
 
 # %%
 flights = evaluate(Environment(city), lambda state: agent(at_time(state, 5)), agent.scenario, 200, seed=0, record=True)

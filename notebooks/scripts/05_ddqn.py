@@ -280,7 +280,7 @@ print(f"guessing: {(best > best.amax(1, keepdim=True) - 1e-4).float().mean():.0%
 # %% [markdown]
 # Each of the three seeds knows a different five places. With relative inputs the network is nearly as good in new
 # places as in known ones, where a table would have to guess, one in three. With one-hot inputs it knows the five by
-# heart, and is wrong in about a quarter of the new states. So inputs decide which states are alike to a network. The
+# heart, and is wrong in many of the new states, here in about a quarter. So inputs decide which states are alike to a network. The
 # centred map of notebook 4 makes them relative, too. The price: an update of a table changes one value, an update of a
 # network all of them, and with them the next targets. Much of what follows is there to keep that in check. (`Adam` is
 # gradient descent with a step size of its own for each weight.)
@@ -500,10 +500,9 @@ print(f"standard deviation of the difference: {(expected - earned).std():.2f}")
 assert abs((expected - earned).mean()) < 0.05 * earned.mean()
 
 # %% [markdown]
-# On average the agent expects 0.15 less than it earns, which is less than one percent, and the interval of the
-# difference contains zero. (Notebook 8 says how such an interval is made.) Single flights differ by more, since the network
-# is not exact. (Notebook 8 looks at those that go wrong.) So the value of the action that it *flies* at the start has no
-# bias to speak of. Of the actions that it does not fly this says nothing: notebook 9 finds one, `land`, valued far too
+# On average the agent expects a little less than it earns, here by less than one percent. (With other missions it is up to
+# two. Notebook 8 says how the intervals are made.) Single flights differ by more, since the network is not exact. So the
+# value of the action that it *flies* at the start has no bias upwards. Of the actions that it does not fly this says nothing: notebook 9 finds one, `land`, valued far too
 # high. Nor does it show that double estimation is the reason: that would take an agent trained without.
 #
 # ## 5.6 Soft targets

@@ -84,7 +84,7 @@ print(inspect.getsource(Trainer.step))
 # refused move would keep its value and be chosen again.
 #
 # Why random flights first? From an almost empty memory, every minibatch would be made of the same few steps of an
-# untrained policy, which repeats one action (6.2), and the network would learn these by heart. Random flights try all
+# untrained policy, which mostly repeats one action (6.2), and the network would learn these by heart. Random flights try all
 # six actions equally often. The price: while they are in the memory, the agent learns from flights that it would not
 # fly itself.
 #
@@ -184,7 +184,7 @@ draw_runs([learned], ["the village"])
 # missions that are always the same and that training never sees. The agent kept is the one of the best point, not the
 # last one: the rule is fixed before the run, and the final test uses other missions again.
 #
-# At step 0 the untrained agent *collects* half of the data. How can that be?
+# At step 0 this untrained agent *collects* half of the data. How can that be?
 
 # %%
 from uavdh_lite.environment import HOVER, Environment
@@ -198,10 +198,10 @@ for name, row in (("step 0", first), ("step 20,000", last)):
     print(f"{name:<12}" + ", ".join(f"{label} {row[metric]:.0%}" for metric, label in METRICS.items()))
 
 # %% [markdown]
-# The untrained network repeats some action until the battery is empty. In a village this small the radio reaches far,
+# This untrained network repeats some action until the battery is empty. (With another seed the action may be to land.) In a village this small the radio reaches far,
 # and even a UAV that hovers over its start until it crashes has collected about as much. So *collected* alone says
 # little; none of this data comes home. At the end the agent lands in nearly all missions, in about half of the time that it
-# has. The recipe has 48,000 steps, and in the rest it learns to collect more (notebook 11 has the curve). In between,
+# has or less. The recipe has 48,000 steps, and in the rest it learns to collect more (notebook 11 has the curve). In between,
 # *landed* may rise once or jump up and down, as the agent tries what a crash costs and as that cost grows: that differs from
 # seed to seed, and from machine to machine.
 #

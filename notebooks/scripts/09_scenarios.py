@@ -85,8 +85,8 @@ quarter = mission("open_field", DEVICES, [20, 5], 45, START)
 show("open_field", [equal, quarter], ["equal data", "a quarter at the far device"])
 
 # %% [markdown]
-# The same network, the same places, the same time. Both times it empties the near device first, and then flies along
-# the street until it hears the far one well enough. With a quarter of the data there it turns back earlier. Is that the
+# The same network, the same places, the same time. Both times it empties the near device first, and then flies towards
+# the far one until it hears it well enough. With a quarter of the data there it turns back earlier. Is that the
 # luck of this flight? Fly both 20 times, each time with other fading:
 
 # %%
@@ -96,7 +96,7 @@ for name, data in (("equal", [20, 20]), ("quarter", [20, 5])):
           f"brought home {brought_home(flights).min():.0%} to {brought_home(flights).max():.0%}")
 
 # %% [markdown]
-# With a quarter the flights are clearly shorter, and still bring home nearly all.
+# With a quarter the flights are shorter, most of them by more than the one drawn, and still bring home nearly all.
 
 # %% [markdown]
 # ## 9.2 Manhattan with two to five devices
@@ -115,7 +115,7 @@ for k in (2, 3, 4, 5):
           f"brought home {brought_home(flights).mean():.1%}")
 
 # %% [markdown]
-# It brings home all of the data, but these flights are not the shortest. With two devices they take longer than with three.
+# It brings home all of the data or nearly all, but these flights are not the shortest. With two devices they take longer than with three.
 # And with five, many of them last until the time is up: the agent lingers next to a device that is empty.
 #
 # ## 9.3 A device in the no-fly zone
@@ -145,7 +145,7 @@ print(f"flew {flights.steps.min()} to {flights.steps.max()} of 60 units, "
       f"brought home {brought_home(flights).min():.0%} to {brought_home(flights).max():.0%}")
 
 # %% [markdown]
-# Some of these flights are half as long, and leave up to a tenth of the data.
+# Some of these flights are half as long, and leave up to about a tenth of the data.
 #
 # ## 9.4 Too little time
 #
@@ -196,7 +196,7 @@ print(f"over 100 draws: brought home {brought_home(flights).min():.1%} to {broug
       f"in {flights.steps.min()} to {flights.steps.max()} units of time")
 
 # %% [markdown]
-# The two flights are the same at first, and part in the east: a little more or less data left at a device may tip
+# The two flights are the same at first, and part here in the east: a little more or less data left at a device may tip
 # a decision. Over a hundred draws luck changes little of what is brought home: a flight is some
 # two hundred slots, and most of their luck averages out.
 #

@@ -312,7 +312,7 @@ figure
 # %% [markdown]
 # Left of 0 the agent goes the wrong way, or to the farther zone. (A flight that dithers has more such steps, so it counts more.) The lead would be positive everywhere if the Q-values were exact; the
 # network's errors, of about the same size, push it below 0 here and there. They also push it up: with exact values and time to
-# spare, the DDQN agent's lead would be 0.1 at most, as hovering costs no more, and half of its leads are larger. (For the new agent
+# spare, the DDQN agent's lead would be 0.1 at most, as hovering costs no more, and about half of its leads are larger. (For the new agent
 # the bound is 0.5, see 12.6.) So an agent that knows the way home dithers. The rewards to come hardly depend on the next action, so they hardly teach which one is right. Two remedies: a better
 # estimate (12.4, 12.5), and a wider gap (12.6).
 #
@@ -352,8 +352,8 @@ figure
 Quiz("mean_of_two_heaps")
 
 # %% [markdown]
-# There are two heaps, and the mean is where no flight ends. A network that learns only the mean gets targets of about +8
-# and −140 for the same state, and its error never falls below their spread. The two heaps say more: how likely a
+# There are two heaps, and the mean is where no flight ends. A network that learns only the mean gets targets from both
+# for the same state, and its error never falls below their spread. The two heaps say more: how likely a
 # crash is, and what there is to win. (That is about the *distribution*; the agent still acts on its mean.)
 #
 # ## 12.5 Quantile regression by hand
@@ -438,8 +438,8 @@ for ax, chosen in zip(figure.subplots(1, 2), (time.argmin(), time.argmax())):
 figure
 
 # %% [markdown]
-# From a given start, with a fixed policy, only the fading is left to chance, so the grey curve is steep. The learned
-# quantiles are far wider: on the right by tens of times. They are *not* the distribution of this mission's return. Are they
+# From a given start, with a fixed policy, only the fading is left to chance, so the grey curve is steep, unless luck tips a
+# decision. The learned quantiles are wider: here, on the right, by tens of times. They are *not* the distribution of this mission's return. Are they
 # then that of all missions that look alike to the network? Take all 200 missions of the top, each flown once:
 
 # %%
