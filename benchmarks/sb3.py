@@ -3,8 +3,9 @@
     python benchmarks/sb3.py [--steps 48000] [--seeds 3] [--jobs 2] [--out data/runs/sb3-village]
 
 All meet the same task and reward (a crash costs 20, a step 0.1), discount by 0.95, and are
-evaluated greedily on the same 200 scenarios. The settings of Stable-Baselines3 are its own but for
-those named below; nothing was tuned. Writes a CSV table, and JSON beside it.
+evaluated greedily on the same 200 scenarios; PPO, which learns to draw its actions, also by drawing
+them (`ppo_drawn`). The settings of Stable-Baselines3 are its own but for those named below; nothing
+was tuned. Writes a CSV table, and JSON beside it.
 """
 
 import argparse
@@ -77,10 +78,16 @@ def theirs(algorithm: str, seed: int, steps: int) -> list[dict]:
     model = {"dqn": DQN, "ppo": PPO}[algorithm](
         "MultiInputPolicy", envs, gamma=0.95, seed=seed, device="cpu", **SETTINGS[algorithm]
     )
-    policy = gym.as_policy(
-        gymnasium.make(gym.ID, **options),
-        lambda batch: model.predict(batch, deterministic=True)[0],
-    )
+
+    def policy(deterministic: bool):
+        return gym.as_policy(
+            gymnasium.make(gym.ID, **options),
+            lambda batch: model.predict(batch, deterministic=deterministic)[0],
+        )
+
+    policies = {algorithm: policy(deterministic=True)}
+    if algorithm == "ppo":
+        policies["ppo_drawn"] = policy(deterministic=False)
     environment, scenario = Environment(City.load("village")), find_scenario("village")
     rows, started, idle = [], time.perf_counter(), 0.0
 
@@ -89,9 +96,10 @@ def theirs(algorithm: str, seed: int, steps: int) -> list[dict]:
             nonlocal idle
             if self.num_timesteps % STEPS_BETWEEN == 0:
                 before = time.perf_counter()
-                flights = evaluate(environment, policy, scenario, 200, 0, Use.VALIDATION)
                 seconds = before - started - idle
-                rows.append(row(algorithm, seed, self.num_timesteps, seconds, flights))
+                for name, each in policies.items():
+                    flights = evaluate(environment, each, scenario, 200, 0, Use.VALIDATION)
+                    rows.append(row(name, seed, self.num_timesteps, seconds, flights))
                 idle += time.perf_counter() - before
             return True
 

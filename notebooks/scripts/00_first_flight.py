@@ -191,7 +191,7 @@ for name in ("has_landed", "collection_ratio", "collection_ratio_and_landed"):
 # %% [markdown]
 # The interval says how far the mean may be off because of which missions were drawn (notebook 8). More
 # missions make it narrower. All flights landed: that is the failsafe. How much they brought home is the agent's work, for the
-# most part (12.1 measures what the failsafe adds).
+# most part (12.1 measures what the failsafe does for a random pilot, 12.9 what it does for training).
 #
 # ## Recap
 #

@@ -417,8 +417,7 @@ print("the far device is at", np.argwhere(maps[0, 3].numpy() > 0).tolist())
 #
 # - The input is five layers and the flying time. Without the time, the same picture asks for different actions.
 # - Outside the city everything is no-fly zone.
-# - Centring turns absolute places into relative ones. We argue that these decide between actions;
-#   notebook 7 tests it.
+# - Centring turns absolute places into relative ones. Notebook 7 tests whether an agent learns sooner with them.
 # - It costs a map of $2M - 1$ cells a side. For large cities, global and local maps cut that.
 #
 # ## Exercises

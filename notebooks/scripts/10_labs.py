@@ -56,7 +56,7 @@ pictures(lab.stage, lab.charts.canvas)
 # each slot, and the terms of the reward. (The black line is the step that the map shows.) Both collect all and land, the agent in fewer steps. Now choose
 # `manhattan_ddqn` for the first policy, the agent of the paper's method. When the last device is empty, it turns back
 # and forth for a while (rings are steps spent hovering): with nothing left to collect its best actions are
-# worth nearly the same, and the errors of their Q-values decide. Notebook 12 shows what ended that.
+# worth nearly the same, and the errors of their Q-values decide. Notebook 12 has an agent that does so less often.
 
 # %%
 lab
@@ -68,7 +68,7 @@ lab
 # safety controller would refuse has none, such as a landing outside the zone. Nor has one that the failsafe forbids (it brings
 # the UAV home in time, notebook 12). The bars next to the map are the same Q-values. This agent has learned quantiles of the return (notebook 12), so
 # black lines show where it expects half of the returns (thick) and 80% of them (thin). (They are wider than the luck of
-# this mission: notebook 12 shows why.) The *action gap*, above the map, is the
+# this mission: notebook 12 gives two possible reasons.) The *action gap*, above the map, is the
 # distance from the best Q-value to the next.
 #
 # Then come the softmax policy at a temperature of your choice, the five layers of
@@ -135,7 +135,7 @@ training
 # ## 10.6 City editor
 #
 # Paint with the mouse down: cell by cell, as rectangles, or all that is connected; mirrored, if you like. Every step
-# can be undone. What the city still lacks is said at once. Move the mouse without its button, and you see the shadow
+# can be undone. The editor says at once what the city still lacks. Move the mouse without its button, and you see the shadow
 # that a device under it would lie in. *random city* draws one to begin with.
 #
 # The agent `any_city` flies in what you have

@@ -64,7 +64,7 @@ figure
 # | **What you'll learn** | Why a centred map can carry over to a new city; what "unseen" proves; why missions in one city are worth less than missions in many; what the symmetry of a map is good for |
 # | **What you'll need** | Notebooks 4, 8 and 12. 57 minutes to read, 60 seconds to run; 45 minutes of exercises |
 #
-# The four flights above are the first over each kind of city, drawn as in notebook 0. The agent has learned in none of these cities. Its missions
+# The four flights above are the first over each kind of city, drawn as in notebook 0. The agent was trained in none of these cities. Its missions
 # have wider ranges than those of the notebooks before:
 
 # %%
@@ -120,8 +120,9 @@ collected = {name: record[CRAL] for name, record in records.items()}
 assert collected["any_city"].mean() > collected["manhattan"].mean() + 0.02
 
 # %% [markdown]
-# All land. The specialist of Manhattan collects far more than the random pilot, so it does look at its map. But in streets
-# that it has not learned it collects less than the agent that learned in many cities. Whether that one is ahead of
+# All land. The specialist of Manhattan collects far more than the random pilot, so it uses at least the devices on its map. But
+# it collects less than the agent that learned in many cities. The unknown streets are one reason; missions unlike its own, fewer
+# steps of training and a single view of the map may be others. Whether that one is ahead of
 # greedy, which knows all distances exactly while the network sees most of the map blurred, 13.4 asks with an interval.
 # (`any_city` looks at each mission in eight views and acts on the mean. 13.5 says how, and what that adds.)
 
@@ -156,7 +157,7 @@ left, right = figure.subplots(1, 2)
 draw_trajectory(left, pilot.environment, flight.trajectory(0))
 right.imshow(pilot.observation.full_map(flight.start)[0, 1], cmap="Reds", vmin=0, vmax=1.6)
 right.plot(15, 15, "o", color=BLUE)
-right.set(title="what the network sees as no-fly cells", xlabel="cell, the UAV is at 15", ylabel="cell")
+right.set(title="the no-fly layer around the UAV", xlabel="cell, the UAV is at 15", ylabel="cell")
 figure
 
 # %% [markdown]
@@ -202,10 +203,11 @@ for name, (lead, cities) in ahead.items():
 
 # %% [markdown]
 # The cities differ, and so do the missions in them. So each line compares with greedy on the same missions: that takes
-# most of the luck out. (Why whole cities are drawn again is below, in *What is a mission worth?*) Where the two intervals
-# overlap widely, there is no gap to be seen, though a point or two could hide in them.
+# most of the luck out. (Why whole cities are drawn again is below, in *What is a mission worth?*) The two sets are independent, so
+# the half widths add in squares: the leads would have to be about three points apart to tell. They are not, so there is no gap
+# to be seen, though one of two points could hide here.
 #
-# And is the agent ahead of greedy in unseen cities, as 13.2 asked? By these 300 missions perhaps: the interval begins at
+# And is the agent ahead of greedy in unseen cities, as 13.2 asked? Perhaps: with these 300 missions the interval starts at
 # about 0. Twenty times as many missions say "hardly in data": a lead between −0.2 and +0.9 points. In return it is ahead, as
 # it flies home sooner (`docs/results/any_city.md`, on the site under Results).
 
@@ -216,7 +218,7 @@ Quiz("what_unseen_proves")
 # ### How many cities does it take?
 #
 # To see learning by heart, give the network fewer cities. These agents learned in 1, 10, 100 or 2000 of them, for
-# 200,000 steps each, with three seeds. (The shipped agent had nine million, in three runs.) All looked at the map in one view only (13.5). They flew
+# 200,000 steps each, with three seeds. (The shipped agent had nine million, in three runs, each of which went on from the one before.) All looked at the map in one view only (13.5). They flew
 # 500 missions over the cities that they learned in, and 500 over 300 others. These sets are not equally hard. So greedy
 # flies the same missions, and each agent is compared with it:
 
@@ -258,7 +260,8 @@ figure
 # One city is learned by heart: level with greedy there, and about twenty points behind it elsewhere. With ten cities the
 # gap between the two lines is about ten points, and with a hundred still about five. With 2000 there is none to be seen;
 # each point is a mean of 500 missions, so a gap of two points may be luck. In new cities, each step from 1 to 10 to 100
-# helps in the mean. From 100 to 2000 the mean gains a point, about as much as seeds differ: three short runs cannot tell.
+# helps in the mean. From 100 to 2000 the mean gains a point, about as much as seeds differ: three short runs cannot tell. (All
+# seeds learned in the same one, ten or hundred cities. So how much they differ says nothing of other cities.)
 
 # %% [markdown]
 # ### What is a mission worth?
@@ -318,10 +321,11 @@ figure
 # Sort them before you read on. Does a flight use most of its time (below the map) with few arrows to be seen? Then they lie on
 # top of one another. Are there devices behind walls, with a long way round? And do several come from one city?
 #
-# Most are of one kind: between the UAV and the data lie walls or a no-fly zone, and it turns back and forth in front of
-# them, as in 12.3, but with data left to collect. It knows the walls near it cell by cell, and those further off only as
-# averages over three by three cells. One is of another kind (mission 64): it lands at once, with time enough for the only
-# device. And two cities, 51 and 41, are there twice: a city that is hard for the agent is hard again.
+# About half are of one kind: between the UAV and the data lie walls or a no-fly zone, and it turns back and forth in front of
+# them, as in 12.3, but with data left to collect. A possible reason: it knows the walls near it cell by cell, and those
+# further off only as averages over three by three cells. One is of another kind (mission 64): it lands at once, with time
+# enough for the only device. And two cities, 51 and 41, are there twice. With ten missions in a hundred cities that happens by
+# chance in one of sixteen tries, so it may be that some cities are hard for it.
 #
 # ## 13.5 One mission in eight views
 #
@@ -396,14 +400,15 @@ for frame in frames:
     print(f"{frame:<13}one view {' '.join(f'{s:.1%}' for s in one)}   eight {' '.join(f'{s:.1%}' for s in eight)}")
 
 # %% [markdown]
-# In one city the frame decides how soon an agent learns (notebook 7). In many, the difference is far larger. With the city in
-# place, all three seeds collect about half as much, and are no better after 200,000 steps than after 100,000.
+# With the city in place, all three seeds collect about half as much. After 200,000 steps the gap is about as wide as in one city
+# (notebook 7). There, an agent with the other frame caught up within two million steps. Here it is no better after 200,000 than
+# after 100,000, but nobody has run it for longer.
 #
 # Why? Probably for this reason: in one city, a network that sees it in place can remember for each cell what to do there. In a city that it has
 # never seen there is nothing to remember. It would have to find its own place on the map, and relate every wall to it,
 # for each place separately. In the centred map, a wall two cells to the east is always in the same place of the input.
-# Two resolutions are centred, too, and about a point ahead of the whole map. And the mean of all eight views adds
-# three to five points to the centred frames.
+# Two resolutions are centred, too. By eight views their three runs are ahead of those of the whole map, by one view they
+# overlap: three seeds leave that open. The mean of all eight views adds three to five points to the centred frames.
 #
 # ## 13.7 Learn one city by heart
 #
@@ -455,18 +460,19 @@ for recipe, (_, label) in runs.items():
 # | fine-tuned, three seeds | 97.8% 97.8% 97.7% | +0.3 +0.3 +0.2, each ± 0.2 | −0.07 +0.07 +0.02, each ± 0.12 |
 # | `manhattan`, from nothing (one view) | 97.7% | +0.2 ± 0.2 | +0.31 ± 0.12 |
 #
-# So after a fifteenth of the steps they collect as much as the agent that was trained for Manhattan alone. They take
-# longer for it: their return is lower. Manhattan leaves little to gain, as `any_city` is good there without any
+# So after 100,000 steps of their own, on top of the nine million before, and with eight views, they collect as much as the agent
+# that was trained for Manhattan alone. They take longer for it: their return is lower. Manhattan leaves little to gain, as `any_city` is good there without any
 # fine-tuning (exercise 2).
 #
 # ## Recap
 #
 # - A network that flies over another city in each mission must look at the map; one that has a single city need not.
 # - *Unseen* is a claim about a source of cities. Test on cities that were not learned in, and say where they come from.
-# - Missions in one city share its walls. Draw whole cities again for an interval that is about cities.
-# - Turned and mirrored maps are the same task. A mean over the eight views is a cheap ensemble.
-# - A general agent, once somebody has trained it, is a quick start for a city of your own: it takes minutes. Over Manhattan, a long run there
-#   alone still flies a little quicker.
+# - Missions in one city share its walls. For an interval about cities, resample whole cities.
+# - Turned and mirrored maps are the same task. The mean over the eight views is an ensemble without any training more, at eight
+#   times the computing in flight.
+# - A general agent, once somebody has trained it, is a quick start for a city of your own: it takes minutes. On
+#   Manhattan, an agent that was trained there alone for long is still done a little sooner.
 #
 # ## Exercises
 #
@@ -482,7 +488,8 @@ for kind in np.unique(kinds):
     print(f"{kind:<11}{len(lead):>4} missions in {len(np.unique(cities))} cities, {points(lead, cities)}")
 
 # %% [markdown]
-# With so few missions of each kind the intervals are wide; the results page has a thousand missions.
+# Ahead in blocks. Elsewhere the intervals contain 0 or come close to it, which says little with some twenty cities of each
+# kind, and four kinds to look at. The results page has a thousand missions.
 #
 # **2.** Fly over `manhattan` with `any_city`, next to the agent that knows no other city.
 
@@ -497,8 +504,8 @@ for name in (CRAL, "cumulative_reward"):
 
 # %% [markdown]
 # Where an interval contains 0, 200 missions cannot tell the two apart. (Missions are drawn again here, as this is about one
-# city.) So knowing all the others costs little in flight. In training it cost more: `any_city` took several times as many
-# steps.
+# city.) So with eight views against one, no large loss is to be seen. By one view it would have to be measured. In training it
+# cost more: `any_city` took several times as many steps.
 #
 # ## Further reading
 #
