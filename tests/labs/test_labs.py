@@ -30,7 +30,7 @@ from uavdh_lite.labs import (
 )
 from uavdh_lite.labs.draft import Draft, scenario_of
 from uavdh_lite.labs.fly import HARD, KEYS
-from uavdh_lite.labs.think import Thoughts
+from uavdh_lite.labs.think import BELOW, Thoughts
 from uavdh_lite.missions import HandFlight, Mission, as_json, environment_of, read_mission
 from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import SCENARIOS
@@ -287,11 +287,11 @@ def test_ranges_of_returns_are_drawn_for_agents_that_have_learned_them():
     (allowed,) = lab.charts.q[4].isfinite().nonzero(as_tuple=True)
     for lines, levels in ((half, (0.25, 0.75)), (most, (0.1, 0.9))):
         segments = np.array(lines.get_segments())
-        assert (segments[:, :, 1] == allowed[:, None].numpy()).all()
+        np.testing.assert_allclose(segments[:, 0, 1], allowed.numpy() + BELOW, rtol=1e-6)
         expected = np.quantile(returns[4, allowed].numpy(), levels, axis=1).T
         assert segments[:, :, 0] == pytest.approx(expected, abs=1e-3)
     lab.policy.value = "manhattan_ddqn"
-    assert lab.charts.returns is None and lab.charts.bars.get_title() == "Q-values"
+    assert lab.charts.returns is None and lab.charts.bars.get_title("left") == "Q-values"
 
 
 def test_actions_that_the_failsafe_forbids_have_no_bars():
@@ -1072,3 +1072,78 @@ def test_a_click_outside_the_city_moves_nothing():
     for cell in ((-1, 3), (3, 8)):
         lab.clicked(cell)
     assert (lab.device, lab.uav) == before
+
+
+DARK = {"paper": "#212121", "ink": "#ffffff"}
+
+
+@pytest.mark.parametrize("made", [MissionLab, ThinkLab, ChannelLab, CityLab, TrainingLab])
+def test_figures_have_the_colours_of_the_page_and_maps_keep_theirs(made):
+    lab = made()
+    canvas = {
+        MissionLab: lambda: lab.charts.canvas,
+        ThinkLab: lambda: lab.charts.canvas,
+        TrainingLab: lambda: lab.curves,
+    }.get(made, lambda: lab.canvas)()
+    light = pixels(canvas.picture)
+    assert (light[0, 0] == 255).all() and (light == 0).all(axis=2).any()
+    canvas.picture.page = DARK
+    dark = pixels(canvas.picture)
+    assert (dark[0, 0] == 33).all() and (dark == 255).all(axis=2).any()
+    assert dark.shape == light.shape
+    if made is CityLab:  # the paper of the map
+        x, y = lab.ax.transData.transform((7, 0)).round().astype(int)
+        row = int(canvas.figure.bbox.height) - y
+        assert (light[row, x] == 255).all() and (dark[row, x] == 255).all()
+    canvas.picture.page = {"paper": "no colour", "ink": "#000000"}
+    assert (pixels(canvas.picture) == dark).all()
+    canvas.picture.page = {"paper": "#ffffff", "ink": "#000000"}
+    assert (pixels(canvas.picture) == light).all()
+
+
+def test_a_legend_and_a_run_are_drawn_again_in_dark_colours(lab):
+    canvas = lab.charts.canvas
+    canvas.picture.page = DARK
+    lab.stage.step = 3  # what is drawn later has the colours, too
+    assert all(cursor.get_color() == "#ffffff" for cursor in lab.charts.cursors)
+    assert lab.charts.axes[-1].get_legend().get_frame().get_facecolor()[:3] == (33 / 255,) * 3
+
+
+def test_the_uav_is_marked_in_all_that_the_network_sees():
+    lab = ThinkLab("manhattan")
+    middle = lab.charts.agent.observation.width // 2
+    for step in (0, 6):
+        lab.stage.step = step
+        places = [(mark.get_xdata()[0], mark.get_ydata()[0]) for mark in lab.charts.marks]
+        assert places[:-1] == [(middle, middle)] * 6
+        row, col = divmod(int(lab.charts.states[step].uav_cell[0]), 16)
+        assert places[-1] == (col, row)
+
+
+def test_what_is_cut_off_the_bars_is_marked_and_numbers_lie_beside_them():
+    lab = ThinkLab("manhattan")
+    thoughts, edge = lab.charts, lab.charts.bars.get_xlim()[0]
+    lab.stage.step = 2
+    before = len(thoughts.cut.get_xdata())
+    thoughts.q = thoughts.q.clone()
+    row = int(thoughts.q[2].argmax())  # its bar was in sight
+    thoughts.q[2, row] = edge - 50
+    thoughts.show(2)
+    assert list(thoughts.cut.get_xdata()) == [edge] * (before + 1)
+    allowed = thoughts.q[2].isfinite().tolist()
+    places = [text.get_position()[0] for text in thoughts.numbers[:6]]  # in widths of the axes
+    assert all(place > 1 for place, may in zip(places, allowed, strict=True) if may)
+
+
+def test_a_click_next_to_a_map_counts_for_the_nearest_cell_and_one_further_off_for_none():
+    channel, city = ChannelLab("village"), CityLab("village")
+    before = channel.device
+    point(channel.canvas, channel.map, (3, 8.4))  # the map ends at 7.5
+    assert channel.device == before
+    point(channel.canvas, channel.map, (3, 7.9))
+    assert channel.device == (3, 7) and channel.message.value == ""
+    point(channel.canvas, channel.map, (-0.9, 4))
+    assert channel.device == (0, 4)
+    stroke(city, (7.5, 6))  # exactly at the edge
+    stroke(city, (8.5, 3))
+    assert city.draft.buildings[7, 6] and not city.draft.buildings[7, 3]
