@@ -119,7 +119,7 @@ class FlyLab(ipywidgets.VBox):
             f"instead, which takes {PRICES['safety']:g} from the return"
         )
         if outcome.intervened[0]:
-            self._show(refused, (0, 0) if action == LAND else MOVES[action])
+            self._show(refused, MOVES[action])
         else:
             self._show("")
         if self.flight.ended:
