@@ -25,6 +25,7 @@ CHOSEN, OTHER = BLUE, "#BBBBBB"
 PLACE = 770, 450  # the width and height of all pictures, pixels
 BELOW = 0.29  # the ranges lie so far below the middle of a row, in rows
 UAV = {  # its mark: a ring that can be seen on any colour
+    "clip_on": False,
     "mfc": "none",
     "mec": "black",
     "ms": 11,
