@@ -777,6 +777,21 @@ def test_the_channel_follows_device_and_sliders(shared_page):
     shoot(shared_page, "channel")
 
 
+def test_a_click_while_the_next_picture_loads_counts_where_it_is(shared_page):
+    lab = open_lab(shared_page, "Channel")
+    picture = lab.locator(".uavdh-picture img")
+    click = """async (image) => {
+        const { left, top, width, height } = image.getBoundingClientRect();
+        const [clientX, clientY] = [left + 0.25 * width, top + 0.5 * height];
+        const next = await (await fetch(image.src)).blob();
+        image.src = URL.createObjectURL(next);
+        await null;
+        image.dispatchEvent(new MouseEvent("click", { clientX, clientY, bubbles: true }));
+    }"""
+    picture.evaluate(click)
+    expect(picture).to_have_attribute("alt", re.compile(r"device in cell \(7, 7\)"))
+
+
 @pytest.mark.long
 def test_a_training_runs_pauses_and_goes_on(shared_page):
     lab = open_lab(shared_page, "Training")

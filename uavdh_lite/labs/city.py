@@ -409,15 +409,15 @@ class CityLab(ipywidgets.VBox):
         try:
             city = self.draft.city()
         except CityError as error:
-            self._say(str(error).removeprefix("my_city: "))
             self._hide_flights()
             self._allow_flights(False)
             self._offer_home(None)
+            self._say(str(error).removeprefix("my_city: "))
             return
-        self._say("")
         self._allow_flights(True)
         self._offer_policies(city)
         self._offer_home(city)
+        self._say("")  # last: who reads it finds the rest done
 
     def _offer_home(self, city: City | None) -> None:
         """Offer the city as a file and as a link; None for one that is not finished."""

@@ -8,6 +8,11 @@ function render({ model, el }) {
   const listens = (kind) => model.get("listens").includes(kind);
   let moved = null; // the last place that Python does not know of
 
+  let pixels = [0, 0]; // the picture's; while the next one loads, it has none of its own
+  image.addEventListener("load", () => {
+    pixels = [image.naturalWidth, image.naturalHeight];
+  });
+
   function show() {
     URL.revokeObjectURL(image.src);
     image.src = URL.createObjectURL(new Blob([model.get("value")], { type: "image/png" }));
@@ -15,8 +20,10 @@ function render({ model, el }) {
 
   function tell(kind, event) {
     const { left, top, width, height } = image.getBoundingClientRect();
-    const x = ((event.clientX - left) / width) * image.naturalWidth;
-    const y = ((event.clientY - top) / height) * image.naturalHeight;
+    const [across, down] = pixels;
+    if (!across || !width || !height) return;
+    const x = ((event.clientX - left) / width) * across;
+    const y = ((event.clientY - top) / height) * down;
     model.send({ kind, x, y, pressed: (event.buttons & 1) === 1 });
   }
 

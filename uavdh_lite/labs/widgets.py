@@ -86,7 +86,7 @@ def changed_note() -> ipywidgets.HTML:
 def say_changed(note: ipywidgets.HTML, number: int, changed: bool) -> None:
     """Say next to its number whether a mission has been changed."""
     title = f"no longer the random mission of the number {number}; undo brings it back"
-    note.value = f'<i title="{title}">changed</i>' if changed else ""
+    note.value = f'<i title="{title}" aria-live="polite">changed</i>' if changed else ""
 
 
 def link(text: str, address: str, download: str = "") -> str:
