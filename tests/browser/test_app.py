@@ -279,7 +279,7 @@ def test_changes_are_undone_by_key_and_a_mission_has_a_number_and_a_link(page):
 
     flown = table(lab)
     lab.get_by_role("link", name="link", exact=True).click()
-    expect(lab.locator(status)).to_contain_text("copy it")
+    expect(lab.locator(status)).to_contain_text("address bar")
     expect(lab.get_by_role("button", name="Play")).to_be_visible()
     page.reload()  # somebody opens the address
     page.locator(SHOWN).first.wait_for()
@@ -476,6 +476,162 @@ def test_keys_set_bars_move_devices_and_scrub(page):
     until(page, lambda: table(lab)[0]["time left"] == end)
 
 
+def test_quick_keys_on_bars_and_devices_all_count(shared_page):
+    lab = open_lab(shared_page, "Mission")
+    time = lab.get_by_role("slider", name="flying time")
+    given = int(time.get_attribute("aria-valuenow"))
+    press = """([element, key, times]) => { for (let k = 0; k < times; k += 1)
+        element.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true })); }"""
+    shared_page.evaluate(press, [time.element_handle(), "ArrowRight", 5])  # none waits for Python
+    expect(time).to_have_attribute("aria-valuenow", str(given + 5))
+    until(shared_page, lambda: table(lab)[0]["time left"].endswith(f"of {given + 5}"))
+    time.focus()
+    for _ in range(5):
+        shared_page.keyboard.press("ArrowLeft")  # while answers come
+    expect(time).to_have_attribute("aria-valuenow", str(given))
+    until(shared_page, lambda: table(lab)[0]["time left"].endswith(f"of {given}"))
+    expect(lab.locator(".bar .number").last).not_to_contain_text("start:")
+
+    row, col = first_mission("manhattan").devices[0]
+    device = lab.get_by_role("button", name="device 0 at").first
+    shared_page.evaluate(press, [device.element_handle(), "ArrowUp", 1])  # onto a building
+    expect(lab.locator("span[role=status]")).to_contain_text("stands on a building")
+    expect(device).to_have_attribute("transform", f"translate({col} {row})")
+    shared_page.evaluate(press, [device.element_handle(), "ArrowRight", 2])
+    moved = lab.get_by_role("button", name=f"device 0 at ({row}, {col + 2})").first
+    expect(moved).to_be_visible()
+    shared_page.evaluate(press, [moved.element_handle(), "ArrowLeft", 2])
+    expect(lab.get_by_role("button", name=f"device 0 at ({row}, {col})").first).to_be_visible()
+    expect(lab.get_by_text("changed", exact=True)).to_have_count(0)  # all is as it was
+
+
+def test_a_click_outside_of_the_map_is_no_mistake(shared_page):
+    lab = open_lab(shared_page, "Mission")
+    amounts = lab.get_by_role("slider", name="data of device")
+    devices, status = amounts.count(), lab.locator("span[role=status]")
+    click_cell(shared_page, lab, 15.9, 8)  # the map ends at 15.5
+    expect(amounts).to_have_count(devices + 1)
+    expect(lab.get_by_role("button", name="at (15, 8)").first).to_be_visible()
+    expect(lab.get_by_text("changed", exact=True)).to_be_visible()
+    shared_page.keyboard.press("z")
+    expect(amounts).to_have_count(devices)
+    expect(lab.get_by_text("changed", exact=True)).to_have_count(0)
+    click_cell(shared_page, lab, 16.6, 8)
+    click_cell(shared_page, lab, 8, 8)
+    expect(amounts).to_have_count(devices + 1)
+    expect(status).to_have_text("")
+    shared_page.keyboard.press("z")
+    expect(amounts).to_have_count(devices)
+
+
+def test_a_link_is_copied_where_the_browser_allows_it(page):
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    lab = open_lab(page, "Mission")
+    link, status = (
+        lab.get_by_role("link", name="link", exact=True),
+        lab.locator("span[role=status]"),
+    )
+    link.click()
+    expect(status).to_contain_text("Link copied")
+    address = page.evaluate("navigator.clipboard.readText()")
+    assert address == page.url and re.search(r"#mission=[A-Za-z0-9_-]+$", address)
+    page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject(new Error()) }")
+    link.click()
+    expect(status).to_contain_text("The link is in the address bar")
+
+
+def test_a_mission_is_saved_and_opened_with_the_browsers_dialogs(page, tmp_path):
+    lab = open_lab(page, "Mission")
+    click_cell(page, lab, 8, 8)
+    amounts = lab.get_by_role("slider", name="data of device")
+    devices = len(first_mission("manhattan").devices) + 1
+    expect(amounts).to_have_count(devices)
+    with page.expect_download() as download:
+        lab.get_by_role("link", name="save as JSON").click()
+    path = tmp_path / download.value.suggested_filename
+    download.value.save_as(path)
+    lab.get_by_label("city", exact=True).select_option("village")
+    expect(amounts).not_to_have_count(devices)
+
+    def choose(file):
+        with page.expect_file_chooser() as chooser:
+            lab.get_by_role("button", name="open mission").click()
+        chooser.value.set_files(file)
+
+    choose({"name": "no.json", "mimeType": "application/json", "buffer": b"no <b>mission"})
+    expect(lab.locator("span[role=status]")).to_contain_text("no.json: not a JSON file")
+    choose(path)
+    expect(amounts).to_have_count(devices)
+    expect(lab.get_by_label("city", exact=True)).to_have_value("manhattan")
+    expect(lab.locator("span[role=status]")).to_have_text("")
+
+
+def test_a_refused_move_is_red_at_the_uav(shared_page):
+    lab = open_lab(shared_page, "Fly it yourself")
+    lab.get_by_label("city").select_option("manhattan")
+    lab.get_by_role("button", name="start again").click()
+    red = lab.locator(".uavdh-stage .refused")
+    expect(red).to_have_count(0)
+    row, col = first_mission("manhattan").start
+    key = "ArrowDown" if row == 15 else "ArrowUp"  # the start is at the map's edge
+    assert row in (0, 15)
+    lab.locator(".uavdh-stage .map svg").click()
+    shared_page.keyboard.press(key)
+    expect(lab).to_contain_text("the map ends there")
+    expect(red).to_have_count(1)
+    edge = -0.5 if row == 0 else 0.5
+    box = red.evaluate("line => { const b = line.getBBox(); return [b.x, b.y, b.width, b.height] }")
+    assert box == [-0.5, edge, 1, 0]
+    expect(red).to_have_attribute("transform", f"translate({col} {row})")
+    moves = "line => getComputedStyle(line).animationName"
+    assert red.evaluate(moves) == "uavdh-flash"
+    shared_page.emulate_media(reduced_motion="reduce")
+    assert red.evaluate(moves) == "none"
+    shared_page.emulate_media(reduced_motion="no-preference")
+    shared_page.keyboard.press(" ")
+    expect(red).to_have_count(0)
+
+
+CORNER = """async (image) => {
+    await image.decode();
+    const paper = document.createElement("canvas").getContext("2d");
+    paper.drawImage(image, 0, 0);
+    return [...paper.getImageData(0, 0, 1, 1).data];
+}"""
+
+
+@pytest.mark.parametrize("title", ["Mission", "Watch it think", "Channel", "Training", "City"])
+def test_figures_are_dark_on_a_dark_page(shared_page, title):
+    lab = open_lab(shared_page, title)
+    picture = lab.locator(".uavdh-picture img").first
+    corner = lambda: picture.evaluate(CORNER)[0]  # noqa: E731
+    assert corner() == 255
+    shared_page.emulate_media(color_scheme="dark")
+    until(shared_page, lambda: corner() < 50)
+    shared_page.emulate_media(color_scheme="light")
+    until(shared_page, lambda: corner() == 255)
+
+
+def test_watch_it_think_fits_a_low_screen(shared_page, on_screen):
+    lab = open_lab(shared_page, "Watch it think")
+    for height in (1000, 720):
+        on_screen(1280, height)
+        until(
+            shared_page,
+            lambda: lab.get_by_role("slider", name="step").bounding_box()["width"] > 600,
+        )
+        map_, picture = (lab.locator(each) for each in (".map svg", ".uavdh-picture img"))
+        until(
+            shared_page,
+            lambda: sum(map_.bounding_box()[side] for side in ("y", "height")) <= height,  # noqa: B023
+        )
+        play, left, right = (
+            each.bounding_box() for each in (lab.get_by_role("button", name="Play"), map_, picture)
+        )
+        assert play["y"] + play["height"] <= min(left["y"], right["y"])  # above both
+        assert left["x"] + left["width"] <= right["x"] and fits(shared_page)
+
+
 SMOOTH = """async (lab) => {
     const uav = lab.querySelector("[data-uav]");
     const places = new Set();
@@ -621,6 +777,21 @@ def test_the_channel_follows_device_and_sliders(shared_page):
     shoot(shared_page, "channel")
 
 
+def test_a_click_while_the_next_picture_loads_counts_where_it_is(shared_page):
+    lab = open_lab(shared_page, "Channel")
+    picture = lab.locator(".uavdh-picture img")
+    click = """async (image) => {
+        const { left, top, width, height } = image.getBoundingClientRect();
+        const [clientX, clientY] = [left + 0.25 * width, top + 0.5 * height];
+        const next = await (await fetch(image.src)).blob();
+        image.src = URL.createObjectURL(next);
+        await null;
+        image.dispatchEvent(new MouseEvent("click", { clientX, clientY, bubbles: true }));
+    }"""
+    picture.evaluate(click)
+    expect(picture).to_have_attribute("alt", re.compile(r"device in cell \(7, 7\)"))
+
+
 @pytest.mark.long
 def test_a_training_runs_pauses_and_goes_on(shared_page):
     lab = open_lab(shared_page, "Training")
@@ -727,7 +898,7 @@ def test_a_city_is_painted_uploaded_and_flown(shared_page):
     shoot(shared_page, "city")
     kinds = painted(link).kinds
     lab.get_by_role("link", name="link", exact=True).click()
-    expect(status).to_contain_text("copy it")
+    expect(status).to_contain_text("address bar")
     expect(lab.get_by_role("button", name="Play")).to_be_visible()  # nothing is on its way any more
     shared_page.reload()  # somebody opens the address
     link.wait_for()

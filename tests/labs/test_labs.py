@@ -2,6 +2,7 @@
 
 import base64
 import datetime
+import html
 import io
 import json
 import re
@@ -30,7 +31,8 @@ from uavdh_lite.labs import (
 )
 from uavdh_lite.labs.draft import Draft, scenario_of
 from uavdh_lite.labs.fly import HARD, KEYS
-from uavdh_lite.labs.think import Thoughts
+from uavdh_lite.labs.links import decode, encode
+from uavdh_lite.labs.think import BELOW, Thoughts
 from uavdh_lite.missions import HandFlight, Mission, as_json, environment_of, read_mission
 from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import SCENARIOS
@@ -287,11 +289,11 @@ def test_ranges_of_returns_are_drawn_for_agents_that_have_learned_them():
     (allowed,) = lab.charts.q[4].isfinite().nonzero(as_tuple=True)
     for lines, levels in ((half, (0.25, 0.75)), (most, (0.1, 0.9))):
         segments = np.array(lines.get_segments())
-        assert (segments[:, :, 1] == allowed[:, None].numpy()).all()
+        np.testing.assert_allclose(segments[:, 0, 1], allowed.numpy() + BELOW, rtol=1e-6)
         expected = np.quantile(returns[4, allowed].numpy(), levels, axis=1).T
         assert segments[:, :, 0] == pytest.approx(expected, abs=1e-3)
     lab.policy.value = "manhattan_ddqn"
-    assert lab.charts.returns is None and lab.charts.bars.get_title() == "Q-values"
+    assert lab.charts.returns is None and lab.charts.bars.get_title("left") == "Q-values"
 
 
 def test_actions_that_the_failsafe_forbids_have_no_bars():
@@ -435,6 +437,7 @@ def test_each_lab_explains_its_words():
         (ThinkLab, ("Q-value", "action gap", "temperature", "saliency", "genie")),
         (FlyLab, ("return", "refused", "genie")),
         (ChannelLab, ("SNR", "slot", "LoS, NLoS")),
+        (CityLab, ("tall building", "shadow", "mirror", "greedy", "100 missions")),
         (TrainingLab, ("crash reward", "failsafe", "return steps", "recipe")),
     ):
         said = made().children[-1].value
@@ -657,19 +660,24 @@ def test_the_mission_lab_takes_a_city_of_ones_own(tmp_path):
     assert lab.environment.city.fingerprint == city.fingerprint
 
 
+def upload_to(lab, data, name="x.png"):
+    """A file that was chosen in the browser's dialog."""
+    lab.upload.value = [
+        {
+            "name": name,
+            "type": "",
+            "size": len(data),
+            "content": memoryview(data),
+            "last_modified": datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC),
+        }
+    ]
+
+
 def test_uploads_are_taken_or_refused_with_a_reason():
     lab = CityLab("village")
 
     def upload(data):
-        lab.upload.value = [
-            {
-                "name": "x.png",
-                "type": "image/png",
-                "size": len(data),
-                "content": memoryview(data),
-                "last_modified": datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC),
-            }
-        ]
+        upload_to(lab, data)
 
     upload(Draft(City.load("open_field").kinds).png())
     assert lab.draft.size == 16 and "<b" not in lab.message.value
@@ -699,11 +707,12 @@ def test_a_link_opens_its_city_on_the_labs_page():
     assert (lab.draft.kinds == painted.draft.kinds).all() and not lab.base.value
     labs.address.value = "elsewhere"
     lab.open_link(code.removeprefix("city="))  # the lab's own link
-    assert "copy it" in lab.message.value
+    assert "in the address bar" in lab.message.value
     assert (lab.draft.kinds == painted.draft.kinds).all()
     for broken, told in {
         "city=" + code[5:41]: "the link: not a readable PNG",
-        code[:40]: "part of it is missing",
+        code[:42]: "part of it is missing",
+        code[:40]: "the link: not a readable PNG",
         "city=%3Cscript": "the link holds no city",
         "city=é": "the link holds no city",
         "city=": "the link: not a readable PNG",
@@ -852,7 +861,7 @@ def test_a_link_opens_its_mission_on_the_labs_page():
     assert lab.city.value == "village" and set_by(lab.mission) == set_by(there.mission)
     assert (7, 0) in lab.mission.devices and lab.undo.disabled
     lab.open_link(code.removeprefix("mission="))  # the lab's own link
-    assert "copy it" in lab.message.value
+    assert "in the address bar" in lab.message.value
     saved = lab.take_home.value.split("base64,")[1].split('"')[0]
     same = read_mission(base64.b64decode(saved).decode())
     assert set_by(same) == set_by(lab.mission)
@@ -870,7 +879,7 @@ def test_a_link_opens_its_mission_on_the_labs_page():
         assert lab.environment.city.fingerprint == city.fingerprint
     lab.draw.click()
     assert lab.mission.city.size == 11
-    assert MissionLab().take_home.value == ""  # in a notebook, nothing reads the address
+    assert 'href="#' not in MissionLab().take_home.value  # in a notebook, nothing reads the address
 
 
 def test_charts_show_whichever_policy_is_asked_for(lab):
@@ -899,11 +908,11 @@ def test_painted_cities_and_running_trainings_are_work_that_can_be_lost():
     city, training = page.made["City"], page.made["Training"]
     assert page.address.painted == "" and not page.address.training
     stroke(city, (7, 6))
-    assert (Draft.from_png(base64.b64decode(page.address.painted)).kinds == city.draft.kinds).all()
+    assert (Draft.from_png(decode(page.address.painted)).kinds == city.draft.kinds).all()
     city.undo.click()
     assert page.address.painted == ""  # as it came
     city.redo.click()
-    assert page.address.painted == city._code()
+    assert page.address.painted == city._code
     city.size.value = 8
     city.random.click()
     assert page.address.painted == ""
@@ -1072,3 +1081,221 @@ def test_a_click_outside_the_city_moves_nothing():
     for cell in ((-1, 3), (3, 8)):
         lab.clicked(cell)
     assert (lab.device, lab.uav) == before
+
+
+DARK = {"paper": "#212121", "ink": "#ffffff"}
+
+
+@pytest.mark.parametrize("made", [MissionLab, ThinkLab, ChannelLab, CityLab, TrainingLab])
+def test_figures_have_the_colours_of_the_page_and_maps_keep_theirs(made):
+    lab = made()
+    canvas = {
+        MissionLab: lambda: lab.charts.canvas,
+        ThinkLab: lambda: lab.charts.canvas,
+        TrainingLab: lambda: lab.curves,
+    }.get(made, lambda: lab.canvas)()
+    light = pixels(canvas.picture)
+    assert (light[0, 0] == 255).all() and (light == 0).all(axis=2).any()
+    canvas.picture.page = DARK
+    dark = pixels(canvas.picture)
+    assert (dark[0, 0] == 33).all() and (dark == 255).all(axis=2).any()
+    assert dark.shape == light.shape
+    if made is CityLab:  # the paper of the map
+        x, y = lab.ax.transData.transform((7, 0)).round().astype(int)
+        row = int(canvas.figure.bbox.height) - y
+        assert (light[row, x] == 255).all() and (dark[row, x] == 255).all()
+    canvas.picture.page = {"paper": "no colour", "ink": "#000000"}
+    assert (pixels(canvas.picture) == dark).all()
+    canvas.picture.page = {"paper": "#ffffff", "ink": "#000000"}
+    assert (pixels(canvas.picture) == light).all()
+
+
+def test_a_legend_and_a_run_are_drawn_again_in_dark_colours(lab):
+    canvas = lab.charts.canvas
+    canvas.picture.page = DARK
+    lab.stage.step = 3  # what is drawn later has the colours, too
+    assert all(cursor.get_color() == "#ffffff" for cursor in lab.charts.cursors)
+    assert lab.charts.axes[-1].get_legend().get_frame().get_facecolor()[:3] == (33 / 255,) * 3
+
+
+def test_the_uav_is_marked_in_all_that_the_network_sees():
+    lab = ThinkLab("manhattan")
+    middle = lab.charts.agent.observation.width // 2
+    for step in (0, 6):
+        lab.stage.step = step
+        places = [(mark.get_xdata()[0], mark.get_ydata()[0]) for mark in lab.charts.marks]
+        assert places[:-1] == [(middle, middle)] * 6
+        row, col = divmod(int(lab.charts.states[step].uav_cell[0]), 16)
+        assert places[-1] == (col, row)
+
+
+def test_what_is_cut_off_the_bars_is_marked_and_numbers_lie_beside_them():
+    lab = ThinkLab("manhattan")
+    thoughts, edge = lab.charts, lab.charts.bars.get_xlim()[0]
+    lab.stage.step = 2
+    before = len(thoughts.cut.get_xdata())
+    thoughts.q = thoughts.q.clone()
+    row = int(thoughts.q[2].argmax())  # its bar was in sight
+    thoughts.q[2, row] = edge - 50
+    thoughts.show(2)
+    assert list(thoughts.cut.get_xdata()) == [edge] * (before + 1)
+    allowed = thoughts.q[2].isfinite().tolist()
+    places = [text.get_position()[0] for text in thoughts.numbers[:6]]  # in widths of the axes
+    assert all(place > 1 for place, may in zip(places, allowed, strict=True) if may)
+
+
+def test_a_click_next_to_a_map_counts_for_the_nearest_cell_and_one_further_off_for_none():
+    channel, city = ChannelLab("village"), CityLab("village")
+    before = channel.device
+    point(channel.canvas, channel.map, (3, 8.4))  # the map ends at 7.5
+    assert channel.device == before
+    point(channel.canvas, channel.map, (3, 7.9))
+    assert channel.device == (3, 7) and channel.message.value == ""
+    point(channel.canvas, channel.map, (-0.9, 4))
+    assert channel.device == (0, 4)
+    stroke(city, (7.5, 6))  # exactly at the edge
+    stroke(city, (8.5, 3))
+    assert city.draft.buildings[7, 6] and not city.draft.buildings[7, 3]
+
+
+def test_a_changed_mission_is_not_called_by_its_number_alone(lab):
+    lab.number.value = 7
+    assert lab.changed.value == ""
+    first = lab.mission.devices[0]
+    free = (8, 8)
+    assert free not in lab.mission.devices
+    for change in (
+        lambda: drag(lab, first, free),
+        lambda: tell(lab.stage, kind="time", value=lab.mission.flying_time + 1),
+        lambda: tell(lab.stage, kind="data", device=0, value=1.5),
+        lambda: click(lab, (0, 8)),
+    ):
+        change()
+        assert "changed" in lab.changed.value and "number 7" in lab.changed.value
+        lab.undo.click()
+        assert lab.changed.value == ""
+    lab.redo.click()
+    assert "changed" in lab.changed.value
+    click_away = lab.mission.devices[-1]
+    lab.click.value = "remove"
+    click(lab, click_away)  # as it was, although by hand
+    assert lab.changed.value == ""
+    lab.seed.value = 3  # the fading has a box of its own
+    assert lab.changed.value == ""
+    drag(lab, first, free)
+    lab.draw.click()
+    assert lab.number.value == 8 and lab.changed.value == ""
+
+
+def test_a_changed_mission_is_marked_in_the_city_editor_too():
+    lab = CityLab("village")
+    lab.fly.click()
+    assert lab.changed.value == ""
+    device = lab._mission.devices[0]
+    drag(lab, device, (7, 0))
+    assert "changed" in lab.changed.value
+    drag(lab, (7, 0), device)
+    assert lab.changed.value == ""
+    drag(lab, device, (7, 0))
+    stroke(lab, (7, 7))  # the flights are gone
+    assert lab.changed.value == ""
+
+
+def test_a_link_that_is_clicked_is_copied_and_that_is_said():
+    page = Labs()
+    mission = page.made["Mission"]
+    value = f"mission={mission._code()}"
+    tell(page.address, value=value, copied=True)
+    assert "Link copied" in mission.message.value
+    page.address.value = value  # the address follows the link
+    assert "Link copied" in mission.message.value
+    tell(page.address, value=value, copied=False)
+    assert mission.message.value.count("The link is in the address bar") == 1
+    tell(page.address, value="city=x", copied=True)  # that lab is not open
+    open_tab(page, "City")
+    tell(page.address, value="city=x", copied=True)
+    assert "Link copied" in page.made["City"].message.value
+
+
+def test_links_are_url_safe_and_old_ones_open_too():
+    for data in (b"", b"a", b"ab", bytes(range(256))):
+        code = encode(data)
+        assert re.fullmatch("[A-Za-z0-9_-]*", code) and decode(code) == data
+        assert decode(base64.b64encode(data).decode()) == data
+    page = Labs()
+    painted = CityLab("open_field")
+    stroke(painted, (7, 6))
+    page.address.value = f"city={base64.b64encode(painted.draft.png()).decode()}"
+    city = page.made["City"]
+    assert (city.draft.kinds == painted.draft.kinds).all()
+
+
+def test_a_citys_link_has_the_mission_that_is_flown_in_it():
+    there = CityLab("village", linked=True)
+
+    def code():
+        return html.unescape(re.search('href="#(city=[^"]*)"', there.take_home.value)[1])
+
+    stroke(there, (7, 6))
+    assert "mission" not in code()
+    there.number.value = 4
+    drag(there, there._mission.devices[0], (7, 0))
+    flown, link = there._mission, code()
+    assert re.fullmatch("[A-Za-z0-9_=&-]*", link)
+    page = Labs()
+    page.address.value = link
+    lab = page.made["City"]
+    assert (lab.draft.kinds == there.draft.kinds).all()
+    assert set_by(lab._mission) == set_by(flown) and lab.stage in lab.views.children
+    assert lab.number.value == 4 and "changed" in lab.changed.value
+    assert lab._address() == link.removeprefix("city=")
+    for broken in (link[:-7], link.split("&")[0] + "&mission=", link + "&mission=x"):
+        page.address.value = "elsewhere"
+        page.address.value = broken
+        assert "the city of the link is here, its mission is not" in lab.message.value, broken
+        assert (lab.draft.kinds == there.draft.kinds).all()
+    start = encode(b'{"start": [1, 4]}')
+    page.address.value = f"{link.split('&')[0]}&mission={start}"
+    assert "its mission is not" in lab.message.value
+    stroke(there, (7, 7))  # the flights are gone
+    assert "mission" not in code()
+
+
+def test_missions_are_saved_to_a_file_and_opened_from_one():
+    there = MissionLab("village")
+    click(there, (7, 0))
+    data = base64.b64decode(there.take_home.value.split("base64,")[1].split('"')[0])
+    lab = MissionLab("manhattan")
+    upload_to(lab, data, "mine.json")
+    assert lab.city.value == "village" and set_by(lab.mission) == set_by(there.mission)
+    assert lab.upload.value == () and lab.message.value.endswith("></span>")
+    for broken, reason in {
+        b"<b>nonsense": "not a JSON file",
+        b"\xff\xfe": "not a JSON file",
+        b"{}": "is a required property",
+        data.replace(b"7, 0", b"7, 1"): "changed since it was saved",
+        b" " * 1_000_001: "no mission is that large",
+    }.items():
+        upload_to(lab, broken, "<i>.json")
+        assert reason in lab.message.value and "&lt;i&gt;.json: " in lab.message.value
+        assert "Your mission is as it was" in lab.message.value
+        assert set_by(lab.mission) == set_by(there.mission)
+
+
+def test_a_refused_move_is_shown_at_the_uav():
+    lab = FlyLab("village")
+    mission = replace(lab.flight.mission, start=(1, 3))
+    lab.flight = HandFlight(lab.environment, mission)
+    lab.act(ACTIONS.index("east"))
+    assert lab.stage.refused == [0, 1]
+    lab.act(ACTIONS.index("land"))
+    assert lab.stage.refused == [0, 0]
+    lab.act(ACTIONS.index("hover"))
+    assert lab.stage.refused == []
+
+
+def test_the_stage_answers_whatever_comes_of_a_message(lab):
+    before = lab.stage.answered
+    drag(lab, lab.mission.devices[0], (2, 2))  # refused
+    tell(lab.stage, kind="time", value=30)
+    assert lab.stage.answered == before + 2 and lab.stage.size == 16

@@ -2,12 +2,18 @@
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from weakref import WeakSet
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import is_color_like, same_color
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.spines import Spine
+from matplotlib.text import Text
 
 from uavdh_lite.errors import extra
 from uavdh_lite.plotting import png
@@ -17,6 +23,7 @@ with extra("notebooks"):
     import traitlets
 
 HERE = Path(__file__).parent
+LIGHT = {"paper": "#ffffff", "ink": "#000000"}  # the colours of a page
 
 
 class Picture(anywidget.AnyWidget):
@@ -32,6 +39,7 @@ class Picture(anywidget.AnyWidget):
     | `alt` | what it shows, as a sentence |
     | `listens` | what it tells: some of click, draw and key |
     | `size` | width and height on the page, pixels; on a large screen, it grows |
+    | `page` | the colours of the page around it: `paper` and `ink` |
     """
 
     _esm = (HERE / "picture.js").read_text(encoding="utf-8")
@@ -40,30 +48,42 @@ class Picture(anywidget.AnyWidget):
     alt = traitlets.Unicode().tag(sync=True)
     listens = traitlets.List().tag(sync=True)
     size = traitlets.List([100, 100]).tag(sync=True)
+    page = traitlets.Dict(LIGHT).tag(sync=True)
 
 
 class Canvas:
     """The picture of a figure: `draw_all` once, then `draw` the few artists that change.
 
     On the page, an inch of the figure is 100 pixels; with more dots per inch it stays sharp where
-    it grows.
+    it grows. What is drawn in black has the colour of the page's text, and the figure that of the
+    page. Axes with a background of their own, such as maps, keep it, and the lines in them.
+
+    Arguments:
+        redraw: called when the page has got other colours, to draw the artists that change, too.
 
     | attribute | meaning |
     | --- | --- |
     | `figure` | the figure; `draw_all` draws what was added to it |
     | `picture` | the `Picture` to show |
+    | `ink` | the colour of the page's text |
     """
 
-    def __init__(self, figure: Figure):
-        self.figure = figure
+    def __init__(self, figure: Figure, redraw: Callable[[], None] | None = None):
+        self.figure, self.ink = figure, LIGHT["ink"]
+        self._redraw = self.draw if redraw is None else redraw
+        self._inked: WeakSet[Artist] = WeakSet()  # what was black
         self._canvas = FigureCanvasAgg(figure)
         self._background = None
         self.picture = Picture(size=[round(100 * inches) for inches in figure.get_size_inches()])
         self._hear: dict[str, Callable[[dict], None]] = {}
         self.picture.on_msg(lambda _, told, buffers: self._hear[told["kind"]](told))
+        self.picture.observe(lambda change: self._wear(**change.new), "page")
 
     def draw_all(self) -> None:
         """Draw the figure without its animated artists, as the background of `draw`."""
+        for ax in self.figure.axes:
+            ax.tick_params(which="both", color=self.ink, labelcolor=self.ink)
+        self._dress(self.figure)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(self.figure.bbox)
 
@@ -77,6 +97,7 @@ class Canvas:
             self.draw_all()
         self._canvas.restore_region(self._background)
         for ax, artist in changing:
+            self._dress(artist)
             ax.draw_artist(artist)
         with self.picture.hold_sync():
             self.picture.value = png(np.asarray(self._canvas.buffer_rgba())[..., :3])
@@ -123,14 +144,56 @@ class Canvas:
         """Call `handler(key)` for every key that is pressed while the mouse is over the picture."""
         self._listen("key", {"key": lambda told: handler(told["key"])})
 
+    def _wear(self, paper: str, ink: str) -> None:
+        """Draw all again, in the colours of the page."""
+        if not (is_color_like(paper) and is_color_like(ink)):
+            return
+        self.ink, self._background = ink, None
+        self.figure.set_facecolor(paper)
+        self._redraw()
+
+    def _dress(self, artist: Artist) -> None:
+        """Give the page's colour of text to what is black, in an artist and in what it holds."""
+        for legend in artist.findobj(Legend):
+            legend.get_frame().set_facecolor(self.figure.get_facecolor())
+        for part in artist.findobj(lambda each: isinstance(each, Text | Line2D | Spine)):
+            colour = part.get_edgecolor() if isinstance(part, Spine) else part.get_color()
+            if part not in self._inked:
+                if not same_color(colour, LIGHT["ink"]) or _is_on_a_map(part):
+                    continue
+                self._inked.add(part)
+            if isinstance(part, Spine):
+                part.set_edgecolor(self.ink)
+            else:
+                part.set_color(self.ink)
+
     def _locate(self, told: dict, handler: Callable[[Axes, float, float], None]) -> None:
         """Call the handler with the Axes under a place in the picture and the position in it."""
         height = self._canvas.get_width_height()[1]
         pixel = told["x"], height - told["y"]
         for ax in self.figure.axes:
-            if ax.bbox.contains(*pixel):
-                handler(ax, *ax.transData.inverted().transform(pixel))
+            x, y = ax.transData.inverted().transform(pixel)
+            if ax.get_aspect() == 1:  # a map: half a cell outside of it, the nearest cell is meant
+                x, y = _nearest(x, ax.get_xlim()), _nearest(y, ax.get_ylim())
+            elif not ax.bbox.contains(*pixel):
+                continue
+            if x is not None and y is not None:
+                handler(ax, x, y)
 
     def _listen(self, kind: str, handlers: dict[str, Callable[[dict], None]]) -> None:
         self.picture.listens = [*self.picture.listens, kind]
         self._hear |= handlers
+
+
+def _is_on_a_map(artist: Artist) -> bool:
+    """Whether it is a line in Axes with a background of their own."""
+    ax = artist.axes
+    return isinstance(artist, Line2D) and ax is not None and ax.get_facecolor()[3] > 0
+
+
+def _nearest(value: float, limits: tuple[float, float]) -> float | None:
+    """The value, or the end of the limits that is at most half a unit away; None if neither."""
+    low, high = sorted(limits)
+    if not low - 0.5 <= value <= high + 0.5:
+        return None
+    return min(max(value, low + 1e-6), high - 1e-6)

@@ -74,8 +74,8 @@ class ChannelLab(ipywidgets.VBox):
         figure = Figure(figsize=(8.6, 4.4), dpi=150)
         self.map = figure.add_axes((0.03, 0.06, 0.45, 0.88))
         self.bar = figure.add_axes((0.495, 0.06, 0.015, 0.88))
-        self.curve = figure.add_axes((0.62, 0.12, 0.37, 0.8))
-        self.canvas = Canvas(figure)
+        self.curve = figure.add_axes((0.62, 0.12, 0.37, 0.8), facecolor="none")
+        self.canvas = Canvas(figure, self._draw_again)
         sliders = ipywidgets.VBox([*self.constants.values(), self.paper, self.logarithmic])
         self.numbers.add_class("uavdh-sentence")
         super().__init__(
@@ -121,8 +121,7 @@ class ChannelLab(ipywidgets.VBox):
     def _set_scale(self) -> None:
         """Show rates on a logarithmic axis, where shadows are not all next to 0; or back."""
         self.curve.set_yscale("log" if self.logarithmic.value else "linear")
-        self.top = 0  # draw the axis again
-        self._show()
+        self._draw_again()
 
     def _set_city(self) -> None:
         """The chosen city, with a device in the middle and the UAV in the landing zone."""
@@ -147,6 +146,10 @@ class ChannelLab(ipywidgets.VBox):
         self.curve.set(xlabel="distance on the ground, m", ylabel="data units a slot")
         self.curve.set(xlim=(0, 10 * city.size * 1.4))
         self.top = 0
+        self._show()
+
+    def _draw_again(self) -> None:
+        self.top = 0  # draw the axes again
         self._show()
 
     def _refuse(self, reason: str) -> None:

@@ -22,9 +22,11 @@ from uavdh_lite.labs.draft import (
     Cell,
     Draft,
     History,
+    is_changed,
     rectangle,
     scenario_of,
 )
+from uavdh_lite.labs.links import AGAIN, COPIED, HERE, decode, encode, mission_code, mission_in
 from uavdh_lite.labs.stage import BESIDE, FullScreen, Stage, together
 from uavdh_lite.labs.views import policy_title
 from uavdh_lite.labs.widgets import (
@@ -33,9 +35,12 @@ from uavdh_lite.labs.widgets import (
     WRAP,
     CellPicker,
     cell_at,
+    changed_note,
     link,
+    say_changed,
     status,
     undo_and_redo,
+    words,
 )
 from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import RED, device_colour, draw_city, png, shadow_colours
@@ -49,7 +54,6 @@ with extra("notebooks"):
 
 LARGEST = 50  # cells on a side; in larger cities, planners take minutes
 MANY = 100  # missions that say more than one
-COPY = "Copy it again, as a whole"
 UPLOAD = "Your city is as it was: mend the file, and upload it again"
 TRAIN = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
 HINT = "Drag devices, the start or the bars. A click on a map adds a device, or takes it away."
@@ -58,6 +62,24 @@ SWATCH = """.uavdh-brush .widget-toggle-button::before {
     vertical-align: -2px; border: 1px solid #999; background-size: cover}
 """
 ADDRESS = "city="  # what stands behind the # of an address that opens a city
+FLOWN = "&mission="  # and behind the city, before the mission that is flown in it
+WORDS = {
+    "landing zone": "where the UAV starts and must land; a city needs at least one such cell",
+    "tall building": "the UAV cannot fly there, and it blocks the radio",
+    "low building": "the UAV flies over it, but it blocks the radio all the same",
+    "no-fly zone": "the UAV may not fly there; the radio passes",
+    "shadow": "the cells that a device does not see because of buildings. From there, the UAV "
+    "hears it far worse",
+    "mirror": "what you paint is painted on the other side of the city, too",
+    "mission": "the number of a random mission: devices, their data, start and flying time. The "
+    "same number in the same city draws the same mission again",
+    "fly at once": "after each stroke the same mission is flown again: watch what a wall does",
+    "100 missions": "how policy and greedy do on average; then it shows the mission in which "
+    "greedy is furthest behind",
+    "any_city agent": "a trained network that learned in 2000 random cities, but not in yours",
+    "greedy": "a simple rule: to the nearest device with data, and home in time",
+    "genie": "a planner that knows the mean rate at every place, which no UAV does",
+}
 FINE_TUNE = "python -m uavdh_lite train --from any_city --city my_city.png --out runs/my_city"
 
 
@@ -75,7 +97,8 @@ class CityLab(ipywidgets.VBox):
 
     Arguments:
         city: the name of a shipped city to start from.
-        linked: offer a link that opens the city on the labs' page; see `open_link`.
+        linked: offer a link that opens the city on the labs' page, with the mission that is
+            flown in it, if there is one; see `open_link`.
 
     | trait | meaning |
     | --- | --- |
@@ -101,8 +124,8 @@ class CityLab(ipywidgets.VBox):
                         self.picker,
                         row(
                             [
-                                *(self.policy, self.number, self.fly, self.following),
-                                *(self.at_once, self.many),
+                                *(self.policy, self.number, self.changed, self.fly),
+                                *(self.following, self.at_once, self.many),
                             ],
                             layout=WRAP,
                         ),
@@ -113,10 +136,13 @@ class CityLab(ipywidgets.VBox):
                     ]
                 ),
                 self.take_home,
+                words(WORDS),
             ]
         )
         self._listen()
         self._drawn, self._average = 0, ""
+        self._renumbers = False  # the number is ours, not the user's
+        self._numbered: Mission | None = None  # the random mission that was flown last
         self._mission: Mission | None = None  # that was flown last
         self._history, self._corner = History(), None
         self.base.value = city
@@ -161,6 +187,7 @@ class CityLab(ipywidgets.VBox):
             min=0, max=10**6, description="mission", tooltip="the number of the random mission"
         )
         self.number.layout.width = "190px"
+        self.changed = changed_note()
         self.fly = ipywidgets.Button(
             description="fly", icon="plane", tooltip="the random mission of this number"
         )
@@ -201,7 +228,7 @@ class CityLab(ipywidgets.VBox):
         self.redo.on_click(lambda _: self._go(1))
         self.fly.on_click(lambda _: self._fly(self._drawn_mission))
         self.following.on_click(lambda _: self._fly_next())
-        self.number.observe(lambda _: self._fly(self._drawn_mission), "value")
+        self.number.observe(lambda _: self._renumbers or self._fly(self._drawn_mission), "value")
         self.many.on_click(lambda _: self._fly_many())
         self.at_once.observe(lambda _: self._fly_again(), "value")
         self.canvas.on_drag(
@@ -315,18 +342,42 @@ class CityLab(ipywidgets.VBox):
             self.upload.value = ()  # so that the same file can be uploaded again
 
     def open_link(self, code: str) -> None:
-        """Use the city of a link, the PNG in base64; if it is none, say why and change nothing."""
-        if code == self._code():
-            self._say("The address of this page now opens this city: copy it.", TEXT)
-            return
-        try:
-            data = base64.b64decode(code, validate=True)
-        except ValueError:
-            self._say(f"the link holds no city: part of it is missing. {COPY}")
-            return
-        self._read_png(data, "the link", COPY)
+        """Use the city of a link, a PNG, and fly the mission behind it, if there is one.
 
-    def _read_png(self, data: bytes, source: str, remedy: str) -> None:
+        If it holds no city, say why and change nothing.
+        """
+        if code == self._address():
+            if COPIED not in self.message.value:
+                self._say(HERE, TEXT)
+            return
+        city, has_mission, mission = code.partition(FLOWN)
+        try:
+            data = decode(city)
+        except ValueError:
+            self._say(f"the link holds no city: part of it is missing. {AGAIN}")
+            return
+        if self._read_png(data, "the link", AGAIN) and has_mission:
+            self._fly_linked(mission)
+
+    def _fly_linked(self, code: str) -> None:
+        """Fly the mission of a link, in the city of that link."""
+        try:
+            mission = mission_in(code, self.draft.city())
+        except InputError as error:
+            self._say(f"the city of the link is here, its mission is not: {error}. {AGAIN}")
+            return
+        self._renumbers = True
+        self.number.value = mission.seed  # if it was a random one, this was its number
+        self._renumbers = False
+        self._numbered = self._drawn_mission()
+        self._fly(lambda: mission)
+
+    def tell_link(self, copied: bool) -> None:
+        """Say where the link is that was clicked."""
+        self._say(COPIED if copied else HERE, TEXT)
+
+    def _read_png(self, data: bytes, source: str, remedy: str) -> bool:
+        """Use the city of a PNG, or say why not; returns whether it is used."""
         try:
             kinds = Draft.from_png(data).kinds
             if len(kinds) > LARGEST:
@@ -334,10 +385,13 @@ class CityLab(ipywidgets.VBox):
             self._take(kinds)
         except CityError as error:
             self._say(f"{str(error).replace('upload.png', source)}. {remedy}")
+            return False
+        return True
 
-    def _code(self) -> str:
-        """The city's PNG in base64."""
-        return base64.b64encode(self.draft.png()).decode()
+    def _address(self) -> str:
+        """What stands in a link: the city, and the mission that is flown in it."""
+        shown = self.stage in self.views.children
+        return self._code + (FLOWN + mission_code(self._mission) if shown else "")
 
     def _show(self) -> None:
         self._corner = self._sight = self._looked_from = None
@@ -349,22 +403,32 @@ class CityLab(ipywidgets.VBox):
         self.canvas.draw(alt=self.draft.description())
         if not self.at_once.value:
             self._hide_flights()
-        code = self._code()
-        self.unsaved = "" if np.array_equal(self.draft.kinds, self._taken) else code
-        save = link("save as PNG", f"data:image/png;base64,{code}", "my_city.png")
+        self._png = self.draft.png()
+        self._code = encode(self._png)
+        self.unsaved = "" if np.array_equal(self.draft.kinds, self._taken) else self._code
         try:
             city = self.draft.city()
         except CityError as error:
-            self._say(str(error).removeprefix("my_city: "))
             self._hide_flights()
             self._allow_flights(False)
+            self._offer_home(None)
+            self._say(str(error).removeprefix("my_city: "))
+            return
+        self._allow_flights(True)
+        self._offer_policies(city)
+        self._offer_home(city)
+        self._say("")  # last: who reads it finds the rest done
+
+    def _offer_home(self, city: City | None) -> None:
+        """Offer the city as a file and as a link; None for one that is not finished."""
+        coded = base64.b64encode(self._png).decode()
+        save = link("save as PNG", f"data:image/png;base64,{coded}", "my_city.png")
+        if city is None:
             self.take_home.value = save
             return
-        self._say("")
-        self._allow_flights(True)
         if self._linked:
-            save += f" or as a {link('link', f'#{ADDRESS}{code}')}"
-        if "any_city" in self._offer_policies(city):
+            save += f" or as a {link('link', f'#{ADDRESS}{self._address()}')}"
+        if "any_city" in [name for _, name in self.policy.options]:
             command = FINE_TUNE
         else:
             command = TRAIN.format(devices=f"1 {min(3, len(city.device_cells))}")
@@ -373,15 +437,14 @@ class CityLab(ipywidgets.VBox):
             f"<code>{html.escape(command)}</code>"
         )
 
-    def _offer_policies(self, city: City) -> list[str]:
-        """Let one choose from the policies for this city; returns their names."""
+    def _offer_policies(self, city: City) -> None:
+        """Let one choose from the policies for this city."""
         names = [*agents_for(city), *PLANNERS]
         options = [(policy_title(name), name) for name in names]
         if self.policy.options != tuple(options):
             chosen = self.policy.value
             self.policy.options = options
             self.policy.value = chosen if chosen in names else names[0]
-        return names
 
     def _allow_flights(self, allowed: bool) -> None:
         for button in (self.fly, self.following, self.many):
@@ -390,6 +453,7 @@ class CityLab(ipywidgets.VBox):
     def _hide_flights(self) -> None:
         """They were in another city."""
         self.views.children, self.result.value = [self.canvas.picture], ""
+        self.changed.value = ""
         self._average = ""
 
     def _fly_again(self) -> None:
@@ -421,7 +485,8 @@ class CityLab(ipywidgets.VBox):
     def _drawn_mission(self) -> Mission:
         """The random mission of the number that is shown."""
         city = self.draft.city()
-        return Mission.draw(scenario_of(city), city, self.number.value)
+        self._numbered = Mission.draw(scenario_of(city), city, self.number.value)
+        return self._numbered
 
     def _fly_next(self) -> None:
         self.number.value += 1
@@ -481,6 +546,8 @@ class CityLab(ipywidgets.VBox):
         titled = {policy_title(name): flights for name, flights in flown.items()}
         self.stage.show(environment, titled, begin=0)
         self.views.children = [self.canvas.picture, self.stage]
+        say_changed(self.changed, self.number.value, is_changed(mission, self._numbered))
+        self._offer_home(city)
 
     @staticmethod
     def _told(name: str, flights: Flights) -> str:

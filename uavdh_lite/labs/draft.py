@@ -10,6 +10,7 @@ import numpy as np
 
 from uavdh_lite.city import COLOURS, LAYERS, City
 from uavdh_lite.errors import CityError
+from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import png
 from uavdh_lite.scenario import Scenario
 
@@ -136,6 +137,12 @@ def scenario_of(city: City) -> Scenario:
     """Missions over a painted city: up to three devices, with time to cross it about twice."""
     most, time = min(3, len(city.device_cells)), (2 * city.size, 4 * city.size)
     return Scenario("my_city", devices=(1, most), flying_time=time)
+
+
+def is_changed(mission: Mission, drawn: Mission) -> bool:
+    """Whether anything but the fading and the city is not as it was drawn."""
+    names = "start", "devices", "data", "flying_time"
+    return any(getattr(mission, name) != getattr(drawn, name) for name in names)
 
 
 class History:

@@ -1,7 +1,7 @@
 """Fly it yourself with buttons or keys, and see how the policies do on the same mission."""
 
 import html
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -118,7 +118,10 @@ class FlyLab(ipywidgets.VBox):
             f"{ACTIONS[action]} was refused, for {self._obstacle(before, action)}. The UAV hovered "
             f"instead, which takes {PRICES['safety']:g} from the return"
         )
-        self._show(refused if outcome.intervened[0] else "")
+        if outcome.intervened[0]:
+            self._show(refused, MOVES[action])
+        else:
+            self._show("")
         if self.flight.ended:
             self._fly_others()
 
@@ -132,10 +135,10 @@ class FlyLab(ipywidgets.VBox):
             return "the map ends there"
         return "a tall building is there" if city.buildings[row, col] else "a no-fly zone is there"
 
-    def _show(self, message: str) -> None:
+    def _show(self, message: str, refused: Sequence[int] = ()) -> None:
         state, flights = self.flight.state, self.flight.flights()
         begin = max(int(flights.steps[0]) - 1, 0)  # the last step plays, the others have been seen
-        self.stage.show(self.environment, {"your flight": flights}, begin)
+        self.stage.show(self.environment, {"your flight": flights}, begin, refused=refused)
         landed = "landed" if state.landed[0] else "out of time: crashed"
         now = landed if self.flight.ended else f"{state.time_left[0]} units of time left"
         left = ", ".join(

@@ -53,6 +53,7 @@ LABS = {  # for each title: how the page makes the lab, and what it is about
 }
 
 
+LINKS = {CITY: "City", MISSION: "Mission"}  # which lab opens what stands in an address
 WATCHED = {  # what is lost if one leaves the page: in which lab, and what `Address` calls it
     "City": ("unsaved", "painted"),
     "Training": ("running", "training"),
@@ -66,8 +67,11 @@ class Address(anywidget.AnyWidget):
 
     | trait | meaning |
     | --- | --- |
-    | `painted` | a painted city, the PNG in base64; lost, unless a link that saves it was clicked |
+    | `painted` | a painted city, as in a link; lost, unless a link that saves it was clicked |
     | `training` | whether a training is on |
+
+    For a link that was clicked and opens a city or a mission, it tells `copied`, whether it is in
+    the clipboard now, and `value`, what the link holds.
     """
 
     _esm = """
@@ -80,10 +84,26 @@ class Address(anywidget.AnyWidget):
       };
       const save = (event) => {
         const address = event.target.closest?.("a")?.getAttribute("href");
-        if (address) saved.add(address.split(/city=|base64,/).at(-1));
+        if (address) saved.add(plain(address.split(/city=|base64,/).at(-1)));
         mark();
       };
+      // As in a link, whether it comes from one or from a file.
+      const plain = (code) =>
+        code.split("&")[0].replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
+      const copy = async (event) => {
+        const link = event.target.closest?.("a[href^='#city='], a[href^='#mission=']");
+        if (!link) return;
+        const value = link.hash.slice(1);
+        let copied = true;
+        try {
+          await navigator.clipboard.writeText(link.href);
+        } catch {
+          copied = false; // the browser, or who uses it, does not allow it
+        }
+        model.send({ value, copied });
+      };
       document.addEventListener("click", save);
+      document.addEventListener("click", copy);
       model.on("change:painted", mark);
       model.on("change:training", mark);
       const tell = () => {
@@ -94,6 +114,7 @@ class Address(anywidget.AnyWidget):
       tell();
       return () => {
         document.removeEventListener("click", save);
+        document.removeEventListener("click", copy);
         model.off("change:painted", mark);
         model.off("change:training", mark);
         removeEventListener("hashchange", tell);
@@ -127,12 +148,18 @@ class Labs(ipywidgets.Tab):
         self.selected_index = 0
         self._open(0)
         self.address.observe(lambda change: self._visit(change.new), "value")
+        self.address.on_msg(lambda _, told, buffers: self._tell_link(**told))
 
     def _visit(self, address: str) -> None:
-        for start, title in ((CITY, "City"), (MISSION, "Mission")):
+        for start, title in LINKS.items():
             if address.startswith(start):
                 self.selected_index = list(LABS).index(title)
                 self.made[title].open_link(address.removeprefix(start))
+
+    def _tell_link(self, value: str, copied: bool) -> None:
+        for start, title in LINKS.items():
+            if value.startswith(start) and title in self.made:
+                self.made[title].tell_link(copied)
 
     def painted(self) -> City:
         """The city of the city editor; `InputError` if there is none, or if it is not finished."""

@@ -11,7 +11,8 @@ from uavdh_lite.city import City
 from uavdh_lite.environment import Rewards
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights
-from uavdh_lite.labs.draft import History
+from uavdh_lite.labs.draft import History, is_changed
+from uavdh_lite.labs.links import AGAIN, COPIED, HERE, decode, encode
 from uavdh_lite.labs.menu import CityMenu
 from uavdh_lite.labs.stage import Stage, together
 from uavdh_lite.labs.views import Charts, policy_title
@@ -20,13 +21,15 @@ from uavdh_lite.labs.widgets import (
     TEXT,
     WRAP,
     CellPicker,
+    changed_note,
     link,
+    say_changed,
     status,
     table,
     undo_and_redo,
     words,
 )
-from uavdh_lite.missions import Mission, as_json, read_mission
+from uavdh_lite.missions import LARGEST, Mission, as_json, read_mission
 from uavdh_lite.plotting import RED
 from uavdh_lite.policies import find_policy, policies_for
 
@@ -34,6 +37,7 @@ with extra("notebooks"):
     import ipywidgets
 
 NONE = "none"
+OPEN = "Your mission is as it was: mend the file, and open it again"
 ADDRESS = "mission="  # what stands behind the # of an address that opens a mission
 LABEL = {"description_width": "95px"}  # room for the labels of controls
 NARROW = {"width": "245px"}
@@ -68,13 +72,12 @@ class MissionLab(ipywidgets.VBox):
     """Set a mission, fly it, and compare up to three policies on it under the same fading.
 
     Devices and the start are dragged on the map, amounts of data and the flying time on the bars.
-    Every change can be undone.
+    Every change can be undone. A mission is saved as a file, and opened from one.
 
     Arguments:
         city: the name of a shipped city to start with, or the path of a PNG with your own.
         painted: returns the city to fly as *my city*; see `CityMenu`.
-        linked: offer the mission as a file, and as a link that opens it on the labs' page; see
-            `open_link`.
+        linked: offer a link that opens the mission on the labs' page; see `open_link`.
     """
 
     _silent = False
@@ -97,7 +100,7 @@ class MissionLab(ipywidgets.VBox):
                 self.message,
                 together([self.sentence, self._views()]),
                 self.numbers,
-                self.take_home,
+                ipywidgets.HBox([self.upload, self.take_home], layout=WRAP),
                 words(self.words),
             ]
         )
@@ -129,6 +132,13 @@ class MissionLab(ipywidgets.VBox):
             description="mission", min=0, max=10**6, tooltip="the number of the random mission"
         )
         self.number.style, self.number.layout = {"description_width": "55px"}, {"width": "135px"}
+        self.changed = changed_note()
+        self.upload = ipywidgets.FileUpload(
+            accept=".json",
+            multiple=False,
+            description="open mission",
+            tooltip="a file that was saved here, or by the command fly",
+        )
         self.draw = ipywidgets.Button(
             description="random mission", icon="random", tooltip="the next random mission"
         )
@@ -159,7 +169,10 @@ class MissionLab(ipywidgets.VBox):
             [
                 row([self.city, self.policy, self.other, self.third, self.draw], layout=WRAP),
                 row(
-                    [self.click, self.picker, self.number, self.seed, self.undo, self.redo],
+                    [
+                        *(self.click, self.picker, self.number, self.changed, self.seed),
+                        *(self.undo, self.redo),
+                    ],
                     layout=WRAP,
                 ),
             ]
@@ -176,6 +189,7 @@ class MissionLab(ipywidgets.VBox):
         for control in (self.policy, self.other, self.third):
             control.observe(lambda _: self._fly(), "value")
         self.seed.observe(lambda change: self._change(seed=change.new), "value")
+        self.upload.observe(lambda change: self._read(change.new), "value")
         self.stage.observe(lambda _: self._show(), "step")
 
     def _set_city(self, again: bool = False) -> None:
@@ -224,23 +238,53 @@ class MissionLab(ipywidgets.VBox):
     def open_link(self, code: str) -> None:
         """Fly the mission of a link, its file in base64; if it is none, say why."""
         if code == self._code():
-            self._say("The address of this page now opens this mission: copy it.", TEXT)
+            if COPIED not in self.message.value:
+                self._say(HERE, TEXT)
             return
         try:
-            mission = read_mission(base64.b64decode(code, validate=True).decode())
+            mission = read_mission(decode(code).decode())
         except InputError as error:
-            self._say(f"the link holds no mission: {error}. Copy it again, as a whole")
-            return
+            self._say(f"the link holds no mission: {error}. {AGAIN}")
         except ValueError:
-            self._say("the link holds no mission: part of it is missing. Copy it again, as a whole")
-            return
+            self._say(f"the link holds no mission: part of it is missing. {AGAIN}")
+        else:
+            self._open(mission)
+
+    def tell_link(self, copied: bool) -> None:
+        """Say where the link is that was clicked."""
+        self._say(COPIED if copied else HERE, TEXT)
+
+    def _open(self, mission: Mission) -> None:
+        """Go on with a mission that comes from elsewhere."""
         with self._quiet():
             self.city.take(mission.city)
+            self.number.value = mission.seed  # if it was a random one, this was its number
         self._begin(mission)
 
+    def _read(self, files) -> None:
+        """Fly the mission of an uploaded file; if it is none, say why and change nothing."""
+        if not files:
+            return
+        name, data = files[0]["name"], bytes(files[0]["content"])
+        self.upload.value = ()  # so that the same file can be opened again
+        try:
+            if len(data) > LARGEST:
+                raise InputError(f"{len(data):,} bytes: no mission is that large")
+            mission = read_mission(data.decode())
+        except UnicodeDecodeError:
+            self._say(f"{name}: not a JSON file. {OPEN}")
+        except InputError as error:
+            self._say(f"{name}: {error}. {OPEN}")
+        else:
+            self._open(mission)
+
+    def _file(self) -> bytes:
+        """The mission's file."""
+        return json.dumps(as_json(self.mission)).encode()
+
     def _code(self) -> str:
-        """The mission's file in base64."""
-        return base64.b64encode(json.dumps(as_json(self.mission)).encode()).decode()
+        """The mission's file as it stands in a link."""
+        return encode(self._file())
 
     def _go(self, by: int) -> None:
         """Undo a change (-1), or redo one (1)."""
@@ -303,13 +347,16 @@ class MissionLab(ipywidgets.VBox):
     def _show_mission(self, mission: Mission) -> None:
         self.mission, self._picked = mission, None
         self.undo.disabled, self.redo.disabled = (not self._history.can(by) for by in (-1, 1))
+        data = base64.b64encode(self._file()).decode()
+        save = link("save as JSON", f"data:application/json;base64,{data}", "my_mission.json")
         if self._linked:
-            code = self._code()
-            save = link("save as JSON", f"data:application/json;base64,{code}", "my_mission.json")
-            self.take_home.value = (
-                f"{save} or as a {link('link', f'#{ADDRESS}{code}')}: the page keeps nothing when "
-                "you leave it. The file is for <code>python -m uavdh_lite fly --mission</code>."
-            )
+            save += f" or as a {link('link', f'#{ADDRESS}{self._code()}')}"
+        self.take_home.value = (
+            f"{save}: the page keeps nothing when you leave it. The file is for this button, and "
+            "for <code>python -m uavdh_lite fly --mission</code>."
+        )
+        drawn = Mission.draw(self.scenario, mission.city, self.number.value)
+        say_changed(self.changed, self.number.value, is_changed(mission, drawn))
         with self._quiet():
             self.seed.value = mission.seed
         self._fly()

@@ -8,6 +8,11 @@ function render({ model, el }) {
   const listens = (kind) => model.get("listens").includes(kind);
   let moved = null; // the last place that Python does not know of
 
+  let pixels = [0, 0]; // the picture's; while the next one loads, it has none of its own
+  image.addEventListener("load", () => {
+    pixels = [image.naturalWidth, image.naturalHeight];
+  });
+
   function show() {
     URL.revokeObjectURL(image.src);
     image.src = URL.createObjectURL(new Blob([model.get("value")], { type: "image/png" }));
@@ -15,8 +20,10 @@ function render({ model, el }) {
 
   function tell(kind, event) {
     const { left, top, width, height } = image.getBoundingClientRect();
-    const x = ((event.clientX - left) / width) * image.naturalWidth;
-    const y = ((event.clientY - top) / height) * image.naturalHeight;
+    const [across, down] = pixels;
+    if (!across || !width || !height) return;
+    const x = ((event.clientX - left) / width) * across;
+    const y = ((event.clientY - top) / height) * down;
     model.send({ kind, x, y, pressed: (event.buttons & 1) === 1 });
   }
 
@@ -59,6 +66,24 @@ function render({ model, el }) {
     el.style.setProperty("--ratio", width / height);
   }
 
+  // The colours of the page around, so that no white box stands on a dark page.
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  function look() {
+    if (!el.isConnected) return;
+    const page = { paper: hex(paperBehind(el)), ink: hex(getComputedStyle(el).color) };
+    const known = model.get("page");
+    if (page.paper === known.paper && page.ink === known.ink) return;
+    model.set("page", page);
+    model.save_changes();
+  }
+  const lookSoon = () => setTimeout(look, 100); // once the page has its new colours
+  const themes = new MutationObserver(lookSoon); // JupyterLab's are named at the body
+  themes.observe(document.body, { attributeFilter: ["data-jp-theme-name", "data-jp-theme-light"] });
+  dark.addEventListener("change", lookSoon);
+  document.addEventListener("fullscreenchange", lookSoon);
+  const placed = new ResizeObserver(look); // it is on the page now
+  placed.observe(el);
+
   const describe = () => {
     image.alt = model.get("alt");
   };
@@ -76,8 +101,27 @@ function render({ model, el }) {
   return () => {
     for (const [name, change] of Object.entries(changes)) model.off(name, change);
     document.removeEventListener("keydown", pressed);
+    document.removeEventListener("fullscreenchange", lookSoon);
+    dark.removeEventListener("change", lookSoon);
+    themes.disconnect();
+    placed.disconnect();
     URL.revokeObjectURL(image.src);
   };
+}
+
+// The colour behind an element: its own, or the first one around it.
+function paperBehind(element) {
+  for (let each = element; each; each = each.parentElement) {
+    const colour = getComputedStyle(each).backgroundColor;
+    if (!/, 0\)$|^transparent$/.test(colour)) return colour;
+  }
+  return "rgb(255, 255, 255)";
+}
+
+// A colour as #rrggbb.
+function hex(colour) {
+  const numbers = colour.match(/[\d.]+/g).slice(0, 3);
+  return `#${numbers.map((each) => Math.round(each).toString(16).padStart(2, "0")).join("")}`;
 }
 
 export default { render };

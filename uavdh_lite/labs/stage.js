@@ -11,6 +11,11 @@ function render({ model, el }) {
   let drawn = null; // the drawing that is shown
   let held = null; // what is being dragged
   let told = null; // the step that Python knows of
+  // What keys have set since Python last answered, by its name. Keys count on from there: what is
+  // drawn meanwhile is older.
+  let wanted = {};
+  let isAhead = false; // whether what is shown is not what Python drew
+  let sent = model.get("answered");
   const steered = () => model.get("steering").length > 0; // then the step is always the last one
 
   // The flights and what belongs to them
@@ -21,6 +26,7 @@ function render({ model, el }) {
     const focused = nameOf(document.activeElement);
     drawn = model.get("drawing");
     el.innerHTML = drawn;
+    isAhead = false;
     [player, held] = [null, null];
     const root = el.querySelector(".uavdh-player");
     if (!root) return;
@@ -41,6 +47,7 @@ function render({ model, el }) {
     controls.append(fullScreen);
     root.prepend(controls); // next to what a lab says of the step, and in sight on a low screen
     if (model.get("editable")) makeEditable(root);
+    markRefusal(root);
     if (steered()) el.tabIndex = 0;
     if (focused) el.querySelector(focused)?.focus({ preventScroll: true });
     if (begin >= 0) player.playFrom(Math.min(begin, player.last));
@@ -58,7 +65,34 @@ function render({ model, el }) {
     return element.matches(".play") ? ".play" : named;
   }
 
-  const send = (kind, told) => model.send({ kind, ...told });
+  function send(kind, told) {
+    sent += 1;
+    model.send({ kind, ...told });
+  }
+
+  // Python has done what a message asked for, or has refused it.
+  function answered() {
+    if (model.get("answered") < sent) return;
+    sent = model.get("answered");
+    wanted = {};
+    if (isAhead) draw();
+  }
+
+  // A move that was refused: the border of the UAV's cell that it would have crossed is red.
+  function markRefusal(root) {
+    const refused = model.get("refused");
+    const uav = root.querySelector("[data-uav]");
+    if (!refused.length || !uav) return;
+    const [down, right] = refused;
+    const border = document.createElementNS(SVG, "path");
+    const [along, across] = [Math.abs(down), Math.abs(right)];
+    const side = `M${(right - along) / 2} ${(down - across) / 2}l${along} ${across}`;
+    border.setAttribute("d", along || across ? side : "M-.5 -.5h1v1h-1z");
+    border.setAttribute("class", "refused");
+    border.setAttribute("transform", uav.getAttribute("transform"));
+    uav.before(border);
+    uav.classList.add("shaken");
+  }
 
   // Maps: a device or the start is dragged; the same cell twice is a click.
   function placeOf(svg, event) {
@@ -66,7 +100,17 @@ function render({ model, el }) {
     return new DOMPoint(event.clientX, event.clientY).matrixTransform(matrix);
   }
 
-  const cellOf = ({ x, y }) => [Math.round(y), Math.round(x)];
+  // Up to half a cell outside of the map, the nearest cell is meant.
+  function cellOf({ x, y }) {
+    const last = model.get("size") - 1;
+    const nearest = (value) => Math.min(Math.max(value, 0), last);
+    return [y, x].map((value) => {
+      const near = nearest(value);
+      return Math.round(Math.abs(value - near) <= 1 ? near : value);
+    });
+  }
+
+  const isInside = (cell) => cell.every((each) => each >= 0 && each < model.get("size"));
 
   function movedTo(selector, { x, y }) {
     for (const each of el.querySelectorAll(selector)) {
@@ -84,7 +128,17 @@ function render({ model, el }) {
         device.setAttribute("aria-label", about);
       }
     }
+    for (const [name, cell] of Object.entries(wanted)) {
+      if (name.startsWith("place")) moveAhead(name.split(" ")[1], cell);
+    }
     for (const bar of root.querySelectorAll(".bar")) makeSlider(bar);
+  }
+
+  // Show a device where keys have moved it.
+  function moveAhead(device, [y, x]) {
+    wanted[`place ${device}`] = [y, x];
+    isAhead = true;
+    movedTo(`.map [data-device="${device}"]`, { x, y });
   }
 
   // A device's line begins in its cell.
@@ -129,7 +183,7 @@ function render({ model, el }) {
     held = null;
     const to = cellOf(placeOf(svg, event));
     if (what && !same(from, to)) movedTo(what, { x: to[1], y: to[0] });
-    if (what || same(from, to)) send("drop", { from, to });
+    if (what || (same(from, to) && isInside(to))) send("drop", { from, to });
   }
 
   function cancel() {
@@ -147,6 +201,9 @@ function render({ model, el }) {
     const digits = kind === "data" ? 1 : 0;
     const longest = Math.max(most, given);
     const within = (value) => Math.min(Math.max(value, least), longest);
+    const name = `${kind} ${device}`;
+    let now = wanted[name] ?? given;
+    if (now !== given) isAhead = true;
     bar.tabIndex = -1;
     room.classList.add("slider");
     room.tabIndex = 0;
@@ -167,7 +224,10 @@ function render({ model, el }) {
 
     function set(value) {
       preview(value);
-      if (value !== given) send(kind, { device: device && Number(device), value });
+      if (value === now) return;
+      now = wanted[name] = value;
+      isAhead = true;
+      send(kind, { device: device && Number(device), value });
     }
 
     function under(event) {
@@ -176,7 +236,7 @@ function render({ model, el }) {
       return within(Math.round(value / least) * least);
     }
 
-    preview(given);
+    preview(now);
     room.addEventListener("pointerdown", (event) => {
       if (event.button !== 0) return;
       event.preventDefault();
@@ -190,7 +250,7 @@ function render({ model, el }) {
     room.addEventListener("pointerup", (event) => set(under(event)));
     const steps = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -5, PageUp: 5 };
     room.addEventListener("keydown", (event) => {
-      const to = { Home: least, End: longest }[event.key] ?? given + least * steps[event.key];
+      const to = { Home: least, End: longest }[event.key] ?? now + least * steps[event.key];
       if (Number.isNaN(to)) return;
       event.preventDefault();
       event.stopPropagation(); // the keys are the slider's, not the player's
@@ -210,10 +270,13 @@ function render({ model, el }) {
     } else if (device && model.get("editable") && MOVES[event.key]) {
       event.preventDefault();
       event.stopPropagation();
-      const line = device.ownerSVGElement.querySelector(`[data-link="${device.dataset.device}"]`);
-      const from = cellOfLink(line);
+      const [svg, number] = [device.ownerSVGElement, device.dataset.device];
+      const line = svg.querySelector(`[data-link="${number}"]`);
+      const from = wanted[`place ${number}`] ?? cellOfLink(line);
       const move = MOVES[event.key];
-      send("drop", { from, to: [from[0] + move[0], from[1] + move[1]] });
+      const to = [from[0] + move[0], from[1] + move[1]];
+      if (isInside(to) && deviceAt(svg, to) === null) moveAhead(number, to);
+      send("drop", { from, to });
     }
   }
   el.addEventListener("keydown", pressed, { capture: true });
@@ -235,11 +298,13 @@ function render({ model, el }) {
     told = model.get("step");
     player.go(told);
   };
+  model.on("change:answered", answered);
   model.on("change:drawing", draw);
   model.on("msg:custom", draw);
   model.on("change:step", follow);
   draw();
   return () => {
+    model.off("change:answered", answered);
     model.off("change:drawing", draw);
     model.off("msg:custom", draw);
     model.off("change:step", follow);

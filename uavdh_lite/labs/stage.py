@@ -60,6 +60,7 @@ class Stage(anywidget.AnyWidget):
     | --- | --- |
     | `step` | the step that is shown, at most that of the longest flight; set it to show another |
     | `most` | the right end of the bars: `data` in data units, `time` in units of time |
+    | `answered` | how many messages from the browser have been done or refused |
     """
 
     _esm = f"{script()}\n{_read('fullscreen.js')}\n{_read('stage.js')}"
@@ -71,6 +72,9 @@ class Stage(anywidget.AnyWidget):
     most = traitlets.Dict({"data": 20.0, "time": 70}).tag(sync=True)
     editable = traitlets.Bool(False).tag(sync=True)
     steering = traitlets.List().tag(sync=True)
+    size = traitlets.Int(0).tag(sync=True)
+    refused = traitlets.List().tag(sync=True)
+    answered = traitlets.Int(0).tag(sync=True)
 
     def __init__(
         self,
@@ -89,7 +93,13 @@ class Stage(anywidget.AnyWidget):
             "undo": lambda told: undone and undone(int(told["by"])),
             "key": lambda told: pressed(told["key"]),
         }
-        self.on_msg(lambda _, told, buffers: self._hear[told["kind"]](told))
+        self.on_msg(lambda _, told, buffers: self._answer(told))
+
+    def _answer(self, told: dict) -> None:
+        try:
+            self._hear[told["kind"]](told)
+        finally:
+            self.answered += 1  # after the drawing that it led to
 
     def put_back(self) -> None:
         """Draw the mission as it is: what was dragged or set on the stage was refused."""
@@ -101,6 +111,7 @@ class Stage(anywidget.AnyWidget):
         flights: Mapping[str, Flights],
         begin: int | None = None,
         q_values: Sequence[Sequence[float | None]] = (),
+        refused: Sequence[int] = (),
     ) -> None:
         """Show the flights of one mission, by their names.
 
@@ -108,11 +119,14 @@ class Stage(anywidget.AnyWidget):
             begin: play from this step on; by default the whole flights are shown.
             q_values: for each step of the first flight, how large the sign of each action is, from
                 0 to 1; None for none.
+            refused: the rows and columns of the last step's move, if it was refused; zeros for a
+                landing.
         """
         played = play(environment, {name: each.trajectory(0) for name, each in flights.items()})
         last = max(int(each.steps[0]) for each in flights.values())
         with self.hold_sync():
             self.begin = -1 if begin is None else begin
+            self.size, self.refused = environment.city.size, [int(each) for each in refused]
             self.q_values = [list(each) for each in q_values]
             self.step = last if begin is None else begin
             self.drawing = played.drawing

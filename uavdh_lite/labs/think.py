@@ -2,7 +2,9 @@
 
 import numpy as np
 import torch
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from torch import Tensor
 
 from uavdh_lite.agent import Agent, saliency, value_map
@@ -20,6 +22,16 @@ with extra("notebooks"):
     import ipywidgets
 
 CHOSEN, OTHER = BLUE, "#BBBBBB"
+PLACE = 770, 450  # the width and height of all pictures, pixels
+BELOW = 0.29  # the ranges lie so far below the middle of a row, in rows
+UAV = {  # its mark: a ring that can be seen on any colour
+    "clip_on": False,
+    "mfc": "none",
+    "mec": "black",
+    "ms": 11,
+    "mew": 1.1,
+    "path_effects": [withStroke(linewidth=2.8, foreground="white")],
+}
 HALF, MOST = (0.25, 0.75), (0.1, 0.9)  # the parts of a distribution that are drawn as ranges
 FORBIDDEN = "not allowed"
 WORDS = {
@@ -30,8 +42,9 @@ WORDS = {
     "close call: an error of the network could turn it round",
     FORBIDDEN: "the failsafe keeps the way home open, so this action cannot be chosen here. Agents "
     "without a failsafe, such as <i>manhattan_ddqn</i>, may choose any",
-    "lines on the bars": "where the middle 50% and 80% of the returns lie that the agent expects, "
-    "for agents that learned quantiles",
+    "lines below the bars": "where the middle 50% and 80% of the returns lie that the agent "
+    "expects, for agents that learned quantiles. ◂ at the left end: it goes on, beyond what is "
+    "drawn",
     "softmax policy": "the chance of each action in training, exp(Q/temperature) in proportion. "
     "When it flies for real, the agent takes the best action",
     "temperature": "low: the best action nearly always; high: all actions alike",
@@ -53,19 +66,18 @@ class Thoughts:
     """
 
     def __init__(self):
-        figure = Figure(figsize=(7.2, 5.6), dpi=100)
-        above, below = figure.add_gridspec(
-            2, 1, left=0.01, right=0.98, top=0.95, bottom=0.01, height_ratios=(2, 4), hspace=0.22
-        )
-        columns = above.subgridspec(1, 8, wspace=0)
-        self.bars = figure.add_subplot(columns[1:5])
-        self.chances = figure.add_subplot(columns[6:])
-        grid = below.subgridspec(2, 4, wspace=0.05, hspace=0.18)
-        self.pictures = [figure.add_subplot(grid[k // 4, k % 4]) for k in range(7)]
-        self.canvas = Canvas(figure)
+        figure = Figure(figsize=(PLACE[0] / 100, PLACE[1] / 100), dpi=130)
+        self.bars = _axes(figure, 66, 26, 226, 200, facecolor="none")
+        self.chances = _axes(figure, 366, 26, 62, 200, facecolor="none")
+        self.key = _axes(figure, 508, 22, 262, 428, facecolor="none")
+        seen = [(508 + 136 * (k % 2), 40 + 142 * (k // 2), 124) for k in range(len(LAYERS))]
+        made = [(66 + 206 * k, 280, 168) for k in range(2)]
+        self.pictures = [_axes(figure, x, y, side, side) for x, y, side in (*seen, *made)]
+        self.canvas = Canvas(figure, lambda: self.show(self._step))
         self.temperature = 0.1
         self.agent: Agent | None = None
         self.sizes: list[list[float | None]] = []
+        self._step = 0
 
     def set_flight(self, name: str, flights: Flights, policy: Policy, last: int) -> None:
         """Compute the Q-values of the whole flight and draw what does not change."""
@@ -82,52 +94,84 @@ class Thoughts:
         self.q = only_allowed(self.agent.q_values(states), self.agent.allowed(states))
         self.returns = self.agent.returns(states)
         self.sizes = [_sizes(values) for values in self.q]
-        title = "Q-values"
+        self._add_bars()
+        self.images = self._add_images()
+        self._add_key()
+        self.canvas.draw_all()
+
+    def _add_bars(self) -> None:
+        """Bars without length, a number at the right of each, and below each bar its ranges."""
+        title, aside, thick = "Q-values", 0.0, 0.6
         known = self.q[self.q.isfinite()]
+        ends = known
         if self.returns is not None:
-            title = "Q-values; lines: 50% and 80% of the returns"
-            known = self.returns[self.q.isfinite()].quantile(torch.tensor(MOST), dim=1)
-        low, high = float(known.min()), float(known.max())
-        low = max(low, -0.3 * max(high, 1))  # a bar far below is cut off: its number says the rest
-        self.bars.set(title=title, xlim=(min(low, 0) - 1, 1.25 * max(high, 0) + 1))
-        self.chances.set(title="softmax policy", xlim=(0, 1.4), xticks=(0, 0.5, 1))
+            title, aside, thick = "Q-values; lines: 50% and 80% of returns", 0.13, 0.46
+            ends = self.returns[self.q.isfinite()].quantile(torch.tensor(MOST), dim=1)
+        low, high = float(min(known.min(), ends.min())), float(max(known.max(), ends.max()))
+        low = max(low, -0.3 * max(high, 1))  # what is far below is cut off, with a mark
+        span = max(high, 0) - min(low, 0)
+        self.bars.set(xlim=(min(low, 0) - 0.04 * span, max(high, 0) + 0.04 * span))
+        self.bars.set_title(title, fontsize="medium", loc="left")
+        self.chances.set(xlim=(0, 1), xticks=())
+        self.chances.set_title("softmax policy", fontsize="medium", loc="left")
+        rows = np.arange(len(ACTIONS))
+        for ax, names in ((self.bars, ACTIONS), (self.chances, ())):
+            ax.set(ylim=(len(ACTIONS) - 0.4, -0.6), yticks=rows[: len(names)], yticklabels=names)
+            ax.spines[["top", "right", "left"]].set_visible(False)
+            ax.tick_params(left=False)
+        self.chances.spines["bottom"].set_visible(False)
+        self.bars.axvline(0, color="black", lw=0.8)
+        self.chances.axvline(0, color="black", lw=0.8)
         self.changing = [
             (ax, bar)
-            for ax in (self.bars, self.chances)
-            for bar in ax.barh(ACTIONS, np.zeros(len(ACTIONS)), color=OTHER)
+            for ax, off, height in ((self.bars, aside, thick), (self.chances, 0, 0.6))
+            for bar in ax.barh(
+                rows - off, np.zeros(len(ACTIONS)), height, color=OTHER, animated=True
+            )
         ]
         self.numbers = [
-            ax.text(0, row, "", va="center", fontsize="x-small", animated=True)
+            ax.text(0, row, "", va="center", animated=True, transform=ax.get_yaxis_transform())
             for ax in (self.bars, self.chances)
-            for row in range(len(ACTIONS))
+            for row in rows
         ]
         self.ranges = [
-            self.bars.hlines(range(len(ACTIONS)), 0, 0, color="black", lw=width, animated=True)
-            for width in (4, 1.2)
+            self.bars.hlines(rows, 0, 0, lw=width, animated=True) for width in (4.5, 1.3)
         ]
-        for ax in (self.bars, self.chances):
-            ax.invert_yaxis()
-        self.images = self._add_images()
-        self.canvas.draw_all()
+        self.aside = aside
+        (self.cut,) = self.bars.plot([], [], "<", color="black", ms=7, animated=True)
+        self.cut.set_clip_on(False)
 
     def _add_images(self) -> list:
         """Seven empty pictures, each with its scale: five layers, saliency, largest Q-values."""
         width, size = self.agent.observation.width, self.agent.city.size
         most = max(float(self.states[0].data_initial.max()) / self.agent.recipe.data_scale, 1e-6)
-        images = []
+        images, self.marks = [], []
         for k, ax in enumerate(self.pictures):
             name = (*LAYERS, "saliency", "largest Q-value")[k]
             side = size if k == 6 else width
             colours = "viridis" if k == 6 else "magma_r"
             image = ax.imshow(np.zeros((side, side)), cmap=colours, animated=True)
             image.set_clim(0, most if k in (3, 4) else 1)
-            ax.set_title(name, fontsize="small")
+            ax.set_title(name, fontsize="medium" if k > 4 else "small", pad=3)
             ax.set(xticks=[], yticks=[])
             images.append(image)
+            (mark,) = ax.plot([], [], "o", animated=True, **UAV)
+            self.marks.append(mark)
         return images
+
+    def _add_key(self) -> None:
+        """What the pictures have in common, where a sixth layer would be."""
+        key = self.key
+        key.set(xlim=(0, 262), ylim=(428, 0))
+        key.axis("off")
+        key.set_title("what the network sees", fontsize="medium", loc="left", pad=5)
+        key.plot(151, 322, "o", **UAV)
+        for y, said in ((322, "the UAV"), (346, "light: no, none"), (366, "dark: yes, much")):
+            key.text(166 if y == 322 else 142, y, said, va="center", fontsize="small")
 
     def show(self, step: int) -> None:
         """Show the numbers and pictures of a step."""
+        self._step = step
         if self.agent is None:
             self.canvas.draw()
             return
@@ -153,25 +197,50 @@ class Thoughts:
             said = f"{value:.{digits}f}" if of_q else f"{value:.0%}"
             text.set_text(said if allowed[action] else FORBIDDEN if of_q else "")
             low, high = text.axes.get_xlim()
-            text.set_x(max(value, 0) + 0.02 * (high - low))
+            inside = of_q and not allowed[action]  # there is no bar
+            text.set(x=0.02 - low / (high - low) if inside else 1.05 + 0.16 * of_q)
+            text.set(ha="left" if inside or not of_q else "right", fontsize="small")
+        self._place_marks(full_map, state)
         pictures = list(zip(self.pictures, self.images, strict=True))
+        pictures += zip(self.pictures, self.marks, strict=True)
         numbers = [(text.axes, text) for text in self.numbers]
         shown = "Q-values, softmax policy, layers of the map, saliency, largest Q-values"
         self.canvas.draw(
             pictures + self.changing + self._ranges(step) + numbers, f"{shown}. {self.told(step)}"
         )
 
+    def _place_marks(self, full_map: Tensor, state: State) -> None:
+        """Mark the UAV: in the layers and the saliency, and in the map of the city."""
+        row, col = divmod(int(state.uav_cell[0]), self.agent.city.size)
+        middle = self.agent.observation.width // 2
+        there = middle, middle
+        if self.agent.observation.kind == "non_centred":  # its last layer says where
+            there = divmod(int(full_map[-1].argmax()), full_map.shape[-1])
+        for number, mark in enumerate(self.marks):
+            y, x = (row, col) if number == len(LAYERS) + 1 else there
+            mark.set_data([x], [y])
+
     def _ranges(self, step: int) -> list:
-        """Where half and most of the returns of the allowed actions lie, as lines on the bars."""
-        if self.returns is None:
-            return []
+        """Where half and most of the returns of the allowed actions lie, as lines below the bars.
+
+        What is cut off at the left has a mark there.
+        """
         (allowed,) = self.q[step].isfinite().nonzero(as_tuple=True)
-        for lines, levels in zip(self.ranges, (HALF, MOST), strict=True):
-            ends = self.returns[step, allowed].quantile(torch.tensor(levels), dim=1).T
-            lines.set_segments(
-                [[(low, row), (high, row)] for row, (low, high) in zip(allowed, ends, strict=True)]
-            )
-        return [(self.bars, lines) for lines in self.ranges]
+        edge = self.bars.get_xlim()[0]
+        cut = [int(row) - self.aside for row in allowed if self.q[step, row] < edge]
+        lines = []
+        if self.returns is not None:
+            lines = self.ranges
+            for line, levels in zip(lines, (HALF, MOST), strict=True):
+                ends = self.returns[step, allowed].quantile(torch.tensor(levels), dim=1).T
+                rows = allowed + BELOW
+                line.set_segments(
+                    [[(low, y), (high, y)] for y, (low, high) in zip(rows, ends, strict=True)]
+                )
+                line.set_color(self.canvas.ink)
+            cut += [float(y) for y, (low, _) in zip(rows, ends, strict=True) if low < edge]
+        self.cut.set_data([edge] * len(cut), cut)
+        return [(self.bars, each) for each in (*lines, self.cut)]
 
     def closest_call(self) -> int:
         """The step with the smallest action gap while there is data to collect, if there is any.
@@ -200,6 +269,14 @@ class Thoughts:
         )
 
 
+def _axes(figure: Figure, x: int, y: int, width: int, height: int, **options) -> Axes:
+    """Axes whose north-west corner is so many pixels from that of the figure."""
+    whole, high = PLACE
+    return figure.add_axes(
+        (x / whole, 1 - (y + height) / high, width / whole, height / high), **options
+    )
+
+
 def _sizes(q: Tensor) -> list[float | None]:
     """Q-values, (6,), from 0 for the smallest to 1 for the largest; None for −∞."""
     known = q[q.isfinite()]
@@ -222,7 +299,9 @@ class ThinkLab(MissionLab):
 
     def _views(self) -> ipywidgets.Widget:
         self.stage.layout = {"flex": "1 1 400px", "min_width": "0"}
-        return ipywidgets.HBox([self.stage, self.charts.canvas.picture], layout=WRAP)
+        views = ipywidgets.HBox([self.stage, self.charts.canvas.picture], layout=WRAP)
+        views.add_class("uavdh-beside")
+        return views
 
     def _controls(self) -> ipywidgets.Widget:
         self.temperature = ipywidgets.FloatLogSlider(

@@ -146,8 +146,8 @@ class TrainingLab(ipywidgets.VBox):
         self.progress = ipywidgets.IntProgress(min=0, max=self.recipe.steps, description="steps")
         self.status = ipywidgets.HTML()
         figure = Figure(figsize=(5.2, 4.2), dpi=100)
-        self.ax = figure.add_axes((0.12, 0.13, 0.83, 0.72))
-        self.curves, self.stage = Canvas(figure), Stage()
+        self.ax = figure.add_axes((0.12, 0.13, 0.83, 0.72), facecolor="none")
+        self.curves, self.stage = Canvas(figure, self._draw_again), Stage()
         self.stage.layout = BESIDE
         self.looked_at = ipywidgets.IntSlider(
             max=0,
@@ -386,6 +386,15 @@ class TrainingLab(ipywidgets.VBox):
             frameon=False,  # above the curves, which it would hide
         )
         self.curves.draw_all()
+
+    def _draw_again(self) -> None:
+        """Draw the curves in the page's new colours."""
+        with self._drawing:
+            self._draw_curves()
+            if self.flown:
+                self._mark(self._rows()[self.looked_at.value]["steps"])
+            else:
+                self.curves.draw()
 
     def _mark(self, steps: int) -> None:
         """Mark the validation whose flight is shown."""

@@ -12,7 +12,8 @@ from uavdh_lite.plotting import device_colour
 from uavdh_lite.policies import PLANNERS
 
 # The terms of the reward, in colours that are not those of devices
-TERMS = {"data": "#332288", "movement": "#BBBBBB", "safety": "#DDCC77", "crash": "#882255"}
+# and can be seen on a light page and on a dark one
+TERMS = {"data": "#7E6FD8", "movement": "#BBBBBB", "safety": "#DDCC77", "crash": "#C2477F"}
 
 
 def policy_title(name: str) -> str:
@@ -30,11 +31,11 @@ class Charts:
 
     def __init__(self):
         figure = Figure(figsize=(11.6, 2.6), dpi=100)
-        self.axes = figure.subplots(1, 3, sharex=True)
+        self.axes = figure.subplots(1, 3, sharex=True, subplot_kw={"facecolor": "none"})
         figure.subplots_adjust(0.05, 0.17, 0.99, 0.88, wspace=0.18)
         self.title = figure.suptitle("", fontsize="medium")
         figure.align_ylabels()
-        self.canvas = Canvas(figure)
+        self.canvas = Canvas(figure, lambda: self.show(self._step))
         for ax, name in zip(self.axes, ("data left", "device served", "reward"), strict=True):
             ax.set_ylabel(name)
             ax.set_xlabel("step")
@@ -43,7 +44,7 @@ class Charts:
         terms = [Patch(color=colour, label=name) for name, colour in TERMS.items()]
         reward.legend(handles=terms, fontsize="x-small", ncols=4, loc="upper right")
         self.cursors = [ax.axvline(0, color="black", lw=0.8, animated=True) for ax in self.axes]
-        self._artists, self._limits = [], None
+        self._artists, self._limits, self._step = [], None, 0
 
     def set_flight(self, name: str, flights: Flights, policy: Policy, last: int) -> None:
         """Draw a policy's whole flight. `show` marks a step in it, at most `last`."""
@@ -96,6 +97,7 @@ class Charts:
 
     def show(self, step: int) -> None:
         """Mark a step."""
+        self._step = step
         for cursor in self.cursors:
             cursor.set_xdata([step, step])
         artists = [(artist.axes, artist) for artist in (*self._artists, *self.cursors)]

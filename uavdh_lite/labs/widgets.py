@@ -78,14 +78,30 @@ def undo_and_redo() -> tuple[ipywidgets.Button, ipywidgets.Button]:
     return undo, redo
 
 
+def changed_note() -> ipywidgets.HTML:
+    """Room for a word next to a mission's number: whether it has been changed since."""
+    return ipywidgets.HTML(layout={"width": "62px"})
+
+
+def say_changed(note: ipywidgets.HTML, number: int, changed: bool) -> None:
+    """Say next to its number whether a mission has been changed."""
+    title = f"no longer the random mission of the number {number}; undo brings it back"
+    note.value = f'<i title="{title}" aria-live="polite">changed</i>' if changed else ""
+
+
 def link(text: str, address: str, download: str = "") -> str:
     """A link in the page's colours, or with the name of a file, one that saves it."""
     saved = f'download="{download}" ' if download else ""
-    return f'<a style="{LINK}" {saved}href="{address}">{text}</a>'
+    return f'<a style="{LINK}" {saved}href="{html.escape(address)}">{text}</a>'
 
 
 def status(text: str, colour: str = RED) -> str:
-    """A line of text that screen readers read out when it changes."""
+    """A line of text that screen readers read out when it changes.
+
+    A colour is mixed with that of the page's text, to be read on a dark page, too.
+    """
+    if colour != TEXT:
+        colour = f"color-mix(in srgb, {colour} 65%, currentColor)"
     return f'<span role="status" style="color:{colour}">{html.escape(text)}</span>'
 
 
