@@ -62,13 +62,13 @@ def test_the_flights_by_hand_have_the_prices_of_the_library():
 
 
 def test_a_small_citys_map_is_that_of_the_library():
-    layers, uav, size = any_city.SMALL_CITY.cases[-1][1]
+    layers, uav, size = any_city.small_city_map.table.cases[-1][1]
     city = CityGenerator((9, 9)).draw(1, seed=3)[0]
     device = tuple(int(k) for k in divmod(city.device_cells[0], city.size))
     state = place(city, uav, devices=[device], data=[5], flying_time=30, max_devices=1)
     maps = Observation(city, "centred", size=size).centred_map(state)
     assert np.array_equal(layers, [city.landing, city.no_fly, city.buildings])
-    assert np.array_equal(any_city.SMALL_CITY.right[-1].value, maps[0, :3].numpy())
+    assert np.array_equal(any_city.small_city_map.table.right[-1].value, maps[0, :3].numpy())
 
 
 def test_every_exercise_has_two_mistakes_at_least():

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, show
-from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, show, solution
+from uavdh_lite.course.checks.table import edit
 from uavdh_lite.course.checks.values import Unreadable, number, or_none, truth
 from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.storage import data_folder, read_table
@@ -51,18 +51,12 @@ def _draw_recorded(ax):
     ax.set(xlabel="environment steps", ylabel="collected and landed, greedy", ylim=(0, 1))
 
 
-def _steps_to(steps, values, threshold):
-    below = np.flatnonzero(values < threshold)
-    first = below[-1] + 1 if len(below) else 0
-    return steps[first] if first < len(steps) else None
-
-
-def _draw_steps_to(ax):
+def _draw_steps_to(ax, solved):
     table = recorded()
     steps, values = _steps(table), curves(table)["non_centred"][0]
     ax.plot(steps, values, ".-", color=KINDS["non_centred"])
     for threshold in (0.7, 0.8, 0.9):
-        at = _steps_to(steps, values, threshold)
+        at = solved(steps, values, threshold)
         said = "never" if at is None else f"{at:,.0f}"
         ax.axhline(threshold, color="grey", linewidth=0.6)
         text = f"{threshold} from {said} on"
@@ -105,28 +99,25 @@ def _steps_to_cases():
     }
 
 
-STEPS_TO = Table(
-    _steps_to,
-    _steps_to_cases,
-    {
-        "That is the position in the list, not the number of environment steps: look it up in "
-        "`steps`.": edit("steps[first]", "first"),
-    },
-    read=or_none(number),
-)
-
-
-@exercise(
+@solution(
     "7.1 · How many steps to a threshold (1 point, 8 minutes)",
     "At which validations is the curve below the threshold? The one after the last of them is "
     "asked for. And if there is none below, or if it is the last of all?",
     "Go from the end backwards, through zip(steps[::-1], values[::-1]), and keep the steps of "
     "each value that is at least threshold, until one is below. If you kept none: None.",
     figure=_draw_steps_to,
-    table=STEPS_TO,
+    rules=_steps_to_cases,
+    mistakes={
+        "That is the position in the list, not the number of environment steps: look it up in "
+        "`steps`.": edit("steps[first]", "first"),
+    },
+    read=or_none(number),
 )
-def steps_to(answer) -> None:
+def steps_to(steps, values, threshold):
     """`steps_to(steps, values, threshold)`: the steps from which on it stays there, or None."""
+    below = np.flatnonzero(values < threshold)
+    first = below[-1] + 1 if len(below) else 0
+    return steps[first] if first < len(steps) else None
 
 
 def _differences(a, b):
@@ -136,19 +127,14 @@ def _differences(a, b):
     return [np.mean(values[own]) - np.mean(np.delete(values, own)) for own in splits]
 
 
-def _p_value(a, b):
-    seen, differences = np.mean(a) - np.mean(b), np.array(_differences(a, b))
-    return np.mean(abs(differences) >= abs(seen) - 1e-9)
-
-
-def _draw_permutation(ax):
+def _draw_permutation(ax, solved):
     a, b = (values[:, values.shape[1] // 3] for values in curves(recorded()).values())
     ax.hist(_differences(a, b), 24, color=BLUE)
     for side in (-1, 1):
         ax.axvline(side * (a.mean() - b.mean()), color=VERMILION)
     ax.set(xlabel="difference of the two means, each split", ylabel="number of splits")
     listed = ("a = {}; b = {}").format(*(", ".join(f"{one:.3g}" for one in two) for two in (a, b)))
-    title = f"a third into the recorded runs: p = {_p_value(a, b):.4g}\n{listed}"
+    title = f"a third into the recorded runs: p = {solved(a, b):.4g}\n{listed}"
     ax.set_title(title, fontsize="medium")
 
 
@@ -187,10 +173,18 @@ def _permutation_cases():
 
 
 LARGE, ONE_SIDED = "np.mean(abs(differences) >= abs(seen)", "np.mean(differences >= seen"
-PERMUTATION = Table(
-    _p_value,
-    _permutation_cases,
-    {
+
+
+@solution(
+    "7.2 · A p-value for a few seeds (2 points, 15 minutes)",
+    "If the kind made no difference, every way to deal the values out to the two groups would "
+    "be as likely as the one that you saw. How many of them differ as much?",
+    "itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first "
+    "group; the rest are the second. Count where abs(difference) >= abs(observed) - 1e-9, and "
+    "divide by the number of splits.",
+    figure=_draw_permutation,
+    rules=_permutation_cases,
+    mistakes={
         "That is one-sided: the other direction counts too, so take the absolute value of both "
         "differences.": (
             *(edit(LARGE, ONE_SIDED), edit("abs(seen)", "seen")),
@@ -201,20 +195,10 @@ PERMUTATION = Table(
     },
     read=number,
 )
-
-
-@exercise(
-    "7.2 · A p-value for a few seeds (2 points, 15 minutes)",
-    "If the kind made no difference, every way to deal the values out to the two groups would "
-    "be as likely as the one that you saw. How many of them differ as much?",
-    "itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first "
-    "group; the rest are the second. Count where abs(difference) >= abs(observed) - 1e-9, and "
-    "divide by the number of splits.",
-    figure=_draw_permutation,
-    table=PERMUTATION,
-)
-def permutation_p(answer) -> None:
+def permutation_p(a, b):
     """`permutation_p(a, b)`: exact and two-sided, of the difference of the means."""
+    seen, differences = np.mean(a) - np.mean(b), np.array(_differences(a, b))
+    return np.mean(abs(differences) >= abs(seen) - 1e-9)
 
 
 def _at(table: dict[str, np.ndarray], steps: float) -> int:

@@ -6,22 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavdh_lite.city_generator import CityGenerator
-from uavdh_lite.course.checks.exercise import exercise
-from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.exercise import solution
+from uavdh_lite.course.checks.table import edit
 from uavdh_lite.course.checks.values import number, truths
 from uavdh_lite.plotting import BLUE
 from uavdh_lite.streams import Use, stream
 
 NO_FLY = 1  # of the layers landing, no-fly, buildings
-
-
-def _small_city_map(layers, uav, size):
-    m, side, around = layers.shape[1], 2 * size - 1, 4 * size
-    wide = np.zeros((3, m + 2 * around, m + 2 * around), bool)
-    wide[NO_FLY] = True
-    wide[:, around : around + m, around : around + m] = layers
-    row, col = (around + u - size + 1 for u in uav)
-    return wide[:, row : row + side, col : col + side]
 
 
 def _random_city(m=9, size=12):
@@ -52,9 +43,9 @@ def _small_cities():
     }
 
 
-def _draw_small_city(ax):
+def _draw_small_city(ax, solved):
     layers, uav, size = _random_city()
-    seen = _small_city_map(layers, uav, size)
+    seen = solved(layers, uav, size)
     ax.imshow(seen[NO_FLY], cmap="magma_r", vmin=0, vmax=1.5)
     ax.plot(size - 1, size - 1, "+", color=BLUE, ms=12, mew=2)
     ax.set(xlabel="column of the map", ylabel="row of the map", xticks=(0, 11, 22))
@@ -69,10 +60,17 @@ def _shown(layers, uav, size, place):
 
 
 CORNER = "u - size + 1"
-SMALL_CITY = Table(
-    _small_city_map,
-    _small_cities,
-    {
+
+
+@solution(
+    "13.1 · A small city in a large map (2 points, 12 minutes)",
+    "Begin with a map as if there were no city at all. Which of its cells shows the city's "
+    "cell (0, 0), if the UAV's cell is in the middle?",
+    "The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the m×m cells from "
+    "there on are the city. All other cells: no-fly True, landing and buildings False.",
+    figure=_draw_small_city,
+    rules=_small_cities,
+    mistakes={
         "The shift goes the wrong way: where the UAV is further north, the city lies further "
         "south.": edit(CORNER, "1 - size - u"),
         "Rows and columns are swapped: the UAV is at (row, col).": edit("in uav", "in uav[::-1]"),
@@ -85,19 +83,14 @@ SMALL_CITY = Table(
         "M − 1 − uav[1], and it reaches m cells further, not M."
     },
 )
-
-
-@exercise(
-    "13.1 · A small city in a large map (2 points, 12 minutes)",
-    "Begin with a map as if there were no city at all. Which of its cells shows the city's "
-    "cell (0, 0), if the UAV's cell is in the middle?",
-    "The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the m×m cells from "
-    "there on are the city. All other cells: no-fly True, landing and buildings False.",
-    figure=_draw_small_city,
-    table=SMALL_CITY,
-)
-def small_city_map(answer) -> None:
+def small_city_map(layers, uav, size):
     """`centred_map(layers, uav, size)`: (3, 2M − 1, 2M − 1) Booleans, the UAV in the middle."""
+    m, side, around = layers.shape[1], 2 * size - 1, 4 * size
+    wide = np.zeros((3, m + 2 * around, m + 2 * around), bool)
+    wide[NO_FLY] = True
+    wide[:, around : around + m, around : around + m] = layers
+    row, col = (around + u - size + 1 for u in uav)
+    return wide[:, row : row + side, col : col + side]
 
 
 @dataclass(frozen=True)
@@ -142,15 +135,6 @@ TURNED = np.array([[0, 1, 2, 3, 4, 5], [3, 0, 1, 2, 4, 5], [2, 3, 0, 1, 4, 5], [
 MIRRORED = np.array([0, 3, 2, 1, 4, 5])
 
 
-def _symmetric_q(q_of, layers):
-    rows = []
-    for k in range(4):
-        turned = np.rot90(layers, k, axes=(1, 2))
-        mirrored = np.rot90(np.flip(layers, 2), k, axes=(1, 2))
-        rows += [q_of(turned[None])[0, TURNED[k]], q_of(mirrored[None])[0, TURNED[k][MIRRORED]]]
-    return np.mean(rows, 0)
-
-
 def _maps():
     generator = stream(Use.EXERCISE, 16)
 
@@ -172,9 +156,9 @@ def _maps():
     }
 
 
-def _draw_symmetric_q(ax):
+def _draw_symmetric_q(ax, solved):
     layers = stream(Use.EXERCISE, 17).normal(0, 0.4, (2, 5, 5))
-    own, mean = NETWORK(layers[None])[0], _symmetric_q(NETWORK, layers)
+    own, mean = NETWORK(layers[None])[0], solved(NETWORK, layers)
     places = np.arange(6)
     ax.bar(places - 0.2, own, 0.4, color="0.7", label="one map")
     ax.bar(places + 0.2, mean, 0.4, color=BLUE, label="mean of eight")
@@ -184,10 +168,18 @@ def _draw_symmetric_q(ax):
 
 
 BACK, MEAN = "TURNED[k][MIRRORED]", "np.mean(rows, 0)"
-SYMMETRIC_Q = Table(
-    _symmetric_q,
-    _maps,
-    {
+
+
+@solution(
+    "13.2 · Turn the map, turn the actions back (3 points, 20 minutes)",
+    "Take one turn only, np.rot90(layers, 1, axes=(1, 2)). What was north of the UAV: where is "
+    "it now? Which of the six Q-values of that map belongs to north?",
+    "After one turn to the left, the Q-values of north, east, south, west are found at "
+    "[3, 0, 1, 2]; after k turns at np.roll([0, 1, 2, 3], k). If the map is mirrored before "
+    "that, layers[:, :, ::-1], swap what is found for east and for west.",
+    figure=_draw_symmetric_q,
+    rules=_maps,
+    mistakes={
         "The moves are turned the wrong way in yours: a quarter turn to the left brings north to "
         "west, so north's Q-value is found at west, not at east.": edit("TURNED[k]", "TURNED[-k]"),
         "You mirror the map, but do not swap the moves: where left and right change places, so do "
@@ -202,27 +194,14 @@ SYMMETRIC_Q = Table(
     },
     errors={"q_of takes": "One map becomes a stack of one by layers[None], several by np.stack."},
 )
-
-
-@exercise(
-    "13.2 · Turn the map, turn the actions back (3 points, 20 minutes)",
-    "Take one turn only, np.rot90(layers, 1, axes=(1, 2)). What was north of the UAV: where is "
-    "it now? Which of the six Q-values of that map belongs to north?",
-    "After one turn to the left, the Q-values of north, east, south, west are found at "
-    "[3, 0, 1, 2]; after k turns at np.roll([0, 1, 2, 3], k). If the map is mirrored before "
-    "that, layers[:, :, ::-1], swap what is found for east and for west.",
-    figure=_draw_symmetric_q,
-    table=SYMMETRIC_Q,
-)
-def symmetric_q(answer) -> None:
+def symmetric_q(q_of, layers):
     """`mean_q(q_of, layers)`: the six Q-values, averaged over the eight symmetries."""
-
-
-def _half_width(values, city):
-    off = values - np.mean(values)
-    sums = np.array([off[city == name].sum() for name in np.unique(city)])
-    count, n = len(sums), len(values)
-    return 1.96 * np.sqrt(count / (count - 1) * (sums**2).sum()) / n
+    rows = []
+    for k in range(4):
+        turned = np.rot90(layers, k, axes=(1, 2))
+        mirrored = np.rot90(np.flip(layers, 2), k, axes=(1, 2))
+        rows += [q_of(turned[None])[0, TURNED[k]], q_of(mirrored[None])[0, TURNED[k][MIRRORED]]]
+    return np.mean(rows, 0)
 
 
 def _usual(values, city):
@@ -256,11 +235,11 @@ def _evaluations():
     }
 
 
-def _draw_half_width(ax):
+def _draw_half_width(ax, solved):
     generator, missions = stream(Use.EXERCISE, 19), (1, 2, 5, 10, 20, 50, 100)
     values = generator.normal(0, 1, (100, 1)) + generator.normal(0, 2, (100, missions[-1]))
     for label, width, style in (
-        ("cities drawn at random", _half_width, "o-"),
+        ("cities drawn at random", solved, "o-"),
         ("as if missions were independent", _usual, "s--"),
     ):
         some = [(values[:, :count].ravel(), np.repeat(range(100), count)) for count in missions]
@@ -268,25 +247,23 @@ def _draw_half_width(ax):
     ax.set(xlabel="missions in each of 100 cities", ylabel="half-width")
 
 
-HALF_WIDTH = Table(
-    _half_width,
-    _evaluations,
-    {
-        "That is the usual interval, as if all missions were independent: add up the differences "
-        "of a city before you square them.": (_usual, edit("(sums**2).sum()", "(off**2).sum()")),
-    },
-    read=number,
-)
-
-
-@exercise(
+@solution(
     "13.3 · How sure, if missions share a city? (2 points, 12 minutes)",
     "Do the example by hand: the mean, the differences from it, one sum for each city. How "
     "does Python find the missions of one city?",
     "off = values − values.mean(). For each `one` in np.unique(city) the sum is "
     "off[city == one].sum(); C is how many sums there are.",
     figure=_draw_half_width,
-    table=HALF_WIDTH,
+    rules=_evaluations,
+    mistakes={
+        "That is the usual interval, as if all missions were independent: add up the differences "
+        "of a city before you square them.": (_usual, edit("(sums**2).sum()", "(off**2).sum()")),
+    },
+    read=number,
 )
-def clustered_half_width(answer) -> None:
+def clustered_half_width(values, city):
     """`half_width(values, city)`: of the 95 % interval of the mean, cities drawn at random."""
+    off = values - np.mean(values)
+    sums = np.array([off[city == name].sum() for name in np.unique(city)])
+    count, n = len(sums), len(values)
+    return 1.96 * np.sqrt(count / (count - 1) * (sums**2).sum()) / n

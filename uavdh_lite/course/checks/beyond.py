@@ -3,19 +3,12 @@
 import numpy as np
 
 from uavdh_lite.city import City
-from uavdh_lite.course.checks.exercise import exercise
-from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.exercise import solution
+from uavdh_lite.course.checks.table import edit
 from uavdh_lite.course.checks.values import number, truths, whole
 from uavdh_lite.environment import LAND, Environment
 from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.streams import Use, stream
-
-
-def _fits(distance, next_cell, cell, time_left):
-    home = np.where(distance < 0, np.inf, distance)
-    fits = home[next_cell[cell]] + 1 <= time_left[:, None] - 1
-    fits[:, LAND] |= distance[cell] == 0
-    return fits
 
 
 def _situations():
@@ -42,21 +35,26 @@ def _situations():
     }
 
 
-def _draw_failsafe(ax):
+def _draw_failsafe(ax, solved):
     city = City.load("village")
     cells, distance = np.flatnonzero(~city.no_fly.ravel()), city.landing_distance.ravel()
     counts = np.full(city.size**2, np.nan)
     five = np.full(len(cells), 5)
-    counts[cells] = _fits(distance, Environment(city).next_cell, cells, five).sum(1)
+    counts[cells] = solved(distance, Environment(city).next_cell, cells, five).sum(1)
     image = ax.imshow(counts.reshape(city.size, city.size), cmap="viridis")
     ax.figure.colorbar(image, label="actions that fit")
     ax.set(title="village, five units of time left", xlabel="column", ylabel="row")
 
 
-MASK = Table(
-    _fits,
-    _situations,
-    {
+@solution(
+    "12.1 · The failsafe's mask (2 points, 15 minutes)",
+    "Look at the cell that each action leads to. How many units of time are left when the UAV "
+    "is there, and how many does it take from there to be on the ground?",
+    "distance[next_cell[cell]] is (B, 6): moves home after each action. One unit more for "
+    "landing must fit into time_left − 1. Then two special cases: −1, and landing at once.",
+    figure=_draw_failsafe,
+    rules=_situations,
+    mistakes={
         "Time is missing: action and landing take one unit each, besides the way home.": (
             *(edit("+ 1 <=", "<="), edit("] - 1", "]"), edit("+ 1 <=", "<=", "] - 1", "]")),
         ),
@@ -65,26 +63,12 @@ MASK = Table(
     },
     read=truths,
 )
-
-
-@exercise(
-    "12.1 · The failsafe's mask (2 points, 15 minutes)",
-    "Look at the cell that each action leads to. How many units of time are left when the UAV "
-    "is there, and how many does it take from there to be on the ground?",
-    "distance[next_cell[cell]] is (B, 6): moves home after each action. One unit more for "
-    "landing must fit into time_left − 1. Then two special cases: −1, and landing at once.",
-    figure=_draw_failsafe,
-    table=MASK,
-)
-def failsafe_mask(answer) -> None:
+def failsafe_mask(distance, next_cell, cell, time_left):
     """`fits(distance, next_cell, cell, time_left)`: the actions that leave time to land, (B, 6)."""
-
-
-def _quantile_loss(theta, y, kappa):
-    levels = (np.arange(len(theta)) + 0.5) / len(theta)
-    u = y[None, :] - theta[:, None]
-    huber = np.where(abs(u) <= kappa, u**2 / 2, kappa * (abs(u) - kappa / 2))
-    return (abs(levels[:, None] - (u < 0)) * huber).mean(1).sum()
+    home = np.where(distance < 0, np.inf, distance)
+    fits = home[next_cell[cell]] + 1 <= time_left[:, None] - 1
+    fits[:, LAND] |= distance[cell] == 0
+    return fits
 
 
 def _distributions():
@@ -115,43 +99,35 @@ def _distributions():
     }
 
 
-def _draw_quantile_loss(ax):
+def _draw_quantile_loss(ax, solved):
     y = np.linspace(-4, 4, 161)
     for k, colour in ((0, BLUE), (4, VERMILION)):
         theta = [np.where(np.arange(5) == k, 0.0, value) for value in y]
-        losses = [_quantile_loss(*one, 1.0) for one in zip(theta, y[:, None], strict=True)]
+        losses = [solved(*one, 1.0) for one in zip(theta, y[:, None], strict=True)]
         ax.plot(y, losses, color=colour, label=f"θ_{k + 1} = 0 of five, the others exact")
     ax.set(xlabel="the only sample y", ylabel="loss, κ = 1")
 
 
-LOSS = Table(
-    _quantile_loss,
-    _distributions,
-    {
-        "The error is u = y − θ: yours has the other sign, so that weights for too high and too "
-        "low are swapped.": edit("u < 0", "u > 0"),
-    },
-    read=number,
-)
-
-
-@exercise(
+@solution(
     "12.2 · The quantile Huber loss (3 points, 15 minutes)",
     "Make a table of all errors first: N rows, one for each quantile, and a column for each "
     "sample. Weight and Huber's loss are tables of the same shape.",
     "u = y[None, :] − theta[:, None]. The weight of row i is its level where u ≥ 0, and one "
     "minus the level where u < 0. Average each row, then add the rows up.",
     figure=_draw_quantile_loss,
-    table=LOSS,
+    rules=_distributions,
+    mistakes={
+        "The error is u = y − θ: yours has the other sign, so that weights for too high and too "
+        "low are swapped.": edit("u < 0", "u > 0"),
+    },
+    read=number,
 )
-def quantile_loss(answer) -> None:
+def quantile_loss(theta, y, kappa):
     """`quantile_loss(theta, y, kappa)`: a number, for N quantiles and any number of samples."""
-
-
-def _advantage_target(y, q_values, allowed, action, alpha):
-    taken = q_values[np.arange(len(action)), action]
-    best = np.where(allowed, q_values, -np.inf).max(1)
-    return y - alpha * (best - taken)
+    levels = (np.arange(len(theta)) + 0.5) / len(theta)
+    u = y[None, :] - theta[:, None]
+    huber = np.where(abs(u) <= kappa, u**2 / 2, kappa * (abs(u) - kappa / 2))
+    return (abs(levels[:, None] - (u < 0)) * huber).mean(1).sum()
 
 
 def _minibatches():
@@ -176,58 +152,53 @@ def _minibatches():
     }
 
 
-def _draw_advantage_target(ax):
+def _draw_advantage_target(ax, solved):
     q_values = np.tile([2.0, 1.6, 1.9, 0.8, 1.7, 0.2], (6, 1))
     places = np.arange(6)
     for offset, alpha, colour in ((-0.2, 0.0, "0.7"), (0.2, 0.5, BLUE)):
-        targets = _advantage_target(q_values[0], q_values, q_values > 0, places, alpha)
+        targets = solved(q_values[0], q_values, q_values > 0, places, alpha)
         ax.bar(places + offset, targets, 0.4, color=colour, label=f"α = {alpha}")
     ax.set(xlabel="action taken", ylabel="target, if y is the Q-value")
 
 
-TARGET = Table(
-    _advantage_target,
-    _minibatches,
-    {
-        "Dividing by 1 − alpha is what comes out in the end, at rest. The target of one update "
-        "takes alpha times the gap.": edit(
-            "alpha * (best - taken)", "(best - taken) / (1 - alpha)"
-        ),
-    },
-)
-
-
-@exercise(
+@solution(
     "12.3 · The target of advantage learning (2 points, 10 minutes)",
     "Two Q-values of each row are needed: of the best action that is allowed, and of the "
     "action that was taken. What is the gap of the best action itself?",
     "np.where(allowed, q_values, −np.inf).max(axis=1) is the best one's. For the other, index "
     "q_values with np.arange(B) and action. Then y − alpha · gap.",
     figure=_draw_advantage_target,
-    table=TARGET,
+    rules=_minibatches,
+    mistakes={
+        "Dividing by 1 − alpha is what comes out in the end, at rest. The target of one update "
+        "takes alpha times the gap.": edit(
+            "alpha * (best - taken)", "(best - taken) / (1 - alpha)"
+        ),
+    },
 )
-def advantage_target(answer) -> None:
+def advantage_target(y, q_values, allowed, action, alpha):
     """`target(y, q_values, allowed, action, alpha)`: the targets with wider gaps, (B,)."""
+    taken = q_values[np.arange(len(action)), action]
+    best = np.where(allowed, q_values, -np.inf).max(1)
+    return y - alpha * (best - taken)
 
 
-def _longest_way(data, discount, cost):
-    way = 1
-    while discount ** (way - 1) * data > cost * (discount ** np.arange(2 * way)).sum():
-        way += 1
-    return way - 1
-
-
-def _draw_longest_way(ax):
+def _draw_longest_way(ax, solved):
     discounts = np.linspace(0.9, 0.99, 46)
     for data, colour in ((5.0, BLUE), (20.0, VERMILION)):
-        ways = [_longest_way(data, float(discount), 0.1) for discount in discounts]
+        ways = [solved(data, float(discount), 0.1) for discount in discounts]
         ax.step(discounts, ways, color=colour, label=f"{data:g} data units")
     ax.set(xlabel="discount γ", ylabel="longest way that pays, moves")
 
 
-WAY = Table(
-    _longest_way,
-    lambda: {
+@solution(
+    "12.4 · How far does a discount reach? (2 points, 12 minutes)",
+    "Write down the rewards of all steps for a way of 2: four of them. Which are negative, in "
+    "which step does the data come, and what does each count, seen from the start?",
+    "For a way of w: minus cost · γ^t for t = 0 … 2w − 1, plus data · γ^(w − 1). It falls with "
+    "w. Raise w in a loop as long as the next way still pays.",
+    figure=_draw_longest_way,
+    rules={
         "Without a discount, γ = 1, it pays as long as data > 2 · way · cost: there and back, and "
         "landing is free. The longest way that pays is the answer.": [
             *((5.0, 1.0, 0.11), (20.0, 1.0, 0.23), (6.0, 1.0, 1.0)),
@@ -241,16 +212,9 @@ WAY = Table(
     },
     read=whole,
 )
-
-
-@exercise(
-    "12.4 · How far does a discount reach? (2 points, 12 minutes)",
-    "Write down the rewards of all steps for a way of 2: four of them. Which are negative, in "
-    "which step does the data come, and what does each count, seen from the start?",
-    "For a way of w: minus cost · γ^t for t = 0 … 2w − 1, plus data · γ^(w − 1). It falls with "
-    "w. Raise w in a loop as long as the next way still pays.",
-    figure=_draw_longest_way,
-    table=WAY,
-)
-def longest_way(answer) -> None:
+def longest_way(data, discount, cost):
     """`longest_way(data, discount, cost)`: the most moves to a device that pay, an int."""
+    way = 1
+    while discount ** (way - 1) * data > cost * (discount ** np.arange(2 * way)).sum():
+        way += 1
+    return way - 1

@@ -7,7 +7,15 @@ import numpy as np
 
 from uavdh_lite.channel import Channel
 from uavdh_lite.channel import rate as solved_rate
-from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, guarded, show
+from uavdh_lite.course.checks.exercise import (
+    CheckFailed,
+    close,
+    exercise,
+    expect,
+    guarded,
+    show,
+    solution,
+)
 from uavdh_lite.course.checks.table import Table
 from uavdh_lite.course.checks.values import Unreadable, number
 from uavdh_lite.streams import Use, stream
@@ -15,15 +23,20 @@ from uavdh_lite.streams import Use, stream
 LOS, NLOS = Channel().path_loss_exponent_los, Channel().path_loss_exponent_nlos
 
 
-def _draw_rate(ax):
+def _draw_rate(ax, solved):
     snr_db = np.linspace(-20, 30, 101)
-    ax.plot(snr_db, solved_rate(snr_db))
+    ax.plot(snr_db, solved(snr_db))
     ax.set(xlabel="SNR, dB", ylabel="rate, data units a slot", title="1 at 0 dB")
 
 
-RATE = Table(
-    solved_rate,
-    lambda: {
+@solution(
+    "1.1 · Rate from SNR (1 point, 5 minutes)",
+    "The rate is log2(1 + SNR), where the SNR is a plain ratio of powers. What is 0 dB as a "
+    "ratio? And 10 dB?",
+    "10 dB more is ten times the power, so the decibels belong in an exponent. Which number is "
+    "raised to it? The 1 is added to the ratio, and numpy has the logarithm to base 2.",
+    figure=_draw_rate,
+    rules={
         "The rate is log2(1 + SNR) of a ratio of powers, and 0 dB is a ratio of 1: convert the "
         "decibels first. np.log would be the natural logarithm.": [0.0],
         "10 dB more are ten times the power, so the ratio is 10 ** (snr_db / 10).": [
@@ -39,19 +52,9 @@ RATE = Table(
     },
     smallest=1e-15,
 )
-
-
-@exercise(
-    "1.1 · Rate from SNR (1 point, 5 minutes)",
-    "The rate is log2(1 + SNR), where the SNR is a plain ratio of powers. What is 0 dB as a "
-    "ratio? And 10 dB?",
-    "10 dB more is ten times the power, so the decibels belong in an exponent. Which number is "
-    "raised to it? The 1 is added to the ratio, and numpy has the logarithm to base 2.",
-    figure=_draw_rate,
-    table=RATE,
-)
-def rate_from_snr(rate) -> None:
+def rate_from_snr(snr_db):
     """`rate(snr_db)`: data units in a slot, for numbers and arrays (eq. 4)."""
+    return solved_rate(snr_db)
 
 
 def _draw_crossover(ax):

@@ -51,8 +51,8 @@ class Exercise:
         minutes: that a student is expected to need.
         words: two hints in words, from vague to nearly there.
         figure: draws what the solution produces on an Axes; the third hint.
-        check: takes the answer and raises `CheckFailed`; after the table, if there is one.
-        table: cases and mistakes of a function.
+        check: takes the answer and raises `CheckFailed`; or the solution, if there is a table.
+        table: what an answer must give back.
         function: whether the answer is one function.
         seconds: how long the check may take; `SECONDS` if not given.
         refused: what an answer may not use, by class and name, with what to say.
@@ -64,7 +64,7 @@ class Exercise:
     minutes: int
     words: tuple[str, ...]
     figure: Callable[[Axes], Any]
-    check: Callable[[Any], None]
+    check: Callable[..., Any]
     table: Table | None = None
     function: bool = True
     seconds: float | None = None
@@ -76,6 +76,11 @@ class Exercise:
         """The heading of the exercise in its notebook."""
         points = "1 point" if self.points == 1 else f"{self.points} points"
         return f"## {self.number} · {self.title} ({points}, {self.minutes} minutes)"
+
+    @property
+    def solved(self) -> Callable:
+        """The solution of an exercise that is made of one."""
+        return self.check
 
     def __repr__(self) -> str:  # a notebook shows neither hints nor mistakes
         return self.heading.removeprefix("## ")
@@ -98,7 +103,8 @@ class Exercise:
         try:
             if self.table:
                 self.table(answer)
-            self.check(guarded(answer) if self.function else answer)
+            else:
+                self.check(guarded(answer) if self.function else answer)
         except (CheckFailed, Stopped):
             raise
         except BaseException as error:  # also what an answer raises where it is only looked at
@@ -142,7 +148,7 @@ def exercise(heading: str, *hints: str, figure: Callable[[Axes], Any], **options
         heading: as in the notebook, "1.2 · Title (2 points, 10 minutes)".
         hints: two in words.
         figure: the third hint.
-        options: `table`, `function`, `seconds` and `refused` of `Exercise`.
+        options: `function`, `seconds` and `refused` of `Exercise`.
     """
     found = re.fullmatch(r"([\d.]+) · (.+) \((\d+) points?, (\d+) minutes\)", heading)
     if not found:
@@ -158,20 +164,18 @@ def exercise(heading: str, *hints: str, figure: Callable[[Axes], Any], **options
     return register
 
 
-def solution(heading: str, *hints: str, figure: Callable, seconds: float | None = None, **options):
+def solution(heading: str, *hints: str, figure: Callable[[Axes, Callable], Any], **options):
     """Make an exercise of its solution: an answer must give the same as this function.
 
     Arguments:
         figure: the third hint, drawn on an Axes with the solution.
-        options: `rules`, `mistakes` and others of `Table`.
+        options: `rules`, `mistakes` and others of `Table`; `seconds` and `refused` of `Exercise`.
     """
+    own = {name: options.pop(name) for name in ("seconds", "refused") if name in options}
 
     def register(solved: Callable) -> Exercise:
-        @functools.wraps(solved)
-        def check(answer) -> None:
-            """All is in the table."""
-
-        table, drawn = Table(solved, **options), functools.partial(figure, solved=solved)
-        return exercise(heading, *hints, figure=drawn, table=table, seconds=seconds)(check)
+        drawn = functools.partial(figure, solved=solved)
+        made = exercise(heading, *hints, figure=drawn, table=Table(solved, **options), **own)
+        return made(solved)
 
     return register

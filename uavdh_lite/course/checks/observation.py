@@ -3,22 +3,17 @@
 import numpy as np
 
 from uavdh_lite.city import City
-from uavdh_lite.course.checks.exercise import exercise
-from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.exercise import solution
+from uavdh_lite.course.checks.table import edit
 from uavdh_lite.course.checks.values import array_of_numbers, number, or_none, pair
 from uavdh_lite.plotting import BLUE
 from uavdh_lite.streams import Use, stream
 
 
-def _city_cell(place, uav, size):
-    cell = tuple(p + u - size + 1 for p, u in zip(place, uav, strict=True))
-    return cell if min(cell) >= 0 and max(cell) < size else None
-
-
-def _draw_city_cell(ax):
+def _draw_city_cell(ax, solved):
     size, uav = 5, (1, 3)
     for place in np.ndindex(2 * size - 1, 2 * size - 1):
-        cell = _city_cell(place, uav, size)
+        cell = solved(place, uav, size)
         text = "–" if cell is None else "{},{}".format(*cell)
         ax.text(*place[::-1], text, ha="center", va="center", fontsize=7)
     ax.plot(size - 1, size - 1, "s", mfc="none", mec=BLUE, ms=17)
@@ -34,7 +29,7 @@ def _city_cell_cases():
         for place in np.ndindex(2 * size - 1, 2 * size - 1)
         for uav in np.ndindex(size, size)
     ]
-    inside = [case for case in cases if _city_cell(*case)]
+    inside = [case for case in cases if city_cell.solved(*case)]
     return {
         "The UAV's cell is in the middle of the map, at (M − 1, M − 1). It is inside the city, as "
         "any cell with row and column from 0 to M − 1.": [
@@ -49,10 +44,16 @@ def _city_cell_cases():
 
 
 CELL = "p + u - size + 1"
-CITY_CELL = Table(
-    _city_cell,
-    _city_cell_cases,
-    {
+
+
+@solution(
+    "4.1 · From the map back to the city (1 point, 8 minutes)",
+    "Which cell of the city is in the middle of the map? Then count from the middle.",
+    "The UAV's cell is in the middle of the map, (M − 1, M − 1). So the city's row is "
+    "place[0] − (M − 1) + uav[0]; it exists if it is from 0 to M − 1. The same for columns.",
+    figure=_draw_city_cell,
+    rules=_city_cell_cases,
+    mistakes={
         "That is the other direction, from the city to the map: here the place in the map is given "
         "and the cell of the city is wanted.": edit(CELL, "p - u + size - 1"),
         "The shift goes the wrong way: east stays east.": edit(CELL, "u - p + size - 1"),
@@ -63,30 +64,15 @@ CITY_CELL = Table(
     },
     read=or_none(pair),
 )
-
-
-@exercise(
-    "4.1 · From the map back to the city (1 point, 8 minutes)",
-    "Which cell of the city is in the middle of the map? Then count from the middle.",
-    "The UAV's cell is in the middle of the map, (M − 1, M − 1). So the city's row is "
-    "place[0] − (M − 1) + uav[0]; it exists if it is from 0 to M − 1. The same for columns.",
-    figure=_draw_city_cell,
-    table=CITY_CELL,
-)
-def city_cell(answer) -> None:
+def city_cell(place, uav, size):
     """`city_cell(place, uav, size)`: the cell at a place of the centred map, None outside."""
+    cell = tuple(p + u - size + 1 for p, u in zip(place, uav, strict=True))
+    return cell if min(cell) >= 0 and max(cell) < size else None
 
 
-def _centre(layer, uav, outside):
-    m = len(layer)
-    wide = np.pad(layer.astype(float), 3 * m, constant_values=outside)
-    row, col = (3 * m + u - m + 1 for u in uav)
-    return wide[row : row + 2 * m - 1, col : col + 2 * m - 1]
-
-
-def _draw_centre(ax):
+def _draw_centre(ax, solved):
     uav = (2, 11)
-    ax.imshow(_centre(City.load("manhattan").no_fly, uav, 1), cmap="magma_r", vmin=0, vmax=1.5)
+    ax.imshow(solved(City.load("manhattan").no_fly, uav, 1), cmap="magma_r", vmin=0, vmax=1.5)
     ax.plot(15, 15, "+", color=BLUE, ms=12, mew=2)
     ax.set(xlabel="column of the map", ylabel="row of the map", xticks=(0, 15, 30))
     ax.set(yticks=(0, 15, 30), title=f"no-fly layer, UAV over {uav}, 1 outside")
@@ -119,16 +105,24 @@ def _centre_cases():
 
 
 def _place(layer, uav, outside, place):
-    cell = _city_cell(place, uav, len(layer))
+    cell = city_cell.solved(place, uav, len(layer))
     shows = "is outside the city" if cell is None else f"shows the city's cell {cell}"
     return f"With M = {len(layer)} and the UAV over {uav}, the place {place} of the map {shows}."
 
 
 CORNER = "u - m + 1"
-CENTRE = Table(
-    _centre,
-    _centre_cases,
-    {
+
+
+@solution(
+    "4.2 · Centre a layer (2 points, 14 minutes)",
+    "Begin with a map that has the value `outside` everywhere. Where does the city's corner "
+    "(0, 0) come to lie if the UAV's cell is in the middle?",
+    "The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the M×M cells from "
+    "there on are the layer. Or surround the layer by M − 1 cells on all sides (np.pad) and "
+    "cut out the 2M − 1 rows from uav[0] on, and as many columns from uav[1] on.",
+    figure=_draw_centre,
+    rules=_centre_cases,
+    mistakes={
         "The shift goes the wrong way: where the UAV is further north, the city lies further "
         "south.": (edit(CORNER, "-u"), edit(CORNER, "u - 2 * m + 2")),
         "Rows and columns are swapped: the UAV is at (row, col).": edit("in uav", "in uav[::-1]"),
@@ -140,36 +134,15 @@ CENTRE = Table(
         "the city begins in row M − 1 − uav[0], and reaches M cells further.",
     },
 )
-
-
-@exercise(
-    "4.2 · Centre a layer (2 points, 14 minutes)",
-    "Begin with a map that has the value `outside` everywhere. Where does the city's corner "
-    "(0, 0) come to lie if the UAV's cell is in the middle?",
-    "The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the M×M cells from "
-    "there on are the layer. Or surround the layer by M − 1 cells on all sides (np.pad) and "
-    "cut out the 2M − 1 rows from uav[0] on, and as many columns from uav[1] on.",
-    figure=_draw_centre,
-    table=CENTRE,
-)
-def centre(answer) -> None:
+def centre(layer, uav, outside):
     """`centre(layer, uav, outside)`: (2M − 1, 2M − 1), the UAV's cell in the middle."""
+    m = len(layer)
+    wide = np.pad(layer.astype(float), 3 * m, constant_values=outside)
+    row, col = (3 * m + u - m + 1 for u in uav)
+    return wide[row : row + 2 * m - 1, col : col + 2 * m - 1]
 
 
-def _weights(layers, size, kernels, kernel_size, strides, hidden):
-    side, channels, total = 2 * size - 1, layers, 0
-    for stride in strides:
-        total += kernels * channels * kernel_size**2 + kernels
-        side = (side - kernel_size) // stride + 1
-        channels = kernels
-    width = kernels * side**2 + 1
-    for neurons in (*hidden, 6):
-        total += width * neurons + neurons
-        width = neurons
-    return total
-
-
-def _draw_weights(ax):
+def _draw_weights(ax, solved):
     convolution, layer = "convolution, 16 kernels of 5×5", "fully connected"
     rows = [[convolution, "5×31×31", "16×27×27"], [convolution, "16×27×27", "16×23×23"]]
     rows += [["list, and the flying time", "16×23×23 and 1", "8465"], [layer, "8465", "256"]]
@@ -208,10 +181,19 @@ def _weights_cases():
 
 
 STEP = "(side - kernel_size) // stride + 1"
-WEIGHTS = Table(
-    _weights,
-    _weights_cases,
-    {
+
+
+@solution(
+    "4.3 · How many weights? (3 points, 25 minutes)",
+    "Follow the shape of the map through the network, as in a table: layers and side before "
+    "and after each convolution, then the length of the list, then layer by layer. Each kernel "
+    "and each neuron has a bias.",
+    "A convolution has c·k·k weights and one bias a kernel, where c is the number of layers "
+    "that it gets, and leaves (side − k) // stride + 1 cells a side. The list has kernels · "
+    "side² numbers and the flying time. From n to m neurons: n·m + m. The output has 6.",
+    figure=_draw_weights,
+    rules=_weights_cases,
+    mistakes={
         "The map has 2M − 1 cells a side, neither M nor 2M.": (
             *(edit("2 * size - 1", "size"), edit("2 * size - 1", "2 * size")),
         ),
@@ -224,18 +206,15 @@ WEIGHTS = Table(
     read=number,
     tolerance=1e-9,
 )
-
-
-@exercise(
-    "4.3 · How many weights? (3 points, 25 minutes)",
-    "Follow the shape of the map through the network, as in a table: layers and side before "
-    "and after each convolution, then the length of the list, then layer by layer. Each kernel "
-    "and each neuron has a bias.",
-    "A convolution has c·k·k weights and one bias a kernel, where c is the number of layers "
-    "that it gets, and leaves (side − k) // stride + 1 cells a side. The list has kernels · "
-    "side² numbers and the flying time. From n to m neurons: n·m + m. The output has 6.",
-    figure=_draw_weights,
-    table=WEIGHTS,
-)
-def network_weights(answer) -> None:
+def network_weights(layers, size, kernels, kernel_size, strides, hidden):
     """`weights(layers, size, kernels, kernel_size, strides, hidden)`: of the centred Q-network."""
+    side, channels, total = 2 * size - 1, layers, 0
+    for stride in strides:
+        total += kernels * channels * kernel_size**2 + kernels
+        side = (side - kernel_size) // stride + 1
+        channels = kernels
+    width = kernels * side**2 + 1
+    for neurons in (*hidden, 6):
+        total += width * neurons + neurons
+        width = neurons
+    return total

@@ -8,8 +8,7 @@ import numpy as np
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.environment import Town
-from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
-from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect, solution
 from uavdh_lite.course.checks.values import Unreadable, numbers
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import CityError
@@ -52,7 +51,38 @@ def _city_cases():
     }
 
 
-def _moves_home(city):
+def _distances(value) -> np.ndarray:
+    array = numbers(value)
+    if array.ndim == 2 and (np.isinf(array).any() or np.asarray(value).dtype.kind not in "iu"):
+        raise Unreadable("make it an array of ints; where there is no way it has −1.")
+    return array
+
+
+def _draw_reachable(ax, solved):
+    distance = City.load("manhattan").landing_distance
+    image = ax.imshow(np.where(distance < 0, np.nan, distance), cmap="viridis")
+    ax.figure.colorbar(image, ax=ax, label="moves to the landing zone")
+    ax.set(xlabel="column", ylabel="row", title="manhattan (white: −1)")
+
+
+@solution(
+    "9.1 · The way home (2 points, 18 minutes)",
+    "Start from the landing cells, not from each cell: all cells one move away from them have "
+    "1, all new ones a move away from those have 2, and so on.",
+    "Fill an array with −1, set the landing cells to 0 and put them into a queue "
+    "(collections.deque). Take a cell from its front; each of the four neighbours that is on "
+    "the grid, no no-fly cell and still −1 gets one more and goes to the end.",
+    figure=_draw_reachable,
+    refused={
+        (City, "landing_distance"): "City.landing_distance is the solution: write the search "
+        "yourself.",
+    },
+    rules=_city_cases,
+    read=_distances,
+    where=lambda city, place: f"The first difference is at row {place[0]}, column {place[1]}.",
+)
+def reachable(city):
+    """`reachable(city)`: moves to the nearest landing cell, (M, M), −1 where there is no way."""
     size, moves, landing = city.size, [(-1, 0), (0, 1), (1, 0), (0, -1)], city.landing
     distance = np.where(landing, 0, -1)
     queue = deque(zip(*np.nonzero(landing), strict=True))
@@ -65,46 +95,6 @@ def _moves_home(city):
                 distance[r, c] = distance[row, col] + 1
                 queue.append((r, c))
     return distance
-
-
-def _distances(value) -> np.ndarray:
-    array = numbers(value)
-    if array.ndim == 2 and (np.isinf(array).any() or np.asarray(value).dtype.kind not in "iu"):
-        raise Unreadable("make it an array of ints; where there is no way it has −1.")
-    return array
-
-
-REACHABLE = Table(
-    _moves_home,
-    _city_cases,
-    read=_distances,
-    where=lambda city, place: f"The first difference is at row {place[0]}, column {place[1]}.",
-)
-
-
-def _draw_reachable(ax):
-    distance = City.load("manhattan").landing_distance
-    image = ax.imshow(np.where(distance < 0, np.nan, distance), cmap="viridis")
-    ax.figure.colorbar(image, ax=ax, label="moves to the landing zone")
-    ax.set(xlabel="column", ylabel="row", title="manhattan (white: −1)")
-
-
-@exercise(
-    "9.1 · The way home (2 points, 18 minutes)",
-    "Start from the landing cells, not from each cell: all cells one move away from them have "
-    "1, all new ones a move away from those have 2, and so on.",
-    "Fill an array with −1, set the landing cells to 0 and put them into a queue "
-    "(collections.deque). Take a cell from its front; each of the four neighbours that is on "
-    "the grid, no no-fly cell and still −1 gets one more and goes to the end.",
-    figure=_draw_reachable,
-    table=REACHABLE,
-    refused={
-        (City, "landing_distance"): "City.landing_distance is the solution: write the search "
-        "yourself.",
-    },
-)
-def reachable(answer) -> None:
-    """`reachable(city)`: moves to the nearest landing cell, (M, M), −1 where there is no way."""
 
 
 MISSIONS, SEED, GREEDY, BEHIND, CHANGED = 100, 92, 0.90, 0.30, 16

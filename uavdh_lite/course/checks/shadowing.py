@@ -4,25 +4,17 @@ from itertools import product
 
 import numpy as np
 
-from uavdh_lite.course.checks.exercise import exercise
-from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.exercise import solution
+from uavdh_lite.course.checks.table import edit
 from uavdh_lite.course.checks.values import number, truth, truths
 from uavdh_lite.plotting import ORANGE
 from uavdh_lite.shadowing import crossed_cells, line_of_sight
 from uavdh_lite.streams import Use, stream
 
 
-def _crosses(start, end, cell):
-    """Whether the segment between two cell centres crosses the open interior of a cell."""
-    rows, cols = end[0] - start[0], end[1] - start[1]
-    r, c = cell[0] - start[0], cell[1] - start[1]
-    inside = min(rows, 0) <= r <= max(rows, 0) and min(cols, 0) <= c <= max(cols, 0)
-    return inside and (start == end or 2 * abs(rows * c - cols * r) < abs(rows) + abs(cols))
-
-
-def _draw_crosses(ax):
+def _draw_crosses(ax, solved):
     start, end = (0, 0), (3, 5)
-    crossed = [[_crosses(start, end, (row, col)) for col in range(7)] for row in range(5)]
+    crossed = [[solved(start, end, (row, col)) for col in range(7)] for row in range(5)]
     ax.pcolormesh(crossed, cmap="Blues", vmax=2.5, edgecolors="grey")
     ax.plot([start[1] + 0.5, end[1] + 0.5], [start[0] + 0.5, end[0] + 0.5], "ko-")
     ax.set(aspect="equal", xticks=[], yticks=[], ylim=(5, 0))
@@ -30,10 +22,10 @@ def _draw_crosses(ax):
 
 
 def _crosses_cases():
-    touches = edit(") < abs", ") <= abs", "start == end or ", "").of(_crosses)
+    touches = edit(") < abs", ") <= abs", "start == end or ", "").of(crosses.solved)
     drawn = stream(Use.EXERCISE, 2).integers(0, 9, (400, 3, 2)).tolist()
     cases = [tuple(map(tuple, case)) for case in drawn]
-    touching = [case for case in cases if touches(*case) and not _crosses(*case)]
+    touching = [case for case in cases if touches(*case) and not crosses.solved(*case)]
     return {
         "The segment begins and ends in the middle of a cell, so it crosses these two, too. If "
         "both ends are the same point, it crosses that cell and no other. Measure rows and columns "
@@ -71,19 +63,7 @@ def _crosses_cases():
     }
 
 
-CROSSES = Table(
-    _crosses,
-    _crosses_cases,
-    {"You forget the factor 2 before |R·c − C·r|.": edit("2 * abs", "abs")},
-    read=truth,
-    errors={
-        "ZeroDivision": "A ray along a row or a column has no slope one way.",
-        "allocate": "Do not list the cells of the ray, test the one that is asked for.",
-    },
-)
-
-
-@exercise(
+@solution(
     "2.1 · Does the ray cross the cell? (1 point, 10 minutes)",
     "The tutorial's segment begins at (0, 0): move yours there. Which numbers may then be "
     "negative, and what is the rectangle? What does the condition say if R = C = 0?",
@@ -91,10 +71,20 @@ CROSSES = Table(
     "is min(R, 0) <= r <= max(R, 0), and the same with c and C. If R = C = 0 it is one cell, "
     "and the condition, 0 < 0, must not be asked.",
     figure=_draw_crosses,
-    table=CROSSES,
+    rules=_crosses_cases,
+    mistakes={"You forget the factor 2 before |R·c − C·r|.": edit("2 * abs", "abs")},
+    read=truth,
+    errors={
+        "ZeroDivision": "A ray along a row or a column has no slope one way.",
+        "allocate": "Do not list the cells of the ray, test the one that is asked for.",
+    },
 )
-def crosses(answer) -> None:
+def crosses(start, end, cell):
     """`crosses(start, end, cell)`: does the segment cross the open interior of the cell?"""
+    rows, cols = end[0] - start[0], end[1] - start[1]
+    r, c = cell[0] - start[0], cell[1] - start[1]
+    inside = min(rows, 0) <= r <= max(rows, 0) and min(cols, 0) <= c <= max(cols, 0)
+    return inside and (start == end or 2 * abs(rows * c - cols * r) < abs(rows) + abs(cols))
 
 
 def _blocked(buildings, device, cell):
@@ -109,13 +99,6 @@ def _blocked(buildings, device, cell):
         if (r + 1, c + side) in places and buildings[one] and buildings[other]:
             return f"the ray goes through the corner that the buildings {one} and {other} share"
     return ""
-
-
-def _shadow_map(buildings, device):
-    shadow = np.zeros(buildings.shape, bool)
-    for cell in np.ndindex(shadow.shape):
-        shadow[cell] = bool(_blocked(buildings, device, cell))
-    return shadow
 
 
 def _shadow_cases():
@@ -153,24 +136,9 @@ def _hidden(buildings, device, place):
 
 
 BLOCKED = "_blocked(buildings, device, cell"
-SHADOW = Table(
-    _shadow_map,
-    _shadow_cases,
-    {
-        "Rows and columns are swapped: index [row, col], and the device is (row, col) too.": (
-            edit("return shadow", "return shadow.T"),
-            edit(BLOCKED, "_blocked(buildings.T, device, cell", "return shadow", "return shadow.T"),
-        ),
-    },
-    read=truths,
-    where=_hidden,
-    errors={
-        "out of bounds": "You look beyond the grid: only cells from the device to the UAV matter.",
-    },
-)
 
 
-def _draw_shadow(ax):
+def _draw_shadow(ax, solved):
     buildings = np.zeros((9, 9), bool)
     buildings[[3, 4, 5, 6, 7, 7], [2, 3, 5, 4, 1, 2]] = True
     device = (5, 1)
@@ -184,7 +152,7 @@ def _draw_shadow(ax):
     ax.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize="small")
 
 
-@exercise(
+@solution(
     "2.2 · A shadow map from scratch (3 points, 35 minutes)",
     "For each cell of the city, list the cells that its ray crosses, and move them to where "
     "the device is. A ray goes through a corner where two crossed cells touch diagonally.",
@@ -192,23 +160,32 @@ def _draw_shadow(ax):
     "are buildings, the link is blocked. The same for (r, c) and (r + 1, c − 1). No other "
     "geometry is needed.",
     figure=_draw_shadow,
-    table=SHADOW,
+    rules=_shadow_cases,
+    mistakes={
+        "Rows and columns are swapped: index [row, col], and the device is (row, col) too.": (
+            edit("return shadow", "return shadow.T"),
+            edit(BLOCKED, "_blocked(buildings.T, device, cell", "return shadow", "return shadow.T"),
+        ),
+    },
+    read=truths,
+    where=_hidden,
+    errors={
+        "out of bounds": "You look beyond the grid: only cells from the device to the UAV matter.",
+    },
 )
-def shadow_map(answer) -> None:
+def shadow_map(buildings, device):
     """`shadow_map(buildings, device)`: (M, M) bool, True where the link is blocked."""
+    shadow = np.zeros(buildings.shape, bool)
+    for cell in np.ndindex(shadow.shape):
+        shadow[cell] = bool(_blocked(buildings, device, cell))
+    return shadow
 
 
-def _asymmetric_share(sight):
-    n = len(sight) ** 2
-    pairs = sight.reshape(n, n)
-    return np.triu(pairs != pairs.T).sum() / (n * (n - 1) / 2)
-
-
-def _draw_asymmetric(ax):
+def _draw_asymmetric(ax, solved):
     densities = np.linspace(0, 0.6, 9)
     cities = [stream(Use.EXERCISE, 0).random((12, 12)) < density for density in densities]
     for method, style in (("exact", "o-"), ("bresenham", "s-")):
-        share = [_asymmetric_share(line_of_sight(city, method)) for city in cities]
+        share = [solved(line_of_sight(city, method)) for city in cities]
         ax.plot(100 * densities, 100 * np.array(share), style, label=method)
     ax.set(xlabel="cells that are buildings, %", ylabel="asymmetric pairs, %")
     ax.set_title("random cities, 12 cells a side")
@@ -243,10 +220,17 @@ def _asymmetric_cases():
 
 
 DIFFERING, ALL = "np.triu(pairs != pairs.T)", "(n * (n - 1) / 2)"
-ASYMMETRIC = Table(
-    _asymmetric_share,
-    _asymmetric_cases,
-    {
+
+
+@solution(
+    "2.3 · How asymmetric is a table? (2 points, 12 minutes)",
+    "Make the table a square matrix, one row and one column for each cell. Where does it "
+    "differ from its transpose? How many unordered pairs are there?",
+    "With n = M² cells, reshape to (n, n) and compare with .T: each asymmetric pair shows up "
+    "twice. There are n (n − 1) / 2 unordered pairs of different cells.",
+    figure=_draw_asymmetric,
+    rules=_asymmetric_cases,
+    mistakes={
         "Pairs of a cell with itself are in your count: there are n (n − 1) / 2 pairs of different "
         "cells, not n² or n (n + 1) / 2.": (
             *(edit("np.triu", "", ALL, "n**2"), edit("n - 1", "n + 1")),
@@ -260,16 +244,8 @@ ASYMMETRIC = Table(
     },
     read=number,
 )
-
-
-@exercise(
-    "2.3 · How asymmetric is a table? (2 points, 12 minutes)",
-    "Make the table a square matrix, one row and one column for each cell. Where does it "
-    "differ from its transpose? How many unordered pairs are there?",
-    "With n = M² cells, reshape to (n, n) and compare with .T: each asymmetric pair shows up "
-    "twice. There are n (n − 1) / 2 unordered pairs of different cells.",
-    figure=_draw_asymmetric,
-    table=ASYMMETRIC,
-)
-def asymmetric_share(answer) -> None:
+def asymmetric_share(sight):
     """`asymmetric_share(sight)`: share of unordered pairs of cells that depend on direction."""
+    n = len(sight) ** 2
+    pairs = sight.reshape(n, n)
+    return np.triu(pairs != pairs.T).sum() / (n * (n - 1) / 2)
