@@ -76,7 +76,7 @@ CORNER = "u - size + 1"
         "Rows and columns are swapped: the UAV is at (row, col).": edit("in uav", "in uav[::-1]"),
     },
     read=truths,
-    where=_shown,
+    why=_shown,
     errors={
         "broadcast": "The city does not fit where you put it. The map has three layers of "
         "(2M − 1) × (2M − 1) cells; the city's row 0 goes to M − 1 − uav[0], its column 0 to "

@@ -1,6 +1,5 @@
 """Exercises of notebook 1, the city and the channel."""
 
-from collections.abc import Callable, Iterator
 from contextlib import suppress
 
 import numpy as np
@@ -8,7 +7,6 @@ import numpy as np
 from uavdh_lite.channel import Channel
 from uavdh_lite.channel import rate as solved_rate
 from uavdh_lite.course.checks.exercise import (
-    CheckFailed,
     close,
     exercise,
     expect,
@@ -16,7 +14,7 @@ from uavdh_lite.course.checks.exercise import (
     show,
     solution,
 )
-from uavdh_lite.course.checks.table import Table
+from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import Unreadable, number
 from uavdh_lite.streams import Use, stream
 
@@ -55,6 +53,9 @@ def _draw_rate(ax, solved):
 def rate_from_snr(snr_db):
     """`rate(snr_db)`: data units in a slot, for numbers and arrays (eq. 4)."""
     return solved_rate(snr_db)
+
+
+MANY = 400_000  # draws: only chance explains a deviation of 1.5 %
 
 
 def _draw_crossover(ax):
@@ -116,16 +117,43 @@ def path_loss_crossover(answer) -> None:
     )
 
 
-def _draw_mean_rate(ax):
+def _draw_mean_rate(ax, solved):
     snr_db = np.linspace(-15, 15, 61)
-    generator = stream(Use.EXERCISE, 0)
     for variance in (0, 2, 5, 50):
-        draws = np.sqrt(variance) * generator.standard_normal((4000, 1))
-        ax.plot(snr_db, solved_rate(snr_db + draws).mean(0), label=f"σ² = {variance} dB²")
+        mean = [solved(snr, variance, 1, None) for snr in snr_db]
+        ax.plot(snr_db, mean, label=f"σ² = {variance} dB²")
     ax.set(xlabel="mean SNR, dB", ylabel="mean rate, data units a slot")
 
 
-def _moments(snr_db, variance):
+def _as_many_draws(answer) -> None:
+    """As many slots are simulated as asked for, by chance of the generator alone.
+
+    A right answer is refused with a probability below 1e-7: the limits are at 6 standard errors or
+    more, those of the means in the table, too.
+    """
+    results = [answer(0.0, 5.0, 9, stream(Use.EXERCISE, seed)) for seed in (1, 2, 1)]
+    expect(
+        results[0] == results[2],
+        "All chance must come from the generator that is passed in: same seed, same result.",
+    )
+    expect(
+        results[0] != results[1],
+        "The result is the same for every generator. Draw the fading from the one passed in, with "
+        "the mean 0 and the standard deviation √variance, in this order.",
+    )
+    for draws in (1, 40):
+        seeds = range(1000)
+        few = [answer(12.0, 2.0, draws, stream(Use.EXERCISE, seed)) for seed in seeds]
+        used = (_rates(12.0, 2.0)[1] / (np.std(few) + 1e-12)) ** 2
+        expect(
+            draws / 1.6 < used < 1.6 * draws,
+            f"mean_rate(12, 2, {draws}, generator) has the right mean, but scatters from generator "
+            f"to generator as the mean of {used:.3g} draws does, instead of {draws}: simulate "
+            "`draws` slots, each with a fading of its own.",
+        )
+
+
+def _rates(snr_db, variance):
     """Mean and standard deviation of the rate over the fading."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(120)
     rates = solved_rate(snr_db + np.sqrt(variance) * nodes)
@@ -133,78 +161,36 @@ def _moments(snr_db, variance):
     return mean, np.sqrt(np.average((rates - mean) ** 2, weights=weights))
 
 
-FADING = ((0.0, 5.0), (-8, 30), (12.0, 2.0), (-20.0, 9.0), (0.0, 60.0))
-SEEDS, FEW, MANY = 1000, 40, 400_000
-
-
-def _of_chance(ask: Callable) -> Iterator[tuple]:
-    """What must hold of the mean rates that are asked for, and what to say if it does not."""
-    for snr_db, draws in ((3.0, 5), (-11, 1)):
-        given, right = ask(snr_db, 0.0, draws, 0), solved_rate(snr_db)
-        said = f"the mean rate is that at the mean SNR, {right:.4g} at {snr_db} dB"
-        yield close(given, right, 1e-6), f"Without fading {said}; yours is {given:.4g}."
-    few = np.array([[ask(*case, FEW, seed) for seed in range(SEEDS)] for case in FADING])
-    mean, limit = few.mean(1), 6.5 * few.std(1, ddof=1) / np.sqrt(SEEDS) + 1e-8
-    expected, spread = np.transpose([_moments(*case) for case in FADING])
-    for message, value in {
-        "The fading is far too strong: generator.normal wants the root of the variance.": (
-            [_moments(snr_db, variance**2)[0] for snr_db, variance in FADING]
-        ),
-        "On average that is the rate at the mean SNR. The fading belongs to the SNR, in dB, not to "
-        "the rate; and average the rates, not the SNRs: the logarithm of a mean is not the mean "
-        "of the logarithms, nor is the median.": [solved_rate(snr_db) for snr_db, _ in FADING],
-    }.items():
-        agrees, right_too = ((abs(mean - one) < limit).all() for one in (value, expected))
-        yield right_too or not agrees, message
-    other = [ask(0.0, 5.0, 9, seed) for seed in (1, 2, 1)]
-    yield (
-        other[0] != other[1],
-        "The result is the same for every generator. Draw the fading from the one passed in, with "
-        "the mean 0 and the standard deviation √variance, in this order.",
-    )
-    for k, case in enumerate(FADING):
-        at = "At {} dB with a variance of {} dB²".format(*case)
-        near = (
-            f"{at} the mean rate is {expected[k]:.4g}; yours is {{:.4g}}, and chance explains no "
-            "more than {:.2g}. Turn each SNR into a rate, then average these."
-        )
-        yield abs(mean[k] - expected[k]) < limit[k], near.format(mean[k], limit[k])
-        draws = (spread[k] / (few[k].std(ddof=1) + 1e-12)) ** 2
-        yield (
-            FEW / 1.6 < draws < 1.6 * FEW,
-            f"{at} yours has the right mean, but scatters as the mean of {draws:.3g} draws does, "
-            f"instead of {FEW}: simulate `draws` slots, each with a fading of its own.",
-        )
-        given, least = ask(*case, MANY, 1), 6.5 * spread[k] / np.sqrt(MANY)
-        yield abs(given - expected[k]) < least, near.format(given, least)
-    yield (
-        other[0] == other[2],
-        "All chance must come from the generator that is passed in: same seed, same result.",
-    )
-
-
-@exercise(
+@solution(
     "1.3 · What fading does to the mean rate (2 points, 10 minutes)",
     "Draw many SNRs around the mean, turn each into a rate, and average the rates: in that order.",
     "Does generator.normal want a variance? The fading belongs to the SNR, while that is still "
     "in dB. One rate for each draw, and the mean comes last.",
     figure=_draw_mean_rate,
+    rules={
+        "Without fading, with a variance of 0, that is the rate at the mean SNR.": [
+            *((3.0, 0.0, 5), (-11, 0, 1)),
+        ],
+        "Simulate `draws` slots, each with a fading of its own: normal, mean 0, standard deviation "
+        "√variance. It belongs to the SNR, in dB, not to the rate. Turn each SNR into a rate, then "
+        "average the rates, not the SNRs. (Chance explains no more than 1.5 %.)": [
+            *((0.0, 5.0, MANY), (-8, 30, MANY), (12.0, 2.0, MANY), (-20.0, 9.0, MANY)),
+            (0.0, 60.0, MANY),
+        ],
+    },
+    mistakes={
+        "The fading is far too strong: generator.normal wants the root of the variance.": (
+            edit("variance_db2", "variance_db2**2")
+        ),
+        "On average that is the rate at the mean SNR. Average the rates, not the SNRs: the rate "
+        "at a mean is not the mean of the rates, nor is the median.": edit("variance_db2", "0"),
+    },
+    read=number,
+    tolerance=0.015,
+    again=False,
+    made=lambda *case: (*case, stream(Use.EXERCISE, 1)),
+    also=_as_many_draws,
 )
-def mean_rate(answer) -> None:
-    """`mean_rate(snr_db, variance_db2, draws, generator)`: Monte Carlo mean over the fading.
-
-    A right answer is refused with a probability below 1e-7: every limit is at 6 standard errors or
-    more. One whose mean is off by 2 %, or that makes half as many draws, is accepted with one of
-    less than 1e-6.
-    """
-
-    def ask(snr_db, variance, draws, seed):
-        given = answer(snr_db, variance, draws, stream(Use.EXERCISE, seed))
-        try:
-            return float(number(given))
-        except Unreadable as problem:
-            call = f"mean_rate({snr_db}, {variance}, {draws}, generator)"
-            raise CheckFailed(f"{call} gives {show(given)}: {problem}") from None
-
-    for holds, message in _of_chance(ask):
-        expect(holds, message)
+def mean_rate(snr_db, variance_db2, draws, generator):
+    """`mean_rate(snr_db, variance_db2, draws, generator)`: Monte Carlo mean over the fading."""
+    return _rates(snr_db, variance_db2)[0]

@@ -51,8 +51,8 @@ class Exercise:
         minutes: that a student is expected to need.
         words: two hints in words, from vague to nearly there.
         figure: draws what the solution produces on an Axes; the third hint.
-        check: takes the answer and raises `CheckFailed`; or the solution, if there is a table.
-        table: what an answer must give back.
+        check: takes the answer and raises `CheckFailed`.
+        table: what an answer must give back, asked before the check.
         function: whether the answer is one function.
         seconds: how long the check may take; `SECONDS` if not given.
         refused: what an answer may not use, by class and name, with what to say.
@@ -64,7 +64,7 @@ class Exercise:
     minutes: int
     words: tuple[str, ...]
     figure: Callable[[Axes], Any]
-    check: Callable[..., Any]
+    check: Callable[[Any], None] | None
     table: Table | None = None
     function: bool = True
     seconds: float | None = None
@@ -80,7 +80,8 @@ class Exercise:
     @property
     def solved(self) -> Callable:
         """The solution of an exercise that is made of one."""
-        return self.check
+        assert self.table
+        return self.table.solution
 
     def __repr__(self) -> str:  # a notebook shows neither hints nor mistakes
         return self.heading.removeprefix("## ")
@@ -103,7 +104,7 @@ class Exercise:
         try:
             if self.table:
                 self.table(answer)
-            else:
+            if self.check:
                 self.check(guarded(answer) if self.function else answer)
         except (CheckFailed, Stopped):
             raise
@@ -150,32 +151,43 @@ def exercise(heading: str, *hints: str, figure: Callable[[Axes], Any], **options
         figure: the third hint.
         options: `function`, `seconds` and `refused` of `Exercise`.
     """
-    found = re.fullmatch(r"([\d.]+) · (.+) \((\d+) points?, (\d+) minutes\)", heading)
-    if not found:
-        raise ValueError(f'{heading!r} is not like "1.2 · Title (2 points, 10 minutes)"')
-    number, title, points, minutes = found.groups()
 
     def register(check: Callable[[Any], None]) -> Exercise:
-        made = Exercise(number, title, int(points), int(minutes), hints, figure, check, **options)
-        functools.update_wrapper(made, check, updated=())
-        EXERCISES[check.__name__] = made
-        return made
+        return _registered(check, heading, hints, figure, check, **options)
 
     return register
 
 
-def solution(heading: str, *hints: str, figure: Callable[[Axes, Callable], Any], **options):
+def solution(
+    heading: str,
+    *hints: str,
+    figure: Callable[[Axes, Callable], Any],
+    also: Callable[[Callable], None] | None = None,
+    **options,
+):
     """Make an exercise of its solution: an answer must give the same as this function.
 
     Arguments:
         figure: the third hint, drawn on an Axes with the solution.
+        also: a property that no single call shows; a check of an answer that gives the same.
         options: `rules`, `mistakes` and others of `Table`; `seconds` and `refused` of `Exercise`.
     """
     own = {name: options.pop(name) for name in ("seconds", "refused") if name in options}
 
     def register(solved: Callable) -> Exercise:
-        drawn = functools.partial(figure, solved=solved)
-        made = exercise(heading, *hints, figure=drawn, table=Table(solved, **options), **own)
-        return made(solved)
+        drawn, table = functools.partial(figure, solved=solved), Table(solved, **options)
+        return _registered(solved, heading, hints, drawn, also, table=table, **own)
 
     return register
+
+
+def _registered(named: Callable, heading: str, hints, figure, check, **options) -> Exercise:
+    """An exercise with the name and the words of a function, among all others."""
+    found = re.fullmatch(r"([\d.]+) · (.+) \((\d+) points?, (\d+) minutes\)", heading)
+    if not found:
+        raise ValueError(f'{heading!r} is not like "1.2 · Title (2 points, 10 minutes)"')
+    number, title, points, minutes = found.groups()
+    made = Exercise(number, title, int(points), int(minutes), hints, figure, check, **options)
+    functools.update_wrapper(made, named, updated=())
+    EXERCISES[named.__name__] = made
+    return made

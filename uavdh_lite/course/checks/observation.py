@@ -128,7 +128,7 @@ CORNER = "u - m + 1"
         "Rows and columns are swapped: the UAV is at (row, col).": edit("in uav", "in uav[::-1]"),
     },
     read=array_of_numbers,
-    where=_place,
+    why=_place,
     errors={
         "broadcast": "The layer does not fit where you put it: the UAV's cell goes to M − 1, so "
         "the city begins in row M − 1 − uav[0], and reaches M cells further.",

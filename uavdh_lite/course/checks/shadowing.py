@@ -168,7 +168,7 @@ def _draw_shadow(ax, solved):
         ),
     },
     read=truths,
-    where=_hidden,
+    why=_hidden,
     errors={
         "out of bounds": "You look beyond the grid: only cells from the device to the UAV matter.",
     },

@@ -1,5 +1,6 @@
 """A check as data: cases by the rule that they test, and what typical mistakes would give."""
 
+import copy
 import inspect
 import textwrap
 from collections.abc import Callable, Iterable
@@ -11,7 +12,14 @@ from typing import Any
 import numpy as np
 
 from uavdh_lite.course.checks.trial import CheckFailed, expect, guarded, name_of, stops_with
-from uavdh_lite.course.checks.values import Unreadable, called, differing, numbers, show
+from uavdh_lite.course.checks.values import (
+    Unreadable,
+    called,
+    differing,
+    first_difference,
+    numbers,
+    show,
+)
 
 CHANGED = (
     "{call}: your function changes what it is given. That belongs to the caller: only read it, "
@@ -77,7 +85,7 @@ class Table:
         errors: what to say, besides the rule, if an answer stops with an error whose message has
             this text in it.
         shown: makes of an array that was read what a message shows.
-        where: says of a case and a place in a large result what should be there.
+        why: says of a case, and of a place in an array, what the expected value comes from.
         again: whether each case is asked twice.
         call: makes of a case what a message calls it, if not the function with its arguments.
         made: makes the arguments of what stands in the rules.
@@ -91,7 +99,7 @@ class Table:
     smallest: float = 1e-9
     errors: dict[str, str] = field(default_factory=dict)
     shown: Callable[[np.ndarray], Any] | None = None
-    where: Callable[..., str] | None = None
+    why: Callable[..., str] | None = None
     again: bool = True
     call: Callable[..., str] | None = None
     made: Callable[..., tuple] = lambda *case: case
@@ -128,7 +136,7 @@ class Table:
         Raises:
             CheckFailed: with the mistake, or with the smallest case that fails and its rule.
         """
-        given = [self.ask(answer, case, k % 2 == 1) for k, (_, case) in enumerate(self.cases)]
+        given = [self.ask(answer, k, k % 2 == 1) for k in range(len(self.cases))]
         wrong = [k for k, right in enumerate(self.right) if not self.same(given[k], right)]
         if not wrong:
             for k in reversed(range(len(given) if self.again else 0)):
@@ -146,12 +154,11 @@ class Table:
 
     def _ask_again(self, answer: Callable, k: int, given: Outcome) -> None:
         """Ask a case once more: it must give the same."""
-        case = self.cases[k][1]
-        other = self.ask(answer, case, k % 2 == 0)
+        other = self.ask(answer, k, k % 2 == 0)
         if not self.same(other, given):
             said = other.problem or differing(other.value, given.value)
             said = said.replace("expected", "at first it gave")
-            call = self._called(answer, case)
+            call = self._called(answer, self.cases[k][1])
             raise CheckFailed(f"{call}: asked again after other calls, it {said}. {ALONE}")
 
     def by_hand(self, place: str, given, case: tuple) -> None:
@@ -179,19 +186,19 @@ class Table:
             and "O" not in given.value.dtype.kind + right.dtype.kind
         ):
             return f"{call} has the shape {given.value.shape}, expected {right.shape}. {rule}"
-        there = ""
-        if self.where and right.ndim:
-            place = np.argwhere(~np.isclose(given.value, right, self.tolerance, self.smallest))[0]
-            there = f" {self.where(*case, tuple(place.tolist()))}"
+        said = differing(given.value, right)
         if self.shown:
             gives, expected = (show(self.shown(value)) for value in (given.value, right))
-            return f"{call} gives {gives}, expected {expected}. {rule}{there}"
-        return f"{call} {differing(given.value, right)}. {rule}{there}"
+            said = f"gives {gives}, expected {expected}"
+        why = f" {self.why(*case, first_difference(given.value, right))}" if self.why else ""
+        return f"{call} {said}. {rule}{why}"
 
-    def ask(self, answer: Callable, case: tuple, read_only: bool) -> Outcome:
+    def ask(self, answer: Callable, k: int, read_only: bool) -> Outcome:
         """The outcome of a student's function, which must leave its arguments as they are."""
+        rule, case = self.cases[k]
         given = tuple(_copied(argument, read_only) for argument in case)
-        outcome = self.outcome(answer, given, students=True)
+        asked = guarded(answer, self.call(*case) if self.call else "", rule)
+        outcome = self.outcome(asked, given, students=True)
         changed = any(not _equal(one, other) for one, other in zip(given, case, strict=True))
         read = isinstance(outcome.error, ValueError) and "read-only" in str(outcome.error)
         if changed or read:
@@ -200,9 +207,8 @@ class Table:
 
     def outcome(self, function: Callable, case: tuple, students: bool = False) -> Outcome:
         """What a function gives in a case."""
-        named = self.call(*case) if self.call else ""
         try:
-            value = (guarded(function, named) if students else function)(*case)
+            value = function(*case)
         except CheckFailed as failed:
             if failed.__cause__ is not None:
                 return Outcome(None, stops_with(failed.__cause__), failed.__cause__)
@@ -254,6 +260,8 @@ def _copied(argument, read_only: bool):
         return argument
     if hasattr(argument, "detach"):
         return argument.clone()
+    if isinstance(argument, np.random.Generator):
+        return copy.deepcopy(argument)
     if isinstance(argument, list):
         return [_copied(part, read_only) for part in argument]
     return argument
