@@ -11,7 +11,7 @@ import numpy as np
 from uavdh_lite.agent import Agent
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect, guarded, solution
 from uavdh_lite.course.checks.table import edit
-from uavdh_lite.course.checks.trial import name_of
+from uavdh_lite.course.checks.trial import expect_none, first_true, name_of
 from uavdh_lite.course.checks.values import Unreadable, pair, row, show, whole
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
 from uavdh_lite.evaluation import evaluate
@@ -230,6 +230,29 @@ def _draw_policy(ax):
 
 
 NOT_ALLOWED = "{} is not allowed here: write the rule yourself. Greedy may be a part of it."
+CHOICE = {  # what is said of the actions that are chosen in a step, and when
+    f"The actions are of type {{kind}}; give whole numbers, indices into {ACTIONS}.": (
+        lambda of: of.kind.kind not in "iu"
+    ),
+    f"There is no action {{unknown[0]:g}}: they are 0 to {len(ACTIONS) - 1}, "
+    f"{', '.join(ACTIONS)}.": lambda of: len(of.unknown),
+    f"Your policy is too slow: {SECONDS} seconds of processor time are over and not all of the "
+    f"{EPISODES} missions have ended. Work on the whole batch at once, and compute tables only "
+    "once.": lambda of: of.seconds > SECONDS,
+}
+STANDING = {  # what is said of all flights, and when
+    "These are the same flights as greedy's, in every mission.": lambda of: of.same,
+    f"It crashed in {{crashes}} of {EPISODES} missions, 150 points each: turn back while time_left "
+    "still suffices for landing_distance and the landing.": (
+        lambda of: of.crashes > of.greedy_crashes
+    ),
+    "The safety controller refused {refused:.1f} actions a mission, a move into a no-fly cell or a "
+    "landing outside the zone: look at environment.forbidden.": lambda of: of.refused > 1,
+    f"It is ahead, but by less than the {AHEAD} that are asked for.": lambda of: of.low > 0,
+    "It is behind greedy: `ways(policy)` draws where it loses most.": lambda of: of.high < 0,
+    "It is ahead of greedy, but the interval holds 0: that may be luck.": lambda of: of.ahead > 0,
+    "It is behind greedy, but the interval holds 0: that may be luck.": lambda of: True,
+}
 
 
 @exercise(
@@ -253,27 +276,15 @@ def policy(answer) -> None:
 
     def asked(state: State) -> np.ndarray:
         given, count = ask(environment, state), len(state)
+        read = row(count, f"`state` is a batch of {count} episodes: one action for each is")
         try:
-            values = row(count, f"`state` is a batch of {count} episodes: one action for each is")(
-                given
-            )
+            actions = read(given)
         except Unreadable as problem:
             raise CheckFailed(f"Your policy gives {show(given)}: {problem}") from None
         kind = np.asarray(given.detach().cpu() if hasattr(given, "detach") else given).dtype
-        unknown = values[(values < 0) | (values >= len(ACTIONS))]
-        needed = {
-            f"The actions are of type {kind}; give whole numbers, indices into {ACTIONS}.": (
-                kind.kind in "iu"
-            ),
-            f"There is no action {', '.join(map(show, unknown[:1]))}: they are 0 to "
-            f"{len(ACTIONS) - 1}, {', '.join(ACTIONS)}.": not len(unknown),
-            f"Your policy is too slow: {SECONDS} seconds of processor time are over and not all of "
-            f"the {EPISODES} missions have ended. Work on the whole batch at once, and compute "
-            "tables only once.": time.process_time() - began < SECONDS,
-        }
-        for message, holds in needed.items():
-            expect(holds, message)
-        return values.astype(int)
+        unknown = actions[(actions < 0) | (actions >= len(ACTIONS))]
+        expect_none(CHOICE, kind=kind, unknown=unknown, seconds=time.process_time() - began)
+        return actions.astype(int)
 
     own, greedy = _flown(asked), _flown(_planner(environment))
     ahead, low, high = lead.solved(own[RETURN], greedy[RETURN])
@@ -281,24 +292,15 @@ def policy(answer) -> None:
         f"Your return is {own[RETURN].mean():.2f}, greedy's {greedy[RETURN].mean():.2f}: a lead of "
         f"{ahead:+.2f} ({low:+.2f} to {high:+.2f})."
     )
-    if ahead >= AHEAD and low > 0:
-        print(standing)
-        return
-    crashes = EPISODES - int(own["has_landed"].sum())
-    refused = own["safety_interventions"].mean()
-    reasons = {
-        "These are the same flights as greedy's, in every mission.": (
-            np.array_equal(own[RETURN], greedy[RETURN])
-        ),
-        f"It crashed in {crashes} of {EPISODES} missions, 150 points each: turn back while "
-        "time_left still suffices for landing_distance and the landing.": (
-            crashes > EPISODES - greedy["has_landed"].sum()
-        ),
-        f"The safety controller refused {refused:.1f} actions a mission, a move into a no-fly "
-        "cell or a landing outside the zone: look at environment.forbidden.": refused > 1,
-        f"It is ahead, but by less than the {AHEAD} that are asked for.": low > 0,
-        "It is behind greedy: `ways(policy)` draws where it loses most.": high < 0,
-        "It is ahead of greedy, but the interval holds 0: that may be luck.": ahead > 0,
-        "It is behind greedy, but the interval holds 0: that may be luck.": True,
-    }
-    raise CheckFailed(f"{next(why for why, holds in reasons.items() if holds)} {standing}")
+    why = first_true(
+        STANDING,
+        same=np.array_equal(own[RETURN], greedy[RETURN]),
+        crashes=EPISODES - int(own["has_landed"].sum()),
+        greedy_crashes=EPISODES - greedy["has_landed"].sum(),
+        refused=own["safety_interventions"].mean(),
+        ahead=ahead,
+        low=low,
+        high=high,
+    )
+    expect(ahead >= AHEAD and low > 0, f"{why} {standing}")
+    print(standing)

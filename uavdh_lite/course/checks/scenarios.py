@@ -183,10 +183,8 @@ def defeat(answer) -> None:
     expect_none(CITY, size=city.size, changed=changed, count=len(cut_off), cut_off=cut_off[:1])
     agent = load_agent("manhattan_ddqn")
     greedy, own = _fly(city, Greedy(Environment(city)))[CRAL], _fly(city, agent.over(city))
-    behind, same_zones = (
-        100 * (greedy - own[CRAL]),
-        np.array_equal(city.landing, agent.city.landing),
-    )
+    behind = 100 * (greedy - own[CRAL])
+    same_zones = np.array_equal(city.landing, agent.city.landing)
     standing = (
         f"In your city (cells changed: {changed}) greedy has a CRAL of {greedy:.1%}, the agent "
         f"{own[CRAL]:.1%} (it lands in {own['has_landed']:.0%})"
