@@ -22,25 +22,7 @@ def _random_city(m=9, size=12):
     return layers, tuple(np.argwhere(city.landing)[0].tolist()), size
 
 
-def _small_cities():
-    generator = stream(Use.EXERCISE, 15)
-
-    def drawn(m, size, uav=None):
-        layers = generator.random((3, m, m)) < 0.5
-        return layers, uav or tuple(generator.integers(0, m, 2).tolist()), size
-
-    return {
-        "The UAV's cell is in the middle of the map, at (M − 1, M − 1). Outside the city only "
-        "no-fly, layers[1], is True.": [drawn(2, 2, (0, 1)), drawn(4, 4, (1, 3)), drawn(7, 7)],
-        "Every map has 2M − 1 cells on a side, whatever the size m of the city; it may be a single "
-        "cell. Inside the city the layers stay as they are.": [
-            *(
-                drawn(m, size)
-                for m, size in ((1, 1), (1, 2), (2, 3), (2, 7), (3, 5), (5, 6), (6, 11)) * 2
-            ),
-            *((np.ones((3, 3, 3), bool), (1, 2), 5), _random_city()),
-        ],
-    }
+LAYERS = {m: stream(Use.EXERCISE, m).random((3, m, m)) < 0.5 for m in range(1, 8)}
 
 
 def _draw_small_city(ax, solved):
@@ -69,7 +51,18 @@ CORNER = "u - size + 1"
     "The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the m×m cells from "
     "there on are the city. All other cells: no-fly True, landing and buildings False.",
     figure=_draw_small_city,
-    rules=_small_cities,
+    rules={
+        "The UAV's cell is in the middle of the map, at (M − 1, M − 1). Outside the city only "
+        "no-fly, layers[1], is True.": [
+            *((LAYERS[2], (0, 1), 2), (LAYERS[4], (1, 3), 4), (LAYERS[7], (5, 2), 7)),
+        ],
+        "Every map has 2M − 1 cells on a side, whatever the size m of the city; it may be a single "
+        "cell. Inside the city the layers stay as they are.": [
+            *((LAYERS[1], (0, 0), 1), (LAYERS[1], (0, 0), 2), (LAYERS[2], (1, 0), 3)),
+            *((LAYERS[2], (1, 1), 7), (LAYERS[3], (0, 2), 5), (LAYERS[5], (4, 1), 6)),
+            *((LAYERS[6], (2, 5), 11), (np.ones((3, 3, 3), bool), (1, 2), 5), _random_city()),
+        ],
+    },
     mistakes={
         "The shift goes the wrong way: where the UAV is further north, the city lies further "
         "south.": edit(CORNER, "1 - size - u"),
@@ -135,25 +128,9 @@ TURNED = np.array([[0, 1, 2, 3, 4, 5], [3, 0, 1, 2, 4, 5], [2, 3, 0, 1, 4, 5], [
 MIRRORED = np.array([0, 3, 2, 1, 4, 5])
 
 
-def _maps():
-    generator = stream(Use.EXERCISE, 16)
-
-    def drawn(q_of, *shapes):
-        return [(q_of, generator.normal(0, 1, (c, w, w)).round(2)) for c, w in shapes]
-
-    return {
-        "Here the Q-values are 1 to 6 whatever the map. Over the eight symmetries each move takes "
-        "the place of each of the four moves twice, so all four get their mean, 2.5. Hover and "
-        "land keep 5 and 6.": (drawn(SAME_FOR_ALL, (1, 3), (2, 5))),
-        "A network that treats all directions alike already gets its own Q-values back. (Here the "
-        "value of a move is that of the cell to which it leads.)": drawn(SEES_NEXT, (1, 3), (3, 7)),
-        "If q_of[north] is the value of the cell north-east of the middle, north gets a quarter of "
-        "the mean of the cells north-east and north-west of it. The other moves likewise.": (
-            drawn(SEES_NORTH_EAST, (1, 3), (2, 3), (1, 7))
-        ),
-        "Average the Q-values of all eight maps, each with its moves turned and mirrored back; any "
-        "q_of, any number of layers.": drawn(NETWORK, (1, 3), (3, 3), (5, 5), (2, 9)),
-    }
+def _map(q_of, channels, side):
+    values = stream(Use.EXERCISE, 10 * channels + side).normal(0, 1, (channels, side, side))
+    return q_of, values.round(2)
 
 
 def _draw_symmetric_q(ax, solved):
@@ -178,7 +155,24 @@ BACK, MEAN = "TURNED[k][MIRRORED]", "np.mean(rows, 0)"
     "[3, 0, 1, 2]; after k turns at np.roll([0, 1, 2, 3], k). If the map is mirrored before "
     "that, layers[:, :, ::-1], swap what is found for east and for west.",
     figure=_draw_symmetric_q,
-    rules=_maps,
+    rules={
+        "Here the Q-values are 1 to 6 whatever the map. Over the eight symmetries each move takes "
+        "the place of each of the four moves twice, so all four get their mean, 2.5. Hover and "
+        "land keep 5 and 6.": [(SAME_FOR_ALL, 1, 3), (SAME_FOR_ALL, 2, 5)],
+        "A network that treats all directions alike already gets its own Q-values back. (Here the "
+        "value of a move is that of the cell to which it leads.)": [
+            *((SEES_NEXT, 1, 3), (SEES_NEXT, 3, 7)),
+        ],
+        "If q_of[north] is the value of the cell north-east of the middle, north gets a quarter of "
+        "the mean of the cells north-east and north-west of it. The other moves likewise.": [
+            *((SEES_NORTH_EAST, 1, 3), (SEES_NORTH_EAST, 2, 3), (SEES_NORTH_EAST, 1, 7)),
+        ],
+        "Average the Q-values of all eight maps, each with its moves turned and mirrored back; any "
+        "q_of, any number of layers.": [
+            *((NETWORK, 1, 3), (NETWORK, 3, 3), (NETWORK, 5, 5), (NETWORK, 2, 9)),
+        ],
+    },
+    made=_map,
     mistakes={
         "The moves are turned the wrong way in yours: a quarter turn to the left brings north to "
         "west, so north's Q-value is found at west, not at east.": edit("TURNED[k]", "TURNED[-k]"),
@@ -208,31 +202,15 @@ def _usual(values, city):
     return 1.96 * np.std(values, ddof=1) / np.sqrt(len(values))
 
 
-def _evaluations():
-    generator = stream(Use.EXERCISE, 18)
-
-    def drawn(counts, names):
-        city = generator.permutation(np.repeat(names, counts))
-        shared = dict(zip(names, generator.normal(0, 0.1, len(names)), strict=True))
-        values = np.array([0.8 + shared[name] for name in city.tolist()])
-        return (values + generator.normal(0, 0.1, len(city))).round(3), city
-
-    return {
-        "Subtract the mean from the values, add up the differences in each city, and square these "
-        "sums. Multiply their total by C/(C − 1), take the root, and multiply it by 1.96 / N.": [
-            (np.array([4.0, 6, 1, 1]), np.array([0, 0, 1, 1])),
-            *(drawn([3, 3, 3], range(3)), drawn([4] * 6, range(6))),
-        ],
-        "Cities may have different numbers of missions. The mean is that of all N missions, not of "
-        "the cities' means.": [drawn([1, 3], [0, 1]), drawn([5, 1, 2, 9], [0, 1, 2, 3])],
-        "The cities' numbers are names: any ints, in any order. C is how many there are.": [
-            *(drawn([2, 3], [7, 4]), drawn([2, 5, 1], [-1, -2, 10**6]), drawn([1] * 4, range(4))),
-        ],
-        "Whole numbers and Booleans are values, too, such as whether each UAV landed.": [
-            (np.array([3, 4, 4, 9, 1]), np.array([1, 1, 0, 0, 2])),
-            (generator.random(12) < 0.7, generator.integers(0, 4, 12)),
-        ],
-    }
+def _evaluation(values, city):
+    """Values and their cities; or, if there are fewer, so many missions of each city, at random."""
+    if len(values) > len(set(city)):
+        return np.array(values), np.array(city)
+    generator = stream(Use.EXERCISE, sum(values))
+    shared = np.repeat(generator.normal(0.8, 0.1, len(city)), values)
+    order = generator.permutation(sum(values))
+    drawn = (shared + generator.normal(0, 0.1, sum(values))).round(3)
+    return drawn[order], np.repeat(city, values)[order]
 
 
 def _draw_half_width(ax, solved):
@@ -254,7 +232,21 @@ def _draw_half_width(ax, solved):
     "off = values − values.mean(). For each `one` in np.unique(city) the sum is "
     "off[city == one].sum(); C is how many sums there are.",
     figure=_draw_half_width,
-    rules=_evaluations,
+    rules={
+        "Subtract the mean from the values, add up the differences in each city, and square these "
+        "sums. Multiply their total by C/(C − 1), take the root, and multiply it by 1.96 / N.": [
+            *(([4.0, 6, 1, 1], [0, 0, 1, 1]), ([3, 3, 3], range(3)), ([4] * 6, range(6))),
+        ],
+        "Cities may have different numbers of missions. The mean is that of all N missions, not of "
+        "the cities' means.": [([1, 3], [0, 1]), ([5, 1, 2, 9], [0, 1, 2, 3])],
+        "The cities' numbers are names: any ints, in any order. C is how many there are.": [
+            *(([2, 3], [7, 4]), ([2, 5, 1], [-1, -2, 10**6]), ([1] * 4, range(4))),
+        ],
+        "Whole numbers and Booleans are values, too, such as whether each UAV landed.": [
+            *(([3, 4, 4, 9, 1], [1, 1, 0, 0, 2]), ([True, True, False, True], [5, 5, 0, 0])),
+        ],
+    },
+    made=_evaluation,
     mistakes={
         "That is the usual interval, as if all missions were independent: add up the differences "
         "of a city before you square them.": (_usual, edit("(sums**2).sum()", "(off**2).sum()")),

@@ -6,33 +6,30 @@ from uavdh_lite.city import City
 from uavdh_lite.course.checks.exercise import solution
 from uavdh_lite.course.checks.table import edit
 from uavdh_lite.course.checks.values import number, truths, whole
-from uavdh_lite.environment import LAND, Environment
+from uavdh_lite.environment import ACTIONS, LAND, Environment
 from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.streams import Use, stream
 
+SMALL = "L . . B\n. N B .\n. . . N\n. . . ."  # no way home from cell 7
 
-def _situations():
-    cut_off = City.from_text("cut off", "L . . B .\n. . . B .\n. B . B B\n. . . . .\n. . . . L")
-    generator = stream(Use.EXERCISE, 12)
 
-    def drawn(city):
-        moves, distance = Environment(city).next_cell, city.landing_distance.ravel()
-        cells = np.flatnonzero(~city.no_fly.ravel())
-        cases = [(cells, np.full(len(cells), 10**6))]  # no number stands for "no way home"
-        for count in (1, 6, 40):
-            cell = generator.choice(cells, count)
-            spare = generator.integers(-1, 4, count)
-            cases.append((cell, np.maximum(distance[cell] + spare, 1)))
-        return [(distance, moves, *case) for case in cases]
+def _situation(name, cell, time_left):
+    """Arguments of `fits` for cells of a city; for a number, so many at random, with about that."""
+    city = City.load(name) if name == "village" else City.from_text("small", name)
+    distance = city.landing_distance.ravel()
+    if isinstance(cell, int):
+        generator = stream(Use.EXERCISE, cell)
+        cell = generator.choice(np.flatnonzero(~city.no_fly.ravel()), cell)
+        time_left = np.maximum(distance[cell] + generator.integers(-1, time_left, len(cell)), 1)
+    return distance, Environment(city).next_cell, np.array(cell), np.array(time_left)
 
-    rule = (
-        "An action fits if the units for itself, for the way home after it and for the landing are "
-        "at most time_left; to land at once always fits, but in the zone only."
-    )
-    return {
-        f"{rule} (Some cells here have no way home, distance −1.)": drawn(cut_off),
-        rule: drawn(City.load("village")),
-    }
+
+def _leads_to(distance, next_cell, cell, time_left, place):
+    k, action = place
+    there, left = distance[next_cell[cell[k], action]], time_left[k]
+    hovers = " (a landing is one in the zone only; here it stays in the air)"
+    what = ACTIONS[action] + hovers * (action == LAND and there != 0)
+    return f"Here {what} leads to a cell with distance {there}; time_left is {left}."
 
 
 def _draw_failsafe(ax, solved):
@@ -53,7 +50,25 @@ def _draw_failsafe(ax, solved):
     "distance[next_cell[cell]] is (B, 6): moves home after each action. One unit more for "
     "landing must fit into time_left − 1. Then two special cases: −1, and landing at once.",
     figure=_draw_failsafe,
-    rules=_situations,
+    rules={
+        "An action fits if the units for itself, for the way home after it and for the landing are "
+        "at most time_left.": [
+            *((SMALL, [9], [time_left]) for time_left in (3, 4, 5, 6, 9)),
+            *((SMALL, [8], [3]), (SMALL, [4, 14, 2], [4, 6, 3])),
+        ],
+        "To land at once always fits, but in the zone only: elsewhere it is no landing, and costs "
+        "a unit as hovering does.": [
+            *((SMALL, [cell], [time_left]) for cell in (0, 1) for time_left in (1, 2, 3)),
+            (SMALL, [0, 1, 0], [1, 1, 2]),
+        ],
+        "Where there is no way home, distance −1, nothing fits: no number stands for that.": [
+            *((SMALL, [7], [3]), (SMALL, [7, 0], [10**6, 10**6])),
+        ],
+        "It must hold for all UAVs of a batch, each with its own time, in any city.": [
+            *((SMALL, 30, 4), ("village", 1, 4), ("village", 6, 4), ("village", 40, 4)),
+        ],
+    },
+    made=_situation,
     mistakes={
         "Time is missing: action and landing take one unit each, besides the way home.": (
             *(edit("+ 1 <=", "<="), edit("] - 1", "]"), edit("+ 1 <=", "<=", "] - 1", "]")),
@@ -62,6 +77,12 @@ def _draw_failsafe(ax, solved):
         "UAV is.": edit("home[next_cell[cell]]", "0 * next_cell[cell] + home[cell][:, None]"),
     },
     read=truths,
+    why=_leads_to,
+    errors=dict.fromkeys(
+        ("too many indices", "broadcast"),
+        "time_left is (B,), the distances after the actions are (B, 6): time_left[:, None] is a "
+        "column, (B, 1).",
+    ),
 )
 def failsafe_mask(distance, next_cell, cell, time_left):
     """`fits(distance, next_cell, cell, time_left)`: the actions that leave time to land, (B, 6)."""
@@ -71,32 +92,13 @@ def failsafe_mask(distance, next_cell, cell, time_left):
     return fits
 
 
-def _distributions():
-    generator = stream(Use.EXERCISE, 13)
+DRAWN = (1, 5), (2, 3), (4, 4), (32, 1), (8, 50)  # so many quantiles and samples
 
-    def drawn(quantiles, samples):
-        return [
-            (generator.normal(0, 2, quantiles), generator.normal(0, 4, samples), kappa)
-            for kappa in (0.5, 1.0, 3.0)
-        ]
 
-    return {
-        "Up to kappa, whatever kappa is, Huber's loss is u²/2, weighted with the level τ where u "
-        "is not below 0, and with 1 − τ where it is. The levels are the middles of N equal parts, "
-        "(i − 1/2)/N for i from 1 to N, so that of a single quantile is 1/2.": [
-            (np.zeros(1), np.array([u]), kappa)
-            for u, kappa in ((0.25, 1.0), (-0.9, 1.0), (1.5, 3.0))
-        ],
-        "Beyond kappa Huber's loss is kappa · (|u| − kappa/2), whatever kappa is.": [
-            (np.zeros(1), np.array([u]), kappa)
-            for u, kappa in ((2.0, 1.0), (-3.0, 0.5), (9.0, 3.0))
-        ],
-        "The weight is τ where u = y − θ is not below 0, and 1 − τ where it is. Each quantile has "
-        "the mean over all samples; these means are added up.": [
-            *((np.array([0.0, 4.0]), np.array([y]), 1.0) for y in (0.5, 3.5, 6.0, -2.0)),
-            *(drawn(1, 5) + drawn(2, 3) + drawn(4, 4) + drawn(32, 1) + drawn(8, 50)),
-        ],
-    }
+def _values(given, spread):
+    if isinstance(given, list):
+        return np.array(given)
+    return stream(Use.EXERCISE, 100 * spread + given).normal(0, spread, given).round(2)
 
 
 def _draw_quantile_loss(ax, solved):
@@ -115,7 +117,22 @@ def _draw_quantile_loss(ax, solved):
     "u = y[None, :] − theta[:, None]. The weight of row i is its level where u ≥ 0, and one "
     "minus the level where u < 0. Average each row, then add the rows up.",
     figure=_draw_quantile_loss,
-    rules=_distributions,
+    rules={
+        "Up to kappa, whatever kappa is, Huber's loss is u²/2, weighted with the level τ where u "
+        "is not below 0, and with 1 − τ where it is. The levels are the middles of N equal parts, "
+        "(i − 1/2)/N for i from 1 to N, so that of a single quantile is 1/2.": [
+            *(([0.0], [0.25], 1.0), ([0.0], [-0.9], 1.0), ([0.0], [1.5], 3.0)),
+        ],
+        "Beyond kappa Huber's loss is kappa · (|u| − kappa/2), whatever kappa is.": [
+            *(([0.0], [2.0], 1.0), ([0.0], [-3.0], 0.5), ([0.0], [9.0], 3.0)),
+        ],
+        "The weight is τ where u = y − θ is not below 0, and 1 − τ where it is. Each quantile has "
+        "the mean over all samples; these means are added up.": [
+            *(([0.0, 4.0], [y], 1.0) for y in (0.5, 3.5, 6.0, -2.0)),
+            *((*counts, kappa) for counts in DRAWN for kappa in (0.5, 1.0, 3.0)),
+        ],
+    },
+    made=lambda theta, y, kappa: (_values(theta, 2), _values(y, 4), kappa),
     mistakes={
         "The error is u = y − θ: yours has the other sign, so that weights for too high and too "
         "low are swapped.": edit("u < 0", "u > 0"),
@@ -130,26 +147,17 @@ def quantile_loss(theta, y, kappa):
     return (abs(levels[:, None] - (u < 0)) * huber).mean(1).sum()
 
 
-def _minibatches():
-    generator = stream(Use.EXERCISE, 14)
+ALPHAS = (0.0, 0.3, 0.8)
 
-    def drawn(count, shift, share):
-        cases = []
-        for alpha in (0.0, 0.3, 0.8):
-            q_values, y = generator.normal(shift, 3, (count, 6)), generator.normal(shift, 3, count)
-            action, allowed = generator.integers(0, 6, count), generator.random((count, 6)) < share
-            allowed[np.arange(count), action] = True
-            cases.append((y, q_values, allowed, action, alpha))
-        return cases
 
-    return {
-        "The target is y − alpha · gap. The gap is the largest Q-value of the row minus that of "
-        "the action taken.": drawn(1, 0.0, 2.0) + drawn(3, 0.0, 2.0),
-        "Only actions that are allowed count for the maximum, whatever the Q-values' signs: no "
-        "number is small enough for the others, take −inf.": (
-            drawn(1, -20.0, 0.6) + drawn(6, -20.0, 0.6) + drawn(8, 10.0, 0.6) + drawn(6, -1e6, 0.6)
-        ),
-    }
+def _minibatch(count, shift, share, alpha):
+    """Arguments of `target` with Q-values near `shift`, this share of the other actions allowed."""
+    generator = stream(Use.EXERCISE, int(10 * alpha) + count)
+    q_values = generator.normal(shift, 3, (count, 6)).round(2)
+    y, action = generator.normal(shift, 3, count).round(2), generator.integers(0, 6, count)
+    allowed = generator.random((count, 6)) < share
+    allowed[np.arange(count), action] = True
+    return y, q_values, allowed, action, alpha
 
 
 def _draw_advantage_target(ax, solved):
@@ -168,7 +176,18 @@ def _draw_advantage_target(ax, solved):
     "np.where(allowed, q_values, −np.inf).max(axis=1) is the best one's. For the other, index "
     "q_values with np.arange(B) and action. Then y − alpha · gap.",
     figure=_draw_advantage_target,
-    rules=_minibatches,
+    rules={
+        "The target is y − alpha · gap. The gap is the largest Q-value of the row minus that of "
+        "the action taken.": [
+            *((count, 0.0, 2.0, alpha) for count in (1, 3) for alpha in ALPHAS),
+        ],
+        "Only actions that are allowed count for the maximum, whatever the Q-values' signs: no "
+        "number is small enough for the others, take −inf.": [
+            *((count, -20.0, 0.6, alpha) for count in (1, 6) for alpha in ALPHAS),
+            *((count, shift, 0.6, 0.3) for count, shift in ((40, 10.0), (6, -1e6), (1, -1e6))),
+        ],
+    },
+    made=_minibatch,
     mistakes={
         "Dividing by 1 − alpha is what comes out in the end, at rest. The target of one update "
         "takes alpha times the gap.": edit(

@@ -4,7 +4,7 @@ import numpy as np
 
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.exercise import solution
-from uavdh_lite.course.checks.table import edit
+from uavdh_lite.course.checks.table import by_rule, edit
 from uavdh_lite.course.checks.values import array_of_numbers, number, or_none, pair
 from uavdh_lite.plotting import BLUE
 from uavdh_lite.streams import Use, stream
@@ -22,27 +22,15 @@ def _draw_city_cell(ax, solved):
     ax.set_title(f"M = {size}, UAV over {uav}: the cells of the city")
 
 
-def _city_cell_cases():
-    cases = [
+PLACES = [
+    *(((7, 7), (3, 5), 8), ((3, 3), (2, 1), 4)),
+    *(
         (place, uav, size)
         for size in (2, 3)
         for place in np.ndindex(2 * size - 1, 2 * size - 1)
         for uav in np.ndindex(size, size)
-    ]
-    inside = [case for case in cases if city_cell.solved(*case)]
-    return {
-        "The UAV's cell is in the middle of the map, at (M − 1, M − 1). It is inside the city, as "
-        "any cell with row and column from 0 to M − 1.": [
-            *(((7, 7), (3, 5), 8), ((3, 3), (2, 1), 4)),
-        ],
-        "A place so many rows below the middle, and so many columns to its right, shows the cell "
-        "as far from the UAV's: count from (M − 1, M − 1). Row 0 and column 0 are in the city, and "
-        "so are row M − 1 and column M − 1.": inside,
-        "A place whose row or column would be below 0, or M or more, is outside the city: None. "
-        "(numpy would take a negative one.)": [case for case in cases if case not in inside],
-    }
-
-
+    ),
+]
 CELL = "p + u - size + 1"
 
 
@@ -52,7 +40,18 @@ CELL = "p + u - size + 1"
     "The UAV's cell is in the middle of the map, (M − 1, M − 1). So the city's row is "
     "place[0] − (M − 1) + uav[0]; it exists if it is from 0 to M − 1. The same for columns.",
     figure=_draw_city_cell,
-    rules=_city_cell_cases,
+    rules=lambda: by_rule(
+        {
+            "The UAV's cell is in the middle of the map, at (M − 1, M − 1). It is inside the city, "
+            "as any cell with row and column from 0 to M − 1.": lambda *case: True,
+            "A place so many rows below the middle, and so many columns to its right, shows the "
+            "cell as far from the UAV's: count from (M − 1, M − 1). Row 0 and column 0 are in the "
+            "city, and so are row M − 1 and column M − 1.": lambda place, uav, size: size < 4,
+            "A place whose row or column would be below 0, or M or more, is outside the city: "
+            "None. (numpy would take a negative one.)": lambda *case: not city_cell.solved(*case),
+        },
+        PLACES,
+    ),
     mistakes={
         "That is the other direction, from the city to the map: here the place in the map is given "
         "and the cell of the city is wanted.": edit(CELL, "p - u + size - 1"),
@@ -78,30 +77,9 @@ def _draw_centre(ax, solved):
     ax.set(yticks=(0, 15, 30), title=f"no-fly layer, UAV over {uav}, 1 outside")
 
 
-def _centre_cases():
-    generator = stream(Use.EXERCISE, 6)
-    small = np.arange(1.0, 10.0).reshape(3, 3)
-
-    def whole(size):
-        return generator.integers(1, 9, (size, size))
-
-    return {
-        "The map has (2M − 1)×(2M − 1) cells, the UAV's in the middle, at (M − 1, M − 1); M may be "
-        "any number.": [
-            *((small, uav, 0.0) for uav in ((1, 1), (0, 2), (2, 0), (2, 1), (0, 1))),
-            *((whole(n), tuple(generator.integers(0, n, 2).tolist()), 0) for n in (1, 4, 5, 8, 9)),
-        ],
-        "Everywhere outside the city the map is `outside`, any number; zeros of the layer stay.": [
-            *((small, (1, 0), outside) for outside in (1, 7.0)),
-            (np.array([[0.0, 3], [0, 0]]), (1, 0), 4.0),
-        ],
-        "Make a map of floats, np.full(shape, outside, float), or layer.astype(float) first: the "
-        "layer or `outside` may be a fraction, and the other a whole number or a Boolean.": [
-            *((generator.random((n, n)).round(3) * 9, (1, n - 2), n) for n in (2, 6)),
-            *((whole(2), (0, 1), 0.5), (whole(5), (4, 1), 2)),
-            *((generator.random((n, n)) < 0.5, (n - 1, 0), v) for n, v in ((2, 0.5), (3, 3))),
-        ],
-    }
+SMALL = np.arange(1.0, 10.0).reshape(3, 3)
+LAYERS = {n: stream(Use.EXERCISE, n).integers(1, 9, (n, n)) for n in (1, 2, 4, 5, 8, 9)}
+FRACTIONS = {n: stream(Use.EXERCISE, n).uniform(0, 9, (n, n)).round(3) for n in (2, 3, 6)}
 
 
 def _place(layer, uav, outside, place):
@@ -121,7 +99,26 @@ CORNER = "u - m + 1"
     "there on are the layer. Or surround the layer by M − 1 cells on all sides (np.pad) and "
     "cut out the 2M − 1 rows from uav[0] on, and as many columns from uav[1] on.",
     figure=_draw_centre,
-    rules=_centre_cases,
+    rules={
+        "The map has (2M − 1)×(2M − 1) cells, the UAV's in the middle, at (M − 1, M − 1); M may be "
+        "any number.": [
+            *((SMALL, uav, 0.0) for uav in ((1, 1), (0, 2), (2, 0), (2, 1), (0, 1))),
+            *((LAYERS[1], (0, 0), 0), (LAYERS[4], (1, 3), 0), (LAYERS[5], (4, 2), 0)),
+            *((LAYERS[8], (0, 6), 0), (LAYERS[9], (7, 5), 0)),
+        ],
+        "Everywhere outside the city the map is `outside`, any number; zeros of the layer stay.": [
+            *((SMALL, (1, 0), 1), (SMALL, (1, 0), 7.0), (np.array([[0.0, 3], [0, 0]]), (1, 0), 4.0))
+        ],
+        "Make a map of floats, np.full(shape, outside, float), or layer.astype(float) first: the "
+        "layer or `outside` may be a fraction, and the other a whole number or a Boolean.": [
+            *((FRACTIONS[2], (1, 0), 2), (FRACTIONS[6], (1, 4), 6), (LAYERS[2], (0, 1), 0.5)),
+            *(
+                (LAYERS[5], (4, 1), 2),
+                (FRACTIONS[2] < 4, (1, 0), 0.5),
+                (FRACTIONS[3] < 4, (2, 0), 3),
+            ),
+        ],
+    },
     mistakes={
         "The shift goes the wrong way: where the UAV is further north, the city lies further "
         "south.": (edit(CORNER, "-u"), edit(CORNER, "u - 2 * m + 2")),
@@ -153,33 +150,7 @@ def _draw_weights(ax, solved):
     ax.set_title("shapes in the paper's network, M = 16")
 
 
-def _weights_cases():
-    return {
-        "A kernel has a weight for each cell of its square and each layer that it sees, a neuron "
-        "one for each number that it is given. The list has the numbers of all kernels, and the "
-        "flying time is one more; the output has 6 values. Each kernel and each neuron, those of "
-        "the output too, has a bias of its own. The example of the exercise has 113.": [
-            *((2, 2, 3, 2, (1,), (4,)), (1, 2, 1, 1, (1,), (1,)), (3, 3, 2, 3, (1,), (5,))),
-            *((4, 2, 7, 2, (1,), (3, 2)), (5, 5, 2, 9, (1,), (4,)), (1, 1, 6, 1, (1,), (2,))),
-        ],
-        "(side − kernel_size) // stride + 1 cells a side are left: kernels lie wholly inside. "
-        "Divide side − kernel_size by the stride and round down, and add the 1 after that.": [
-            *((2, 3, 4, 2, (stride,), (6,)) for stride in (2, 3, 4)),
-            *((3, 12, 9, 3, (3,), (20,)), (2, 9, 3, 4, (6,), (8,))),
-        ],
-        "A second convolution sees as many layers as the first has kernels, and has its own "
-        "stride, and so on, for any number of convolutions and hidden layers. The paper's "
-        "network has 2,308,854.": [
-            *((5, 16, 16, 5, (1, 1), (256, 256, 256)), (4, 13, 8, 4, (3, 2), (64, 32))),
-            *(
-                (4, 16, 9, 3, strides, hidden)
-                for strides in ((1,), (2, 1), (1, 2, 2))
-                for hidden in ((9,), (30, 8), (8, 9, 10, 7))
-            ),
-        ],
-    }
-
-
+HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
 STEP = "(side - kernel_size) // stride + 1"
 
 
@@ -192,8 +163,32 @@ STEP = "(side - kernel_size) // stride + 1"
     "that it gets, and leaves (side − k) // stride + 1 cells a side. The list has kernels · "
     "side² numbers and the flying time. From n to m neurons: n·m + m. The output has 6.",
     figure=_draw_weights,
-    rules=_weights_cases,
+    rules={
+        "A kernel has a weight for each cell of its square and each layer that it sees, a neuron "
+        "one for each number that it is given. The list has the numbers of all kernels, and the "
+        "flying time is one more; the output has 6 values. Each kernel and each neuron, those of "
+        "the output too, has a bias of its own. The example of the exercise has 113.": [
+            *((2, 2, 3, 2, (1,), (4,)), (1, 2, 1, 1, (1,), (1,)), (3, 3, 2, 3, (1,), (5,))),
+            *((4, 2, 7, 2, (1,), (3, 2)), (5, 5, 2, 9, (1,), (4,)), (1, 1, 6, 1, (1,), (2,))),
+        ],
+        "(side − kernel_size) // stride + 1 cells a side are left: kernels lie wholly inside. "
+        "Divide side − kernel_size by the stride and round down, and add the 1 after that.": [
+            *((2, 3, 4, 2, (2,), (6,)), (2, 3, 4, 2, (3,), (6,)), (2, 3, 4, 2, (4,), (6,))),
+            *((3, 12, 9, 3, (3,), (20,)), (2, 9, 3, 4, (6,), (8,))),
+        ],
+        "A second convolution sees as many layers as the first has kernels, and has its own "
+        "stride, and so on, for any number of convolutions and hidden layers. The paper's "
+        "network has 2,308,854.": [
+            *((5, 16, 16, 5, (1, 1), (256, 256, 256)), (4, 13, 8, 4, (3, 2), (64, 32))),
+            *((4, 16, 9, 3, s, h) for s in ((1,), (2, 1), (1, 2, 2)) for h in HIDDEN),
+        ],
+    },
     mistakes={
+        "The flying time is missing: it is one more number in the list.": edit("2 + 1", "2"),
+        "Biases are missing. Each kernel and each neuron, those of the output too, has one.": (
+            *(edit("+ kernels", ""), edit("+ neurons", "")),
+            edit("+ kernels", "", "+ neurons", ""),
+        ),
         "The map has 2M − 1 cells a side, neither M nor 2M.": (
             *(edit("2 * size - 1", "size"), edit("2 * size - 1", "2 * size")),
         ),
