@@ -28,7 +28,7 @@ def _leads_to(distance, next_cell, cell, time_left, place):
     k, action = place
     there, left = distance[next_cell[cell[k], action]], time_left[k]
     hovers = " (a landing is one in the zone only; here it stays in the air)"
-    what = ACTIONS[action] + hovers * (action == LAND and there != 0)
+    what = ACTIONS[action] + (hovers if action == LAND and there else "")
     return f"Here {what} leads to a cell with distance {there}; time_left is {left}."
 
 
