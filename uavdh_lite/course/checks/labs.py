@@ -125,8 +125,11 @@ CELL, WORST = "line_of_sight, cell", "min(best, key=best.get)"
     },
     made=lambda *rows: (Environment(Town.of("a city", *rows)),),
     mistakes={
-        "That is the answer for manhattan: use the environment that your function is given, not "
-        "the notebook's own, for M too.": lambda environment: (11, 2),
+        "That is right for manhattan only: use the environment that your function is given, not "
+        "the notebook's own, for M too.": (
+            *(lambda environment: (11, 2), edit("city.size)", "16)")),
+            edit(WORST, f"divmod({WORST}[0] * city.size + {WORST}[1], 16)"),
+        ),
         "That cell has the lowest *mean* of the rates over all UAV cells. The UAV chooses where "
         "it hovers: take the best rate for each device cell first.": edit(".max", ".mean"),
         "The device that you hand to rate_map is (column, row). It must be (row, column), as "

@@ -21,6 +21,14 @@ def _draw_crosses(ax, solved):
     ax.set(xlabel="column", ylabel="row", title=f"True in the {np.sum(crossed)} blue cells")
 
 
+def _measured(start, end, cell, _):
+    (rows, cols), (r, c) = np.subtract(end, start).tolist(), np.subtract(cell, start).tolist()
+    return (
+        f"Here R = {rows}, C = {cols}, r = {r}, c = {c}, |R·c − C·r| = {abs(rows * c - cols * r)}, "
+        f"(|R| + |C|) / 2 = {(abs(rows) + abs(cols)) / 2:g}."
+    )
+
+
 def _crosses_cases():
     touches = edit(") < abs", ") <= abs", "start == end or ", "").of(crosses.solved)
     drawn = stream(Use.EXERCISE, 2).integers(0, 9, (400, 3, 2)).tolist()
@@ -74,6 +82,7 @@ def _crosses_cases():
     rules=_crosses_cases,
     mistakes={"You forget the factor 2 before |R·c − C·r|.": edit("2 * abs", "abs")},
     read=truth,
+    why=_measured,
     errors={
         "ZeroDivision": "A ray along a row or a column has no slope one way.",
         "allocate": "Do not list the cells of the ray, test the one that is asked for.",
@@ -120,8 +129,12 @@ def _shadow_cases():
         "A ray through the corner that two diagonally adjacent buildings share is hidden. One that "
         "only touches one building at a corner is not; it takes both.": [
             *(town(2, (0, 0), (0, 1)), town(3, (0, 0), (1, 2)), town(4, (3, 0), (2, 0))),
-            *(town(2, (0, 0), (0, 1), (1, 0)), town(3, (2, 0), (1, 0), (2, 1))),
-            *(town(3, (0, 2), (0, 1), (1, 2)), town(5, (3, 0), (1, 1), (2, 2), (3, 3))),
+            *(town(2, (0, 0), (0, 1), (1, 0)), town(2, (1, 0), (0, 0), (1, 1))),
+            *(
+                town(3, (2, 0), (1, 0), (2, 1)),
+                town(3, (0, 2), (0, 1), (1, 2)),
+                town(5, (3, 0), (1, 1), (2, 2), (3, 3)),
+            ),
         ],
         "The crossed cells are not sorted along the ray, and rays of any slope pass through "
         "corners, not those at 45° alone.": [
@@ -132,7 +145,8 @@ def _shadow_cases():
 
 def _hidden(buildings, device, place):
     reason = _blocked(buildings, device, place)
-    return f"A UAV over {place} is {'hidden: ' + reason if reason else 'seen'}."
+    seen = "seen: its ray crosses no building, and no corner that two buildings share"
+    return f"A UAV over {place} is {'hidden: ' + reason if reason else seen}."
 
 
 BLOCKED = "_blocked(buildings, device, cell"
@@ -191,6 +205,14 @@ def _draw_asymmetric(ax, solved):
     ax.set_title("random cities, 12 cells a side")
 
 
+def _table(sight):
+    """How a message calls a table: it may have many numbers."""
+    blocked = np.argwhere(~sight).tolist()
+    places = " and ".join(map(str, blocked)) if len(blocked) < 4 else f"{len(blocked)} places"
+    said = f"False only at {places}" if blocked else "True everywhere"
+    return f"asymmetric_share(sight), with M = {len(sight)} and {said},"
+
+
 def _asymmetric_cases():
     def table(size, *blocked):
         sight = np.full((size,) * 4, True)
@@ -204,7 +226,7 @@ def _asymmetric_cases():
         "If in every pair both directions agree, the share is 0, whether they are seen or blocked. "
         "A cell and itself, [i, j, i, j], are no pair.": [
             *(table(2), table(2, (0, 1, 1, 0), (1, 0, 0, 1)), line_of_sight(buildings)),
-            table(2, (0, 1, 0, 1)),
+            *(table(2, (0, 1, 0, 1)), table(3)),
         ],
         "There are n (n − 1) / 2 unordered pairs of different cells, n = M². A pair is asymmetric "
         "if exactly one of its two directions is blocked. Divide the number of these by the number "
@@ -243,6 +265,10 @@ DIFFERING, ALL = "np.triu(pairs != pairs.T)", "(n * (n - 1) / 2)"
         ),
     },
     read=number,
+    call=_table,
+    errors={
+        "shape": "The square matrix has n = M² rows, one for each cell, where M is len(sight)."
+    },
 )
 def asymmetric_share(sight):
     """`asymmetric_share(sight)`: share of unordered pairs of cells that depend on direction."""
