@@ -110,37 +110,11 @@ def _blocked(buildings, device, cell):
     return ""
 
 
-def _shadow_cases():
-    def town(size, at, *buildings):
-        cells = np.zeros((size, size), bool)
-        cells[tuple(np.array(buildings, int).reshape(-1, 2).T)] = True
-        return cells, at
-
-    return {
-        "Without buildings nothing is hidden, nor is the device's own cell: all is False. (True is "
-        "where there is no line of sight.)": [
-            *(town(1, (0, 0)), town(2, (1, 0)), town(5, (2, 2))),
-        ],
-        "A building that the ray crosses hides all behind it, and a UAV over a building is hidden, "
-        "too. crossed_cells counts from (0, 0): add the device's row and column.": [
-            town(3, (2, 1), (1, 0), (1, 1), (1, 2)),
-            town(4, (1, 3), (0, 1), (1, 1), (2, 1), (3, 1)),
-        ],
-        "A ray through the corner that two diagonally adjacent buildings share is hidden. One that "
-        "only touches one building at a corner is not; it takes both.": [
-            *(town(2, (0, 0), (0, 1)), town(3, (0, 0), (1, 2)), town(4, (3, 0), (2, 0))),
-            *(town(2, (0, 0), (0, 1), (1, 0)), town(2, (1, 0), (0, 0), (1, 1))),
-            *(
-                town(3, (2, 0), (1, 0), (2, 1)),
-                town(3, (0, 2), (0, 1), (1, 2)),
-                town(5, (3, 0), (1, 1), (2, 2), (3, 3)),
-            ),
-        ],
-        "The crossed cells are not sorted along the ray, and rays of any slope pass through "
-        "corners, not those at 45° alone.": [
-            town(7, at, (1, 2), (2, 3), (4, 3), (5, 4)) for at in ((1, 4), (5, 2), (0, 0), (6, 5))
-        ],
-    }
+def _town(size, device, *buildings):
+    """Arguments of `shadow_map`: a city of so many cells a side with these buildings, a device."""
+    cells = np.zeros((size, size), bool)
+    cells[tuple(np.array(buildings, int).reshape(-1, 2).T)] = True
+    return cells, device
 
 
 def _hidden(buildings, device, place):
@@ -174,7 +148,32 @@ def _draw_shadow(ax, solved):
     "are buildings, the link is blocked. The same for (r, c) and (r + 1, c − 1). No other "
     "geometry is needed.",
     figure=_draw_shadow,
-    rules=_shadow_cases,
+    rules={
+        "Without buildings nothing is hidden, nor is the device's own cell: all is False. (True is "
+        "where there is no line of sight.)": [
+            *((1, (0, 0)), (2, (1, 0)), (5, (2, 2))),
+        ],
+        "A building that the ray crosses hides all behind it, and a UAV over a building is hidden, "
+        "too. crossed_cells counts from (0, 0): add the device's row and column.": [
+            (3, (2, 1), (1, 0), (1, 1), (1, 2)),
+            (4, (1, 3), (0, 1), (1, 1), (2, 1), (3, 1)),
+        ],
+        "A ray through the corner that two diagonally adjacent buildings share is hidden. One that "
+        "only touches one building at a corner is not; it takes both.": [
+            *((2, (0, 0), (0, 1)), (3, (0, 0), (1, 2)), (4, (3, 0), (2, 0))),
+            *((2, (0, 0), (0, 1), (1, 0)), (2, (1, 0), (0, 0), (1, 1))),
+            *(
+                (3, (2, 0), (1, 0), (2, 1)),
+                (3, (0, 2), (0, 1), (1, 2)),
+                (5, (3, 0), (1, 1), (2, 2), (3, 3)),
+            ),
+        ],
+        "The crossed cells are not sorted along the ray, and rays of any slope pass through "
+        "corners, not those at 45° alone.": [
+            (7, at, (1, 2), (2, 3), (4, 3), (5, 4)) for at in ((1, 4), (5, 2), (0, 0), (6, 5))
+        ],
+    },
+    made=_town,
     mistakes={
         "Rows and columns are swapped: index [row, col], and the device is (row, col) too.": (
             edit("return shadow", "return shadow.T"),
@@ -213,34 +212,18 @@ def _table(sight):
     return f"asymmetric_share(sight), with M = {len(sight)} and {said},"
 
 
-def _asymmetric_cases():
-    def table(size, *blocked):
-        sight = np.full((size,) * 4, True)
-        for place in blocked:
-            sight[place] = False
-        return (sight,)
-
-    generator = stream(Use.EXERCISE, 7)
-    buildings = stream(Use.EXERCISE, 3).random((7, 7)) < 0.25
-    return {
-        "If in every pair both directions agree, the share is 0, whether they are seen or blocked. "
-        "A cell and itself, [i, j, i, j], are no pair.": [
-            *(table(2), table(2, (0, 1, 1, 0), (1, 0, 0, 1)), line_of_sight(buildings)),
-            *(table(2, (0, 1, 0, 1)), table(3)),
-        ],
-        "There are n (n − 1) / 2 unordered pairs of different cells, n = M². A pair is asymmetric "
-        "if exactly one of its two directions is blocked. Divide the number of these by the number "
-        "of all pairs.": [
-            *(table(2, (0, 1, 1, 0)), table(2, (1, 0, 0, 1)), table(3, (2, 1, 0, 2))),
-            *(table(3, (0, 0, 0, 2), (2, 2, 0, 0)), table(2, (0, 0, 0, 0), (0, 0, 1, 0))),
-        ],
-        "It must hold for any table; in a large one 16 bits cannot count the asymmetric pairs.": [
-            *(generator.random((size,) * 4) < share for size in (2, 4) for share in (0.5, 0.9)),
-            *(line_of_sight(buildings, "bresenham"), generator.random((24,) * 4) < 0.5),
-        ],
-    }
+def _sight(size, *blocked):
+    """A table in which all cells see each other, but for these places; or the one that is given."""
+    if isinstance(size, np.ndarray):
+        return (size,)
+    sight = np.full((size,) * 4, True)
+    for place in blocked:
+        sight[place] = False
+    return (sight,)
 
 
+BUILDINGS = stream(Use.EXERCISE, 3).random((7, 7)) < 0.25
+RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
 DIFFERING, ALL = "np.triu(pairs != pairs.T)", "(n * (n - 1) / 2)"
 
 
@@ -251,7 +234,24 @@ DIFFERING, ALL = "np.triu(pairs != pairs.T)", "(n * (n - 1) / 2)"
     "With n = M² cells, reshape to (n, n) and compare with .T: each asymmetric pair shows up "
     "twice. There are n (n − 1) / 2 unordered pairs of different cells.",
     figure=_draw_asymmetric,
-    rules=_asymmetric_cases,
+    rules={
+        "If in every pair both directions agree, the share is 0, whether they are seen or blocked. "
+        "A cell and itself, [i, j, i, j], are no pair.": [
+            *(2, (2, (0, 1, 1, 0), (1, 0, 0, 1)), line_of_sight(BUILDINGS)),
+            *((2, (0, 1, 0, 1)), 3),
+        ],
+        "There are n (n − 1) / 2 unordered pairs of different cells, n = M². A pair is asymmetric "
+        "if exactly one of its two directions is blocked. Divide the number of these by the number "
+        "of all pairs.": [
+            *((2, (0, 1, 1, 0)), (2, (1, 0, 0, 1)), (3, (2, 1, 0, 2))),
+            *((3, (0, 0, 0, 2), (2, 2, 0, 0)), (2, (0, 0, 0, 0), (0, 0, 1, 0))),
+        ],
+        "It must hold for any table; in a large one 16 bits cannot count the asymmetric pairs.": [
+            *(RANDOM[2] < 0.5, RANDOM[2] < 0.9, RANDOM[4] < 0.5, RANDOM[4] < 0.9, RANDOM[24] < 0.5),
+            line_of_sight(BUILDINGS, "bresenham"),
+        ],
+    },
+    made=_sight,
     mistakes={
         "Pairs of a cell with itself are in your count: there are n (n − 1) / 2 pairs of different "
         "cells, not n² or n (n + 1) / 2.": (
