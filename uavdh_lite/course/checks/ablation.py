@@ -66,37 +66,23 @@ def _draw_steps_to(ax, solved):
     ax.set_title("the first recorded non-centred run, three thresholds")
 
 
-def _steps_to_cases():
+def _curve(values, threshold, steps=None):
+    """Arguments of `steps_to`, with validations every 50,000 steps or at these ones."""
+    every = 50_000 * np.arange(1, len(values) + 1)
+    return np.array(every if steps is None else steps), np.array(values), threshold
+
+
+def _random_curves():
     generator = stream(Use.EXERCISE, 7)
-
-    def case(values, threshold, steps=None):
-        steps = 50_000 * np.arange(1, len(values) + 1) if steps is None else steps
-        return np.array(steps), np.array(values), threshold
-
-    rises = [0.1, 0.35, 0.6, 0.75, 0.5, 0.8, 0.9, 0.85]
     drawn = [generator.uniform(0.4, 1, n).round(1) for n in (2, 3, 4, 5, 8, 8, 8, 13) * 2]
-    return {
-        "The result is one of `steps`: from there on all values are at least the threshold, and "
-        "the value before it is below.": [
-            *(case(rises, 0.7), case(rises, 0.84), case(rises, 0.6, range(3, 11))),
-        ],
-        "If no value is below the threshold, it is the first validation, even at 0 steps.": [
-            *(case(rises, 0.05), case([0.5], 0.1, (7,)), case([0.3, 0.2, 0.9], 0, (0, 100, 200))),
-        ],
-        "If the last value is below the threshold, there is no such validation: return None. "
-        "(np.argmax of a condition that is nowhere true is 0, the first place.)": [
-            *(case(rises, 0.95), case(rises, 0.88), case([0.5], 0.6), case([0.9, 0.8], 0.85)),
-        ],
-        "A value that equals the threshold has reached it: only a smaller one, however little, is "
-        "below.": [
-            *(case(rises, 0.85), case([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7)),
-        ],
-        "It must hold for all curves and all distances between validations.": [
-            case(values, threshold, np.cumsum(generator.integers(1, 9_000, len(values))) - 1)
-            for values in drawn
-            for threshold in (0.5, 0.6, 0.8)
-        ],
-    }
+    return [
+        (values, threshold, np.cumsum(generator.integers(1, 9_000, len(values))) - 1)
+        for values in drawn
+        for threshold in (0.5, 0.6, 0.8)
+    ]
+
+
+RISES = [0.1, 0.35, 0.6, 0.75, 0.5, 0.8, 0.9, 0.85]
 
 
 @solution(
@@ -106,7 +92,26 @@ def _steps_to_cases():
     "Go from the end backwards, through zip(steps[::-1], values[::-1]), and keep the steps of "
     "each value that is at least threshold, until one is below. If you kept none: None.",
     figure=_draw_steps_to,
-    rules=_steps_to_cases,
+    rules={
+        "The result is one of `steps`: from there on all values are at least the threshold, and "
+        "the value before it is below.": [
+            *(([0.2, 0.9], 0.5), ([0.6, 0.4, 0.8], 0.5), ([0.1, 0.7, 0.8, 0.9], 0.6)),
+            *((RISES, 0.7), (RISES, 0.84), (RISES, 0.6, range(3, 11))),
+        ],
+        "If no value is below the threshold, it is the first validation, even at 0 steps.": [
+            *((RISES, 0.05), ([0.5], 0.1, [7]), ([0.3, 0.2, 0.9], 0, [0, 100, 200])),
+        ],
+        "If the last value is below the threshold, there is no such validation: return None. "
+        "(np.argmax of a condition that is nowhere true is 0, the first place.)": [
+            *((RISES, 0.95), (RISES, 0.88), ([0.5], 0.6), ([0.9, 0.8], 0.85)),
+        ],
+        "A value that equals the threshold has reached it: only a smaller one, however little, is "
+        "below.": [
+            *((RISES, 0.85), ([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7)),
+        ],
+        "It must hold for all curves and all distances between validations.": _random_curves(),
+    },
+    made=_curve,
     mistakes={
         "That is the position in the list, not the number of environment steps: look it up in "
         "`steps`.": edit("steps[first]", "first"),
@@ -138,38 +143,12 @@ def _draw_permutation(ax, solved):
     ax.set_title(title, fontsize="medium")
 
 
-def _permutation_cases():
-    generator = stream(Use.EXERCISE, 72)
-
-    def case(a, b):
+def _groups(a, b, parts=1):
+    """Two groups of values; or so many random whole numbers, no two equal, divided by `parts`."""
+    if isinstance(a, list):
         return np.array(a), np.array(b)
-
-    def drawn(*sizes, parts=1):
-        return [case(*(generator.integers(-99, 99, n) / parts for n in both)) for both in sizes]
-
-    return {
-        "Go through all splits, each once, without chance and without a formula. p is the share of "
-        "those whose difference is at least as large as the observed one, in absolute value; the "
-        "observed split is one of them.": [
-            *(case([1, 2, 3], [4, 5, 6]), case([1.5, 4], [0.25, 8]), case([1], [2])),
-            *drawn((3, 3), (2, 2), (4, 4)),
-        ],
-        "The groups may differ in size: the first group of each split is as large as a, and the "
-        "difference is that of the means.": [
-            *(case([7], [1, 2, 4]), case([1, 2, 4, 9], [3])),
-            *drawn((2, 4), (4, 3), (3, 2), (3, 5), (1, 6)),
-        ],
-        "Two equal values count as two: deal out positions, range(len(a) + len(b)), not values.": [
-            *(case([1.0, 1.0, 6.0], [2.0, 8.0]), case([1, 2, 2], [2, 5]), case([3, 3], [3, 3])),
-            *(case([0, 1, 1], [1, 0, 0]), case([5.0], [5.0, 5.0, 1.0])),
-        ],
-        "Differences that are equal up to 1e-9 count as equal: sums of decimals are rounded. "
-        "Others count as different, however small that is.": [
-            *(case([0.5, 0.1], [0.4, 0.9, 0.2]), case([0.1, 0.7, 0.3], [0.2, 0.6, 0.4])),
-            *drawn((3, 4), (4, 3), (2, 5), (3, 3), (4, 4), parts=100),
-            *(case([1e-6, 2e-6, 4e-6], [0, 0.5e-6, 1e-6]), case([0.5, 0.900001], [0.5, 0.9])),
-        ],
-    }
+    values = stream(Use.EXERCISE, 10 * a + b).permutation(np.arange(-99, 99)) / parts
+    return values[:a], values[a : a + b]
 
 
 LARGE, ONE_SIDED = "np.mean(abs(differences) >= abs(seen)", "np.mean(differences >= seen"
@@ -183,7 +162,28 @@ LARGE, ONE_SIDED = "np.mean(abs(differences) >= abs(seen)", "np.mean(differences
     "group; the rest are the second. Count where abs(difference) >= abs(observed) - 1e-9, and "
     "divide by the number of splits.",
     figure=_draw_permutation,
-    rules=_permutation_cases,
+    rules={
+        "Go through all splits, each once, without chance and without a formula. p is the share of "
+        "those whose difference of the means is at least as large as the observed one, in absolute "
+        "value; the observed split is one of them.": [
+            *(([1, 2, 3], [4, 5, 6]), ([1.5, 4], [0.25, 8]), ([1], [2]), (3, 3), (2, 2), (4, 4)),
+        ],
+        "The groups may differ in size: the first group of each split is as large as a, and the "
+        "difference is that of the means, not of sums.": [
+            *(([7], [1, 2, 4]), ([1, 2, 4, 9], [3]), (2, 4), (4, 3), (3, 2), (3, 5), (1, 6)),
+        ],
+        "Two equal values count as two: deal out positions, range(len(a) + len(b)), not values.": [
+            *(([1.0, 1.0, 6.0], [2.0, 8.0]), ([1, 2, 2], [2, 5]), ([3, 3], [3, 3])),
+            *(([0, 1, 1], [1, 0, 0]), ([5.0], [5.0, 5.0, 1.0])),
+        ],
+        "Differences that are equal up to 1e-9 count as equal: sums of decimals are rounded. "
+        "Others count as different, however small that is.": [
+            *(([0.5, 0.1], [0.4, 0.9, 0.2]), ([0.1, 0.7, 0.3], [0.2, 0.6, 0.4])),
+            *((3, 4, 100), (4, 3, 100), (2, 5, 100), (3, 3, 100), (4, 4, 100)),
+            *(([1e-6, 2e-6, 4e-6], [0, 0.5e-6, 1e-6]), ([0.5, 0.900001], [0.5, 0.9])),
+        ],
+    },
+    made=_groups,
     mistakes={
         "That is one-sided: the other direction counts too, so take the absolute value of both "
         "differences.": (

@@ -125,26 +125,14 @@ def _draw_lead(ax, solved):
     ax.set(title="100 scenarios", ylim=(0, None))
 
 
-def _lead_cases():
-    generator = stream(Use.EXERCISE, 836)  # no end near 0, where 1.96 and Z would differ too much
-
-    def drawn(count, together, ahead=0.3, scale=1.0):
-        common = generator.standard_normal(count)
-        a, b = generator.normal((ahead, 0), 1, (count, 2)).T
-        return scale * (a + together * common), scale * (b + abs(together) * common)
-
-    few = np.array([3.0, 5.0, 10.0]), np.array([1.0, 4.0, 2.0])
-    return {
-        "With d = a − b of each pair: the mean of d, and 1.96 standard errors, "
-        "d.std(ddof=1) / sqrt(n), to either side, in the order (mean, low, high).": [
-            *(few, few[::-1], (np.array([9, 5]), np.array([1, 2])), drawn(8, 1.0)),
-        ],
-        "It must hold whether the two results go together or not, for few and many scenarios. If "
-        "all differences are equal, the interval has the width 0.": [
-            *(drawn(30, 2.0), drawn(300, 0.5), drawn(15, -0.7), drawn(9, 0.0), drawn(2, 3.0, 2.0)),
-            *(drawn(40, 1.0, -2.0, 50.0), drawn(25, 1.0, 3.0, 0.001), (few[0] + 1.0, few[0])),
-        ],
-    }
+def _results(count, together, ahead=0.3, scale=1.0):
+    """Random results of two policies that have this much in common; or those that are given."""
+    if isinstance(count, list):
+        return np.array(count), np.array(together)
+    generator = stream(Use.EXERCISE, count)
+    common = generator.standard_normal(count)
+    a, b = generator.normal((ahead, 0), 1, (count, 2)).T
+    return scale * (a + together * common), scale * (b + abs(together) * common)
 
 
 @solution(
@@ -154,7 +142,19 @@ def _lead_cases():
     "With d = a − b: d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The variances of a and of b do "
     "not appear.",
     figure=_draw_lead,
-    rules=_lead_cases,
+    rules={
+        "With d = a − b of each pair: the mean of d, and 1.96 standard errors, "
+        "d.std(ddof=1) / sqrt(n), to either side, in the order (mean, low, high).": [
+            *(([3.0, 5.0, 10.0], [1.0, 4.0, 2.0]), ([1.0, 4.0, 2.0], [3.0, 5.0, 10.0])),
+            *(([9, 5], [1, 2]), (8, 1.0)),
+        ],
+        "It must hold whether the two results go together or not, for few and many scenarios. If "
+        "all differences are equal, the interval has the width 0.": [
+            *((30, 2.0), (300, 0.5), (15, -0.7), (9, 0.0), (2, 3.0, 2.0), (40, 1.0, -2.0, 50.0)),
+            *((25, 1.0, 3.0, 0.001), ([4.0, 6.0, 11.0], [3.0, 5.0, 10.0])),
+        ],
+    },
+    made=_results,
     mistakes={
         "The sign is wrong: positive means that a is ahead of b.": edit("a - b", "b - a"),
         "You take the size of each difference, abs(a − b): so even of two equally good policies "

@@ -4,7 +4,7 @@ import numpy as np
 
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.exercise import solution
-from uavdh_lite.course.checks.table import by_rule, edit
+from uavdh_lite.course.checks.table import edit
 from uavdh_lite.course.checks.values import array_of_numbers, number, or_none, pair
 from uavdh_lite.plotting import BLUE
 from uavdh_lite.streams import Use, stream
@@ -40,18 +40,16 @@ CELL = "p + u - size + 1"
     "The UAV's cell is in the middle of the map, (M − 1, M − 1). So the city's row is "
     "place[0] − (M − 1) + uav[0]; it exists if it is from 0 to M − 1. The same for columns.",
     figure=_draw_city_cell,
-    rules=lambda: by_rule(
-        {
-            "The UAV's cell is in the middle of the map, at (M − 1, M − 1). It is inside the city, "
-            "as any cell with row and column from 0 to M − 1.": lambda *case: True,
-            "A place so many rows below the middle, and so many columns to its right, shows the "
-            "cell as far from the UAV's: count from (M − 1, M − 1). Row 0 and column 0 are in the "
-            "city, and so are row M − 1 and column M − 1.": lambda place, uav, size: size < 4,
-            "A place whose row or column would be below 0, or M or more, is outside the city: "
-            "None. (numpy would take a negative one.)": lambda *case: not city_cell.solved(*case),
-        },
-        PLACES,
-    ),
+    rules={
+        "The UAV's cell is in the middle of the map, at (M − 1, M − 1). It is inside the city, "
+        "as any cell with row and column from 0 to M − 1.": lambda *case: True,
+        "A place so many rows below the middle, and so many columns to its right, shows the "
+        "cell as far from the UAV's: count from (M − 1, M − 1). Row 0 and column 0 are in the "
+        "city, and so are row M − 1 and column M − 1.": lambda place, uav, size: size < 4,
+        "A place whose row or column would be below 0, or M or more, is outside the city: "
+        "None. (numpy would take a negative one.)": lambda *case: not city_cell.solved(*case),
+    },
+    among=PLACES,
     mistakes={
         "That is the other direction, from the city to the map: here the place in the map is given "
         "and the cell of the city is wanted.": edit(CELL, "p - u + size - 1"),

@@ -77,6 +77,7 @@ class Table:
         solution: the right function.
         rules: the cases: arguments, a tuple if there are several, by the rule that they test, a
             sentence; from what is basic to what is special. Or a function that makes them.
+        among: if there are many cases, these; then `rules` has questions, see `by_rule`.
         mistakes: by what to say of it, a function that makes the mistake, or the `edit` of the
             solution that does, or a tuple of these if there are several ways. It is named only if
             one agrees with the answer on every case.
@@ -92,7 +93,7 @@ class Table:
     """
 
     solution: Callable
-    rules: dict[str, list] | Callable[[], dict[str, list]]
+    rules: dict[str, Any] | Callable[[], dict[str, list]]
     mistakes: dict[str, Callable | Edit | tuple] = field(default_factory=dict)
     read: Callable[[Any], np.ndarray] = numbers
     tolerance: float = 1e-6
@@ -103,11 +104,13 @@ class Table:
     again: bool = True
     call: Callable[..., str] | None = None
     made: Callable[..., tuple] = lambda *case: case
+    among: Iterable[tuple] | None = None
 
     @cached_property
     def cases(self) -> list[tuple[str, tuple]]:
         """All cases, each with its rule."""
         rules = self.rules() if callable(self.rules) else self.rules
+        rules = by_rule(rules, self.among) if self.among else rules
         return [
             (rule, self.made(*case) if isinstance(case, tuple) else self.made(case))
             for rule, several in rules.items()
