@@ -11,7 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from uavdh_lite.course.checks.trial import CheckFailed, expect, guarded, name_of, stops_with
+from uavdh_lite.course.checks.trial import (
+    CheckFailed,
+    GivesNothing,
+    expect,
+    guarded,
+    name_of,
+    stops_with,
+)
 from uavdh_lite.course.checks.values import (
     Unreadable,
     called,
@@ -212,12 +219,12 @@ class Table:
         """What a function gives in a case."""
         try:
             value = function(*case)
-        except CheckFailed as failed:
-            if failed.__cause__ is not None:
-                return Outcome(None, stops_with(failed.__cause__), failed.__cause__)
-            if "gives back None" not in str(failed):
-                raise
+        except GivesNothing:
             value = None
+        except CheckFailed as failed:
+            if failed.__cause__ is None:
+                raise
+            return Outcome(None, stops_with(failed.__cause__), failed.__cause__)
         except Exception as error:
             return Outcome(None, stops_with(error), error)
         shared = isinstance(value, np.ndarray) and any(
