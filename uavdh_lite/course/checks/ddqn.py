@@ -471,7 +471,7 @@ def soft_update_in_place(answer) -> None:
         for tensor in online:
             tensor += 0.37
         expect(
-            rate != 1 or not _equal(weights, online),
+            rate != 1 or not _equal(tensors, online),
             "After an update with τ = 1 target and online share their memory: what changes one of "
             "them later changes the other. Copy the values.",
         )
