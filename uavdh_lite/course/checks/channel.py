@@ -168,7 +168,8 @@ def _rates(snr_db, variance):
     "in dB. One rate for each draw, and the mean comes last.",
     figure=_draw_mean_rate,
     rules={
-        "Without fading, with a variance of 0, that is the rate at the mean SNR.": [
+        "With a variance of 0 (and the mean 0) there is no fading: all rates are the one at the "
+        "mean SNR, and so is their mean.": [
             *((3.0, 0.0, 5), (-11, 0, 1)),
         ],
         "Simulate `draws` slots, each with a fading of its own: normal, mean 0, standard deviation "

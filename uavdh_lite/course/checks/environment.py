@@ -6,7 +6,7 @@ from uavdh_lite.channel import rate
 from uavdh_lite.city import SIGNS, City
 from uavdh_lite.course.checks.exercise import close, exercise, expect, solution
 from uavdh_lite.course.checks.table import Table, edit
-from uavdh_lite.course.checks.values import Unreadable, array_of_numbers, number, pair, truth
+from uavdh_lite.course.checks.values import Unreadable, number, pair, truth
 from uavdh_lite.environment import HOVER, LAND, MOVES
 from uavdh_lite.plotting import GREEN, draw_city
 from uavdh_lite.streams import Use, stream
@@ -193,7 +193,6 @@ def _batch(events, whole=False):
         "truth value": "`if`, `and` and `or` cannot decide for a whole batch, where some episodes "
         "have landed and some have not. Use np.where, or multiply by the Boolean array.",
     },
-    read=array_of_numbers,
     made=_batch,
 )
 def reward(uploaded, intervened, landed, crashed):

@@ -113,7 +113,7 @@ CELL, WORST = "line_of_sight, cell", "min(best, key=best.get)"
     rules={
         "For each cell in city.device_cells take the best rate, the max over all UAV cells that "
         "count. The answer is the device's cell with the lowest of them, as (row, column).": [
-            *(("BN..", "....", "bLb.", ".LLB"), ("BNbb", "LNLb", "..bB", ".B.N")),
+            *(("BbbB", "bN..", "...b", "..L."), ("BNbb", "LNLb", "..bB", ".B.N")),
         ],
         "Only UAV cells with city.landing_distance >= 0 count: the UAV can neither enter a no-fly "
         "cell nor get to one that is walled in (both −1).": [("bL.N", "NB..", ".NbB", "B.B.")],

@@ -58,9 +58,11 @@ def _draw_reachable(ax, solved):
     rules={
         "A cell of the landing zone has 0, each other one more than its nearest neighbour: north, "
         "east, south, west, not diagonally. Rows and columns go from 0 to M − 1.": ["L .\n. ."],
-        "The shortest way counts: take the cell that has waited longest. And off the grid there is "
-        "nothing: row or column −1 is Python's last one, without an IndexError, so test that "
-        "0 <= row < M and 0 <= column < M.": ["L . . ." + 3 * "\n. . . ."],
+        "The shortest way counts: take the cell that has waited longest, and go on to the cells "
+        "one row or one column from it. And off the grid there is nothing: row or column −1 is "
+        "Python's last one, without an IndexError: test 0 <= row < M and 0 <= column < M, too.": [
+            "L . . ." + 3 * "\n. . . ."
+        ],
         "All landing cells are starting points, and from each cell the search goes on to all four "
         "neighbours: the nearest landing cell counts.": [
             "L . . .\n. . . .\n. . . L\n. . . .",

@@ -183,7 +183,8 @@ def _draw_shadow(ax, solved):
     read=truths,
     why=_hidden,
     errors={
-        "out of bounds": "You look beyond the grid: only cells from the device to the UAV matter.",
+        "out of bounds": "You look beyond the grid: only cells from the device to the UAV matter, "
+        "and crossed_cells counts them from the device.",
     },
 )
 def shadow_map(buildings, device):
