@@ -55,7 +55,7 @@ MISTAKES = {
         ),
         (
             lambda snr, var, n, g: np.log2(1 + 10 ** ((snr + g.normal(0, var**0.5, n)) / 10)),
-            "one number is expected, not an array",
+            "one number is expected",
         ),
         (
             lambda snr, var, n, g: np.log2(

@@ -193,7 +193,6 @@ LARGE, ONE_SIDED = "np.mean(abs(differences) >= abs(seen)", "np.mean(differences
         "You double a one-sided share: count the splits whose absolute difference is at least as "
         "large.": edit(LARGE, f"2 * {ONE_SIDED}"),
     },
-    read=number,
 )
 def permutation_p(a, b):
     """`permutation_p(a, b)`: exact and two-sided, of the difference of the means."""
@@ -244,11 +243,10 @@ def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool | float, str]]:
     "`smallest_p`: how many splits have the largest absolute difference, if the groups do not "
     "overlap at all? `equal`: what would few seeds show if there *were* a small difference?",
     figure=_draw_recorded,
-    function=False,
+    takes=(lambda answer: isinstance(answer, dict), "Hand over the dict of all answers."),
 )
 def ablation_reading(answer) -> None:
     """A dict that says of each statement whether it is True or False, and the smallest p."""
-    expect(isinstance(answer, dict), "Hand over the dict of all answers.")
     right, given = truths(recorded()), {}
     missing = ", ".join(name for name in right if answer.get(name) is None)
     unknown = ", ".join(show(name) for name in answer if name not in right)

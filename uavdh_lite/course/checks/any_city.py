@@ -8,7 +8,7 @@ import numpy as np
 from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.course.checks.exercise import solution
 from uavdh_lite.course.checks.table import edit
-from uavdh_lite.course.checks.values import number, truths
+from uavdh_lite.course.checks.values import truths
 from uavdh_lite.plotting import BLUE
 from uavdh_lite.streams import Use, stream
 
@@ -251,7 +251,6 @@ def _draw_half_width(ax, solved):
         "That is the usual interval, as if all missions were independent: add up the differences "
         "of a city before you square them.": (_usual, edit("(sums**2).sum()", "(off**2).sum()")),
     },
-    read=number,
 )
 def clustered_half_width(values, city):
     """`half_width(values, city)`: of the 95 % interval of the mean, cities drawn at random."""

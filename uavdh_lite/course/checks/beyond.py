@@ -5,7 +5,7 @@ import numpy as np
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.exercise import solution
 from uavdh_lite.course.checks.table import edit
-from uavdh_lite.course.checks.values import number, truths, whole
+from uavdh_lite.course.checks.values import truths, whole
 from uavdh_lite.environment import ACTIONS, LAND, Environment
 from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.streams import Use, stream
@@ -137,7 +137,6 @@ def _draw_quantile_loss(ax, solved):
         "The error is u = y − θ: yours has the other sign, so that weights for too high and too "
         "low are swapped.": edit("u < 0", "u > 0"),
     },
-    read=number,
 )
 def quantile_loss(theta, y, kappa):
     """`quantile_loss(theta, y, kappa)`: a number, for N quantiles and any number of samples."""

@@ -84,7 +84,6 @@ SAME_LOSS = Table(
             lambda d: np.hypot(d, 10) ** (NLOS / LOS)
         ),
     },
-    read=number,
 )
 
 
@@ -95,14 +94,15 @@ SAME_LOSS = Table(
     "Solve for the logarithm of the unknown distance. A factor in front of a logarithm is a "
     "power inside of it. For the crossing: which distance does such a power leave as it is?",
     figure=_draw_crossover,
-    function=False,
+    takes=(
+        lambda answer: (
+            isinstance(answer, tuple | list) and len(answer) == 2 and all(map(callable, answer))
+        ),
+        "Hand over both functions: path_loss_crossover((same_loss_m, crossover_m)).",
+    ),
 )
 def path_loss_crossover(answer) -> None:
     """`(same_loss_m, crossover_m)`: functions of the NLoS distance and of nothing, both in m."""
-    expect(
-        isinstance(answer, tuple | list) and len(answer) == 2 and all(map(callable, answer)),
-        "Hand over both functions: path_loss_crossover((same_loss_m, crossover_m)).",
-    )
     SAME_LOSS(answer[0])
     given = guarded(answer[1])()
     with suppress(Unreadable):
@@ -186,7 +186,6 @@ def _rates(snr_db, variance):
         "On average that is the rate at the mean SNR. Average the rates, not the SNRs: the rate "
         "at a mean is not the mean of the rates, nor is the median.": edit("variance_db2", "0"),
     },
-    read=number,
     tolerance=0.015,
     again=False,
     made=lambda *case: (*case, stream(Use.EXERCISE, 1)),

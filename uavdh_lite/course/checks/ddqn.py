@@ -197,14 +197,13 @@ def _draw_ring(ax):
     "not full, only the places filled so far may be drawn; draw places, not items. And of the "
     "size items one is the newest, drawn or not.",
     figure=_draw_ring,
-    function=False,
+    takes=(
+        lambda answer: isinstance(answer, type),
+        "Hand over the class itself: checks.ring_buffer(Ring), without brackets behind Ring.",
+    ),
 )
 def ring_buffer(answer) -> None:
     """The class `Ring(capacity)` with `add(item)` and `sample(size, generator)`."""
-    expect(
-        isinstance(answer, type),
-        "Hand over the class itself: checks.ring_buffer(Ring), without brackets behind Ring.",
-    )
     RING(_drawn(answer))
     for capacity, added, limit in ((1000, 1, 1e-9), (8, 3, 37.0), (8, 27, 52.0), (8, 8, 52.0)):
         call = _call(capacity, added, "…")
@@ -366,14 +365,13 @@ TARGET = Table(
     "number of that action in each row, look up its worth. And a Boolean counts as 0 or 1 in a "
     "product: which of the two terms falls away at the end?",
     figure=_draw_target,
-    function=False,
+    takes=(
+        lambda answer: isinstance(answer, tuple | list) and len(answer) == 2,
+        "Hand over both, the function and your two numbers: ((target, by_hand)).",
+    ),
 )
 def double_target(answer) -> None:
     """`target(reward, terminal, discount, online_next, target_next)`: y, (B,) (eq. 10); by hand."""
-    expect(
-        isinstance(answer, tuple | list) and len(answer) == 2,
-        "Hand over both, the function and your two numbers: ((target, by_hand)).",
-    )
     target, by_hand = answer
     expect(
         callable(target) and not isinstance(target, type),

@@ -6,7 +6,7 @@ from uavdh_lite.channel import rate
 from uavdh_lite.city import SIGNS, City
 from uavdh_lite.course.checks.exercise import close, exercise, expect, solution
 from uavdh_lite.course.checks.table import Table, edit
-from uavdh_lite.course.checks.values import Unreadable, number, pair, truth
+from uavdh_lite.course.checks.values import Unreadable, pair, truth
 from uavdh_lite.environment import HOVER, LAND, MOVES
 from uavdh_lite.plotting import GREEN, draw_city
 from uavdh_lite.streams import Use, stream
@@ -108,7 +108,6 @@ TERMS = Table(
         "Only the end of the time without a landing is a crash.": edit("crash", "-150"),
         "The 0.2 for the step is a price: subtract it.": edit("movement", "-movement"),
     },
-    read=number,
 )
 
 

@@ -53,7 +53,7 @@ class Exercise:
         figure: draws what the solution produces on an Axes; the third hint.
         check: takes the answer and raises `CheckFailed`.
         table: what an answer must give back, asked before the check.
-        function: whether the answer is one function.
+        takes: if the answer is no function: what it must be, and what is said of another.
         seconds: how long the check may take; `SECONDS` if not given.
         refused: what an answer may not use, by class and name, with what to say.
     """
@@ -66,7 +66,7 @@ class Exercise:
     figure: Callable[[Axes], Any]
     check: Callable[[Any], None] | None
     table: Table | None = None
-    function: bool = True
+    takes: tuple[Callable[[Any], Any], str] | None = None
     seconds: float | None = None
     refused: dict[tuple[type, str], str] = field(default_factory=dict)
     given: list[int] = field(default_factory=list)  # hints asked for so far
@@ -95,17 +95,17 @@ class Exercise:
         print(f"Exercise {self.number}: right.")
 
     def _run(self, answer) -> None:
-        if self.function:
-            expect(
-                callable(answer) and not isinstance(answer, type),
-                "Hand over the function itself: its name, without brackets behind it. You hand "
-                f"over {show(answer)}.",
-            )
+        fits, said = self.takes or (
+            lambda one: callable(one) and not isinstance(one, type),
+            "Hand over the function itself: its name, without brackets behind it. You hand over "
+            "{given}.",
+        )
+        expect(fits(answer), said.format(given=show(answer)))
         try:
             if self.table:
                 self.table(answer)
             if self.check:
-                self.check(guarded(answer) if self.function else answer)
+                self.check(answer if self.takes else guarded(answer))
         except (CheckFailed, Stopped):
             raise
         except BaseException as error:  # also what an answer raises where it is only looked at
@@ -149,7 +149,7 @@ def exercise(heading: str, *hints: str, figure: Callable[[Axes], Any], **options
         heading: as in the notebook, "1.2 · Title (2 points, 10 minutes)".
         hints: two in words.
         figure: the third hint.
-        options: `function`, `seconds` and `refused` of `Exercise`.
+        options: `takes`, `seconds` and `refused` of `Exercise`.
     """
 
     def register(check: Callable[[Any], None]) -> Exercise:

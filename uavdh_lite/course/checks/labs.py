@@ -65,15 +65,14 @@ MISSION = {  # what is said of a mission, and when
     "take 100 * collection_ratio[0] * landed[0] at the end, and stop at the first lead "
     f"of {POINTS}.",
     figure=_draw_leads,
-    function=False,
+    takes=(
+        lambda answer: isinstance(answer, int | np.integer) and not isinstance(answer, bool),
+        "Hand over one seed, a whole number (int), not {given}.",
+    ),
     seconds=300,
 )
 def failure_seed(answer) -> None:
     """The seed of a mission in which greedy is at least 40 points ahead of the agent."""
-    expect(
-        isinstance(answer, int | np.integer) and not isinstance(answer, bool),
-        f"Hand over one seed, a whole number (int), not {show(answer)}.",
-    )
     expect(
         answer in SEEDS,
         f"The seed {show(answer)} is out of range: it must be from {SEEDS[0]} to {SEEDS[-1]:,}.",

@@ -5,7 +5,7 @@ import numpy as np
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.exercise import solution
 from uavdh_lite.course.checks.table import edit
-from uavdh_lite.course.checks.values import array_of_numbers, number, or_none, pair
+from uavdh_lite.course.checks.values import array_of_numbers, or_none, pair
 from uavdh_lite.plotting import BLUE
 from uavdh_lite.streams import Use, stream
 
@@ -196,7 +196,6 @@ STEP = "(side - kernel_size) // stride + 1"
             edit(STEP, "(side + 2 * (kernel_size // 2) - kernel_size) // stride + 1"),
         ),
     },
-    read=number,
     tolerance=1e-9,
 )
 def network_weights(layers, size, kernels, kernel_size, strides, hidden):

@@ -165,15 +165,14 @@ DEFEAT = {  # what is said of the flights over it, and when
     "Start from `home` and change only where the UAV may land: move the zones to places that "
     "it never landed in. Leave two of them, far apart, or the ways get too long for greedy.",
     figure=_draw_defeat,
-    function=False,
+    takes=(
+        lambda answer: isinstance(answer, str),
+        "Hand over the city as one text, a line a row, as City.from_text reads it.",
+    ),
     seconds=300,
 )
 def defeat(answer) -> None:
     """The text of a 16×16 city in which greedy does well and the shipped agent does not."""
-    expect(
-        isinstance(answer, str),
-        "Hand over the city as one text, a line a row, as City.from_text reads it.",
-    )
     expect("L" in answer, "Your city has no landing zone: put an L into at least one cell.")
     try:
         city = City.from_text("mine", answer)

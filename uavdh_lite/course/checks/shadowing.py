@@ -6,7 +6,7 @@ import numpy as np
 
 from uavdh_lite.course.checks.exercise import solution
 from uavdh_lite.course.checks.table import edit
-from uavdh_lite.course.checks.values import number, truth, truths
+from uavdh_lite.course.checks.values import truth, truths
 from uavdh_lite.plotting import ORANGE
 from uavdh_lite.shadowing import crossed_cells, line_of_sight
 from uavdh_lite.streams import Use, stream
@@ -265,7 +265,6 @@ DIFFERING, ALL = "np.triu(pairs != pairs.T)", "(n * (n - 1) / 2)"
             *(edit(DIFFERING, "(sight != sight.T)", ALL, n) for n in ("(n * (n - 1))", "n**2")),
         ),
     },
-    read=number,
     call=_table,
     errors={
         "shape": "The square matrix has n = M² rows, one for each cell, where M is len(sight)."

@@ -195,7 +195,8 @@ class Table:
             given.value.shape != right.shape
             and "O" not in given.value.dtype.kind + right.dtype.kind
         ):
-            return f"{call} has the shape {given.value.shape}, expected {right.shape}. {rule}"
+            asked = f"expected {right.shape}" if right.ndim else "one number is expected"
+            return f"{call} has the shape {given.value.shape}, {asked}. {rule}"
         said = differing(given.value, right)
         if self.shown:
             gives, expected = (show(self.shown(value)) for value in (given.value, right))

@@ -9,7 +9,7 @@ import torch
 from uavdh_lite.course.checks.exercise import exercise, expect, solution
 from uavdh_lite.course.checks.table import edit
 from uavdh_lite.course.checks.trial import expect_none, first_true
-from uavdh_lite.course.checks.values import number, one_of
+from uavdh_lite.course.checks.values import one_of
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments.runs import keep_freed_memory
 from uavdh_lite.recipe import SMALL, Recipe
@@ -65,7 +65,6 @@ def _stored(length, ends, n, discount):
             *((6, (2, 4), 9, 0.8), (4, (3,), 5, 0.9), (1, (0,), 2, 0.9)),
         ],
     },
-    read=number,
     errors={"IndexError": "There are T rewards and T + 1 values."},
     made=_stored,
 )
@@ -217,15 +216,14 @@ def _draw_schedules(ax):
     "and let it grow to crash_reward_end. Explore more while the Q-values are still wrong "
     "(temperature about 1), limit the pull of large errors (huber_delta), use all the steps.",
     figure=_draw_schedules,
-    function=False,
+    takes=(
+        lambda answer: isinstance(answer, Recipe),
+        "A Recipe is expected, from replace(lazy, …); you give {given}.",
+    ),
     seconds=3600,
 )
 def mended_recipe(answer) -> None:
     """A recipe that differs from `LAZY` in `MAY_CHANGE` and trains a useful agent."""
-    expect(
-        isinstance(answer, Recipe),
-        f"A Recipe is expected, from replace(lazy, …); you give a {type(answer).__name__}.",
-    )
     for field in fields(Recipe):
         kept, given = getattr(LAZY, field.name), getattr(answer, field.name)
         expect(
