@@ -13,7 +13,6 @@ import numpy as np
 
 from uavdh_lite.course.checks.trial import (
     CheckFailed,
-    GivesNothing,
     expect,
     guarded,
     name_of,
@@ -208,7 +207,7 @@ class Table:
         """The outcome of a student's function, which must leave its arguments as they are."""
         rule, case = self.cases[k]
         given = tuple(_copied(argument, read_only) for argument in case)
-        asked = guarded(answer, self.call(*case) if self.call else "", rule)
+        asked = guarded(answer, self.call(*case) if self.call else "", rule, none=True)
         outcome = self.outcome(asked, given, students=True)
         changed = any(not _equal(one, other) for one, other in zip(given, case, strict=True))
         read = isinstance(outcome.error, ValueError) and "read-only" in str(outcome.error)
@@ -220,8 +219,6 @@ class Table:
         """What a function gives in a case."""
         try:
             value = function(*case)
-        except GivesNothing:
-            value = None
         except CheckFailed as failed:
             if failed.__cause__ is None:
                 raise

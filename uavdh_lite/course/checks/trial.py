@@ -29,10 +29,6 @@ class CheckFailed(AssertionError):
         return [f"Not yet. {self}"]
 
 
-class GivesNothing(CheckFailed):
-    """A function gives back None where something is asked for."""
-
-
 def expect(holds, message: str) -> None:
     """Raise `CheckFailed` with the message unless it holds."""
     if not holds:
@@ -93,8 +89,8 @@ def guarded(answer: Callable, call: str = "", rule: str = "", none: bool = False
             raise CheckFailed(f"{asked[-1][0]()} {stops_with(error)}") from error
         finally:
             asked.pop()
-        if result is None and not none:
-            raise GivesNothing(f"{call or name} gives back None: is there a `return` at its end?")
+        missing = result is None and not none
+        expect(not missing, f"{call or name} gives back None: is there a `return` at its end?")
         return result
 
     return guarding
