@@ -7,7 +7,7 @@ from uavdh_lite.city import SIGNS, City
 from uavdh_lite.course.checks.exercise import close, exercise, expect, solution
 from uavdh_lite.course.checks.table import Table, edit
 from uavdh_lite.course.checks.values import Unreadable, pair, truth
-from uavdh_lite.environment import HOVER, LAND, MOVES
+from uavdh_lite.environment import ACTIONS, HOVER, LAND, MOVES
 from uavdh_lite.plotting import GREEN, draw_city
 from uavdh_lite.streams import Use, stream
 
@@ -248,6 +248,11 @@ STEPS = [
 ]
 
 
+def _led(city, cell, action, _):
+    target = tuple(np.add(cell, MOVES[action]).tolist())
+    return f"Here action {action} is {ACTIONS[action]}, from {cell} to {target}."
+
+
 def _cell_and_flag(value) -> np.ndarray:
     try:
         cell, flag = value
@@ -306,6 +311,7 @@ def _cell_and_flag(value) -> np.ndarray:
     },
     read=_cell_and_flag,
     shown=lambda array: (tuple(array[:2].astype(int).tolist()), bool(array[2])),
+    why=_led,
     errors={"out of bounds": "You look up a cell that does not exist: ask for the grid first."},
     again=False,
 )

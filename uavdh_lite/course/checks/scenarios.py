@@ -81,6 +81,7 @@ def _draw_reachable(ax, solved):
     },
     made=_town,
     read=_distances,
+    errors={"out of bounds": "That is off the grid: ask for 0 <= row < M, 0 <= column < M first."},
     why=lambda city, place: f"The first difference is at row {place[0]}, column {place[1]}.",
 )
 def reachable(city):
