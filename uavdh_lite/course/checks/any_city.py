@@ -54,7 +54,8 @@ CORNER = "u - size + 1"
     rules={
         "The UAV's cell is in the middle of the map, at (M − 1, M − 1). Outside the city only "
         "no-fly, layers[1], is True.": [
-            *((LAYERS[2], (0, 1), 2), (LAYERS[4], (1, 3), 4), (LAYERS[7], (5, 2), 7)),
+            *((LAYERS[2], (0, 1), 2), (LAYERS[2], (1, 0), 2)),
+            *((LAYERS[4], (1, 3), 4), (LAYERS[7], (5, 2), 7)),
         ],
         "Every map has 2M − 1 cells on a side, whatever the size m of the city; it may be a single "
         "cell. Inside the city the layers stay as they are.": [

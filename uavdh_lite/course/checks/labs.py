@@ -114,8 +114,9 @@ CELL, WORST = "line_of_sight, cell", "min(best, key=best.get)"
         "count. The answer is the device's cell with the lowest of them, as (row, column).": [
             *(("BbbB", "bN..", "...b", "..L."), ("BNbb", "LNLb", "..bB", ".B.N")),
         ],
-        "Only UAV cells with city.landing_distance >= 0 count: the UAV can neither enter a no-fly "
-        "cell nor get to one that is walled in (both −1).": [("bL.N", "NB..", ".NbB", "B.B.")],
+        "Of the best rates the lowest decides, and for them only UAV cells with "
+        "city.landing_distance >= 0 count: the UAV can neither enter a no-fly cell nor get to one "
+        "that is walled in (both −1).": [("bL.N", "NB..", ".NbB", "B.B.")],
         "Over the landing zone (city.landing_distance 0) the UAV collects, too: it counts.": [
             ("b.NB", "NNLN", "Lbb.", "Lb..")
         ],

@@ -20,7 +20,8 @@ from uavdh_lite.streams import Use, stream
 def _town(city: str | int):
     """A city by its signs, by its name, or a random one with this seed."""
     if isinstance(city, str):
-        return (Town.from_text("a city", city) if "L" in city else Town.load(city),)
+        name = "a city" if len(city) < 99 else "a city with one winding street"
+        return (Town.from_text(name, city) if "L" in city else Town.load(city),)
     kinds = stream(Use.EXERCISE, city).choice(5, (8, 8), p=(0.55, 0.15, 0.14, 0.04, 0.12))
     return (Town.from_kinds(f"random city {city}", kinds),)
 

@@ -160,7 +160,7 @@ def _draw_shadow(ax, solved):
         ],
         "A ray through the corner that two diagonally adjacent buildings share is hidden. One that "
         "only touches one building at a corner is not; it takes both.": [
-            *((2, (0, 0), (0, 1)), (3, (0, 0), (1, 2)), (4, (3, 0), (2, 0))),
+            *((2, (0, 0), (0, 1)), (2, (0, 0), (1, 0)), (3, (0, 0), (1, 2)), (4, (3, 0), (2, 0))),
             *((2, (0, 0), (0, 1), (1, 0)), (2, (1, 0), (0, 0), (1, 1))),
             *(
                 (3, (2, 0), (1, 0), (2, 1)),
