@@ -130,7 +130,7 @@ MISTAKES = {
         (too_careful, "at most time_left"),
         (far_is_a_number, "no way home"),
         (minus_one_is_near, "no way home, distance −1"),
-        (landing_like_the_others, "to land at once always fits"),
+        (landing_like_the_others, "To land at once always fits"),
         (landing_everywhere, "in the zone only"),
         (as_numbers, "array of Booleans is expected"),
         (in_place, "changes what it is given"),

@@ -45,17 +45,17 @@ MISTAKES = {
         ),
         (
             lambda snr, var, n, g: np.log2(1 + 10 ** ((snr + g.normal(0, var**0.5)) / 10)),
-            "simulate `draws` slots",
+            "Simulate `draws` slots",
         ),
         (
             lambda snr, var, n, g: np.log2(
                 1 + 10 ** ((snr + g.normal(0, var**0.5, n).mean()) / 10)
             ),
-            "average the rates, not the SNRs",
+            "Average the rates, not the SNRs",
         ),
         (
             lambda snr, var, n, g: np.log2(1 + 10 ** ((snr + g.normal(0, var**0.5, n)) / 10)),
-            "one number is expected, not an array",
+            "one number is expected",
         ),
         (
             lambda snr, var, n, g: np.log2(

@@ -299,7 +299,7 @@ MISTAKES = {
         (NewestAtTheEnd, "in the place of the oldest"),
         (NextPlace, "to be overwritten next"),
         (Unfilled, "only from those that are filled"),
-        (UpToTheCapacity, "Only the places that are filled"),
+        (UpToTheCapacity, "only the places that are filled"),
         (AssignsToAnEmptyList, "only the places that were appended"),
         (NoReplacement, "items may repeat"),
         (Grows, "the ring does not grow"),

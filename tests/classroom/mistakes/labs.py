@@ -68,10 +68,10 @@ MISTAKES = {
         (lambda e: choose(e, best=np.mean), r"lowest \*mean\*"),
         (
             lambda e: choose(e, mask=np.ones((e.city.size,) * 2, bool)),
-            "the UAV cannot get to the others",
+            "nor get to one that is walled in",
         ),
-        (lambda e: choose(e, mask=~e.city.no_fly), "the UAV cannot get to the others"),
-        (lambda e: choose(e, last=max), "the lowest of these rates"),
+        (lambda e: choose(e, mask=~e.city.no_fly), "nor get to one that is walled in"),
+        (lambda e: choose(e, last=max), "the lowest of them"),
         (lambda e: choose(e, best=np.min), "the max over all UAV cells"),
         (lambda e: choose(e, best=np.min, last=max), "the max over all UAV cells"),
         (lambda e: choose(e, turn=-1), "hand to rate_map"),

@@ -137,7 +137,7 @@ MISTAKES = {
     ],
     "network_weights": [
         (count(bias=0), "Each kernel and each neuron"),
-        (count(time=0), "the flying time is one more"),
+        (count(time=0), "flying time is missing"),
         (count(outputs=0), "the output has 6 values"),
         (count(whole_map=False), "2M − 1 cells a side, neither M"),
         (count(rest=False), "round down, and add the 1 after that"),

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, show
-from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.exercise import CheckFailed, close, exercise, expect, show, solution
+from uavdh_lite.course.checks.table import edit
 from uavdh_lite.course.checks.values import Unreadable, number, or_none, truth
 from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.storage import data_folder, read_table
@@ -51,18 +51,12 @@ def _draw_recorded(ax):
     ax.set(xlabel="environment steps", ylabel="collected and landed, greedy", ylim=(0, 1))
 
 
-def _steps_to(steps, values, threshold):
-    below = np.flatnonzero(values < threshold)
-    first = below[-1] + 1 if len(below) else 0
-    return steps[first] if first < len(steps) else None
-
-
-def _draw_steps_to(ax):
+def _draw_steps_to(ax, solved):
     table = recorded()
     steps, values = _steps(table), curves(table)["non_centred"][0]
     ax.plot(steps, values, ".-", color=KINDS["non_centred"])
     for threshold in (0.7, 0.8, 0.9):
-        at = _steps_to(steps, values, threshold)
+        at = solved(steps, values, threshold)
         said = "never" if at is None else f"{at:,.0f}"
         ax.axhline(threshold, color="grey", linewidth=0.6)
         text = f"{threshold} from {said} on"
@@ -72,61 +66,63 @@ def _draw_steps_to(ax):
     ax.set_title("the first recorded non-centred run, three thresholds")
 
 
-def _steps_to_cases():
+def _curve(values, threshold, steps=None):
+    """Arguments of `steps_to`, with validations every 50,000 steps or at these ones."""
+    every = 50_000 * np.arange(1, len(values) + 1)
+    return np.array(every if steps is None else steps), np.array(values), threshold
+
+
+def _random_curves():
     generator = stream(Use.EXERCISE, 7)
-
-    def case(values, threshold, steps=None):
-        steps = 50_000 * np.arange(1, len(values) + 1) if steps is None else steps
-        return np.array(steps), np.array(values), threshold
-
-    rises = [0.1, 0.35, 0.6, 0.75, 0.5, 0.8, 0.9, 0.85]
     drawn = [generator.uniform(0.4, 1, n).round(1) for n in (2, 3, 4, 5, 8, 8, 8, 13) * 2]
-    return {
-        "The result is one of `steps`: from there on all values are at least the threshold, and "
-        "the value before it is below.": [
-            *(case(rises, 0.7), case(rises, 0.84), case(rises, 0.6, range(3, 11))),
-        ],
-        "If no value is below the threshold, it is the first validation, even at 0 steps.": [
-            *(case(rises, 0.05), case([0.5], 0.1, (7,)), case([0.3, 0.2, 0.9], 0, (0, 100, 200))),
-        ],
-        "If the last value is below the threshold, there is no such validation: return None. "
-        "(np.argmax of a condition that is nowhere true is 0, the first place.)": [
-            *(case(rises, 0.95), case(rises, 0.88), case([0.5], 0.6), case([0.9, 0.8], 0.85)),
-        ],
-        "A value that equals the threshold has reached it: only a smaller one, however little, is "
-        "below.": [
-            *(case(rises, 0.85), case([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7)),
-        ],
-        "It must hold for all curves and all distances between validations.": [
-            case(values, threshold, np.cumsum(generator.integers(1, 9_000, len(values))) - 1)
-            for values in drawn
-            for threshold in (0.5, 0.6, 0.8)
-        ],
-    }
+    return [
+        (values, threshold, np.cumsum(generator.integers(1, 9_000, len(values))) - 1)
+        for values in drawn
+        for threshold in (0.5, 0.6, 0.8)
+    ]
 
 
-STEPS_TO = Table(
-    _steps_to,
-    _steps_to_cases,
-    {
-        "That is the position in the list, not the number of environment steps: look it up in "
-        "`steps`.": edit("steps[first]", "first"),
-    },
-    read=or_none(number),
-)
+RISES = [0.1, 0.35, 0.6, 0.75, 0.5, 0.8, 0.9, 0.85]
 
 
-@exercise(
+@solution(
     "7.1 · How many steps to a threshold (1 point, 8 minutes)",
     "At which validations is the curve below the threshold? The one after the last of them is "
     "asked for. And if there is none below, or if it is the last of all?",
     "Go from the end backwards, through zip(steps[::-1], values[::-1]), and keep the steps of "
     "each value that is at least threshold, until one is below. If you kept none: None.",
     figure=_draw_steps_to,
-    table=STEPS_TO,
+    rules={
+        "The result is one of `steps`: from there on all values are at least the threshold, and "
+        "the value before it is below.": [
+            *(([0.2, 0.9], 0.5), ([0.6, 0.4, 0.8], 0.5), ([0.1, 0.7, 0.8, 0.9], 0.6)),
+            *((RISES, 0.7), (RISES, 0.84), (RISES, 0.6, range(3, 11))),
+        ],
+        "If no value is below the threshold, it is the first validation, even at 0 steps.": [
+            *((RISES, 0.05), ([0.5], 0.1, [7]), ([0.3, 0.2, 0.9], 0, [0, 100, 200])),
+        ],
+        "If the last value is below the threshold, there is no such validation: return None. "
+        "(np.argmax of a condition that is nowhere true is 0, the first place.)": [
+            *((RISES, 0.95), (RISES, 0.88), ([0.5], 0.6), ([0.9, 0.8], 0.85)),
+        ],
+        "A value that equals the threshold has reached it: only a smaller one, however little, is "
+        "below.": [
+            *((RISES, 0.85), ([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7)),
+        ],
+        "It must hold for all curves and all distances between validations.": _random_curves(),
+    },
+    made=_curve,
+    mistakes={
+        "That is the position in the list, not the number of environment steps: look it up in "
+        "`steps`.": edit("steps[first]", "first"),
+    },
+    read=or_none(number),
 )
-def steps_to(answer) -> None:
+def steps_to(steps, values, threshold):
     """`steps_to(steps, values, threshold)`: the steps from which on it stays there, or None."""
+    below = np.flatnonzero(values < threshold)
+    first = below[-1] + 1 if len(below) else 0
+    return steps[first] if first < len(steps) else None
 
 
 def _differences(a, b):
@@ -136,61 +132,59 @@ def _differences(a, b):
     return [np.mean(values[own]) - np.mean(np.delete(values, own)) for own in splits]
 
 
-def _p_value(a, b):
-    seen, differences = np.mean(a) - np.mean(b), np.array(_differences(a, b))
-    return np.mean(abs(differences) >= abs(seen) - 1e-9)
-
-
-def _draw_permutation(ax):
+def _draw_permutation(ax, solved):
     a, b = (values[:, values.shape[1] // 3] for values in curves(recorded()).values())
     ax.hist(_differences(a, b), 24, color=BLUE)
     for side in (-1, 1):
         ax.axvline(side * (a.mean() - b.mean()), color=VERMILION)
     ax.set(xlabel="difference of the two means, each split", ylabel="number of splits")
     listed = ("a = {}; b = {}").format(*(", ".join(f"{one:.3g}" for one in two) for two in (a, b)))
-    title = f"a third into the recorded runs: p = {_p_value(a, b):.4g}\n{listed}"
+    title = f"a third into the recorded runs: p = {solved(a, b):.4g}\n{listed}"
     ax.set_title(title, fontsize="medium")
 
 
-def _permutation_cases():
-    generator = stream(Use.EXERCISE, 72)
-
-    def case(a, b):
+def _groups(a, b, parts=1):
+    """Two groups of values; or so many random whole numbers, no two equal, divided by `parts`."""
+    if isinstance(a, list):
         return np.array(a), np.array(b)
-
-    def drawn(*sizes, parts=1):
-        return [case(*(generator.integers(-99, 99, n) / parts for n in both)) for both in sizes]
-
-    return {
-        "Go through all splits, each once, without chance and without a formula. p is the share of "
-        "those whose difference is at least as large as the observed one, in absolute value; the "
-        "observed split is one of them.": [
-            *(case([1, 2, 3], [4, 5, 6]), case([1.5, 4], [0.25, 8]), case([1], [2])),
-            *drawn((3, 3), (2, 2), (4, 4)),
-        ],
-        "The groups may differ in size: the first group of each split is as large as a, and the "
-        "difference is that of the means.": [
-            *(case([7], [1, 2, 4]), case([1, 2, 4, 9], [3])),
-            *drawn((2, 4), (4, 3), (3, 2), (3, 5), (1, 6)),
-        ],
-        "Two equal values count as two: deal out positions, range(len(a) + len(b)), not values.": [
-            *(case([1.0, 1.0, 6.0], [2.0, 8.0]), case([1, 2, 2], [2, 5]), case([3, 3], [3, 3])),
-            *(case([0, 1, 1], [1, 0, 0]), case([5.0], [5.0, 5.0, 1.0])),
-        ],
-        "Differences that are equal up to 1e-9 count as equal: sums of decimals are rounded. "
-        "Others count as different, however small that is.": [
-            *(case([0.5, 0.1], [0.4, 0.9, 0.2]), case([0.1, 0.7, 0.3], [0.2, 0.6, 0.4])),
-            *drawn((3, 4), (4, 3), (2, 5), (3, 3), (4, 4), parts=100),
-            *(case([1e-6, 2e-6, 4e-6], [0, 0.5e-6, 1e-6]), case([0.5, 0.900001], [0.5, 0.9])),
-        ],
-    }
+    values = stream(Use.EXERCISE, 10 * a + b).permutation(np.arange(-99, 99)) / parts
+    return values[:a], values[a : a + b]
 
 
 LARGE, ONE_SIDED = "np.mean(abs(differences) >= abs(seen)", "np.mean(differences >= seen"
-PERMUTATION = Table(
-    _p_value,
-    _permutation_cases,
-    {
+
+
+@solution(
+    "7.2 · A p-value for a few seeds (2 points, 15 minutes)",
+    "If the kind made no difference, every way to deal the values out to the two groups would "
+    "be as likely as the one that you saw. How many of them differ as much?",
+    "itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first "
+    "group; the rest are the second. Count where abs(difference) >= abs(observed) - 1e-9, and "
+    "divide by the number of splits.",
+    figure=_draw_permutation,
+    rules={
+        "Go through all splits, each once, without chance and without a formula. p is the share of "
+        "those whose difference of the means is at least as large as the observed one, in absolute "
+        "value; the observed split is one of them.": [
+            *(([1, 2, 3], [4, 5, 6]), ([1.5, 4], [0.25, 8]), ([1], [2]), (3, 3), (2, 2), (4, 4)),
+        ],
+        "The groups may differ in size: the first group of each split is as large as a, and the "
+        "difference is that of the means, not of sums.": [
+            *(([7], [1, 2, 4]), ([1, 2, 4, 9], [3]), (2, 4), (4, 3), (3, 2), (3, 5), (1, 6)),
+        ],
+        "Two equal values count as two: deal out positions, range(len(a) + len(b)), not values.": [
+            *(([1.0, 1.0, 6.0], [2.0, 8.0]), ([1, 2, 2], [2, 5]), ([3, 3], [3, 3])),
+            *(([0, 1, 1], [1, 0, 0]), ([5.0], [5.0, 5.0, 1.0])),
+        ],
+        "Differences that are equal up to 1e-9 count as equal: sums of decimals are rounded. "
+        "Others count as different, however small that is.": [
+            *(([0.5, 0.1], [0.4, 0.9, 0.2]), ([0.1, 0.7, 0.3], [0.2, 0.6, 0.4])),
+            *((3, 4, 100), (4, 3, 100), (2, 5, 100), (3, 3, 100), (4, 4, 100)),
+            *(([1e-6, 2e-6, 4e-6], [0, 0.5e-6, 1e-6]), ([0.5, 0.900001], [0.5, 0.9])),
+        ],
+    },
+    made=_groups,
+    mistakes={
         "That is one-sided: the other direction counts too, so take the absolute value of both "
         "differences.": (
             *(edit(LARGE, ONE_SIDED), edit("abs(seen)", "seen")),
@@ -199,22 +193,11 @@ PERMUTATION = Table(
         "You double a one-sided share: count the splits whose absolute difference is at least as "
         "large.": edit(LARGE, f"2 * {ONE_SIDED}"),
     },
-    read=number,
 )
-
-
-@exercise(
-    "7.2 · A p-value for a few seeds (2 points, 15 minutes)",
-    "If the kind made no difference, every way to deal the values out to the two groups would "
-    "be as likely as the one that you saw. How many of them differ as much?",
-    "itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first "
-    "group; the rest are the second. Count where abs(difference) >= abs(observed) - 1e-9, and "
-    "divide by the number of splits.",
-    figure=_draw_permutation,
-    table=PERMUTATION,
-)
-def permutation_p(answer) -> None:
+def permutation_p(a, b):
     """`permutation_p(a, b)`: exact and two-sided, of the difference of the means."""
+    seen, differences = np.mean(a) - np.mean(b), np.array(_differences(a, b))
+    return np.mean(abs(differences) >= abs(seen) - 1e-9)
 
 
 def _at(table: dict[str, np.ndarray], steps: float) -> int:
@@ -260,11 +243,10 @@ def truths(table: dict[str, np.ndarray]) -> dict[str, tuple[bool | float, str]]:
     "`smallest_p`: how many splits have the largest absolute difference, if the groups do not "
     "overlap at all? `equal`: what would few seeds show if there *were* a small difference?",
     figure=_draw_recorded,
-    function=False,
+    takes=(lambda answer: isinstance(answer, dict), "Hand over the dict of all answers."),
 )
 def ablation_reading(answer) -> None:
     """A dict that says of each statement whether it is True or False, and the smallest p."""
-    expect(isinstance(answer, dict), "Hand over the dict of all answers.")
     right, given = truths(recorded()), {}
     missing = ", ".join(name for name in right if answer.get(name) is None)
     unknown = ", ".join(show(name) for name in answer if name not in right)

@@ -8,6 +8,7 @@ import torch
 
 from uavdh_lite.course.checks.exercise import close, exercise, expect, guarded, show, solution
 from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.trial import expect_none
 from uavdh_lite.course.checks.values import Unreadable, numbers
 from uavdh_lite.ddqn import softmax_policy
 from uavdh_lite.streams import Use, stream
@@ -127,10 +128,10 @@ def _draws(ring: type, capacity: int, added: int, size: int, count: int = 1, see
         strange = [item for item in sample if id(item) not in numbers]
         expect(
             not strange,
-            f"{_call(capacity, added, size)} gives back {show(strange[:1])}, which is none of the "
-            "tuples added to this ring. Draw places (generator.integers), only from those that are "
-            "filled, and take the items themselves from there, no copies: generator.choice makes "
-            "arrays of them. And each ring has its own items.",
+            f"{_call(capacity, added, size)} gives back {next(map(show, strange), None)}, which "
+            "is none of the tuples added to this ring. `add` must store each in a place. Draw "
+            "places (generator.integers), only from those that are filled, and take the items "
+            "themselves from there, no copies: generator.choice makes arrays of them.",
         )
     return [[numbers[id(item)] for item in sample] for sample in samples]
 
@@ -169,7 +170,9 @@ RING = Table(
     errors={
         "NoneType": "Is a `return` missing, or a list that __init__ should make?",
         "assignment index": "A list has only the places that were appended, or made in __init__.",
-        "list index": "Only the places that are filled may be drawn from, or hold the newest.",
+        "list index": "There is no such place: `add` must store each item, and only the places "
+        "that are filled may be drawn from, or hold the newest.",
+        "high": "No place is filled: `add` must store each item, and count it.",
         "larger": "A sample may be larger than the number of items stored: items may repeat.",
         "dimension": "generator.choice makes arrays of items: draw places.",
         "ambiguous": "Items may hold arrays: do not compare them, keep their places.",
@@ -194,19 +197,34 @@ def _draw_ring(ax):
     "not full, only the places filled so far may be drawn; draw places, not items. And of the "
     "size items one is the newest, drawn or not.",
     figure=_draw_ring,
-    function=False,
+    takes=(
+        lambda answer: isinstance(answer, type),
+        "Hand over the class itself: checks.ring_buffer(Ring), without brackets behind Ring.",
+    ),
 )
 def ring_buffer(answer) -> None:
     """The class `Ring(capacity)` with `add(item)` and `sample(size, generator)`."""
-    expect(
-        isinstance(answer, type),
-        "Hand over the class itself: checks.ring_buffer(Ring), without brackets behind Ring.",
-    )
     RING(_drawn(answer))
     for capacity, added, limit in ((1000, 1, 1e-9), (8, 3, 37.0), (8, 27, 52.0), (8, 8, 52.0)):
         call = _call(capacity, added, "…")
         guarded(_expect_chance, call, none=True)(answer, capacity, added, limit)
     guarded(_expect_quick, "Ring(65536) and add(item)", none=True)(answer)
+
+
+CHANCE = {  # what is said of many samples, and when
+    "All chance must come from the generator that is passed in: same seed, same sample, and "
+    "another one with another seed.": lambda of: of.again[0] != of.again[1] or of.unchanging,
+    "A sample of 1 is the newest item, but larger samples do not always have it.": (
+        lambda of: not of.newest
+    ),
+    "After {added} items with the capacity {capacity} the items besides the newest are not equally "
+    "likely: from the oldest on {counts} draws. Draw each place from "
+    "generator.integers(0, number stored).": lambda of: of.chi_square >= of.limit,
+    "Each item is drawn as often as it should be, but not independently of the others in its "
+    "sample: draw every place by itself, generator.integers(0, number stored, size − 1).": (
+        lambda of: of.dependent
+    ),
+}
 
 
 def _expect_chance(ring: type, capacity: int, added: int, limit: float) -> None:
@@ -217,29 +235,21 @@ def _expect_chance(ring: type, capacity: int, added: int, limit: float) -> None:
     that is drawn half as often as the others is found with a probability above 0.999.
     """
     again = [_draws(ring, capacity, added, 60, seed=seed) for seed in (1, 1, 2)]
-    expect(
-        again[0] == again[1] and (added == 1 or again[0] != again[2]),
-        "All chance must come from the generator that is passed in: same seed, same sample, and "
-        "another one with another seed.",
-    )
     drawn, stored = np.array(_draws(ring, capacity, added, 9, 600)), min(capacity, added)
-    expect(
-        (drawn == added).any(1).all(),
-        "A sample of 1 is the newest item, but larger samples do not always have it.",
-    )
     counts = np.bincount(drawn.ravel())[-stored:] - 600 * (np.arange(stored) == stored - 1)
-    expect(
-        ((counts - counts.mean()) ** 2).sum() / counts.mean() < limit,
-        f"After {added} items with the capacity {capacity} the items besides the newest are not "
-        f"equally likely: from the oldest on {counts.tolist()} draws. Draw each place from "
-        "generator.integers(0, number stored).",
-    )
     different = [len(set(sample)) for sample in _draws(ring, capacity, added, 3, 1800)]
     right = 1 + (stored - 1) * (1 - (1 - 1 / stored) ** 2)
-    expect(
-        abs(np.mean(different) - right) <= 6 * np.std(different) / 1800**0.5 + 1e-9,
-        "Each item is drawn as often as it should be, but not independently of the others in its "
-        "sample: draw every place by itself, generator.integers(0, number stored, size − 1).",
+    expect_none(
+        CHANCE,
+        capacity=capacity,
+        added=added,
+        limit=limit,
+        again=again,
+        unchanging=added > 1 and again[0] == again[2],
+        newest=(drawn == added).any(1).all(),
+        counts=counts.tolist(),
+        chi_square=((counts - counts.mean()) ** 2).sum() / counts.mean(),
+        dependent=abs(np.mean(different) - right) > 6 * np.std(different) / 1800**0.5 + 1e-9,
     )
 
 
@@ -355,14 +365,13 @@ TARGET = Table(
     "number of that action in each row, look up its worth. And a Boolean counts as 0 or 1 in a "
     "product: which of the two terms falls away at the end?",
     figure=_draw_target,
-    function=False,
+    takes=(
+        lambda answer: isinstance(answer, tuple | list) and len(answer) == 2,
+        "Hand over both, the function and your two numbers: ((target, by_hand)).",
+    ),
 )
 def double_target(answer) -> None:
     """`target(reward, terminal, discount, online_next, target_next)`: y, (B,) (eq. 10); by hand."""
-    expect(
-        isinstance(answer, tuple | list) and len(answer) == 2,
-        "Hand over both, the function and your two numbers: ((target, by_hand)).",
-    )
     target, by_hand = answer
     expect(
         callable(target) and not isinstance(target, type),
@@ -435,7 +444,7 @@ def soft_update_in_place(answer) -> None:
     def asked(*case):
         tensors, online = ([torch.tensor(array) for array in arrays] for arrays in case[:2])
         rate = case[2]
-        lists = list(tensors), list(online)
+        lists, weights = (list(tensors), list(online)), [tensor.detach() for tensor in tensors]
         update(*lists, rate)
         expect(
             [len(one) for one in lists] == [len(tensors), len(online)],
@@ -452,6 +461,11 @@ def soft_update_in_place(answer) -> None:
             "(lerp_, mul_, copy_), whatever its shape: `t = …` only gives a new tensor the name t, "
             "a new tensor in the list is none of the network, and nothing reads what you return.",
         )
+        expect(
+            not (_equal(weights, case[0]) and 0 < rate < 1),
+            "`t.data = …` and set_ give a tensor other memory; in its own the old values stay, for "
+            "all that shares it. Write the new values there: lerp_, mul_, copy_.",
+        )
         for tensor in online:
             tensor += 0.37
         expect(
@@ -459,7 +473,7 @@ def soft_update_in_place(answer) -> None:
             "After an update with τ = 1 target and online share their memory: what changes one of "
             "them later changes the other. Copy the values.",
         )
-        return _flat(tensors)
+        return _flat(weights)
 
     UPDATE(asked)
 

@@ -5,9 +5,9 @@ import numpy as np
 from uavdh_lite.channel import rate
 from uavdh_lite.city import SIGNS, City
 from uavdh_lite.course.checks.exercise import close, exercise, expect, solution
-from uavdh_lite.course.checks.table import Table, by_rule, edit
-from uavdh_lite.course.checks.values import Unreadable, number, pair, truth
-from uavdh_lite.environment import HOVER, LAND, MOVES
+from uavdh_lite.course.checks.table import Table, edit
+from uavdh_lite.course.checks.values import Unreadable, pair, truth
+from uavdh_lite.environment import ACTIONS, HOVER, LAND, MOVES
 from uavdh_lite.plotting import GREEN, draw_city
 from uavdh_lite.streams import Use, stream
 
@@ -108,7 +108,6 @@ TERMS = Table(
         "Only the end of the time without a landing is a crash.": edit("crash", "-150"),
         "The 0.2 for the step is a price: subtract it.": edit("movement", "-movement"),
     },
-    read=number,
 )
 
 
@@ -241,38 +240,17 @@ def _sign(city, cell, action):
     return SIGNS[city.kinds[row, col]] if inside else ""
 
 
-def _safe_step_cases():
-    questions = {
-        "North is one row up (row − 1), east one column to the right (col + 1); the actions are "
-        "numbered north, east, south, west, hover, land. Nothing is in the way there, so the "
-        "controller does not intervene. Rows and columns go from 0 to M − 1.": lambda *case: True,
-        "The building in the target cell is low and may be flown over: only city.no_fly says where "
-        "the UAV may not go, city.buildings is about the radio link.": lambda *case: (
-            _sign(*case) == "b"
-        ),
-        "The target is a no-fly zone or a tall building, one that is in city.no_fly: the UAV "
-        "hovers instead, in its cell, and the controller intervenes.": lambda *case: (
-            _sign(*case) in "NB"
-        ),
-        "That leaves the grid: the UAV hovers instead, in its cell, and the controller intervenes. "
-        "(To numpy, row or column −1 is the last one: no error warns you.)": (
-            lambda *case: not _sign(*case)
-        ),
-        "Hovering stays in the cell and is always allowed: the controller does not intervene.": (
-            lambda city, cell, action: action == HOVER
-        ),
-        "A UAV that lands stays in its cell; in the zone the controller does not intervene.": (
-            lambda city, cell, action: action == LAND
-        ),
-        "That cell is not in the landing zone, so landing is not allowed: the UAV hovers instead, "
-        "in its cell, and the controller intervenes.": (
-            lambda city, cell, action: action == LAND and not city.landing[cell]
-        ),
-    }
-    cells = ((city, cell) for city in TOWNS for cell in np.argwhere(~city.no_fly).tolist())
-    return by_rule(
-        questions, ((city, tuple(cell), action) for city, cell in cells for action in range(6))
-    )
+STEPS = [
+    (city, tuple(cell), action)
+    for city in TOWNS
+    for cell in np.argwhere(~city.no_fly).tolist()
+    for action in range(6)
+]
+
+
+def _led(city, cell, action, _):
+    target = tuple(np.add(cell, MOVES[action]).tolist())
+    return f"Here action {action} is {ACTIONS[action]}, from {cell} to {target}."
 
 
 def _cell_and_flag(value) -> np.ndarray:
@@ -294,7 +272,35 @@ def _cell_and_flag(value) -> np.ndarray:
     "M − 1, and only then what city.no_fly says of them. Twice no: the UAV stays in its old "
     "cell, and that counts as an intervention.",
     figure=_draw_safe_step,
-    rules=_safe_step_cases,
+    rules={
+        "North is one row up (row − 1), east one column to the right (col + 1); the actions "
+        "are numbered north, east, south, west, hover, land. Nothing is in the way there, so "
+        "the controller does not intervene. Rows and columns go from 0 to M − 1.": (
+            lambda *case: True
+        ),
+        "The building in the target cell is low and may be flown over: only city.no_fly says "
+        "where the UAV may not go, city.buildings is about the radio link.": (
+            lambda *case: _sign(*case) == "b"
+        ),
+        "The target is a no-fly zone or a tall building, one that is in city.no_fly: the UAV "
+        "hovers instead, in its cell, and the controller intervenes.": (
+            lambda *case: _sign(*case) in "NB"
+        ),
+        "That leaves the grid: the UAV hovers instead, in its cell, and the controller "
+        "intervenes. (To numpy, row or column −1 is the last one: no error warns you.)": (
+            lambda *case: not _sign(*case)
+        ),
+        "Hovering stays in the cell and is always allowed: the controller does not "
+        "intervene.": lambda city, cell, action: action == HOVER,
+        "A UAV that lands stays in its cell; in the zone the controller does not intervene.": (
+            lambda city, cell, action: action == LAND
+        ),
+        "That cell is not in the landing zone, so landing is not allowed: the UAV hovers "
+        "instead, in its cell, and the controller intervenes.": (
+            lambda city, cell, action: action == LAND and not city.landing[cell]
+        ),
+    },
+    among=STEPS,
     mistakes={
         "You look up city.no_fly[col, row]. The row comes first: city.no_fly[row, col].": (
             edit("no_fly[row, col]", "no_fly[col, row]")
@@ -305,6 +311,7 @@ def _cell_and_flag(value) -> np.ndarray:
     },
     read=_cell_and_flag,
     shown=lambda array: (tuple(array[:2].astype(int).tolist()), bool(array[2])),
+    why=_led,
     errors={"out of bounds": "You look up a cell that does not exist: ask for the grid first."},
     again=False,
 )

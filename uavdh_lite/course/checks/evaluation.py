@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from uavdh_lite.agent import Agent
-from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect, guarded
-from uavdh_lite.course.checks.table import Table, edit
-from uavdh_lite.course.checks.trial import name_of
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect, guarded, solution
+from uavdh_lite.course.checks.table import edit
+from uavdh_lite.course.checks.trial import expect_none, first_true, name_of
 from uavdh_lite.course.checks.values import Unreadable, pair, row, show, whole
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
 from uavdh_lite.evaluation import evaluate
@@ -23,24 +23,22 @@ from uavdh_lite.streams import Use, stream
 Z = 1.959964  # 95 % of a standard normal lie within ± this
 
 
-def _wilson(successes, trials):
-    p, n = successes / trials, trials
-    middle = p + Z**2 / (2 * n)
-    half = Z * np.sqrt(p * (1 - p) / n + Z**2 / (4 * n**2))
-    return np.array([middle - half, middle + half]) / (1 + Z**2 / n)
-
-
-def _draw_wilson(ax):
+def _draw_wilson(ax, solved):
     successes = np.arange(21)
     share = successes / 20
-    low, high = np.transpose([_wilson(k, 20) for k in successes])
+    low, high = np.transpose([solved(k, 20) for k in successes])
     ax.errorbar(share, share, [share - low, high - share], fmt="o", markersize=3, capsize=3)
     ax.set(xlabel="share observed in 20 trials", ylabel="share and its 95 % interval")
 
 
-WILSON = Table(
-    _wilson,
-    lambda: {
+@solution(
+    "8.1 · An interval for a share (2 points, 18 minutes)",
+    "At both ends of the interval the inequality is an equality. Square it: what kind of "
+    "equation in q is that?",
+    "(p − q)² = z² q (1 − q) / n is quadratic in q. Its solutions are (p + z²/(2n) ± "
+    "z sqrt(p (1 − p)/n + z²/(4n²))) / (1 + z²/n), with p = successes / trials.",
+    figure=_draw_wilson,
+    rules={
         "At both ends of the interval |p − q| equals z sqrt(q (1 − q) / n), with z = 1.96: solve "
         "for q, a grid is not exact enough. The interval is not centred on p; its low end is the "
         "first.": [(7, 10), (5, 20), (33, 40), (11, 271)],
@@ -49,7 +47,7 @@ WILSON = Table(
             *((997, 1000), (1, 50_000), (31_000, 50_000)),
         ],
     },
-    {
+    mistakes={
         "That is the normal approximation, p ± z sqrt(p (1 − p) / n). The root must hold the "
         "unknown share, not the observed one; solve for it.": tuple(
             edit("+ Z**2 / (2 * n)", "", "+ Z**2 / (4 * n**2)", "", "/ (1 + Z**2 / n)", cut)
@@ -61,30 +59,19 @@ WILSON = Table(
     tolerance=1e-3,
     smallest=1e-7,
 )
-
-
-@exercise(
-    "8.1 · An interval for a share (2 points, 18 minutes)",
-    "At both ends of the interval the inequality is an equality. Square it: what kind of "
-    "equation in q is that?",
-    "(p − q)² = z² q (1 − q) / n is quadratic in q. Its solutions are (p + z²/(2n) ± "
-    "z sqrt(p (1 − p)/n + z²/(4n²))) / (1 + z²/n), with p = successes / trials.",
-    figure=_draw_wilson,
-    table=WILSON,
-)
-def wilson(answer) -> None:
+def wilson(successes, trials):
     """`wilson(successes, trials)`: low and high end of the 95 % score interval."""
+    p, n = successes / trials, trials
+    middle = p + Z**2 / (2 * n)
+    half = Z * np.sqrt(p * (1 - p) / n + Z**2 / (4 * n**2))
+    return np.array([middle - half, middle + half]) / (1 + Z**2 / n)
 
 
-def _needed(standard_deviation, half_width):
-    return math.ceil((1.96 * standard_deviation / half_width) ** 2)
-
-
-def _draw_needed(ax):
+def _draw_needed(ax, solved):
     half = np.geomspace(0.002, 0.05, 60)
     for deviation in (0.05, 0.1, 0.3):
-        ax.loglog(half * 100, [_needed(deviation, h) for h in half], label=f"σ = {deviation}")
-    needed, exact = _needed(0.3, 0.02), f"{(1.96 * 0.3 / 0.02) ** 2:.1f}"
+        ax.loglog(half * 100, [solved(deviation, h) for h in half], label=f"σ = {deviation}")
+    needed, exact = solved(0.3, 0.02), f"{(1.96 * 0.3 / 0.02) ** 2:.1f}"
     said = f"σ = 0.3, ± 2 points:\n(1.96 · 0.3 / 0.02)² = {exact},\nso {needed} episodes"
     ax.annotate(said, (2, needed), (0.22, 12), arrowprops={"arrowstyle": "->"})
     ax.set_xticks((0.2, 0.5, 1, 2, 5), ("0.2", "0.5", "1", "2", "5"))
@@ -92,9 +79,13 @@ def _draw_needed(ax):
     ax.set(xlabel="half width of the interval, points (0.01)", ylabel="episodes needed")
 
 
-NEEDED = Table(
-    _needed,
-    lambda: {
+@solution(
+    "8.2 · How many episodes (1 point, 5 minutes)",
+    "The standard error of a mean of n episodes is the standard deviation over the root of n. "
+    "How many standard errors make up the half width?",
+    "Solve 1.96 standard_deviation / sqrt(n) = half_width for n, and round up.",
+    figure=_draw_needed,
+    rules={
         "1.96 standard errors, standard_deviation / sqrt(n), make the half width: solve for n. If "
         "that is a whole number, it is enough: add nothing.": [(0.5, 0.49), (1.0, 0.98), (2, 1.96)],
         "The number is (1.96 · standard_deviation / half_width)². An episode cannot be flown in "
@@ -103,7 +94,7 @@ NEEDED = Table(
         ],
         "One episode is the least, and many are no problem.": [(0.01, 0.5), (40.0, 0.03)],
     },
-    {
+    mistakes={
         "The square is missing. The half width shrinks with the *root* of the number of "
         "episodes: for half of it you need four times as many.": edit(" ** 2", ""),
         "half_width is one side of the interval already, neither all of it nor half of a side.": (
@@ -113,68 +104,58 @@ NEEDED = Table(
     read=whole,
     tolerance=1e-12,
 )
-
-
-@exercise(
-    "8.2 · How many episodes (1 point, 5 minutes)",
-    "The standard error of a mean of n episodes is the standard deviation over the root of n. "
-    "How many standard errors make up the half width?",
-    "Solve 1.96 standard_deviation / sqrt(n) = half_width for n, and round up.",
-    figure=_draw_needed,
-    table=NEEDED,
-)
-def episodes_needed(answer) -> None:
+def episodes_needed(standard_deviation, half_width):
     """`episodes_needed(standard_deviation, half_width)`: an int."""
-
-
-def _lead(a, b):
-    d = a - b
-    half = 1.96 * d.std(ddof=1) / np.sqrt(len(d))
-    return np.array([d.mean(), d.mean() - half, d.mean() + half])
+    return math.ceil((1.96 * standard_deviation / half_width) ** 2)
 
 
 SPREAD = "d.std(ddof=1) / np.sqrt(len(d))"
 UNPAIRED = edit(SPREAD, "np.sqrt((a.var(ddof=1) + b.var(ddof=1)) / len(d))")
 
 
-def _draw_lead(ax):
+def _draw_lead(ax, solved):
     common, own, other = stream(Use.EXERCISE, 0).standard_normal((3, 100))
     weights = np.linspace(0, 4, 20)
     pairs = [(own + weight * common, other + weight * common) for weight in weights]
     correlation = [np.corrcoef(a, b)[0, 1] for a, b in pairs]
-    for name, lead in (("in pairs", _lead), ("as if unpaired", UNPAIRED.of(_lead))):
+    for name, lead in (("in pairs", solved), ("as if unpaired", UNPAIRED.of(solved))):
         half = [np.ptp(lead(a, b)) / 2 / a.std() for a, b in pairs]
         ax.plot(correlation, half, "o-", markersize=3, label=name)
     ax.set(xlabel="correlation of the two policies' results", ylabel="half width (each σ ≈ 1)")
     ax.set(title="100 scenarios", ylim=(0, None))
 
 
-def _lead_cases():
-    generator = stream(Use.EXERCISE, 836)  # no end near 0, where 1.96 and Z would differ too much
+def _results(count, together, ahead=0.3, scale=1.0):
+    """Random results of two policies that have this much in common; or those that are given."""
+    if isinstance(count, list):
+        return np.array(count), np.array(together)
+    generator = stream(Use.EXERCISE, count)
+    common = generator.standard_normal(count)
+    a, b = generator.normal((ahead, 0), 1, (count, 2)).T
+    return scale * (a + together * common), scale * (b + abs(together) * common)
 
-    def drawn(count, together, ahead=0.3, scale=1.0):
-        common = generator.standard_normal(count)
-        a, b = generator.normal((ahead, 0), 1, (count, 2)).T
-        return scale * (a + together * common), scale * (b + abs(together) * common)
 
-    few = np.array([3.0, 5.0, 10.0]), np.array([1.0, 4.0, 2.0])
-    return {
+@solution(
+    "8.3 · Paired or not (2 points, 8 minutes)",
+    "Both policies flew the same scenarios, so every scenario gives one difference. Of these "
+    "you have n, and you know how to give a mean with an interval.",
+    "With d = a − b: d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The variances of a and of b do "
+    "not appear.",
+    figure=_draw_lead,
+    rules={
         "With d = a − b of each pair: the mean of d, and 1.96 standard errors, "
         "d.std(ddof=1) / sqrt(n), to either side, in the order (mean, low, high).": [
-            *(few, few[::-1], (np.array([9, 5]), np.array([1, 2])), drawn(8, 1.0)),
+            *(([3.0, 5.0, 10.0], [1.0, 4.0, 2.0]), ([1.0, 4.0, 2.0], [3.0, 5.0, 10.0])),
+            *(([9, 5], [1, 2]), (8, 1.0)),
         ],
         "It must hold whether the two results go together or not, for few and many scenarios. If "
         "all differences are equal, the interval has the width 0.": [
-            *(drawn(30, 2.0), drawn(300, 0.5), drawn(15, -0.7), drawn(9, 0.0), drawn(2, 3.0, 2.0)),
-            *(drawn(40, 1.0, -2.0, 50.0), drawn(25, 1.0, 3.0, 0.001), (few[0] + 1.0, few[0])),
+            *((30, 2.0), (300, 0.5), (15, -0.7), (9, 0.0), (2, 3.0, 2.0), (40, 1.0, -2.0, 50.0)),
+            *((25, 1.0, 3.0, 0.001), ([4.0, 6.0, 11.0], [3.0, 5.0, 10.0])),
         ],
-    }
-
-
-LEAD = Table(
-    _lead,
-    _lead_cases,
-    {
+    },
+    made=_results,
+    mistakes={
         "The sign is wrong: positive means that a is ahead of b.": edit("a - b", "b - a"),
         "You take the size of each difference, abs(a − b): so even of two equally good policies "
         "one would be ahead. Keep the sign.": edit("a - b", "abs(a - b)"),
@@ -185,19 +166,11 @@ LEAD = Table(
     tolerance=1e-3,
     smallest=1e-6,
 )
-
-
-@exercise(
-    "8.3 · Paired or not (2 points, 8 minutes)",
-    "Both policies flew the same scenarios, so every scenario gives one difference. Of these "
-    "you have n, and you know how to give a mean with an interval.",
-    "With d = a − b: d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The variances of a and of b do "
-    "not appear.",
-    figure=_draw_lead,
-    table=LEAD,
-)
-def lead(answer) -> None:
+def lead(a, b):
     """`lead(a, b)`: (mean, low, high) of a − b, in pairs."""
+    d = a - b
+    half = 1.96 * d.std(ddof=1) / np.sqrt(len(d))
+    return np.array([d.mean(), d.mean() - half, d.mean() + half])
 
 
 # In the missions of this seed, to skip a device with less than 2 to 4 units left gains as much as
@@ -245,7 +218,7 @@ def _draw_policy(ax):
     theirs = _flown(greedy)[RETURN]
     for y, rule in enumerate(rules.values()):
         own = _flown(rule)[RETURN]
-        mean, low, high = _lead(own, theirs)
+        mean, low, high = lead.solved(own, theirs)
         ax.errorbar(mean, y, xerr=[[mean - low], [high - mean]], fmt="o", capsize=4)
         ax.text(1.55, y, f"{own.mean():.2f}", va="center", ha="right")
     ax.axvline(0, color="grey")
@@ -257,6 +230,29 @@ def _draw_policy(ax):
 
 
 NOT_ALLOWED = "{} is not allowed here: write the rule yourself. Greedy may be a part of it."
+CHOICE = {  # what is said of the actions that are chosen in a step, and when
+    f"The actions are of type {{kind}}; give whole numbers, indices into {ACTIONS}.": (
+        lambda of: of.kind.kind not in "iu"
+    ),
+    f"There is no action {{unknown[0]:g}}: they are 0 to {len(ACTIONS) - 1}, "
+    f"{', '.join(ACTIONS)}.": lambda of: len(of.unknown),
+    f"Your policy is too slow: {SECONDS} seconds of processor time are over and not all of the "
+    f"{EPISODES} missions have ended. Work on the whole batch at once, and compute tables only "
+    "once.": lambda of: of.seconds > SECONDS,
+}
+STANDING = {  # what is said of all flights, and when
+    "These are the same flights as greedy's, in every mission.": lambda of: of.same,
+    f"It crashed in {{crashes}} of {EPISODES} missions, 150 points each: turn back while time_left "
+    "still suffices for landing_distance and the landing.": (
+        lambda of: of.crashes > of.greedy_crashes
+    ),
+    "The safety controller refused {refused:.1f} actions a mission, a move into a no-fly cell or a "
+    "landing outside the zone: look at environment.forbidden.": lambda of: of.refused > 1,
+    f"It is ahead, but by less than the {AHEAD} that are asked for.": lambda of: of.low > 0,
+    "It is behind greedy: `ways(policy)` draws where it loses most.": lambda of: of.high < 0,
+    "It is ahead of greedy, but the interval holds 0: that may be luck.": lambda of: of.ahead > 0,
+    "It is behind greedy, but the interval holds 0: that may be luck.": lambda of: True,
+}
 
 
 @exercise(
@@ -280,52 +276,31 @@ def policy(answer) -> None:
 
     def asked(state: State) -> np.ndarray:
         given, count = ask(environment, state), len(state)
+        read = row(count, f"`state` is a batch of {count} episodes: one action for each is")
         try:
-            values = row(count, f"`state` is a batch of {count} episodes: one action for each is")(
-                given
-            )
+            actions = read(given)
         except Unreadable as problem:
             raise CheckFailed(f"Your policy gives {show(given)}: {problem}") from None
         kind = np.asarray(given.detach().cpu() if hasattr(given, "detach") else given).dtype
-        unknown = values[(values < 0) | (values >= len(ACTIONS))]
-        needed = {
-            f"The actions are of type {kind}; give whole numbers, indices into {ACTIONS}.": (
-                kind.kind in "iu"
-            ),
-            f"There is no action {', '.join(map(show, unknown[:1]))}: they are 0 to "
-            f"{len(ACTIONS) - 1}, {', '.join(ACTIONS)}.": not len(unknown),
-            f"Your policy is too slow: {SECONDS} seconds of processor time are over and not all of "
-            f"the {EPISODES} missions have ended. Work on the whole batch at once, and compute "
-            "tables only once.": time.process_time() - began < SECONDS,
-        }
-        for message, holds in needed.items():
-            expect(holds, message)
-        return values.astype(int)
+        unknown = actions[(actions < 0) | (actions >= len(ACTIONS))]
+        expect_none(CHOICE, kind=kind, unknown=unknown, seconds=time.process_time() - began)
+        return actions.astype(int)
 
     own, greedy = _flown(asked), _flown(_planner(environment))
-    lead, low, high = _lead(own[RETURN], greedy[RETURN])
+    ahead, low, high = lead.solved(own[RETURN], greedy[RETURN])
     standing = (
         f"Your return is {own[RETURN].mean():.2f}, greedy's {greedy[RETURN].mean():.2f}: a lead of "
-        f"{lead:+.2f} ({low:+.2f} to {high:+.2f})."
+        f"{ahead:+.2f} ({low:+.2f} to {high:+.2f})."
     )
-    if lead >= AHEAD and low > 0:
-        print(standing)
-        return
-    crashes = EPISODES - int(own["has_landed"].sum())
-    refused = own["safety_interventions"].mean()
-    reasons = {
-        "These are the same flights as greedy's, in every mission.": (
-            np.array_equal(own[RETURN], greedy[RETURN])
-        ),
-        f"It crashed in {crashes} of {EPISODES} missions, 150 points each: turn back while "
-        "time_left still suffices for landing_distance and the landing.": (
-            crashes > EPISODES - greedy["has_landed"].sum()
-        ),
-        f"The safety controller refused {refused:.1f} actions a mission, a move into a no-fly "
-        "cell or a landing outside the zone: look at environment.forbidden.": refused > 1,
-        f"It is ahead, but by less than the {AHEAD} that are asked for.": low > 0,
-        "It is behind greedy: `ways(policy)` draws where it loses most.": high < 0,
-        "It is ahead of greedy, but the interval holds 0: that may be luck.": lead > 0,
-        "It is behind greedy, but the interval holds 0: that may be luck.": True,
-    }
-    raise CheckFailed(f"{next(why for why, holds in reasons.items() if holds)} {standing}")
+    why = first_true(
+        STANDING,
+        same=np.array_equal(own[RETURN], greedy[RETURN]),
+        crashes=EPISODES - int(own["has_landed"].sum()),
+        greedy_crashes=EPISODES - greedy["has_landed"].sum(),
+        refused=own["safety_interventions"].mean(),
+        ahead=ahead,
+        low=low,
+        high=high,
+    )
+    expect(ahead >= AHEAD and low > 0, f"{why} {standing}")
+    print(standing)

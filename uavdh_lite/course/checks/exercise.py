@@ -51,9 +51,9 @@ class Exercise:
         minutes: that a student is expected to need.
         words: two hints in words, from vague to nearly there.
         figure: draws what the solution produces on an Axes; the third hint.
-        check: takes the answer and raises `CheckFailed`; after the table, if there is one.
-        table: cases and mistakes of a function.
-        function: whether the answer is one function.
+        check: takes the answer and raises `CheckFailed`.
+        table: what an answer must give back, asked before the check.
+        takes: if the answer is no function: what it must be, and what is said of another.
         seconds: how long the check may take; `SECONDS` if not given.
         refused: what an answer may not use, by class and name, with what to say.
     """
@@ -64,9 +64,9 @@ class Exercise:
     minutes: int
     words: tuple[str, ...]
     figure: Callable[[Axes], Any]
-    check: Callable[[Any], None]
+    check: Callable[[Any], None] | None
     table: Table | None = None
-    function: bool = True
+    takes: tuple[Callable[[Any], Any], str] | None = None
     seconds: float | None = None
     refused: dict[tuple[type, str], str] = field(default_factory=dict)
     given: list[int] = field(default_factory=list)  # hints asked for so far
@@ -76,6 +76,12 @@ class Exercise:
         """The heading of the exercise in its notebook."""
         points = "1 point" if self.points == 1 else f"{self.points} points"
         return f"## {self.number} · {self.title} ({points}, {self.minutes} minutes)"
+
+    @property
+    def solved(self) -> Callable:
+        """The solution of an exercise that is made of one."""
+        assert self.table
+        return self.table.solution
 
     def __repr__(self) -> str:  # a notebook shows neither hints nor mistakes
         return self.heading.removeprefix("## ")
@@ -89,16 +95,17 @@ class Exercise:
         print(f"Exercise {self.number}: right.")
 
     def _run(self, answer) -> None:
-        if self.function:
-            expect(
-                callable(answer) and not isinstance(answer, type),
-                "Hand over the function itself: its name, without brackets behind it. You hand "
-                f"over {show(answer)}.",
-            )
+        fits, said = self.takes or (
+            lambda one: callable(one) and not isinstance(one, type),
+            "Hand over the function itself: its name, without brackets behind it. You hand over "
+            "{given}.",
+        )
+        expect(fits(answer), said.format(given=show(answer)))
         try:
             if self.table:
                 self.table(answer)
-            self.check(guarded(answer) if self.function else answer)
+            if self.check:
+                self.check(answer if self.takes else guarded(answer))
         except (CheckFailed, Stopped):
             raise
         except BaseException as error:  # also what an answer raises where it is only looked at
@@ -142,36 +149,45 @@ def exercise(heading: str, *hints: str, figure: Callable[[Axes], Any], **options
         heading: as in the notebook, "1.2 · Title (2 points, 10 minutes)".
         hints: two in words.
         figure: the third hint.
-        options: `table`, `function`, `seconds` and `refused` of `Exercise`.
+        options: `takes`, `seconds` and `refused` of `Exercise`.
     """
-    found = re.fullmatch(r"([\d.]+) · (.+) \((\d+) points?, (\d+) minutes\)", heading)
-    if not found:
-        raise ValueError(f'{heading!r} is not like "1.2 · Title (2 points, 10 minutes)"')
-    number, title, points, minutes = found.groups()
 
     def register(check: Callable[[Any], None]) -> Exercise:
-        made = Exercise(number, title, int(points), int(minutes), hints, figure, check, **options)
-        functools.update_wrapper(made, check, updated=())
-        EXERCISES[check.__name__] = made
-        return made
+        return _registered(check, heading, hints, figure, check, **options)
 
     return register
 
 
-def solution(heading: str, *hints: str, figure: Callable, seconds: float | None = None, **options):
+def solution(
+    heading: str,
+    *hints: str,
+    figure: Callable[[Axes, Callable], Any],
+    also: Callable[[Callable], None] | None = None,
+    **options,
+):
     """Make an exercise of its solution: an answer must give the same as this function.
 
     Arguments:
         figure: the third hint, drawn on an Axes with the solution.
-        options: `rules`, `mistakes` and others of `Table`.
+        also: a property that no single call shows; a check of an answer that gives the same.
+        options: `rules`, `mistakes` and others of `Table`; `seconds` and `refused` of `Exercise`.
     """
+    own = {name: options.pop(name) for name in ("seconds", "refused") if name in options}
 
     def register(solved: Callable) -> Exercise:
-        @functools.wraps(solved)
-        def check(answer) -> None:
-            """All is in the table."""
-
-        table, drawn = Table(solved, **options), functools.partial(figure, solved=solved)
-        return exercise(heading, *hints, figure=drawn, table=table, seconds=seconds)(check)
+        drawn, table = functools.partial(figure, solved=solved), Table(solved, **options)
+        return _registered(solved, heading, hints, drawn, also, table=table, **own)
 
     return register
+
+
+def _registered(named: Callable, heading: str, hints, figure, check, **options) -> Exercise:
+    """An exercise with the name and the words of a function, among all others."""
+    found = re.fullmatch(r"([\d.]+) · (.+) \((\d+) points?, (\d+) minutes\)", heading)
+    if not found:
+        raise ValueError(f'{heading!r} is not like "1.2 · Title (2 points, 10 minutes)"')
+    number, title, points, minutes = found.groups()
+    made = Exercise(number, title, int(points), int(minutes), hints, figure, check, **options)
+    functools.update_wrapper(made, named, updated=())
+    EXERCISES[named.__name__] = made
+    return made

@@ -4,7 +4,7 @@ import numpy as np
 
 from uavdh_lite.course.checks.exercise import exercise, expect, solution
 from uavdh_lite.course.checks.trial import expect_none
-from uavdh_lite.course.checks.values import number, show
+from uavdh_lite.course.checks.values import show
 from uavdh_lite.environment import ACTIONS, MOVES
 from uavdh_lite.missions import HandFlight, Mission, environment_of
 from uavdh_lite.planners import Genie
@@ -47,7 +47,6 @@ def _draw_score(ax, solved):
             *(([1e-6, 0.0], [2e-6, 1e-6], True), ([1e9, 1.0], [3e9, 1.0], True)),
         ],
     },
-    read=number,
 )
 def flight_score(collected, initial, landed):
     """`score(collected, initial, landed)`: the collected share of all data, 0 without landing."""
@@ -138,7 +137,7 @@ def _draw_flight(ax):
     "cell from the first device: back along row 0 and down the street in column 2 or 3, or "
     "down the eastern side and along row 4. Spend there what is left beyond the way home.",
     figure=_draw_flight,
-    function=False,
+    takes=(lambda answer: True, ""),  # what it must be is said by `fly_by_hand`
 )
 def flown_by_hand(answer) -> None:
     """A list of action names that collects 90 % in the village mission and lands in time."""

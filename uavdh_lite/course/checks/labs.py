@@ -65,15 +65,14 @@ MISSION = {  # what is said of a mission, and when
     "take 100 * collection_ratio[0] * landed[0] at the end, and stop at the first lead "
     f"of {POINTS}.",
     figure=_draw_leads,
-    function=False,
+    takes=(
+        lambda answer: isinstance(answer, int | np.integer) and not isinstance(answer, bool),
+        "Hand over one seed, a whole number (int), not {given}.",
+    ),
     seconds=300,
 )
 def failure_seed(answer) -> None:
     """The seed of a mission in which greedy is at least 40 points ahead of the agent."""
-    expect(
-        isinstance(answer, int | np.integer) and not isinstance(answer, bool),
-        f"Hand over one seed, a whole number (int), not {show(answer)}.",
-    )
     expect(
         answer in SEEDS,
         f"The seed {show(answer)} is out of range: it must be from {SEEDS[0]} to {SEEDS[-1]:,}.",
@@ -110,16 +109,27 @@ CELL, WORST = "line_of_sight, cell", "min(best, key=best.get)"
     "the cells with city.landing_distance >= 0. Keep the device with the lowest maximum.",
     figure=_draw_worst,
     seconds=60,
-    rules=lambda: {
-        "For each cell in city.device_cells take the best rate, the max over all UAV cells with "
-        "city.landing_distance >= 0, the landing zone (0) included: the UAV cannot get to the "
-        "others (−1). The answer is the device's cell with the lowest of these rates, "
-        "as (row, column). Use the environment that your function is given, not the notebook's "
-        "own, for all of that, for M too.": [
-            *(Environment(Town.of("a city", *rows)) for rows in (POCKET, OTHER)),
+    rules={
+        "For each cell in city.device_cells take the best rate, the max over all UAV cells that "
+        "count. The answer is the device's cell with the lowest of them, as (row, column).": [
+            *(("BbbB", "bN..", "...b", "..L."), ("BNbb", "LNLb", "..bB", ".B.N")),
         ],
+        "Of the best rates the lowest decides, and for them only UAV cells with "
+        "city.landing_distance >= 0 count: the UAV can neither enter a no-fly cell nor get to one "
+        "that is walled in (both −1).": [("bL.N", "NB..", ".NbB", "B.B.")],
+        "Over the landing zone (city.landing_distance 0) the UAV collects, too: it counts.": [
+            ("b.NB", "NNLN", "Lbb.", "Lb..")
+        ],
+        "Use the environment that your function is given, not the notebook's own, for all of that, "
+        "for M too.": [POCKET, OTHER],
     },
+    made=lambda *rows: (Environment(Town.of("a city", *rows)),),
     mistakes={
+        "That is right for manhattan only: use the environment that your function is given, not "
+        "the notebook's own, for M too.": (
+            *(lambda environment: (11, 2), edit("city.size)", "16)")),
+            edit(WORST, f"divmod({WORST}[0] * city.size + {WORST}[1], 16)"),
+        ),
         "That cell has the lowest *mean* of the rates over all UAV cells. The UAV chooses where "
         "it hovers: take the best rate for each device cell first.": edit(".max", ".mean"),
         "The device that you hand to rate_map is (column, row). It must be (row, column), as "

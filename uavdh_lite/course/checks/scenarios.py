@@ -1,16 +1,15 @@
 """Exercises of notebook 9, scenarios."""
 
 from collections import deque
-from contextlib import suppress
 
 import numpy as np
 
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.environment import Town
-from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect
-from uavdh_lite.course.checks.table import Table
-from uavdh_lite.course.checks.values import Unreadable, numbers
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect, solution
+from uavdh_lite.course.checks.trial import expect_none
+from uavdh_lite.course.checks.values import Unreadable, array_of_numbers
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import CityError
 from uavdh_lite.evaluation import Policy, evaluate
@@ -18,41 +17,76 @@ from uavdh_lite.planners import Greedy
 from uavdh_lite.streams import Use, stream
 
 
-def _city_cases():
-    def town(name, text):
-        return [Town.from_text(name, text)]
+def _town(city: str | int):
+    """A city by its signs, by its name, or a random one with this seed."""
+    if isinstance(city, str):
+        name = "a city" if len(city) < 99 else "a city with one winding street"
+        return (Town.from_text(name, city) if "L" in city else Town.load(city),)
+    kinds = stream(Use.EXERCISE, city).choice(5, (8, 8), p=(0.55, 0.15, 0.14, 0.04, 0.12))
+    return (Town.from_kinds(f"random city {city}", kinds),)
 
-    generator, drawn = stream(Use.EXERCISE, 91), []
-    while len(drawn) < 5:
-        kinds = generator.choice(5, (8, 8), p=(0.55, 0.15, 0.14, 0.04, 0.12))
-        with suppress(CityError):  # no landing cell, or one that is walled in
-            drawn.append(Town.from_kinds(f"random city {len(drawn)}", kinds))
-    street, left, right = " ".join("." * 16), "." + " B" * 15, "B " * 15 + "."
-    winding = "\n".join(row for turn in 4 * (right, left) for row in (street, turn))
-    return {
+
+STREET, LEFT, RIGHT = " ".join("." * 16), "." + " B" * 15, "B " * 15 + "."
+WINDING = "\n".join(row for turn in 4 * (RIGHT, LEFT) for row in (STREET, turn))
+
+
+def _distances(value) -> np.ndarray:
+    array = array_of_numbers(value)
+    if array.ndim == 2 and (np.isinf(array).any() or np.asarray(value).dtype.kind not in "iu"):
+        raise Unreadable("make it an array of ints; where there is no way it has −1.")
+    return array
+
+
+def _draw_reachable(ax, solved):
+    distance = City.load("manhattan").landing_distance
+    image = ax.imshow(np.where(distance < 0, np.nan, distance), cmap="viridis")
+    ax.figure.colorbar(image, ax=ax, label="moves to the landing zone")
+    ax.set(xlabel="column", ylabel="row", title="manhattan (white: −1)")
+
+
+@solution(
+    "9.1 · The way home (2 points, 18 minutes)",
+    "Start from the landing cells, not from each cell: all cells one move away from them have "
+    "1, all new ones a move away from those have 2, and so on.",
+    "Fill an array with −1, set the landing cells to 0 and put them into a queue "
+    "(collections.deque). Take a cell from its front; each of the four neighbours that is on "
+    "the grid, no no-fly cell and still −1 gets one more and goes to the end.",
+    figure=_draw_reachable,
+    refused={
+        (City, "landing_distance"): "City.landing_distance is the solution: write the search "
+        "yourself.",
+    },
+    rules={
         "A cell of the landing zone has 0, each other one more than its nearest neighbour: north, "
-        "east, south, west, not diagonally.": town("open", "L .\n. ."),
-        "The shortest way counts: take the cell that has waited longest. And off the grid there is "
-        "nothing: row or column −1 is Python's last one, without an IndexError, so test that "
-        "0 <= row < M and 0 <= column < M.": town("four", "L . . ." + 3 * "\n. . . ."),
-        "All landing cells are starting points, and from each cell the search goes on to all four "
-        "neighbours: the nearest landing cell counts.": (
-            town("two", ". . . . .\n. L . . .\n. . . . .\n. . . L .\n. . . . .")
-        ),
-        "Low buildings may be flown over: what the UAV may not enter is city.no_fly.": (
-            town("low", "L b .\nb . .\n. . .")
-        ),
-        "No-fly cells, and all from which no landing cell can be reached, have −1.": (
-            town("wall", "L . N\n. N .\nN . .")
-        ),
-        "The way goes round all walls, whatever the city.": [
-            *(*drawn, Town.load("manhattan"), Town.load("open_field")),
-            *town("winding", winding.replace(".", "L", 1)),
+        "east, south, west, not diagonally. Rows and columns go from 0 to M − 1.": ["L .\n. ."],
+        "The shortest way counts: take the cell that has waited longest, and go on to the cells "
+        "one row or one column from it. And off the grid there is nothing: row or column −1 is "
+        "Python's last one, without an IndexError: test 0 <= row < M and 0 <= column < M, too.": [
+            "L . . ." + 3 * "\n. . . ."
         ],
-    }
-
-
-def _moves_home(city):
+        "All landing cells are starting points, and from each cell the search goes on to all four "
+        "neighbours: the nearest landing cell counts.": [
+            "L . . .\n. . . .\n. . . L\n. . . .",
+            ". . . . .\n. L . . .\n. . . . .\n. . . L .\n. . . . .",
+        ],
+        "Low buildings may be flown over: what the UAV may not enter is city.no_fly.": [
+            "L b .\nb . .\n. . ."
+        ],
+        "No-fly cells, and all from which no landing cell can be reached, have −1.": [
+            "L . N\n. N .\nN . ."
+        ],
+        "The way goes round all walls, whatever the city.": [
+            *(103, 104, 117, 120, 125),
+            *("manhattan", "open_field", WINDING.replace(".", "L", 1)),
+        ],
+    },
+    made=_town,
+    read=_distances,
+    errors={"out of bounds": "That is off the grid: ask for 0 <= row < M, 0 <= column < M first."},
+    why=lambda city, place: f"The first difference is at row {place[0]}, column {place[1]}.",
+)
+def reachable(city):
+    """`reachable(city)`: moves to the nearest landing cell, (M, M), −1 where there is no way."""
     size, moves, landing = city.size, [(-1, 0), (0, 1), (1, 0), (0, -1)], city.landing
     distance = np.where(landing, 0, -1)
     queue = deque(zip(*np.nonzero(landing), strict=True))
@@ -67,47 +101,7 @@ def _moves_home(city):
     return distance
 
 
-def _distances(value) -> np.ndarray:
-    array = numbers(value)
-    if array.ndim == 2 and (np.isinf(array).any() or np.asarray(value).dtype.kind not in "iu"):
-        raise Unreadable("make it an array of ints; where there is no way it has −1.")
-    return array
-
-
-REACHABLE = Table(
-    _moves_home,
-    _city_cases,
-    read=_distances,
-    where=lambda city, place: f"The first difference is at row {place[0]}, column {place[1]}.",
-)
-
-
-def _draw_reachable(ax):
-    distance = City.load("manhattan").landing_distance
-    image = ax.imshow(np.where(distance < 0, np.nan, distance), cmap="viridis")
-    ax.figure.colorbar(image, ax=ax, label="moves to the landing zone")
-    ax.set(xlabel="column", ylabel="row", title="manhattan (white: −1)")
-
-
-@exercise(
-    "9.1 · The way home (2 points, 18 minutes)",
-    "Start from the landing cells, not from each cell: all cells one move away from them have "
-    "1, all new ones a move away from those have 2, and so on.",
-    "Fill an array with −1, set the landing cells to 0 and put them into a queue "
-    "(collections.deque). Take a cell from its front; each of the four neighbours that is on "
-    "the grid, no no-fly cell and still −1 gets one more and goes to the end.",
-    figure=_draw_reachable,
-    table=REACHABLE,
-    refused={
-        (City, "landing_distance"): "City.landing_distance is the solution: write the search "
-        "yourself.",
-    },
-)
-def reachable(answer) -> None:
-    """`reachable(city)`: moves to the nearest landing cell, (M, M), −1 where there is no way."""
-
-
-MISSIONS, SEED, GREEDY, BEHIND, CHANGED = 100, 92, 0.90, 0.30, 16
+MISSIONS, SEED, GREEDY, BEHIND, CHANGED = 100, 92, 0.90, 30, 16
 CRAL = "collection_ratio_and_landed"
 
 
@@ -142,6 +136,30 @@ def _draw_defeat(ax):
     ax.legend(ncols=2, fontsize=8)
 
 
+SIZE = 16
+CITY = {  # what is said of a city, and when
+    f"Your city has {{size}} rows and columns; it must have {SIZE}.": lambda of: of.size != SIZE,
+    f"It differs from `home` in {{changed}} of its {SIZE**2} cells; at most {CHANGED} may.": (
+        lambda of: of.changed > CHANGED
+    ),
+    "There is no way to the landing zone from {count} of the cells that the UAV may enter, as from "
+    "{cut_off} (row, column): open one, or close them (N or B).": lambda of: of.count,
+}
+DEFEAT = {  # what is said of the flights over it, and when
+    "The greedy planner's CRAL is {greedy:.1%} here, and "
+    f"{GREEDY:.0%} are needed to show that the missions are possible. Make ways shorter, or "
+    "devices easier to hear.": lambda of: of.greedy < GREEDY,
+    "The agent is too good. {standing}: it is {behind:.1f} points behind, "
+    f"{BEHIND} are asked for. Its landing zones are where it learned to land.": (
+        lambda of: of.behind < BEHIND and of.same_zones
+    ),
+    "The agent is too good. {standing}: it is {behind:.1f} points behind, "
+    f"{BEHIND} are asked for. What else is in your city that it never met?": (
+        lambda of: of.behind < BEHIND
+    ),
+}
+
+
 @exercise(
     "9.2 · A city that defeats the agent (4 points, 20 minutes)",
     "A planner computes its ways from the map. The agent has learned its ways in one single "
@@ -149,52 +167,30 @@ def _draw_defeat(ax):
     "Start from `home` and change only where the UAV may land: move the zones to places that "
     "it never landed in. Leave two of them, far apart, or the ways get too long for greedy.",
     figure=_draw_defeat,
-    function=False,
+    takes=(
+        lambda answer: isinstance(answer, str),
+        "Hand over the city as one text, a line a row, as City.from_text reads it.",
+    ),
     seconds=300,
 )
 def defeat(answer) -> None:
     """The text of a 16×16 city in which greedy does well and the shipped agent does not."""
-    expect(
-        isinstance(answer, str),
-        "Hand over the city as one text, a line a row, as City.from_text reads it.",
-    )
     expect("L" in answer, "Your city has no landing zone: put an L into at least one cell.")
-    agent = load_agent("manhattan_ddqn")
-    size = agent.city.size
     try:
         city = City.from_text("mine", answer)
     except CityError as error:
         said = str(error).removeprefix("mine: ")
-        raise CheckFailed(f"That is no valid city of {size}×{size} cells: {said}.") from None
-    expect(city.size == size, f"Your city has {city.size} rows and columns; it must have {size}.")
-    changed = _changed(city)
-    expect(
-        changed <= CHANGED,
-        f"It differs from `home` in {changed} of its {size**2} cells; at most {CHANGED} may.",
-    )
+        raise CheckFailed(f"That is no valid city of {SIZE}×{SIZE} cells: {said}.") from None
+    changed = _changed(city) if city.size == SIZE else 0
     cut_off = np.argwhere(~city.no_fly & (city.landing_distance < 0)).tolist()
-    expect(
-        not cut_off,
-        f"There is no way to the landing zone from {len(cut_off)} of the cells that the UAV may "
-        f"enter, as from {cut_off[:1]} (row, column): open one, or close them (N or B).",
-    )
+    expect_none(CITY, size=city.size, changed=changed, count=len(cut_off), cut_off=cut_off[:1])
+    agent = load_agent("manhattan_ddqn")
     greedy, own = _fly(city, Greedy(Environment(city)))[CRAL], _fly(city, agent.over(city))
-    expect(
-        greedy >= GREEDY,
-        f"The greedy planner's CRAL is {greedy:.1%} here, and {GREEDY:.0%} are needed to show that "
-        "the missions are possible. Make ways shorter, or devices easier to hear.",
-    )
     behind = 100 * (greedy - own[CRAL])
+    same_zones = np.array_equal(city.landing, agent.city.landing)
     standing = (
         f"In your city (cells changed: {changed}) greedy has a CRAL of {greedy:.1%}, the agent "
         f"{own[CRAL]:.1%} (it lands in {own['has_landed']:.0%})"
     )
-    hint = "What else is in your city that it never met?"
-    if np.array_equal(city.landing, agent.city.landing):
-        hint = "Its landing zones are where it learned to land."
-    expect(
-        behind >= 100 * BEHIND,
-        f"The agent is too good. {standing}: it is {behind:.1f} points behind, {100 * BEHIND:.0f} "
-        f"are asked for. {hint}",
-    )
+    expect_none(DEFEAT, greedy=greedy, behind=behind, standing=standing, same_zones=same_zones)
     print(f"{standing}.")

@@ -1,5 +1,6 @@
 """A check as data: cases by the rule that they test, and what typical mistakes would give."""
 
+import copy
 import inspect
 import textwrap
 from collections.abc import Callable, Iterable
@@ -10,8 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from uavdh_lite.course.checks.trial import CheckFailed, expect, guarded, name_of, stops_with
-from uavdh_lite.course.checks.values import Unreadable, called, differing, numbers, show
+from uavdh_lite.course.checks.trial import (
+    CheckFailed,
+    expect,
+    guarded,
+    name_of,
+    stops_with,
+)
+from uavdh_lite.course.checks.values import (
+    Unreadable,
+    called,
+    differing,
+    first_difference,
+    numbers,
+    show,
+)
 
 CHANGED = (
     "{call}: your function changes what it is given. That belongs to the caller: only read it, "
@@ -69,6 +83,7 @@ class Table:
         solution: the right function.
         rules: the cases: arguments, a tuple if there are several, by the rule that they test, a
             sentence; from what is basic to what is special. Or a function that makes them.
+        among: if there are many cases, these; then `rules` has questions, see `by_rule`.
         mistakes: by what to say of it, a function that makes the mistake, or the `edit` of the
             solution that does, or a tuple of these if there are several ways. It is named only if
             one agrees with the answer on every case.
@@ -77,29 +92,31 @@ class Table:
         errors: what to say, besides the rule, if an answer stops with an error whose message has
             this text in it.
         shown: makes of an array that was read what a message shows.
-        where: says of a case and a place in a large result what should be there.
+        why: says of a case, and of a place in an array, what the expected value comes from.
         again: whether each case is asked twice.
         call: makes of a case what a message calls it, if not the function with its arguments.
         made: makes the arguments of what stands in the rules.
     """
 
     solution: Callable
-    rules: dict[str, list] | Callable[[], dict[str, list]]
+    rules: dict[str, Any] | Callable[[], dict[str, list]]
     mistakes: dict[str, Callable | Edit | tuple] = field(default_factory=dict)
     read: Callable[[Any], np.ndarray] = numbers
     tolerance: float = 1e-6
     smallest: float = 1e-9
     errors: dict[str, str] = field(default_factory=dict)
     shown: Callable[[np.ndarray], Any] | None = None
-    where: Callable[..., str] | None = None
+    why: Callable[..., str] | None = None
     again: bool = True
     call: Callable[..., str] | None = None
     made: Callable[..., tuple] = lambda *case: case
+    among: Iterable[tuple] | None = None
 
     @cached_property
     def cases(self) -> list[tuple[str, tuple]]:
         """All cases, each with its rule."""
         rules = self.rules() if callable(self.rules) else self.rules
+        rules = by_rule(rules, self.among) if self.among else rules
         return [
             (rule, self.made(*case) if isinstance(case, tuple) else self.made(case))
             for rule, several in rules.items()
@@ -128,7 +145,7 @@ class Table:
         Raises:
             CheckFailed: with the mistake, or with the smallest case that fails and its rule.
         """
-        given = [self.ask(answer, case, k % 2 == 1) for k, (_, case) in enumerate(self.cases)]
+        given = [self.ask(answer, k, k % 2 == 1) for k in range(len(self.cases))]
         wrong = [k for k, right in enumerate(self.right) if not self.same(given[k], right)]
         if not wrong:
             for k in reversed(range(len(given) if self.again else 0)):
@@ -146,12 +163,11 @@ class Table:
 
     def _ask_again(self, answer: Callable, k: int, given: Outcome) -> None:
         """Ask a case once more: it must give the same."""
-        case = self.cases[k][1]
-        other = self.ask(answer, case, k % 2 == 0)
+        other = self.ask(answer, k, k % 2 == 0)
         if not self.same(other, given):
             said = other.problem or differing(other.value, given.value)
             said = said.replace("expected", "at first it gave")
-            call = self._called(answer, case)
+            call = self._called(answer, self.cases[k][1])
             raise CheckFailed(f"{call}: asked again after other calls, it {said}. {ALONE}")
 
     def by_hand(self, place: str, given, case: tuple) -> None:
@@ -178,20 +194,21 @@ class Table:
             given.value.shape != right.shape
             and "O" not in given.value.dtype.kind + right.dtype.kind
         ):
-            return f"{call} has the shape {given.value.shape}, expected {right.shape}. {rule}"
-        there = ""
-        if self.where and right.ndim:
-            place = np.argwhere(~np.isclose(given.value, right, self.tolerance, self.smallest))[0]
-            there = f" {self.where(*case, tuple(place.tolist()))}"
+            asked = f"expected {right.shape}" if right.ndim else "one number is expected"
+            return f"{call} has the shape {given.value.shape}, {asked}. {rule}"
+        said = differing(given.value, right)
         if self.shown:
             gives, expected = (show(self.shown(value)) for value in (given.value, right))
-            return f"{call} gives {gives}, expected {expected}. {rule}{there}"
-        return f"{call} {differing(given.value, right)}. {rule}{there}"
+            said = f"gives {gives}, expected {expected}"
+        why = f" {self.why(*case, first_difference(given.value, right))}" if self.why else ""
+        return f"{call} {said}. {rule}{why}"
 
-    def ask(self, answer: Callable, case: tuple, read_only: bool) -> Outcome:
+    def ask(self, answer: Callable, k: int, read_only: bool) -> Outcome:
         """The outcome of a student's function, which must leave its arguments as they are."""
+        rule, case = self.cases[k]
         given = tuple(_copied(argument, read_only) for argument in case)
-        outcome = self.outcome(answer, given, students=True)
+        asked = guarded(answer, self.call(*case) if self.call else "", rule, none=True)
+        outcome = self.outcome(asked, given, students=True)
         changed = any(not _equal(one, other) for one, other in zip(given, case, strict=True))
         read = isinstance(outcome.error, ValueError) and "read-only" in str(outcome.error)
         if changed or read:
@@ -200,15 +217,12 @@ class Table:
 
     def outcome(self, function: Callable, case: tuple, students: bool = False) -> Outcome:
         """What a function gives in a case."""
-        named = self.call(*case) if self.call else ""
         try:
-            value = (guarded(function, named) if students else function)(*case)
+            value = function(*case)
         except CheckFailed as failed:
-            if failed.__cause__ is not None:
-                return Outcome(None, stops_with(failed.__cause__), failed.__cause__)
-            if "gives back None" not in str(failed):
+            if failed.__cause__ is None:
                 raise
-            value = None
+            return Outcome(None, stops_with(failed.__cause__), failed.__cause__)
         except Exception as error:
             return Outcome(None, stops_with(error), error)
         shared = isinstance(value, np.ndarray) and any(
@@ -254,6 +268,8 @@ def _copied(argument, read_only: bool):
         return argument
     if hasattr(argument, "detach"):
         return argument.clone()
+    if isinstance(argument, np.random.Generator):
+        return copy.deepcopy(argument)
     if isinstance(argument, list):
         return [_copied(part, read_only) for part in argument]
     return argument

@@ -7,9 +7,9 @@ import numpy as np
 import torch
 
 from uavdh_lite.course.checks.exercise import exercise, expect, solution
-from uavdh_lite.course.checks.table import by_rule, edit
+from uavdh_lite.course.checks.table import edit
 from uavdh_lite.course.checks.trial import expect_none, first_true
-from uavdh_lite.course.checks.values import number, one_of
+from uavdh_lite.course.checks.values import one_of
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments.runs import keep_freed_memory
 from uavdh_lite.recipe import SMALL, Recipe
@@ -65,7 +65,6 @@ def _stored(length, ends, n, discount):
             *((6, (2, 4), 9, 0.8), (4, (3,), 5, 0.9), (1, (0,), 2, 0.9)),
         ],
     },
-    read=number,
     errors={"IndexError": "There are T rewards and T + 1 values."},
     made=_stored,
 )
@@ -105,24 +104,9 @@ def _draw_diagnosis(ax, solved):
     ax.set_title("nine validations, with the share that landed")
 
 
-def _diagnosis_cases():
-    """The recorded runs, and all that is at a limit, a little off it, or far from it."""
-    limits = (0.9, 0.8, 0.25)  # of landed, collection_ratio, time_used
-    near = [(0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1) for limit in limits]
-    questions = {
-        "What is neither lazy nor crashes, and collects less than 80 % (0.8), wanders.": (
-            lambda *shares: True
-        ),
-        "An agent that is neither lazy nor crashes is good if it collects at least 80 %.": (
-            lambda landed, collected, used: collected >= 0.8
-        ),
-        "An agent that uses 25 % of its time or more crashes if fewer than 90 % of its missions "
-        "land, whatever it collects.": lambda landed, collected, used: landed < 0.9,
-        "An agent that uses less than 25 % of the flying time is lazy, whatever else it does.": (
-            lambda landed, collected, used: used < 0.25
-        ),
-    }
-    return by_rule(questions, [*RUNS.values(), *itertools.product(*near)])
+# The recorded runs, and all that is at a limit, a little off it, or far from it
+LIMITS = (0.9, 0.8, 0.25)  # of landed, collection_ratio, time_used
+NEAR = [(0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1) for limit in LIMITS]
 
 
 @solution(
@@ -132,7 +116,22 @@ def _diagnosis_cases():
     "First `if time_used < 0.25`, then `if landed < 0.9`, then collection_ratio: from 0.8 on "
     'it is "good", else it "wanders".',
     figure=_draw_diagnosis,
-    rules=_diagnosis_cases,
+    rules={
+        "It uses 25 % of its time or more, so it is not lazy, and 90 % or more land, so it "
+        "does not crash: if it collects less than 80 % (0.8), it wanders.": (lambda *shares: True),
+        "It uses 25 % of its time or more, so it is not lazy, and 90 % or more land, so it "
+        "does not crash: if it collects at least 80 %, it is good.": (
+            lambda landed, collected, used: collected >= 0.8
+        ),
+        "It uses 25 % of its time or more, so it is not lazy: if fewer than 90 % of its "
+        "missions land, it crashes, whatever it collects.": (
+            lambda landed, collected, used: landed < 0.9
+        ),
+        "If it uses less than 25 % of the flying time, it is lazy, whatever else it does.": (
+            lambda landed, collected, used: used < 0.25
+        ),
+    },
+    among=[*RUNS.values(), *itertools.product(*NEAR)],
     mistakes={
         "Exactly 90 % landed is enough: *fewer* is a crash.": edit("landed <", "landed <="),
         "Exactly 25 % of the time is not lazy: *less* than 25 % is.": edit("used <", "used <="),
@@ -217,15 +216,14 @@ def _draw_schedules(ax):
     "and let it grow to crash_reward_end. Explore more while the Q-values are still wrong "
     "(temperature about 1), limit the pull of large errors (huber_delta), use all the steps.",
     figure=_draw_schedules,
-    function=False,
+    takes=(
+        lambda answer: isinstance(answer, Recipe),
+        "A Recipe is expected, from replace(lazy, …); you give {given}.",
+    ),
     seconds=3600,
 )
 def mended_recipe(answer) -> None:
     """A recipe that differs from `LAZY` in `MAY_CHANGE` and trains a useful agent."""
-    expect(
-        isinstance(answer, Recipe),
-        f"A Recipe is expected, from replace(lazy, …); you give a {type(answer).__name__}.",
-    )
     for field in fields(Recipe):
         kept, given = getattr(LAZY, field.name), getattr(answer, field.name)
         expect(

@@ -61,15 +61,16 @@ class Stopped(SystemExit):
         raise self
 
 
-# What an answer is asked at the moment, by thread; in words only if they are needed
-_calls: dict[int, list[Callable[[], str]]] = {}
+# What an answer is asked at the moment, by thread, and the rule; in words only if they are needed
+_calls: dict[int, list[tuple[Callable[[], str], str]]] = {}
 
 
-def guarded(answer: Callable, call: str = "", none: bool = False) -> Callable:
+def guarded(answer: Callable, call: str = "", rule: str = "", none: bool = False) -> Callable:
     """The student's function, with its errors and a forgotten `return` turned into messages.
 
     Arguments:
         call: what is asked, if not the function with its arguments.
+        rule: what is said if it never ends.
         none: whether to give back nothing is right.
     """
     name = name_of(answer)
@@ -77,7 +78,7 @@ def guarded(answer: Callable, call: str = "", none: bool = False) -> Callable:
     @functools.wraps(answer, updated=())
     def guarding(*arguments, **keywords):
         asked = _calls.setdefault(threading.get_ident(), [])
-        asked.append(lambda: call or called(name, arguments))
+        asked.append((lambda: call or called(name, arguments), rule))
         try:
             result = answer(*arguments, **keywords)
         except (CheckFailed, Stopped):
@@ -85,7 +86,7 @@ def guarded(answer: Callable, call: str = "", none: bool = False) -> Callable:
         except NotImplementedError:
             raise CheckFailed(f"{call.split('(')[0] or name} is not written yet.") from None
         except BaseException as error:  # SystemExit too
-            raise CheckFailed(f"{asked[-1]()} {stops_with(error)}") from error
+            raise CheckFailed(f"{asked[-1][0]()} {stops_with(error)}") from error
         finally:
             asked.pop()
         missing = result is None and not none
@@ -138,20 +139,17 @@ def within(seconds: float, work: Callable[[], None]) -> None:
         thread.start()
     except RuntimeError:  # no threads here
         target()
-    asked, deadline = "", time.monotonic() + seconds
+    late, deadline = "", time.monotonic() + seconds
     try:
         while thread.is_alive() and time.monotonic() < deadline:
             thread.join(0.1)  # short, so that a notebook can be interrupted on every system
     finally:
         if thread.is_alive():
-            last = _calls.get(thread.ident or 0, [])[-1:]
-            asked = last[0]() if last else "The check"
+            call, rule = [(lambda: "The check", ""), *_calls.get(thread.ident or 0, [])][-1]
+            late = f"{call()} had not ended after {seconds:g} seconds. Is there a loop that never "
+            late += f"ends, or one that does far too much? {rule}"
             _stop(thread)
-    expect(
-        not asked,
-        f"{asked} had not ended after {seconds:g} seconds. Is there a loop that never ends, or "
-        "one that does far too much?",
-    )
+    expect(not late, late.strip())
     if errors:
         raise errors[0]
 

@@ -171,6 +171,8 @@ def show(value, digits: int | None = 4, depth: int = 5) -> str:
         return show(value.tolist(), digits)
     if isinstance(value, np.generic):
         return show(value.item(), digits)
+    if isinstance(value, np.random.Generator):
+        return "generator"
     if depth and type(value) in (list, tuple) and len(value) <= 30:
         inside = ", ".join(show(part, digits, depth - 1) for part in value)
         if isinstance(value, list):
@@ -187,14 +189,20 @@ def called(name: str, arguments: Iterable[Any]) -> str:
     return f"{name}({', '.join(show(argument, None) for argument in arguments)})"
 
 
+def first_difference(given: np.ndarray, expected: np.ndarray) -> tuple[int, ...]:
+    """The first place where two arrays of one shape differ, by more than rounding if possible."""
+    unequal = given != expected
+    if given.dtype.kind == "f":
+        rounded = np.isclose(given, expected, 1e-6, 1e-9, equal_nan=True)
+        unequal = unequal & ~rounded if not rounded.all() else unequal
+    return tuple(np.argwhere(unequal)[0].tolist())
+
+
 def differing(given: np.ndarray, expected: np.ndarray) -> str:
     """What is given and what is expected, with as many digits as it takes to tell them apart."""
     where = ""
     if given.size > 12 and given.shape == expected.shape:
-        unequal = given != expected
-        if given.dtype.kind == "f":
-            unequal = ~np.isclose(given, expected, 1e-6, 1e-9, equal_nan=True)
-        place = tuple(np.argwhere(unequal if unequal.any() else given != expected)[0].tolist())
+        place = first_difference(given, expected)
         where, given, expected = f" at {list(place)}", given[place], expected[place]
     for digits in range(4, 18):
         texts = [show(_plain(value), digits) for value in (given, expected)]
