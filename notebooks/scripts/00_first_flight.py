@@ -2,7 +2,7 @@
 # # 0 · First flight
 #
 # A UAV (unmanned aerial vehicle, a drone) collects data from devices on the ground. An *agent* flies it: a program that
-# chooses one action after the other. Inside is a neural *network*, a formula with many adjustable numbers. It was *trained*:
+# chooses one action after another. Inside is a neural *network*, a formula with many adjustable numbers. It was *trained*:
 # it flew one random mission after the other, and its numbers were adjusted until they predicted well how much each
 # action brings in the end. That took about an hour on one processor core. Here is one of its flights:
 
@@ -37,7 +37,7 @@ agent = load_agent("manhattan")
 environment = Environment(agent.city)
 
 # %%
-def show(flights, episode=0):
+def show(flights, episode=0):  # flights are lists; here each has one entry, number 0
     trajectory = flights.trajectory(episode)
     figure = Figure(figsize=(6.5, 8), layout="constrained")
     draw_trajectory(figure.subplots(), environment, trajectory)
@@ -56,7 +56,7 @@ show(flights)
 #
 # ## 0.1 Reading the picture
 #
-# The map is a city seen from above, a cell is 10 m wide.
+# The map shows a city from above; each cell is 10 m wide.
 #
 # - The white **triangle** is where the UAV starts, the **diamond** where it lands. Both are in the blue
 #   zones, the only places where it may start and land.
@@ -68,7 +68,7 @@ show(flights)
 #   quarter of the most, even for a thousandth of a unit, as from far away or round a corner.
 # - **Violet** cells lie in the radio shadow of buildings, deeper for more devices.
 #
-# Below the map: how long it flew of the time it had (landing takes one unit too), and how much it
+# Below the map you can read how much of its time the UAV used (landing takes one unit, too) and how much data it
 # collected.
 #
 # Now watch the same flight step by step. Play it, or drag the slider:
@@ -93,13 +93,14 @@ for name, values in flights.records().items():
 # `cumulative_reward` is their sum. `time_used` is a share, here 31 of 45 units. `safety_interventions` counts moves that
 # the *safety controller* refused: into a tall building or a no-fly zone, off the map, or a landing elsewhere.
 #
-# What does the agent know? The city, where the devices stand, how much data each has left and has sent, and the time
-# left. It does not know the channel's formulae, the shadows drawn here in violet, or the luck of the
+# What does the agent know? The city, where it is itself, where the devices stand, how much data each has left and has sent,
+# and the time left. It does not know the channel's formulae, the shadows drawn here in violet, or the luck of the
 # radio link, called *fading*. It learned what they do.
 #
-# Several agents are shipped with the library, and fly in these notebooks:
+# Several agents are shipped with the library, and fly in these notebooks. *The paper* is always Bayerlein and others, 2020
+# (at the end of this page); the library rebuilds its method. A *recipe* is the list of all settings of a training.
 #
-# | agent | how it was made | where it flies |
+# | agent | how it was made | in notebooks |
 # | --- | --- | --- |
 # | `manhattan` | beyond the paper (notebook 12), for this city | 0, 10, 12, 13 |
 # | `manhattan_ddqn`, `open_field_ddqn` | by the paper's method with our faster recipe, taught in notebooks 3 to 8 | 4 to 10, 12 |
@@ -120,8 +121,8 @@ def mission(devices, data, flying_time, start=(0, 0), seed=0):
 show(mission(devices=[(0, 12), (8, 1), (12, 14)], data=[12, 15, 18], flying_time=70))
 
 # %% [markdown]
-# It collects everything, and lands with time to spare. It is not the shortest way: it leaves device 0 (orange) half full
-# and comes back later. (It chooses action by action, without a plan.) Now give it half of the time, 35
+# It collects everything, and lands with time to spare. This is not the shortest route: the UAV leaves device 0 (orange) half
+# full and comes back to it later. (It chooses action by action, without a plan.) Now give it half of the time, 35
 # units: less than that flight took. Predict before you run the cell after this one:
 
 # %%
@@ -191,12 +192,12 @@ for name in ("has_landed", "collection_ratio", "collection_ratio_and_landed"):
 # %% [markdown]
 # The interval says how far the mean may be off because of which missions were drawn (notebook 8). More
 # missions make it narrower. All flights landed: that is the failsafe. How much they brought home is the agent's work, for the
-# most part (12.1 measures what the failsafe does for a random pilot, 12.9 what it does for training).
+# most part (section 12.1 measures what the failsafe does for a random pilot, 12.9 what it does for training).
 #
 # ## Recap
 #
 # - The task: collect as much as you can from devices on the ground, and land in time.
-# - One network does it for all missions on this map. It sees the city, the data that each device has left and has sent,
+# - One network does it for all missions on this map. It sees the city, where the UAV and the devices are, the data that each device has left and has sent,
 #   and the time, and no more.
 # - A claim about an agent is a mean over many missions, with an interval.
 #

@@ -3,8 +3,8 @@
 #
 # A UAV can only collect what the radio channel lets through. This notebook builds that channel,
 # number by number: how the signal fades with distance, what a building does to it, how much chance
-# is in it, and how much data arrives. Data is counted in *data units*: one unit is what a device sends in
-# one time slot while its signal arrives just as strong as the noise, the receiver's own random hiss. At the end the notebook answers a
+# is in it, and how much data arrives. Data is counted in *data units*: one unit is what a device can
+# send in one short time slot when its signal arrives exactly as strong as the noise, the random hiss in the receiver itself. At the end the notebook answers a
 # question that the agent of the later notebooks has to learn: *where should the UAV be to serve a device?*
 
 # %% tags=["remove-cell"]
@@ -131,7 +131,8 @@ assert np.isclose(budget_db, channel.transmit_snr_db(city.size))
 
 # %% [markdown]
 # That is the *link budget*: what a link has to spend, the SNR at a distance of 1 m. The last line checks our sum
-# against the library's `transmit_snr_db`, which is these two lines again. The UAV flies 10 m high, so even straight above a device the distance is 10 m:
+# against the library's `transmit_snr_db`, which is these two lines again. The UAV flies 10 m high, so even straight above a device the distance is 10 m. (`mean_snr_db` takes the *squared* distance,
+# whether there is line of sight, and the size of the city; it leaves the fading out.)
 
 # %%
 above_db = channel.mean_snr_db(np.float32(channel.altitude_m**2), True, city.size)
@@ -191,7 +192,7 @@ left.legend()
 figure
 
 # %% [markdown]
-# The left plot is the channel, the right one is what the UAV lives on. The same in numbers:
+# The left plot shows the channel, the right one what it is worth to the UAV. The same in numbers:
 
 # %%
 for ground in (0, 10, 20, 30, 100):
@@ -221,7 +222,7 @@ for name, sight in (("LoS", True), ("NLoS", False)):
     print(f"{name:>4}: {spread_db:.2f} dB, a factor of {10 ** (spread_db / 10):.2f} up or down, {factor.mean():.2f} in the mean")
 
 # %% [markdown]
-# If you pass the variance, 5, you get a typical factor of $10^{5/10} = 3.2$ instead of 1.67. And though $\eta$ has the mean 0, the
+# If you give the generator the variance, 5, in place of the standard deviation, you get a typical factor of $10^{5/10} = 3.2$ instead of 1.67. And though $\eta$ has the mean 0, the
 # mean factor is above 1: 3 dB up doubles the signal, which adds 1, and 3 dB down halves it, which takes 0.5.
 
 # %%
@@ -239,7 +240,7 @@ left.legend()
 figure
 
 # %% [markdown]
-# A symmetric spread in dB is a lopsided spread in SNR. Does luck help or hurt on average?
+# A symmetric spread in dB (left) becomes a lopsided spread in data units (right): its tail on the right is longer. Does luck help or hurt on average?
 
 # %%
 Quiz("luck_on_average")
@@ -266,7 +267,7 @@ from dataclasses import replace
 
 def draw_rates(alpha_los, alpha_nlos, fading_los_db, fading_nlos_db, edge_snr_db):
     own = replace(channel, path_loss_exponent_los=alpha_los, path_loss_exponent_nlos=alpha_nlos,
-                  cell_edge_snr_db=edge_snr_db)
+                  cell_edge_snr_db=edge_snr_db)  # a copy of the channel with these values
     figure = Figure(figsize=(6, 3.4), layout="constrained")
     ax = figure.subplots()
     for name, sight, spread_db in (("LoS", True, fading_los_db), ("NLoS", False, fading_nlos_db)):
@@ -304,7 +305,8 @@ draw_rates(2.27, 3.64, 1.41, 2.24, -15)
 #
 # The UAV moves from cell to cell, and the environment knows for every pair of cells whether they
 # see each other (the next notebook computes that). Put a device among the buildings and map the
-# rate that a UAV would get from hovering over each cell:
+# rate that a UAV would get from hovering over each cell. (Cells are numbered row after row: row 4, column 7 has the number
+# 4 · 16 + 7.)
 
 # %%
 import inspect

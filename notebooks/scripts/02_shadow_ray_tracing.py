@@ -98,8 +98,9 @@ figure
 #
 # It needs only the middle of a cell, not its corners. From the middle to a corner, row and column change
 # by ½. So $R\,c - C\,r$ changes by $(|R| + |C|)/2$ at the two corners where it changes most. In the middle of cell
-# (1, 1) it is $2 - 5 = -3$, and at these corners $-3 \pm 3.5$: one is above 0. If the number at the middle is at least that large, all corners have its sign, or 0 where the line touches one. If it is
-# smaller, one corner has the other sign. The line misses the inside of the cell in the first case only:
+# (1, 1) it is $2 - 5 = -3$, and at these corners $-3 \pm 3.5$: one is above 0. So
+# the line crosses the cell. In the middle of (0, 2) it is 4, and $4 - 3.5$ is still above 0: all corners have one sign, and
+# the line passes by. It misses the inside of a cell if the number in the middle is, without its sign, at least that large:
 #
 # $$|R\,c - C\,r| \;\ge\; \frac{|R| + |C|}{2}.$$
 #
@@ -132,7 +133,7 @@ lines = inspect.getsource(crossed_cells).splitlines()
 print("\n".join(lines[-4:]))
 
 # %% [markdown]
-# How does one test such lines? The ray to (7, 25) passes exactly through a corner, at row 3.5 and column 12.5. Where is
+# How does one test such a program? Comparing it with one in floating-point numbers will not do. The ray to (7, 25) passes exactly through a corner, at row 3.5 and column 12.5. Where is
 # it there in floating-point numbers, and where in fractions?
 
 # %%
@@ -182,7 +183,8 @@ figure
 # %% [markdown]
 # One building of a pair does not block the ray, nor do two of different pairs. Both of one pair do: walls
 # that meet leave no gap. One could decide otherwise; what matters is that it is *one* decision, and the
-# same in both directions. If the device sees the UAV, the UAV sees the device:
+# same in both directions. `sight` is a table with four indices: `sight[r, c, R, C]` says whether cell $(r, c)$ sees cell
+# $(R, C)$. Numbered row after row, that is 256 by 256 cells. If the device sees the UAV, the UAV sees the device:
 
 # %%
 pairs = sight.reshape(256, 256)
@@ -199,7 +201,7 @@ print(f"{pairs.mean():.1%} of all pairs see each other, {pairs[free][:, free].me
 # %%
 def sample(start, end, step):
     way = np.subtract(end, start)
-    length = np.hypot(way[..., :1], way[..., 1:]).clip(step)
+    length = np.hypot(way[..., :1], way[..., 1:]).clip(step)  # not 0, which would divide by 0
     for walked in np.arange(0, length.max() + step, step):
         yield start + np.minimum(walked / length, 1) * way
 
@@ -217,7 +219,7 @@ paint(ax, missed, facecolor="none", edgecolor=VERMILION, hatch="///", lw=2)
 figure
 
 # %% [markdown]
-# The steps jump over the hatched cells: the ray is in each of them for less than a step. A building there would be
+# The steps jump over the hatched cells, because the ray stays in each of them for less than one step. A building there would be
 # missed. How often does that decide? Count the pairs of cells that get the wrong answer, in both cities of the paper and in
 # one where every fifth cell, drawn at random, is a building:
 
@@ -228,7 +230,7 @@ def wrong_pairs(buildings, step):
     for points in sample(cells[:, None], cells, step):
         row, col = np.moveaxis(np.rint(points).astype(int), -1, 0)
         blocked |= buildings[row, col]
-    return np.argwhere(blocked == line_of_sight(buildings).reshape(256, 256))
+    return np.argwhere(blocked == line_of_sight(buildings).reshape(256, 256))  # `blocked` should be its opposite
 
 # %%
 maps = {"manhattan": city.buildings, "open_field": City.load("open_field").buildings,
@@ -258,8 +260,9 @@ print(sum(between_two(maps["random"], *pair) for pair in wrong), "of", len(wrong
 # ## 2.2 All rays at once
 #
 # The cells that a ray crosses depend only on the displacement $(R, C)$, not on where it starts. So for
-# each displacement the library shifts the building layer by each crossed cell and joins the results:
-# one array operation for each crossed cell, and all pairs with this displacement are decided. For (0, 3), by hand:
+# each displacement the library shifts the building layer by each crossed cell and joins the results: one array operation
+# for each crossed cell (and one for each pair of cells at a corner that the ray passes), and all pairs with this displacement
+# are decided. For (0, 3), by hand:
 
 # %%
 buildings = city.buildings
@@ -301,12 +304,12 @@ explore(
 draw_shadow(7, 9)
 
 # %% [markdown]
-# A building itself sees nothing: put the device into one and everything is dark. Devices are never
-# placed there, so this never matters in an episode.
+# A building itself sees nothing: put the device into one and everything is dark. No device is ever placed there. But a UAV
+# above a low building is just as blind, as 2.1 said.
 #
 # ## 2.4 Several devices: the shading of the paper's figures
 #
-# The paper shades each cell by the number of devices that are hidden from it: the more devices, the deeper the shade.
+# The paper shades each cell by the number of devices that are hidden from it: the more are hidden, the deeper the shade.
 # Sum the maps (here with the shades further apart than in other figures):
 
 # %%
@@ -327,7 +330,9 @@ figure
 # ## 2.5 Bresenham's lines, and where they differ
 #
 # The authors' code traces rays with a variant of Bresenham's algorithm, which was made to draw lines on a screen.
-# It goes from cell to cell, one row or one column at a time, and a running error says which of the two:
+# It goes from cell to cell, one row or one column at a time, and a running error says which of the two. A step along the
+# columns lowers the error by $|R|$, a step along the rows raises it by $|C|$. So the path takes columns and rows in the
+# ratio $|C| : |R|$ and stays near the ray. The start value and the comparison are the authors':
 
 # %%
 def bresenham(rows, cols):
@@ -464,7 +469,8 @@ for rows, cols in [(r, c) for r in range(1, 9) for c in range(1, 9) if gcd(r, c)
     assert crossed_count(rows, cols) == len(crossed_cells(rows, cols)), (rows, cols)
 
 # %% [markdown]
-# (When both are odd, the middle of the segment is exactly on a corner, and one crossing is saved.)
+# (The segment crosses $R$ lines between rows and $C$ lines between columns, and enters a new cell at each. With the first cell
+# that is $R + C + 1$. When both are odd, two of these lines are crossed at once, at a corner in the middle: one less.)
 #
 # **2.** Which cell of the city sees the most other cells? Print it and its share.
 
@@ -497,7 +503,7 @@ for size in (8, 16, 32):
     print(f"{size:>2} cells a side: exact {1000 * exact:6.1f} ms, Bresenham {1000 * fan_of_rays:6.1f} ms")
 
 # %% [markdown]
-# The times are those of one machine. Exact takes about ten times as long here or more, but still a fraction of a second. (The
+# The times are those of one machine. Exact takes roughly ten times as long here, but still a fraction of a second. (The
 # times grow less than sixteenfold from row to row: in small cities most of the time goes into calling the array operations.)
 # And it is done once for a city: the table is kept, $16^4$ = 65,536 Boolean values, and flying only looks things up.
 #

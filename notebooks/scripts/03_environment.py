@@ -56,8 +56,8 @@ draw(flights.trajectory(0))
 #
 # ## 3.1 The state
 #
-# A few arrays hold all that can change in an episode. A cell is a
-# number, `row * 16 + column`:
+# One flight from start to end is an *episode*, elsewhere also a mission or a flight. One action is one *step*, and takes one
+# unit of flying time. A few arrays hold all that can change in an episode. A cell is a number, `row * 16 + column`:
 
 # %%
 for name, value in vars(start).items():
@@ -73,10 +73,9 @@ for name, value in vars(start).items():
 # There are six actions. Each costs one unit of flying time. In a *Markov decision process* the chances of what comes
 # next depend only on the present state and the action. A rule that picks an action from a state is a *policy*.
 #
-# Here chance is the fading. It is not part of the state, and need not be: it is drawn anew in every slot, so the fading
+# The only chance here is the fading. It is not part of the state, and need not be: it is drawn anew in every slot, so the fading
 # of the past says nothing about the next. If good moments came in runs, the last ones would say something, and
-# the state would have to hold them. The time left must be part of it: with 40 units left the same place is worth another action
-# than with 5.
+# the state would have to hold them. The time left must be part of it: with 40 units left another action may be best in the same place than with 5.
 
 # %%
 print(dict(enumerate(ACTIONS)))
@@ -92,8 +91,9 @@ print("cell", divmod(int(state.uav_cell[0]), 16), "time left", state.time_left[0
 # %% [markdown]
 # `environment.step` does two things. It draws the fading, then it calls `environment.transition`, a pure
 # function: state, action and fading in, new state and outcome out. Nothing is hidden inside an object, so
-# `start` is still what it was, and the same fading gives the same step again. Mathematically,
-# $s_{t+1} \sim p(\cdot \mid s_t, a_t)$ with the chance in one place.
+# `start` is still what it was, and the same fading gives the same step again. In symbols,
+# $s_{t+1} \sim p(\cdot \mid s_t, a_t)$: the next state is drawn from a distribution that depends on the present state $s_t$ and
+# the action $a_t$ alone. All the chance is in that one draw.
 
 # %%
 print("start is unchanged:", divmod(int(start.uav_cell[0]), 16), start.time_left[0])
@@ -202,11 +202,12 @@ print("crashed:", outcome.crashed[0], "reward", rewards(outcome)[0])
 # Nothing is uploaded in the step that ends an episode, be it a landing or a crash. So `land` never collects. With data still
 # coming in, one more `hover` pays if it brings more than its price of 0.2, and if a unit of time is left to land afterwards.
 #
-# (The paper gives no number for the crash; −150 is from the authors' code. Our *recipe* for training, `lite`, lets a crash cost less at first, notebook 6 shows why, and a step
-# cost half as much, so that a far device with little data is not left behind. All rewards printed here are the paper's.)
+# (The paper gives no number for the crash; −150 is from the authors' code. This notebook prints these values throughout. Our
+# own *recipe* for training is called `lite`. In it a step costs half as much, so that a far device with little data is not
+# left behind, and a crash costs less at first; notebook 6 shows why.)
 #
-# Is 0.2 a good price for a step? At 0, a long way is as good as a short one, and nothing speaks for landing before the last
-# moment. At 5, a flight of 20 steps costs 100, as much as five full devices hold: mostly the best is to land soon. A step near a
+# Is 0.2 a good price for a step? At 0, a long route is as good as a short one, and there is no reason to land before the last
+# moment. At 5, a flight of 20 steps costs 100, as much as five full devices hold: it is usually best to land soon. A step near a
 # device brings several data units, one far away hardly any. At 0.2 a detour of ten steps pays if it brings more than 2 units.
 #
 # ## 3.5 Who may send: four slots a step
@@ -279,7 +280,7 @@ figure
 
 # %% [markdown]
 # In slot 1 the UAV is a quarter of the way, in slot 4 at its goal. In each slot the line of sight is that of the nearest
-# cell. Half-way, in slot 2, both are equally near: then the cell counts that the UAV enters. So only slot 1
+# cell. Half-way, in slot 2, both are equally near: then the cell that the UAV is entering counts. So only slot 1
 # (red) is in the shadow. From then on the device is seen (blue), and each slot carries a little more because the
 # UAV comes nearer. The same by hand, with the channel of notebook 1:
 

@@ -46,7 +46,7 @@ def show(layers, names):
         ax.set(title=f"{name}: up to {layer.max():.0f}", xticks=[], yticks=[])
     return figure
 
-(maps,), time = centred(state)
+(maps,), time = centred(state)  # a list of maps, here one, and the time; the first axis of each counts episodes
 show(maps[0], LAYERS)
 
 # %% [markdown]
@@ -58,7 +58,7 @@ show(maps[0], LAYERS)
 #
 # ## 4.1 The layers
 #
-# The picture above is the whole input, but for one number, the remaining flying time:
+# The picture above is the whole input, apart from one number, the remaining flying time:
 
 # %%
 print("map", tuple(maps.shape), "time", tuple(time.shape))
@@ -66,7 +66,7 @@ print("map", tuple(maps.shape), "time", tuple(time.shape))
 # %% [markdown]
 # One episode, five layers, 31×31 cells. The first three are the city's own (notebook 1), the last two
 # say how much data each device still has, and how much has been collected from it. (What can still be earned depends on what
-# is left, not on what has been collected. So the last layer is no necessity, and the authors' code leaves it out. The
+# is left, not on what has been collected. So the last layer is not needed, and the authors' code leaves it out. The
 # paper has it.) Yes is 1 and no is 0; data is in
 # data units, here 15 and 10 in the cells of the two devices, and 0 in all others. (Training may divide it by a constant
 # to get smaller numbers.) Dark is large. "Data collected" is empty because the flight has not begun. The blue cross
@@ -166,8 +166,8 @@ print(f"{len(crashed)} crashes, {sum(stuck)} of them after hovering, or going to
 #
 # ## 4.2 Two frames
 #
-# The UAV is always in the middle of the centred map, so its position need not be told. In the non-centred map the city
-# stays where it is, and a sixth layer has a 1 where the UAV is: without it, nothing would say. (The map would fit into
+# The UAV is always in the middle of the centred map, so its position need not be given. In the non-centred map the city
+# stays where it is, and a sixth layer has a 1 where the UAV is: without that layer the network could not know. (The map would fit into
 # 16×16 cells. The library fills it up with no-fly cells to the same 31×31, so that the networks can be compared.)
 
 # %%
@@ -222,8 +222,9 @@ both((0, 0), (8, 7), (15, 15))
 # %% [markdown]
 # ### Centring in three lines
 #
-# The layer is laid into a wide one, with 15 cells of something around it, and a window is cut out whose first cell is
-# the UAV's own number: then the UAV is in its middle.
+# The layer is laid into a wide one, with 15 cells of something around it, and a window of 31×31 is cut
+# out that begins, in the wide layer, at the UAV's own row and column. The padding has moved the UAV 15 cells further down
+# and right: to the window's middle.
 
 # %%
 def centre(layer, row, col, outside):
@@ -275,9 +276,10 @@ print(f"the library's states: {Replay(50_000, 1, 5).bytes_per_transition * 50_00
 #
 # ## 4.3 What a neuron can know
 #
-# A *convolution* slides one small square of weights, its *kernel*, over the picture, so it treats all places alike. (There is
-# no *padding*: nothing is added around the picture, so it shrinks.) A *fully connected* layer has one weight for every
-# input and every output. In between stands a step that looks harmless, to *flatten*: the picture is written as a list, row
+# One output of a network's layer, a *neuron*, is a weighted sum of its inputs plus a constant. (A layer of the network is not a
+# layer of the map.) In a *convolution* the inputs are one small square of the picture, through all its layers, and the same
+# weights, its *kernel*, are used at every place: so it treats all places alike. (There is no *padding*: nothing is added around
+# the picture, so it shrinks.) In a *fully connected* layer each output has a weight of its own for every input. In between stands a step that looks harmless, to *flatten*: the picture is written as a list, row
 # after row. Each place in it becomes an input of its own to the first
 # fully connected layer, with its own weights. Those weights are where the frames differ.
 #
@@ -321,7 +323,9 @@ def examples(observation, count=20_000):
 
 # %% [markdown]
 # Then the model, fitted by *least squares*: the weights with the smallest sum of squared errors (plus a *ridge*, the
-# sum of the squared weights, so that there is one solution). It is tested on new examples:
+# sum of the squared weights, so that there is one solution). The right answer is +1 for near and −1 for far, and a column of
+# ones gives the model a constant. The sum is smallest where its gradient is 0: that is a system of linear equations. The
+# model is tested on new examples:
 
 # %%
 fitted = {}
@@ -345,8 +349,8 @@ figure
 # From the centred map the answer is a weighted sum: the weights draw the square of three cells around the middle. From
 # the other it depends on the device's place and the UAV's place *together*. A sum of one weight for each cannot say
 # that, however many examples it gets. (Its weights look larger in the middle of the city, where more cells are near,
-# and negative in the south-west: that may be why it is a little better than guessing.) A deep network can, but it has
-# to learn it for every pair of places. The ablation of notebook 7 measures what that costs.
+# and negative in the south-west: that may be why it is a little better than guessing.) A deep network can (several layers with a bend between
+# them are more than one weighted sum, notebook 5), but it has to learn it for every pair of places. The ablation of notebook 7 measures what that costs.
 #
 # ## 4.4 What it costs
 #
@@ -364,7 +368,8 @@ for recipe in (PAPER, LITE):
 
 # %% [markdown]
 # `PAPER` and `LITE` are two *recipes*: all constants of a network and its training, the paper's and ours (notebook 6). The
-# difference between the kinds is the sixth layer: 16 kernels × 5 × 5 = 400 weights. The difference between the recipes is the
+# difference between the kinds is the sixth layer: both networks begin with 16 kernels, each with 5×5 weights for every layer of
+# the map, so it adds 16 × 5 × 5 = 400. The difference between the recipes is the
 # stride: `lite` lets its convolutions skip cells, and the flattened picture is much smaller. How small, one can
 # count. Without padding, a kernel of $k$ cells on a side fits into $n$ cells at $n - k + 1$ places, and with a *stride* of $s$ only every
 # $s$-th of them is used:
@@ -411,14 +416,15 @@ print("no-fly share of the frame:", f"{maps[0, 1].mean().item():.0%}")
 print("the far device is at", np.argwhere(maps[0, 3].numpy() > 0).tolist())
 
 # %% [markdown]
-# The device is at (30, 28) of the frame: 15 rows south and 13 columns east of the middle.
+# The device is at (30, 28) of the frame: 15 rows south and 13 columns east of the middle. (With the city's own 70 no-fly cells
+# and the 705 outside, 81 % of the layer are 1.)
 #
 # ## Recap
 #
 # - The input is five layers and the flying time. Without the time, the same picture asks for different actions.
 # - Outside the city everything is no-fly zone.
 # - Centring turns absolute places into relative ones. Notebook 7 tests whether an agent learns sooner with them.
-# - It costs a map of $2M - 1$ cells a side. For large cities, global and local maps cut that.
+# - It costs a map of $2M - 1$ cells a side for a city of $M$. For large cities, global and local maps cut that.
 #
 # ## Exercises
 #

@@ -6,9 +6,9 @@
 # afterwards, later rewards counted less. This notebook goes from a table of 36 such numbers to the paper's network of
 # 2.3 million weights, and measures on the way what each part of the method is good for.
 #
-# The figure below shows what such numbers are worth. Each point is one of 500 test missions of a trained agent. Its
-# height is the largest Q-value at the start, so what the agent expects. Its place from left to right is what
-# the flight then earns. Section 5.5 comes back to it.
+# The figure below shows what such numbers are worth. Each point is one of 500 test missions of a trained agent. Upwards: the
+# largest Q-value at the start, which is what the agent expects. To the right: what the flight then earned. The cells before
+# it only draw it; section 5.5 explains them.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -74,21 +74,36 @@ def step(cell, full, action, device=5, end=5):
     landed, refused = (action == LAND) & (cell == 0), (action == LAND) & (cell > 0)
     uploads = full & (after == device) & ~landed
     outcome = Outcome(None, uploaded=10 * uploads[:, None], intervened=refused, landed=landed, crashed=False, flew=True)
-    return after, full & ~uploads, Rewards()(outcome), 0.95 * ~landed
+    return after, full & ~uploads, Rewards()(outcome), 0.95 * ~landed  # next cell, data left?, reward, discount
 
 # %% [markdown]
 # A state is the cell and whether the device is still `full`: 12 states with 3 actions. The right Q-value of an action
 # is the reward now, plus $\gamma$ times the best Q-value of the next state, with the *discount* $\gamma = 0.95$, or 0
-# if the episode is over. That is the *Bellman equation*, $Q(s,a) = \mathbb{E}[r + \gamma \max_{a'} Q(s',a')]$.
+# if the episode is over. That is the *Bellman equation*, $Q(s,a) = \mathbb{E}[r + \gamma \max_{a'} Q(s',a')]$, where $s'$ is the next state, $a'$
+# any action there, and $\mathbb{E}$ the mean over chance. (In this street there is none.)
 # *Q-learning* turns it into a rule: after each step, move $Q(s,a)$ a part $\alpha$ of the way to the *target* $y$,
 #
 # $$Q(s,a) \leftarrow Q(s,a) + \alpha\,\big(y - Q(s,a)\big), \qquad y = r + \gamma \max_{a'} Q(s',a')$$
 #
-# The library has no code for tables and needs none. A table is a linear layer whose input is 1 for the present state
-# and 0 for all others. With $y$ taken as a number (it is not differentiated, though it depends on $Q$) the gradient of
-# $(Q - y)^2$ is $2\,(Q - y)$, so gradient descent (`SGD`) at the rate $\alpha/2$ is the rule. `DDQN` keeps two copies
-# of the Q-values: *online*, which learns, and *target*, which follows it at a rate $\tau$ and helps to compute $y$.
-# Sections 5.4 and 5.6 say why. With $\tau = 1$ the copies are equal, and this is plain Q-learning.
+# A network learns such values by *gradient descent*. A *loss* says how wrong it is, here $(Q - y)^2$, and each weight moves a
+# little against its slope: $w \leftarrow w - \text{rate} \cdot \partial\,\text{loss}/\partial w$. torch computes the slopes.
+# `SGD`, *stochastic* gradient descent, makes the move; stochastic, since the loss is that of a few drawn steps. Some words of torch:
+#
+# | | |
+# | --- | --- |
+# | a *tensor* | a numpy array that can also compute gradients |
+# | `nn.Linear(n, m)` | a matrix of weights that makes `m` weighted sums of `n` inputs |
+# | `one_hot(2, 4)` | `[0, 0, 1, 0]` |
+# | `x.amax(1)`, `x.gather(1, i)` | the largest number of each row; from each row `k` the number in column `i[k]` |
+# | `.detach()`, `no_grad()` | take the numbers, compute no gradients |
+#
+# So the library needs no code for tables. A table is a linear layer whose input is 1 for the present state and 0 for all
+# others. With $y$ taken as a number (it is not differentiated, though it depends on $Q$) the slope of $(Q - y)^2$ is
+# $2\,(Q - y)$, so gradient descent at the rate $\alpha/2$ is the rule above.
+#
+# `DDQN` keeps two copies of the Q-values. The *online* copy learns. The *target* copy is named after its use: it helps to
+# compute the target $y$, and moves towards the online copy by a share $\tau$ after each update. Sections 5.4 and 5.6 say why.
+# Until then $\tau$ is 1 in the tables: both copies are equal, and you may forget the second one.
 
 # %%
 from uavdh_lite.ddqn import DDQN, ddqn_target, draw_actions, softmax_policy
@@ -132,8 +147,8 @@ for title, part in (("data waiting", q[:, 6:]), ("data collected", q[:, :6])):
 
 # %% [markdown]
 # While the data waits, "east" is best everywhere, also in the landing zone, where "land" would end the episode with
-# nothing. (No flight comes to cell 5 and still has the data waiting, but random states do. There the UAV collects
-# whatever it does, "west" apart.) Check one: "east" in cell 4 earns 10 − 0.2 now, then $0.95 \cdot (-0.90)$, the best of cell 5 without data,
+# nothing. (No flight comes to cell 5 and still has the data waiting, but random states do. There every action
+# but "west" collects the data.) Check one: "east" in cell 4 earns 10 − 0.2 now, then $0.95 \cdot (-0.90)$, the best of cell 5 without data,
 # together 8.94. Afterwards "west" is best until cell 0, and there "land". Nobody flew like that: states and actions
 # were random. The target has the maximum in it and not the action flown next, so any steps will do, as long as every
 # action is tried in every state again and again. Such learning is called *off-policy*, and it allows learning from a
@@ -181,7 +196,8 @@ print(f"a hundred steps of −0.2 {-0.2 * sum(0.95**k for k in range(100)):.2f},
 #
 # ## 5.2 From the table to a function
 #
-# How many rows has a table for the paper's city, with five devices that hold up to 20 whole data units?
+# How many rows would a table need for the paper's city, with five devices that hold up to 20 data units each (whole numbers
+# only)?
 
 # %%
 from math import comb
@@ -192,8 +208,8 @@ print(f"{cells} cells × 70 times × {places:.1e} places × 21⁵ amounts = {cel
 # %% [markdown]
 # Nobody visits them all, and a row of a table that is never visited is never changed. A network treats states alike
 # whose inputs are alike. A test: a street of 12 cells, the device in any of them. A network learns from five of its
-# places. In how many states does its largest Q-value belong to a best action, with the device in these places and in
-# the other seven? First every step that is possible: 12 cells, data waiting or not, 12 places of the device, 3 actions.
+# places. In what share of the states is the action with its largest Q-value a best one: with the device in one of
+# these five places, and in one of the other seven? First every step that is possible: 12 cells, data waiting or not, 12 places of the device, 3 actions.
 
 # %%
 from typing import NamedTuple
@@ -219,7 +235,8 @@ every_step = Steps(*tensors(action, reward, discount), *map(torch.from_numpy, (c
 every_state = every_step.rows(slice(None, None, 3))  # each state is there three times, once for each action
 
 # %% [markdown]
-# The right values of all 288 states come from repeating the target until nothing changes any more. This is called
+# There are 12 · 2 · 12 = 288 states (cell, data, device), numbered in this order, with three steps each, one for each action.
+# The right values of all of them come from repeating the target until nothing changes any more. This is called
 # *value iteration*:
 
 # %%
@@ -230,8 +247,8 @@ for _ in range(300):
 # %% [markdown]
 # The network gets how far and on which side the device is, how far the landing zone is, and whether there is data left.
 # For comparison, another one gets the two cells by their numbers, *one-hot*: a 1 for the cell and zeros for all others,
-# so that one place says nothing about the next. Between two linear layers stands a *ReLU*, which puts 0 for all that is
-# below 0: without such a bend, two linear layers would be no more than one. After the last layer there is none, since
+# so that one place says nothing about the next. Between two linear layers stands a *ReLU*, which replaces every
+# negative number by 0: without such a bend, two linear layers would be no more than one. After the last layer there is none, since
 # Q-values may be negative.
 
 # %%
@@ -334,12 +351,14 @@ MODES = {
 # First the memory is *prefilled* by flying at random, as in the paper, where that is half of the memory. Otherwise the
 # first minibatches would be drawn from a few steps of one flight. They would be nearly the same, and the network would
 # memorise them. And random flights try every action, also those that an untrained policy never takes. Then learning
-# begins, with actions from the softmax policy of 5.7. (While all Q-values are 0, it draws at random.) In the second of
+# begins, with actions from the softmax policy, which draws actions with larger Q-values more often (5.7). (While all Q-values are 0, it draws at random.) In the second of
 # two worlds the way is closed behind cell 4 while the memory is filled, and nobody gets to the device in cell 7; then it
 # opens.
 #
 # Twenty streets of eight cells are flown at once, so that the means have an interval. Each has its own table and its own
-# memory: the last axis of every array is the street. The rule is that of 5.1.
+# memory: the last axis of every array is the street. In each round every street flies one step and stores it. After the first
+# `filled` rounds it also learns: `choose` names the numbers of the stored steps to learn from. The rule is that of 5.1. (You may
+# skip the code.)
 
 # %%
 STREETS = np.arange(20)
@@ -384,7 +403,7 @@ figure
 # Lines are means over the 20 streets, bands two standard errors to either side. (The *standard error* is by how much a mean
 # of 20 typically misses: the standard deviation of the 20, divided by $\sqrt{20}$.)
 #
-# - **Nothing changes.** Replay needs less than half the steps of the newest step alone (and learns four times a step,
+# - **Nothing changes.** Replay needs less than half as many steps as learning from the newest one alone (and learns four times a step,
 #   not once). Combined is at most a little ahead of plain, and at the end they are alike.
 # - **The way opens.** Of four steps drawn from more than 5000 steps, on average less than one is new, and the old ones
 #   say that the street ends in cell 4. Plain replay has not recovered after 1500 steps, combined replay in part. In the
@@ -392,7 +411,7 @@ figure
 #
 # What to take home: replay learns more from each step, unless the memory is full of a past that is over. Zhang and Sutton
 # propose combined replay for a memory that is too large. The paper's
-# holds 50,000 steps, and an update draws 128. With *plain* replay a step is drawn 128 times before it is forgotten, and
+# holds 50,000 steps, and an update draws 128. With *plain* replay and one update for each step, a step is drawn 128 times on average before it is forgotten, and
 # waits $50{,}000/128 = 390$ updates, on average, for the first time. With *combined* replay it is in the very next
 # minibatch. In a run of a million steps 390 are few, so expect little. It costs one place of 128. (With N environments
 # side by side, the library puts in the newest N. In recipe `lite` these are 32 of 128, a quarter of the minibatch.)
@@ -421,8 +440,8 @@ for actions in (2, 6, 20):
 # %% [markdown]
 # The maximum asks the same estimates two questions: which action is best, and what is it worth? *Double* Q-learning
 # puts the second one to other estimates. If their errors are independent, they know nothing of the luck that chose
-# the action, and the bias *upwards* is gone. (Where one action really is better, the judge is sometimes asked
-# about a wrong one, and double is a little too low.) In the paper (eq. 10) the *online* network, with weights
+# the action, and the bias *upwards* is gone. (If one action really is better, the chooser sometimes takes another by
+# mistake. The judge then gives the lower value of that one, so double estimates are a little too low on average.) In the paper (eq. 10) the *online* network, with weights
 # $\theta$, chooses and the *target* network, with weights $\bar\theta$, judges; in the library that is two lines,
 # the ones that made the numbers above:
 #
@@ -439,7 +458,8 @@ print("".join(inspect.getsourcelines(ddqn_target)[0][-2:]))
 # worth $0.95 \cdot (-0.2) = -0.19$. Four learners with $\alpha = 0.1$, 100 repetitions of each side by side:
 #
 # - *single*: Q-learning as in 5.1.
-# - *slow target*: a second table follows the first slowly ($\tau = 0.005$, section 5.6). It chooses and it judges.
+# - *slow target*: a second table, which after each update goes $\tau = 0.5\,\%$ of the way to the first (5.6). It is asked
+#   both questions: which action, and what it is worth.
 # - *DDQN*: the table chooses, the slow one judges.
 # - *double*: two tables, each the other's judge; a coin decides which of them learns from a step. (In the library the
 #   judge is a learner's `target`. So each learner gets the other's table as its target, with $\tau = 0$, so that
@@ -489,8 +509,8 @@ figure
 # ## 5.5 What the DDQN agent expects, and what it earns
 #
 # An agent with such a bias expects more than it gets. In the figure at the top each point is a mission: the largest
-# Q-value at its start, and the sum of its rewards, that of step $t$ times $\gamma^t$. The rewards are those that it
-# learned from when it was kept, which are not quite the paper's:
+# Q-value at its start, and the sum of its rewards, that of step $t$ times $\gamma^t$. The rewards are those of the
+# moment in its training at which this agent was kept. They are not quite the paper's:
 
 # %%
 print(own_rewards)
@@ -574,7 +594,7 @@ for tau, errors in by_rate.items():
 # $$\pi(a \mid s) = \frac{\exp(Q(s,a)/\beta)}{\sum_{a'} \exp(Q(s,a')/\beta)}$$
 #
 # Two actions' probabilities have the ratio $\exp\big((Q(s,a) - Q(s,a'))/\beta\big)$: what counts is the *gap*
-# between Q-values in units of $\beta$. That also mends the formula, which fails if it is typed as it stands: at
+# between Q-values in units of $\beta$. This also shows how to compute the formula, which fails if it is typed in as it stands: at
 # $\beta = 0.1$ a Q-value of 100 asks for $e^{1000}$, more than a floating-point number holds. Subtract the largest
 # Q-value first. The gaps stay, and no exponent is above 0. `softmax_policy` does that, too, inside torch:
 
@@ -651,7 +671,7 @@ for scale in (1, 10):
 
 # %%
 soft = softmax_policy(many, 0.1)
-epsilon = 6 / 5 * (1 - soft.amax(1).mean())
+epsilon = 6 / 5 * (1 - soft.amax(1).mean())  # one random action in six is the best one
 greedy = nn.functional.one_hot(many.argmax(1), 6)
 loss = many.amax(1, keepdim=True) - many  # what each action gives away
 spare = states.time_left - agent.city.landing_distance.ravel()[states.uav_cell]
@@ -768,7 +788,7 @@ for rho in (0.0, 0.5, 0.9):
 #
 # A building between the UAV and a device takes most of the signal (notebook 1). No input says so: the network sees
 # buildings and devices, and learns from rewards alone. Has it found out? First a *probe*: fit a linear model that reads
-# from the last hidden layer whether the UAV sees the device. If the probe is right about states that it was not fitted to,
+# from the last hidden layer, the 256 numbers from which the Q-values are computed, whether the UAV sees the device. If the probe is right about states that it was not fitted to,
 # the layer holds that knowledge.
 #
 # Near devices are seen more often than far ones, so distance alone would be a good guess. To rule that out, each
@@ -807,7 +827,7 @@ chosen = np.ravel(pairs)
 state, seen, distance = state[chosen], seen[chosen], distance[chosen]
 
 # %% [markdown]
-# The probe is fitted where the device stands in an even cell, and tested where it stands in an odd one. So it has met
+# The probe is fitted where the device stands in a cell with an even number, and tested where the number is odd. So it has met
 # the neighbours of those places, but not the places. Next to the trained network it gets the distance alone, and a network of
 # the same shape without any training:
 
@@ -857,7 +877,7 @@ figure
 #
 # So change the picture. Take states in which a device near by is hidden and little time is left, and wipe out the
 # buildings between the UAV and the device. For comparison, wipe out those of the equal area on the *other* side of
-# the UAV. Only the layer "buildings" changes; where one may fly stays as it is.
+# the UAV, in states where there are at least as many. Only the layer "buildings" changes; where one may fly stays as it is.
 
 # %%
 state = one_device(20_000)
@@ -924,7 +944,7 @@ assert mean > 0.1
 
 # %% [markdown]
 # White triangle: the UAV; orange cross: the device; grey and coloured: buildings. On average the largest Q-value goes up a
-# little whatever building is wiped out. It goes up more if it is one in the way. So the network has learned from
+# little, whichever buildings are wiped out. It goes up more if it is one in the way. So the network has learned from
 # rewards that buildings *between* it and a device cost something, and it looks at them.
 #
 # It is no ray tracer: the gain is small next to the value, and in some states it is the other way round. And a city with a

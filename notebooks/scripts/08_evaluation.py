@@ -336,7 +336,7 @@ for by, label in BY.items():
     for reference in ("genie_data", "greedy"):
         lost = results[reference][METRIC] - results["ddqn"][METRIC]
         parts = breakdown(lost, results["ddqn"][by].round())
-        print(f"{label:<17}against {reference:<11}", *(f"{name}: {i.mean:+.1%} ({i.low:+.1%} to {i.high:+.1%})  " for name, _, i in parts))
+        print(f"{label:<17}against {reference:<11}", *(f"{name}: {i.mean:+z.1%} ({i.low:+z.1%} to {i.high:+z.1%})  " for name, _, i in parts))
 
 # %% [markdown]
 # Against the genie the agent loses most in the shortest missions, and least in long ones; the number of devices and the data make a
@@ -384,7 +384,7 @@ landed = flights.end.landed
 parts = {"crashes": ~landed, "landed, 30 points or more lost": landed & (lost >= 0.3),
          "landed, less lost": landed & (lost < 0.3) & (lost > 0), "nothing lost": landed & (lost <= 0)}
 for name, own in parts.items():
-    print(f"{name:<32}{own.sum():>4} missions, {lost[own].sum() / lost.sum():>4.0%} of the loss")
+    print(f"{name:<32}{own.sum():>4} missions, {lost[own].sum() / lost.sum():>z4.0%} of the loss")
 
 # %% [markdown]
 # Few missions, one in forty, make more than a third of the loss. The rest is spread over one mission in four, and in most

@@ -196,7 +196,7 @@ ahead = {"unseen": (collected["any_city"] - collected["greedy"], unseen.city[flo
 # %%
 def points(values, cities):
     """The mean in points, with the interval for other cities of the kind: it draws whole cities again."""
-    return "{:+.1f} points ({:+.1f} to {:+.1f})".format(*(100 * x for x in bootstrap_interval(values, groups=cities)))
+    return "{:+z.1f} points ({:+z.1f} to {:+z.1f})".format(*(100 * x for x in bootstrap_interval(values, groups=cities)))
 
 for name, (lead, cities) in ahead.items():
     print(f"{name:<7}ahead of greedy by {points(lead, cities)}")

@@ -104,6 +104,12 @@ def test_template(notebook):
     assert any("image/png" in o.get("data", {}) for cell in code(notebook) for o in cell.outputs)
 
 
+def test_the_list_of_tutorials_says_how_long_each_takes(script, notebook):
+    index = (execute.HERE.parent / "docs" / "tutorials" / "index.md").read_text()
+    read, run = re.search(r"(\d+) minutes to read, (\d+) seconds to run", text(notebook)).groups()
+    assert re.search(rf"\({script.stem}\.ipynb\) \|.*\| {read} min \| {run} s \|", index)
+
+
 def test_no_prose_is_lost_in_a_code_cell(notebook):
     """Without its `# %% [markdown]` line, a section becomes comments of the cell before it."""
     assert not [cell.source for cell in code(notebook) if re.search("^# ##", cell.source, re.M)]
