@@ -191,7 +191,7 @@ MISTAKES = {
         ),
         (lambda a, b: (a_count(a, b) - 1) / len([*splits(a, b)]), "observed split is one of them"),
         (lambda a, b: 100 * share(a, b), "p is the share of those"),
-        (lambda a, b: share(a, b, seen=lambda d: d), "absolute value of both"),
+        (lambda a, b: share(a, b, seen=lambda d: d), "observed difference may be below 0"),
         (lambda a, b: share(a, b, split=lambda d: d), "absolute value of both"),
         (lambda a, b: 2 * one_sided(a, b), "double a one-sided share"),
         (lambda a, b: min(2 * one_sided(a, b), 1), "in absolute value"),

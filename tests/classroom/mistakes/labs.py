@@ -71,7 +71,7 @@ MISTAKES = {
             "nor get to one that is walled in",
         ),
         (lambda e: choose(e, mask=~e.city.no_fly), "nor get to one that is walled in"),
-        (lambda e: choose(e, last=max), "the lowest of them"),
+        (lambda e: choose(e, last=max), "the lowest of these rates"),
         (lambda e: choose(e, best=np.min), "the max over all UAV cells"),
         (lambda e: choose(e, best=np.min, last=max), "the max over all UAV cells"),
         (lambda e: choose(e, turn=-1), "hand to rate_map"),

@@ -187,8 +187,11 @@ LARGE, ONE_SIDED = "np.mean(abs(differences) >= abs(seen)", "np.mean(differences
     mistakes={
         "That is one-sided: the other direction counts too, so take the absolute value of both "
         "differences.": (
-            *(edit(LARGE, ONE_SIDED), edit("abs(seen)", "seen")),
-            *(edit("abs(differences)", "differences"), edit("abs(", "-1 * (")),
+            *(edit(LARGE, ONE_SIDED), edit("abs(", "-1 * (")),
+            edit("abs(differences)", "differences"),
+        ),
+        "The observed difference may be below 0: take its absolute value, too.": (
+            edit("abs(seen)", "seen")
         ),
         "You double a one-sided share: count the splits whose absolute difference is at least as "
         "large.": edit(LARGE, f"2 * {ONE_SIDED}"),

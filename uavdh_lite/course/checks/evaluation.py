@@ -58,6 +58,10 @@ def _draw_wilson(ax, solved):
     read=pair,
     tolerance=1e-3,
     smallest=1e-7,
+    errors={
+        "math domain": "Under the root the number is below 0: with p = successes / trials, from 0 "
+        "to 1, it cannot be.",
+    },
 )
 def wilson(successes, trials):
     """`wilson(successes, trials)`: low and high end of the 95 % score interval."""

@@ -111,7 +111,9 @@ CELL, WORST = "line_of_sight, cell", "min(best, key=best.get)"
     seconds=60,
     rules={
         "For each cell in city.device_cells take the best rate, the max over all UAV cells that "
-        "count. The answer is the device's cell with the lowest of them, as (row, column).": [
+        "count: those with city.landing_distance >= 0, however far. The answer is the device's "
+        "cell with the lowest of these rates, not the first or the smallest cell, as (row, "
+        "column).": [
             *(("BbbB", "bN..", "...b", "..L."), ("BNbb", "LNLb", "..bB", ".B.N")),
         ],
         "Of the best rates the lowest decides, and for them only UAV cells with "

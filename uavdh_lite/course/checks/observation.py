@@ -148,6 +148,22 @@ def _draw_weights(ax, solved):
     ax.set_title("shapes in the paper's network, M = 16")
 
 
+def _parts(layers, size, kernels, kernel_size, strides, hidden, _):
+    """What the layers have, one by one."""
+    side, parts = 2 * size - 1, []
+    for stride in strides:
+        parts.append(f"{kernels}·({layers}·{kernel_size}² + 1)")
+        side, layers = (side - kernel_size) // stride + 1, kernels
+    width = kernels * side**2 + 1
+    listed = (
+        f"After the convolutions {side}×{side} cells are left, so the list has {width} numbers."
+    )
+    for neurons in (*hidden, 6):
+        parts.append(f"{neurons}·({width} + 1)")
+        width = neurons
+    return f"{listed} Layer by layer: {' + '.join(parts)}."
+
+
 HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
 STEP = "(side - kernel_size) // stride + 1"
 
@@ -165,7 +181,7 @@ STEP = "(side - kernel_size) // stride + 1"
         "A kernel has a weight for each cell of its square and each layer that it sees, a neuron "
         "one for each number that it is given. The list has the numbers of all kernels, and the "
         "flying time is one more; the output has 6 values. Each kernel and each neuron, those of "
-        "the output too, has a bias of its own. The example of the exercise has 113.": [
+        "the output too, has a bias of its own.": [
             *((2, 2, 3, 2, (1,), (4,)), (1, 2, 1, 1, (1,), (1,)), (3, 3, 2, 3, (1,), (5,))),
             *((4, 2, 7, 2, (1,), (3, 2)), (5, 5, 2, 9, (1,), (4,)), (1, 1, 6, 1, (1,), (2,))),
         ],
@@ -197,6 +213,7 @@ STEP = "(side - kernel_size) // stride + 1"
         ),
     },
     tolerance=1e-9,
+    why=_parts,
 )
 def network_weights(layers, size, kernels, kernel_size, strides, hidden):
     """`weights(layers, size, kernels, kernel_size, strides, hidden)`: of the centred Q-network."""

@@ -60,8 +60,9 @@ def _draw_reachable(ax, solved):
         "A cell of the landing zone has 0, each other one more than its nearest neighbour: north, "
         "east, south, west, not diagonally. Rows and columns go from 0 to M − 1.": ["L .\n. ."],
         "The shortest way counts: take the cell that has waited longest, and go on to the cells "
-        "one row or one column from it. And off the grid there is nothing: row or column −1 is "
-        "Python's last one, without an IndexError: test 0 <= row < M and 0 <= column < M, too.": [
+        "one row or one column from it. Each goes into the queue once, when it has no distance yet "
+        "itself; else the search never ends. And off the grid there is nothing: row or column −1 "
+        "is Python's last one, without an IndexError: test 0 <= row < M, and the column too.": [
             "L . . ." + 3 * "\n. . . ."
         ],
         "All landing cells are starting points, and from each cell the search goes on to all four "
@@ -82,7 +83,9 @@ def _draw_reachable(ax, solved):
     },
     made=_town,
     read=_distances,
-    errors={"out of bounds": "That is off the grid: ask for 0 <= row < M, 0 <= column < M first."},
+    errors={
+        "out of bounds": "That is off the grid: ask for 0 <= row < M, 0 <= column < M first.",
+    },
     why=lambda city, place: f"The first difference is at row {place[0]}, column {place[1]}.",
 )
 def reachable(city):

@@ -39,7 +39,7 @@ def _crosses_cases():
         "both ends are the same point, it crosses that cell and no other. Measure rows and columns "
         "from start.": [
             *(((2, 3), (4, 8), (2, 3)), ((2, 3), (4, 8), (4, 8)), ((4, 6), (4, 6), (4, 6))),
-            *(((4, 6), (4, 6), (4, 7)), ((2, 3), (4, 8), (2, 4))),
+            ((4, 6), (4, 6), (4, 7)),
         ],
         "Along a row or a column the segment runs through the middle of each cell between its "
         "ends, and through no other; no slope is needed, compare products.": [
@@ -53,7 +53,8 @@ def _crosses_cases():
         "Not all cells of the rectangle between the two ends are crossed. The cell's centre must "
         "be near the line, on either side of it: |R·c − C·r| less than (|R| + |C|) / 2. No other "
         "distance will do.": [
-            c for c in cases if c not in touching and (np.subtract(c[1], c[0]) >= 0).all()
+            ((2, 3), (4, 8), (2, 4)),
+            *(c for c in cases if c not in touching and (np.subtract(c[1], c[0]) >= 0).all()),
         ],
         "A ray may go up or left: R and C are then negative, and so may R·c − C·r be. Comparisons "
         "and sums must take care of the signs (min, max, abs); |R + C| is not |R| + |C|.": [
@@ -183,8 +184,9 @@ def _draw_shadow(ax, solved):
     read=truths,
     why=_hidden,
     errors={
-        "out of bounds": "You look beyond the grid: only cells from the device to the UAV matter, "
-        "and crossed_cells counts them from the device.",
+        "out of bounds": "You look beyond the grid. crossed_cells(row − device row, column − "
+        "device column) counts its cells from the device. And of a corner between (r, c) and "
+        "(r + 1, c ± 1), the other two cells are (r, c ± 1) and (r + 1, c).",
     },
 )
 def shadow_map(buildings, device):
