@@ -333,10 +333,11 @@ figure
 
 # %%
 for by, label in BY.items():
-    for reference in ("genie_data", "greedy"):
-        lost = results[reference][METRIC] - results["ddqn"][METRIC]
-        parts = breakdown(lost, results["ddqn"][by].round())
-        print(f"{label:<17}against {reference:<11}", *(f"{name}: {i.mean:+z.1%} ({i.low:+z.1%} to {i.high:+z.1%})  " for name, _, i in parts))
+    print(f"\n{label:<24}against genie_data        against greedy")
+    parts = (breakdown(results[reference][METRIC] - results["ddqn"][METRIC], results["ddqn"][by].round())
+             for reference in ("genie_data", "greedy"))
+    for (name, _, genie), (*_, greedy) in zip(*parts):
+        print(f"{name:>22}", *(f"{i.mean:+z7.1%} ({i.low:+z.1%} to {i.high:+z.1%})" for i in (genie, greedy)))
 
 # %% [markdown]
 # Against the genie the agent loses most in the shortest missions, and least in long ones; the number of devices and the data make a

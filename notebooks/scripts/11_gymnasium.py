@@ -37,7 +37,7 @@ recorded = read_table("../data/runs/sb3-village.csv.gz")
 
 def one_run(name, seed):
     own = (recorded["algorithm"] == name) & (recorded["seed"] == seed)
-    return recorded["steps"][own], recorded[METRIC][own]
+    return recorded["steps"][own] / 1000, recorded[METRIC][own]
 
 # %%
 figure = Figure(figsize=(6.5, 3.6), layout="constrained")
@@ -45,7 +45,7 @@ ax = figure.subplots()
 for name, (title, colour, style) in KINDS.items():
     for seed in range(3):
         ax.plot(*one_run(name, seed), "o" + style, ms=3, color=colour, label=title if seed == 0 else None)
-ax.set(xlabel="environment steps", ylabel="collected and landed", title="village, three seeds each")
+ax.set(xlabel="thousand environment steps", ylabel="collected and landed", title="village, three seeds each")
 ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
 figure
 
