@@ -1,7 +1,9 @@
 """The labs' server ends when it is told to, and every process that it started ends with it."""
 
 import signal
+import tempfile
 import time
+from pathlib import Path
 from urllib.request import urlopen
 
 import psutil
@@ -64,14 +66,24 @@ def end(server, number, *others):
     server.send_signal(number)
     for other in others:
         server.send_signal(other)
-    server.communicate(timeout=DEADLINE)
+    _, said = server.communicate(timeout=DEADLINE)
+    assert "Traceback" not in said
     return server.returncode, psutil.wait_procs(started, timeout=DEADLINE)[1], started
 
 
+@pytest.fixture
+def short_path():
+    """A folder whose name leaves room for the names of sockets."""
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:
+        yield Path(folder)
+
+
+@pytest.mark.parametrize("folder", ["tmp_path", "short_path"])
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_ends_server_and_sessions(tmp_path, monkeypatch, number):
+def test_a_signal_ends_server_and_sessions(request, monkeypatch, number, folder):
     """Also if its parent ignored interrupts, a session is busy, and somebody is impatient."""
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    folder = request.getfixturevalue(folder)
+    monkeypatch.setenv("TMPDIR", str(folder))
     with serving(preexec_fn=ignore_interrupts) as (address, server):
         with urlopen(address, timeout=DEADLINE) as page:
             assert page.status == 200 and b"jupyter-config-data" in page.read()
@@ -79,7 +91,7 @@ def test_a_signal_ends_server_and_sessions(tmp_path, monkeypatch, number):
         keep_busy(kernels[0])
         status, left, started = end(server, number, number)
     assert (status, left) == (0, []) and len(started) >= 2
-    assert not list(tmp_path.glob("voila_*"))
+    assert not list(folder.glob("voila_*"))
 
 
 def test_a_signal_ends_a_server_whose_first_session_is_only_starting():

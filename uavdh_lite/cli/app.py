@@ -18,7 +18,7 @@ def app(
     idle_seconds: PositiveInt = IDLE_SECONDS,
     browser: bool = True,
 ) -> None:
-    """Serve the interactive labs as a web page on this machine.
+    """Serve the interactive labs, in which a UAV collects data over a city, as a web page.
 
     The page is for this machine only, on 127.0.0.1. Ctrl-C ends it.
 

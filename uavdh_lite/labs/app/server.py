@@ -4,6 +4,7 @@ import os
 import shutil
 import signal
 import sys
+import tempfile
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,6 +26,7 @@ EXTENSIONS = [
     "anywidget",
 ]
 CULL_EVERY = 15  # seconds between searches for idle sessions
+LONGEST_FOLDER = 38  # characters; the name of a socket in it has 65 more, and may have 103
 WEBSOCKET_BYTES = 16_000_000  # a longer message, such as a huge upload, is cut off
 
 FULL = """<!doctype html><html lang="en"><head><meta charset="utf-8">
@@ -129,6 +131,7 @@ def serve(port: int, most_sessions: int, idle_seconds: int, open_browser: bool) 
         tornado_settings={
             "allow_remote_access": False,
             "websocket_max_message_size": WEBSOCKET_BYTES,
+            "ws_ping_timeout": 30_000,  # the pause between pings; Tornado warns of a longer one
         },
     )
     server.most_sessions, server.idle_seconds = most_sessions, idle_seconds
@@ -146,6 +149,10 @@ def serve(port: int, most_sessions: int, idle_seconds: int, open_browser: bool) 
         cull_interval=min(CULL_EVERY, idle_seconds),
         cull_connected=True,
     )
+    if os.name == "posix" and len(tempfile.gettempdir()) <= LONGEST_FOLDER:
+        server.config.KernelManager.transport = (
+            "ipc"  # files that only this user can open, no ports
+        )
     server.initialize([])
     IOLoop.current().add_callback(
         lambda: print(f"labs: {server.connection_url} (Ctrl-C ends it)", file=sys.stderr)
