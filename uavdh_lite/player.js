@@ -33,11 +33,12 @@ function start(root, { keyboard = true, shown = () => {} } = {}) {
 
   let time = last; // the whole flight, as in the picture
   let pointedAt = null; // a device
+  let pinned = null; // the device of the row that was clicked
   let before = null; // when the last frame was drawn, ms; null while paused
 
   function show() {
     const now = before !== null && calm.matches ? Math.floor(time) : time;
-    const texts = flights.map((draw) => draw(now, pointedAt, before !== null));
+    const texts = flights.map((draw) => draw(now, pointedAt ?? pinned, before !== null));
     slider.value = now;
     counter.textContent = `${Math.ceil(now)} of ${last}`;
     slider.setAttribute("aria-valuetext", `step ${counter.textContent}. ${texts.join(" ")}`);
@@ -108,6 +109,14 @@ function start(root, { keyboard = true, shown = () => {} } = {}) {
     for (const type of ["pointerenter", "focus"]) each.addEventListener(type, here);
     for (const type of ["pointerleave", "blur"]) each.addEventListener(type, point(null));
   }
+  // A click on a device's row keeps what is shown of it, until the next click on a row or on a map.
+  root.addEventListener("click", (event) => {
+    if (event.target.closest(".controls, .slider")) return;
+    const row = event.target.closest(".bar[data-device]");
+    const device = row ? Number(row.dataset.device) : null;
+    pinned = device === pinned ? null : device;
+    show();
+  });
   show();
   return { go, playFrom, speed, last };
 }

@@ -374,9 +374,19 @@ def _legend(city: City) -> str:
     cell = np.ones((1, 1), bool)
     signs = [(_cells(cell, style, 1), name) for mask, style, name in _kinds(city) if mask.any()]
     signs += [
-        (_tag("path", d=_squares(cell), **SHADE), "no line of sight to the device"),
-        (_arrow((-0.5, 0), (1, 0), 0, "#000", 1, aside=0), "a step, little or no data"),
-        (_arrow((-0.5, 0), (1, 0), 1, "#000", 1, aside=0), "much data"),
+        (
+            _tag("path", d=_squares(cell), **SHADE),
+            "no line of sight to the device pointed at or heard",
+        ),
+        (_tag("path", d=_cross(1.2), stroke=device_colour(0), stroke_width=0.26), "device"),
+        (_triangle(0, 0, 1), "start"),
+        (_mark(landed=True), "landed"),
+        (_mark(landed=False), "crashed"),
+        (
+            _arrow((-0.5, 0), (1, 0), 0.3, device_colour(0), 1, aside=0),
+            "a step, in the colour of the device heard (black: none)",
+        ),
+        (_arrow((-0.5, 0), (1, 0), 1, device_colour(0), 1, aside=0), "much data"),
         (_ring((0, 0), 0.2, "#000", 0.75), "hovering"),
     ]
     paper = _tag("rect", x=-0.5, y=-0.5, width=1, height=1, fill="#fff")
@@ -415,7 +425,11 @@ def _kinds(city: City) -> list[tuple[np.ndarray, Style, str]]:
     tall = city.buildings & city.no_fly
     return [
         (city.landing, LANDING, "start and landing zone"),
-        (city.buildings & ~city.no_fly, LOW, "low building"),
+        (
+            city.buildings & ~city.no_fly,
+            LOW,
+            "low building: blocks the radio, may be flown over",
+        ),
         (tall, TALL, "tall building"),
         (city.no_fly & ~tall, NO_FLY, "no-fly zone"),
     ]
@@ -492,8 +506,7 @@ def _grid(scene: _Scene) -> str:
 
 def _devices(scene: _Scene) -> list[str]:
     """The devices and their numbers. They lie below the flight, which nothing covers."""
-    scale, arm = scene.scale, _number(0.26 * scene.scale)
-    cross = f"M-{arm} -{arm}L{arm} {arm}M-{arm} {arm}L{arm} -{arm}"
+    scale, cross = scene.scale, _cross(scene.scale)
     devices = []
     for k, (label_x, label_y) in zip(scene.devices, _label_places(scene), strict=True):
         x, y = scene.place(scene.start.device_cells[0, k])
@@ -651,16 +664,32 @@ def _links(scene: _Scene) -> list[str]:
 def _start(scene: _Scene) -> str:
     """The triangle where the flight starts."""
     x, y = scene.place(scene.start.uav_cell[0])
-    a = 0.34 * scene.scale
+    return _triangle(x, y, scene.scale, _tag("title", "start"), data_start=f"{y},{x}")
+
+
+def _cross(scale: float) -> str:
+    """The sign of a device."""
+    arm = _number(0.26 * scale)
+    return f"M-{arm} -{arm}L{arm} {arm}M-{arm} {arm}L{arm} -{arm}"
+
+
+def _triangle(x: int, y: int, scale: float, *inside: str, **attributes: object) -> str:
+    """The sign of the start."""
+    a = 0.34 * scale
     triangle = _path((x, y - a), (x + a, y + 0.8 * a), (x - a, y + 0.8 * a))
-    return _tag(
-        "path",
-        _tag("title", "start"),
-        d=triangle,
-        data_start=f"{y},{x}",
-        fill="#fff",
-        stroke="#000",
-        stroke_width=0.08 * scene.scale,
+    style = {"fill": "#fff", "stroke": "#000", "stroke_width": 0.08 * scale}
+    return _tag("path", *inside, d=triangle, **attributes, **style)
+
+
+def _mark(landed: bool) -> str:
+    """The sign of a landing, or of a crash."""
+    colour, mark = (
+        (GREEN, "M-.16 0L-.04 .13L.17 -.13")
+        if landed
+        else (RED, "M-.13 -.13L.13 .13M-.13 .13L.13 -.13")
+    )
+    return _tag("circle", r=0.34, fill=colour, stroke="#fff", stroke_width=0.07) + _tag(
+        "path", d=mark, fill="none", stroke="#fff", stroke_width=0.1
     )
 
 
@@ -676,17 +705,11 @@ def _uav(scene: _Scene, flight: Trajectory) -> str:
         _tag("circle", r=0.13),
     ]
     if flight.landed or flight.time_left[-1] <= 0:
-        colour, mark = (
-            (GREEN, "M-.16 0L-.04 .13L.17 -.13")
-            if flight.landed
-            else (RED, "M-.13 -.13L.13 .13M-.13 .13L.13 -.13")
-        )
         aside = -0.5 if max(x, y) > scene.city.size - 1.5 else 0.5  # not where hovering is counted
         drawn.append(
             _tag(
                 "g",
-                _tag("circle", r=0.34, fill=colour, stroke="#fff"),
-                _tag("path", d=mark, fill="none", stroke="#fff", stroke_width=0.1),
+                _mark(bool(flight.landed)),
                 transform=f"translate({aside} {aside})",
                 data_from=len(flight.action) - 0.5,
             )

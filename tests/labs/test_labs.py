@@ -134,7 +134,7 @@ def test_devices_and_the_start_are_dragged_whatever_a_click_does(lab):
     drag(lab, (7, 1), (7, 2))  # nothing there to drag
     assert lab.mission.devices == ((8, 8), *before[1:])
     drag(lab, (8, 8), (2, 2))  # onto a building
-    assert "stands on a building" in lab.message.value
+    assert "device 0 was not moved: there is a building at row 2, column 2" in lab.message.value
     assert lab.mission.devices == ((8, 8), *before[1:])
     drag(lab, (8, 8), (-3, 8))  # released outside of the map
     assert lab.mission.devices == ((8, 8), *before[1:])
@@ -157,7 +157,7 @@ def test_a_click_sets_the_start(lab):
 def test_what_cannot_be_is_said_and_changes_nothing(lab):
     mission, drawing = lab.mission, lab.stage.drawing
     click(lab, (2, 2))
-    assert "stands on a building at (2, 2)" in lab.message.value
+    assert "not added: there is a building at row 2, column 2" in lab.message.value
     assert lab.mission is mission and lab.stage.drawing == drawing
     lab.click.value = "remove"
     click(lab, (15, 0))
@@ -230,9 +230,69 @@ def test_a_sentence_says_which_flight_was_better(lab):
         lab.seed.value = seed
         if not lab.flights["random"].end.landed[0]:
             break
-    assert lab.sentence.value == "greedy landed, random crashed."
-    lab.third.value = "genie"
-    assert lab.sentence.value.count("<br>") == 1 and "genie" in lab.sentence.value
+    winner, compared = lab.sentence.value.split("<br>")
+    assert compared == "greedy landed, random crashed."
+    returns = {name: f"{each.cumulative_reward[0]:.2f}" for name, each in lab.flights.items()}
+    told = f"greedy has the largest return: {returns['greedy']}; random {returns['random']}."
+    assert winner == f"<b>{told}</b>"
+    lab.policy.value, lab.third.value = "genie", "greedy"
+    winner, *others = lab.sentence.value.split("<br>")
+    best = max(lab.flights, key=lambda name: lab.flights[name].cumulative_reward[0])
+    assert winner.startswith(f"<b>{best} has the largest return")
+    assert winner.endswith("</b> random crashed, greedy landed.")  # those who are compared with
+    assert len(others) == 2 and all(other.startswith("genie ") for other in others)
+    assert lab.numbers.value.count("(best)") == 1
+
+
+def test_flights_that_are_equally_good_all_win(lab):
+    lab.other.value = "greedy"
+    (one, two), same = lab.flights, next(iter(lab.flights.values()))
+    lab.flights = {one: same, two: same}
+    assert "Both have the same return" in lab._sentences()
+    assert lab._table().count("(best)") == 2
+
+
+def test_one_guesses_before_the_flights_are_seen(lab):
+    lab.other.value = "greedy"
+    told = lab.sentence.value
+    lab.guess.value = True
+    for _ in range(2):
+        assert lab.stage.step == 0 and lab.charting.layout.display == "none"
+        assert "Guess first" in lab.sentence.value and "return" not in lab.sentence.value
+        assert lab.numbers.value.count("<td>?</td>") == 6
+        lab.stage.step = last(lab) - 1
+        assert "Guess first" in lab.sentence.value
+        lab.stage.step = last(lab)  # they have been played
+        assert "return" in lab.sentence.value and lab.charting.layout.display is None
+        assert "?" not in lab.numbers.value
+        lab.stage.step = 3
+        assert "return" in lab.sentence.value
+        lab.draw.click()  # and one guesses again
+    lab.guess.value = False
+    lab.number.value = 0
+    assert lab.sentence.value == told and lab.stage.step == last(lab)
+
+
+def test_another_city_keeps_with_whom_one_compares(lab):
+    lab.other.value, lab.third.value = "greedy", "manhattan_ddqn"
+    lab.city.value = "village"
+    chosen = [control.value for control in (lab.policy, lab.other, lab.third)]
+    assert chosen == [lab.policy.options[0][1], "greedy", "none"]
+    lab.third.value = lab.policy.options[1][1]
+    lab.city.value = "manhattan"
+    assert lab.policy.value == "manhattan" and lab.other.value == "greedy"
+
+
+@pytest.mark.parametrize("wrong", [-3, 10**6 + 1])
+def test_numbers_of_missions_and_of_fading_that_are_none_are_not_taken(lab, wrong):
+    lab.number.value = 5
+    mission = lab.mission
+    for box, name in ((lab.number, "mission"), (lab.seed, "fading")):
+        box.value = wrong
+        assert f"no {name} no. {wrong}" in lab.message.value and "still no. 5" in lab.message.value
+        assert box.value == 5 and lab.mission is mission
+        lab.click.value = "move" if lab.click.value == "add" else "add"
+        assert "no." not in lab.message.value
 
 
 @pytest.mark.parametrize("city", ["village", "open_field", "harbour"])
@@ -837,16 +897,23 @@ def test_errors_say_how_to_put_them_right(lab):
         return lab.message.value
 
     first, second = lab.mission.devices[:2]
-    assert "another device stands: move one of them" in told(lambda: drag(lab, first, second))
-    assert "rows and columns go from 0 to 15" in told(lambda: drag(lab, first, (16, 0)))
-    assert "a no-fly cell: move it" in told(lambda: drag(lab, lab.mission.start, (2, 2)))
+    row, col = second
+    said = f"device 0 was not moved: there is device 1 at row {row}, column {col}"
+    assert said in told(lambda: drag(lab, first, second))
+    said = "row 16, column 0 is outside of the map, where rows and columns go from 0 to 15"
+    assert f"device 0 was not moved: {said}" in told(lambda: drag(lab, first, (16, 0)))
+    assert f"not added: {said}" in told(lambda: click(lab, (16, 0)))
+    assert "not added: there is a landing zone at" in told(lambda: click(lab, (0, 0)))
+    assert "the start was not moved: there is a tall building at row 2, column 2" in told(
+        lambda: drag(lab, lab.mission.start, (2, 2))
+    )
     for cell in ((8, 8), (7, 7), (7, 8)):
         said = told(lambda cell=cell: click(lab, cell))
-    assert "6 devices: this scenario takes 1 to 5; take some away" in said
+    assert "not added: this scenario has 1 to 5 devices, and 5 are on the map" in said
     lab.click.value = "remove"
     for cell in lab.mission.devices:
         said = told(lambda cell=cell: click(lab, cell))
-    assert "0 devices" in said and "; add one" in said
+    assert "not removed: this scenario has 1 to 5 devices, and only one is on the map" in said
     assert "click on one" in told(lambda: click(lab, (15, 0)))
 
 

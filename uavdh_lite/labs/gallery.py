@@ -11,44 +11,51 @@ from uavdh_lite.labs.mission import ADDRESS as MISSION
 from uavdh_lite.labs.mission import MissionLab
 from uavdh_lite.labs.think import ThinkLab
 from uavdh_lite.labs.training import TrainingLab
+from uavdh_lite.labs.widgets import introduced
 
 with extra("notebooks"):
     import anywidget
     import ipywidgets
     import traitlets
 
-LABS = {  # for each title: how the page makes the lab, and what it is about
+LABS = {  # for each title: how the page makes the lab, what it is about, and what it is for
     "Mission": (
         lambda page: MissionLab(painted=page.painted, linked=True),
-        "A UAV collects data from devices and must land in time. Drag the devices and the start on "
-        "the map; drag the right end of a bar for more data or time. Then play the flight.",
+        "Drag the devices and the start on the map, and a bar's right end for more data or time. "
+        "Point at a device to see its radio shadow. Then play.",
+        "Set a mission on the map, and compare up to three policies that fly it",
     ),
     "Watch it think": (
         lambda page: ThinkLab(painted=page.painted),
         "At each step of a flight: the Q-value of each action, as arrows on the map and as bars, "
         "the softmax policy, the layers that the network sees, and the cells that matter most.",
+        "See what an agent computes at each step of a flight, and what it looks at",
     ),
     "Fly it yourself": (
         lambda page: FlyLab(painted=page.painted),
         "Collect as much as you can and land in time. Then see how the agents and planners do on "
         "the same mission with the same fading.",
+        "Steer the UAV with buttons or keys, and see who is better",
     ),
     "Channel": (
         lambda page: ChannelLab(painted=page.painted),
         "How much data a device can send to the UAV in one slot, and what buildings between them "
         "do to it.",
+        "See how far the radio reaches, and what buildings do to it",
     ),
     "Training": (
         lambda page: TrainingLab(),
         "A small agent learns a small city in half a minute. Change a setting, start a new run, "
         "and compare it with the dotted curves of the last one, or let both race. Click a curve to "
         "see how the agent flew at that time.",
+        "Watch a small agent learn, and see what a setting changes",
     ),
     "City": (
         lambda page: CityLab(linked=True),
         "Paint a city and let an agent fly in it that has never seen it. It learned among blocks, "
         "houses, lanes and courtyards; long walls are hard for it. Can you draw a city in which "
         "the greedy rule fails?",
+        "Paint a city of your own, and fly in it here and in the other labs",
     ),
 }
 
@@ -69,6 +76,7 @@ class Address(anywidget.AnyWidget):
     | --- | --- |
     | `painted` | a painted city, as in a link; lost, unless a link that saves it was clicked |
     | `training` | whether a training is on |
+    | `tabs` | for each tab's title, what is shown while the mouse is over it |
 
     For a link that was clicked and opens a city or a mission, it tells `copied`, whether it is in
     the clipboard now, and `value`, what the link holds.
@@ -102,6 +110,13 @@ class Address(anywidget.AnyWidget):
         }
         model.send({ value, copied });
       };
+      const explain = ({ target }) => {
+        const tab = target.closest?.("[role=tab]");
+        const about = tab && model.get("tabs")[tab.textContent.trim()];
+        if (about) tab.title = about;
+      };
+      document.addEventListener("pointerover", explain);
+      document.addEventListener("focusin", explain);
       document.addEventListener("click", save);
       document.addEventListener("click", copy);
       model.on("change:painted", mark);
@@ -113,6 +128,8 @@ class Address(anywidget.AnyWidget):
       addEventListener("hashchange", tell);
       tell();
       return () => {
+        document.removeEventListener("pointerover", explain);
+        document.removeEventListener("focusin", explain);
         document.removeEventListener("click", save);
         document.removeEventListener("click", copy);
         model.off("change:painted", mark);
@@ -125,6 +142,7 @@ class Address(anywidget.AnyWidget):
     value = traitlets.Unicode().tag(sync=True)
     painted = traitlets.Unicode().tag(sync=True)
     training = traitlets.Bool().tag(sync=True)
+    tabs = traitlets.Dict().tag(sync=True)
 
 
 class Labs(ipywidgets.Tab):
@@ -139,9 +157,9 @@ class Labs(ipywidgets.Tab):
         self.made: dict[str, ipywidgets.Widget] = {}
         pages = [
             ipywidgets.VBox([ipywidgets.HTML(f"<p>{introduction}</p>")])
-            for _, introduction in LABS.values()
+            for _, introduction, _ in LABS.values()
         ]
-        self.address = Address()
+        self.address = Address(tabs={title: purpose for title, (*_, purpose) in LABS.items()})
         pages[0].children = [*pages[0].children, self.address]
         super().__init__(pages, titles=list(LABS))
         self.observe(lambda change: self._open(change.new), "selected_index")
@@ -181,8 +199,8 @@ class Labs(ipywidgets.Tab):
         title = list(LABS)[index]
         if title not in self.made:
             self.made[title] = LABS[title][0](self)
-            page = self.children[index]
-            page.children = [*page.children, self.made[title]]
+            page, lab = self.children[index], self.made[title]
+            page.children = [introduced(LABS[title][1], lab), *page.children[1:], lab]
             if title in WATCHED:
                 work, name = WATCHED[title]
                 traitlets.dlink((self.made[title], work), (self.address, name))

@@ -47,12 +47,44 @@ function render({ model, el }) {
     controls.append(fullScreen);
     root.prepend(controls); // next to what a lab says of the step, and in sight on a low screen
     if (model.get("editable")) makeEditable(root);
+    fit();
     markRefusal(root);
     if (steered()) el.tabIndex = 0;
     if (focused) el.querySelector(focused)?.focus({ preventScroll: true });
     if (begin >= 0) player.playFrom(Math.min(begin, player.last));
     else if (told !== player.last) player.go(told);
   }
+
+  // What fills the screen: maps as large as they can be with all that belongs to them in sight.
+  function fit() {
+    const whole = document.fullscreenElement;
+    const root = el.querySelector(".uavdh-player");
+    const isAlone = whole?.contains(el) && !el.closest(".uavdh-beside");
+    const panels = isAlone && root ? root.querySelectorAll(".flight") : [];
+    const isFlat = innerWidth > 1.2 * innerHeight; // else what is beside one map is below it
+    const shown = panels.length > 1 ? "several" : panels.length === 1 && isFlat ? "one" : "";
+    if (el.dataset.full !== shown) el.dataset.full = shown;
+    if (!shown) return;
+    const map = panels[0].querySelector(".map");
+    const [{ top }, { height }] = [whole, map].map((each) => each.getBoundingClientRect());
+    const lasts = [...panels].map((each) => (shown === "one" ? map : each.querySelector(".side")));
+    const end = () =>
+      Math.max(...lasts.map((last) => last.getBoundingClientRect().bottom)) - top + whole.scrollTop;
+    const room = innerHeight - (end() - height) - 8; // less what is above and below the map
+    el.style.setProperty("--map", `${Math.max(room, 0.4 * innerHeight)}px`);
+    const left = innerHeight - end();
+    const legend = root.querySelector(".legend").getBoundingClientRect().height;
+    el.style.setProperty("--below", `${legend + 10 > left ? Math.max(left, 6) : 6}px`);
+  }
+  const sizes = new ResizeObserver(fit);
+  function fill() {
+    sizes.disconnect();
+    const sentences = document.fullscreenElement?.querySelectorAll(".uavdh-sentence") ?? [];
+    for (const each of [el, ...sentences]) sizes.observe(each); // which also fits the maps now
+  }
+  fill();
+  document.addEventListener("fullscreenchange", fill);
+  window.addEventListener("resize", fit);
 
   // A selector that finds the same control in the next drawing.
   function nameOf(element) {
@@ -304,6 +336,9 @@ function render({ model, el }) {
   model.on("change:step", follow);
   draw();
   return () => {
+    sizes.disconnect();
+    document.removeEventListener("fullscreenchange", fill);
+    window.removeEventListener("resize", fit);
     model.off("change:answered", answered);
     model.off("change:drawing", draw);
     model.off("msg:custom", draw);

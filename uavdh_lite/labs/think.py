@@ -315,7 +315,7 @@ class ThinkLab(MissionLab):
         )
         self.closest.on_click(lambda _: self._go_to(self.charts.closest_call()))
         controls = super()._controls()
-        unused = self.other, self.third
+        unused = self.other, self.third, self.guess
         chosen = [each for each in controls.children[0].children if each not in unused]
         controls.children[0].children = [*chosen, self.temperature, self.closest]
         return controls

@@ -32,9 +32,8 @@ class Charts:
     def __init__(self):
         figure = Figure(figsize=(11.6, 2.6), dpi=100)
         self.axes = figure.subplots(1, 3, sharex=True, subplot_kw={"facecolor": "none"})
-        figure.subplots_adjust(0.05, 0.17, 0.99, 0.88, wspace=0.18)
+        figure.subplots_adjust(0.05, 0.17, 0.99, 0.88, wspace=0.22)
         self.title = figure.suptitle("", fontsize="medium")
-        figure.align_ylabels()
         self.canvas = Canvas(figure, lambda: self.show(self._step))
         for ax, name in zip(self.axes, ("data left", "device served", "reward"), strict=True):
             ax.set_ylabel(name)
@@ -42,7 +41,8 @@ class Charts:
         reward = self.axes[-1]
         reward.xaxis.set_major_locator(MaxNLocator(integer=True))
         terms = [Patch(color=colour, label=name) for name, colour in TERMS.items()]
-        reward.legend(handles=terms, fontsize="x-small", ncols=4, loc="upper right")
+        above = {"loc": "lower right", "bbox_to_anchor": (1, 1), "borderaxespad": 0.2}
+        reward.legend(handles=terms, fontsize="x-small", ncols=4, **above)
         self.cursors = [ax.axvline(0, color="black", lw=0.8, animated=True) for ax in self.axes]
         self._artists, self._limits, self._step = [], None, 0
 
@@ -68,7 +68,7 @@ class Charts:
             self.title.set_text(name)
             left.set(xlim=(0, limits[1]), ylim=(0, 1.05 * limits[2]))
             slots.set(yticks=range(limits[3] + 1), ylim=(limits[3] + 0.5, -0.5))
-            reward.set(ylim=(-2, 1.3 * limits[4]))
+            reward.set(ylim=(-2, 1.05 * limits[4]))
             self.canvas.draw_all()
         self._artists = [
             *(

@@ -14,6 +14,7 @@ with extra("notebooks"):
 ROW = {"display": "flex", "flex_flow": "row", "width": "max-content"}  # label and buttons
 LINK = "color:var(--jp-content-link-color, #0645AD);text-decoration:underline"
 TEXT = "inherit"  # the colour of a `status` that reports no error
+GLOSSARY = "uavdh-words"  # the class of a page's `words`
 WRAP = {"flex_flow": "row wrap"}  # the layout of a row that continues below on a narrow page
 
 __all__ = ["CellPicker", "cell_at", "explore", "png", "status", "table", "words"]
@@ -57,13 +58,20 @@ class CellPicker(ipywidgets.HBox):
     """
 
     def __init__(self, handler: Callable[[tuple[int, int]], None]):
-        narrow = {"layout": {"width": "110px"}, "style": {"description_width": "50px"}}
-        self.row = ipywidgets.BoundedIntText(description="row", min=0, max=99, **narrow)
-        self.column = ipywidgets.BoundedIntText(description="column", min=0, max=99, **narrow)
+        self.row, self.column = (
+            ipywidgets.BoundedIntText(
+                description=name,
+                min=0,
+                max=99,
+                layout={"width": f"{width + 46}px"},
+                style={"description_width": f"{width}px"},
+            )
+            for name, width in (("or a cell: row", 87), ("column", 47))
+        )
         self.button = ipywidgets.Button(
             description="click there",
-            tooltip="the same as a click on this cell",
-            layout={"width": "90px"},
+            tooltip="does what a click on this cell of the map does",
+            layout={"width": "80px"},
         )
         self.button.on_click(lambda _: handler((self.row.value, self.column.value)))
         super().__init__([self.row, self.column, self.button])
@@ -105,15 +113,37 @@ def status(text: str, colour: str = RED) -> str:
     return f'<span role="status" style="color:{colour}">{html.escape(text)}</span>'
 
 
-def table(rows: Sequence[Sequence[str]]) -> str:
-    """A table of numbers; the first row is its head."""
+def table(rows: Sequence[Sequence[str]], groups: Mapping[str, int] | None = None) -> str:
+    """A table of numbers; the first row is its head.
+
+    Arguments:
+        groups: what stands above columns, from the left, and above how many of them.
+    """
     cells = "</td></tr><tr><td>".join("</td><td>".join(map(html.escape, row)) for row in rows)
-    return f'<table class="uavdh-numbers"><tr><td>{cells}</td></tr></table>'
+    heads = (
+        f'<th colspan="{columns}" scope="colgroup">{html.escape(name)}</th>'
+        if name
+        else f'<td colspan="{columns}"></td>'
+        for name, columns in (groups or {}).items()
+    )
+    above = f"<tr>{''.join(heads)}</tr>" if groups else ""
+    return f'<table class="uavdh-numbers">{above}<tr><td>{cells}</td></tr></table>'
 
 
 def words(meanings: Mapping[str, str]) -> ipywidgets.HTML:
     """What the words on a page mean, by word, as HTML that is unfolded with a click."""
     lines = (f"<dt>{word}</dt><dd>{meaning}</dd>" for word, meaning in meanings.items())
-    return ipywidgets.HTML(
+    meant = ipywidgets.HTML(
         f"<details><summary>What do these words mean?</summary><dl>{''.join(lines)}</dl></details>"
     )
+    meant.add_class(GLOSSARY)
+    return meant
+
+
+def introduced(text: str, lab: ipywidgets.Box) -> ipywidgets.HBox:
+    """What a lab is about, with what its words mean on the same line instead of below the lab."""
+    meant = [each for each in lab.children if GLOSSARY in each._dom_classes]
+    lab.children = [each for each in lab.children if each not in meant]
+    line = ipywidgets.HBox([ipywidgets.HTML(f"<p>{text}</p>"), *meant], layout=WRAP)
+    line.add_class("uavdh-introduction")
+    return line
