@@ -18,7 +18,7 @@ from uavdh_lite import labs
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.city_generator import CityGenerator
-from uavdh_lite.environment import ACTIONS
+from uavdh_lite.environment import ACTIONS, LAND
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.labs import (
     ChannelLab,
@@ -30,7 +30,7 @@ from uavdh_lite.labs import (
     TrainingLab,
 )
 from uavdh_lite.labs.draft import Draft, scenario_of
-from uavdh_lite.labs.fly import HARD, KEYS
+from uavdh_lite.labs.fly import HARD, KEYS, YOU
 from uavdh_lite.labs.links import decode, encode
 from uavdh_lite.labs.think import BELOW, Thoughts
 from uavdh_lite.missions import HandFlight, Mission, as_json, environment_of, read_mission
@@ -347,7 +347,7 @@ def test_flying_by_hand_with_buttons_and_keys():
     tell(lab.stage, kind="key", key="q")  # no such key: nothing happens
     assert len(lab.flight.flights().history) == 2
     assert lab.stage.drawing != before and lab.score.value == ""
-    assert lab.stage.begin == 1 and lab.stage.steering == list(KEYS)  # the last step is played
+    assert lab.stage.begin == 1 and lab.stage.steering[:-1] == list(KEYS)  # the last step plays
     tell(lab.stage, kind="key", key="Enter")
     assert lab.flight.ended and "landed" in lab.message.value
     assert all(name in lab.score.value for name in ("you", "greedy", "genie", "random"))
@@ -372,6 +372,10 @@ def test_hard_missions_are_hard_for_greedy_and_come_in_turn():
         lab.hard.click()
         seen.append(lab.seed.value)
     assert seen == [*HARD, HARD[0]] and lab.environment.city.name == "manhattan"
+    assert "nearest device first" in lab.message.value and "The city is" not in lab.message.value
+    lab.city.value = "village"
+    lab.hard.click()
+    assert "The city is now manhattan." in lab.message.value
 
 
 def test_the_session_keeps_scores_of_missions_flown_for_the_first_time():
@@ -397,8 +401,8 @@ def test_the_safety_controller_speaks():
     lab = FlyLab("village", seed=3)
     for _ in range(9):
         lab.buttons[ACTIONS.index("north")].click()
-    assert "north was refused, for the map ends there" in lab.message.value
-    assert "1 from the return" in lab.message.value
+    assert "north is refused, for the map ends there" in lab.message.value
+    assert "a unit of time and 1 of the return" in lab.message.value
     lab.seed.value = 4
     assert "refused" not in lab.message.value
 
@@ -417,19 +421,132 @@ def test_a_refusal_says_what_is_in_the_way(start, action, reason):
     mission = replace(lab.flight.mission, start=start)
     lab.flight = HandFlight(lab.environment, mission)
     lab.act(ACTIONS.index(action))
-    assert f"{action} was refused, for {reason}" in lab.message.value
+    assert f"Step 1: {action} is refused, for {reason}" in lab.message.value
+
+
+def fly_as(lab, name):
+    """Fly as a policy does, by hand."""
+    policy = find_policy(name, lab.environment, lab.flight.mission.seed)
+    flown = lab.flight.mission.fly(lab.environment, policy)
+    for action in flown.trajectory(0).action:
+        lab.act(int(action))
+    return float(flown.cumulative_reward[0])
 
 
 def test_your_flight_gets_a_verdict():
     lab = FlyLab("village")
-    greedy = find_policy("greedy", lab.environment)
-    flown = lab.flight.mission.fly(lab.environment, greedy)
-    for action in flown.trajectory(0).action:
-        lab.act(int(action))
-    assert f"Your return is {flown.cumulative_reward[0]:.2f}" in lab.verdict.value
-    assert f"mission number {lab.seed.value}" in lab.verdict.value
-    ahead = re.search("You are ahead of ([^.]*)", lab.verdict.value)[1]
-    assert "random" in ahead and "greedy" not in ahead
+    yours = fly_as(lab, "greedy")
+    best = max(float(each.cumulative_reward[0]) for each in lab._results.values())
+    behind = f"{best - yours:.1f} behind any_city agent and genie."  # both have as much
+    assert f"Your return is {yours:.2f}, {behind}" in lab.verdict.value
+    assert "The tab Mission" in lab.verdict.value and "mission 0 of village" in lab.verdict.value
+    lab.again.click()
+    fly_as(lab, "genie")
+    assert f"is {best:.2f}: nobody has more; any_city agent and genie as much." in lab.verdict.value
+    lab.again.click()
+    lab.act(LAND)
+    assert "behind greedy. The best has 10.80: any_city agent and genie." in lab.verdict.value
+
+
+def test_the_ranking_is_sorted_and_yours_stands_out():
+    lab = FlyLab("village")
+    fly_as(lab, "greedy")
+    for shown, caption in ((lab.score.value, "this mission"), (lab.session.value, "this session")):
+        names = re.findall("<tr[^>]*><td>([^<]+)</td>", shown)
+        assert names == ["any_city agent", "genie", "greedy", "you", "random"]
+        assert f"<caption>{caption}" in shown and shown.count('class="uavdh-you"') == 1
+
+
+def test_another_flight_is_played_next_to_yours():
+    lab = FlyLab("village")
+    assert lab.beside.layout.display == "none"
+    fly_as(lab, "greedy")
+    assert lab.beside.layout.display is None and YOU not in lab.beside.options
+    lab.beside.value = "genie"
+    assert lab.stage.begin == 0
+    assert all(f">{name}<" in lab.stage.drawing for name in ("your flight", "genie"))
+    lab.beside.value = "none"
+    assert ">genie<" not in lab.stage.drawing
+    lab.beside.value = "genie"
+    lab.again.click()
+    assert ">genie<" not in lab.stage.drawing and lab.beside.layout.display == "none"
+
+
+def test_each_step_says_what_it_brought():
+    lab = FlyLab("village")
+    before = lab.flight.state.data_left[0]
+    lab.act(ACTIONS.index("south"))
+    (uploaded,) = (before - lab.flight.state.data_left[0])[before > 0]
+    assert 0 < uploaded < 0.1
+    said = f"Step 1: flies south; device 0 uploads {uploaded:.1g} units."
+    assert f"{lab.flight.state.time_left[0]} units of time left. {said}" in lab.message.value
+    lab.act(ACTIONS.index("hover"))
+    assert "Step 2: hovers; " in lab.message.value
+
+
+def test_a_step_is_taken_back_and_the_fading_stays():
+    lab = FlyLab("village")
+    actions = [ACTIONS.index(name) for name in ("south", "hover", "hover")]
+    assert lab.undo.disabled
+    for action in actions:
+        lab.act(action)
+    left = lab.flight.state.data_left
+    tell(lab.stage, kind="key", key="z")
+    lab.undo.click()
+    assert lab.flight.state.time_left[0] == lab.flight.mission.flying_time - 1
+    for action in actions[1:]:
+        lab.act(action)
+    assert (lab.flight.state.data_left == left).all()
+    tell(lab.stage, kind="key", key="Enter")  # refused: this is no landing zone
+    tell(lab.stage, kind="key", key="z")
+    lab.act(ACTIONS.index("north"))
+    lab.act(LAND)
+    assert lab.flight.ended and lab.scores == {} and lab.session.value == ""
+    assert "You took a key back" in lab.verdict.value
+    lab.take_back()  # the landing itself
+    assert not lab.flight.ended and lab.score.value == "" and lab.stage.refused == []
+    for _ in range(9):
+        lab.take_back()
+    assert lab.undo.disabled and "no step to take back" in lab.message.value
+
+
+def test_any_mission_can_be_flown_by_hand(tmp_path):
+    lab, there = FlyLab("village", linked=True), MissionLab("manhattan")
+    pick(there, 8, 8)
+    data = json.dumps(as_json(there.mission)).encode()
+    lab.act(ACTIONS.index("south"))
+    flight = lab.flight
+    for broken, reason in {
+        b"no": "not a JSON file",
+        b"\xff": "not a JSON file",
+        b" " * 1_000_001: "no mission is that large",
+    }.items():
+        upload_to(lab, broken, "<i>.json")
+        assert reason in lab.message.value and "&lt;i&gt;.json: " in lab.message.value
+        assert "Your flight is as it was" in lab.message.value and lab.flight is flight
+    for broken in ("x", encode(b"{}"), encode(b"\xff")):
+        lab.open_link(broken)
+        assert "the link holds no mission" in lab.message.value and lab.flight is flight
+    upload_to(lab, data)
+    assert set_by(lab.flight.mission) == set_by(there.mission)
+    assert lab.city.value == "manhattan" and "changed" in lab.changed.value
+    lab.act(LAND)
+    assert "the mission of the same file" in lab.verdict.value
+    lab.again.click()  # the same mission
+    assert set_by(lab.flight.mission) == set_by(there.mission)
+    code = re.search('href="#fly=([^"]+)"', lab.take_home.value)[1]
+    other = FlyLab("village")
+    other.open_link(code)
+    assert set_by(other.flight.mission) == set_by(there.mission)
+    assert other.take_home.value == ""
+    flight = other.flight
+    other.open_link(code)  # it is being flown
+    assert other.flight is flight
+    other.tell_link(True)
+    assert "Link copied" in other.message.value
+    painted = City.from_text("mine", environment_of("village").city.text.replace("#", "."))
+    other.show(replace(FlyLab("village").flight.mission, city=painted))
+    assert other.environment.city.fingerprint == painted.fingerprint
 
 
 def test_each_lab_explains_its_words():

@@ -5,6 +5,7 @@ from uavdh_lite.errors import InputError, extra
 from uavdh_lite.labs.channel import ChannelLab
 from uavdh_lite.labs.city import ADDRESS as CITY
 from uavdh_lite.labs.city import CityLab
+from uavdh_lite.labs.fly import ADDRESS as FLIGHT
 from uavdh_lite.labs.fly import FlyLab
 from uavdh_lite.labs.menu import CityMenu
 from uavdh_lite.labs.mission import ADDRESS as MISSION
@@ -29,7 +30,7 @@ LABS = {  # for each title: how the page makes the lab, and what it is about
         "the softmax policy, the layers that the network sees, and the cells that matter most.",
     ),
     "Fly it yourself": (
-        lambda page: FlyLab(painted=page.painted),
+        lambda page: FlyLab(painted=page.painted, linked=True),
         "Collect as much as you can and land in time. Then see how the agents and planners do on "
         "the same mission with the same fading.",
     ),
@@ -53,7 +54,11 @@ LABS = {  # for each title: how the page makes the lab, and what it is about
 }
 
 
-LINKS = {CITY: "City", MISSION: "Mission"}  # which lab opens what stands in an address
+LINKS = {
+    CITY: "City",
+    MISSION: "Mission",
+    FLIGHT: "Fly it yourself",
+}  # which lab opens what stands in an address
 WATCHED = {  # what is lost if one leaves the page: in which lab, and what `Address` calls it
     "City": ("unsaved", "painted"),
     "Training": ("running", "training"),
@@ -91,7 +96,8 @@ class Address(anywidget.AnyWidget):
       const plain = (code) =>
         code.split("&")[0].replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
       const copy = async (event) => {
-        const link = event.target.closest?.("a[href^='#city='], a[href^='#mission=']");
+        const opening = ["city", "mission", "fly"].map((name) => `a[href^='#${name}=']`).join();
+        const link = event.target.closest?.(opening);
         if (!link) return;
         const value = link.hash.slice(1);
         let copied = true;
