@@ -12,9 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from uavdh_lite import labs
+from uavdh_lite.agent import value_map
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.city_generator import CityGenerator
@@ -34,7 +36,7 @@ from uavdh_lite.labs.fly import HARD, KEYS, YOU
 from uavdh_lite.labs.links import decode, encode
 from uavdh_lite.labs.think import BELOW, Thoughts
 from uavdh_lite.missions import HandFlight, Mission, as_json, environment_of, read_mission
-from uavdh_lite.policies import find_policy
+from uavdh_lite.policies import agents_for, find_policy
 from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.shadowing import line_of_sight
 
@@ -245,7 +247,9 @@ def test_every_city_flies(lab, city):
 
 
 def bars(lab):
-    return [round(bar.get_width(), 4) for _, bar in lab.charts.changing]
+    """Where the bars end; 0 for those without length."""
+    drawn = [bar for _, bar in lab.charts.changing]
+    return [round(bar.get_x() + bar.get_width(), 4) * (bar.get_width() != 0) for bar in drawn]
 
 
 def test_thoughts_are_the_agents_at_each_step():
@@ -271,7 +275,10 @@ def test_q_values_are_drawn_on_the_map_and_their_gap_is_told():
         ranked = sorted(range(6), key=lambda action: float(q[action]) if allowed[action] else -1e9)
         assert sizes[ranked[-1]] == 1 and max(size or 0 for size in sizes) == 1
         lab.stage.step = step
-        assert f"the agent chooses {ACTIONS[ranked[-1]]}" in lab.sentence.value
+        assert f"Next: {ACTIONS[ranked[-1]]}" in lab.sentence.value
+        if step:
+            (flown,) = next(iter(lab.flights.values())).history[step - 1].action
+            assert f"Last step: {ACTIONS[flown]}. " in lab.sentence.value
         assert f"{ACTIONS[ranked[-1]]}" in lab.charts.canvas.picture.alt
         if sum(allowed) > 1:
             gap = float(q[ranked[-1]] - q[ranked[-2]])
@@ -319,21 +326,65 @@ def test_the_temperature_levels_the_policy_and_leaves_the_flight():
     assert lab.flights is flights and lab.charts.canvas.picture.value != picture
 
 
-def test_a_planner_has_no_q_values():
+def test_policies_without_q_values_are_not_offered():
     lab = ThinkLab("manhattan")
-    lab.policy.value = "greedy"
-    assert lab.charts.agent is None
-    assert "greedy has no Q-values" in lab.charts.bars.texts[0].get_text()
-    assert lab.stage.q_values == [] and lab.sentence.value == ""
-    lab.stage.step = 1
+    assert [name for _, name in lab.policy.options] == agents_for(lab.environment.city)
     lab.policy.value = "manhattan_ddqn_early"
-    assert lab.charts.agent is not None
+    lab.city.value = "village"
+    assert [name for _, name in lab.policy.options] == ["any_city"] == list(lab.flights)
+    lab.stage.step = last(lab)
+    assert "Last step: land. The flight is over" in lab.sentence.value
 
 
 def test_a_city_without_an_agent_says_so(tmp_path):
     CityGenerator((20, 20)).draw(1, seed=3)[0].save(tmp_path / "mine.png")
     lab = ThinkLab(str(tmp_path / "mine.png"))
     assert lab.charts.agent is None and list(lab.flights) == ["greedy"]
+    assert "greedy has no Q-values" in lab.charts.bars.texts[0].get_text()
+    assert lab.stage.q_values == [] and lab.sentence.value == ""
+    lab.stage.step = 1
+    lab.closest.click()
+    assert lab.stage.step == 0
+    lab.city.value = "village"
+    assert lab.charts.agent is not None
+
+
+def test_the_axis_of_q_values_fits_them_and_says_where_it_begins():
+    lab = ThinkLab("manhattan")
+    lab.closest.click()
+    thoughts, q = lab.charts, lab.charts.q[lab.stage.step]
+    low, high = thoughts.bars.get_xlim()
+    best = q[q.isfinite()]
+    assert low < best.min() and best.max() < high < 2 * best.max()
+    assert low > 0 and thoughts.begins.get_text() == "does not begin at 0"
+    less = [text.get_text() for text in thoughts.less]
+    expected = [float(q.max() - each) for each in q.tolist()]
+    assert less == [f"−{each:.2f}" if 0 < each < np.inf else "" for each in expected]
+    for step in range(len(thoughts.states)):
+        thoughts.show(step)
+        low, high = thoughts.bars.get_xlim()
+        assert low < thoughts.q[step].max() < high
+        assert bool(thoughts.begins.get_text()) == (not low < 0 < high)
+
+
+def test_saliency_has_the_citys_outline_and_both_maps_a_scale():
+    lab = ThinkLab("village")
+    lab.stage.step = 3
+    thoughts, size = lab.charts, lab.environment.city.size
+    row, col = divmod(int(thoughts.states[3].uav_cell[0]), size)
+    middle = thoughts.agent.observation.width // 2
+    buildings = lab.environment.city.buildings
+    assert buildings[1:3, 4:6].all() and buildings.sum() == 8  # two of 2 × 2 cells
+    lines = np.array(thoughts.outline.get_segments())
+    assert len(lines) == 2 * 8
+    corner = np.array((4 - 0.5 - col, 1 - 0.5 - row)) + middle
+    assert (np.abs(lines - corner).sum(-1) < 1e-6).any()
+    ends = [text.get_text().replace("−", "-") for text in thoughts.ends]
+    worth = value_map(thoughts.agent, thoughts.states[3])
+    assert ends[0] == "0.0" and float(ends[1]) > 0
+    assert [float(end) for end in ends[2:]] == pytest.approx(
+        [np.nanmin(worth), np.nanmax(worth)], abs=0.051
+    )
 
 
 def test_flying_by_hand_with_buttons_and_keys():
@@ -1113,9 +1164,6 @@ def test_the_closest_call_has_the_smallest_gap_while_there_is_data():
     with_data = [step for step in range(len(gaps)) if states[step].data_left.sum() > 0]
     assert with_data != list(range(len(gaps)))
     assert lab.stage.step == min(with_data, key=lambda step: gaps[step])
-    lab.policy.value = "greedy"
-    lab.closest.click()
-    assert lab.stage.step == 0
 
 
 def test_what_is_not_allowed_is_said(lab):
@@ -1248,14 +1296,17 @@ def test_the_uav_is_marked_in_all_that_the_network_sees():
 
 def test_what_is_cut_off_the_bars_is_marked_and_numbers_lie_beside_them():
     lab = ThinkLab("manhattan")
-    thoughts, edge = lab.charts, lab.charts.bars.get_xlim()[0]
     lab.stage.step = 2
-    before = len(thoughts.cut.get_xdata())
+    thoughts = lab.charts
+    allowed = thoughts.q[2].isfinite()
+    assert allowed.sum() > 3  # the best three are in sight
+    row = int(thoughts.q[2].where(allowed, torch.inf).argmin())
     thoughts.q = thoughts.q.clone()
-    row = int(thoughts.q[2].argmax())  # its bar was in sight
-    thoughts.q[2, row] = edge - 50
+    thoughts.q[2, row] = -50
     thoughts.show(2)
-    assert list(thoughts.cut.get_xdata()) == [edge] * (before + 1)
+    (edge, *others), places = thoughts.cut.get_xdata(), thoughts.cut.get_ydata()
+    assert edge == thoughts.bars.get_xlim()[0] > 0 and set(others) <= {edge}
+    assert any(abs(place - row) < 0.2 for place in places)
     allowed = thoughts.q[2].isfinite().tolist()
     places = [text.get_position()[0] for text in thoughts.numbers[:6]]  # in widths of the axes
     assert all(place > 1 for place, may in zip(places, allowed, strict=True) if may)
