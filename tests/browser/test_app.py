@@ -723,7 +723,8 @@ def test_what_the_agent_thinks_changes_from_step_to_step(shared_page):
     expect(lab.get_by_text("The action gap")).to_be_visible()
     assert thoughts.get_attribute("src") != first
     assert arrows.evaluate_all("signs => signs.map((sign) => sign.outerHTML)") != drawn
-    assert "the agent chooses" in thoughts.get_attribute("alt")
+    assert "Next: " in thoughts.get_attribute("alt")
+    expect(lab.get_by_text("Last step: ")).to_be_visible()
     shoot(shared_page, "think")
     now = thoughts.get_attribute("src")
     lab.get_by_role("slider", name="temperature").focus()

@@ -12,13 +12,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from uavdh_lite import labs
+from uavdh_lite.agent import value_map
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.city_generator import CityGenerator
-from uavdh_lite.environment import ACTIONS
+from uavdh_lite.environment import ACTIONS, LAND
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.labs import (
     ChannelLab,
@@ -30,11 +32,11 @@ from uavdh_lite.labs import (
     TrainingLab,
 )
 from uavdh_lite.labs.draft import Draft, scenario_of
-from uavdh_lite.labs.fly import HARD, KEYS
+from uavdh_lite.labs.fly import HARD, KEYS, YOU
 from uavdh_lite.labs.links import decode, encode
 from uavdh_lite.labs.think import BELOW, Thoughts
 from uavdh_lite.missions import HandFlight, Mission, as_json, environment_of, read_mission
-from uavdh_lite.policies import find_policy
+from uavdh_lite.policies import agents_for, find_policy
 from uavdh_lite.scenario import SCENARIOS
 from uavdh_lite.shadowing import line_of_sight
 
@@ -305,7 +307,9 @@ def test_every_city_flies(lab, city):
 
 
 def bars(lab):
-    return [round(bar.get_width(), 4) for _, bar in lab.charts.changing]
+    """Where the bars end; 0 for those without length."""
+    drawn = [bar for _, bar in lab.charts.changing]
+    return [round(bar.get_x() + bar.get_width(), 4) * (bar.get_width() != 0) for bar in drawn]
 
 
 def test_thoughts_are_the_agents_at_each_step():
@@ -331,7 +335,10 @@ def test_q_values_are_drawn_on_the_map_and_their_gap_is_told():
         ranked = sorted(range(6), key=lambda action: float(q[action]) if allowed[action] else -1e9)
         assert sizes[ranked[-1]] == 1 and max(size or 0 for size in sizes) == 1
         lab.stage.step = step
-        assert f"the agent chooses {ACTIONS[ranked[-1]]}" in lab.sentence.value
+        assert f"Next: {ACTIONS[ranked[-1]]}" in lab.sentence.value
+        if step:
+            (flown,) = next(iter(lab.flights.values())).history[step - 1].action
+            assert f"Last step: {ACTIONS[flown]}. " in lab.sentence.value
         assert f"{ACTIONS[ranked[-1]]}" in lab.charts.canvas.picture.alt
         if sum(allowed) > 1:
             gap = float(q[ranked[-1]] - q[ranked[-2]])
@@ -379,21 +386,65 @@ def test_the_temperature_levels_the_policy_and_leaves_the_flight():
     assert lab.flights is flights and lab.charts.canvas.picture.value != picture
 
 
-def test_a_planner_has_no_q_values():
+def test_policies_without_q_values_are_not_offered():
     lab = ThinkLab("manhattan")
-    lab.policy.value = "greedy"
-    assert lab.charts.agent is None
-    assert "greedy has no Q-values" in lab.charts.bars.texts[0].get_text()
-    assert lab.stage.q_values == [] and lab.sentence.value == ""
-    lab.stage.step = 1
+    assert [name for _, name in lab.policy.options] == agents_for(lab.environment.city)
     lab.policy.value = "manhattan_ddqn_early"
-    assert lab.charts.agent is not None
+    lab.city.value = "village"
+    assert [name for _, name in lab.policy.options] == ["any_city"] == list(lab.flights)
+    lab.stage.step = last(lab)
+    assert "Last step: land. The flight is over" in lab.sentence.value
 
 
 def test_a_city_without_an_agent_says_so(tmp_path):
     CityGenerator((20, 20)).draw(1, seed=3)[0].save(tmp_path / "mine.png")
     lab = ThinkLab(str(tmp_path / "mine.png"))
     assert lab.charts.agent is None and list(lab.flights) == ["greedy"]
+    assert "greedy has no Q-values" in lab.charts.bars.texts[0].get_text()
+    assert lab.stage.q_values == [] and lab.sentence.value == ""
+    lab.stage.step = 1
+    lab.closest.click()
+    assert lab.stage.step == 0
+    lab.city.value = "village"
+    assert lab.charts.agent is not None
+
+
+def test_the_axis_of_q_values_fits_them_and_says_where_it_begins():
+    lab = ThinkLab("manhattan")
+    lab.closest.click()
+    thoughts, q = lab.charts, lab.charts.q[lab.stage.step]
+    low, high = thoughts.bars.get_xlim()
+    best = q[q.isfinite()]
+    assert low < best.min() and best.max() < high < 2 * best.max()
+    assert low > 0 and thoughts.begins.get_text() == "does not begin at 0"
+    less = [text.get_text() for text in thoughts.less]
+    expected = [float(q.max() - each) for each in q.tolist()]
+    assert less == [f"−{each:.2f}" if 0 < each < np.inf else "" for each in expected]
+    for step in range(len(thoughts.states)):
+        thoughts.show(step)
+        low, high = thoughts.bars.get_xlim()
+        assert low < thoughts.q[step].max() < high
+        assert bool(thoughts.begins.get_text()) == (not low < 0 < high)
+
+
+def test_saliency_has_the_citys_outline_and_both_maps_a_scale():
+    lab = ThinkLab("village")
+    lab.stage.step = 3
+    thoughts, size = lab.charts, lab.environment.city.size
+    row, col = divmod(int(thoughts.states[3].uav_cell[0]), size)
+    middle = thoughts.agent.observation.width // 2
+    buildings = lab.environment.city.buildings
+    assert buildings[1:3, 4:6].all() and buildings.sum() == 8  # two of 2 × 2 cells
+    lines = np.array(thoughts.outline.get_segments())
+    assert len(lines) == 2 * 8
+    corner = np.array((4 - 0.5 - col, 1 - 0.5 - row)) + middle
+    assert (np.abs(lines - corner).sum(-1) < 1e-6).any()
+    ends = [text.get_text().replace("−", "-") for text in thoughts.ends]
+    worth = value_map(thoughts.agent, thoughts.states[3])
+    assert ends[0] == "0.0" and float(ends[1]) > 0
+    assert [float(end) for end in ends[2:]] == pytest.approx(
+        [np.nanmin(worth), np.nanmax(worth)], abs=0.051
+    )
 
 
 def test_flying_by_hand_with_buttons_and_keys():
@@ -407,7 +458,7 @@ def test_flying_by_hand_with_buttons_and_keys():
     tell(lab.stage, kind="key", key="q")  # no such key: nothing happens
     assert len(lab.flight.flights().history) == 2
     assert lab.stage.drawing != before and lab.score.value == ""
-    assert lab.stage.begin == 1 and lab.stage.steering == list(KEYS)  # the last step is played
+    assert lab.stage.begin == 1 and lab.stage.steering[:-1] == list(KEYS)  # the last step plays
     tell(lab.stage, kind="key", key="Enter")
     assert lab.flight.ended and "landed" in lab.message.value
     assert all(name in lab.score.value for name in ("you", "greedy", "genie", "random"))
@@ -432,6 +483,10 @@ def test_hard_missions_are_hard_for_greedy_and_come_in_turn():
         lab.hard.click()
         seen.append(lab.seed.value)
     assert seen == [*HARD, HARD[0]] and lab.environment.city.name == "manhattan"
+    assert "nearest device first" in lab.message.value and "The city is" not in lab.message.value
+    lab.city.value = "village"
+    lab.hard.click()
+    assert "The city is now manhattan." in lab.message.value
 
 
 def test_the_session_keeps_scores_of_missions_flown_for_the_first_time():
@@ -457,8 +512,8 @@ def test_the_safety_controller_speaks():
     lab = FlyLab("village", seed=3)
     for _ in range(9):
         lab.buttons[ACTIONS.index("north")].click()
-    assert "north was refused, for the map ends there" in lab.message.value
-    assert "1 from the return" in lab.message.value
+    assert "north is refused, for the map ends there" in lab.message.value
+    assert "a unit of time and 1 of the return" in lab.message.value
     lab.seed.value = 4
     assert "refused" not in lab.message.value
 
@@ -477,19 +532,132 @@ def test_a_refusal_says_what_is_in_the_way(start, action, reason):
     mission = replace(lab.flight.mission, start=start)
     lab.flight = HandFlight(lab.environment, mission)
     lab.act(ACTIONS.index(action))
-    assert f"{action} was refused, for {reason}" in lab.message.value
+    assert f"Step 1: {action} is refused, for {reason}" in lab.message.value
+
+
+def fly_as(lab, name):
+    """Fly as a policy does, by hand."""
+    policy = find_policy(name, lab.environment, lab.flight.mission.seed)
+    flown = lab.flight.mission.fly(lab.environment, policy)
+    for action in flown.trajectory(0).action:
+        lab.act(int(action))
+    return float(flown.cumulative_reward[0])
 
 
 def test_your_flight_gets_a_verdict():
     lab = FlyLab("village")
-    greedy = find_policy("greedy", lab.environment)
-    flown = lab.flight.mission.fly(lab.environment, greedy)
-    for action in flown.trajectory(0).action:
-        lab.act(int(action))
-    assert f"Your return is {flown.cumulative_reward[0]:.2f}" in lab.verdict.value
-    assert f"mission number {lab.seed.value}" in lab.verdict.value
-    ahead = re.search("You are ahead of ([^.]*)", lab.verdict.value)[1]
-    assert "random" in ahead and "greedy" not in ahead
+    yours = fly_as(lab, "greedy")
+    best = max(float(each.cumulative_reward[0]) for each in lab._results.values())
+    behind = f"{best - yours:.1f} behind any_city agent and genie."  # both have as much
+    assert f"Your return is {yours:.2f}, {behind}" in lab.verdict.value
+    assert "The tab Mission" in lab.verdict.value and "mission 0 of village" in lab.verdict.value
+    lab.again.click()
+    fly_as(lab, "genie")
+    assert f"is {best:.2f}: nobody has more; any_city agent and genie as much." in lab.verdict.value
+    lab.again.click()
+    lab.act(LAND)
+    assert "behind greedy. The best has 10.80: any_city agent and genie." in lab.verdict.value
+
+
+def test_the_ranking_is_sorted_and_yours_stands_out():
+    lab = FlyLab("village")
+    fly_as(lab, "greedy")
+    for shown, caption in ((lab.score.value, "this mission"), (lab.session.value, "this session")):
+        names = re.findall("<tr[^>]*><td>([^<]+)</td>", shown)
+        assert names == ["any_city agent", "genie", "greedy", "you", "random"]
+        assert f"<caption>{caption}" in shown and shown.count('class="uavdh-you"') == 1
+
+
+def test_another_flight_is_played_next_to_yours():
+    lab = FlyLab("village")
+    assert lab.beside.layout.display == "none"
+    fly_as(lab, "greedy")
+    assert lab.beside.layout.display is None and YOU not in lab.beside.options
+    lab.beside.value = "genie"
+    assert lab.stage.begin == 0
+    assert all(f">{name}<" in lab.stage.drawing for name in ("your flight", "genie"))
+    lab.beside.value = "none"
+    assert ">genie<" not in lab.stage.drawing
+    lab.beside.value = "genie"
+    lab.again.click()
+    assert ">genie<" not in lab.stage.drawing and lab.beside.layout.display == "none"
+
+
+def test_each_step_says_what_it_brought():
+    lab = FlyLab("village")
+    before = lab.flight.state.data_left[0]
+    lab.act(ACTIONS.index("south"))
+    (uploaded,) = (before - lab.flight.state.data_left[0])[before > 0]
+    assert 0 < uploaded < 0.1
+    said = f"Step 1: flies south; device 0 uploads {uploaded:.1g} units."
+    assert f"{lab.flight.state.time_left[0]} units of time left. {said}" in lab.message.value
+    lab.act(ACTIONS.index("hover"))
+    assert "Step 2: hovers; " in lab.message.value
+
+
+def test_a_step_is_taken_back_and_the_fading_stays():
+    lab = FlyLab("village")
+    actions = [ACTIONS.index(name) for name in ("south", "hover", "hover")]
+    assert lab.undo.disabled
+    for action in actions:
+        lab.act(action)
+    left = lab.flight.state.data_left
+    tell(lab.stage, kind="key", key="z")
+    lab.undo.click()
+    assert lab.flight.state.time_left[0] == lab.flight.mission.flying_time - 1
+    for action in actions[1:]:
+        lab.act(action)
+    assert (lab.flight.state.data_left == left).all()
+    tell(lab.stage, kind="key", key="Enter")  # refused: this is no landing zone
+    tell(lab.stage, kind="key", key="z")
+    lab.act(ACTIONS.index("north"))
+    lab.act(LAND)
+    assert lab.flight.ended and lab.scores == {} and lab.session.value == ""
+    assert "You took a key back" in lab.verdict.value
+    lab.take_back()  # the landing itself
+    assert not lab.flight.ended and lab.score.value == "" and lab.stage.refused == []
+    for _ in range(9):
+        lab.take_back()
+    assert lab.undo.disabled and "no step to take back" in lab.message.value
+
+
+def test_any_mission_can_be_flown_by_hand(tmp_path):
+    lab, there = FlyLab("village", linked=True), MissionLab("manhattan")
+    pick(there, 8, 8)
+    data = json.dumps(as_json(there.mission)).encode()
+    lab.act(ACTIONS.index("south"))
+    flight = lab.flight
+    for broken, reason in {
+        b"no": "not a JSON file",
+        b"\xff": "not a JSON file",
+        b" " * 1_000_001: "no mission is that large",
+    }.items():
+        upload_to(lab, broken, "<i>.json")
+        assert reason in lab.message.value and "&lt;i&gt;.json: " in lab.message.value
+        assert "Your flight is as it was" in lab.message.value and lab.flight is flight
+    for broken in ("x", encode(b"{}"), encode(b"\xff")):
+        lab.open_link(broken)
+        assert "the link holds no mission" in lab.message.value and lab.flight is flight
+    upload_to(lab, data)
+    assert set_by(lab.flight.mission) == set_by(there.mission)
+    assert lab.city.value == "manhattan" and "changed" in lab.changed.value
+    lab.act(LAND)
+    assert "the mission of the same file" in lab.verdict.value
+    lab.again.click()  # the same mission
+    assert set_by(lab.flight.mission) == set_by(there.mission)
+    code = re.search('href="#fly=([^"]+)"', lab.take_home.value)[1]
+    other = FlyLab("village")
+    other.open_link(code)
+    assert set_by(other.flight.mission) == set_by(there.mission)
+    assert other.take_home.value == ""
+    flight = other.flight
+    other.open_link(code)  # it is being flown
+    assert other.flight is flight
+    other.tell_link(True)
+    assert "Link copied" in other.message.value
+    painted = City.from_text("mine", environment_of("village").city.text.replace("#", "."))
+    other.show(replace(FlyLab("village").flight.mission, city=painted))
+    assert other.environment.city.fingerprint == painted.fingerprint
 
 
 def test_each_lab_explains_its_words():
@@ -1063,9 +1231,6 @@ def test_the_closest_call_has_the_smallest_gap_while_there_is_data():
     with_data = [step for step in range(len(gaps)) if states[step].data_left.sum() > 0]
     assert with_data != list(range(len(gaps)))
     assert lab.stage.step == min(with_data, key=lambda step: gaps[step])
-    lab.policy.value = "greedy"
-    lab.closest.click()
-    assert lab.stage.step == 0
 
 
 def test_what_is_not_allowed_is_said(lab):
@@ -1198,14 +1363,17 @@ def test_the_uav_is_marked_in_all_that_the_network_sees():
 
 def test_what_is_cut_off_the_bars_is_marked_and_numbers_lie_beside_them():
     lab = ThinkLab("manhattan")
-    thoughts, edge = lab.charts, lab.charts.bars.get_xlim()[0]
     lab.stage.step = 2
-    before = len(thoughts.cut.get_xdata())
+    thoughts = lab.charts
+    allowed = thoughts.q[2].isfinite()
+    assert allowed.sum() > 3  # the best three are in sight
+    row = int(thoughts.q[2].where(allowed, torch.inf).argmin())
     thoughts.q = thoughts.q.clone()
-    row = int(thoughts.q[2].argmax())  # its bar was in sight
-    thoughts.q[2, row] = edge - 50
+    thoughts.q[2, row] = -50
     thoughts.show(2)
-    assert list(thoughts.cut.get_xdata()) == [edge] * (before + 1)
+    (edge, *others), places = thoughts.cut.get_xdata(), thoughts.cut.get_ydata()
+    assert edge == thoughts.bars.get_xlim()[0] > 0 and set(others) <= {edge}
+    assert any(abs(place - row) < 0.2 for place in places)
     allowed = thoughts.q[2].isfinite().tolist()
     places = [text.get_position()[0] for text in thoughts.numbers[:6]]  # in widths of the axes
     assert all(place > 1 for place, may in zip(places, allowed, strict=True) if may)

@@ -5,6 +5,7 @@ from uavdh_lite.errors import InputError, extra
 from uavdh_lite.labs.channel import ChannelLab
 from uavdh_lite.labs.city import ADDRESS as CITY
 from uavdh_lite.labs.city import CityLab
+from uavdh_lite.labs.fly import ADDRESS as FLIGHT
 from uavdh_lite.labs.fly import FlyLab
 from uavdh_lite.labs.menu import CityMenu
 from uavdh_lite.labs.mission import ADDRESS as MISSION
@@ -32,7 +33,7 @@ LABS = {  # for each title: how the page makes the lab, what it is about, and wh
         "See what an agent computes at each step of a flight, and what it looks at",
     ),
     "Fly it yourself": (
-        lambda page: FlyLab(painted=page.painted),
+        lambda page: FlyLab(painted=page.painted, linked=True),
         "Collect as much as you can and land in time. Then see how the agents and planners do on "
         "the same mission with the same fading.",
         "Steer the UAV with buttons or keys, and see who is better",
@@ -60,7 +61,11 @@ LABS = {  # for each title: how the page makes the lab, what it is about, and wh
 }
 
 
-LINKS = {CITY: "City", MISSION: "Mission"}  # which lab opens what stands in an address
+LINKS = {
+    CITY: "City",
+    MISSION: "Mission",
+    FLIGHT: "Fly it yourself",
+}  # which lab opens what stands in an address
 WATCHED = {  # what is lost if one leaves the page: in which lab, and what `Address` calls it
     "City": ("unsaved", "painted"),
     "Training": ("running", "training"),
@@ -99,7 +104,8 @@ class Address(anywidget.AnyWidget):
       const plain = (code) =>
         code.split("&")[0].replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
       const copy = async (event) => {
-        const link = event.target.closest?.("a[href^='#city='], a[href^='#mission=']");
+        const opening = ["city", "mission", "fly"].map((name) => `a[href^='#${name}=']`).join();
+        const link = event.target.closest?.(opening);
         if (!link) return;
         const value = link.hash.slice(1);
         let copied = true;

@@ -5,7 +5,7 @@ import json
 
 from uavdh_lite.city import City
 from uavdh_lite.errors import InputError
-from uavdh_lite.missions import FORMAT, VERSION, Mission, as_json, read_mission
+from uavdh_lite.missions import FORMAT, LARGEST, VERSION, Mission, as_json, read_mission
 
 COPIED = "Link copied. It is in the address bar, too."
 HERE = "The link is in the address bar: copy it from there."
@@ -38,3 +38,28 @@ def mission_in(code: str, city: City) -> Mission:
         raise InputError("part of it is missing") from None
     place = {"name": city.name, "rows": city.text.split()}
     return read_mission(json.dumps(values | {"format": FORMAT, "version": VERSION, "city": place}))
+
+
+def encoded_mission(mission: Mission) -> str:
+    """A mission's file, with its city, as it stands in a link."""
+    return encode(json.dumps(as_json(mission)).encode())
+
+
+def mission_of_link(code: str) -> Mission:
+    """The mission of a link that holds its file; `InputError` if it holds none."""
+    try:
+        return read_mission(decode(code).decode())
+    except InputError as error:
+        raise InputError(f"the link holds no mission: {error}. {AGAIN}") from None
+    except ValueError:
+        raise InputError(f"the link holds no mission: part of it is missing. {AGAIN}") from None
+
+
+def mission_of_file(data: bytes) -> Mission:
+    """The mission of an uploaded file; `InputError` if it holds none."""
+    if len(data) > LARGEST:
+        raise InputError(f"{len(data):,} bytes: no mission is that large")
+    try:
+        return read_mission(data.decode())
+    except UnicodeDecodeError:
+        raise InputError("not a JSON file") from None

@@ -49,7 +49,12 @@ function render({ model, el }) {
     if (model.get("editable")) makeEditable(root);
     fit();
     markRefusal(root);
-    if (steered()) el.tabIndex = 0;
+    if (steered()) {
+      root.removeAttribute("tabindex"); // a click on the map gives the focus to all around it
+      el.tabIndex = 0;
+      el.setAttribute("role", "application"); // screen readers leave it the keys
+      el.setAttribute("aria-label", "the map: arrow keys fly, space hovers, Enter lands");
+    }
     if (focused) el.querySelector(focused)?.focus({ preventScroll: true });
     if (begin >= 0) player.playFrom(Math.min(begin, player.last));
     else if (told !== player.last) player.go(told);
@@ -290,16 +295,38 @@ function render({ model, el }) {
     });
   }
 
-  // Keys: they steer the UAV, or move the device that has the focus.
+  // Keys that steer the UAV do so wherever the focus is in the lab, or if nothing has it. What is
+  // typed into a field is the field's, and a button that was reached by Tab keeps space and Enter.
+  const lab = () => el.closest(".uavdh-fly") ?? el;
+
+  function steers(event) {
+    const { key, target } = event;
+    if (!model.get("steering").includes(key) || !el.checkVisibility()) return;
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const byMouse = target.matches("[role=tab]") && !target.matches(":focus-visible");
+    if (!(target === document.body || byMouse || lab().contains(target))) return;
+    if (target.matches("input, textarea, select, [contenteditable]")) return;
+    if ([" ", "Enter"].includes(key) && target.closest("button, a, summary")) return;
+    event.preventDefault();
+    event.stopPropagation();
+    send("key", { key });
+  }
+  document.addEventListener("keydown", steers, { capture: true });
+
+  // After a click on a button, the next keys are for the map; who plays by keys stays where they are.
+  function clicked(event) {
+    const button = event.target.closest?.("button");
+    if (!steered() || !button || !lab().contains(button)) return;
+    const plays = el.contains(button) && button !== fullScreen;
+    if (event.detail || !plays) el.focus({ preventScroll: true });
+  }
+  document.addEventListener("click", clicked);
+
+  // Keys that move the device that has the focus
   function pressed(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const device = event.target.closest("svg [data-device]");
-    if (model.get("steering").includes(event.key)) {
-      if (event.target.matches("button, select, input")) return;
-      event.preventDefault();
-      event.stopPropagation();
-      send("key", { key: event.key });
-    } else if (device && model.get("editable") && MOVES[event.key]) {
+    if (device && model.get("editable") && MOVES[event.key]) {
       event.preventDefault();
       event.stopPropagation();
       const [svg, number] = [device.ownerSVGElement, device.dataset.device];
@@ -344,6 +371,8 @@ function render({ model, el }) {
     model.off("msg:custom", draw);
     model.off("change:step", follow);
     document.removeEventListener("keydown", undoes);
+    document.removeEventListener("keydown", steers, { capture: true });
+    document.removeEventListener("click", clicked);
     window.removeEventListener("pointerup", released);
     window.removeEventListener("pointercancel", cancel);
   };
