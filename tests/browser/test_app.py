@@ -765,9 +765,27 @@ def test_the_channel_follows_device_and_sliders(shared_page):
     sentence = lab.get_by_text("m through the air")
     before = sentence.inner_text()
     picture = lab.locator(".uavdh-picture img")
-    width, height = size(picture)
-    picture.click(position={"x": 0.2 * width, "y": 0.5 * height})
+    box = picture.bounding_box()
+
+    def place(row, column):
+        """Where a cell of the map is: the axes are at these shares of the picture."""
+        x, y = 0.03 + 0.45 * (column + 0.5) / 16, 0.06 + 0.82 * (row + 0.5) / 16
+        return box["x"] + x * box["width"], box["y"] + y * box["height"]
+
+    shared_page.mouse.click(*place(8, 4))
     expect(sentence).not_to_have_text(before)
+    alt = re.compile(r"device in cell \(8, 4\), UAV over \(0, 0\)")
+    expect(picture).to_have_attribute("alt", alt)
+    expect(lab.get_by_role("spinbutton", name="column")).to_have_value("4")
+    shared_page.mouse.move(*place(0, 0))  # the UAV, although a click moves the device
+    shared_page.mouse.down()
+    shared_page.mouse.move(*place(4, 0), steps=6)
+    shared_page.mouse.up()
+    alt = re.compile(r"device in cell \(8, 4\), UAV over \(4, 0\)")
+    expect(picture).to_have_attribute("alt", alt)
+    shared_page.mouse.move(*place(8, 8), steps=3)
+    expect(lab.get_by_text("Under the mouse, row 8, column 8")).to_be_visible()
+    lab.get_by_label("logarithmic").check()
     lab.get_by_role("slider", name="edge SNR, dB").focus()
     moved = sentence.inner_text()
     shared_page.keyboard.press("End")
@@ -782,11 +800,14 @@ def test_a_click_while_the_next_picture_loads_counts_where_it_is(shared_page):
     picture = lab.locator(".uavdh-picture img")
     click = """async (image) => {
         const { left, top, width, height } = image.getBoundingClientRect();
-        const [clientX, clientY] = [left + 0.25 * width, top + 0.5 * height];
+        const [clientX, clientY] = [left + 0.25 * width, top + 0.45 * height];
         const next = await (await fetch(image.src)).blob();
         image.src = URL.createObjectURL(next);
         await null;
-        image.dispatchEvent(new MouseEvent("click", { clientX, clientY, bubbles: true }));
+        image.setPointerCapture = () => {}; // there is no such pointer
+        const pressed = { clientX, clientY, button: 0, buttons: 1, bubbles: true };
+        image.dispatchEvent(new PointerEvent("pointerdown", pressed));
+        image.dispatchEvent(new PointerEvent("pointerup", pressed));
     }"""
     picture.evaluate(click)
     expect(picture).to_have_attribute("alt", re.compile(r"device in cell \(7, 7\)"))

@@ -15,6 +15,7 @@ import pytest
 from PIL import Image
 
 from uavdh_lite import labs
+from uavdh_lite.channel import rate
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.city_generator import CityGenerator
@@ -29,6 +30,7 @@ from uavdh_lite.labs import (
     ThinkLab,
     TrainingLab,
 )
+from uavdh_lite.labs.channel import plain
 from uavdh_lite.labs.draft import Draft, scenario_of
 from uavdh_lite.labs.fly import HARD, KEYS
 from uavdh_lite.labs.links import decode, encode
@@ -455,21 +457,22 @@ def test_the_channel_lab_follows_clicks_and_sliders():
     lab = ChannelLab("manhattan")
 
     def click_map(cell):
-        point(lab.canvas, lab.map, cell)
+        point(lab.canvas, lab.map, cell, "down", pressed=True)
 
     click_map((4, 7))
     lab.click.value = "UAV"
     click_map((4, 4))
     assert (lab.device, lab.uav) == ((4, 7), (4, 4))
-    assert "line of sight" in lab.numbers.value and "0.652 data units" in lab.numbers.value
+    assert "line of sight" in lab.numbers.value and "0.65 data units" in lab.numbers.value
     assert "device in cell (4, 7), UAV over (4, 4)" in lab.canvas.picture.alt
-    numbers = [text.get_text() for text in lab._draw_scale(lab.rates.get_clim()[1])]
-    assert f"in the brightest cell {numbers[-1].strip()}" in lab.numbers.value
+    numbers = [text.get_text().strip() for text in lab._draw_scale(lab.rates.get_clim()[1])]
+    assert numbers == ["0", "1.57", "3.14"]
     assert lab.bar.images[0].get_cmap().name == lab.rates.get_cmap().name
     assert lab.bar.images[0].get_array()[0] == 1  # the largest is at the top
     while lab.bar.texts:
         lab.bar.texts[0].remove()
-    assert lab.numbers.value in lab.canvas.picture.alt
+    for sentence in re.findall("<div>(.*?)</div>", lab.numbers.value):
+        assert sentence in lab.canvas.picture.alt
     picture = lab.canvas.picture.value
     click_map((7, 4))
     assert "no line of sight" in lab.numbers.value
@@ -984,8 +987,66 @@ def test_the_channel_goes_back_to_the_paper_and_shows_small_rates():
     lab.logarithmic.value = True
     low, high = lab.curve.get_ylim()
     assert lab.curve.get_yscale() == "log" and 0 < low < 1e-3 < high
+    said = [text.get_text().strip() for text in lab._draw_scale(lab.rates.get_clim()[1])]
+    assert said[:-1] == ["0.00001", "0.0001", "0.001", "0.01", "0.1"]
+    dark, bright = (lab.rates.cmap(lab.rates.norm(each)) for each in (0.0005, 0.05))
+    assert np.abs(np.subtract(dark, bright)).max() > 0.3  # a cell in a shadow is not like the rest
     lab.logarithmic.value = False
     assert lab.curve.get_ylim()[0] == 0
+
+
+def test_a_drag_takes_what_is_under_the_mouse_and_the_boxes_follow():
+    lab = ChannelLab("village")
+
+    def move(start, *cells):
+        point(lab.canvas, lab.map, start, "down", pressed=True)
+        for cell in cells:
+            point(lab.canvas, lab.map, cell, "move", pressed=True)
+
+    device, uav = lab.device, lab.uav
+    assert (lab.click.value, lab.picker.row.value) == ("device", device[0])
+    move(uav, (3, 0), (5, 0))
+    assert (lab.device, lab.uav) == (device, (5, 0))
+    move(device, (7, 7), (7, 9.5), (6, 7))  # beyond the map and back
+    assert (lab.device, lab.uav) == ((6, 7), (5, 0))
+    move((0, 3), (0, 4))  # begins at neither: what is chosen
+    assert (lab.device, lab.uav) == ((0, 4), (5, 0))
+    lab.click.value = "UAV"
+    assert (lab.picker.row.value, lab.picker.column.value) == (5, 0)
+    move((0, 5), (5, 0), (1, 0))
+    assert lab.uav == (1, 0) and (lab.picker.row.value, lab.picker.column.value) == (1, 0)
+    move((0, 4), (1, 0))
+    assert lab.device == lab.uav == (1, 0)
+    move((1, 0), (2, 0))  # both: what is chosen
+    assert (lab.device, lab.uav) == ((1, 0), (2, 0))
+
+
+def test_the_channel_says_how_far_a_device_is_heard_and_what_the_mouse_points_at():
+    lab = ChannelLab("manhattan")
+    size = lab.environment.city.size
+    for sight in (True, False):
+        squared = lab.reach(sight) ** 2 + lab.channel.altitude_m**2
+        assert rate(lab.channel.mean_snr_db(squared, sight, size)) == pytest.approx(0.1, rel=1e-3)
+        assert f"{lab.reach(sight):.0f} m" in lab.numbers.value
+    lab.constants["altitude_m"].value = 100
+    assert "nowhere behind a building" in lab.numbers.value
+    lab.paper.click()
+    lab.click.value = "UAV"
+    lab.clicked((8, 4))
+    told = re.search(r"([\d.]+) data units a slot", lab.numbers.value)[1]
+    point(lab.canvas, lab.map, (8, 4), "move")
+    assert f"row 8, column 4: {told} data units a slot" in lab.seen.value
+    lab.look_at(lab.curve, 3.0, 3.0)
+    assert lab.seen.value == ""
+    shown = lab.rates.get_array()
+    city = lab.environment.city
+    assert (shown.mask == (city.buildings & city.no_fly)).all()  # the radio passes no-fly zones
+
+
+def test_small_rates_are_written_plainly():
+    for value, said in {3.1415: "3.14", 0.652: "0.65", 0.000451: "0.0005", 1e-9: "0"}.items():
+        assert plain(value) == said
+    assert plain(1e-5) == "0.00001" and plain(0.0) == "0"
 
 
 def test_the_closest_call_has_the_smallest_gap_while_there_is_data():
@@ -1147,11 +1208,11 @@ def test_what_is_cut_off_the_bars_is_marked_and_numbers_lie_beside_them():
 def test_a_click_next_to_a_map_counts_for_the_nearest_cell_and_one_further_off_for_none():
     channel, city = ChannelLab("village"), CityLab("village")
     before = channel.device
-    point(channel.canvas, channel.map, (3, 8.4))  # the map ends at 7.5
+    point(channel.canvas, channel.map, (3, 8.4), "down", pressed=True)  # the map ends at 7.5
     assert channel.device == before
-    point(channel.canvas, channel.map, (3, 7.9))
+    point(channel.canvas, channel.map, (3, 7.9), "down", pressed=True)
     assert channel.device == (3, 7) and channel.message.value == ""
-    point(channel.canvas, channel.map, (-0.9, 4))
+    point(channel.canvas, channel.map, (-0.9, 4), "down", pressed=True)
     assert channel.device == (0, 4)
     stroke(city, (7.5, 6))  # exactly at the edge
     stroke(city, (8.5, 3))
