@@ -819,8 +819,9 @@ def test_a_training_runs_pauses_and_goes_on(shared_page):
     lab.get_by_role("button", name=re.compile(r"start$")).click()
     status = lab.locator("span[role=status]")
     expect(status).to_contain_text("after 8,0")  # the first validation after the start's
-    lab.get_by_role("button", name=re.compile(r"pause$")).click()
+    lab.get_by_role("button", name=re.compile(r"pause training$")).click()
     expect(status).to_contain_text("paused")
+    expect(lab.get_by_role("button", name="Play")).to_be_visible()  # the flights pause, too
     expect(lab.get_by_label("temperature")).to_be_disabled()
     lab.get_by_role("button", name=re.compile(r"go on$")).click()
     expect(status).to_contain_text(re.compile(r"after (16|24|32|40|48),0"))  # however fast it is
@@ -829,12 +830,12 @@ def test_a_training_runs_pauses_and_goes_on(shared_page):
     left = 0.12 * size(curves)[0] + 3  # the left end of the axes: before the first step
     curves.click(position={"x": left, "y": 100})
     expect(lab.get_by_text("your run after 0 steps")).to_be_visible()
-    lab.get_by_role("button", name=re.compile(r"pause$")).click()
+    lab.get_by_role("button", name=re.compile(r"pause training$")).click()
     expect(status).to_contain_text("paused")
     lab.get_by_role("button", name="new run").click()
     expect(lab.get_by_label("temperature")).to_be_enabled()
     lab.get_by_label("failsafe").check()
-    lab.get_by_label("race the recipe").check()
+    lab.get_by_label("race a second agent").check()
     rival = lab.get_by_label("rival: return steps")
     expect(rival).to_be_enabled()
     unsaved = shared_page.locator("body[data-unsaved]")
@@ -842,12 +843,12 @@ def test_a_training_runs_pauses_and_goes_on(shared_page):
     lab.get_by_role("button", name=re.compile(r"start$")).click()
     expect(rival).to_be_disabled()
     expect(unsaved).to_have_count(1)  # who leaves now is asked
-    expect(status).to_contain_text(re.compile(r"after (32|40|48),.*; the recipe landed"))
-    for run in ("your run", "the recipe"):
+    expect(status).to_contain_text(re.compile(r"after (32|40|48),.*; the rival landed"))
+    for run in ("your run", "the rival"):
         expect(lab.get_by_text(re.compile(f"{run} after .* steps"))).to_be_visible()
     assert fits(shared_page)
     shoot(shared_page, "training", tolerance=0.12)  # the curves, and how far the flight has come
-    lab.get_by_role("button", name=re.compile(r"pause$")).click()
+    lab.get_by_role("button", name=re.compile(r"pause training$")).click()
     expect(status).to_contain_text("paused")
     expect(unsaved).to_have_count(0)
     lab.get_by_role("button", name="new run").click()
@@ -957,7 +958,7 @@ def test_every_lab_is_for_everybody(page):
             lab.get_by_label("compare with").select_option("greedy")
             expect(lab.get_by_text("charts of")).to_be_visible()
         if tab.inner_text() == "Training":
-            lab.get_by_label("race the recipe").check()
+            lab.get_by_label("race a second agent").check()
             expect(lab.get_by_label("rival: temperature")).to_be_visible()
         for scheme, behind in (("dark", "rgb(17, 17, 17)"), ("light", "rgb(255, 255, 255)")):
             page.emulate_media(color_scheme=scheme)
