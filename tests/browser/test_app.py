@@ -893,9 +893,10 @@ def test_a_city_is_painted_uploaded_and_flown(shared_page):
 
     def upload(data):
         with shared_page.expect_file_chooser() as chooser:
-            lab.get_by_role("button", name="upload PNG").click()
+            lab.get_by_role("button", name="open PNG").click()
         chooser.value.set_files([{"name": "x.png", "mimeType": "image/png", "buffer": data}])
 
+    expect(lab.get_by_label("from")).to_have_value("my city")
     upload(b"no <i>png")
     expect(status).to_contain_text("not a readable PNG")
     noise = io.BytesIO()
@@ -913,6 +914,10 @@ def test_a_city_is_painted_uploaded_and_flown(shared_page):
     lab.get_by_role("button", name=re.compile(r"fly at once$")).click()
     expect(maps).to_have_count(2)
     flown = maps.first.inner_html()
+    lab.get_by_label("and with").select_option("genie")
+    expect(maps).to_have_count(3)
+    lab.get_by_label("and with").select_option("none")
+    expect(maps).to_have_count(2)
     drag(down=0.8)
     until(shared_page, lambda: maps.first.inner_html() != flown)
     assert fits(shared_page)
@@ -947,6 +952,18 @@ def test_a_low_screen_shows_the_map_with_its_controls(shared_page, on_screen, ti
     control = "Play" if title == "Mission" else "hover"
     lowest = lab.get_by_role("button", name=control).first
     until(shared_page, lambda: sum(lowest.bounding_box()[side] for side in ("y", "height")) <= 720)
+
+
+def test_a_low_screen_shows_the_palette_and_the_whole_city(shared_page, on_screen):
+    lab = open_lab(shared_page, "City")
+    on_screen(1280, 720)
+    picture, palette = lab.locator(".uavdh-picture img"), lab.get_by_text("paint", exact=True)
+    before = picture.bounding_box()
+    assert palette.bounding_box()["y"] > 0 and before["y"] + before["height"] <= 720
+    lab.get_by_role("button", name="100 missions").click()
+    expect(lab.get_by_text("Over 100 missions")).to_be_visible()
+    expect(lab.locator(".uavdh-stage .map svg")).to_have_count(2)
+    assert picture.bounding_box() == before  # what is told stands beside it
 
 
 def test_every_lab_is_for_everybody(page):

@@ -31,6 +31,7 @@ from uavdh_lite.labs import (
     TrainingLab,
 )
 from uavdh_lite.labs.channel import plain
+from uavdh_lite.labs.city import told_average
 from uavdh_lite.labs.draft import Draft, scenario_of
 from uavdh_lite.labs.fly import HARD, KEYS
 from uavdh_lite.labs.links import decode, encode
@@ -440,7 +441,7 @@ def test_each_lab_explains_its_words():
         (FlyLab, ("return", "refused", "genie")),
         (ChannelLab, ("SNR", "slot", "LoS, NLoS")),
         (CityLab, ("tall building", "shadow", "mirror", "greedy", "100 missions")),
-        (TrainingLab, ("crash reward", "failsafe", "return steps", "recipe")),
+        (TrainingLab, ("collected", "updates", "environment steps", "failsafe", "recipe")),
     ):
         said = made().children[-1].value
         assert all(f"<dt>{word}</dt>" in said for word in some), made
@@ -607,21 +608,21 @@ def test_the_agent_and_planners_fly_in_a_painted_city_and_it_can_be_taken_home()
         lab.policy.value = policy
         lab.fly.click()
         flights = 1 if policy == "greedy" else 2  # the policy, and greedy
-        assert lab.views.children[1] is lab.stage and lab.stage.begin == 0
+        assert lab.stage in lab.side.children and lab.stage.begin == 0
         assert lab.stage.drawing.count('class="flight"') == flights
         assert lab.result.value.count("landed after") == flights
     assert "train --from any_city --city my_city.png" in lab.take_home.value
     coded = lab.take_home.value.split("base64,")[1].split('"')[0]
     assert (Draft.from_png(base64.b64decode(coded)).kinds == lab.draft.kinds).all()
     stroke(lab, (7, 7))
-    assert len(lab.views.children) == 1  # the flight was in another city
+    assert lab.stage not in lab.side.children  # the flight was in another city
 
 
 def test_they_fly_the_same_mission_again_after_each_stroke():
     lab = CityLab("village")
     lab.at_once.value = True
     first, told = lab._mission, lab.result.value
-    assert lab.views.children[1] is lab.stage and told.count("landed after") == 2
+    assert lab.stage in lab.side.children and told.count("landed after") == 2
     wall = [(5, 0), (5, 1), (5, 2)]  # the shortest way to the device
     for k, cell in enumerate(wall):
         stroke(lab, cell, kind="move" if k else "down")
@@ -636,10 +637,10 @@ def test_they_fly_the_same_mission_again_after_each_stroke():
     stroke(lab, first.devices[0], kind="up")
     assert first.devices[0] not in lab._mission.devices and "landed" in lab.result.value
     lab.blank.click()
-    assert len(lab.views.children) == 1 and lab.result.value == ""
+    assert lab.stage not in lab.side.children and lab.result.value == ""
     lab.at_once.value = False
     lab.base.value = "village"
-    assert len(lab.views.children) == 1
+    assert lab.stage not in lab.side.children
 
 
 def test_over_a_large_city_only_planners_fly():
@@ -687,7 +688,7 @@ def test_uploads_are_taken_or_refused_with_a_reason():
     upload(b"nonsense <script>")
     assert "not a readable PNG" in lab.message.value and "<script>" not in lab.message.value
     assert "x.png" in lab.message.value and lab.upload.value == ()
-    assert "mend the file, and upload it again" in lab.message.value
+    assert "mend the file, and open it again" in lab.message.value
     upload(Draft.blank(60).png())  # no city, and larger than the editor
     assert lab.draft.size == 16
     large = Draft.blank(60)
@@ -970,11 +971,67 @@ def test_many_missions_say_more_than_one_and_find_where_greedy_fails():
     lab.policy.value = "any_city"
     lab.many.click()
     assert "Over 100 missions" in lab.result.value and "behind in" in lab.result.value
+    assert all(line.endswith(".") for line in lab.result.value.split("<br>"))
     city = lab.draft.city()
     drawn = Mission.draw(scenario_of(city), city, lab.number.value)
     assert set_by(lab._mission) == set_by(drawn)
     stroke(lab, (7, 7))
     assert lab.result.value == ""
+
+
+def test_averages_are_told_in_plain_sentences():
+    greedy = np.array([1.0, 1.0, 0.4, 0.9])
+    told = told_average("any_city", {"any_city": np.array([1.0, 1, 1, 0.8]), "greedy": greedy})
+    assert told == (
+        "Over 4 missions, collected and landed: any_city agent 95%, greedy 82%. Greedy fails in 1: "
+        "it brings home less than half. The any_city agent is ahead of greedy in 1, behind in 1. "
+        "Furthest behind: greedy in mission 2, the any_city agent in mission 3."
+    )
+    scores = {"any_city": np.array([0.0, 1.0, 0.5, 1.0]), "greedy": greedy}
+    told = told_average("any_city", scores)
+    assert "ahead of greedy in 2, behind in 1. It is behind on average, as" in told
+    assert "it is behind by more than it is ahead." in told
+    assert "Furthest" not in told_average("greedy", {"greedy": greedy})
+    assert "Furthest" not in told_average("genie", {"genie": greedy, "greedy": greedy})
+
+
+def test_three_policies_fly_in_the_city_and_are_averaged():
+    lab = CityLab("village")
+    lab.fly.click()
+    assert lab.stage.drawing.count('class="flight"') == 2
+    mission = lab._mission
+    lab.third.value = "genie"
+    assert lab.stage.drawing.count('class="flight"') == 3 and lab._mission == mission
+    assert "genie: landed" in lab.result.value
+    lab.many.click()
+    assert re.search(r"any_city agent \d+%, greedy \d+%, genie \d+%\.", lab.result.value)
+    stroke(lab, (7, 7))
+    assert lab.third.value == "genie" and lab.stage not in lab.side.children
+
+
+def test_flights_come_back_with_the_city_that_they_were_in():
+    lab = CityLab("village")
+    assert lab.base.options[0] == ("my city", None)
+    lab.fly.click()
+    told = lab.result.value
+    stroke(lab, (7, 7))
+    assert lab.stage not in lab.side.children and lab.base.value is None
+    lab.undo.click()
+    assert lab.stage in lab.side.children and lab.result.value == told
+    lab.redo.click()
+    assert lab.stage not in lab.side.children
+    lab.fly.click()
+    lab.undo.click()
+    lab.redo.click()
+    assert lab.stage in lab.side.children and lab.draft.buildings[7, 7]
+    painted = lab.draft.kinds.copy()
+    lab.base.value = "open_field"
+    lab.base.value = None  # my city
+    assert (lab.draft.kinds == painted).all() and lab.unsaved
+    lab.blank.click()
+    assert lab.at_once.disabled and lab.fly.disabled
+    lab.base.value = "village"
+    assert not lab.at_once.disabled
 
 
 def test_the_channel_goes_back_to_the_paper_and_shows_small_rates():
@@ -1307,7 +1364,7 @@ def test_a_citys_link_has_the_mission_that_is_flown_in_it():
     page.address.value = link
     lab = page.made["City"]
     assert (lab.draft.kinds == there.draft.kinds).all()
-    assert set_by(lab._mission) == set_by(flown) and lab.stage in lab.views.children
+    assert set_by(lab._mission) == set_by(flown) and lab.stage in lab.side.children
     assert lab.number.value == 4 and "changed" in lab.changed.value
     assert lab._address() == link.removeprefix("city=")
     for broken in (link[:-7], link.split("&")[0] + "&mission=", link + "&mission=x"):

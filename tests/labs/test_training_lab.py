@@ -122,7 +122,8 @@ def test_a_new_run_keeps_the_curves_of_both_and_the_longest_legend_is_within_the
         settings.values["crash_reward"].value = settings.values["crash_reward_end"].value = -150
         settings.values["return_steps"].value = 1
         settings.values["temperature"].value = 0.5
-        settings.parts["failsafe"].value = settings.parts["quantiles"].value = True
+        for part in settings.parts.values():
+            part.value = True
     lab.trainers = lab._new()
     lab.new_run.disabled = False
     lab.new_run.click()
@@ -131,8 +132,8 @@ def test_a_new_run_keeps_the_curves_of_both_and_the_longest_legend_is_within_the
     lab.trainers = lab._new()
     lab._draw_curves()
     before = (
-        "before: failsafe, quantiles, return steps 1, temperature 0.5, crash reward at first -150, "
-        "crash reward at the end of training -150"
+        "before: failsafe, quantiles, return steps 1, advantage learning, temperature 0.5, "
+        "crash reward -150, crash reward at the end -150"
     )
     assert sorted(labels_of(lab)[2:]) == [f"the rival {before}", f"the run {before}"]
     assert len(lab.ax.lines) == 4 * len(CURVES)

@@ -63,11 +63,12 @@ UNLOCK = "To change settings, press new run"
 REFRESH = 0.3  # seconds between updates of the progress
 PART, WIDE = {"width": "190px"}, {"description_width": "155px"}
 SETTING, NAME = {"width": "385px"}, {"description_width": "275px"}
-LINE = 66  # letters of a line of the legend
+LETTERS = {"small": 76, "x-small": 92}  # of a line of the legend
 TITLES = {
     "crash_reward": "crash reward at first",
     "crash_reward_end": "crash reward at the end of training",
 }
+SHORT = {"crash_reward": "crash reward", "crash_reward_end": "crash reward at the end"}
 PARTS = {  # of the recipe `quantile`: what each one sets
     "failsafe": ("failsafe",),
     "quantiles": ("quantiles", "huber_delta"),
@@ -428,17 +429,19 @@ class TrainingLab(ipywidgets.VBox):
         }
         if len(runs) < 2:
             return
+        size = "small" if len(runs) == 2 else "x-small"
         lines = [
             Line2D([], [], color="black", ls=style.strip("o"), marker="o" if "o" in style else "")
             for style in runs
         ]
         self.ax.figure.legend(
             lines,
-            [textwrap.fill(label, LINE) for label in runs.values()],
+            [textwrap.fill(label, LETTERS[size]) for label in runs.values()],
             loc="upper left",
-            bbox_to_anchor=(0, 0.24),
-            fontsize="small",
+            bbox_to_anchor=(0, 0.245),
+            fontsize=size,
             frameon=False,
+            labelspacing=0.3,
         )
 
     def _draw_again(self) -> None:
@@ -465,7 +468,7 @@ def _differences(recipe: dict, source: dict) -> str:
     parts = {name: part for part, names in PARTS.items() for name in names}
     changed = [name for name, value in recipe.items() if value != source[name]]
     said = dict.fromkeys(
-        parts.get(name) or f"{TITLES.get(name, name)} {recipe[name]:g}".replace("_", " ")
+        parts.get(name) or f"{SHORT.get(name, name)} {recipe[name]:g}".replace("_", " ")
         for name in changed
     )
     return f": {', '.join(said)}" if said else ""
