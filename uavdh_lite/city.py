@@ -71,7 +71,7 @@ class City:
     def _check(self) -> None:
         shape = self.landing.shape
         if len(shape) != 2 or shape[0] != shape[1]:
-            size = " × ".join(map(str, shape))
+            size = " × ".join(map(str, shape[::-1]))  # width first
             raise CityError(f"{self.name}: a city must be square, this one is {size} cells")
         if self.no_fly.shape != shape or self.buildings.shape != shape:
             raise CityError(f"{self.name}: the layers landing, no_fly, buildings differ in shape")
@@ -371,7 +371,7 @@ def _read_kinds(path: Path) -> np.ndarray:
             if max(image.size) > MAX_SIZE:  # known from the header: nothing large is decoded
                 width, height = image.size
                 raise CityError(
-                    f"{path}: {height} × {width} pixels, at most {MAX_SIZE} on a side fit"
+                    f"{path}: {width} × {height} pixels, at most {MAX_SIZE} on a side fit"
                 )
             image.verify()  # tests the checksums; afterwards the file must be opened again
         with Image.open(path, formats=["PNG"]) as image:

@@ -120,11 +120,11 @@ link
 # %% [markdown]
 # ## 10.5 Training live (notebook 6)
 #
-# Under half a minute for the village. The run is in the background: other cells go on working, and *pause*
+# Under half a minute for the village. The run is in the background: other cells go on working, and *pause training*
 # stops it after the step in progress. After each validation the agent flies one mission, always the same. Click a point
 # of the curves to see how it flew then. Try a crash reward of 0 from start to end, and watch *landed*: it
 # stays far below 1. That is the agent of notebook 6 that crashes. *failsafe*, *quantiles* and *advantage learning* are
-# the ideas of notebook 12, one by one. With *race the recipe*, the recipe without your changes trains at the same time, step by step:
+# the ideas of notebook 12, one by one. With *race a second agent*, a rival trains at the same time, step by step: the recipe without your changes, or what you set;
 # its curves are dashed, and both agents fly the mission.
 
 # %%

@@ -766,9 +766,27 @@ def test_the_channel_follows_device_and_sliders(shared_page):
     sentence = lab.get_by_text("m through the air")
     before = sentence.inner_text()
     picture = lab.locator(".uavdh-picture img")
-    width, height = size(picture)
-    picture.click(position={"x": 0.2 * width, "y": 0.5 * height})
+    box = picture.bounding_box()
+
+    def place(row, column):
+        """Where a cell of the map is: the axes are at these shares of the picture."""
+        x, y = 0.03 + 0.45 * (column + 0.5) / 16, 0.06 + 0.82 * (row + 0.5) / 16
+        return box["x"] + x * box["width"], box["y"] + y * box["height"]
+
+    shared_page.mouse.click(*place(8, 4))
     expect(sentence).not_to_have_text(before)
+    alt = re.compile(r"device in cell \(8, 4\), UAV over \(0, 0\)")
+    expect(picture).to_have_attribute("alt", alt)
+    expect(lab.get_by_role("spinbutton", name="column")).to_have_value("4")
+    shared_page.mouse.move(*place(0, 0))  # the UAV, although a click moves the device
+    shared_page.mouse.down()
+    shared_page.mouse.move(*place(4, 0), steps=6)
+    shared_page.mouse.up()
+    alt = re.compile(r"device in cell \(8, 4\), UAV over \(4, 0\)")
+    expect(picture).to_have_attribute("alt", alt)
+    shared_page.mouse.move(*place(8, 8), steps=3)
+    expect(lab.get_by_text("Under the mouse, row 8, column 8")).to_be_visible()
+    lab.get_by_label("logarithmic").check()
     lab.get_by_role("slider", name="edge SNR, dB").focus()
     moved = sentence.inner_text()
     shared_page.keyboard.press("End")
@@ -783,11 +801,14 @@ def test_a_click_while_the_next_picture_loads_counts_where_it_is(shared_page):
     picture = lab.locator(".uavdh-picture img")
     click = """async (image) => {
         const { left, top, width, height } = image.getBoundingClientRect();
-        const [clientX, clientY] = [left + 0.25 * width, top + 0.5 * height];
+        const [clientX, clientY] = [left + 0.25 * width, top + 0.45 * height];
         const next = await (await fetch(image.src)).blob();
         image.src = URL.createObjectURL(next);
         await null;
-        image.dispatchEvent(new MouseEvent("click", { clientX, clientY, bubbles: true }));
+        image.setPointerCapture = () => {}; // there is no such pointer
+        const pressed = { clientX, clientY, button: 0, buttons: 1, bubbles: true };
+        image.dispatchEvent(new PointerEvent("pointerdown", pressed));
+        image.dispatchEvent(new PointerEvent("pointerup", pressed));
     }"""
     picture.evaluate(click)
     expect(picture).to_have_attribute("alt", re.compile(r"device in cell \(7, 7\)"))
@@ -799,8 +820,9 @@ def test_a_training_runs_pauses_and_goes_on(shared_page):
     lab.get_by_role("button", name=re.compile(r"start$")).click()
     status = lab.locator("span[role=status]")
     expect(status).to_contain_text("after 8,0")  # the first validation after the start's
-    lab.get_by_role("button", name=re.compile(r"pause$")).click()
+    lab.get_by_role("button", name=re.compile(r"pause training$")).click()
     expect(status).to_contain_text("paused")
+    expect(lab.get_by_role("button", name="Play")).to_be_visible()  # the flights pause, too
     expect(lab.get_by_label("temperature")).to_be_disabled()
     lab.get_by_role("button", name=re.compile(r"go on$")).click()
     expect(status).to_contain_text(re.compile(r"after (16|24|32|40|48),0"))  # however fast it is
@@ -809,12 +831,12 @@ def test_a_training_runs_pauses_and_goes_on(shared_page):
     left = 0.12 * size(curves)[0] + 3  # the left end of the axes: before the first step
     curves.click(position={"x": left, "y": 100})
     expect(lab.get_by_text("your run after 0 steps")).to_be_visible()
-    lab.get_by_role("button", name=re.compile(r"pause$")).click()
+    lab.get_by_role("button", name=re.compile(r"pause training$")).click()
     expect(status).to_contain_text("paused")
     lab.get_by_role("button", name="new run").click()
     expect(lab.get_by_label("temperature")).to_be_enabled()
     lab.get_by_label("failsafe").check()
-    lab.get_by_label("race the recipe").check()
+    lab.get_by_label("race a second agent").check()
     rival = lab.get_by_label("rival: return steps")
     expect(rival).to_be_enabled()
     unsaved = shared_page.locator("body[data-unsaved]")
@@ -822,12 +844,12 @@ def test_a_training_runs_pauses_and_goes_on(shared_page):
     lab.get_by_role("button", name=re.compile(r"start$")).click()
     expect(rival).to_be_disabled()
     expect(unsaved).to_have_count(1)  # who leaves now is asked
-    expect(status).to_contain_text(re.compile(r"after (32|40|48),.*; the recipe landed"))
-    for run in ("your run", "the recipe"):
+    expect(status).to_contain_text(re.compile(r"after (32|40|48),.*; the rival landed"))
+    for run in ("your run", "the rival"):
         expect(lab.get_by_text(re.compile(f"{run} after .* steps"))).to_be_visible()
     assert fits(shared_page)
     shoot(shared_page, "training", tolerance=0.12)  # the curves, and how far the flight has come
-    lab.get_by_role("button", name=re.compile(r"pause$")).click()
+    lab.get_by_role("button", name=re.compile(r"pause training$")).click()
     expect(status).to_contain_text("paused")
     expect(unsaved).to_have_count(0)
     lab.get_by_role("button", name="new run").click()
@@ -872,9 +894,10 @@ def test_a_city_is_painted_uploaded_and_flown(shared_page):
 
     def upload(data):
         with shared_page.expect_file_chooser() as chooser:
-            lab.get_by_role("button", name="upload PNG").click()
+            lab.get_by_role("button", name="open PNG").click()
         chooser.value.set_files([{"name": "x.png", "mimeType": "image/png", "buffer": data}])
 
+    expect(lab.get_by_label("from")).to_have_value("my city")
     upload(b"no <i>png")
     expect(status).to_contain_text("not a readable PNG")
     noise = io.BytesIO()
@@ -892,6 +915,10 @@ def test_a_city_is_painted_uploaded_and_flown(shared_page):
     lab.get_by_role("button", name=re.compile(r"fly at once$")).click()
     expect(maps).to_have_count(2)
     flown = maps.first.inner_html()
+    lab.get_by_label("and with").select_option("genie")
+    expect(maps).to_have_count(3)
+    lab.get_by_label("and with").select_option("none")
+    expect(maps).to_have_count(2)
     drag(down=0.8)
     until(shared_page, lambda: maps.first.inner_html() != flown)
     assert fits(shared_page)
@@ -928,6 +955,18 @@ def test_a_low_screen_shows_the_map_with_its_controls(shared_page, on_screen, ti
     until(shared_page, lambda: sum(lowest.bounding_box()[side] for side in ("y", "height")) <= 720)
 
 
+def test_a_low_screen_shows_the_palette_and_the_whole_city(shared_page, on_screen):
+    lab = open_lab(shared_page, "City")
+    on_screen(1280, 720)
+    picture, palette = lab.locator(".uavdh-picture img"), lab.get_by_text("paint", exact=True)
+    before = picture.bounding_box()
+    assert palette.bounding_box()["y"] > 0 and before["y"] + before["height"] <= 720
+    lab.get_by_role("button", name="100 missions").click()
+    expect(lab.get_by_text("Over 100 missions")).to_be_visible()
+    expect(lab.locator(".uavdh-stage .map svg")).to_have_count(2)
+    assert picture.bounding_box() == before  # what is told stands beside it
+
+
 def test_every_lab_is_for_everybody(page):
     """No finding of axe-core, which checks contrast, names, roles and more, on a dark page and on a
     light one; and a tablet is wide enough: controls and pictures continue below."""
@@ -937,7 +976,7 @@ def test_every_lab_is_for_everybody(page):
             lab.get_by_label("compare with").select_option("greedy")
             expect(lab.get_by_text("charts of")).to_be_visible()
         if tab.inner_text() == "Training":
-            lab.get_by_label("race the recipe").check()
+            lab.get_by_label("race a second agent").check()
             expect(lab.get_by_label("rival: temperature")).to_be_visible()
         for scheme, behind in (("dark", "rgb(17, 17, 17)"), ("light", "rgb(255, 255, 255)")):
             page.emulate_media(color_scheme=scheme)

@@ -17,6 +17,7 @@ from PIL import Image
 
 from uavdh_lite import labs
 from uavdh_lite.agent import value_map
+from uavdh_lite.channel import rate
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.city_generator import CityGenerator
@@ -31,6 +32,8 @@ from uavdh_lite.labs import (
     ThinkLab,
     TrainingLab,
 )
+from uavdh_lite.labs.channel import plain
+from uavdh_lite.labs.city import told_average
 from uavdh_lite.labs.draft import Draft, scenario_of
 from uavdh_lite.labs.fly import HARD, KEYS, YOU
 from uavdh_lite.labs.links import decode, encode
@@ -666,7 +669,7 @@ def test_each_lab_explains_its_words():
         (FlyLab, ("return", "refused", "genie")),
         (ChannelLab, ("SNR", "slot", "LoS, NLoS")),
         (CityLab, ("tall building", "shadow", "mirror", "greedy", "100 missions")),
-        (TrainingLab, ("crash reward", "failsafe", "return steps", "recipe")),
+        (TrainingLab, ("collected", "updates", "environment steps", "failsafe", "recipe")),
     ):
         said = made().children[-1].value
         assert all(f"<dt>{word}</dt>" in said for word in some), made
@@ -683,21 +686,22 @@ def test_the_channel_lab_follows_clicks_and_sliders():
     lab = ChannelLab("manhattan")
 
     def click_map(cell):
-        point(lab.canvas, lab.map, cell)
+        point(lab.canvas, lab.map, cell, "down", pressed=True)
 
     click_map((4, 7))
     lab.click.value = "UAV"
     click_map((4, 4))
     assert (lab.device, lab.uav) == ((4, 7), (4, 4))
-    assert "line of sight" in lab.numbers.value and "0.652 data units" in lab.numbers.value
+    assert "line of sight" in lab.numbers.value and "0.65 data units" in lab.numbers.value
     assert "device in cell (4, 7), UAV over (4, 4)" in lab.canvas.picture.alt
-    numbers = [text.get_text() for text in lab._draw_scale(lab.rates.get_clim()[1])]
-    assert f"in the brightest cell {numbers[-1].strip()}" in lab.numbers.value
+    numbers = [text.get_text().strip() for text in lab._draw_scale(lab.rates.get_clim()[1])]
+    assert numbers == ["0", "1.57", "3.14"]
     assert lab.bar.images[0].get_cmap().name == lab.rates.get_cmap().name
     assert lab.bar.images[0].get_array()[0] == 1  # the largest is at the top
     while lab.bar.texts:
         lab.bar.texts[0].remove()
-    assert lab.numbers.value in lab.canvas.picture.alt
+    for sentence in re.findall("<div>(.*?)</div>", lab.numbers.value):
+        assert sentence in lab.canvas.picture.alt
     picture = lab.canvas.picture.value
     click_map((7, 4))
     assert "no line of sight" in lab.numbers.value
@@ -832,21 +836,21 @@ def test_the_agent_and_planners_fly_in_a_painted_city_and_it_can_be_taken_home()
         lab.policy.value = policy
         lab.fly.click()
         flights = 1 if policy == "greedy" else 2  # the policy, and greedy
-        assert lab.views.children[1] is lab.stage and lab.stage.begin == 0
+        assert lab.stage in lab.side.children and lab.stage.begin == 0
         assert lab.stage.drawing.count('class="flight"') == flights
         assert lab.result.value.count("landed after") == flights
     assert "train --from any_city --city my_city.png" in lab.take_home.value
     coded = lab.take_home.value.split("base64,")[1].split('"')[0]
     assert (Draft.from_png(base64.b64decode(coded)).kinds == lab.draft.kinds).all()
     stroke(lab, (7, 7))
-    assert len(lab.views.children) == 1  # the flight was in another city
+    assert lab.stage not in lab.side.children  # the flight was in another city
 
 
 def test_they_fly_the_same_mission_again_after_each_stroke():
     lab = CityLab("village")
     lab.at_once.value = True
     first, told = lab._mission, lab.result.value
-    assert lab.views.children[1] is lab.stage and told.count("landed after") == 2
+    assert lab.stage in lab.side.children and told.count("landed after") == 2
     wall = [(5, 0), (5, 1), (5, 2)]  # the shortest way to the device
     for k, cell in enumerate(wall):
         stroke(lab, cell, kind="move" if k else "down")
@@ -861,10 +865,10 @@ def test_they_fly_the_same_mission_again_after_each_stroke():
     stroke(lab, first.devices[0], kind="up")
     assert first.devices[0] not in lab._mission.devices and "landed" in lab.result.value
     lab.blank.click()
-    assert len(lab.views.children) == 1 and lab.result.value == ""
+    assert lab.stage not in lab.side.children and lab.result.value == ""
     lab.at_once.value = False
     lab.base.value = "village"
-    assert len(lab.views.children) == 1
+    assert lab.stage not in lab.side.children
 
 
 def test_over_a_large_city_only_planners_fly():
@@ -912,7 +916,7 @@ def test_uploads_are_taken_or_refused_with_a_reason():
     upload(b"nonsense <script>")
     assert "not a readable PNG" in lab.message.value and "<script>" not in lab.message.value
     assert "x.png" in lab.message.value and lab.upload.value == ()
-    assert "mend the file, and upload it again" in lab.message.value
+    assert "mend the file, and open it again" in lab.message.value
     upload(Draft.blank(60).png())  # no city, and larger than the editor
     assert lab.draft.size == 16
     large = Draft.blank(60)
@@ -1202,11 +1206,67 @@ def test_many_missions_say_more_than_one_and_find_where_greedy_fails():
     lab.policy.value = "any_city"
     lab.many.click()
     assert "Over 100 missions" in lab.result.value and "behind in" in lab.result.value
+    assert all(line.endswith(".") for line in lab.result.value.split("<br>"))
     city = lab.draft.city()
     drawn = Mission.draw(scenario_of(city), city, lab.number.value)
     assert set_by(lab._mission) == set_by(drawn)
     stroke(lab, (7, 7))
     assert lab.result.value == ""
+
+
+def test_averages_are_told_in_plain_sentences():
+    greedy = np.array([1.0, 1.0, 0.4, 0.9])
+    told = told_average("any_city", {"any_city": np.array([1.0, 1, 1, 0.8]), "greedy": greedy})
+    assert told == (
+        "Over 4 missions, collected and landed: any_city agent 95%, greedy 82%. Greedy fails in 1: "
+        "it brings home less than half. The any_city agent is ahead of greedy in 1, behind in 1. "
+        "Furthest behind: greedy in mission 2, the any_city agent in mission 3."
+    )
+    scores = {"any_city": np.array([0.0, 1.0, 0.5, 1.0]), "greedy": greedy}
+    told = told_average("any_city", scores)
+    assert "ahead of greedy in 2, behind in 1. It is behind on average, as" in told
+    assert "it is behind by more than it is ahead." in told
+    assert "Furthest" not in told_average("greedy", {"greedy": greedy})
+    assert "Furthest" not in told_average("genie", {"genie": greedy, "greedy": greedy})
+
+
+def test_three_policies_fly_in_the_city_and_are_averaged():
+    lab = CityLab("village")
+    lab.fly.click()
+    assert lab.stage.drawing.count('class="flight"') == 2
+    mission = lab._mission
+    lab.third.value = "genie"
+    assert lab.stage.drawing.count('class="flight"') == 3 and lab._mission == mission
+    assert "genie: landed" in lab.result.value
+    lab.many.click()
+    assert re.search(r"any_city agent \d+%, greedy \d+%, genie \d+%\.", lab.result.value)
+    stroke(lab, (7, 7))
+    assert lab.third.value == "genie" and lab.stage not in lab.side.children
+
+
+def test_flights_come_back_with_the_city_that_they_were_in():
+    lab = CityLab("village")
+    assert lab.base.options[0] == ("my city", None)
+    lab.fly.click()
+    told = lab.result.value
+    stroke(lab, (7, 7))
+    assert lab.stage not in lab.side.children and lab.base.value is None
+    lab.undo.click()
+    assert lab.stage in lab.side.children and lab.result.value == told
+    lab.redo.click()
+    assert lab.stage not in lab.side.children
+    lab.fly.click()
+    lab.undo.click()
+    lab.redo.click()
+    assert lab.stage in lab.side.children and lab.draft.buildings[7, 7]
+    painted = lab.draft.kinds.copy()
+    lab.base.value = "open_field"
+    lab.base.value = None  # my city
+    assert (lab.draft.kinds == painted).all() and lab.unsaved
+    lab.blank.click()
+    assert lab.at_once.disabled and lab.fly.disabled
+    lab.base.value = "village"
+    assert not lab.at_once.disabled
 
 
 def test_the_channel_goes_back_to_the_paper_and_shows_small_rates():
@@ -1219,8 +1279,66 @@ def test_the_channel_goes_back_to_the_paper_and_shows_small_rates():
     lab.logarithmic.value = True
     low, high = lab.curve.get_ylim()
     assert lab.curve.get_yscale() == "log" and 0 < low < 1e-3 < high
+    said = [text.get_text().strip() for text in lab._draw_scale(lab.rates.get_clim()[1])]
+    assert said[:-1] == ["0.00001", "0.0001", "0.001", "0.01", "0.1"]
+    dark, bright = (lab.rates.cmap(lab.rates.norm(each)) for each in (0.0005, 0.05))
+    assert np.abs(np.subtract(dark, bright)).max() > 0.3  # a cell in a shadow is not like the rest
     lab.logarithmic.value = False
     assert lab.curve.get_ylim()[0] == 0
+
+
+def test_a_drag_takes_what_is_under_the_mouse_and_the_boxes_follow():
+    lab = ChannelLab("village")
+
+    def move(start, *cells):
+        point(lab.canvas, lab.map, start, "down", pressed=True)
+        for cell in cells:
+            point(lab.canvas, lab.map, cell, "move", pressed=True)
+
+    device, uav = lab.device, lab.uav
+    assert (lab.click.value, lab.picker.row.value) == ("device", device[0])
+    move(uav, (3, 0), (5, 0))
+    assert (lab.device, lab.uav) == (device, (5, 0))
+    move(device, (7, 7), (7, 9.5), (6, 7))  # beyond the map and back
+    assert (lab.device, lab.uav) == ((6, 7), (5, 0))
+    move((0, 3), (0, 4))  # begins at neither: what is chosen
+    assert (lab.device, lab.uav) == ((0, 4), (5, 0))
+    lab.click.value = "UAV"
+    assert (lab.picker.row.value, lab.picker.column.value) == (5, 0)
+    move((0, 5), (5, 0), (1, 0))
+    assert lab.uav == (1, 0) and (lab.picker.row.value, lab.picker.column.value) == (1, 0)
+    move((0, 4), (1, 0))
+    assert lab.device == lab.uav == (1, 0)
+    move((1, 0), (2, 0))  # both: what is chosen
+    assert (lab.device, lab.uav) == ((1, 0), (2, 0))
+
+
+def test_the_channel_says_how_far_a_device_is_heard_and_what_the_mouse_points_at():
+    lab = ChannelLab("manhattan")
+    size = lab.environment.city.size
+    for sight in (True, False):
+        squared = lab.reach(sight) ** 2 + lab.channel.altitude_m**2
+        assert rate(lab.channel.mean_snr_db(squared, sight, size)) == pytest.approx(0.1, rel=1e-3)
+        assert f"{lab.reach(sight):.0f} m" in lab.numbers.value
+    lab.constants["altitude_m"].value = 100
+    assert "nowhere behind a building" in lab.numbers.value
+    lab.paper.click()
+    lab.click.value = "UAV"
+    lab.clicked((8, 4))
+    told = re.search(r"([\d.]+) data units a slot", lab.numbers.value)[1]
+    point(lab.canvas, lab.map, (8, 4), "move")
+    assert f"row 8, column 4: {told} data units a slot" in lab.seen.value
+    lab.look_at(lab.curve, 3.0, 3.0)
+    assert lab.seen.value == ""
+    shown = lab.rates.get_array()
+    city = lab.environment.city
+    assert (shown.mask == (city.buildings & city.no_fly)).all()  # the radio passes no-fly zones
+
+
+def test_small_rates_are_written_plainly():
+    for value, said in {3.1415: "3.14", 0.652: "0.65", 0.000451: "0.0005", 1e-9: "0"}.items():
+        assert plain(value) == said
+    assert plain(1e-5) == "0.00001" and plain(0.0) == "0"
 
 
 def test_the_closest_call_has_the_smallest_gap_while_there_is_data():
@@ -1382,11 +1500,11 @@ def test_what_is_cut_off_the_bars_is_marked_and_numbers_lie_beside_them():
 def test_a_click_next_to_a_map_counts_for_the_nearest_cell_and_one_further_off_for_none():
     channel, city = ChannelLab("village"), CityLab("village")
     before = channel.device
-    point(channel.canvas, channel.map, (3, 8.4))  # the map ends at 7.5
+    point(channel.canvas, channel.map, (3, 8.4), "down", pressed=True)  # the map ends at 7.5
     assert channel.device == before
-    point(channel.canvas, channel.map, (3, 7.9))
+    point(channel.canvas, channel.map, (3, 7.9), "down", pressed=True)
     assert channel.device == (3, 7) and channel.message.value == ""
-    point(channel.canvas, channel.map, (-0.9, 4))
+    point(channel.canvas, channel.map, (-0.9, 4), "down", pressed=True)
     assert channel.device == (0, 4)
     stroke(city, (7.5, 6))  # exactly at the edge
     stroke(city, (8.5, 3))
@@ -1481,7 +1599,7 @@ def test_a_citys_link_has_the_mission_that_is_flown_in_it():
     page.address.value = link
     lab = page.made["City"]
     assert (lab.draft.kinds == there.draft.kinds).all()
-    assert set_by(lab._mission) == set_by(flown) and lab.stage in lab.views.children
+    assert set_by(lab._mission) == set_by(flown) and lab.stage in lab.side.children
     assert lab.number.value == 4 and "changed" in lab.changed.value
     assert lab._address() == link.removeprefix("city=")
     for broken in (link[:-7], link.split("&")[0] + "&mission=", link + "&mission=x"):

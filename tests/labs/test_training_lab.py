@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from uavdh_lite.labs import TrainingLab
-from uavdh_lite.labs.training import CHANGED, RIVAL, YOURS
+from uavdh_lite.labs.training import CURVES, RIVAL, YOURS
 from uavdh_lite.recipe import find_recipe
 
 TINY = replace(
@@ -43,6 +43,9 @@ def test_a_run_shows_curves_and_a_flight(finished):
     rows = finished.trainers[YOURS].validation_rows
     assert [row["steps"] for row in rows] == [0, 400, 800, 1200, 1600]
     drawn = finished.ax.lines[0].get_xdata()
+    assert finished.ax.get_xlim()[1] > 1600  # the last point is whole
+    assert finished.ax.get_ylabel() == "share of missions, or of their data"
+    assert "Validation after 1,600 steps: your run landed" in finished.status.value
     assert list(drawn) == [0, 400, 800, 1200, 1600]
     assert "your run after 1,600 steps" in finished.stage.drawing
     assert finished._result() in finished.curves.picture.alt
@@ -86,6 +89,7 @@ def test_pausing_changes_nothing_of_the_result(finished):
     lab.pause.click()
     steps = lab.trainers[YOURS].steps
     assert 0 < steps < 1600 and "paused" in lab.status.value and not lab.start.disabled
+    assert lab.stage.begin == -1  # the flights pause, too
     lab.start.click()
     wait(lab)
     ours, theirs = (each.trainers[YOURS].learner.online.state_dict() for each in (lab, finished))
@@ -100,8 +104,45 @@ def test_the_run_before_is_named_by_its_changes(finished):
     lab.start.click()
     wait(lab)
     lab.new_run.click()
-    labels = [text.get_text() for text in lab.ax.get_legend().get_texts()]
-    assert "the run before: failsafe, return steps 1" in labels
+    lab.trainers = finished.trainers
+    lab._draw_curves()
+    assert labels_of(lab) == ["your run", "the run before: failsafe, return steps 1"]
+
+
+def labels_of(lab):
+    """The legend of the runs, without its line breaks."""
+    legend = lab.ax.figure.legends[0]
+    return [text.get_text().replace("\n", " ") for text in legend.get_texts()]
+
+
+def test_a_new_run_keeps_the_curves_of_both_and_the_longest_legend_is_within_the_picture(finished):
+    lab = TrainingLab("village", TINY)
+    lab.race.value = True
+    for settings in (lab.yours, lab.rival):
+        settings.values["crash_reward"].value = settings.values["crash_reward_end"].value = -150
+        settings.values["return_steps"].value = 1
+        settings.values["temperature"].value = 0.5
+        for part in settings.parts.values():
+            part.value = True
+    lab.trainers = lab._new()
+    lab.new_run.disabled = False
+    lab.new_run.click()
+    assert list(lab.previous) == [YOURS, RIVAL] and lab.trainers == {}
+    assert sorted({line.get_linestyle() for line in lab.ax.lines}) == ["-.", ":"]
+    lab.trainers = lab._new()
+    lab._draw_curves()
+    before = (
+        "before: failsafe, quantiles, return steps 1, advantage learning, temperature 0.5, "
+        "crash reward -150, crash reward at the end -150"
+    )
+    assert sorted(labels_of(lab)[2:]) == [f"the rival {before}", f"the run {before}"]
+    assert len(lab.ax.lines) == 4 * len(CURVES)
+    figure = lab.ax.figure
+    for legend in (figure.legends[0], lab.ax.get_legend()):
+        box = legend.get_window_extent()
+        assert box.x0 >= 0 and box.x1 <= figure.bbox.width
+        assert box.y0 >= 0 and box.y1 <= figure.bbox.height
+    assert figure.legends[0].get_window_extent().y1 < lab.ax.xaxis.label.get_window_extent().y0
 
 
 def test_the_recipe_races_the_run_with_changes_and_each_learns_as_if_alone(finished):
@@ -149,13 +190,12 @@ def test_any_two_recipes_race():
     source = find_recipe("quantile")
     assert recipes == {
         YOURS: replace(TINY, failsafe=True),
-        CHANGED: replace(
+        RIVAL: replace(
             TINY, return_steps=1, quantiles=source.quantiles, huber_delta=source.huber_delta
         ),
     }
-    labels = [text.get_text() for text in lab.ax.get_legend().get_texts()]
-    assert any(label.startswith("the rival: ") and "quantiles" in label for label in labels)
-    assert f"{CHANGED} after 1,600 steps" in lab.stage.drawing
+    assert labels_of(lab) == ["your run: failsafe", "the rival: quantiles, return steps 1"]
+    assert f"{RIVAL} after 1,600 steps" in lab.stage.drawing
     held = [*lab.rival.values.values(), *lab.rival.parts.values(), lab.race, lab.seed]
     assert all(each.disabled for each in held) and "press new run" in lab.status.value
     lab.new_run.click()

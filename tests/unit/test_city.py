@@ -131,7 +131,7 @@ def test_colours_near_the_palettes_are_read(kinds, shift, tmp_path_factory):
 
 def test_not_square_names_file_and_size(tmp_path):
     path = write_png(tmp_path / "wide.png", [[3, 0, 0], [0, 0, 0]])
-    with pytest.raises(CityError, match=r"wide\.png: a city must be square.* 2 × 3 cells"):
+    with pytest.raises(CityError, match=r"wide\.png: a city must be square.* 3 × 2 cells"):
         City.load(path)
 
 

@@ -27,6 +27,7 @@ from uavdh_lite.labs.draft import (
     scenario_of,
 )
 from uavdh_lite.labs.links import AGAIN, COPIED, HERE, decode, encode, mission_code, mission_in
+from uavdh_lite.labs.menu import MINE
 from uavdh_lite.labs.stage import BESIDE, FullScreen, Stage, together
 from uavdh_lite.labs.views import policy_title
 from uavdh_lite.labs.widgets import (
@@ -54,13 +55,23 @@ with extra("notebooks"):
 
 LARGEST = 50  # cells on a side; in larger cities, planners take minutes
 MANY = 100  # missions that say more than one
-UPLOAD = "Your city is as it was: mend the file, and upload it again"
+UPLOAD = "Your city is as it was: mend the file, and open it again"
+FAILS = 0.5  # of the data: who brings home less fails
 TRAIN = "python -m uavdh_lite train --city my_city.png --devices {devices} --out runs/my_city"
-HINT = "Drag devices, the start or the bars. A click on a map adds a device, or takes it away."
+HINT = (
+    "Drag devices, the start or the bars. A click on a flight's map adds a device, or takes it "
+    "away."
+)
 SWATCH = """.uavdh-brush .widget-toggle-button::before {
     content: ""; display: inline-block; width: 14px; height: 14px; margin-right: 6px;
     vertical-align: -2px; border: 1px solid #999; background-size: cover}
+.uavdh-open-png {font-size: 0} /* hides how many files were opened */
+.uavdh-open-png i, .uavdh-open-png::after {font-size: var(--jp-widgets-font-size, 13px)}
+.uavdh-open-png::after {content: "open PNG" / ""}
+.uavdh-told {line-height: 1.25}
+.uavdh-told .widget-html-content {line-height: 1.25}
 """
+TIE = 0.01  # a difference in what is brought home that does not count
 ADDRESS = "city="  # what stands behind the # of an address that opens a city
 FLOWN = "&mission="  # and behind the city, before the mission that is flown in it
 WORDS = {
@@ -76,6 +87,8 @@ WORDS = {
     "fly at once": "after each stroke the same mission is flown again: watch what a wall does",
     "100 missions": "how policy and greedy do on average; then it shows the mission in which "
     "greedy is furthest behind",
+    "fails": "brings home less than half of the data, or does not come home",
+    "and with": "a third policy that flies the same mission",
     "any_city agent": "a trained network that learned in 2000 random cities, but not in yours",
     "greedy": "a simple rule: to the nearest device with data, and home in time",
     "genie": "a planner that knows the mean rate at every place, which no UAV does",
@@ -92,8 +105,9 @@ class CityLab(ipywidgets.VBox):
     The planners and the agent for any city fly over what you have painted, next to the greedy
     planner; the agent only if the city is not larger than those that it was trained in. Devices and
     the start are dragged on their maps. With *fly at once* they fly the same mission again after
-    each stroke. *100 missions* says how they do on average, and shows the mission in which greedy
-    is furthest behind. The lab shows the command that trains an agent for your city alone.
+    each stroke, and *and with* lets a third policy fly it, too. *100 missions* says how they do on
+    average, and shows the mission in which greedy is furthest behind. The lab shows the command
+    that trains an agent for your city alone.
 
     Arguments:
         city: the name of a shipped city to start from.
@@ -121,18 +135,15 @@ class CityLab(ipywidgets.VBox):
                             [self.tool, self.mirror, self.undo, self.redo, FullScreen()],
                             layout=WRAP,
                         ),
-                        self.picker,
+                        row([self.picker, self.message], layout=WRAP),
                         row(
                             [
-                                *(self.policy, self.number, self.changed, self.fly),
+                                *(self.policy, self.third, self.number, self.changed, self.fly),
                                 *(self.following, self.at_once, self.many),
                             ],
                             layout=WRAP,
                         ),
-                        self.message,
-                        self.result,
                         self.views,
-                        self.seen,
                     ]
                 ),
                 self.take_home,
@@ -145,11 +156,13 @@ class CityLab(ipywidgets.VBox):
         self._numbered: Mission | None = None  # the random mission that was flown last
         self._mission: Mission | None = None  # that was flown last
         self._history, self._corner = History(), None
+        self._mine: np.ndarray | None = None  # the city that is no shipped one
+        self._offers = False  # the policies are ours to choose, for another city
         self.base.value = city
 
     def _build(self) -> None:
         self.base = ipywidgets.Dropdown(
-            options=[("", None), *((name, name) for name in shipped_cities())], description="from"
+            options=[(MINE, None), *((name, name) for name in shipped_cities())], description="from"
         )
         self.size = ipywidgets.BoundedIntText(value=12, min=4, max=LARGEST, description="new size")
         self.blank = ipywidgets.Button(description="blank city", icon="square-o")
@@ -157,9 +170,10 @@ class CityLab(ipywidgets.VBox):
         self.upload = ipywidgets.FileUpload(
             accept=".png",
             multiple=False,
-            description="upload PNG",
+            description="open PNG",
             tooltip=f"one pixel for each cell, at most {UPLOAD_BYTES // 1000} kB",
         )
+        self.upload.add_class("uavdh-open-png")
         self.tool = ipywidgets.ToggleButtons(
             options=["brush", "rectangle", "fill"],
             description="tool",
@@ -182,11 +196,21 @@ class CityLab(ipywidgets.VBox):
         )
         self.brush.add_class("uavdh-brush")
         self.swatches = ipywidgets.HTML(_swatches(), layout={"display": "none"})
-        self.policy = ipywidgets.Dropdown(description="policy")
+        self.policy = ipywidgets.Dropdown(
+            description="policy", layout={"width": "230px"}, style={"description_width": "50px"}
+        )
+        self.third = ipywidgets.Dropdown(
+            options=[("none", None)],
+            description="and with",
+            tooltip="a third policy, next to greedy",
+            layout={"width": "200px"},
+            style={"description_width": "62px"},
+        )
         self.number = ipywidgets.BoundedIntText(
             min=0, max=10**6, description="mission", tooltip="the number of the random mission"
         )
-        self.number.layout.width = "190px"
+        self.number.layout.width = "160px"
+        self.number.style.description_width = "58px"
         self.changed = changed_note()
         self.fly = ipywidgets.Button(
             description="fly", icon="plane", tooltip="the random mission of this number"
@@ -202,21 +226,27 @@ class CityLab(ipywidgets.VBox):
         self.at_once = ipywidgets.ToggleButton(
             description="fly at once", icon="bolt", tooltip="the mission again, after each stroke"
         )
+        widths = {self.fly: 80, self.following: 130, self.at_once: 120, self.many: 130}
+        for button, width in widths.items():
+            button.layout.width = f"{width}px"
         self.picker = CellPicker(self.picked)
-        self.message = ipywidgets.HTML(layout={"min_height": "28px"})
-        self.result = ipywidgets.HTML(layout={"min_height": "84px"})  # the map stays in its place
+        # What is told stands beside the map, or in a row of its height: the map stays in its place
+        self.message = ipywidgets.HTML(layout={"flex": "1 1 400px", "min_height": "28px"})
+        self.result = ipywidgets.HTML()
         self.take_home = ipywidgets.HTML()
         self.seen = ipywidgets.HTML(layout={"min_height": "28px"})
-        figure = Figure(figsize=(4.2, 4.2), dpi=150)
-        self.ax = figure.add_axes((0.07, 0.06, 0.92, 0.92))
+        for told in (self.message, self.result, self.seen):
+            told.add_class("uavdh-told")
+        figure = Figure(figsize=(4.2, 4.25), dpi=150)
+        self.ax = figure.add_axes((0.07, 0.05, 0.91, 0.9))
         self.canvas = Canvas(figure)
         self.stage = Stage(
             dropped=self.dropped,
             filled=lambda device, amount: self._fly(lambda: self._mission.fill(device, amount)),
             timed=lambda time: self._fly(lambda: replace(self._mission, flying_time=time)),
         )
-        self.stage.layout = BESIDE
-        self.views = ipywidgets.HBox([self.canvas.picture], layout=WRAP)
+        self.side = ipywidgets.VBox([self.seen, self.result], layout=BESIDE)
+        self.views = ipywidgets.HBox([self.canvas.picture, self.side], layout=WRAP)
 
     def _listen(self) -> None:
         self.base.observe(lambda change: self._load(change.new), "value")
@@ -229,6 +259,7 @@ class CityLab(ipywidgets.VBox):
         self.fly.on_click(lambda _: self._fly(self._drawn_mission))
         self.following.on_click(lambda _: self._fly_next())
         self.number.observe(lambda _: self._renumbers or self._fly(self._drawn_mission), "value")
+        self.third.observe(lambda _: self._fly_with(), "value")
         self.many.on_click(lambda _: self._fly_many())
         self.at_once.observe(lambda _: self._fly_again(), "value")
         self.canvas.on_drag(
@@ -256,7 +287,7 @@ class CityLab(ipywidgets.VBox):
             self.draft.paint(cell, self.brush.value)
         if (self.draft.kinds != shown).any():
             self._history.record(self.draft.kinds, new=not self._recorded)
-            self._recorded = True
+            self._recorded, self._mine = True, self.draft.kinds.copy()
             self.base.value = None  # so that the city can be chosen again
             self._show()
 
@@ -306,6 +337,9 @@ class CityLab(ipywidgets.VBox):
     def _load(self, name: str | None) -> None:
         if name is not None:
             self._take(City.load(name).kinds, name)
+        elif self._mine is not None and not np.array_equal(self._mine, self.draft.kinds):
+            self._history.record(self._mine)
+            self._set(self._mine)
 
     def _draw_random(self) -> None:
         """A city of the size that the field says, another one each time."""
@@ -327,9 +361,15 @@ class CityLab(ipywidgets.VBox):
         """Undo a step (-1), or redo one (1)."""
         if by and (kinds := self._history.move(by)) is not None:
             self._set(kinds)
+            mission = self._mission
+            hidden = mission is not None and self.stage not in self.side.children
+            if hidden and np.array_equal(mission.city.kinds, kinds):  # its flights come back, too
+                self._fly(lambda: mission)
 
     def _set(self, kinds: np.ndarray, name: str | None = None) -> None:
         self.draft = Draft(kinds)
+        if name is None:
+            self._mine = self.draft.kinds.copy()
         self.base.value = name
         self.picker.row.max = self.picker.column.max = self.draft.size - 1
         self._show()
@@ -390,7 +430,7 @@ class CityLab(ipywidgets.VBox):
 
     def _address(self) -> str:
         """What stands in a link: the city, and the mission that is flown in it."""
-        shown = self.stage in self.views.children
+        shown = self.stage in self.side.children
         return self._code + (FLOWN + mission_code(self._mission) if shown else "")
 
     def _show(self) -> None:
@@ -399,6 +439,7 @@ class CityLab(ipywidgets.VBox):
         self.seen.value = ""
         self.ax.clear()
         draw_city(self.ax, self.draft).set(xlabel="", ylabel="")
+        self.ax.set_title("paint here", fontsize="medium")
         self.canvas.draw_all()
         self.canvas.draw(alt=self.draft.description())
         if not self.at_once.value:
@@ -445,14 +486,18 @@ class CityLab(ipywidgets.VBox):
             chosen = self.policy.value
             self.policy.options = options
             self.policy.value = chosen if chosen in names else names[0]
+            self._offers, third = True, self.third.value
+            self.third.options = [("none", None), *options]
+            self.third.value = third if third in names else None
+            self._offers = False
 
     def _allow_flights(self, allowed: bool) -> None:
-        for button in (self.fly, self.following, self.many):
+        for button in (self.fly, self.following, self.many, self.at_once):
             button.disabled = not allowed
 
     def _hide_flights(self) -> None:
         """They were in another city."""
-        self.views.children, self.result.value = [self.canvas.picture], ""
+        self.side.children, self.result.value = [self.seen, self.result], ""
         self.changed.value = ""
         self._average = ""
 
@@ -488,6 +533,17 @@ class CityLab(ipywidgets.VBox):
         self._numbered = Mission.draw(scenario_of(city), city, self.number.value)
         return self._numbered
 
+    def _fly_with(self) -> None:
+        """Let another third policy fly the mission that is shown."""
+        mission = self._mission
+        if not self._offers and self.stage in self.side.children:
+            self._fly(lambda: mission)
+
+    def _policies(self) -> list[str]:
+        """The policy, greedy for comparison, and a third one if there is one."""
+        chosen = (self.policy.value, "greedy", self.third.value)
+        return list(dict.fromkeys(name for name in chosen if name))
+
     def _fly_next(self) -> None:
         self.number.value += 1
 
@@ -503,23 +559,14 @@ class CityLab(ipywidgets.VBox):
         chosen, title = self.policy.value, policy_title(self.policy.value)
         self.result.value = f"{title} is flying {MANY} missions …"
         scores = {}
-        for name in dict.fromkeys([chosen, "greedy"]):
+        for name in self._policies():
             policy = find_policy(name, environment)
             flights = fly(environment, policy, states, stream(Use.LAB))
             scores[name] = flights.records()["collection_ratio_and_landed"]
+        self._average = told_average(chosen, scores)
         ahead, number = scores[chosen] - scores["greedy"], self.number.value
-        self._average = f"Over {MANY} missions, collected and landed: " + ", ".join(
-            f"{policy_title(name)} {score.mean():.0%}" for name, score in scores.items()
-        )
-        if chosen != "greedy":
-            self._average += (
-                f"; {title} is ahead in {(ahead > 0.01).sum()}, behind in {(ahead < -0.01).sum()}"
-            )
-        if ahead.max() > 0.01:
+        if ahead.max() > TIE:
             number = int(ahead.argmax())
-            self._average += f". Mission {number} is the one in which greedy is furthest behind"
-            if ahead.min() < -0.01:
-                self._average += f", mission {ahead.argmin()} the one in which {title} is"
         if number == self.number.value:
             self._fly(self._drawn_mission)
         self.number.value = number  # which flies it
@@ -533,7 +580,7 @@ class CityLab(ipywidgets.VBox):
             self.result.value = f"{self.policy.value} is planning …"
             flown = {
                 name: mission.fly(environment, find_policy(name, environment))
-                for name in dict.fromkeys([self.policy.value, "greedy"])
+                for name in self._policies()
             }
         except InputError as error:
             self._say(str(error))
@@ -545,7 +592,7 @@ class CityLab(ipywidgets.VBox):
         self.stage.most = {"data": 20.0, "time": 4 * city.size}
         titled = {policy_title(name): flights for name, flights in flown.items()}
         self.stage.show(environment, titled, begin=0)
-        self.views.children = [self.canvas.picture, self.stage]
+        self.side.children = [self.seen, self.result, self.stage]
         say_changed(self.changed, self.number.value, is_changed(mission, self._numbered))
         self._offer_home(city)
 
@@ -553,14 +600,36 @@ class CityLab(ipywidgets.VBox):
     def _told(name: str, flights: Flights) -> str:
         """A flight in a line."""
         end, start = flights.end, flights.start
+        brought = f"{end.data_collected.sum():.1f} of {start.data_initial.sum():.1f}"
         return (
             f"{policy_title(name)}: {'landed' if end.landed[0] else 'crashed'} after "
             f"{flights.steps[0]} of {start.time_left[0]} units of time, "
-            f"{end.data_collected.sum():.1f} of {start.data_initial.sum():.1f} data units collected"
+            f"{brought} data units collected."
         )
 
     def _say(self, text: str, colour: str = RED) -> None:
         self.message.value = status(text, colour)
+
+
+def told_average(chosen: str, scores: dict[str, np.ndarray]) -> str:
+    """How many missions went, from the share that each policy brought home in each of them."""
+    title, greedy = policy_title(chosen), scores["greedy"]
+    shares = [f"{policy_title(name)} {score.mean():.0%}" for name, score in scores.items()]
+    told = [f"Over {len(greedy)} missions, collected and landed: {', '.join(shares)}."]
+    fails = (greedy < FAILS).sum()
+    told.append(f"Greedy fails in {fails}: it brings home less than half." if fails else "")
+    if chosen == "greedy":
+        return " ".join(filter(None, told))
+    difference = scores[chosen] - greedy
+    wins, losses = (difference > TIE).sum(), (difference < -TIE).sum()
+    told.append(f"The {title} is ahead of greedy in {wins}, behind in {losses}.")
+    if difference.mean() * (wins - losses) < 0:
+        less, more = ("behind", "ahead") if wins > losses else ("ahead", "behind")
+        told.append(f"It is {less} on average, as it is {less} by more than it is {more}.")
+    furthest = [f"greedy in mission {difference.argmax()}"] * bool(wins)
+    furthest += [f"the {title} in mission {difference.argmin()}"] * bool(losses)
+    told.append(f"Furthest behind: {', '.join(furthest)}." if furthest else "")
+    return " ".join(filter(None, told))
 
 
 def _swatches() -> str:

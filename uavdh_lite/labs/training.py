@@ -1,12 +1,14 @@
 """Training live: start, watch, pause and continue, while other cells of the notebook can run."""
 
 import atexit
+import textwrap
 import threading
 import time
 import weakref
 from dataclasses import replace
 
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights
@@ -28,14 +30,17 @@ CURVES = {
     "collection_ratio": ("collected", ORANGE),
     "collection_ratio_and_landed": ("collected and landed", BLUE),
 }
-YOURS, RIVAL, CHANGED = "your run", "the recipe", "the rival"
+YOURS, RIVAL = "your run", "the rival"
+STYLES = {YOURS: "o-", RIVAL: "--"}
+OLD_STYLES = {YOURS: ":", RIVAL: "-."}  # of the run before
 WORDS = {
     "what happens": "the agent flies the village again and again. From what it has seen, a small "
     "neural network learns how much each action is worth. Every 8000 steps it is tested in "
     "missions that it does not learn from: a validation",
     "recipe": "all constants of a training; this one is called <i>small</i>",
-    "crash reward": "what a crash costs at the beginning of the training, and at the end. Try -150 "
-    "from the start: then it lands at once and collects nothing",
+    "crash reward at first, and at the end of training": "what a crash costs. It grows in between, "
+    "up to a seventh of what it costs the agents of the other labs, which are told of 150. Try "
+    "-150 from the start: then it lands at once and collects nothing",
     "temperature": "how much it tries out at the beginning: high, any action; low, only what it "
     "thinks best",
     "return steps": "how many steps of real rewards count before its own estimate",
@@ -44,15 +49,26 @@ WORDS = {
     "quantiles": "it learns how returns are spread, not their mean alone",
     "advantage learning": "it widens the gap between the best action and the others. Both pay "
     "together with the failsafe",
-    "race the recipe": "the recipe as it is trains next to yours, with the same seed. Its settings "
-    "appear next to yours: change them, and any two recipes race",
+    "race a second agent": "a rival trains next to yours, with the same seed. Its settings appear "
+    "next to yours. As they come they are the recipe as it is; change them, and any two recipes "
+    "race",
     "seed": "the number of the random draws. Two runs that differ only in it show how much is luck",
+    "environment steps": "how many steps it has flown in all missions together",
+    "updates": "how many times its network has been changed by what it learned",
     "landed": "the share of validation missions in which it landed in time",
+    "collected": "the share of the data that it collected, whether it landed or not",
     "collected and landed": "the share of the data that it brought home; 0 where it did not land",
 }
 UNLOCK = "To change settings, press new run"
 REFRESH = 0.3  # seconds between updates of the progress
 PART, WIDE = {"width": "190px"}, {"description_width": "155px"}
+SETTING, NAME = {"width": "385px"}, {"description_width": "275px"}
+LETTERS = {"small": 76, "x-small": 92}  # of a line of the legend
+TITLES = {
+    "crash_reward": "crash reward at first",
+    "crash_reward_end": "crash reward at the end of training",
+}
+SHORT = {"crash_reward": "crash reward", "crash_reward_end": "crash reward at the end"}
 PARTS = {  # of the recipe `quantile`: what each one sets
     "failsafe": ("failsafe",),
     "quantiles": ("quantiles", "huber_delta"),
@@ -72,17 +88,17 @@ class Settings(ipywidgets.HBox):
         self._recipe = recipe
         number = ipywidgets.FloatText
         self.values = {
-            "crash_reward": number(recipe.crash_reward, description=f"{whose}crash reward"),
-            "crash_reward_end": number(
-                recipe.crash_reward_end, description=f"{whose}crash reward, end"
-            ),
+            **{
+                name: number(getattr(recipe, name), description=f"{whose}{title}")
+                for name, title in TITLES.items()
+            },
             "temperature": number(recipe.temperature, description=f"{whose}temperature"),
             "return_steps": ipywidgets.BoundedIntText(
                 recipe.return_steps, min=1, max=20, description=f"{whose}return steps"
             ),
         }
         for value in self.values.values():
-            value.style = WIDE
+            value.style, value.layout = NAME, SETTING
         self.parts = {
             name: ipywidgets.Checkbox(description=f"{whose}{name}", indent=False, layout=PART)
             for name in PARTS
@@ -109,10 +125,11 @@ class Settings(ipywidgets.HBox):
 class TrainingLab(ipywidgets.VBox):
     """A small training run in the background, its curves, and how the agent flies.
 
-    With a tick at *race*, the recipe without your changes trains next to it, step by step; or any
-    other one, if you change the rival's settings, too. The flights are those after the newest
-    validation; a click on the curves, or the slider, shows those after another one. A run pauses
-    when the lab is closed, and when the process ends. `running` says whether one is on.
+    With a tick at *race a second agent*, a rival trains next to it, step by step: the recipe
+    without your changes, or any other one, if you change the rival's settings, too. The flights are
+    those after the newest validation; a click on the curves, or the slider, shows those after
+    another one. A run pauses when the lab is closed, and when the process ends. `running` says
+    whether one is on.
 
     Arguments:
         scenario, recipe: names of presets; `recipe` may also be a `Recipe`.
@@ -126,27 +143,32 @@ class TrainingLab(ipywidgets.VBox):
         self.yours, self.rival = Settings(self.recipe), Settings(self.recipe, "rival: ")
         self.settings, self.parts = self.yours.values, self.yours.parts
         self.race = ipywidgets.Checkbox(
-            description="race the recipe",
+            description="race a second agent",
             indent=False,
             layout=PART,
-            tooltip="train the recipe at the same time; its settings, too, can be changed",
+            tooltip="train a rival at the same time; its settings, too, can be changed",
         )
         self.yours.right.children = [*self.yours.right.children, self.race]
         self.seed = ipywidgets.BoundedIntText(
             description="seed", min=0, max=10**6, layout={"width": "200px"}
         )
         self.start = ipywidgets.Button(description="start", icon="play", button_style="primary")
-        self.pause = ipywidgets.Button(description="pause", icon="pause", disabled=True)
+        self.pause = ipywidgets.Button(
+            description="pause training",
+            icon="pause",
+            disabled=True,
+            tooltip="the flights pause, too",
+        )
         self.new_run = ipywidgets.Button(
             description="new run",
             icon="undo",
             disabled=True,
-            tooltip="forget this run, but keep its curves",
+            tooltip="forget this run, but keep its curves, and those of its rival",
         )
         self.progress = ipywidgets.IntProgress(min=0, max=self.recipe.steps, description="steps")
         self.status = ipywidgets.HTML()
-        figure = Figure(figsize=(5.2, 4.2), dpi=100)
-        self.ax = figure.add_axes((0.12, 0.13, 0.83, 0.72), facecolor="none")
+        figure = Figure(figsize=(5.2, 4.9), dpi=100)
+        self.ax = figure.add_axes((0.12, 0.34, 0.85, 0.59), facecolor="none")
         self.curves, self.stage = Canvas(figure, self._draw_again), Stage()
         self.stage.layout = BESIDE
         self.looked_at = ipywidgets.IntSlider(
@@ -186,11 +208,11 @@ class TrainingLab(ipywidgets.VBox):
         self.looked_at.observe(lambda _: self._show_flights(), "value")
         self.race.observe(lambda change: self._show_rival(change.new), "value")
         self.start.on_click(lambda _: self.run())
-        self.pause.on_click(lambda _: self.stop())
+        self.pause.on_click(lambda _: self._pause())
         self.new_run.on_click(lambda _: self.reset())
         self.trainers: dict[str, Trainer] = {}  # yours comes first
-        self.previous: list[dict] = []  # validations of the previous run
-        self._before = ""  # how its recipe differed
+        self.previous: dict[str, list[dict]] = {}  # validations of the run before, and its rival
+        self._before: dict[str, str] = {}  # how their recipes differed
         self.flown: list[dict[str, Flights]] = []  # the same mission after each validation
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
@@ -220,13 +242,18 @@ class TrainingLab(ipywidgets.VBox):
         if self._thread is not None:
             self._thread.join()
 
+    def _pause(self) -> None:
+        """Pause the run, and the flights with it."""
+        self.stop()
+        self.stage.begin = -1
+        self.stage.put_back()
+
     def reset(self) -> None:
         """Forget the run, so that the settings can be changed."""
         self.stop()
         if self.trainers:
-            self.previous = self.trainers[YOURS].validation_rows
-            changed = self.trainers[YOURS].recipe, self.recipe
-            self._before = _differences(*(each.as_json() for each in changed))
+            self.previous = {name: each.validation_rows for name, each in self.trainers.items()}
+            self._before = {name: self._changes(name) for name in self.trainers}
         for trainer in self.trainers.values():
             trainer.close()
         self.trainers, self.progress.value, self.flown = {}, 0, []
@@ -251,10 +278,9 @@ class TrainingLab(ipywidgets.VBox):
         recipes = {YOURS: self.yours.recipe}
         if self.race.value:
             try:
-                rival = self.rival.recipe
+                recipes[RIVAL] = self.rival.recipe
             except InputError as error:
                 raise InputError(f"the rival's settings: {error}") from None
-            recipes[RIVAL if rival == self.recipe else CHANGED] = rival
         trainers = {
             name: Trainer(self.scenario, recipe, self.seed.value)
             for name, recipe in recipes.items()
@@ -346,46 +372,77 @@ class TrainingLab(ipywidgets.VBox):
 
     def _result(self) -> str:
         """How far the runs are, with the last validation of each."""
-        yours = self.trainers[YOURS]
-        results = []
+        yours, results = self.trainers[YOURS], []
+        last = len(self._rows()) - 1
         for name, trainer in self.trainers.items():
-            row = trainer.validation_rows[-1]
+            row = trainer.validation_rows[last]
             results.append(
                 f"{name} landed {row['has_landed']:.0%}, "
                 f"collected and landed {row['collection_ratio_and_landed']:.0%}"
             )
         return (
-            f"after {yours.steps:,} steps, {yours.updates:,} updates, {yours.seconds:.0f} s: "
-            + "; ".join(results)
+            f"{yours.steps:,} steps, {yours.updates:,} updates, {yours.seconds:.0f} s. Validation "
+            f"after {yours.validation_rows[last]['steps']:,} steps: {'; '.join(results)}"
         )
 
+    def _changes(self, name: str) -> str:
+        """In what a run's recipe differs from the one that the lab starts with."""
+        return _differences(self.trainers[name].recipe.as_json(), self.recipe.as_json())
+
     def _draw_curves(self) -> None:
-        """Yours as lines with points, the rival's dashed, those of the run before dotted."""
+        """Yours as lines with points, the rival's dashed; those of the run before, dotted."""
         self.ax.clear()
-        drawn = {"o-": [], "--": [], ":": self.previous}
-        for style, trainer in zip(drawn, self.trainers.values(), strict=False):
-            drawn[style] = trainer.validation_rows
-        for metric, (label, colour) in CURVES.items():
-            for style, rows in drawn.items():
+        drawn = [(OLD_STYLES[name], 0.6, rows) for name, rows in self.previous.items()]
+        drawn += [(STYLES[name], 1, run.validation_rows) for name, run in self.trainers.items()]
+        for metric, (_, colour) in CURVES.items():
+            for style, alpha, rows in reversed(drawn):
                 x, y = [row["steps"] for row in rows], [row[metric] for row in rows]
-                alpha = 0.6 if style == ":" else 1.0
                 self.ax.plot(x, y, style, color=colour, alpha=alpha)
-            self.ax.plot([], [], "o-", color=colour, label=label)
-        for name in list(self.trainers)[1:]:
-            rival = self.trainers[name].recipe.as_json()
-            changes = _differences(rival, self.recipe.as_json())
-            self.ax.plot([], [], "k--", label=f"{name}{changes}")
-        if self.previous:
-            self.ax.plot([], [], "k:", label=f"the run before{self._before}")
-        self.ax.set(xlim=(0, self.recipe.steps), ylim=(-0.03, 1.03), xlabel="environment steps")
-        self.ax.legend(
-            loc="lower left",
-            bbox_to_anchor=(0, 1),
-            ncols=2,
-            fontsize="small",
-            frameon=False,  # above the curves, which it would hide
-        )
+        edge = 0.02 * self.recipe.steps  # so that points at the ends are whole
+        self.ax.set(xlim=(-edge, self.recipe.steps + edge), ylim=(-0.03, 1.03))
+        self.ax.set(xlabel="environment steps", ylabel="share of missions, or of their data")
+        for old in self.ax.figure.legends[:]:
+            old.remove()
+        self._explain_colours()
+        self._explain_runs()
         self.curves.draw_all()
+
+    def _explain_colours(self) -> None:
+        """The legend above the curves."""
+        lines = [Line2D([], [], marker="o", color=c, label=label) for label, c in CURVES.values()]
+        self.ax.legend(
+            handles=lines,
+            loc="lower left",
+            bbox_to_anchor=(-0.03, 1),
+            ncols=len(lines),
+            fontsize="small",
+            frameon=False,
+            columnspacing=1.2,
+        )
+
+    def _explain_runs(self) -> None:
+        """The legend below the curves, if they are of more than one run."""
+        runs = {STYLES[name]: f"{name}{self._changes(name)}" for name in self.trainers}
+        runs |= {
+            OLD_STYLES[name]: f"{'the run' if name == YOURS else name} before{changes}"
+            for name, changes in self._before.items()
+        }
+        if len(runs) < 2:
+            return
+        size = "small" if len(runs) == 2 else "x-small"
+        lines = [
+            Line2D([], [], color="black", ls=style.strip("o"), marker="o" if "o" in style else "")
+            for style in runs
+        ]
+        self.ax.figure.legend(
+            lines,
+            [textwrap.fill(label, LETTERS[size]) for label in runs.values()],
+            loc="upper left",
+            bbox_to_anchor=(0, 0.245),
+            fontsize=size,
+            frameon=False,
+            labelspacing=0.3,
+        )
 
     def _draw_again(self) -> None:
         """Draw the curves in the page's new colours."""
@@ -410,7 +467,10 @@ def _differences(recipe: dict, source: dict) -> str:
     """In what a recipe differs from another one, for a legend."""
     parts = {name: part for part, names in PARTS.items() for name in names}
     changed = [name for name, value in recipe.items() if value != source[name]]
-    said = dict.fromkeys(parts.get(n, f"{n} {recipe[n]:g}".replace("_", " ")) for n in changed)
+    said = dict.fromkeys(
+        parts.get(name) or f"{SHORT.get(name, name)} {recipe[name]:g}".replace("_", " ")
+        for name in changed
+    )
     return f": {', '.join(said)}" if said else ""
 
 
