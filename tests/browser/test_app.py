@@ -27,7 +27,7 @@ from uavdh_lite.city import City
 from uavdh_lite.environment import ACTIONS
 from uavdh_lite.labs.draft import Draft
 from uavdh_lite.labs.fly import KEYS
-from uavdh_lite.missions import Mission, environment_of
+from uavdh_lite.missions import Mission, as_json, environment_of
 from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import SCENARIOS
 
@@ -175,7 +175,7 @@ def first_mission(city):
 
 def table(lab):
     """The numbers below the maps of the mission lab: a dict for each policy."""
-    rows = lab.locator(".uavdh-numbers tr").all()
+    rows = lab.locator(".uavdh-numbers tr:not(:has(th))").all()
     head, *others = ([cell.inner_text() for cell in row.locator("td").all()] for row in rows)
     return [dict(zip(head, values, strict=True)) for values in others]
 
@@ -223,7 +223,9 @@ def test_a_mission_is_set_on_the_map_and_flown(page):
 
     lab.get_by_role("button", name="add", exact=True).click()
     click_cell(page, lab, 3, 2)
-    expect(lab.locator("span[role=status]")).to_contain_text("stands on a building at (3, 2)")
+    expect(lab.locator("span[role=status]")).to_have_text(
+        "not added: there is a building at row 3, column 2"
+    )
 
     flown = table(lab)[0]
     here, there = first_mission("manhattan").devices[0], (0, 6)  # far away
@@ -233,7 +235,7 @@ def test_a_mission_is_set_on_the_map_and_flown(page):
     drag_cell(page, lab, there, here)
     until(page, lambda: table(lab)[0] == flown)
     drag_cell(page, lab, here, (2, 2))  # onto a building: it goes back
-    expect(lab.locator("span[role=status]")).to_contain_text("stands on a building")
+    expect(lab.locator("span[role=status]")).to_contain_text("device 0 was not moved")
     device = lab.locator("svg [data-device='0']").first
     expect(device).to_have_attribute("transform", f"translate({here[1]} {here[0]})")
 
@@ -414,6 +416,122 @@ def test_a_large_screen_is_used_and_pictures_fill_it(shared_page, on_screen, tit
     until(page, lambda: page.evaluate("document.fullscreenElement === null"))
 
 
+def bottom(part):
+    box = part.bounding_box()
+    return box["y"] + box["height"]
+
+
+def fill_the_screen(page, lab, filled=True):
+    lab.get_by_role("button", name="Full screen").click()
+    until(page, lambda: page.evaluate("document.fullscreenElement !== null") == filled)
+
+
+def test_flights_side_by_side_are_larger_in_full_screen_and_all_is_in_sight(page):
+    lab = open_lab(page, "Mission")
+    lab.get_by_label("compare with").select_option("greedy")
+    lab.get_by_label("and with").select_option("random")
+    for cell in ((8, 8), (7, 7)):  # the most that there can be
+        click_cell(page, lab, *cell)
+        expect(lab.get_by_role("button", name=f"at ({cell[0]}, {cell[1]})")).to_have_count(3)
+    maps, sides = lab.locator(".uavdh-stage .map"), lab.locator(".uavdh-stage .side")
+    for width, height in ((1280, 720), (1366, 768), (1920, 1080)):
+        page.set_viewport_size({"width": width, "height": height})
+        outside = settled_width(page, maps.first)
+        fill_the_screen(page, lab)
+        until(page, lambda: maps.first.bounding_box()["width"] > outside)  # noqa: B023
+        assert settled_width(page, maps.first) > outside
+        assert all(bottom(side) <= height for side in sides.all())
+        assert lab.locator(".uavdh-sentence").bounding_box()["y"] >= 0 and fits(page)
+        fill_the_screen(page, lab, filled=False)
+
+
+def test_one_flight_uses_the_width_of_the_screen(shared_page, on_screen):
+    lab = open_lab(shared_page, "Mission")
+    on_screen(1280, 720)
+    fill_the_screen(shared_page, lab)
+    map_, side = (lab.locator(f".uavdh-stage {part}") for part in (".map", ".side"))
+    until(shared_page, lambda: map_.bounding_box()["width"] > 590)
+    until(shared_page, lambda: bottom(map_) <= 720 and side.bounding_box()["width"] > 590)
+    click_cell(shared_page, lab, 8, 8)
+    expect(lab.get_by_role("button", name="at (8, 8)")).to_be_visible()
+    shared_page.keyboard.press("z")
+    expect(lab.get_by_role("button", name="at (8, 8)")).to_have_count(0)
+    fill_the_screen(shared_page, lab, filled=False)
+
+
+def test_the_page_says_what_it_is_and_what_its_words_mean(shared_page, on_screen):
+    page = shared_page
+    on_screen(1280, 720)
+    assert page.locator("header").bounding_box()["height"] <= 45
+    expect(page.locator("header")).to_contain_text("A drone, the UAV")
+    letters = "part => getComputedStyle(part).fontFamily"
+    for tab in page.get_by_role("tab").all():
+        lab = open_lab(page, tab.inner_text())
+        tab.hover()
+        expect(tab).to_have_attribute("title", re.compile(r"\w+ .*\w"))
+        question = lab.locator("summary")
+        expect(question).to_have_count(1)
+        assert bottom(question) <= 150
+        question.click()
+        expect(lab.locator("dt").first).to_be_visible()
+        question.click()
+        label = lab.locator(".widget-label:visible").first.evaluate(letters)
+        parts = lab.locator(
+            ":is(.widget-dropdown select, .widget-text input, .jupyter-button)"
+        ).all()
+        assert {part.evaluate(letters) for part in parts} == {label} and len(parts) > 3
+        assert tab.locator(".lm-TabBar-tabLabel").evaluate(letters) == label
+
+
+def test_a_low_screen_is_for_the_map_and_its_legend(shared_page, on_screen):
+    lab = open_lab(shared_page, "Mission")
+    on_screen(1280, 720)
+    controls = bottom(lab.get_by_label("fading no."))
+    play = lab.get_by_role("button", name="Play")
+    until(shared_page, lambda: play.bounding_box()["y"] - controls < 60)  # a line for messages
+    assert lab.locator(".legend").bounding_box()["height"] < 50  # two lines
+    number = lab.get_by_label("mission no.")
+    number.fill("-3")
+    number.press("Tab")
+    expect(lab.locator("span[role=status]")).to_contain_text("there is no mission no. -3")
+    expect(number).to_have_value("0")
+    assert play.bounding_box()["y"] - controls < 60
+
+
+def test_a_click_on_a_row_keeps_the_shadow_of_its_device(shared_page):
+    lab = open_lab(shared_page, "Mission")
+    shadow = lab.locator("[data-shadow='1']")
+    row = lab.locator(".bar[data-device='1'] .what")
+    row.click()
+    lab.locator(".legend").hover()
+    expect(shadow).to_have_attribute("visibility", "visible")
+    row.click()
+    lab.locator(".legend").hover()
+    expect(shadow).to_have_attribute("visibility", "hidden")
+
+
+def test_one_can_guess_before_the_flights_are_seen(page):
+    lab = open_lab(page, "Mission")
+    lab.get_by_label("compare with").select_option("greedy")
+    result = lab.get_by_text("Best return:")
+    expect(result).to_be_visible()
+    charts = lab.locator(".uavdh-picture")
+    lab.get_by_role("button", name="guess first").click()
+    expect(lab.get_by_text("Guess first:")).to_be_visible()
+    expect(lab.locator("output")).to_have_text(re.compile("^0 of"))
+    expect(result).to_have_count(0)
+    expect(charts).to_be_hidden()
+    assert table(lab)[0]["return"] == "?"
+    ahead = lab.locator(".map svg [data-from]")
+    drawn = "steps => steps.map((step) => step.getAttribute('visibility'))"
+    assert set(ahead.evaluate_all(drawn)) == {"hidden"}
+    lab.get_by_label("speed").select_option("4")
+    lab.get_by_role("button", name="Play").click()
+    expect(result).to_be_visible()
+    expect(charts).to_be_visible()
+    assert table(lab)[0]["return"] != "?"
+
+
 def test_training_fills_the_screen(shared_page, on_screen):
     lab = open_lab(shared_page, "Training")
     lab.get_by_role("button", name="Full screen").click()
@@ -495,7 +613,7 @@ def test_quick_keys_on_bars_and_devices_all_count(shared_page):
     row, col = first_mission("manhattan").devices[0]
     device = lab.get_by_role("button", name="device 0 at").first
     shared_page.evaluate(press, [device.element_handle(), "ArrowUp", 1])  # onto a building
-    expect(lab.locator("span[role=status]")).to_contain_text("stands on a building")
+    expect(lab.locator("span[role=status]")).to_contain_text("device 0 was not moved")
     expect(device).to_have_attribute("transform", f"translate({col} {row})")
     shared_page.evaluate(press, [device.element_handle(), "ArrowRight", 2])
     moved = lab.get_by_role("button", name=f"device 0 at ({row}, {col + 2})").first
@@ -537,7 +655,7 @@ def test_a_link_is_copied_where_the_browser_allows_it(page):
     assert address == page.url and re.search(r"#mission=[A-Za-z0-9_-]+$", address)
     page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject(new Error()) }")
     link.click()
-    expect(status).to_contain_text("The link is in the address bar")
+    expect(status).to_contain_text("address bar")
 
 
 def test_a_mission_is_saved_and_opened_with_the_browsers_dialogs(page, tmp_path):
@@ -669,8 +787,7 @@ def test_a_finger_drags_a_device(browser, server):
 def test_quick_keys_leave_the_map_at_the_last_step(shared_page):
     lab = open_lab(shared_page, "Fly it yourself")
     lab.get_by_role("button", name="start again").click()
-    expect(lab).to_contain_text("units of time left")
-    lab.locator(".uavdh-stage .map svg").click()
+    expect(lab.locator(".uavdh-stage output")).to_have_text("0 of 0")
     for _ in range(8):
         shared_page.keyboard.press(" ")
     counter = lab.locator(".uavdh-stage output")
@@ -746,19 +863,116 @@ def test_flying_by_keys_ends_with_a_score(shared_page):
     expect(lab).to_contain_text(f"{left} units of time left")
     lab.get_by_role("button", name=button).click()
     expect(lab).to_contain_text(f"{left - 1} units of time left")
-    lab.locator(".uavdh-stage .map svg").click()
     for number, action in enumerate(others[:-1], start=2):
         shared_page.keyboard.press(keys[action])
         expect(lab).to_contain_text(f"{left - number} units of time left")
     shared_page.keyboard.press(keys[others[-1]])
     expect(lab.locator("tr")).to_have_count(12)  # they come one by one, then the session's
+    expect(lab.locator("caption")).to_have_text([re.compile("this mission"), re.compile("session")])
     scores = [row.locator("td").all_inner_texts() for row in lab.locator("tr").all()]
-    assert scores[6][0] == "this session" and {row[1] for row in scores[7:]} == {"1"}
+    assert {row[1] for row in scores[7:]} == {"1"}
     scores = scores[:6]
-    assert [row[0] for row in scores[1:]] == ["you", "any_city agent", "greedy", "genie", "random"]
-    assert scores[1][1] == "yes" and scores[1][1:] == scores[3][1:]
+    assert [row[0] for row in scores[1:]] == ["any_city agent", "genie", "greedy", "you", "random"]
+    assert scores[4][1] == "yes" and scores[4][1:] == scores[3][1:]
+    expect(lab).to_contain_text("0.4 behind any_city agent and genie")
+    lab.get_by_label("next to mine").select_option("genie")
+    expect(lab.locator(".uavdh-stage .map svg")).to_have_count(2)
+    expect(lab.locator(".uavdh-stage .name")).to_have_text(["your flight", "genie"])
+    expect(lab.get_by_role("button", name="Play")).to_be_visible()  # both have landed
     assert fits(shared_page)
     shoot(shared_page, "fly")
+
+
+def test_keys_fly_wherever_the_focus_is_and_in_full_screen(shared_page, on_screen):
+    lab = open_lab(shared_page, "Fly it yourself")
+    lab.get_by_label("city").select_option("village")
+    left = first_mission("village").flying_time
+    map_ = lab.locator(".uavdh-stage .map svg")
+    button = lambda name: lab.get_by_role("button", name=re.compile(f"{name}$"))  # noqa: E731
+
+    def after(used, say):
+        expect(lab.locator(".uavdh-sentence")).to_contain_text(f"{left - used} units of time left")
+        expect(lab.locator(".uavdh-sentence")).to_contain_text(say)
+
+    button("start again").click()
+    after(0, "")
+    place = map_.bounding_box()["y"]
+    focus = "document.activeElement.className"
+    assert "uavdh-stage" in shared_page.evaluate(focus)
+    shared_page.keyboard.press("ArrowUp")
+    after(1, "Step 1: flies north;")
+    for _ in range(2):
+        shared_page.keyboard.press("ArrowUp")
+    after(3, "Step 3: north is refused, for the map ends there: it costs a unit of time and 1")
+    outline = "element => getComputedStyle(element).outlineStyle"
+    assert lab.locator(".uavdh-stage .map").evaluate(outline) == "solid"
+    assert lab.locator(".uavdh-stage, .uavdh-player").first.evaluate(outline) == "none"
+    assert map_.bounding_box()["y"] == place  # the text did not move it
+    shared_page.keyboard.press("z")
+    after(2, "Step 3 is taken back")
+    button("hover").click()
+    after(3, "Step 3: hovers;")
+    shared_page.keyboard.press(" ")
+    after(4, "Step 4: hovers;")
+    shared_page.get_by_role("tab", name="Fly it yourself", exact=True).click()
+    shared_page.keyboard.press(" ")
+    after(5, "Step 5: hovers;")
+    button("south").focus()  # reached by Tab: space and Enter are the button's
+    shared_page.keyboard.press("Enter")
+    after(6, "Step 6: flies south;")
+    number = lab.get_by_label("mission", exact=True)
+    number.focus()
+    shared_page.keyboard.press("ArrowUp")  # the field's
+    expect(number).to_have_value("1")
+    shared_page.keyboard.press("ArrowDown")
+    after(0, "")
+
+    on_screen(1280, 720)
+    button("Full screen").click()
+    until(shared_page, lambda: shared_page.evaluate("document.fullscreenElement !== null"))
+    for used in range(1, 4):
+        shared_page.keyboard.press(" ")
+        after(used, f"Step {used}: hovers;")
+    shared_page.keyboard.press("Enter")
+    expect(lab.locator("caption").first).to_be_visible()
+    assert shared_page.evaluate("document.fullscreenElement !== null")
+    for each in (
+        button("north"),
+        lab.get_by_text("Arrow keys fly"),
+        lab.locator(".uavdh-you td").last,
+    ):
+        expect(each).to_be_in_viewport(ratio=0.99)
+
+
+def test_a_mission_from_a_file_or_a_link_is_flown_by_hand(page):
+    lab = open_lab(page, "Fly it yourself")
+    mission = first_mission("village")
+    mission = mission.add((7, 7))
+    data = json.dumps(as_json(mission)).encode()
+    with page.expect_file_chooser() as chooser:
+        lab.get_by_role("button", name="open mission").click()
+    chooser.value.set_files(
+        {"name": "m.json", "mimeType": "application/json", "buffer": b"no mission"}
+    )
+    expect(lab.locator("span[role=status]")).to_contain_text("m.json: not a JSON file")
+    with page.expect_file_chooser() as chooser:
+        lab.get_by_role("button", name="open mission").click()
+    chooser.value.set_files({"name": "m.json", "mimeType": "application/json", "buffer": data})
+    bars = lab.locator(".bar[data-device]")
+    expect(bars).to_have_count(2)
+    link = lab.get_by_role("link", name="link to this mission")
+    address = link.get_attribute("href")
+    link.click()
+    expect(lab.locator("span[role=status]")).to_contain_text("address bar")
+    lab.get_by_label("city").select_option("manhattan")
+    expect(bars).to_have_count(3)
+    open_lab(page, "Mission")
+    page.evaluate("location.hash = ''")
+    page.evaluate(f"location.hash = '{address}'")
+    expect(page.get_by_role("tab", name="Fly it yourself", exact=True)).to_have_attribute(
+        "aria-selected", "true"
+    )
+    expect(bars).to_have_count(2)
 
 
 def test_the_channel_follows_device_and_sliders(shared_page):
