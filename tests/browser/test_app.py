@@ -175,7 +175,7 @@ def first_mission(city):
 
 def table(lab):
     """The numbers below the maps of the mission lab: a dict for each policy."""
-    rows = lab.locator(".uavdh-numbers tr").all()
+    rows = lab.locator(".uavdh-numbers tr:not(:has(th))").all()
     head, *others = ([cell.inner_text() for cell in row.locator("td").all()] for row in rows)
     return [dict(zip(head, values, strict=True)) for values in others]
 
@@ -223,7 +223,9 @@ def test_a_mission_is_set_on_the_map_and_flown(page):
 
     lab.get_by_role("button", name="add", exact=True).click()
     click_cell(page, lab, 3, 2)
-    expect(lab.locator("span[role=status]")).to_contain_text("stands on a building at (3, 2)")
+    expect(lab.locator("span[role=status]")).to_have_text(
+        "not added: there is a building at row 3, column 2"
+    )
 
     flown = table(lab)[0]
     here, there = first_mission("manhattan").devices[0], (0, 6)  # far away
@@ -233,7 +235,7 @@ def test_a_mission_is_set_on_the_map_and_flown(page):
     drag_cell(page, lab, there, here)
     until(page, lambda: table(lab)[0] == flown)
     drag_cell(page, lab, here, (2, 2))  # onto a building: it goes back
-    expect(lab.locator("span[role=status]")).to_contain_text("stands on a building")
+    expect(lab.locator("span[role=status]")).to_contain_text("device 0 was not moved")
     device = lab.locator("svg [data-device='0']").first
     expect(device).to_have_attribute("transform", f"translate({here[1]} {here[0]})")
 
@@ -414,6 +416,122 @@ def test_a_large_screen_is_used_and_pictures_fill_it(shared_page, on_screen, tit
     until(page, lambda: page.evaluate("document.fullscreenElement === null"))
 
 
+def bottom(part):
+    box = part.bounding_box()
+    return box["y"] + box["height"]
+
+
+def fill_the_screen(page, lab, filled=True):
+    lab.get_by_role("button", name="Full screen").click()
+    until(page, lambda: page.evaluate("document.fullscreenElement !== null") == filled)
+
+
+def test_flights_side_by_side_are_larger_in_full_screen_and_all_is_in_sight(page):
+    lab = open_lab(page, "Mission")
+    lab.get_by_label("compare with").select_option("greedy")
+    lab.get_by_label("and with").select_option("random")
+    for cell in ((8, 8), (7, 7)):  # the most that there can be
+        click_cell(page, lab, *cell)
+        expect(lab.get_by_role("button", name=f"at ({cell[0]}, {cell[1]})")).to_have_count(3)
+    maps, sides = lab.locator(".uavdh-stage .map"), lab.locator(".uavdh-stage .side")
+    for width, height in ((1280, 720), (1366, 768), (1920, 1080)):
+        page.set_viewport_size({"width": width, "height": height})
+        outside = settled_width(page, maps.first)
+        fill_the_screen(page, lab)
+        until(page, lambda: maps.first.bounding_box()["width"] > outside)  # noqa: B023
+        assert settled_width(page, maps.first) > outside
+        assert all(bottom(side) <= height for side in sides.all())
+        assert lab.locator(".uavdh-sentence").bounding_box()["y"] >= 0 and fits(page)
+        fill_the_screen(page, lab, filled=False)
+
+
+def test_one_flight_uses_the_width_of_the_screen(shared_page, on_screen):
+    lab = open_lab(shared_page, "Mission")
+    on_screen(1280, 720)
+    fill_the_screen(shared_page, lab)
+    map_, side = (lab.locator(f".uavdh-stage {part}") for part in (".map", ".side"))
+    until(shared_page, lambda: map_.bounding_box()["width"] > 590)
+    until(shared_page, lambda: bottom(map_) <= 720 and side.bounding_box()["width"] > 590)
+    click_cell(shared_page, lab, 8, 8)
+    expect(lab.get_by_role("button", name="at (8, 8)")).to_be_visible()
+    shared_page.keyboard.press("z")
+    expect(lab.get_by_role("button", name="at (8, 8)")).to_have_count(0)
+    fill_the_screen(shared_page, lab, filled=False)
+
+
+def test_the_page_says_what_it_is_and_what_its_words_mean(shared_page, on_screen):
+    page = shared_page
+    on_screen(1280, 720)
+    assert page.locator("header").bounding_box()["height"] <= 45
+    expect(page.locator("header")).to_contain_text("A drone, the UAV")
+    letters = "part => getComputedStyle(part).fontFamily"
+    for tab in page.get_by_role("tab").all():
+        lab = open_lab(page, tab.inner_text())
+        tab.hover()
+        expect(tab).to_have_attribute("title", re.compile(r"\w+ .*\w"))
+        question = lab.locator("summary")
+        expect(question).to_have_count(1)
+        assert bottom(question) <= 150
+        question.click()
+        expect(lab.locator("dt").first).to_be_visible()
+        question.click()
+        label = lab.locator(".widget-label:visible").first.evaluate(letters)
+        parts = lab.locator(
+            ":is(.widget-dropdown select, .widget-text input, .jupyter-button)"
+        ).all()
+        assert {part.evaluate(letters) for part in parts} == {label} and len(parts) > 3
+        assert tab.locator(".lm-TabBar-tabLabel").evaluate(letters) == label
+
+
+def test_a_low_screen_is_for_the_map_and_its_legend(shared_page, on_screen):
+    lab = open_lab(shared_page, "Mission")
+    on_screen(1280, 720)
+    controls = bottom(lab.get_by_label("fading no."))
+    play = lab.get_by_role("button", name="Play")
+    until(shared_page, lambda: play.bounding_box()["y"] - controls < 60)  # a line for messages
+    assert lab.locator(".legend").bounding_box()["height"] < 50  # two lines
+    number = lab.get_by_label("mission no.")
+    number.fill("-3")
+    number.press("Tab")
+    expect(lab.locator("span[role=status]")).to_contain_text("there is no mission no. -3")
+    expect(number).to_have_value("0")
+    assert play.bounding_box()["y"] - controls < 60
+
+
+def test_a_click_on_a_row_keeps_the_shadow_of_its_device(shared_page):
+    lab = open_lab(shared_page, "Mission")
+    shadow = lab.locator("[data-shadow='1']")
+    row = lab.locator(".bar[data-device='1'] .what")
+    row.click()
+    lab.locator(".legend").hover()
+    expect(shadow).to_have_attribute("visibility", "visible")
+    row.click()
+    lab.locator(".legend").hover()
+    expect(shadow).to_have_attribute("visibility", "hidden")
+
+
+def test_one_can_guess_before_the_flights_are_seen(page):
+    lab = open_lab(page, "Mission")
+    lab.get_by_label("compare with").select_option("greedy")
+    result = lab.get_by_text("Best return:")
+    expect(result).to_be_visible()
+    charts = lab.locator(".uavdh-picture")
+    lab.get_by_role("button", name="guess first").click()
+    expect(lab.get_by_text("Guess first:")).to_be_visible()
+    expect(lab.locator("output")).to_have_text(re.compile("^0 of"))
+    expect(result).to_have_count(0)
+    expect(charts).to_be_hidden()
+    assert table(lab)[0]["return"] == "?"
+    ahead = lab.locator(".map svg [data-from]")
+    drawn = "steps => steps.map((step) => step.getAttribute('visibility'))"
+    assert set(ahead.evaluate_all(drawn)) == {"hidden"}
+    lab.get_by_label("speed").select_option("4")
+    lab.get_by_role("button", name="Play").click()
+    expect(result).to_be_visible()
+    expect(charts).to_be_visible()
+    assert table(lab)[0]["return"] != "?"
+
+
 def test_training_fills_the_screen(shared_page, on_screen):
     lab = open_lab(shared_page, "Training")
     lab.get_by_role("button", name="Full screen").click()
@@ -495,7 +613,7 @@ def test_quick_keys_on_bars_and_devices_all_count(shared_page):
     row, col = first_mission("manhattan").devices[0]
     device = lab.get_by_role("button", name="device 0 at").first
     shared_page.evaluate(press, [device.element_handle(), "ArrowUp", 1])  # onto a building
-    expect(lab.locator("span[role=status]")).to_contain_text("stands on a building")
+    expect(lab.locator("span[role=status]")).to_contain_text("device 0 was not moved")
     expect(device).to_have_attribute("transform", f"translate({col} {row})")
     shared_page.evaluate(press, [device.element_handle(), "ArrowRight", 2])
     moved = lab.get_by_role("button", name=f"device 0 at ({row}, {col + 2})").first

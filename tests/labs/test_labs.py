@@ -233,12 +233,12 @@ def test_a_sentence_says_which_flight_was_better(lab):
     winner, compared = lab.sentence.value.split("<br>")
     assert compared == "greedy landed, random crashed."
     returns = {name: f"{each.cumulative_reward[0]:.2f}" for name, each in lab.flights.items()}
-    told = f"greedy has the largest return: {returns['greedy']}; random {returns['random']}."
+    told = f"Best return: greedy {returns['greedy']}; random {returns['random']}."
     assert winner == f"<b>{told}</b>"
     lab.policy.value, lab.third.value = "genie", "greedy"
     winner, *others = lab.sentence.value.split("<br>")
     best = max(lab.flights, key=lambda name: lab.flights[name].cumulative_reward[0])
-    assert winner.startswith(f"<b>{best} has the largest return")
+    assert winner.startswith(f"<b>Best return: {best} ")
     assert winner.endswith("</b> random crashed, greedy landed.")  # those who are compared with
     assert len(others) == 2 and all(other.startswith("genie ") for other in others)
     assert lab.numbers.value.count("(best)") == 1

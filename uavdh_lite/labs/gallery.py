@@ -27,8 +27,8 @@ LABS = {  # for each title: how the page makes the lab, what it is about, and wh
     ),
     "Watch it think": (
         lambda page: ThinkLab(painted=page.painted),
-        "At each step of a flight: the Q-value of each action, as arrows on the map and as bars, "
-        "the softmax policy, the layers that the network sees, and the cells that matter most.",
+        "At each step of a flight: the Q-value of each action, as an arrow and as a bar, the "
+        "softmax policy, what the network sees, and what matters most.",
         "See what an agent computes at each step of a flight, and what it looks at",
     ),
     "Fly it yourself": (

@@ -615,8 +615,7 @@ def _ranked(flights: Mapping[str, Flights]) -> str:
     others = sorted((name for name in returns if name not in best), key=lambda name: -returns[name])
     rest = ", ".join(f"{policy_title(name)} {returns[name]:z.2f}" for name in others)
     winners = " and ".join(map(policy_title, best))
-    verb = "has" if len(best) == 1 else "have"
-    return f"{winners} {verb} the largest return: {returns[best[0]]:z.2f}; {rest}."
+    return f"Best return: {winners} {returns[best[0]]:z.2f}; {rest}."
 
 
 def _compared(first: str, one: Flights, second: str, other: Flights, short: bool = False) -> str:

@@ -66,7 +66,7 @@ class CellPicker(ipywidgets.HBox):
                 layout={"width": f"{width + 46}px"},
                 style={"description_width": f"{width}px"},
             )
-            for name, width in (("or a cell: row", 87), ("column", 47))
+            for name, width in (("or a cell: row", 87), ("column", 50))
         )
         self.button = ipywidgets.Button(
             description="click there",
