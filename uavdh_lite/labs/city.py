@@ -161,9 +161,7 @@ class CityLab(ipywidgets.VBox):
         self.base.value = city
 
     def _build(self) -> None:
-        self.base = ipywidgets.Dropdown(
-            options=[(MINE, None), *((name, name) for name in shipped_cities())], description="from"
-        )
+        self.base = ipywidgets.Dropdown(options=[MINE, *shipped_cities()], description="from")
         self.size = ipywidgets.BoundedIntText(value=12, min=4, max=LARGEST, description="new size")
         self.blank = ipywidgets.Button(description="blank city", icon="square-o")
         self.random = ipywidgets.Button(description="random city", icon="random")
@@ -200,7 +198,7 @@ class CityLab(ipywidgets.VBox):
             description="policy", layout={"width": "230px"}, style={"description_width": "50px"}
         )
         self.third = ipywidgets.Dropdown(
-            options=[("none", None)],
+            options=[("none", "")],
             description="and with",
             tooltip="a third policy, next to greedy",
             layout={"width": "200px"},
@@ -288,7 +286,7 @@ class CityLab(ipywidgets.VBox):
         if (self.draft.kinds != shown).any():
             self._history.record(self.draft.kinds, new=not self._recorded)
             self._recorded, self._mine = True, self.draft.kinds.copy()
-            self.base.value = None  # so that the city can be chosen again
+            self.base.value = MINE  # so that the city can be chosen again
             self._show()
 
     def picked(self, cell: Cell) -> None:
@@ -334,8 +332,8 @@ class CityLab(ipywidgets.VBox):
         shadow.remove()
         device.remove()
 
-    def _load(self, name: str | None) -> None:
-        if name is not None:
+    def _load(self, name: str) -> None:
+        if name != MINE:
             self._take(City.load(name).kinds, name)
         elif self._mine is not None and not np.array_equal(self._mine, self.draft.kinds):
             self._history.record(self._mine)
@@ -351,7 +349,7 @@ class CityLab(ipywidgets.VBox):
         self._drawn += 1
         self._take(city.kinds)
 
-    def _take(self, kinds: np.ndarray, name: str | None = None) -> None:
+    def _take(self, kinds: np.ndarray, name: str = MINE) -> None:
         """Go on with another city."""
         self._history.record(kinds)
         self._taken = kinds
@@ -366,9 +364,9 @@ class CityLab(ipywidgets.VBox):
             if hidden and np.array_equal(mission.city.kinds, kinds):  # its flights come back, too
                 self._fly(lambda: mission)
 
-    def _set(self, kinds: np.ndarray, name: str | None = None) -> None:
+    def _set(self, kinds: np.ndarray, name: str = MINE) -> None:
         self.draft = Draft(kinds)
-        if name is None:
+        if name == MINE:
             self._mine = self.draft.kinds.copy()
         self.base.value = name
         self.picker.row.max = self.picker.column.max = self.draft.size - 1
@@ -487,8 +485,8 @@ class CityLab(ipywidgets.VBox):
             self.policy.options = options
             self.policy.value = chosen if chosen in names else names[0]
             self._offers, third = True, self.third.value
-            self.third.options = [("none", None), *options]
-            self.third.value = third if third in names else None
+            self.third.options = [("none", ""), *options]
+            self.third.value = third if third in names else ""
             self._offers = False
 
     def _allow_flights(self, allowed: bool) -> None:
