@@ -723,7 +723,7 @@ def test_figures_are_dark_on_a_dark_page(shared_page, title):
     lab = open_lab(shared_page, title)
     picture = lab.locator(".uavdh-picture img").first
     corner = lambda: picture.evaluate(CORNER)[0]  # noqa: E731
-    assert corner() == 255
+    until(shared_page, lambda: corner() == 255)  # a lab that was open follows the page, too
     shared_page.emulate_media(color_scheme="dark")
     until(shared_page, lambda: corner() < 50)
     shared_page.emulate_media(color_scheme="light")
