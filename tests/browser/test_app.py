@@ -27,7 +27,7 @@ from uavdh_lite.city import City
 from uavdh_lite.environment import ACTIONS
 from uavdh_lite.labs.draft import Draft
 from uavdh_lite.labs.fly import KEYS
-from uavdh_lite.missions import Mission, environment_of
+from uavdh_lite.missions import Mission, as_json, environment_of
 from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import SCENARIOS
 
@@ -537,7 +537,7 @@ def test_a_link_is_copied_where_the_browser_allows_it(page):
     assert address == page.url and re.search(r"#mission=[A-Za-z0-9_-]+$", address)
     page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject(new Error()) }")
     link.click()
-    expect(status).to_contain_text("The link is in the address bar")
+    expect(status).to_contain_text("address bar")
 
 
 def test_a_mission_is_saved_and_opened_with_the_browsers_dialogs(page, tmp_path):
@@ -669,8 +669,7 @@ def test_a_finger_drags_a_device(browser, server):
 def test_quick_keys_leave_the_map_at_the_last_step(shared_page):
     lab = open_lab(shared_page, "Fly it yourself")
     lab.get_by_role("button", name="start again").click()
-    expect(lab).to_contain_text("units of time left")
-    lab.locator(".uavdh-stage .map svg").click()
+    expect(lab.locator(".uavdh-stage output")).to_have_text("0 of 0")
     for _ in range(8):
         shared_page.keyboard.press(" ")
     counter = lab.locator(".uavdh-stage output")
@@ -746,19 +745,116 @@ def test_flying_by_keys_ends_with_a_score(shared_page):
     expect(lab).to_contain_text(f"{left} units of time left")
     lab.get_by_role("button", name=button).click()
     expect(lab).to_contain_text(f"{left - 1} units of time left")
-    lab.locator(".uavdh-stage .map svg").click()
     for number, action in enumerate(others[:-1], start=2):
         shared_page.keyboard.press(keys[action])
         expect(lab).to_contain_text(f"{left - number} units of time left")
     shared_page.keyboard.press(keys[others[-1]])
     expect(lab.locator("tr")).to_have_count(12)  # they come one by one, then the session's
+    expect(lab.locator("caption")).to_have_text([re.compile("this mission"), re.compile("session")])
     scores = [row.locator("td").all_inner_texts() for row in lab.locator("tr").all()]
-    assert scores[6][0] == "this session" and {row[1] for row in scores[7:]} == {"1"}
+    assert {row[1] for row in scores[7:]} == {"1"}
     scores = scores[:6]
-    assert [row[0] for row in scores[1:]] == ["you", "any_city agent", "greedy", "genie", "random"]
-    assert scores[1][1] == "yes" and scores[1][1:] == scores[3][1:]
+    assert [row[0] for row in scores[1:]] == ["any_city agent", "genie", "greedy", "you", "random"]
+    assert scores[4][1] == "yes" and scores[4][1:] == scores[3][1:]
+    expect(lab).to_contain_text("0.4 behind any_city agent and genie")
+    lab.get_by_label("next to mine").select_option("genie")
+    expect(lab.locator(".uavdh-stage .map svg")).to_have_count(2)
+    expect(lab.locator(".uavdh-stage .name")).to_have_text(["your flight", "genie"])
+    expect(lab.get_by_role("button", name="Play")).to_be_visible()  # both have landed
     assert fits(shared_page)
     shoot(shared_page, "fly")
+
+
+def test_keys_fly_wherever_the_focus_is_and_in_full_screen(shared_page, on_screen):
+    lab = open_lab(shared_page, "Fly it yourself")
+    lab.get_by_label("city").select_option("village")
+    left = first_mission("village").flying_time
+    map_ = lab.locator(".uavdh-stage .map svg")
+    button = lambda name: lab.get_by_role("button", name=re.compile(f"{name}$"))  # noqa: E731
+
+    def after(used, say):
+        expect(lab.locator(".uavdh-sentence")).to_contain_text(f"{left - used} units of time left")
+        expect(lab.locator(".uavdh-sentence")).to_contain_text(say)
+
+    button("start again").click()
+    after(0, "")
+    place = map_.bounding_box()["y"]
+    focus = "document.activeElement.className"
+    assert "uavdh-stage" in shared_page.evaluate(focus)
+    shared_page.keyboard.press("ArrowUp")
+    after(1, "Step 1: flies north;")
+    for _ in range(2):
+        shared_page.keyboard.press("ArrowUp")
+    after(3, "Step 3: north is refused, for the map ends there: it costs a unit of time and 1")
+    outline = "element => getComputedStyle(element).outlineStyle"
+    assert lab.locator(".uavdh-stage .map").evaluate(outline) == "solid"
+    assert lab.locator(".uavdh-stage, .uavdh-player").first.evaluate(outline) == "none"
+    assert map_.bounding_box()["y"] == place  # the text did not move it
+    shared_page.keyboard.press("z")
+    after(2, "Step 3 is taken back")
+    button("hover").click()
+    after(3, "Step 3: hovers;")
+    shared_page.keyboard.press(" ")
+    after(4, "Step 4: hovers;")
+    shared_page.get_by_role("tab", name="Fly it yourself", exact=True).click()
+    shared_page.keyboard.press(" ")
+    after(5, "Step 5: hovers;")
+    button("south").focus()  # reached by Tab: space and Enter are the button's
+    shared_page.keyboard.press("Enter")
+    after(6, "Step 6: flies south;")
+    number = lab.get_by_label("mission", exact=True)
+    number.focus()
+    shared_page.keyboard.press("ArrowUp")  # the field's
+    expect(number).to_have_value("1")
+    shared_page.keyboard.press("ArrowDown")
+    after(0, "")
+
+    on_screen(1280, 720)
+    button("Full screen").click()
+    until(shared_page, lambda: shared_page.evaluate("document.fullscreenElement !== null"))
+    for used in range(1, 4):
+        shared_page.keyboard.press(" ")
+        after(used, f"Step {used}: hovers;")
+    shared_page.keyboard.press("Enter")
+    expect(lab.locator("caption").first).to_be_visible()
+    assert shared_page.evaluate("document.fullscreenElement !== null")
+    for each in (
+        button("north"),
+        lab.get_by_text("Arrow keys fly"),
+        lab.locator(".uavdh-you td").last,
+    ):
+        expect(each).to_be_in_viewport(ratio=0.99)
+
+
+def test_a_mission_from_a_file_or_a_link_is_flown_by_hand(page):
+    lab = open_lab(page, "Fly it yourself")
+    mission = first_mission("village")
+    mission = mission.add((7, 7))
+    data = json.dumps(as_json(mission)).encode()
+    with page.expect_file_chooser() as chooser:
+        lab.get_by_role("button", name="open mission").click()
+    chooser.value.set_files(
+        {"name": "m.json", "mimeType": "application/json", "buffer": b"no mission"}
+    )
+    expect(lab.locator("span[role=status]")).to_contain_text("m.json: not a JSON file")
+    with page.expect_file_chooser() as chooser:
+        lab.get_by_role("button", name="open mission").click()
+    chooser.value.set_files({"name": "m.json", "mimeType": "application/json", "buffer": data})
+    bars = lab.locator(".bar[data-device]")
+    expect(bars).to_have_count(2)
+    link = lab.get_by_role("link", name="link to this mission")
+    address = link.get_attribute("href")
+    link.click()
+    expect(lab.locator("span[role=status]")).to_contain_text("address bar")
+    lab.get_by_label("city").select_option("manhattan")
+    expect(bars).to_have_count(3)
+    open_lab(page, "Mission")
+    page.evaluate("location.hash = ''")
+    page.evaluate(f"location.hash = '{address}'")
+    expect(page.get_by_role("tab", name="Fly it yourself", exact=True)).to_have_attribute(
+        "aria-selected", "true"
+    )
+    expect(bars).to_have_count(2)
 
 
 def test_the_channel_follows_device_and_sliders(shared_page):

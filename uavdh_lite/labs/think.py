@@ -138,7 +138,7 @@ class Thoughts:
         self.base = self.bars.axvline(0, color="black", lw=0.8, animated=True)
         self.bars.xaxis.set_animated(True)  # the axis fits what is shown
         self.begins = self.bars.text(
-            *(1.04, -0.08), "", transform=self.bars.transAxes, fontsize="small", animated=True
+            *(1.1, -0.08), "", transform=self.bars.transAxes, fontsize="small", animated=True
         )
         self.begins.set_va("center")
         self.chances.axvline(0, color="black", lw=0.8)
