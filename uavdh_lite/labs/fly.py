@@ -2,7 +2,6 @@
 
 import html
 from collections.abc import Callable, Sequence
-from contextlib import contextmanager
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from uavdh_lite.labs.widgets import (
     WRAP,
     changed_note,
     link,
+    quiet,
     say_changed,
     status,
     table,
@@ -187,13 +187,13 @@ class FlyLab(ipywidgets.VBox):
         """Nobody else has flown this mission yet."""
         self._results: dict[str, Flights] = {}
         self.score.value = self.verdict.value = ""
-        with self._quiet():
+        with quiet(self):
             self.beside.options = [NONE]
         self.beside.layout.display = "none"
 
     def show(self, mission: Mission) -> None:
         """Start this mission, wherever it comes from and whatever its city."""
-        with self._quiet():
+        with quiet(self):
             self.city.take(mission.city)
             self.seed.value = mission.seed  # if it was a random one, this was its number
         self._begin(mission)
@@ -230,7 +230,7 @@ class FlyLab(ipywidgets.VBox):
         """The next of the hard missions."""
         following = HARD.index(self.seed.value) + 1 if self.seed.value in HARD else 0
         moved = "The city is now manhattan. " if self.city.value != "manhattan" else ""
-        with self._quiet():
+        with quiet(self):
             self.city.value, self.seed.value = "manhattan", HARD[following % len(HARD)]
         self._begin(self._drawn(), moved + WHY_HARD)
 
@@ -323,7 +323,7 @@ class FlyLab(ipywidgets.VBox):
         self._results = results
         self._score(results)
         self.verdict.value, self.score.value = self._verdict(results), self._table(results)
-        with self._quiet():
+        with quiet(self):
             self.beside.options = [NONE, *(name for name in results if name != YOU)]
         self.beside.layout.display = None
 
@@ -401,15 +401,6 @@ class FlyLab(ipywidgets.VBox):
             for name, flights in ranked
         ]
         return _ranking("this mission", rows)
-
-    @contextmanager
-    def _quiet(self):
-        """Inside, changes of the controls are ours, not the user's."""
-        before, self._silent = self._silent, True
-        try:
-            yield
-        finally:
-            self._silent = before
 
 
 def _amount(units: float) -> str:

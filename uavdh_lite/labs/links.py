@@ -40,9 +40,14 @@ def mission_in(code: str, city: City) -> Mission:
     return read_mission(json.dumps(values | {"format": FORMAT, "version": VERSION, "city": place}))
 
 
+def mission_file(mission: Mission) -> bytes:
+    """A mission's file, with its city."""
+    return json.dumps(as_json(mission)).encode()
+
+
 def encoded_mission(mission: Mission) -> str:
-    """A mission's file, with its city, as it stands in a link."""
-    return encode(json.dumps(as_json(mission)).encode())
+    """A mission's file as it stands in a link."""
+    return encode(mission_file(mission))
 
 
 def mission_of_link(code: str) -> Mission:

@@ -2,9 +2,8 @@
 
 import base64
 import html
-import json
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import replace
 
 from uavdh_lite.city import City
@@ -12,7 +11,14 @@ from uavdh_lite.environment import Rewards
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights
 from uavdh_lite.labs.draft import History, is_changed
-from uavdh_lite.labs.links import AGAIN, COPIED, HERE, decode, encode
+from uavdh_lite.labs.links import (
+    COPIED,
+    HERE,
+    encoded_mission,
+    mission_file,
+    mission_of_file,
+    mission_of_link,
+)
 from uavdh_lite.labs.menu import CityMenu
 from uavdh_lite.labs.stage import Stage, together
 from uavdh_lite.labs.views import Charts, policy_title
@@ -23,13 +29,14 @@ from uavdh_lite.labs.widgets import (
     CellPicker,
     changed_note,
     link,
+    quiet,
     say_changed,
     status,
     table,
     undo_and_redo,
     words,
 )
-from uavdh_lite.missions import LARGEST, Mission, as_json, read_mission
+from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import RED
 from uavdh_lite.policies import find_policy, policies_for
 
@@ -234,7 +241,7 @@ class MissionLab(ipywidgets.VBox):
         self.environment, self.scenario = self.city.environment, self.city.scenario
         chosen = self.policy, self.other, self.third
         before = [control.value for control in chosen]
-        with self._quiet():
+        with quiet(self):
             self.stage.most = {
                 "data": self.scenario.data[1],
                 "time": self.scenario.flying_time[1],
@@ -265,7 +272,7 @@ class MissionLab(ipywidgets.VBox):
     def _numbered(self) -> Mission:
         """The random mission of the number that is shown."""
         mission = Mission.draw(self.scenario, self.environment.city, self.number.value)
-        with self._quiet():
+        with quiet(self):
             self.seed.value = mission.seed
         return mission
 
@@ -275,7 +282,7 @@ class MissionLab(ipywidgets.VBox):
             return
         number = change.new
         if not 0 <= number <= MOST_NUMBER:
-            with self._quiet():
+            with quiet(self):
                 change.owner.value = change.old
             self._say(
                 f"there is no {what} no. {number}: the numbers go from 0 to {MOST_NUMBER:,}. It is "
@@ -296,11 +303,9 @@ class MissionLab(ipywidgets.VBox):
                 self._say(HERE, TEXT)
             return
         try:
-            mission = read_mission(decode(code).decode())
+            mission = mission_of_link(code)
         except InputError as error:
-            self._say(f"the link holds no mission: {error}. {AGAIN}")
-        except ValueError:
-            self._say(f"the link holds no mission: part of it is missing. {AGAIN}")
+            self._say(str(error))
         else:
             self._open(mission)
 
@@ -310,7 +315,7 @@ class MissionLab(ipywidgets.VBox):
 
     def _open(self, mission: Mission) -> None:
         """Go on with a mission that comes from elsewhere."""
-        with self._quiet():
+        with quiet(self):
             self.city.take(mission.city)
             self.number.value = mission.seed  # if it was a random one, this was its number
         self._begin(mission)
@@ -322,29 +327,21 @@ class MissionLab(ipywidgets.VBox):
         name, data = files[0]["name"], bytes(files[0]["content"])
         self.upload.value = ()  # so that the same file can be opened again
         try:
-            if len(data) > LARGEST:
-                raise InputError(f"{len(data):,} bytes: no mission is that large")
-            mission = read_mission(data.decode())
-        except UnicodeDecodeError:
-            self._say(f"{name}: not a JSON file. {OPEN}")
+            mission = mission_of_file(data)
         except InputError as error:
             self._say(f"{name}: {error}. {OPEN}")
         else:
             self._open(mission)
 
-    def _file(self) -> bytes:
-        """The mission's file."""
-        return json.dumps(as_json(self.mission)).encode()
-
     def _code(self) -> str:
         """The mission's file as it stands in a link."""
-        return encode(self._file())
+        return encoded_mission(self.mission)
 
     def _go(self, by: int) -> None:
         """Undo a change (-1), or redo one (1)."""
         if by and (before := self._history.move(by)) is not None:
             mission, number = before
-            with self._quiet():
+            with quiet(self):
                 self.number.value = number
             self._show_mission(mission)
 
@@ -433,7 +430,7 @@ class MissionLab(ipywidgets.VBox):
     def _show_mission(self, mission: Mission) -> None:
         self.mission, self._picked = mission, None
         self.undo.disabled, self.redo.disabled = (not self._history.can(by) for by in (-1, 1))
-        data = base64.b64encode(self._file()).decode()
+        data = base64.b64encode(mission_file(mission)).decode()
         save = link("save as JSON", f"data:application/json;base64,{data}", "my_mission.json")
         if self._linked:
             save += f" or as a {link('link', f'#{ADDRESS}{self._code()}')}"
@@ -443,7 +440,7 @@ class MissionLab(ipywidgets.VBox):
         )
         drawn = Mission.draw(self.scenario, mission.city, self.number.value)
         say_changed(self.changed, self.number.value, is_changed(mission, drawn))
-        with self._quiet():
+        with quiet(self):
             self.seed.value = mission.seed
         self._fly()
 
@@ -463,14 +460,14 @@ class MissionLab(ipywidgets.VBox):
         }
         twice = len(names) < len(chosen) - chosen.count(NONE)
         self._say("each policy is shown once: twice, it would fly the same way" if twice else "")
-        with self._quiet():
+        with quiet(self):
             charted = self.charted.value
             self.charted.options = [(policy_title(name), name) for name in names]
             self.charted.value = charted if charted in names else names[0]
         self.charted.layout.display = None if len(names) > 1 else "none"
         self._draw_charts()
         self._hidden = self.guess.value
-        with self._quiet():
+        with quiet(self):
             self.stage.show(
                 self.environment,
                 {policy_title(name): flights for name, flights in self.flights.items()},
@@ -552,15 +549,6 @@ class MissionLab(ipywidgets.VBox):
 
     def _say(self, text: str, colour: str = RED) -> None:
         self.message.value = status(text, colour)
-
-    @contextmanager
-    def _quiet(self):
-        """Inside, changes of the controls are ours, not the user's."""
-        before, self._silent = self._silent, True
-        try:
-            yield
-        finally:
-            self._silent = before
 
 
 def blocked(mission: Mission, cell: tuple[int, int]) -> str | None:

@@ -15,7 +15,7 @@ from uavdh_lite.errors import extra
 from uavdh_lite.evaluation import Flights, Policy
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.labs.mission import FADING, LABEL, POLICIES, SCORES, MissionLab
-from uavdh_lite.labs.widgets import WRAP
+from uavdh_lite.labs.widgets import WRAP, quiet
 from uavdh_lite.observation import LAYERS
 from uavdh_lite.plotting import BLUE
 from uavdh_lite.policies import PLANNERS
@@ -432,7 +432,7 @@ class ThinkLab(MissionLab):
         super()._set_city(again)
         thinking = [each for each in self.policy.options if each[1] not in PLANNERS]
         if thinking and len(thinking) < len(self.policy.options):
-            with self._quiet():
+            with quiet(self):
                 chosen = self.policy.value
                 self.policy.options, self.policy.value = thinking, chosen
 

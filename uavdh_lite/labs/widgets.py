@@ -2,6 +2,7 @@
 
 import html
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import contextmanager
 
 from matplotlib.figure import Figure
 
@@ -18,6 +19,16 @@ GLOSSARY = "uavdh-words"  # the class of a page's `words`
 WRAP = {"flex_flow": "row wrap"}  # the layout of a row that continues below on a narrow page
 
 __all__ = ["CellPicker", "cell_at", "explore", "png", "status", "table", "words"]
+
+
+@contextmanager
+def quiet(lab):
+    """Inside, changes of a lab's controls are its own, not the user's: its `_silent` is true."""
+    before, lab._silent = lab._silent, True
+    try:
+        yield
+    finally:
+        lab._silent = before
 
 
 def explore(draw: Callable[..., Figure], **controls: ipywidgets.ValueWidget) -> ipywidgets.VBox:
