@@ -1,72 +1,43 @@
-"""Missions a minute that greedy and genie fly in the shipped cities, and how good a genie is.
+"""Missions a minute of each policy over a city, and what they collect.
 
-    python benchmarks/planners.py [--missions 20]
-    python benchmarks/planners.py --convergence harbour [--missions 20]
+    python benchmarks/planners.py [--city manhattan] [--missions 20] [--beam 8]
 
-The first prints the processor time of one core, without that for the tables of the city, which are
-made once. The second flies the same missions with genies of different beams and replanning
-intervals. Missions and fading have seed 1000.
+The minutes are processor time of one core. With `--beam` the genie searches with this beam alone;
+by default it begins with 2 and widens it where that finds a better flight. Missions and fading have
+seed 1000.
 """
 
 import argparse
 import time
 
-from uavdh_lite.city_generator import load_city
+import torch
+
+from uavdh_lite.beyond.genie import Genie
+from uavdh_lite.checkpoint import load_agent, shipped_agents
+from uavdh_lite.city import load_city, shipped_cities
 from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import Flights, Policy, evaluate
-from uavdh_lite.planners import Genie, Greedy
-from uavdh_lite.scenario import SCENARIOS, Scenario
-
-SEED = 1000
-GENIES = {
-    "beam 1": {"beam": 1, "grow": False},
-    "beam 2": {"beam": 2, "grow": False},
-    "beam 8": {"beam": 8, "grow": False},
-    "replan 1": {"replan": 1},
-    "replan 5": {},
-    "replan 20": {"replan": 20},
-    "one plan": {"replan": 2**15},
-}
-
-
-def timed(
-    environment: Environment, policy: Policy, scenario: Scenario, missions: int
-) -> tuple[Flights, float]:
-    """The flights, and the missions flown in a minute of processor time."""
-    evaluate(environment, policy, scenario, 1, SEED)  # fill the caches
-    started = time.process_time()
-    flights = evaluate(environment, policy, scenario, missions, SEED)
-    return flights, 60 * missions / (time.process_time() - started)
-
-
-def speed(missions: int) -> None:
-    print(f"{'city':<12}{'size':>5}{'devices':>9}{'greedy a minute':>17}{'genie a minute':>16}")
-    for name, scenario in SCENARIOS.items():
-        environment = Environment(load_city(scenario.city))
-        _, greedy = timed(environment, Greedy(environment), scenario, 50 * missions)
-        _, genie = timed(environment, Genie(environment), scenario, missions)
-        devices = "{}-{}".format(*scenario.devices)
-        size = environment.cities.size
-        print(f"{name:<12}{size:>5}{devices:>9}{greedy:>17,.0f}{genie:>16,.0f}", flush=True)
-
-
-def convergence(name: str, missions: int) -> None:
-    scenario = SCENARIOS[name]
-    environment = Environment(load_city(scenario.city))
-    print(f"{name:<12}{'CRAL':>8}{'return':>9}{'missions a minute':>19}")
-    for label, options in GENIES.items():
-        flights, rate = timed(environment, Genie(environment, **options), scenario, missions)
-        cral = flights.records()["collection_ratio_and_landed"].mean()
-        returned = flights.cumulative_reward.mean()
-        print(f"{label:<12}{cral:>8.4f}{returned:>9.3f}{rate:>19,.0f}", flush=True)
-
+from uavdh_lite.evaluation import Policy, evaluate
+from uavdh_lite.planners import Greedy, Random
+from uavdh_lite.scenario import find_scenario
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--city", choices=shipped_cities(), default="manhattan")
     parser.add_argument("--missions", type=int, default=20)
-    parser.add_argument("--convergence", choices=SCENARIOS)
-    arguments = parser.parse_args()
-    if arguments.convergence:
-        convergence(arguments.convergence, arguments.missions)
-    else:
-        speed(arguments.missions)
+    parser.add_argument("--beam", type=int, help="of the genie")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    scenario, environment = find_scenario(options.city), Environment(load_city(options.city))
+    beam = {"beam": options.beam, "grow": False} if options.beam else {}
+    policies: dict[str, Policy] = {"random": Random(), "greedy": Greedy(environment)}
+    if options.city in shipped_agents():
+        policies["agent"] = load_agent(options.city)
+    policies["genie"] = Genie(environment, **beam)
+    print(f"{'':<8}{'collected and landed':>22}{'return':>9}{'missions a minute':>19}")
+    for name, policy in policies.items():
+        evaluate(environment, policy, scenario, 1, seed=1000)  # what is made once
+        started = time.process_time()
+        flights = evaluate(environment, policy, scenario, options.missions, seed=1000)
+        rate = 60 * options.missions / (time.process_time() - started)
+        score = flights.records()["collected_and_landed"].mean()
+        print(f"{name:<8}{score:>22.4f}{flights.returns.mean():>9.3f}{rate:>19,.0f}", flush=True)

@@ -1,130 +1,99 @@
 """Stable-Baselines3's DQN and PPO beside our DDQN in the village, at equal environment steps.
 
-    python benchmarks/sb3.py [--steps 48000] [--seeds 3] [--jobs 2] [--out data/runs/sb3-village]
+    python benchmarks/sb3.py
 
-All meet the same task and reward (a crash costs 20, a step 0.1), discount by 0.95, and are
-evaluated greedily on the same 200 scenarios; PPO, which learns to draw its actions, also by drawing
-them (`ppo_drawn`). The settings of Stable-Baselines3 are its own but for those named below; nothing
-was tuned. Writes a CSV table, and JSON beside it.
+All meet the same task and reward: a crash costs 20, a step 0.1. They discount by 0.95 and are
+evaluated greedily on the same 200 missions. PPO learns to draw its actions, so `ppo_drawn` draws
+them in the evaluation, too. The settings of Stable-Baselines3 are its own but for those named
+below; nothing was tuned. Writes `data/runs/sb3-village`.
 """
 
-import argparse
 import time
-from pathlib import Path
+from dataclasses import replace
+from functools import partial
 
 import gymnasium
 import joblib
 import torch
+from stable_baselines3 import DQN, PPO
+from stable_baselines3.common.env_util import make_vec_env
 
-STEPS_BETWEEN = 8000
+from uavdh_lite.bridges.gymnasium import ID, as_policy
+from uavdh_lite.city import load_city
+from uavdh_lite.environment import Environment, Rewards
+from uavdh_lite.evaluation import Policy, evaluate
+from uavdh_lite.provenance import provenance
+from uavdh_lite.recipe import find_recipe
+from uavdh_lite.scenario import find_scenario
+from uavdh_lite.storage import write_json, write_table
+from uavdh_lite.streams import Use
+from uavdh_lite.training import Trainer
+
+OUT = "data/runs/sb3-village"
+STEPS, BETWEEN = 48_000, 8_000  # environment steps of a run, and between two evaluations
+TASK = {"scenario": "village", "rewards": Rewards(crash=-20.0, movement=-0.1)}
+LEARNERS = {"dqn": DQN, "ppo": PPO}
 SETTINGS = {
-    "dqn": {"learning_rate": 5e-4, "train_freq": 4, "target_update_interval": 500},
-    "ppo": {"learning_rate": 5e-4, "n_steps": 128, "batch_size": 256},
+    "dqn": {"train_freq": 4, "target_update_interval": 500, "learning_starts": 1000},
+    "ppo": {"n_steps": 128, "batch_size": 256},
 }
-SETTINGS["dqn"] |= {"learning_starts": 1000, "exploration_fraction": 0.5, "batch_size": 64}
+SETTINGS["dqn"] |= {"exploration_fraction": 0.5, "batch_size": 64}
 
 
-def train(algorithm: str, seed: int, steps: int) -> list[dict]:
-    """One run; a row for each evaluation."""
-    torch.set_num_threads(1)
-    return ours(seed, steps) if algorithm == "ddqn" else theirs(algorithm, seed, steps)
-
-
-def row(algorithm: str, seed: int, steps: int, seconds: float, flights) -> dict:
-    metrics = flights.metrics()
-    names = ("has_landed", "collection_ratio_and_landed", "cumulative_reward")
-    about = {"algorithm": algorithm, "seed": seed, "steps": steps, "seconds": round(seconds, 1)}
+def row(variant: str, seed: int, steps: int, seconds: float, policy: Policy) -> dict:
+    """A policy's means over the missions."""
+    scenario, environment = find_scenario("village"), Environment(load_city("village"))
+    metrics = evaluate(environment, policy, scenario, 200, 0, Use.VALIDATION).metrics()
+    about = {"variant": variant, "seed": seed, "steps": steps, "seconds": round(seconds, 1)}
+    names = ("landed", "collected_and_landed", "return")
     return about | {name: metrics[name].mean for name in names}
 
 
-def ours(seed: int, steps: int) -> list[dict]:
-    from dataclasses import replace
-
-    from uavdh_lite.evaluation import evaluate
-    from uavdh_lite.experiments.runs import keep_freed_memory
-    from uavdh_lite.recipe import find_recipe
-    from uavdh_lite.scenario import find_scenario
-    from uavdh_lite.streams import Use
-    from uavdh_lite.training import Trainer
-
-    keep_freed_memory()
-    trainer = Trainer(find_scenario("village"), replace(find_recipe("small"), steps=steps), seed)
-    rows, spent = [], 0.0
-    for target in range(STEPS_BETWEEN, steps + 1, STEPS_BETWEEN):
+def ours(seed: int) -> list[dict]:
+    """One run of our DDQN; a row for each evaluation."""
+    recipe = replace(find_recipe("small"), steps=STEPS)
+    trainer, rows, spent = Trainer(find_scenario("village"), recipe, seed), [], 0.0
+    for target in range(BETWEEN, STEPS + 1, BETWEEN):
         started = time.perf_counter()
         while trainer.steps < target:
             trainer.step()
         spent += time.perf_counter() - started
-        parts = (trainer.environment, trainer.agent, trainer.scenario)
-        rows.append(row("ddqn", seed, target, spent, evaluate(*parts, 200, 0, Use.VALIDATION)))
+        rows.append(row("ddqn", seed, target, spent, trainer.agent))
     return rows
 
 
-def theirs(algorithm: str, seed: int, steps: int) -> list[dict]:
-    from stable_baselines3 import DQN, PPO
-    from stable_baselines3.common.callbacks import BaseCallback
-    from stable_baselines3.common.env_util import make_vec_env
-
-    from uavdh_lite import gym
-    from uavdh_lite.city import City
-    from uavdh_lite.environment import Environment, Rewards
-    from uavdh_lite.evaluation import evaluate
-    from uavdh_lite.scenario import find_scenario
-    from uavdh_lite.streams import Use
-
-    options = {"scenario": "village", "rewards": Rewards(crash=-20.0, movement=-0.1)}
-    places = 1 if algorithm == "dqn" else 8
-    envs = make_vec_env(gym.ID, n_envs=places, seed=seed, env_kwargs=options)
-    model = {"dqn": DQN, "ppo": PPO}[algorithm](
-        "MultiInputPolicy", envs, gamma=0.95, seed=seed, device="cpu", **SETTINGS[algorithm]
-    )
-
-    def policy(deterministic: bool):
-        return gym.as_policy(
-            gymnasium.make(gym.ID, **options),
-            lambda batch: model.predict(batch, deterministic=deterministic)[0],
-        )
-
-    policies = {algorithm: policy(deterministic=True)}
-    if algorithm == "ppo":
-        policies["ppo_drawn"] = policy(deterministic=False)
-    environment, scenario = Environment(City.load("village")), find_scenario("village")
+def theirs(name: str, seed: int) -> list[dict]:
+    """One run of Stable-Baselines3; a row for each evaluation and way to act."""
+    envs = make_vec_env(ID, n_envs=1 if name == "dqn" else 8, seed=seed, env_kwargs=TASK)
+    settings = SETTINGS[name] | {"learning_rate": 5e-4, "gamma": 0.95, "seed": seed}
+    model = LEARNERS[name]("MultiInputPolicy", envs, device="cpu", **settings)
+    env = gymnasium.make(ID, **TASK)
     rows, started, idle = [], time.perf_counter(), 0.0
 
-    class Evaluate(BaseCallback):
-        def _on_step(self) -> bool:
-            nonlocal idle
-            if self.num_timesteps % STEPS_BETWEEN == 0:
-                before = time.perf_counter()
-                seconds = before - started - idle
-                for name, each in policies.items():
-                    flights = evaluate(environment, each, scenario, 200, 0, Use.VALIDATION)
-                    rows.append(row(name, seed, self.num_timesteps, seconds, flights))
-                idle += time.perf_counter() - before
-            return True
+    def evaluated(*_) -> bool:
+        nonlocal idle
+        if model.num_timesteps % BETWEEN == 0:
+            before = time.perf_counter()
+            for way in (True, False) if name == "ppo" else (True,):
+                act = partial(model.predict, deterministic=way)
+                policy = as_policy(env, lambda seen, act=act: act(seen)[0])
+                variant = name if way else f"{name}_drawn"
+                about = (variant, seed, model.num_timesteps, before - started - idle)
+                rows.append(row(*about, policy))
+            idle += time.perf_counter() - before
+        return True
 
-    model.learn(steps, callback=Evaluate())
+    model.learn(STEPS, callback=evaluated)
     return rows
 
 
-def main() -> None:
-    from uavdh_lite.provenance import provenance
-    from uavdh_lite.storage import write_json, write_table
-
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--steps", type=int, default=48_000)
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--out", type=Path, default=Path("data/runs/sb3-village"))
-    options = parser.parse_args()
-    runs = [(name, seed) for name in ("dqn", "ppo", "ddqn") for seed in range(options.seeds)]
-    parts = joblib.Parallel(n_jobs=options.jobs, verbose=5)(
-        joblib.delayed(train)(name, seed, options.steps) for name, seed in runs
-    )
-    write_table(options.out.with_suffix(".csv.gz"), [row for part in parts for row in part])
-    command = f"python benchmarks/sb3.py --steps {options.steps} --seeds {options.seeds}"
-    write_json(options.out.with_suffix(".json"), {"command": command, **provenance()})
+def run(name: str, seed: int) -> list[dict]:
+    torch.set_num_threads(1)
+    return ours(seed) if name == "ddqn" else theirs(name, seed)
 
 
 if __name__ == "__main__":
-    main()
+    runs = [(name, seed) for name in (*LEARNERS, "ddqn") for seed in range(3)]
+    parts = joblib.Parallel(2, verbose=5)(joblib.delayed(run)(*one) for one in runs)
+    write_table(f"{OUT}.csv.gz", [row for part in parts for row in part])
+    write_json(f"{OUT}.json", {"command": "python benchmarks/sb3.py", **provenance()})

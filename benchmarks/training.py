@@ -1,71 +1,63 @@
-"""Updates a second of the training loop, as a ratio to a bare loop on random tensors.
+"""Updates a second of the training loop, and what the whole training takes.
 
-    python benchmarks/training.py [--recipe lite] [--seconds 20]
+    python benchmarks/training.py [--scenario manhattan] [--recipe lite] [--seconds 20]
 
-The bare loop makes the same DDQN update (network, minibatch, optimiser) on tensors that are there
-already, on one thread; the training loop also flies, explores, stores, samples and builds the maps,
-on one thread or on two. They take turns, second by second, so that a noisy machine disturbs all
-alike.
+The loop flies, explores, stores, samples and learns, on one thread. Next to it, second by second,
+runs a bare loop that learns from one minibatch again and again: so a noisy machine disturbs both
+alike. The hours are those of the whole recipe at that speed, without its validations.
 """
 
 import argparse
+import resource
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 import torch
 
 from uavdh_lite.experiments.runs import keep_freed_memory
 from uavdh_lite.recipe import find_recipe
-from uavdh_lite.scenario import SCENARIOS
-from uavdh_lite.training import OverlappedTrainer, Trainer
+from uavdh_lite.scenario import find_scenario
+from uavdh_lite.training import Trainer
 
 
-def trainer(recipe, kind: type[Trainer] = Trainer) -> Trainer:
-    run = kind(SCENARIOS["manhattan"], recipe, seed=0)
-    while not run.updates:
-        run.step()
-    return run
+def ready(scenario: str, recipe: str) -> Trainer:
+    """A training that has made its first update, after a short prefill."""
+    short = replace(find_recipe(recipe), replay_prefill=2_000)
+    trainer = Trainer(find_scenario(scenario), short, seed=0)
+    while not trainer.updates:
+        trainer.step()
+    return trainer
 
 
-def bare_update(run: Trainer):
-    """A function that makes one update on random tensors."""
-    recipe = run.recipe
-    count = recipe.batch_size
-
-    def observation():
-        return [torch.rand(count, *shape) for shape in run.observation.map_shapes()], torch.rand(
-            count, 1
-        )
-
-    seen, then = observation(), observation()
-    action = torch.randint(0, 6, (count,))
-    reward, discount = torch.randn(count), torch.full((count,), recipe.discount)
-    return lambda: run.learner.update(seen, action, run.learner.targets(reward, discount, then))
-
-
-def count(action, seconds: float) -> int:
-    done, started = 0, time.perf_counter()
-    while time.perf_counter() - started < seconds:
-        action()
-        done += 1
-    return done
+def in_turns(loops: dict[str, Callable[[], object]], seconds: int) -> dict[str, float]:
+    """Calls a second of each loop; each runs for a second at a time."""
+    calls, spent = dict.fromkeys(loops, 0), dict.fromkeys(loops, 0.0)
+    for _ in range(seconds):
+        for name, call in loops.items():
+            started = time.perf_counter()
+            while time.perf_counter() - started < 1:
+                call()
+                calls[name] += 1
+            spent[name] += time.perf_counter() - started
+    return {name: calls[name] / spent[name] for name in loops}
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenario", default="manhattan")
     parser.add_argument("--recipe", default="lite")
-    parser.add_argument("--seconds", type=int, default=20, help="for each of the three")
+    parser.add_argument("--seconds", type=int, default=20, help="for each of the two loops")
     options = parser.parse_args()
-    recipe = replace(find_recipe(options.recipe), replay_prefill=2_000)
     torch.set_num_threads(1)
     keep_freed_memory()  # as `train` does
-    one, two = (trainer(recipe, kind) for kind in (Trainer, OverlappedTrainer))
-    loops = {"one thread": one.step, "two threads": two.step, "bare": bare_update(trainer(recipe))}
-    updates = dict.fromkeys(loops, 0)
-    for _ in range(options.seconds):
-        for name, step in loops.items():
-            updates[name] += count(step, 1.0)
-    for name, number in updates.items():
-        speed, share = number / options.seconds, number / updates["bare"]
-        print(f"{recipe.name}, {name:<12}{speed:6.1f} updates/s, {share:.2f} of the bare loop's")
-    print(f"{one.replay.bytes_per_transition:.0f} bytes a transition")
+    loop, bare = (ready(options.scenario, options.recipe) for _ in range(2))
+    batch = bare.replay.sample(bare.recipe.batch_size, bare.generator)
+    loops = {"loop": loop.step, "bare": lambda: bare.learner.update(batch)}
+    rates = in_turns(loops, options.seconds)
+    recipe = find_recipe(options.recipe)
+    updates = (recipe.steps - recipe.replay_prefill) / recipe.environments
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"{rates['loop']:.1f} updates/s, {rates['loop'] / rates['bare']:.2f} of the bare loop's")
+    print(f"{recipe.steps:,} steps take {updates / rates['loop'] / 3600:.2f} hours")
+    print(f"at most {memory:.0f} MB, with both loops")

@@ -78,13 +78,10 @@ def main() -> None:
     parser.add_argument("--visitors", type=int, default=10)
     visitors = parser.parse_args().visitors
     command = [sys.executable, "-m", "uavdh_lite", "app", "--no-browser", "--port", "8950"]
-    server = subprocess.Popen(
-        [*command, "--sessions", str(visitors)], stderr=subprocess.PIPE, text=True
-    )
+    server = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
-        address = next(
-            found[1] for line in server.stderr if (found := re.match(r"labs: (\S+)", line))
-        )
+        lines = (re.match(r"labs: (\S+)", line) for line in server.stderr)
+        address = next(found[1] for found in lines if found)
         asyncio.run(measure(address, visitors, psutil.Process(server.pid)))
     finally:
         server.terminate()

@@ -4,13 +4,14 @@
     python notebooks/execute.py 01 03    # these, whether they changed or not
 
 The scripts are the source (jupytext's percent format). A notebook keeps a hash of the source that
-it was executed from, and of the shipped agents and runs that it reads; the tests compare it, so
+it was executed from, and of the shipped agents and runs that it names; the tests compare it, so
 that no outputs of another source are kept. The exercises, scripts/exercises/NN_topic.py, become
 solutions/NN_topic/NN_topic.ipynb, and from these exercises/NN_topic/NN_topic.ipynb for students.
 """
 
 import argparse
 import hashlib
+import re
 import sys
 from pathlib import Path
 
@@ -44,14 +45,14 @@ def notebook_of(script: Path) -> Path:
 
 
 def source_hash(notebook: nbformat.NotebookNode) -> str:
-    """SHA-256 of the cells' types and sources, and of the shipped results that they read."""
+    """SHA-256 of the cells' types and sources, and of the shipped results that they name."""
     text = "\0".join(f"{cell.cell_type}\0{cell.source}" for cell in notebook.cells)
     digest = hashlib.sha256(text.encode())
-    for sign, folder in (("load_agent", "checkpoints"), ("data/runs", "runs")):
-        if sign in text:
-            for path in sorted((HERE.parent / "data" / folder).rglob("*.*")):
-                if path.suffix != ".md":
-                    digest.update(path.name.encode() + path.read_bytes())
+    words = set(re.findall(r"[\w-]+", text))
+    for folder in ("checkpoints", "runs"):
+        for path in sorted((HERE.parent / "data" / folder).iterdir()):
+            if path.name.partition(".")[0] in words:
+                digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
 
 

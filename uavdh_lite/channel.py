@@ -7,7 +7,6 @@ import numpy as np
 
 from uavdh_lite.city import City
 from uavdh_lite.config import option, require_bounds
-from uavdh_lite.shadowing import crossed_cells, passed_corners
 
 
 @dataclass(frozen=True)
@@ -39,17 +38,15 @@ class Channel:
         edge_m = math.sqrt(2) * size * self.cell_size_m / 2
         return self.cell_edge_snr_db + 10 * self.path_loss_exponent_los * math.log10(edge_m)
 
-    def mean_snr_db(self, squared_distance_m2, line_of_sight, size: int):
-        """SNR in dB without fading, from squared 3-D distances; arrays of one shape (eq. 2, 3)."""
-        gain_db = self.path_gain_db(squared_distance_m2, line_of_sight)
-        return np.float32(self.transmit_snr_db(size)) + gain_db
+    def path_loss_db(self, squared_distance_m2, line_of_sight):
+        """10 α log10 d in dB, from squared 3-D distances; arrays of one shape (eq. 2).
 
-    def path_gain_db(self, squared_distance_m2, line_of_sight):
-        """d^−α in dB, from squared 3-D distances; arrays of one shape (eq. 2)."""
+        The square saves a root: 10 log10 d = 5 log10 d².
+        """
         exponent = np.where(
             line_of_sight,
-            np.float32(-5 * self.path_loss_exponent_los),  # 10 log10 d = 5 log10 d²
-            np.float32(-5 * self.path_loss_exponent_nlos),
+            np.float32(5 * self.path_loss_exponent_los),
+            np.float32(5 * self.path_loss_exponent_nlos),
         )
         return exponent * np.log10(squared_distance_m2)
 
@@ -67,65 +64,17 @@ def rate(snr_db):
     return np.log2(1 + 10 ** (snr_db / 10))
 
 
-@dataclass(frozen=True)
-class Link:
-    """The channel between a device and a UAV that hovers over a cell, without fading.
-
-    | field | meaning |
-    | --- | --- |
-    | `ground_m`, `distance_m` | distance on the ground and through the air, m |
-    | `crossed` | (n, 2), the cells that the ray crosses, starting at the device |
-    | `blocked_by` | (m, 2), the buildings that block it: the link is NLoS if there are any |
-    | `snr_db`, `rate` | mean SNR, dB, and data units a slot at it |
-    | `fading_db` | standard deviation of the shadow fading, dB |
-    """
-
-    ground_m: float
-    distance_m: float
-    crossed: np.ndarray
-    blocked_by: np.ndarray
-    snr_db: float
-    rate: float
-    fading_db: float
-
-    @property
-    def line_of_sight(self) -> bool:
-        return len(self.blocked_by) == 0
-
-
-def link(city: City, channel: Channel, device: tuple[int, int], uav: tuple[int, int]) -> Link:
-    """The link between a device and a UAV in these cells, each (row, column)."""
-    rows, cols = uav[0] - device[0], uav[1] - device[1]
-    crossed = crossed_cells(rows, cols) + np.array(device)
-    corners = passed_corners(rows, cols) + np.array(device)
-    closed = city.buildings[corners[..., 0], corners[..., 1]].all(axis=1)
-    blocked_by = crossed[city.buildings[crossed[:, 0], crossed[:, 1]]]
-    blocked_by = np.concatenate([blocked_by, corners[closed].reshape(-1, 2)])
-    ground_m = float(np.hypot(uav[0] - device[0], uav[1] - device[1])) * channel.cell_size_m
-    distance_m = float(np.hypot(ground_m, channel.altitude_m))
-    sight = len(blocked_by) == 0
-    snr_db = float(channel.mean_snr_db(np.float32(distance_m**2), sight, city.size))
-    return Link(
-        ground_m,
-        distance_m,
-        crossed,
-        blocked_by,
-        snr_db,
-        float(rate(snr_db)),
-        float(channel.fading_db(1.0, sight)),
-    )
-
-
 def rate_map(
     city: City, channel: Channel, line_of_sight: np.ndarray, device: tuple[int, int]
 ) -> np.ndarray:
     """Data units per slot, without fading, from a device to a UAV that hovers over a cell; (M, M).
 
     Arguments:
-        line_of_sight: (M², M²), as `Environment.line_of_sight`.
+        line_of_sight: (M², M²), such as `Environment.sight[0]`.
+        device: (row, column).
     """
     row, col = np.indices((city.size, city.size))
-    ground = ((row - device[0]) ** 2 + (col - device[1]) ** 2) * channel.cell_size_m**2
+    ground_m2 = ((row - device[0]) ** 2 + (col - device[1]) ** 2) * channel.cell_size_m**2
     sight = line_of_sight[device[0] * city.size + device[1]].reshape(row.shape)
-    snr_db = channel.mean_snr_db(np.float32(ground + channel.altitude_m**2), sight, city.size)
-    return rate(snr_db)
+    loss_db = channel.path_loss_db(np.float32(ground_m2 + channel.altitude_m**2), sight)
+    return rate(np.float32(channel.transmit_snr_db(city.own_size)) - loss_db)

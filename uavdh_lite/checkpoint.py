@@ -4,7 +4,6 @@ import hashlib
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -12,14 +11,14 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
-from uavdh_lite.agent import Agent, build
-from uavdh_lite.city import Cities, City, as_cities
-from uavdh_lite.errors import CheckpointError, InputError
-from uavdh_lite.recipe import Recipe
-from uavdh_lite.scenario import Scenario
+from uavdh_lite.agent import Agent
+from uavdh_lite.city import City
+from uavdh_lite.errors import CheckpointError
+from uavdh_lite.recipe import recipe_from_json
+from uavdh_lite.scenario import scenario_from_json
 from uavdh_lite.storage import data_folder, write_atomically
 
-FORMAT = 6
+FORMAT = 1
 
 
 def save(path: str | Path, kind: str, tensors: dict[str, Tensor], about: dict) -> None:
@@ -56,32 +55,14 @@ def load(path: str | Path, kind: str) -> tuple[dict[str, Tensor], dict]:
     if metadata.get("sha256") != _digest(metadata["uavdh_lite"], tensors):
         raise CheckpointError(f"{path}: damaged, its checksum is wrong; copy or train it again")
     about = json.loads(metadata["uavdh_lite"])
-    if about["format"] > FORMAT:
-        raise CheckpointError(f"{path}: made by a newer uavdh_lite; update it")
-    _upgrade(about)
-    del about["format"]
-    found = about.pop("kind")
+    found_format, found = about.pop("format"), about.pop("kind")
+    if found_format != FORMAT:
+        raise CheckpointError(
+            f"{path}: of format {found_format}, this version of uavdh_lite reads {FORMAT}"
+        )
     if found != kind:
         raise CheckpointError(f"{path}: holds a checkpoint of kind {found!r}, expected {kind!r}")
     return tensors, about
-
-
-def _upgrade(about: dict) -> None:
-    """Turn the values of an older format into those of this one, in place.
-
-    Older recipes had more fields, which only training used; format 1 had one crash reward for the
-    whole run; formats below 4 do not say that they were made with version 1 of the streams; those
-    below 5 know of nothing beyond the paper.
-    """
-    if about["format"] < 4 and "training" in about:
-        about["training"].setdefault("streams", 1)
-    if about["format"] < 3 and "recipe" in about:
-        recipe = about["recipe"]
-        recipe.setdefault("crash_reward_end", recipe["crash_reward"])
-        for name in ("exploring_least_time", "exploring_actions"):
-            recipe.pop(name, None)
-    if about["format"] < 5 and "recipe" in about:
-        about["recipe"] |= {"failsafe": False, "quantiles": 0, "advantage_learning": 0.0}
 
 
 def _digest(header: str, tensors: dict[str, Tensor]) -> str:
@@ -94,14 +75,13 @@ def _digest(header: str, tensors: dict[str, Tensor]) -> str:
 
 
 def save_agent(path: str | Path, agent: Agent) -> None:
-    """Write an agent: weights, city or cities, recipe, scenario and how it was trained."""
+    """Write an agent: weights, cities, recipe, scenario and how it was trained."""
     tensors = {f"network.{name}": value for name, value in agent.network.state_dict().items()}
-    cities = as_cities(agent.city).cities
-    tensors["cities"] = torch.from_numpy(np.concatenate([city.kinds.ravel() for city in cities]))
+    tensors["cities"] = torch.from_numpy(np.stack([city.kinds for city in agent.cities]))
     about = {
         "recipe": agent.recipe.as_json(),
         "scenario": asdict(agent.scenario),
-        "cities": [{"name": city.name, "size": city.size} for city in cities],
+        "cities": [{"name": city.name, "size": city.own_size} for city in agent.cities],
         "size": agent.observation.size,
         "training": agent.training,
     }
@@ -111,52 +91,40 @@ def save_agent(path: str | Path, agent: Agent) -> None:
 def load_agent(path: str | Path, device: str = "cpu") -> Agent:
     """Read an agent; a bare name such as `manhattan` means a shipped one.
 
-    An agent that was trained over many cities, or that went on from such a one, acts on the mean
-    over the eight symmetries: `Agent.symmetric`.
+    Raises `CheckpointError` that names the file if it holds no agent of this version.
     """
-    path = Path(path)
-    if path.suffix == "" and not path.exists():
-        path = data_folder() / "checkpoints" / f"{path.name}.safetensors"
-        if not path.exists():
-            shipped = ", ".join(shipped_agents())
-            raise CheckpointError(
-                f"no agent named {path.stem!r}: give the path of a checkpoint, or one of {shipped}"
-            )
+    path = _file(path)
     tensors, about = load(path, "agent")
-    if "city" in about:  # of format 5 or older: one city
-        kinds = tensors.pop("city")
-        tensors["cities"], size = kinds.flatten(), len(kinds)
-        about |= {"cities": [{"name": about["city"]["name"], "size": size}], "size": size}
     try:
-        recipe = Recipe.from_json(about["recipe"])
+        recipe = recipe_from_json(about["recipe"])
         scenario = scenario_from_json(about["scenario"])
-        city = _cities(about["cities"], tensors.pop("cities").numpy())
-        observation, network = build(recipe, city, about["size"])
-        network.load_state_dict({k.removeprefix("network."): v for k, v in tensors.items()})
-    except (InputError, RuntimeError, KeyError, TypeError) as error:
+        cities = tuple(
+            City.from_kinds(one["name"], kinds[: one["size"], : one["size"]])
+            for one, kinds in zip(about["cities"], tensors.pop("cities").numpy(), strict=True)
+        )
+        observation = recipe.observation_for(recipe.environment_for(cities), about["size"])
+        with torch.device("meta"):  # without weights: they are in the file
+            network = recipe.flown(recipe.network_for(observation))
+        weights = {k.removeprefix("network."): v for k, v in tensors.items()}
+        network.load_state_dict(weights, assign=True)
+    except (ValueError, LookupError, RuntimeError, TypeError) as error:
         raise CheckpointError(
             f"{path}: does not fit this version of uavdh_lite ({error})"
         ) from None
     network.to(device).eval()
-    training = about["training"]
-    symmetric = training.get("symmetric", False)
-    return Agent(network, observation.to(device), recipe, scenario, city, training, symmetric)
+    return Agent(network, observation.to(device), recipe, scenario, about["training"])
 
 
-def _cities(about: list[dict], kinds: np.ndarray) -> City | Cities:
-    """The city or cities with these names and sizes, and these kinds of cells in a row."""
-    cells = np.split(kinds, np.cumsum([one["size"] ** 2 for one in about])[:-1])
-    cities = [
-        City.from_kinds(one["name"], own.reshape(one["size"], -1))
-        for one, own in zip(about, cells, strict=True)
-    ]
-    return cities[0] if len(cities) == 1 else Cities(tuple(cities))
-
-
-def scenario_from_json(values: dict) -> Scenario:
-    """The scenario with these fields; lists become tuples."""
-    fields: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
-    return Scenario(**fields)
+def _file(path: str | Path) -> Path:
+    """The file of an agent; a bare word that is a shipped name means the shipped one."""
+    if str(path) in shipped_agents():
+        return data_folder() / "checkpoints" / f"{path}.safetensors"
+    if Path(path).suffix == "" and not Path(path).exists():
+        raise CheckpointError(
+            f"no agent named {str(path)!r}: give the path of a checkpoint, or one of "
+            f"{', '.join(shipped_agents())}"
+        )
+    return Path(path)
 
 
 def shipped_agents() -> list[str]:

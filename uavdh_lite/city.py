@@ -1,19 +1,20 @@
 """The city: a square grid of cells with three Boolean layers, stored as a PNG."""
 
 import hashlib
-from collections.abc import Iterator
+import io
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO
 
 import numpy as np
 from PIL import Image
 
+from uavdh_lite import registry
 from uavdh_lite.errors import CityError
 from uavdh_lite.storage import data_folder, write_atomically
 
-MAX_SIZE = 100  # cells on a side; the line-of-sight table holds size**4 bytes
+MAX_SIZE = 100  # cells on a side; line of sight takes size**4 bytes
 
 # Each row is a kind of cell: its sign in a text drawing, its colour in a PNG (the palette of the
 # authors' code, so that their maps load unchanged), and the layers that it sets.
@@ -51,6 +52,7 @@ class City:
     | `landing` | (M, M) bool | start and landing zone |
     | `no_fly` | (M, M) bool | cells the UAV may not enter: no-fly zones and tall buildings |
     | `buildings` | (M, M) bool | cells that block radio links |
+    | `own_size` | int | cells on a side without what `embedded` put around it; M if nothing |
 
     Raises `CityError` if the layers are not square or differ in shape, if there is no landing cell,
     if a landing cell is also a building or a no-fly cell or is walled in by them, or if no device
@@ -61,14 +63,17 @@ class City:
     landing: np.ndarray
     no_fly: np.ndarray
     buildings: np.ndarray
+    own_size: int = 0
 
     def __post_init__(self):
         for layer in ("landing", "no_fly", "buildings"):
             copy = np.array(getattr(self, layer), bool)
             object.__setattr__(self, layer, read_only(copy))
+        self._check_shape()
+        object.__setattr__(self, "own_size", self.own_size or self.size)
         self._check()
 
-    def _check(self) -> None:
+    def _check_shape(self) -> None:
         shape = self.landing.shape
         if len(shape) != 2 or shape[0] != shape[1]:
             size = " × ".join(map(str, shape[::-1]))  # width first
@@ -77,6 +82,8 @@ class City:
             raise CityError(f"{self.name}: the layers landing, no_fly, buildings differ in shape")
         if shape[0] > MAX_SIZE:
             raise CityError(f"{self.name}: {shape[0]} cells on a side, at most {MAX_SIZE} fit")
+
+    def _check(self) -> None:
         if not self.landing.any():
             raise CityError(f"{self.name}: no start and landing zone; paint at least one cell blue")
         both = self.landing & (self.no_fly | self.buildings)
@@ -85,12 +92,12 @@ class City:
                 f"{self.name}: {_first(both)} is landing zone and no-fly or building: choose one"
             )
         walled_in = self.landing & ~grow(~self.no_fly)
-        if walled_in.any() and shape[0] > 1:
+        if walled_in.any() and self.size > 1:
             raise CityError(
                 f"{self.name}: landing cell {_first(walled_in)} lies inside a no-fly zone: "
                 "the UAV cannot leave it; free a cell to its north, east, south or west"
             )
-        if not self.device_cells.size:
+        if not self.open_to_devices.any():
             raise CityError(
                 f"{self.name}: no cell for a device: all are buildings or landing zone; free one"
             )
@@ -101,9 +108,15 @@ class City:
         return self.landing.shape[0]
 
     @cached_property
+    def open_to_devices(self) -> np.ndarray:
+        """Where a device may stand: neither on a building nor in the landing zone; (M, M) bool."""
+        own = np.arange(self.size) < self.own_size
+        return read_only(~self.buildings & ~self.landing & own[:, None] & own)
+
+    @cached_property
     def device_cells(self) -> np.ndarray:
-        """The cells on which a device may stand: neither building nor landing zone; (n,) ints."""
-        return read_only(np.flatnonzero(~self.buildings & ~self.landing))
+        """The cells on which a device may stand; (n,) ints."""
+        return read_only(np.flatnonzero(self.open_to_devices))
 
     @cached_property
     def flight_cells(self) -> np.ndarray:
@@ -133,11 +146,6 @@ class City:
             reached = grown
 
     @cached_property
-    def alone(self) -> "Cities":
-        """The set that has only this city."""
-        return Cities((self,))
-
-    @cached_property
     def kinds(self) -> np.ndarray:
         """The kind of each cell, an index into `KINDS`; (M, M) uint8.
 
@@ -148,8 +156,9 @@ class City:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of the layers: equal for equal cities, whatever their names."""
-        return hashlib.sha256(bytes([self.size]) + self.kinds.tobytes()).hexdigest()
+        """SHA-256 of the layers: equal for equal cities, whatever their names, embedded or not."""
+        own = slice(self.own_size)
+        return hashlib.sha256(bytes([self.own_size]) + self.kinds[own, own].tobytes()).hexdigest()
 
     @property
     def text(self) -> str:
@@ -175,16 +184,42 @@ class City:
         return cls.from_kinds(name, np.array([[SIGNS.index(sign) for sign in row] for row in rows]))
 
     @classmethod
-    def load(cls, path: str | Path) -> "City":
-        """Read a city from a PNG file; a bare name such as `manhattan` means a shipped city."""
-        path = Path(path)
+    def load(cls, source: str | Path | BinaryIO) -> "City":
+        """Read a city from a PNG: the path of a file, an open file, or the name of a shipped city.
+
+        Raises `CityError` that names the file and the pixel if it is not a city.
+        """
+        if not isinstance(source, str | Path):
+            return cls._from_png("city", source.read(), "city")
+        path = _shipped(str(source)) or Path(source)
         if path.suffix == "" and not path.exists():
-            path = _shipped(path.name)
-        kinds = _read_kinds(path)
+            known = ", ".join(shipped_cities())
+            raise CityError(f"no city named {path.name!r}: give a PNG's path, or one of {known}")
         try:
-            return cls.from_kinds(path.stem, kinds)
+            return cls._from_png(path.stem, path.read_bytes(), str(path))
+        except OSError as error:
+            raise CityError(f"{path}: cannot be read ({error.strerror})") from None
+
+    @classmethod
+    def _from_png(cls, name: str, content: bytes, where: str) -> "City":
+        kinds = _read_kinds(content, where)
+        try:
+            return cls.from_kinds(name, kinds)
         except CityError as error:
-            raise CityError(f"{path}: {str(error).removeprefix(f'{path.stem}: ')}") from None
+            raise CityError(f"{where}: {str(error).removeprefix(f'{name}: ')}") from None
+
+    def embedded(self, size: int) -> "City":
+        """This city in the north-west corner of size×size cells, with no-fly cells around it."""
+        if size == self.size:
+            return self
+        around = (0, size - self.size)
+        return City(
+            self.name,
+            np.pad(self.landing, around),
+            np.pad(self.no_fly, around, constant_values=True),
+            np.pad(self.buildings, around),
+            self.own_size,
+        )
 
     def save(self, path: str | Path) -> None:
         """Write the city as a PNG, one pixel per cell, atomically."""
@@ -192,164 +227,36 @@ class City:
         write_atomically(path, lambda temporary: image.save(temporary, format="PNG"))
 
 
-@dataclass(frozen=True, eq=False)
-class Cities:
-    """C cities of any sizes as one world, in which every episode has its own city.
+def load_cities(name: str | Path) -> tuple[City, ...]:
+    """The cities of a name: one of a shipped name or a PNG, several of a folder of PNGs.
 
-    The cells are numbered on from city to city: cell (row, col) of city c, of M cells on a side,
-    has the number `first_cell[c] + row * M + col`. So a cell's number says its city, too. The
-    arrays are read-only, and have an entry for each of the n cells of all cities.
-
-    | field | shape | meaning |
-    | --- | --- | --- |
-    | `cities` | tuple of C | the cities |
-    | `first_cell`, `sizes` | (C,) ints | the number of a city's first cell; its cells on a side |
-    | `city`, `row`, `col` | (n,) ints | the city of each cell, an index, and its place there |
-    | `landing`, `no_fly`, `buildings` | (n,) bool | the layers of `City` |
-    | `landing_distance` | (n,) ints | moves to the nearest landing cell, −1 if there is no path |
-
-    Raises `CityError` if there is none.
+    An extension may add a source of cities, named before a colon. Raises `CityError` for anything
+    else.
     """
-
-    cities: tuple[City, ...]
-
-    def __post_init__(self):
-        object.__setattr__(self, "cities", tuple(self.cities))
-        if not self.cities:
-            raise CityError("a set of cities needs at least one")
-
-    @classmethod
-    def load(cls, folder: str | Path) -> "Cities":
-        """The cities of all PNG files in a folder, in the order of their names."""
-        paths = sorted(Path(folder).glob("*.png"))
-        if not paths:
-            raise CityError(f"{folder}: no PNG files in it")
-        return cls(tuple(map(City.load, paths)))
-
-    def __len__(self) -> int:
-        return len(self.cities)
-
-    def __getitem__(self, index: int) -> City:
-        return self.cities[index]
-
-    @property
-    def name(self) -> str:
-        """The name of the only city, or how many there are."""
-        return self.cities[0].name if len(self) == 1 else f"{len(self)} cities"
-
-    @cached_property
-    def size(self) -> int:
-        """M, the number of cells on a side of the largest city."""
-        return int(self.sizes.max())
-
-    @cached_property
-    def sizes(self) -> np.ndarray:
-        return read_only(np.array([city.size for city in self.cities]))
-
-    @cached_property
-    def first_cell(self) -> np.ndarray:
-        return read_only(np.cumsum(self.sizes**2) - self.sizes**2)
-
-    @cached_property
-    def cell_type(self) -> np.dtype:
-        """The type of a cell's number in a `State`: int16, or int32 if that is too small."""
-        return np.promote_types(np.int16, np.min_scalar_type(-len(self.city)))
-
-    @cached_property
-    def city(self) -> np.ndarray:
-        return read_only(np.repeat(np.arange(len(self)), self.sizes**2))
-
-    @cached_property
-    def row(self) -> np.ndarray:
-        return read_only(self.within // self.sizes[self.city])
-
-    @cached_property
-    def col(self) -> np.ndarray:
-        return read_only(self.within % self.sizes[self.city])
-
-    @cached_property
-    def within(self) -> np.ndarray:
-        """The number that each cell has in its city alone, `row * M + col`; (n,) ints."""
-        return read_only(np.arange(len(self.city)) - self.first_cell[self.city])
-
-    @cached_property
-    def landing(self) -> np.ndarray:
-        return self._layer("landing")
-
-    @cached_property
-    def no_fly(self) -> np.ndarray:
-        return self._layer("no_fly")
-
-    @cached_property
-    def buildings(self) -> np.ndarray:
-        return self._layer("buildings")
-
-    @cached_property
-    def landing_distance(self) -> np.ndarray:
-        return self._layer("landing_distance")
-
-    def _layer(self, name: str) -> np.ndarray:
-        return read_only(np.concatenate([getattr(city, name).ravel() for city in self.cities]))
-
-    def alike(self, pairs: int) -> Iterator[np.ndarray]:
-        """The cities in groups of one size, as indices, for tables over all pairs of cells.
-
-        Arguments:
-            pairs: how many pairs of cells a group may have; more only if it is a single city.
-        """
-        for size in np.unique(self.sizes):
-            same = np.flatnonzero(self.sizes == size)
-            many = max(1, pairs // int(size) ** 4)
-            yield from (same[first : first + many] for first in range(0, len(same), many))
-
-    @cached_property
-    def device_cells(self) -> "CellsByCity":
-        """The cells on which a device may stand."""
-        return self._by_city(~self.buildings & ~self.landing)
-
-    @cached_property
-    def landing_cells(self) -> "CellsByCity":
-        """The cells of the start and landing zones."""
-        return self._by_city(self.landing)
-
-    @cached_property
-    def home_cells(self) -> "CellsByCity":
-        """The cells from which the UAV can reach a landing zone."""
-        return self._by_city(self.landing_distance >= 0)
-
-    def _by_city(self, mask: np.ndarray) -> "CellsByCity":
-        cells = np.flatnonzero(mask)
-        counts = np.bincount(self.city[cells], minlength=len(self))
-        return CellsByCity(*map(read_only, (cells, np.cumsum(counts) - counts, counts)))
-
-    @cached_property
-    def fingerprint(self) -> str:
-        """SHA-256 of the cities' fingerprints; of one city, its own."""
-        if len(self) == 1:
-            return self.cities[0].fingerprint
-        return hashlib.sha256(
-            "".join(city.fingerprint for city in self.cities).encode()
-        ).hexdigest()
+    source, colon, rest = str(name).partition(":")
+    if colon and source in registry.names("cities"):
+        return registry.find("cities", source)(rest)
+    if str(name) in shipped_cities() or not Path(name).is_dir():
+        return (City.load(name),)
+    paths = sorted(Path(name).glob("*.png"))
+    if not paths:
+        raise CityError(f"{name}: no PNG files in this folder; draw a city, one pixel a cell")
+    return tuple(map(City.load, paths))
 
 
-class CellsByCity(NamedTuple):
-    """Some cells of a set of cities: in city c `counts[c]` of `cells`, from `starts[c]` on."""
-
-    cells: np.ndarray
-    starts: np.ndarray
-    counts: np.ndarray
-
-
-def one_city(city: City | Cities) -> City:
-    """The city where there is only one; raises `CityError` for several."""
-    if isinstance(city, Cities):
-        raise CityError(f"{city.name}: name one of them, or another (--city)")
-    return city
+def load_city(name: str | Path) -> City:
+    """The city of a name; raises `CityError` if there are several."""
+    cities = load_cities(name)
+    if len(cities) > 1:
+        raise CityError(f"{name}: {len(cities)} cities; name a single one")
+    return cities[0]
 
 
-def as_cities(city: City | Cities) -> Cities:
-    """A set of cities; that of one, for one city."""
-    return city if isinstance(city, Cities) else city.alone
+def fingerprint(cities: tuple[City, ...]) -> str:
+    """SHA-256 of the cities' fingerprints; of a single one, its own."""
+    if len(cities) == 1:
+        return cities[0].fingerprint
+    return hashlib.sha256("".join(city.fingerprint for city in cities).encode()).hexdigest()
 
 
 def shipped_cities() -> list[str]:
@@ -357,31 +264,27 @@ def shipped_cities() -> list[str]:
     return sorted(path.stem for path in (data_folder() / "cities").glob("*.png"))
 
 
-def _shipped(name: str) -> Path:
-    if name not in shipped_cities():
-        shipped = ", ".join(shipped_cities())
-        raise CityError(f"no city named {name!r}: give the path of a PNG, or one of {shipped}")
-    return data_folder() / "cities" / f"{name}.png"
+def _shipped(name: str) -> Path | None:
+    """The file of a shipped city, None if there is none of this name."""
+    return data_folder() / "cities" / f"{name}.png" if name in shipped_cities() else None
 
 
-def _read_kinds(path: Path) -> np.ndarray:
+def _read_kinds(content: bytes, where: str) -> np.ndarray:
     """The kinds of the PNG's pixels, (rows, columns) indices into `KINDS`."""
     try:
-        with Image.open(path, formats=["PNG"]) as image:
+        with Image.open(io.BytesIO(content), formats=["PNG"]) as image:
+            width, height = image.size
             if max(image.size) > MAX_SIZE:  # known from the header: nothing large is decoded
-                width, height = image.size
                 raise CityError(
-                    f"{path}: {width} × {height} pixels, at most {MAX_SIZE} on a side fit"
+                    f"{where}: {width} × {height} pixels, at most {MAX_SIZE} on a side fit"
                 )
             image.verify()  # tests the checksums; afterwards the file must be opened again
-        with Image.open(path, formats=["PNG"]) as image:
+        with Image.open(io.BytesIO(content), formats=["PNG"]) as image:
             pixels = np.asarray(image.convert("RGBA"))
-    except FileNotFoundError:
-        raise CityError(f"{path}: no such file") from None
     except CityError:
         raise
     except Exception as error:  # Pillow raises many types for damaged files
-        raise CityError(f"{path}: not a readable PNG file ({error})") from None
+        raise CityError(f"{where}: not a readable PNG file ({error})") from None
     on, off = pixels[..., :3] >= ON, pixels[..., :3] <= OFF
     matches = (on[:, :, None] == (COLOURS > 0)).all(-1)
     clear = (on | off).all(-1) & (pixels[..., 3] == 255)
@@ -392,7 +295,7 @@ def _read_kinds(path: Path) -> np.ndarray:
         shown = f"#{red:02x}{green:02x}{blue:02x}" + ("" if alpha == 255 else f" (alpha {alpha})")
         known = ", ".join("#{:02x}{:02x}{:02x}".format(*colour) for colour in COLOURS)
         raise CityError(
-            f"{path}: pixel row {row}, column {col} is {shown}, not one of {known} "
+            f"{where}: pixel row {row}, column {col} is {shown}, not one of {known} "
             f"(a channel counts as ff from {ON} up and as 00 up to {OFF})"
         )
     return matches.argmax(-1)

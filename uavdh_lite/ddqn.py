@@ -7,6 +7,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import huber_loss, mse_loss
 
+from uavdh_lite.environment import State
+from uavdh_lite.observation import Observation
+from uavdh_lite.replay import Batch
+
 
 def ddqn_target(
     reward: Tensor, discount: Tensor, online_next: Tensor, target_next: Tensor
@@ -21,11 +25,6 @@ def ddqn_target(
     return reward + discount * target_next.gather(1, best).squeeze(1)
 
 
-def only_allowed(q_values: Tensor, allowed: Tensor | None) -> Tensor:
-    """The Q-values, (B, actions), but −∞ for actions that are not allowed; None allows all."""
-    return q_values if allowed is None else q_values.masked_fill(~allowed, -torch.inf)
-
-
 def softmax_policy(q_values: Tensor, temperature: float) -> Tensor:
     """π(a|s) ∝ exp(Q(s, a) / β), (B, actions) (eq. 12)."""
     return torch.softmax(q_values / temperature, dim=1)
@@ -34,9 +33,10 @@ def softmax_policy(q_values: Tensor, temperature: float) -> Tensor:
 def draw_actions(probabilities: Tensor, generator: np.random.Generator) -> np.ndarray:
     """One action for each row of probabilities; (B,) ints."""
     cumulative = probabilities.cpu().double().cumsum(dim=1).numpy()
-    # Rounded, the last sum may be less than 1: no draw is to lie above it.
+    # Rounded, the last sum may be less than 1: no draw is to lie above it. A draw may be exactly 0,
+    # and an action of probability 0 is not to be drawn: hence ≤.
     draws = generator.random(len(cumulative))[:, None] * cumulative[:, -1:]
-    return (cumulative[:, :-1] < draws).sum(axis=1)
+    return (cumulative[:, :-1] <= draws).sum(axis=1)
 
 
 @torch.no_grad()
@@ -45,77 +45,74 @@ def soft_update(target: nn.Module, online: nn.Module, rate: float) -> None:
     torch._foreach_lerp_(list(target.parameters()), list(online.parameters()), rate)
 
 
-class Networks:
-    """The online network and the target network; the latter starts as a copy of the former."""
+class DDQN:
+    """The online network, the target network, and the optimiser of the former (section III-B).
 
-    def __init__(self, online: nn.Module):
-        self.online = online
-        self.target = copy.deepcopy(online).requires_grad_(False)
-
-    @torch.no_grad()
-    def targets(
-        self, reward: Tensor, discount: Tensor, next_observation, allowed: Tensor | None = None
-    ) -> Tensor:
-        """The targets y of a minibatch, (B,): `ddqn_target` with the Q-values of both networks.
-
-        Arguments:
-            reward, discount: (B,), the discount 0 where the episode ended.
-            next_observation: what the networks take, as a tuple of arguments.
-            allowed: (B, actions) bool, the actions to choose from in s'; None for all.
-        """
-        online_next, target_next = self.online(*next_observation), self.target(*next_observation)
-        return ddqn_target(reward, discount, only_allowed(online_next, allowed), target_next)
-
-    @torch.no_grad()
-    def copy_from(self, other: "Networks") -> None:
-        """Copy the weights of `other`, in place."""
-        for mine, theirs in ((self.online, other.online), (self.target, other.target)):
-            torch._foreach_copy_(list(mine.parameters()), list(theirs.parameters()))
-
-
-class DDQN(Networks):
-    """Both networks and the optimiser of the online one.
+    The target network starts as a copy of the online one.
 
     Arguments:
-        online: the network to train.
-        optimiser: over the parameters of `online`.
+        observation: makes what the networks take from states.
+        network: the online network, to be trained: `network(*observation(state)) -> (B, 6)`.
+        optimiser: over its parameters.
         target_update_rate: τ.
         huber_delta: the error above which the loss is linear; None for the squared error.
     """
 
     def __init__(
         self,
-        online: nn.Module,
+        observation: Observation,
+        network: nn.Module,
         optimiser: torch.optim.Optimizer,
         target_update_rate: float,
         huber_delta: float | None = None,
     ):
-        super().__init__(online)
+        self.observation = observation
+        self.online = network
+        self.target = copy.deepcopy(network).requires_grad_(False)
         self.optimiser = optimiser
         self.target_update_rate = target_update_rate
         self.huber_delta = huber_delta
 
-    def update(self, observation, action: Tensor, y: Tensor) -> Tensor:
-        """One gradient step towards the targets and one soft update; returns the loss.
+    @torch.no_grad()
+    def q_values(self, state: State) -> Tensor:
+        """Q-values by the online network, (B, 6)."""
+        return self.online(*self.observation(state))
 
-        Arguments:
-            observation: what the networks take, as a tuple of arguments.
-            action: (B,) int64.
-            y: (B,), from `targets`.
-        """
-        loss = self.loss(observation, action, y)
+    def update(self, batch: Batch) -> Tensor:
+        """`fit` a minibatch to its `targets`; returns the loss."""
+        return self.fit(batch, self.targets(batch))
+
+    def fit(self, batch: Batch, y: Tensor) -> Tensor:
+        """One gradient step towards the targets y, and one soft update; returns the loss."""
+        loss = self.loss(batch, y)
         self.optimiser.zero_grad()
         loss.backward()
         self.optimiser.step()
         soft_update(self.target, self.online, self.target_update_rate)
         return loss.detach()
 
-    def loss(self, observation, action: Tensor, y: Tensor) -> Tensor:
+    @torch.no_grad()
+    def targets(self, batch: Batch) -> Tensor:
+        """The targets y, (B,): `ddqn_target` with the Q-values of both networks."""
+        observation = self.observation(batch.next_state)
+        return ddqn_target(
+            self.tensor(batch.reward),
+            self.tensor(batch.discount),
+            self.online(*observation),
+            self.target(*observation),
+        )
+
+    def loss(self, batch: Batch, y: Tensor) -> Tensor:
         """The squared error, or Huber's loss, of the Q-values of the actions taken."""
-        q = self.online(*observation).gather(1, action[:, None]).squeeze(1)
+        q_values = self.online(*self.observation(batch.state))
+        q = q_values.gather(1, self.tensor(batch.action)[:, None]).squeeze(1)
         if self.huber_delta is None:
             return mse_loss(q, y)
         return huber_loss(q, y, delta=self.huber_delta)
+
+    def tensor(self, array: np.ndarray) -> Tensor:
+        """An array on the networks' device."""
+        return torch.from_numpy(array).to(next(self.online.parameters()).device)
 
     def set_learning_rate(self, rate: float) -> None:
         """Set the optimiser's learning rate from now on."""

@@ -1,23 +1,60 @@
 """Monte Carlo evaluation: fly many random missions at once, and say how certain the means are."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from uavdh_lite.city import City
-from uavdh_lite.environment import Environment, Outcome, Rewards, State
+from uavdh_lite.environment import (
+    HOVER,
+    Environment,
+    Outcome,
+    Rewards,
+    State,
+    checked_actions,
+)
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream
 
-Policy = Callable[[State], np.ndarray]
-"""Actions for a batch of states: (B,) indices into `ACTIONS`.
 
-A policy that keeps something for each episode, such as a plan, also has a method `begin(start)`. It
-returns a function of (state, episodes) for the flights from `start`; `episodes` says which of them
-are in the rows of `state`. `fly` calls it if it is there.
-"""
+class Policy(Protocol):
+    """Whatever flies a batch of episodes: an agent, a rule, a planner."""
+
+    def begin(self, start: State) -> "Policy":
+        """The policy for the flights from these states, with what it keeps for each of them.
+
+        A policy that keeps nothing, like this one, is its own.
+        """
+        return self
+
+    def act(self, state: State) -> np.ndarray:
+        """An action for each episode, (B,) indices into `ACTIONS`.
+
+        In an episode that is over any action will do.
+        """
+        ...
+
+
+def in_flight(state: State, act: Callable[[State], np.ndarray]) -> np.ndarray:
+    """The actions that `act` gives for the episodes still in flight, `hover` for the others; (B,).
+
+    Raises `InputError` if it gives anything that is not an action.
+    """
+    action, flying = np.full(len(state), HOVER), np.flatnonzero(~state.ended)
+    if len(flying):
+        action[flying] = checked_actions(act(state[flying]), len(flying))
+    return action
+
+
+class FunctionPolicy(Policy):
+    """A policy from a function of the states in flight, (n,) states, that gives (n,) actions."""
+
+    def __init__(self, function: Callable[[State], np.ndarray]):
+        self.function = function
+
+    def act(self, state: State) -> np.ndarray:
+        return in_flight(state, self.function)
 
 
 class Step(NamedTuple):
@@ -63,15 +100,6 @@ class Trajectory:
     landed: bool
 
 
-def alone(environment: Environment, trajectory: Trajectory) -> tuple[Environment, Trajectory]:
-    """A flight over one of several cities, in the environment of that city alone."""
-    if isinstance(environment.city, City):
-        return environment, trajectory
-    uav_cell = environment.cities.within[trajectory.uav_cell]
-    environment, start = environment.alone(trajectory.start)
-    return environment, replace(trajectory, start=start, uav_cell=uav_cell)
-
-
 @dataclass(frozen=True)
 class Flights:
     """The records of N episodes.
@@ -79,53 +107,48 @@ class Flights:
     | field | shape | meaning |
     | --- | --- | --- |
     | `start`, `end` | N states | first and last state |
-    | `cumulative_reward` | (N,) | sum of the rewards, undiscounted |
+    | `returns` | (N,) | sum of the rewards, undiscounted |
     | `steps` | (N,) | steps flown |
-    | `safety_interventions` | (N,) | how often the safety controller intervened |
+    | `counts` | (N,) by name | what `Outcome.counts` counts, summed over the steps |
     | `history` | T `Step`s | every step, if recorded |
-    | `sent_home` | (N,) | how often the failsafe replaced the action; None without a failsafe |
     """
 
     start: State
     end: State
-    cumulative_reward: np.ndarray
+    returns: np.ndarray
     steps: np.ndarray
-    safety_interventions: np.ndarray
+    counts: dict[str, np.ndarray]
     history: list[Step]
-    sent_home: np.ndarray | None = None
 
     @classmethod
     def of_steps(cls, start: State, end: State, history: list[Step]) -> "Flights":
-        """One episode that was flown step by step, perhaps not to its end, from its `history`."""
-        return cls(
-            start,
-            end,
-            np.array([sum(float(step.reward[0]) for step in history)], np.float32),
-            np.array([len(history)]),
-            np.array([sum(int(step.outcome.intervened[0]) for step in history)]),
-            list(history),
-        )
+        """The flights, perhaps not to their end, from every step of theirs."""
+        tally = _Tally(len(start))
+        for step in history:
+            tally.add(step)
+        return cls(start, end, tally.returns, tally.steps, tally.counts, list(history))
 
     def records(self) -> dict[str, np.ndarray]:
         """The metrics of each episode by name; (N,) float64 each.
 
-        `has_landed`: 1 or 0. `collection_ratio`: collected over initial data.
-        `collection_ratio_and_landed`: their product (CRAL). `cumulative_reward`.
-        `time_used`: steps over initial flying time. `safety_interventions`: a count. `sent_home`:
-        a count, there only for flights with the failsafe.
+        | metric | meaning |
+        | --- | --- |
+        | `landed` | 1 if the UAV landed in time, else 0 |
+        | `collected` | data collected over data at the start |
+        | `collected_and_landed` | the product of the two |
+        | `return` | the sum of the rewards |
+        | `time_used` | steps flown over flying time at the start |
+        | `safety_interventions` | how often the safety controller replaced an action |
         """
-        ratio = self.end.collection_ratio.astype(float)
-        records = {
-            "has_landed": self.end.landed.astype(float),
-            "collection_ratio": ratio,
-            "collection_ratio_and_landed": ratio * self.end.landed,
-            "cumulative_reward": self.cumulative_reward.astype(float),
+        landed, collected = self.end.landed.astype(float), self.end.collected.astype(float)
+        return {
+            "landed": landed,
+            "collected": collected,
+            "collected_and_landed": collected * landed,
+            "return": self.returns.astype(float),
             "time_used": self.steps / self.start.time_left,
-            "safety_interventions": self.safety_interventions.astype(float),
+            **{name: count.astype(float) for name, count in self.counts.items()},
         }
-        if self.sent_home is not None:
-            records["sent_home"] = self.sent_home.astype(float)
-        return records
 
     def metrics(self) -> dict[str, Interval]:
         """The mean of each record with its 95 % interval; see `mean_interval`."""
@@ -161,41 +184,40 @@ def fly(
 ) -> Flights:
     """Fly all episodes of `start` to their end.
 
-    The policy is asked only about the episodes still in the air. Fading is drawn for all episodes
-    in every step, so it does not depend on what the policy does: two policies with the same start
-    and equal generators have the same fading.
+    Fading is drawn for all episodes in every step, so it does not depend on what the policy does:
+    two policies with the same start and equal generators have the same fading.
 
     Arguments:
         record: keep every step, for `Flights.trajectory`.
+
+    Raises `InputError` if the policy gives anything that is not an action.
     """
-    act = policy.begin(start) if hasattr(policy, "begin") else _by_state_alone(policy)
-    state = start
-    total = np.zeros(len(start), np.float32)
-    steps = np.zeros(len(start), int)
-    interventions = np.zeros(len(start), int)
-    sent_home = np.zeros(len(start), int)
-    history: list[Step] = []
-    while True:
-        flying = np.flatnonzero(~state.ended)
-        if not len(flying):
-            break
-        action = np.zeros(len(start), int)
-        action[flying] = act(state[flying], flying)
+    policy = policy.begin(start)
+    state, tally, history = start, _Tally(len(start)), []
+    while not state.ended.all():
+        action = policy.act(state)
         after, outcome = environment.step(state, action, generator)
-        reward = rewards(outcome)
+        step = Step(state, action, outcome, rewards(outcome))
+        tally.add(step)
         if record:
-            history.append(Step(state, action, outcome, reward))
-        total += reward
-        steps += outcome.flew
-        interventions += outcome.intervened
-        sent_home += outcome.sent_home
+            history.append(step)
         state = after
-    counted = sent_home if environment.failsafe else None
-    return Flights(start, state, total, steps, interventions, history, counted)
+    return Flights(start, state, tally.returns, tally.steps, tally.counts, history)
 
 
-def _by_state_alone(policy: Policy) -> Callable[[State, np.ndarray], np.ndarray]:
-    return lambda state, episodes: policy(state)
+class _Tally:
+    """The sums over the steps of N flights; see `Flights`."""
+
+    def __init__(self, episodes: int):
+        self.returns = np.zeros(episodes, np.float32)
+        self.steps = np.zeros(episodes, int)
+        self.counts = {"safety_interventions": np.zeros(episodes, int)}
+
+    def add(self, step: Step) -> None:
+        self.returns += step.reward
+        self.steps += step.outcome.flew
+        for name, happened in step.outcome.counts().items():
+            self.counts[name] = self.counts.get(name, 0) + happened.astype(int)
 
 
 def evaluate(
@@ -209,11 +231,10 @@ def evaluate(
 ) -> Flights:
     """Fly `episodes` random missions; the same seed draws the same missions and fading.
 
-    The cumulative reward always has the paper's constants, so agents trained with other constants
-    can be compared.
+    The return always has the constants of `Rewards()`, so agents trained with others compare.
     """
     generator = stream(use, seed)
-    start = scenario.sample(environment.city, episodes, generator)
+    start = scenario.sample(environment, episodes, generator)
     return fly(environment, policy, start, generator, record=record)
 
 

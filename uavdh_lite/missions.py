@@ -1,36 +1,98 @@
 """A mission that a person sets, flies and shares.
 
 A mission file is JSON; `schemas/mission.schema.json` describes it. It holds the city, so the
-episode stays the same wherever and whenever it is flown, and a checksum, which reveals damage. If
-you edit a file by hand, delete the entry `sha256`.
+episode stays the same wherever and whenever it is flown.
 """
 
-import hashlib
 import json
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from uavdh_lite.city import City
+from uavdh_lite.city import City, load_city
 from uavdh_lite.environment import Environment, Outcome, Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Flights, Policy, Step, fly
-from uavdh_lite.scenario import Scenario, place
+from uavdh_lite.scenario import LIMIT, Scenario
 from uavdh_lite.storage import write_json
 from uavdh_lite.streams import Use, stream
 
-FORMAT, VERSION = "uavdh_lite mission", 2  # version 1 drew its fading from another stream
+FORMAT, VERSION = "uavdh_lite mission", 1
 SCHEMA = Path(__file__).parent / "schemas" / "mission.schema.json"
 LARGEST = 1_000_000  # bytes; the largest city takes a hundredth of that
 Cell = tuple[int, int]
 
 
-@cache
 def environment_of(city: str) -> Environment:
-    """The environment of a shipped city, made once."""
-    return Environment(City.load(city))
+    """The environment of a city, by the city's name or its file."""
+    return Environment(load_city(city))
+
+
+def place(
+    city: City,
+    uav: Cell,
+    devices: list[Cell],
+    data: list[float],
+    flying_time: int,
+    max_devices: int,
+) -> State:
+    """The start of an episode that you set yourself; a batch of one.
+
+    Arguments:
+        uav, devices: cells as (row, column).
+        data: data units of each device.
+        flying_time: units of time.
+        max_devices: K, the number of places for devices.
+
+    Raises `InputError`, naming the device or cell, for anything that cannot be flown.
+    """
+    count = len(devices)
+    if not 1 <= count <= max_devices:
+        change = "take some away" if devices else "add one"
+        raise InputError(f"{count} devices: this scenario takes 1 to {max_devices}; {change}")
+    if len(data) != count:
+        raise InputError(f"{count} devices but {len(data)} amounts of data: give one each")
+    if not 1 <= flying_time < LIMIT:
+        raise InputError(f"flying time {flying_time}: must be at least 1 and below {LIMIT}")
+    _require_inside(city, uav, "the UAV")
+    if city.no_fly[tuple(uav)]:
+        raise InputError(f"the UAV cannot start at {tuple(uav)}, a no-fly cell: move it")
+    for k, cell in enumerate(devices):
+        _require_inside(city, cell, f"device {k}")
+        for where, there in {
+            "on a building": city.buildings[tuple(cell)],
+            "in the landing zone": city.landing[tuple(cell)],
+            "where another device stands": cell in devices[:k],
+        }.items():
+            if there:
+                raise InputError(f"device {k} at {tuple(cell)} stands {where}: move it")
+        if not 0 <= data[k] < LIMIT:
+            raise InputError(f"device {k} has {data[k]} data units: must be 0 to below {LIMIT}")
+    if not any(data):
+        raise InputError("no device has data: give at least one a positive amount")
+    device_cells = np.zeros((1, max_devices), np.int16)
+    data_initial = np.zeros((1, max_devices), np.float32)
+    device_cells[0, :count] = [row * city.size + col for row, col in devices]
+    data_initial[0, :count] = data
+    return State(
+        uav_cell=np.array([uav[0] * city.size + uav[1]], np.int16),
+        time_left=np.array([flying_time], np.int16),
+        device_cells=device_cells,
+        data_initial=data_initial,
+        data_left=data_initial.copy(),
+        landed=np.array([False]),
+        city=np.array([0], np.int16),
+    )
+
+
+def _require_inside(city: City, cell: Cell, what: str) -> None:
+    if not all(0 <= axis < city.size for axis in cell):
+        raise InputError(
+            f"{what} at {tuple(cell)} is outside the city of {city.size} × {city.size} cells: "
+            f"rows and columns go from 0 to {city.size - 1}"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,55 +118,28 @@ class Mission:
     max_devices: int = 5
 
     def __post_init__(self):
-        self.state  # noqa: B018 (raises what is wrong with it)
+        self.state, self.fading  # noqa: B018 (they raise what is wrong)
 
     @classmethod
-    def draw(
-        cls,
-        scenario: Scenario,
-        city: City,
-        seed: int,
-        start: Cell | None = None,
-        devices: tuple[Cell, ...] | None = None,
-        data: tuple[float, ...] | None = None,
-        flying_time: int | None = None,
-    ) -> "Mission":
-        """A random mission of a scenario; what is given is not drawn."""
-        generator = stream(Use.MISSION, seed)
-        state = scenario.sample(city, 1, generator)
-        used = np.flatnonzero(state.data_initial[0] > 0)
-
-        def cell(number) -> Cell:
-            return divmod(int(number), city.size)
-
-        if devices is None:
-            devices = tuple(cell(number) for number in state.device_cells[0, used])
-        if data is None:
-            drawn = state.data_initial[0, used]
-            if len(devices) != len(drawn):
-                drawn = generator.uniform(*scenario.data, len(devices))
-            data = tuple(round(float(amount), 1) for amount in drawn)
+    def draw(cls, scenario: Scenario, city: City, seed: int) -> "Mission":
+        """A random mission of a scenario."""
+        state = scenario.sample(Environment(city), 1, stream(Use.MISSION, seed))
+        used = state.data_initial[0] > 0
+        start, *devices = (
+            divmod(int(number), city.size)
+            for number in (*state.uav_cell, *state.device_cells[0, used])
+        )
+        data = (round(float(amount), 1) for amount in state.data_initial[0, used])
+        flying_time = int(state.time_left[0])
         return cls(
-            city,
-            cell(state.uav_cell[0]) if start is None else start,
-            devices,
-            data,
-            int(state.time_left[0]) if flying_time is None else flying_time,
-            seed,
-            scenario.max_devices,
+            city, start, tuple(devices), tuple(data), flying_time, seed, scenario.max_devices
         )
 
     @cached_property
     def state(self) -> State:
         """The first state, a batch of one."""
-        return place(
-            self.city,
-            self.start,
-            list(self.devices),
-            list(self.data),
-            self.flying_time,
-            self.max_devices,
-        )
+        parts = self.start, list(self.devices), list(self.data), self.flying_time
+        return place(self.city, *parts, self.max_devices)
 
     @property
     def fading(self) -> np.random.Generator:
@@ -125,10 +160,17 @@ class Mission:
 
     def move(self, device: int, cell: Cell) -> "Mission":
         """The mission with this device in another cell."""
-        self._require(device)
-        devices = list(self.devices)
-        devices[device] = cell
-        return replace(self, devices=tuple(devices))
+        return replace(self, devices=_put(self.devices, device, cell))
+
+    def fill(self, device: int, amount: float) -> "Mission":
+        """The mission with this much data at a device, data units."""
+        return replace(self, data=_put(self.data, device, amount))
+
+    def remove(self, device: int) -> "Mission":
+        """The mission without this device; those after it move up."""
+        devices, data = list(self.devices), list(self.data)
+        del devices[device], data[device]
+        return replace(self, devices=tuple(devices), data=tuple(data))
 
     def drag(self, start: Cell, end: Cell) -> "Mission":
         """The mission with the device, or else the start, that is in one cell in another one."""
@@ -137,26 +179,11 @@ class Mission:
             return self.move(device, end)
         return replace(self, start=end) if start == self.start else self
 
-    def fill(self, device: int, amount: float) -> "Mission":
-        """The mission with this much data at a device, data units."""
-        self._require(device)
-        data = list(self.data)
-        data[device] = amount
-        return replace(self, data=tuple(data))
 
-    def remove(self, device: int) -> "Mission":
-        """The mission without this device; those after it move up."""
-        self._require(device)
-        rest = [k for k in range(len(self.devices)) if k != device]
-        return replace(
-            self,
-            devices=tuple(self.devices[k] for k in rest),
-            data=tuple(self.data[k] for k in rest),
-        )
-
-    def _require(self, device: int) -> None:
-        if not 0 <= device < len(self.devices):
-            raise InputError(f"no device {device}: there are {len(self.devices)}")
+def _put(values: tuple, index: int, value) -> tuple:
+    changed = list(values)
+    changed[index] = value
+    return tuple(changed)
 
 
 class HandFlight:
@@ -202,20 +229,17 @@ def save_mission(path: str | Path, mission: Mission) -> None:
 
 def as_json(mission: Mission) -> dict:
     """What a mission's file holds."""
-    values = {
+    pairs = zip(mission.devices, mission.data, strict=True)
+    return {
         "format": FORMAT,
         "version": VERSION,
         "city": {"name": mission.city.name, "rows": mission.city.text.split()},
         "start": list(mission.start),
-        "devices": [
-            {"cell": list(cell), "data": data}
-            for cell, data in zip(mission.devices, mission.data, strict=True)
-        ],
+        "devices": [{"cell": list(cell), "data": data} for cell, data in pairs],
         "flying_time": mission.flying_time,
         "seed": mission.seed,
         "max_devices": mission.max_devices,
     }
-    return {**values, "sha256": _digest(values)}
 
 
 def load_mission(path: str | Path) -> Mission:
@@ -232,26 +256,14 @@ def load_mission(path: str | Path) -> Mission:
 
 
 def read_mission(text: str) -> Mission:
-    """The mission that is written in a file; `InputError` says what is wrong in it."""
+    """The mission that is written in a file; `InputError` names the entry that is wrong."""
     try:
-        values = json.loads(text, parse_constant=_no_number)
+        values = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"not a JSON file: {error}") from None
-    if isinstance(values, dict) and values.get("version") == 1:
-        raise InputError(
-            "of version 1, whose fading came from other random streams: its flight would "
-            'differ; to fly it all the same, set "version" to 2 and take the entry "sha256" out'
-        )
     _check(values)
-    expected = values.pop("sha256", None)
-    if expected not in (None, _digest(values)):
-        raise InputError(
-            "changed since it was saved: its sha256 is another; if you meant to edit it, take "
-            "that entry out"
-        )
-    city = City.from_text(values["city"]["name"], "\n".join(values["city"]["rows"]))
     return Mission(
-        city,
+        City.from_text(values["city"]["name"], "\n".join(values["city"]["rows"])),
         tuple(values["start"]),
         tuple(tuple(device["cell"]) for device in values["devices"]),
         tuple(float(device["data"]) for device in values["devices"]),
@@ -261,22 +273,18 @@ def read_mission(text: str) -> Mission:
     )
 
 
-def _digest(values: dict) -> str:
-    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
-
-
-def _no_number(name: str) -> float:
-    raise ValueError(f"{name} is not a number")
-
-
 def _check(values) -> None:
-    """Raise `InputError` with the place and the reason unless the values are as the schema says."""
+    """Raise `InputError` with the entry and the reason unless the values are as the schema says.
+
+    A JSON Schema takes 5.0 for a whole number; here it is none.
+    """
     from jsonschema import Draft202012Validator
     from jsonschema.exceptions import best_match
+    from jsonschema.validators import extend
 
-    schema = json.loads(SCHEMA.read_text(encoding="utf-8"))
-    error = best_match(Draft202012Validator(schema).iter_errors(values))
+    types = Draft202012Validator.TYPE_CHECKER.redefine("integer", lambda _, it: type(it) is int)
+    validator = extend(Draft202012Validator, type_checker=types)
+    error = best_match(validator(json.loads(SCHEMA.read_text())).iter_errors(values))
     if error is not None:
-        field = error.json_path.removeprefix("$").removeprefix(".") or "the file"
-        message = error.message if len(error.message) <= 200 else f"{error.message[:200]}..."
-        raise InputError(f"{field}: {message}")
+        entry = error.json_path.removeprefix("$").removeprefix(".") or "the file"
+        raise InputError(f"{entry}: {error.message[:200]}")

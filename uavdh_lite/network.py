@@ -1,4 +1,4 @@
-"""The Q-network: convolutions over the maps, then fully connected layers (paper, Fig. 2)."""
+"""The Q-network: convolutions over the map, then fully connected layers (paper, Fig. 2)."""
 
 import torch
 from torch import Tensor, nn
@@ -8,7 +8,7 @@ from uavdh_lite.errors import InputError
 
 
 class QNetwork(nn.Module):
-    """Q-values of all actions from the observation: `network(maps, time) -> (B, 6)`.
+    """Q-values of all actions from the observation: `network(map, time) -> (B, 6)`.
 
     | part | shape, for the paper's 5 layers of a 16×16 city |
     | --- | --- |
@@ -18,11 +18,8 @@ class QNetwork(nn.Module):
     | fully connected, (LayerNorm,) ReLU | (B, 256) three times |
     | linear output | (B, 6) |
 
-    With several maps (global and local), each goes through its own convolutions, and the results
-    are joined after flattening.
-
     Arguments:
-        map_shapes: (channels, rows, columns) of each map.
+        map_shape: (channels, rows, columns) of the map.
         strides: one stride for each convolution.
         layer_norm: normalise each hidden layer before its ReLU.
         leak: slope of the ReLUs below 0; 0 for plain ones.
@@ -31,47 +28,62 @@ class QNetwork(nn.Module):
 
     def __init__(
         self,
-        map_shapes: list[tuple[int, int, int]],
+        map_shape: tuple[int, int, int],
         kernels: int = 16,
         kernel_size: int = 5,
         strides: tuple[int, ...] = (1, 1),
         hidden: tuple[int, ...] = (256, 256, 256),
         layer_norm: bool = False,
         leak: float = 0.0,
-        *,
         outputs: int = len(ACTIONS),
     ):
         super().__init__()
+        self.convolutions, features = convolutions(map_shape, kernels, kernel_size, strides, leak)
+        self.head = fully_connected(features + 1, hidden, layer_norm, leak, outputs)
 
-        def relu() -> nn.Module:
-            return nn.LeakyReLU(leak) if leak else nn.ReLU()
+    def forward(self, map: Tensor, time: Tensor) -> Tensor:
+        return self.head(torch.cat([self.convolutions(map), time], dim=1))
 
-        self.convolutions = nn.ModuleList()
-        width = 1  # the flying time
-        for channels, rows, cols in map_shapes:
-            layers = []
-            for stride in strides:
-                if min(rows, cols) < kernel_size:
-                    raise InputError(
-                        f"a map of {rows}×{cols} cells is too small for a convolution of "
-                        f"{kernel_size}×{kernel_size}: take smaller kernels or strides"
-                    )
-                layers += [nn.Conv2d(channels, kernels, kernel_size, stride), relu()]
-                channels = kernels
-                rows, cols = ((side - kernel_size) // stride + 1 for side in (rows, cols))
-            self.convolutions.append(nn.Sequential(*layers, nn.Flatten()))
-            width += channels * rows * cols
-        layers = []
-        for size in hidden:
-            layers.append(nn.Linear(width, size))
-            if layer_norm:
-                layers.append(nn.LayerNorm(size))
-            layers.append(relu())
-            width = size
-        self.head = nn.Sequential(*layers, nn.Linear(width, outputs))
 
-    def forward(self, maps: list[Tensor], time: Tensor) -> Tensor:
-        features = [
-            convolution(layers) for convolution, layers in zip(self.convolutions, maps, strict=True)
-        ]
-        return self.head(torch.cat([*features, time], dim=1))
+def convolutions(
+    map_shape: tuple[int, int, int],
+    kernels: int,
+    kernel_size: int,
+    strides: tuple[int, ...],
+    leak: float,
+) -> tuple[nn.Sequential, int]:
+    """Convolutions with their ReLUs, flattened, and the number of features that come out.
+
+    Raises `InputError` if the map is too small for them.
+    """
+    channels, rows, cols = map_shape
+    layers: list[nn.Module] = []
+    for stride in strides:
+        if min(rows, cols) < kernel_size:
+            raise InputError(
+                f"a map of {rows}×{cols} cells is too small for a convolution of "
+                f"{kernel_size}×{kernel_size}: take smaller kernels or strides"
+            )
+        layers += [nn.Conv2d(channels, kernels, kernel_size, stride), relu(leak)]
+        channels = kernels
+        rows, cols = ((side - kernel_size) // stride + 1 for side in (rows, cols))
+    return nn.Sequential(*layers, nn.Flatten()), channels * rows * cols
+
+
+def fully_connected(
+    inputs: int, hidden: tuple[int, ...], layer_norm: bool, leak: float, outputs: int
+) -> nn.Sequential:
+    """Hidden layers with their ReLUs, and a linear output."""
+    layers: list[nn.Module] = []
+    for units in hidden:
+        layers.append(nn.Linear(inputs, units))
+        if layer_norm:
+            layers.append(nn.LayerNorm(units))
+        layers.append(relu(leak))
+        inputs = units
+    return nn.Sequential(*layers, nn.Linear(inputs, outputs))
+
+
+def relu(leak: float) -> nn.Module:
+    """A ReLU with this slope below 0; 0 for the plain one."""
+    return nn.LeakyReLU(leak) if leak else nn.ReLU()

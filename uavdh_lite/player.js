@@ -1,188 +1,315 @@
-// Plays the flights that player.py has drawn. Time is counted in steps: at 3.5 the UAV is half-way
-// from its cell after 3 steps to that after 4. player.py starts the players of a page, and
-// labs/stage.js that of a lab.
+// Draws flights and plays them, from what `film` in player.py makes. On the map a cell is 1 wide, x
+// is the column and y the row. Time is counted in steps: at 3.5 the UAV is half-way from its cell
+// after 3 steps to that after 4.
 const SPEED = 4; // steps a second
-const CONTROLS = `
-  <button type="button" data-move="-1" aria-label="one step back">&lsaquo;</button>
-  <button type="button" class="play">Play</button>
-  <button type="button" data-move="1" aria-label="one step forward">&rsaquo;</button>
-  <input type="range" min="0" step="any" aria-label="step">
-  <output></output>
-  <select aria-label="speed">
-    <option value="0.25">¼ ×</option><option value="0.5">½ ×</option>
-    <option value="1" selected>1 ×</option><option value="2">2 ×</option>
-    <option value="4">4 ×</option>
-  </select>`;
+const MUCH = 4; // data units in a step; more of them make nothing wider
+const SQUARE = "h1v1h-1z"; // like the hatches, from a cell's north-west corner
+const KINDS = {
+  L: { name: "start and landing zone", hatch: "m0 .5l.5 .5m-.5 -1l1 1m-.5 -1l.5 .5" },
+  b: { name: "low building: may be flown over", hatch: "m.25 .25h0m.5 0h0m0 .5h0m-.5 0h0" },
+  B: { name: "tall building", hatch: "" },
+  N: { name: "no-fly zone", hatch: "m0 .5l.5 -.5m-.5 1l1 -1m-.5 1l.5 -.5" },
+};
+const START = '<path class="start" d="M0 -.36L.36 .28H-.36z"/>';
+const LANDED = '<circle class="landed" r=".36"/><path class="mark" d="M-.17 0l.13 .14 .22 -.28"/>';
+const CRASHED = '<circle class="crashed" r=".36"/><path class="mark" d="M-.2-.2l.4 .4m0-.4-.4 .4"/>';
+const rotor = (turn) => `<circle cx=".34" r=".14" transform="rotate(${turn})"/>`;
+const ROTORS = [45, 135, 225, 315].map(rotor).join("");
+const UAV = `<path d="M-.24 -.24l.48 .48m0 -.48-.48 .48"/>${ROTORS}`;
 
-// Starts a player, and returns what others may do with it. `shown(time)` is called for each moment
-// that it shows. Without `keyboard`, the keys are somebody else's.
-function start(root, { keyboard = true, shown = () => {} } = {}) {
-  const data = JSON.parse(root.querySelector("script").textContent);
-  const panels = root.querySelectorAll(".flight");
-  const flights = data.flights.map((film, index) => flight(panels[index], film, data));
-  const last = Math.max(...data.flights.map((film) => film.says.length - 1));
+// Draws what a page has for each player that is not drawn yet.
+function drawAll() {
+  for (const source of document.querySelectorAll(".uavdh-player > script")) {
+    draw(source.parentNode, JSON.parse(source.textContent));
+  }
+}
+
+// Draws a film in place of what is in `root`, and returns what others may do with it: `show(step)`
+// shows a step, `show(step, true)` plays from it on. `shown(time)` is called for each moment that
+// is shown. Without `keyboard`, the keys are somebody else's.
+function draw(root, film, { keyboard = true, shown = () => {} } = {}) {
+  root.innerHTML = wholeStage(film);
+  const stage = root.firstChild;
+  const panels = stage.querySelectorAll(".flight");
+  const flights = film.flights.map((flight, k) => shower(panels[k], film, flight));
+  const last = Math.max(...film.flights.map((flight) => flight.path.length - 1));
+  const find = (selector) => stage.querySelector(`.controls ${selector}`);
+  const [button, slider, counter, speed] = [".play", "input", "output", "select"].map(find);
   const calm = matchMedia("(prefers-reduced-motion: reduce)");
-
-  const controls = document.createElement("div");
-  controls.className = "controls";
-  controls.innerHTML = CONTROLS;
-  root.querySelector(".flights").after(controls);
-  const find = (selector) => controls.querySelector(selector);
-  const [play, slider, counter, speed] = [".play", "input", "output", "select"].map(find);
-  slider.max = last;
-
-  let time = last; // the whole flight, as in the picture
-  let pointedAt = null; // a device
-  let pinned = null; // the device of the row that was clicked
+  let time = last;
+  let pointed = null; // the index of a device
   let before = null; // when the last frame was drawn, ms; null while paused
+  [slider.max, speed.value] = [last, 1];
 
-  function show() {
+  function update() {
     const now = before !== null && calm.matches ? Math.floor(time) : time;
-    const texts = flights.map((draw) => draw(now, pointedAt ?? pinned, before !== null));
+    const texts = flights.map((flight) => flight(now, pointed, before !== null));
     slider.value = now;
     counter.textContent = `${Math.ceil(now)} of ${last}`;
     slider.setAttribute("aria-valuetext", `step ${counter.textContent}. ${texts.join(" ")}`);
+    button.textContent = before === null ? "Play" : "Pause";
     shown(now);
   }
 
-  function pause() {
-    before = null;
-    play.textContent = "Play";
-    show();
-  }
-
-  function go(to) {
-    time = Math.min(Math.max(to, 0), last);
-    pause();
-  }
-
-  function toggle() {
-    if (before !== null) return pause();
-    playFrom(time >= last ? 0 : time);
-  }
-
-  function playFrom(then) {
-    time = then;
-    before = performance.now();
-    play.textContent = "Pause";
-    requestAnimationFrame(frame);
+  function show(step, playing = false) {
+    time = Math.min(Math.max(step, 0), last);
+    before = playing ? performance.now() : null;
+    update();
+    if (playing) requestAnimationFrame(frame);
   }
 
   function frame(now) {
-    if (before === null || !root.isConnected) return;
+    if (before === null || !stage.isConnected) return;
     const seconds = Math.min(Math.max(now - before, 0), 100) / 1000; // the page may have slept
     before = now;
-    time = Math.min(time + SPEED * speed.value * seconds, last);
-    if (time === last) return pause();
-    show();
+    time += SPEED * speed.value * seconds;
+    if (time >= last) return show(last);
+    update();
     requestAnimationFrame(frame);
   }
 
-  const back = () => go(Math.ceil(time) - 1);
-  const forward = () => go(Math.floor(time) + 1);
   const keys = {
-    " ": toggle,
-    ArrowLeft: back,
-    ArrowRight: forward,
-    Home: () => go(0),
-    End: () => go(last),
+    " ": () => show(time < last || before !== null ? time : 0, before === null),
+    ArrowLeft: () => show(Math.ceil(time) - 1),
+    ArrowRight: () => show(Math.floor(time) + 1),
+    Home: () => show(0),
+    End: () => show(last),
   };
-  root.addEventListener("keydown", (event) => {
+  stage.addEventListener("keydown", (event) => {
     const own = event.target.matches(event.key === " " ? "button, select" : "select");
-    if (!keyboard || !keys[event.key] || own || event.ctrlKey || event.metaKey || event.altKey) return;
+    const other = own || event.ctrlKey || event.metaKey || event.altKey;
+    if (!keyboard || !keys[event.key] || other) return;
     event.preventDefault();
     keys[event.key]();
   });
-  play.addEventListener("click", toggle);
-  find("[data-move='-1']").addEventListener("click", back);
-  find("[data-move='1']").addEventListener("click", forward);
-  slider.addEventListener("input", () => go(Number(slider.value)));
-  slider.addEventListener("change", () => go(Math.round(time)));
-
-  for (const each of root.querySelectorAll("[data-device]")) {
-    const point = (device) => () => {
-      pointedAt = device;
-      show();
-    };
-    const here = point(Number(each.dataset.device));
-    each.tabIndex = each.closest("svg") ? -1 : 0;
-    for (const type of ["pointerenter", "focus"]) each.addEventListener(type, here);
-    for (const type of ["pointerleave", "blur"]) each.addEventListener(type, point(null));
+  button.addEventListener("click", keys[" "]);
+  find(".back").addEventListener("click", keys.ArrowLeft);
+  find(".forward").addEventListener("click", keys.ArrowRight);
+  slider.addEventListener("input", () => show(Number(slider.value)));
+  const point = ({ type, target, relatedTarget }) => {
+    const device = (type === "focusout" ? relatedTarget : target)?.closest("[data-device]");
+    pointed = device ? Number(device.dataset.device) : null;
+    update();
+  };
+  for (const type of ["pointerover", "pointerleave", "focusin", "focusout"]) {
+    stage.addEventListener(type, point);
   }
-  // A click on a device's row keeps what is shown of it, until the next click on a row or on a map.
-  root.addEventListener("click", (event) => {
-    if (event.target.closest(".controls, .slider")) return;
-    const row = event.target.closest(".bar[data-device]");
-    const device = row ? Number(row.dataset.device) : null;
-    pinned = device === pinned ? null : device;
-    show();
-  });
-  show();
-  return { go, playFrom, speed, last };
+  update();
+  return { show, last, speed };
 }
 
-// Puts the drawing in place of the picture, and returns a function that shows a moment.
-function flight(panel, film, { most, widest }) {
-  const picture = panel.querySelector(".map img");
-  const source = atob(picture.src.split(",")[1]);
-  const parsed = new DOMParser().parseFromString(source, "image/svg+xml").documentElement;
-  const svg = document.importNode(parsed, true);
-  svg.setAttribute("role", "img");
-  svg.setAttribute("aria-label", picture.alt);
-  picture.replaceWith(svg);
+// A flight at a moment: where the UAV is, what is left of each device's data and of the time, and
+// what each device uploads in the step that is being flown.
+function momentAt({ path, left }, time) {
+  const now = Math.min(time, path.length - 1);
+  const step = Math.ceil(now);
+  const from = Math.max(step - 1, 0);
+  const between = (one, other) => one.map((each, k) => each + (now - from) * (other[k] - each));
+  const uploads = left[from].map((each, k) => each - left[step][k]).slice(0, -1);
+  const most = Math.max(...uploads);
+  const served = most > 0 ? uploads.indexOf(most) : null;
+  const [place, amounts] = [path, left].map((values) => between(values[from], values[step]));
+  return { now, step, place, amounts, uploads, served };
+}
 
+// A function that shows a moment of a flight in its panel, and returns it in words.
+function shower(panel, film, flight) {
+  const find = (selector) => panel.querySelector(selector);
+  const [picture, uav, says, here] = ["svg", ".uav", ".says", ".here"].map(find);
   const all = (selector) => [...panel.querySelectorAll(selector)];
-  const [uav, says] = [svg.querySelector("[data-uav]"), panel.querySelector(".says")];
-  const [links, shadows] = ["[data-link]", "[data-shadow]"].map(all);
-  const bars = all(".bar").map((bar) => ({
-    bar,
-    fill: bar.querySelector(".fill"),
-    amount: bar.querySelector(".left"), // somebody may take it off the page
-  }));
-  const timed = all("[data-from]").map((element) => ({
-    element,
-    from: Number(element.dataset.from),
-    until: Number(element.dataset.until ?? Infinity),
-  }));
-  const last = film.says.length - 1;
-  const thinnest = widest / 20;
-  const visible = (element, is) => {
-    const value = is ? "visible" : "hidden";
-    if (element.getAttribute("visibility") !== value) element.setAttribute("visibility", value);
+  const [marks, shadows, links, bars] = ["[data-step]", ".shadow", ".link", ".bar"].map(all);
+  const toggle = (element, visible) => element.toggleAttribute("hidden", !visible);
+  let [cell, moment] = [null, null]; // the cell is that under the pointer
+  const tell = () => (here.textContent = cell ? aboutCell(film, cell, moment) : "");
+  const point = (event) => {
+    const pointer = new DOMPoint(event.clientX, event.clientY);
+    const { x, y } = pointer.matrixTransform(picture.getScreenCTM().inverse());
+    const [row, col] = [Math.round(y), Math.round(x)];
+    cell = event.type === "pointermove" && film.city[row]?.[col] ? [row, col] : null;
+    tell();
   };
+  for (const type of ["pointermove", "pointerleave"]) picture.addEventListener(type, point);
 
-  return (time, pointedAt, playing) => {
-    const now = Math.min(time, last);
-    const step = Math.max(Math.ceil(now) - 1, 0); // the step that is being flown
-    const next = Math.min(step + 1, last);
-    const between = (values) => values[step] + (now - step) * (values[next] - values[step]);
-    const [x, y] = [between(film.x), between(film.y)];
-    uav.setAttribute("transform", `translate(${x} ${y})`);
-    for (const { element, from, until } of timed) visible(element, from < now && now <= until);
-
-    const amounts = links.map((_, k) => (now > 0 ? film.left[k][step] - film.left[k][next] : 0));
-    const largest = Math.max(...amounts);
+  return (time, pointed, playing) => {
+    moment = momentAt(flight, time);
+    const { now, place, amounts, uploads, served } = moment;
+    uav.setAttribute("transform", at(place));
+    for (const mark of marks) toggle(mark, Number(mark.dataset.step) < now);
+    shadows.forEach((shadow, k) => toggle(shadow, k === (pointed ?? served)));
     links.forEach((link, k) => {
-      const width = (widest * amounts[k]) / most;
-      visible(link, amounts[k] > 0);
-      link.setAttribute("x2", x);
-      link.setAttribute("y2", y);
-      link.setAttribute("stroke-width", Math.max(width, thinnest));
-      link.setAttribute("stroke-dasharray", width < thinnest ? 4 * thinnest : "none");
-      const pointed = pointedAt === Number(link.dataset.link);
-      const served = amounts[k] > 0 && amounts[k] === largest;
-      visible(shadows[k], pointedAt === null ? served : pointed);
-      bars[k].bar.classList.toggle("on", pointedAt === null ? amounts[k] > 0 : pointed);
+      const [[row, col], [toRow, toCol]] = [film.devices[k].cell, place];
+      link.setAttribute("d", `M${col} ${row}L${toCol} ${toRow}`);
+      link.setAttribute("stroke-width", 0.03 + 0.3 * share(uploads[k]));
+      toggle(link, uploads[k] > 0);
     });
-    bars.forEach(({ fill, amount }, k) => {
-      const left = between(film.left[k]);
-      fill.style.width = `${(100 * left) / film.left[k][0]}%`;
-      amount.textContent = left.toFixed(k < links.length ? 1 : 0);
+    bars.forEach((bar, k) => {
+      const [full, digits] = [flight.left[0][k], k < links.length ? 1 : 0];
+      bar.style.setProperty("--left", `${(100 * amounts[k]) / full}%`);
+      bar.lastChild.textContent = `${amounts[k].toFixed(digits)} of ${full.toFixed(digits)}`;
+      bar.classList.toggle("on", pointed === null ? uploads[k] > 0 : pointed === k);
     });
-
-    const text = film.says[now > 0 ? next : 0];
+    tell();
+    const text = sentence(film, flight, moment);
     if (says.textContent !== text) says.textContent = text;
     says.setAttribute("aria-live", playing ? "off" : "polite");
     return text;
   };
+}
+
+// What happened in a step; for the last one, how the flight ended.
+function sentence({ devices }, { path, left, refused, ending }, { step, uploads }) {
+  if (step === path.length - 1) return ending;
+  if (step === 0) return `Starts with ${left[0].at(-1)} units of time.`;
+  const [down, right] = [0, 1].map((axis) => path[step][axis] - path[step - 1][axis]);
+  const action = refused[step - 1];
+  let does = "hovers";
+  if (action) does = `may not ${action === "land" ? "land" : `fly ${action}`} here, and hovers`;
+  else if (down) does = down < 0 ? "flies north" : "flies south";
+  else if (right) does = right < 0 ? "flies west" : "flies east";
+  const units = (amount) => (amount >= 0.1 ? amount.toFixed(1) : amount.toPrecision(1));
+  const served = devices.flatMap(({ number }, k) =>
+    uploads[k] > 0 ? [`device ${number} uploads ${units(uploads[k])} units`] : [],
+  );
+  return `Step ${step}: ${does}; ${served.join(", ") || "no upload"}.`;
+}
+
+// What is in a cell, and which devices a UAV there can see.
+function aboutCell({ city, devices }, [row, col], { amounts }) {
+  const texts = [`Row ${row}, column ${col}`, KINDS[city[row][col]]?.name ?? "open ground"];
+  devices.forEach(({ number, cell: [y, x] }, k) => {
+    if (y === row && x === col) texts.push(`device ${number}, ${amounts[k].toFixed(1)} units left`);
+  });
+  const seen = devices.filter(({ hidden }) => hidden[row][col] === ".").map(({ number }) => number);
+  texts.push(seen.length ? `in sight of device ${seen.join(", ")}` : "no device in sight");
+  return `${texts.join("; ")}.`;
+}
+
+// From here on: HTML and SVG as text
+
+const share = (amount) => Math.min(amount / MUCH, 1);
+const escaped = (text) => text.replace(/[&<>"]/g, (sign) => `&#${sign.charCodeAt()};`);
+const at = ([row, col]) => `translate(${col} ${row})`;
+const coloured = (colour) => `style="--colour: ${colour}"`;
+
+// All that is on the stage; a click on it gives it the keys, which are not JupyterLab's then.
+const wholeStage = (film) => `
+  <div role="group" aria-label="${escaped(film.title)}" tabindex="-1"
+      data-lm-suppress-shortcuts="true">
+    <div class="flights">${film.flights.map((flight) => flightPanel(film, flight)).join("")}</div>
+    <div class="controls">
+      <button type="button" class="back" aria-label="one step back">&lsaquo;</button>
+      <button type="button" class="play">Play</button>
+      <button type="button" class="forward" aria-label="one step forward">&rsaquo;</button>
+      <input type="range" min="0" aria-label="step"><output></output>
+      <select aria-label="speed">
+        ${[0.25, 0.5, 1, 2, 4].map((each) => `<option value="${each}">${each} ×</option>`).join("")}
+      </select>
+    </div>
+    ${legend(film)}
+  </div>`.trim();
+
+// One flight: its name, map and bars, and what is said of a moment.
+function flightPanel(film, flight) {
+  const most = Math.max(...flight.left[0].slice(0, -1));
+  const bar = (name, about, width = 100) => `<div class="bar" ${about}><span>${name}</span><span
+    class="room"><span style="width: ${width}%"></span></span><span></span></div>`;
+  const bars = film.devices.map(({ number, colour }, k) => {
+    const about = `data-device="${k}" tabindex="0" ${coloured(colour)}`;
+    return bar(`device ${number}`, about, (100 * flight.left[0][k]) / most);
+  });
+  return `<div class="flight"><div class="name">${escaped(flight.name)}</div>
+    <div class="map">${flightMap(film, flight)}<div class="here"></div></div>
+    <div class="side">what is left${bars.join("")}${bar("time", "")}<div class="says"></div></div>
+    </div>`;
+}
+
+// The map with all that appears on it in the course of a flight.
+function flightMap(film, flight) {
+  const { city, devices, title } = film;
+  const size = city.length;
+  const scale = Math.min(Math.max(size / 16, 0.5), 1.6); // of signs and letters
+  const scaled = (place, sign, about = "") =>
+    `<g transform="${at(place)}" ${about}><g transform="scale(${scale})">${sign}</g></g>`;
+  const each = (draw) => devices.map(draw).join("");
+  const [west, north, side] = [-0.5 - 0.9 * scale, -0.5 - 0.2 * scale, size + 1.1 * scale];
+  const sign = { landed: LANDED, crashed: CRASHED }[flight.end] ?? "";
+  const end = `<g data-step="${flight.path.length - 1.5}">${sign}</g>`;
+  return `<svg viewBox="${west} ${north} ${side} ${side}" role="img"
+      aria-label="${escaped(`${flight.name || title}: ${flight.ending}`)}">
+    <path class="paper" d="M-.5 -.5h${size}v${size}h${-size}z"/>
+    ${each(({ hidden }) => shadow(hidden))}
+    ${Object.keys(KINDS).map((sign) => cells(city, sign)).join("")}
+    ${grid(size, scale)}${scaled(flight.path[0], START)}${flightPath(film, flight, scale)}
+    ${each(({ colour }) => `<path class="link" ${coloured(colour)}/>`)}
+    ${each((device, k) => scaled(device.cell, deviceSign(device), `data-device="${k}"`))}
+    ${scaled([0, 0], UAV + end, 'class="uav"')}</svg>`;
+}
+
+// A shape in each cell that has this sign; all cells of a kind.
+const tiles = (rows, sign, shape) => {
+  const tile = (each, x, y) => (each === sign ? `M${x - 0.5} ${y - 0.5}${shape}` : "");
+  return rows.flatMap((row, y) => [...row].map((each, x) => tile(each, x, y))).join("");
+};
+const cells = (rows, sign) => `<path class="kind-${sign}" d="${tiles(rows, sign, SQUARE)}"/>
+  <path class="hatch-${sign}" d="${tiles(rows, sign, KINDS[sign].hatch)}"/>`;
+const shadow = (hidden) => `<path class="shadow" d="${tiles(hidden, "#", SQUARE)}"/>`;
+
+// The lines between the cells, and the numbers of rows and columns
+function grid(size, scale) {
+  const edges = size <= 32 ? [...Array(size - 1).keys()].map((each) => each + 0.5) : [];
+  const lines = edges.map((each) => `M${each} -.5v${size}M-.5 ${each}h${size}`).join("");
+  const aside = 0.5 + 0.45 * scale;
+  let numbers = "";
+  for (let tick = 0; tick < size; tick += Math.max(1, Math.round(size / 8))) {
+    numbers += `<text x="${tick}" y="${size - 1 + aside}">${tick}</text>`;
+    numbers += `<text x="${-aside}" y="${tick}">${tick}</text>`;
+  }
+  return `<path class="grid" d="${lines}"/><g font-size="${0.5 * scale}">${numbers}</g>`;
+}
+
+// An arrow for each move, and rings for hovering, the larger the longer it has hovered there.
+function flightPath({ devices }, flight, scale) {
+  const { path, end } = flight;
+  const hovered = {}; // steps by cell
+  const sign = (next, step) => {
+    const { uploads, served } = momentAt(flight, step + 1);
+    const about = `data-step="${step}" ${coloured(devices[served]?.colour ?? "currentColor")}`;
+    const width = scale * (0.06 + 0.24 * share(uploads[served] ?? 0));
+    const [down, right] = [0, 1].map((axis) => next[axis] - path[step][axis]);
+    const turn = (Math.atan2(down, right) * 180) / Math.PI;
+    const place = `transform="${at(path[step])} rotate(${turn})"`;
+    if (down || right) return `<g ${place} ${about}>${arrow(width)}</g>`;
+    hovered[next] = (hovered[next] ?? 0) + 1;
+    const size = `r="${scale * Math.min(0.42 + 0.04 * hovered[next], 0.8)}"`;
+    return `<circle class="ring" ${size} stroke-width="${width / 3}" ${place} ${about}/>`;
+  };
+  return path.slice(1, end === "landed" ? -1 : undefined).map(sign).join("");
+}
+
+// An arrow to the next cell in the east, to the right of the path, so that there and back differ.
+function arrow(width, aside = 0.16) {
+  const [left, right] = [aside - width / 2, aside + width / 2];
+  const [from, to] = [left - 0.12, right + 0.12];
+  return `<path class="arrow" d="M0 ${left}H.62V${from}L1 ${aside}L.62 ${to}V${right}H0z"/>`;
+}
+
+const deviceSign = ({ number, colour }) =>
+  `<g class="device" ${coloured(colour)}><circle r=".42"/><text>${number}</text></g>`;
+
+function legend({ city, devices }) {
+  const kinds = Object.keys(KINDS).filter((sign) => city.some((row) => row.includes(sign)));
+  const move = (width) => `<g transform="translate(-.5)">${arrow(width, 0)}</g>`;
+  const entries = [
+    ...kinds.map((sign) => [KINDS[sign].name, cells([sign], sign)]),
+    ["out of sight of the device served or pointed at", shadow(["#"])],
+    ["device", deviceSign(devices[0])],
+    ["start", START],
+    ["landed", LANDED],
+    ["crashed", CRASHED],
+    ["move, in the colour of the device served", move(0.06)],
+    ["much data", move(0.3)],
+    ["hovering", '<circle class="ring" r=".46" stroke-width=".08"/>'],
+  ];
+  const draw = ([name, sign]) => `<span><svg viewBox="-.6 -.6 1.2 1.2">${sign}</svg>${name}</span>`;
+  return `<div class="legend">${entries.map(draw).join("")}</div>`;
 }

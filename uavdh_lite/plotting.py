@@ -1,11 +1,14 @@
 """The figures of the paper, each a function that draws on an Axes and returns it."""
 
 import io
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist
+from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PatchCollection
@@ -16,10 +19,10 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 from PIL import Image
 
-from uavdh_lite.city import Cities, City
-from uavdh_lite.environment import LAND, Environment
+from uavdh_lite.city import City
+from uavdh_lite.environment import LAND, Environment, State
 from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import Trajectory, alone
+from uavdh_lite.evaluation import Trajectory
 from uavdh_lite.storage import write_atomically
 
 # Okabe and Ito's colours, which colour-blind readers can tell apart; not black, which is the colour
@@ -33,18 +36,20 @@ DEVICE_COLOURS = (
 )
 Style = dict[str, Any]  # a patch's keyword arguments
 NO_FLY: Style = {"facecolor": "none", "edgecolor": RED, "hatch": "////", "linewidth": 0}
-LANDING: Style = {
-    "facecolor": "#9DC3E6",
-    "edgecolor": "#1F4E79",
-    "hatch": "\\\\\\\\",
-    "linewidth": 0,
-}
-TALL: Style = {"facecolor": "#4D4D4D", "linewidth": 0}
 LOW: Style = {"facecolor": "#D9C9A3", "edgecolor": "#6B5B35", "hatch": "..", "linewidth": 0}
+LANDING: Style = {"facecolor": "#9DC3E6", "edgecolor": "#1F4E79", "hatch": r"\\\\", "linewidth": 0}
+TALL: Style = {"facecolor": "#4D4D4D", "linewidth": 0}
+KINDS = {  # in the order of `City.kinds`; the first kind of cell is free
+    "no-fly zone": NO_FLY,
+    "low building: may be flown over": LOW,
+    "start and landing zone": LANDING,
+    "tall building": TALL,
+}
 SHADOW, DEEPEST = "#AFA3D1", 5  # the ground from which this many devices are hidden, or more
-THIN, THICK = 0.05, 0.17  # width of an arrow, cells: nothing uploaded, and as much as in any step
-LEVELS = 4  # widths in between
-MUCH = 1.0  # data units in a step that the widest arrow stands for at the least
+THIN, THICK = 0.05, 0.17  # width of an arrow, cells: for a step without data, and with much
+MUCH = 4.0  # data units in a step; more of them make no arrow thicker
+ASIDE = 0.14  # of a cell: arrows lie to the right of the path, so that there and back differ
+FRAMES_A_SECOND, FRAMES_OF_THE_END = 7, 12  # of an animation; a frame is a step
 
 
 def device_colour(device: int | np.integer) -> str:
@@ -61,22 +66,17 @@ def draw_city(ax: Axes, city: City, shadow_sum: np.ndarray | None = None) -> Axe
     """
     if shadow_sum is not None:
         ax.imshow(shadow_colours(shadow_sum), interpolation="nearest", zorder=0)
-    tall = city.buildings & city.no_fly
-    for mask, style in (
-        (city.landing, LANDING),
-        (city.buildings & ~city.no_fly, LOW),
-        (tall, TALL),
-        (city.no_fly & ~tall, NO_FLY),
-    ):
-        cells = [Rectangle((col - 0.5, row - 0.5), 1, 1) for row, col in np.argwhere(mask)]
-        ax.add_collection(PatchCollection(cells, zorder=1, **style))
-    ax.set(xlim=(-0.5, city.size - 0.5), ylim=(city.size - 0.5, -0.5), aspect="equal")
-    step = max(1, round(city.size / 8))
-    ticks = np.arange(0, city.size, step)
+    for kind, style in enumerate(KINDS.values(), start=1):
+        cells = np.argwhere(city.kinds == kind)
+        squares = [Rectangle((col - 0.5, row - 0.5), 1, 1) for row, col in cells]
+        ax.add_collection(PatchCollection(squares, zorder=1, **style))
+    size = city.own_size
+    ticks = np.arange(0, size, max(1, round(size / 8)))
+    ax.set(xlim=(-0.5, size - 0.5), ylim=(size - 0.5, -0.5), aspect="equal")
     ax.set(xticks=ticks, yticks=ticks, xlabel="column", ylabel="row")
-    if city.size <= 32:
-        ax.set_xticks(np.arange(0.5, city.size - 1), minor=True)
-        ax.set_yticks(np.arange(0.5, city.size - 1), minor=True)
+    if size <= 32:
+        ax.set_xticks(np.arange(0.5, size - 1), minor=True)
+        ax.set_yticks(np.arange(0.5, size - 1), minor=True)
         ax.grid(which="minor", color="#DDDDDD", linewidth=0.4, zorder=0.5)
     ax.tick_params(which="both", length=0, labelsize="small")
     return ax
@@ -84,15 +84,21 @@ def draw_city(ax: Axes, city: City, shadow_sum: np.ndarray | None = None) -> Axe
 
 def shadow_colours(hidden: np.ndarray) -> np.ndarray:
     """Colours from white to `SHADOW` for numbers of hidden devices; (..., 3)."""
-    depth = np.sqrt(np.minimum(hidden / DEEPEST, 1))[..., None]
+    depth = np.minimum(hidden / DEEPEST, 1)[..., None]
     return 1 - depth * (1 - np.array(to_rgb(SHADOW)))
 
 
-def draw_cities(figure: Figure, cities: Cities, columns: int) -> None:
+def shadow_sum(environment: Environment, device_cells: np.ndarray) -> np.ndarray:
+    """For each cell of the first city, how many of these devices, (n,), it hides; (M, M) ints."""
+    hidden = ~environment.sight[0, device_cells]
+    return hidden.sum(axis=0).reshape(environment.size, environment.size)
+
+
+def draw_cities(figure: Figure, cities: Sequence[City], columns: int) -> None:
     """Small maps of cities in an empty figure, `columns` in a row, with their names."""
     rows = -(-len(cities) // columns)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    for ax, city in zip(axes, cities.cities, strict=False):
+    for ax, city in zip(axes, cities, strict=False):
         draw_city(ax, city)
         ax.set(xticks=[], yticks=[], xlabel="", ylabel="")
         ax.set_title(city.name, fontsize="small")
@@ -100,171 +106,105 @@ def draw_cities(figure: Figure, cities: Cities, columns: int) -> None:
         ax.set_axis_off()
 
 
-def shadow_sum(environment: Environment, device_cells: np.ndarray) -> np.ndarray:
-    """For each cell, how many of these devices, (n,), a UAV there cannot see; (M, M) ints."""
-    hidden = ~environment.line_of_sight[device_cells]
-    return hidden.sum(axis=0).reshape((environment.city.size,) * 2)
-
-
 def draw_trajectory(ax: Axes, environment: Environment, trajectory: Trajectory) -> Axes:
     """One flight in the paper's style, over the city shaded by its devices, with its caption."""
-    environment, trajectory = alone(environment, trajectory)
-    city, start = environment.cities[0], trajectory.start
+    start = trajectory.start
+    environment = environment.over(int(start.city[0]))
     used = np.flatnonzero(start.data_initial[0] > 0)
-    draw_city(ax, city, shadow_sum(environment, start.device_cells[0][used]))
-    draw_flight(ax, city, trajectory)
+    draw_city(ax, environment.cities[0], shadow_sum(environment, start.device_cells[0, used]))
+    draw_flight(ax, environment.cities[0], trajectory)
     ax.set_xlabel(f"column\n{caption(trajectory)}")
     return ax
 
 
-def draw_flight(
-    ax: Axes, city: City, trajectory: Trajectory, steps: int | None = None
-) -> list[Artist]:
-    """What a flight adds to the map: its path, its devices, start and end; returns the artists.
+def draw_flight(ax: Axes, city: City, trajectory: Trajectory) -> Axes:
+    """What a flight adds to the map: its path, its devices, start and end.
 
     Arrows and hover marks have the colour of the device that uploaded most in that step, black if
     none did; the thicker an arrow, the more was uploaded in its step. The number next to a device
-    is its data at the start. Arrows are drawn a little to the right of the path, so that there and
-    back differ; a hover mark grows with the time spent there.
-
-    Arguments:
-        steps: draw only this many steps, and the UAV where it then is; None for all.
+    is its data at the start. A hover mark grows with the time spent there.
     """
-    total = len(trajectory.action)
-    steps = total if steps is None else min(steps, total)
-    row, col = np.divmod(trajectory.uav_cell[: steps + 1], city.size)
-    action = trajectory.action[:steps]
-    intervened = trajectory.intervened[:steps].astype(bool)  # also of no steps at all
-    colours = np.array([_step_colour(trajectory, t) for t in range(steps)], dtype=object)
-    down, right = np.diff(row), np.diff(col)
-    moved = (down != 0) | (right != 0)
-    artists: list[Artist] = []
-    widths = _arrow_widths(trajectory)[:steps]
-    for width in np.unique(widths[moved]):
-        these = moved & (widths == width)
-        aside = 0.14  # of a cell, to the right of the direction of flight; y points south here
-        artists.append(
-            ax.quiver(
-                col[:-1][these] - aside * down[these],
-                row[:-1][these] + aside * right[these],
-                right[these],
-                down[these],
-                color=list(colours[these]),
-                angles="xy",
-                scale_units="xy",
-                scale=1,
-                units="xy",
-                width=width,
-                headwidth=2 + 0.17 / width,  # thin arrows keep a head that one can see
-                headlength=2 + 0.17 / width,
-                headaxislength=1.8 + 0.17 / width,
-                zorder=4,
+    path = np.stack(np.divmod(trajectory.uav_cell, city.size), axis=1)  # row, column
+    _draw_path(ax, path, trajectory)
+    _draw_devices(ax, city, trajectory.start)
+    (row, col), (last_row, last_col) = path[0], path[-1]
+    ax.plot(col, row, "^", color="white", mec="black", ms=9, zorder=7)
+    marker, size, colour = "o", 9, "white"
+    if trajectory.landed:
+        marker, size = "D", 7
+    elif trajectory.time_left[-1] <= 0:
+        marker, size, colour = "*", 13, RED
+    ax.plot(last_col, last_row, marker, color=colour, mec="black", ms=size, zorder=7)
+    return ax
+
+
+def _draw_path(ax: Axes, path: np.ndarray, trajectory: Trajectory) -> None:
+    """An arrow for each move, and rings where the UAV hovered."""
+    hovered: dict[tuple[int, int], list[str]] = {}  # the colours of the steps by cell
+    for step, uploads in enumerate(-np.diff(trajectory.data_left, axis=0)):
+        (row, col), (down, right) = path[step], path[step + 1] - path[step]
+        colour = device_colour(uploads.argmax()) if uploads.any() else "black"
+        if down or right:
+            width = THIN + (THICK - THIN) * min(uploads.sum() / MUCH, 1)
+            head = 2.5 * width + 0.15  # thin arrows keep a head that one can see
+            ax.arrow(
+                *(col - ASIDE * down, row + ASIDE * right, right, down),  # y points south here
+                **{"width": width, "head_width": head, "head_length": head},
+                **{"length_includes_head": True, "color": colour, "linewidth": 0, "zorder": 4},
             )
-        )
-    hovered = ~moved & (action != LAND) | intervened
-    for cell in np.unique(trajectory.uav_cell[:steps][hovered]):
-        here = hovered & (trajectory.uav_cell[:steps] == cell)
-        y, x = divmod(int(cell), city.size)
-        for ring, colour in enumerate(dict.fromkeys(colours[here])):
-            size = 5 + 3 * ring + 1.5 * np.sqrt((here & (colours == colour)).sum())
-            artists += ax.plot(x, y, "o", mfc="none", mec=colour, zorder=5, ms=size, mew=1.4)
-    artists += _draw_devices(ax, city, trajectory)
-    artists += ax.plot(col[0], row[0], "^", color="white", mec="black", ms=9, zorder=7)
-    in_the_air = steps < total or (not trajectory.landed and trajectory.time_left[-1] > 0)
-    if in_the_air:
-        artists += ax.plot(col[-1], row[-1], "o", color="white", mec="black", ms=9, zorder=7)
-    elif trajectory.landed:
-        artists += ax.plot(col[-1], row[-1], "D", color="white", mec="black", ms=7, zorder=7)
-    else:
-        artists += ax.plot(col[-1], row[-1], "*", color=RED, mec="black", ms=13, zorder=7)
-    return artists
+        elif trajectory.action[step] != LAND or trajectory.intervened[step]:
+            hovered.setdefault((row, col), []).append(colour)
+    for (row, col), colours in hovered.items():
+        for ring, (colour, count) in enumerate(Counter(colours).items()):
+            size = 5 + 3 * ring + 1.5 * np.sqrt(count)
+            ax.plot(col, row, "o", mfc="none", mec=colour, zorder=5, ms=size, mew=1.4)
 
 
-def _arrow_widths(trajectory: Trajectory) -> np.ndarray:
-    """The width of each step's arrow, cells: by what it uploaded, in a few levels; (T,).
-
-    The widest is the largest upload of the flight, but at least `MUCH`.
-    """
-    uploaded = -np.diff(trajectory.data_left.sum(axis=1))
-    share = uploaded / uploaded.max(initial=MUCH)
-    return THIN + (THICK - THIN) * np.ceil(LEVELS * share) / LEVELS
-
-
-def _draw_devices(ax: Axes, city: City, trajectory: Trajectory) -> list[Artist]:
-    """The devices of an episode with their data at the start, written where the route is not."""
-    artists: list[Artist] = []
-    start = trajectory.start
-    devices = np.flatnonzero(start.data_initial[0] > 0)
-    crowd = np.full((city.size + 2, city.size + 2), 1000)  # a border without room
-    crowd[1:-1, 1:-1] = 0
-    for cells in (trajectory.uav_cell, start.device_cells[0, devices]):
-        row, col = np.divmod(cells.astype(int), city.size)
-        np.add.at(crowd, (row + 1, col + 1), 1)
-    for device in devices:
-        y, x = divmod(int(start.device_cells[0, device]), city.size)
+def _draw_devices(ax: Axes, city: City, start: State) -> None:
+    """The devices of an episode with their data at the start."""
+    for device in np.flatnonzero(start.data_initial[0] > 0):
+        row, col = divmod(int(start.device_cells[0, device]), city.size)
         colour = device_colour(device)
-        artists += ax.plot(x, y, "X", color=colour, mec="white", mew=0.8, ms=11, zorder=6)
-        east, south = min(
-            ((1, 0), (-1, 0), (1, 1), (-1, 1)),  # north-east if all are equally good
-            key=lambda side: _crowd_at(crowd[y : y + 3, x : x + 3], *side),
+        ax.plot(col, row, "X", color=colour, mec="white", mew=0.8, ms=11, zorder=6)
+        east = col < city.own_size - 1  # there is room for the number
+        ax.annotate(
+            f"{start.data_initial[0, device]:.0f}",
+            (col, row),
+            (7 if east else -7, -13 if row == 0 else 5),
+            ha="left" if east else "right",
+            textcoords="offset points",
+            fontsize="small",
+            fontweight="bold",
+            color=colour,
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
+            zorder=8,
         )
-        artists.append(
-            ax.annotate(
-                f"{start.data_initial[0, device]:.0f}",
-                (x, y),
-                (7 * east, -13 if south else 5),
-                ha="right" if east < 0 else "left",
-                textcoords="offset points",
-                fontsize="small",
-                fontweight="bold",
-                color=colour,
-                path_effects=[withStroke(linewidth=2.5, foreground="white")],
-                zorder=8,
-            )
-        )
-    return artists
-
-
-def _crowd_at(around: np.ndarray, east: int, south: int) -> int:
-    """What is in the way of a label in a corner of 3×3 cells: twice in the corner itself."""
-    row, col = (2 if south else 0), 1 + east
-    return int(2 * around[row, col] + around[row, 1] + around[1, col])
-
-
-def _step_colour(trajectory: Trajectory, step: int) -> str:
-    uploaded = trajectory.data_left[step] - trajectory.data_left[step + 1]
-    return device_colour(uploaded.argmax()) if uploaded.max() > 0 else "black"
 
 
 def caption(trajectory: Trajectory) -> str:
     """The paper's caption: time used/available; data collected/available."""
-    used, available = len(trajectory.action), trajectory.time_left[0]
-    data = trajectory.start.data_initial.sum()
-    collected = data - trajectory.data_left[-1].sum()
-    return f"Time {used}/{available}; data {collected:.1f}/{data:.1f}"
+    time, data = trajectory.time_left, trajectory.data_left.sum(axis=1)
+    return f"Time {time[0] - time[-1]}/{time[0]}; data {data[0] - data[-1]:.1f}/{data[0]:.1f}"
 
 
 def add_legend(figure: Figure, devices: int) -> None:
     """The legend of trajectory figures, below all Axes, for this number of devices."""
-
-    def mark(marker, label, **style):
-        return Line2D([], [], linestyle="none", marker=marker, label=label, **style)
-
-    handles = [
-        Patch(label="start and landing zone", **LANDING),
-        Patch(label="no-fly zone", **NO_FLY),
-        Patch(label="tall building", **TALL),
-        Patch(label="low building: may be flown over", **LOW),
-        Patch(label="shadow, deeper for more devices", facecolor=SHADOW),
-        mark("^", "start", mfc="white", mec="black", ms=9),
-        mark("D", "landing", mfc="white", mec="black", ms=7),
-        mark("*", "crash", mfc=RED, mec="black", ms=13),
-        mark("$→$", "move: thicker for more data, black for none", color="black", ms=12),
-        mark("o", "hovering", mfc="none", mec="black", mew=1.4, ms=8),
+    signs = [
+        ("start", "^", {"mfc": "white", "ms": 9}),
+        ("landing", "D", {"mfc": "white", "ms": 7}),
+        ("crash", "*", {"mfc": RED, "ms": 13}),
+        ("move: thicker for more data, black for none", "$→$", {"mfc": "black", "ms": 12}),
+        ("hovering", "o", {"mfc": "none", "mew": 1.4, "ms": 8}),
     ]
+    for k in range(devices):
+        colour = device_colour(k)
+        style = {"mfc": colour, "mec": colour, "ms": 10}
+        signs.append((f"device {k}, and moves while it is served", "X", style))
+    ground = KINDS | {"shadow, deeper for more devices": {"facecolor": SHADOW}}
+    handles = [Patch(label=label, **style) for label, style in ground.items()]
     handles += [
-        mark("X", f"device {k}, and moves while it is served", color=device_colour(k), ms=10)
-        for k in range(devices)
+        Line2D([], [], linestyle="none", marker=marker, label=label, **{"mec": "black"} | style)
+        for label, marker, style in signs
     ]
     columns = 3 if figure.get_figwidth() >= 9 else 2
     figure.legend(
@@ -292,22 +232,17 @@ def draw_curves(
 
 
 def draw_study(figure: Figure, table: dict[str, np.ndarray]) -> None:
-    """The training curves of a study's variants: cumulative reward, collected and landed.
+    """The training curves of a study's variants: return, and collected and landed.
 
     Arguments:
         table: from `read_table` of a study's `training.csv.gz`.
     """
     axes = figure.subplots(1, 2)
-    for ax, metric in zip(axes, ("cumulative_reward", "collection_ratio_and_landed"), strict=True):
-        for variant in dict.fromkeys(table["variant"].tolist()):
-            of_variant = table["variant"] == variant
-            runs = [
-                {
-                    name: column[of_variant & (table["seed"] == seed)]
-                    for name, column in table.items()
-                }
-                for seed in np.unique(table["seed"][of_variant])
-            ]
+    for variant in dict.fromkeys(table["variant"].tolist()):
+        of_variant = table["variant"] == variant
+        seeds = [of_variant & (table["seed"] == s) for s in np.unique(table["seed"][of_variant])]
+        runs = [{name: column[rows] for name, column in table.items()} for rows in seeds]
+        for ax, metric in zip(axes, ("return", "collected_and_landed"), strict=True):
             draw_curves(ax, runs, metric, label=variant.replace("_", " "))
     axes[0].legend()
 
@@ -319,22 +254,20 @@ def draw_layers(ax: Axes, layers: list[tuple[str, tuple[int, ...], str]]) -> Axe
         layers: name, shape and colour of each. (C, H, W) is drawn as a stack of C squares, (N,) as
             a bar whose height grows with log N.
     """
-    x = 0.0
+    left = 0.0
     for name, shape, colour in layers:
-        if len(shape) == 3:
-            count, side, _ = shape
-            corners = [(x + 0.9 * k, 0.9 * k - side / 2) for k in range(count)]
-            size, end = (side, side), x + side + 0.9 * count
-        else:
-            height = max(4 * np.log2(shape[0]), 1)
-            corners, size, end = [(x, -height / 2)], (3, height), x + 3
-        for depth, corner in enumerate(corners):
-            square = Rectangle(corner, *size, fc=colour, ec="white", lw=0.5, zorder=-depth)
-            ax.add_patch(square)
-        words = "×".join(map(str, shape)) + "\n" + name
-        ax.text((x + end) / 2, -32, words, ha="center", va="top", fontsize="small")
-        x = end + (12 if len(shape) == 3 else 22)
-    ax.set(xlim=(-8, x), ylim=(-56, 32), aspect="equal")
+        is_maps = len(shape) == 3
+        count, height = shape[:2] if is_maps else (1, max(4 * np.log2(shape[0]), 1))
+        width = height if is_maps else 3
+        for k in range(count):
+            corner = (left + 0.9 * k, 0.9 * k - height / 2)
+            style = {"facecolor": colour, "edgecolor": "white", "linewidth": 0.5, "zorder": -k}
+            ax.add_patch(Rectangle(corner, width, height, **style))
+        right = left + width + 0.9 * (count - 1)
+        words = "×".join(map(str, shape)) + f"\n{name}"
+        ax.text((left + right) / 2, -32, words, ha="center", va="top", fontsize="small")
+        left = right + (12 if is_maps else 22)
+    ax.set(xlim=(-8, left), ylim=(-56, 32), aspect="equal")
     ax.axis("off")
     return ax
 
@@ -368,43 +301,21 @@ def png(picture: Figure | np.ndarray, dpi: int = 100) -> bytes:
     return buffer.getvalue()
 
 
-def save_animation(
-    city: City, trajectory: Trajectory, path: str | Path, step_ms: int = 140
-) -> None:
-    """Write a flight as a GIF that plays in any browser, one frame per step, atomically.
+def save_animation(city: City, trajectory: Trajectory, path: str | Path) -> None:
+    """Write a flight as a GIF that plays in any browser, one frame per step, atomically."""
+    figure = Figure(figsize=(5, 5.2), dpi=100, layout="constrained")
+    ax = draw_city(figure.subplots(), city)
+    ax.set(ylabel="", xticks=[], yticks=[])
+    ground, last = ax.get_children(), len(trajectory.action)
 
-    Next to the map are the data left at each device and the flying time left.
+    def draw(steps: int) -> None:
+        names = ("uav_cell", "time_left", "data_left")
+        begun = {name: getattr(trajectory, name)[: steps + 1] for name in names}
+        flown = replace(trajectory, landed=trajectory.landed and steps == last, **begun)
+        for artist in set(ax.get_children()).difference(ground):
+            artist.remove()  # what the frame before has drawn
+        draw_flight(ax, city, flown).set_xlabel(caption(flown))
 
-    Arguments:
-        step_ms: how long a step is shown, ms; the last one is shown for three seconds.
-    """
-    start, steps = trajectory.start, len(trajectory.action)
-    used = np.flatnonzero(start.data_initial[0] > 0)
-    figure = Figure(figsize=(7, 4.8), dpi=100, layout="constrained")
-    ax, bars = figure.subplots(1, 2, width_ratios=(4, 1))
-    draw_city(ax, city)
-    ax.set(xlabel="", ylabel="", xticks=[], yticks=[])
-    labels = [*(f"device {k}" for k in used), "flying time"]
-    full = np.array([*trajectory.data_left[0, used], trajectory.time_left[0]], float)
-    colours = [*(device_colour(k) for k in used), "black"]
-    rows = np.arange(len(labels))
-    bars.barh(rows, 1, 0.5, color="#EEEEEE")
-    bars.set(xlim=(0, 1), xticks=[], yticks=rows, yticklabels=labels, title="what is left")
-    bars.invert_yaxis()
-    bars.spines[:].set_visible(False)
-    bars.tick_params(length=0)
-    frames = []
-    for step in range(steps + 1):
-        artists: list[Artist] = draw_flight(ax, city, trajectory, step)
-        left = np.array([*trajectory.data_left[step, used], trajectory.time_left[step]]) / full
-        artists += bars.barh(rows, left, 0.5, color=colours)
-        frames.append(Image.fromarray(pixels(figure)).quantize(64, dither=Image.Dither.NONE))
-        for artist in artists:
-            artist.remove()
-    durations = [step_ms] * steps + [3000]
-    write_atomically(
-        path,
-        lambda temporary: frames[0].save(
-            temporary, save_all=True, append_images=frames[1:], duration=durations, loop=0
-        ),
-    )
+    frames = [*range(last + 1), *[last] * FRAMES_OF_THE_END]
+    film = FuncAnimation(figure, draw, frames, init_func=lambda: None)
+    write_atomically(path, lambda temporary: film.save(temporary, PillowWriter(FRAMES_A_SECOND)))

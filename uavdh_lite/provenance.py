@@ -4,16 +4,23 @@ import os
 import platform
 from importlib.metadata import version
 
-from uavdh_lite import __version__, streams
+from uavdh_lite import __version__
 
 
 def provenance() -> dict:
-    """Versions of the package, its random streams, Python, torch and numpy, and the machine."""
+    """Versions of the package, Python, torch and numpy, and the machine."""
     return {
         "version": __version__,
-        "streams": streams.VERSION,
         "python": platform.python_version(),
         "torch": version("torch"),
         "numpy": version("numpy"),
         "machine": f"{os.cpu_count()}-core {platform.machine()}, {platform.system()}",
     }
+
+
+def is_shared(threads: int) -> bool | None:
+    """Whether other programs compute here, too, so that seconds do not compare; None on Windows.
+
+    Then the load of the last minute is above the threads that this program has.
+    """
+    return os.getloadavg()[0] > threads + 0.5 if hasattr(os, "getloadavg") else None

@@ -1,38 +1,37 @@
 """Recipes: all that a training run depends on, except the scenario and the seed."""
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from typing import Any
 
+import torch
+from torch import nn
+
+from uavdh_lite import registry
+from uavdh_lite.city import City
 from uavdh_lite.config import option, require_bounds
-from uavdh_lite.environment import Rewards
+from uavdh_lite.ddqn import DDQN
+from uavdh_lite.environment import Environment, Rewards
 from uavdh_lite.errors import InputError
+from uavdh_lite.network import QNetwork
+from uavdh_lite.observation import Observation
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """The constants of a training run; the defaults are the paper's.
+    """The constants of a training run; the defaults make the recipe `paper`.
 
-    Where the paper gives none, it is that of the authors' code: `crash_reward`, Adam's amsgrad.
-    `failsafe`, `quantiles` and `advantage_learning` go beyond the paper.
+    The paper's text describes the method and gives none of these numbers. They are the defaults of
+    the classes in the authors' code.
+
+    A subclass may have more fields, and other parts: it overrides the methods that make them.
     """
 
     name: str
     steps: int = option(1_000_000, "environment steps in all, including the prefill", ge=1)
     # What the network sees
-    observation: str = option("centred", "maps: centred, non_centred or global_local")
+    observation: str = option("centred", "map: centred or non_centred")
     data_scale: float = option(1.0, "data on the maps is divided by this, data units", gt=0)
     time_scale: float = option(1.0, "the flying time is divided by this, units of time", gt=0)
-    pooling: int = option(
-        3, "global map: average over cells of this side (global_local only)", ge=1
-    )
-    local_size: int = option(17, "local map: cells a side (global_local only)", ge=1)
-    turned: bool = option(
-        False, "learn in the eight turned and mirrored versions of the city, and fly by all eight"
-    )
-    # What keeps it safe
-    failsafe: bool = option(
-        False, "the safety controller brings the UAV home in time; landing is not learned"
-    )
     # Network
     kernels: int = option(16, "kernels of each convolution", ge=1)
     kernel_size: int = option(5, "side of a kernel, cells", ge=1)
@@ -40,9 +39,6 @@ class Recipe:
     hidden: tuple[int, ...] = option((256, 256, 256), "units of each fully connected layer", ge=1)
     layer_norm: bool = option(False, "LayerNorm in each fully connected layer, before its ReLU")
     leak: float = option(0.0, "slope of the ReLUs below 0; 0: plain ReLUs", ge=0)
-    quantiles: int = option(
-        0, "quantiles learned of each action's return (QR-DQN); 0: its mean alone (DDQN)", ge=0
-    )
     # Learning
     discount: float = option(0.95, "discount factor γ", ge=0, le=1)
     return_steps: int = option(
@@ -56,9 +52,6 @@ class Recipe:
     amsgrad: bool = option(True, "Adam's amsgrad variant")
     huber_delta: float | None = option(
         None, "errors above this count linearly in the loss; none: squared", gt=0
-    )
-    advantage_learning: float = option(
-        0.0, "share α of the action gap that is taken from the targets", ge=0, le=0.99
     )
     batch_size: int = option(128, "transitions in a minibatch", ge=1)
     # Experience
@@ -94,10 +87,6 @@ class Recipe:
 
     def __post_init__(self):
         require_bounds(self, f"recipe {self.name}")
-        if self.quantiles and self.huber_delta is None:
-            raise InputError(
-                f"recipe {self.name}: huber_delta is None, must be a number with quantiles"
-            )
         if self.environments > self.batch_size:
             raise InputError(
                 f"recipe {self.name}: environments is {self.environments}, must be at most "
@@ -124,17 +113,55 @@ class Recipe:
         """The learning rate after this many environment steps."""
         return _ramp(self.learning_rate, self.learning_rate_end, steps, self.steps)
 
-    def as_json(self) -> dict:
-        """The fields as JSON values; `Recipe.from_json` undoes it."""
-        return asdict(self)
+    def environment_for(self, city: City | tuple[City, ...]) -> Environment:
+        """What the agent learns in and flies in."""
+        return Environment(city)
 
-    @classmethod
-    def from_json(cls, values: dict) -> "Recipe":
-        """The recipe with these fields; lists become tuples."""
-        fields: dict[str, Any] = {
-            k: tuple(v) if isinstance(v, list) else v for k, v in values.items()
-        }
-        return cls(**fields)
+    def observation_for(self, environment: Environment, size: int = 0) -> Observation:
+        """What the network sees, for cities of up to `size` cells on a side if that is more."""
+        return Observation(environment, self.observation, self.data_scale, self.time_scale, size)
+
+    def network_for(self, observation: Observation) -> nn.Module:
+        """The network that learns; its weights come from torch's global generator."""
+        return QNetwork(
+            observation.map_shape,
+            self.kernels,
+            self.kernel_size,
+            self.strides,
+            self.hidden,
+            self.layer_norm,
+            self.leak,
+        )
+
+    def flown(self, network: nn.Module) -> nn.Module:
+        """The network that an agent flies by; it shares the weights of the one that learns."""
+        return network
+
+    def learner_for(self, observation: Observation, network: nn.Module) -> DDQN:
+        """The algorithm that trains the network."""
+        optimiser = torch.optim.Adam(
+            network.parameters(), self.learning_rate, amsgrad=self.amsgrad, fused=True
+        )
+        return self.algorithm()(
+            observation, network, optimiser, self.target_update_rate, self.huber_delta
+        )
+
+    def algorithm(self) -> Callable[..., DDQN]:
+        """What makes the learner, from the arguments of `DDQN`."""
+        return DDQN
+
+    def as_json(self) -> dict:
+        """The fields, and the class as `kind`, as JSON values; `recipe_from_json` undoes it."""
+        return {"kind": type(self).__name__, **asdict(self)}
+
+
+registry.register("recipe kind", "Recipe", Recipe)
+
+
+def recipe_from_json(values: dict) -> Recipe:
+    """The recipe with these fields; lists become tuples."""
+    fields = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items() if k != "kind"}
+    return registry.find("recipe kind", values["kind"])(**fields)
 
 
 def _ramp(start: float, end: float, step: float, over: float) -> float:
@@ -222,57 +249,10 @@ SMALL = replace(
 )
 """`LITE` for the small city `village`: it trains in half a minute, to learn how training works."""
 
-QUANTILE = replace(
-    LITE,
-    name="quantile",
-    steps=1_500_000,
-    observation="global_local",
-    data_scale=5.0,
-    failsafe=True,
-    kernel_size=3,
-    strides=(1, 2),
-    quantiles=8,
-    discount=0.97,
-    huber_delta=1.0,
-    advantage_learning=0.8,
-    crash_reward=PAPER.crash_reward,
-    exploring_starts=0.0,
-)
-"""`LITE` with ideas from beyond the paper, and without what they make unnecessary:
-
-- `failsafe`: nothing crashes, so the agent need not learn from crashes. It needs no `crash_reward`
-  that grows, and no `exploring_starts`.
-- `quantiles` 8, with `huber_delta` as their κ: the distribution of the return is a richer target
-  than its mean. 8 learn sooner than 32.
-- `advantage_learning` 0.8: the gaps between the best action and the others become five times as
-  wide, so that errors of the network no longer decide.
-- `observation` in two resolutions, with kernels of 3×3 and a first stride of 1: the network sees
-  each cell near the UAV, and the rest of the city coarsely. A first stride of 3 over the whole map
-  blurs what the UAV has to fly around.
-- `data_scale` 5: the average over 3×3 cells makes a device's data nine times as small.
-- `discount` 0.97: far data counts for more. It learns more slowly, and wastes less time in the end.
-- `steps`: three quarters of `LITE`'s.
-"""
-
-FINE_TUNE = replace(
-    QUANTILE,
-    name="fine_tune",
-    steps=100_000,
-    quantiles=32,  # those of `any_city`
-    learning_rate=2e-4,
-    replay_prefill=5_000,
-    temperature=0.1,
-    validation_interval=10_000,
-    validation_episodes=500,
-)
-"""`QUANTILE` for an agent that flies well already, so that it learns one city by heart
-(`train --from any_city`): smaller steps, and no time spent on exploring."""
-
-RECIPES = {recipe.name: recipe for recipe in (PAPER, LITE, SMALL, QUANTILE, FINE_TUNE)}
+for recipe in (PAPER, LITE, SMALL):
+    registry.register("recipe", recipe.name, recipe)
 
 
 def find_recipe(name: str) -> Recipe:
     """The recipe of this name; raises `InputError` with the known names."""
-    if name not in RECIPES:
-        raise InputError(f"unknown recipe {name!r}: choose one of {', '.join(RECIPES)}")
-    return RECIPES[name]
+    return registry.find("recipe", name)

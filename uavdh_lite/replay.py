@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import DTypeLike
 
 from uavdh_lite.environment import State
 from uavdh_lite.errors import InputError
@@ -38,7 +37,14 @@ class Replay:
     minibatch; with N environments, the newest N.
 
     Arguments:
-        cell_type: of the cells' numbers, that of the states to store.
+        capacity: transitions, in all.
+        environments: N.
+        max_devices: K of the states.
+        discount: γ.
+        return_steps: n, the number of steps whose rewards a sampled transition sums; fewer if the
+            episode ends or the memory has no more.
+
+    Raises `InputError` if the capacity is too small.
     """
 
     def __init__(
@@ -46,22 +52,25 @@ class Replay:
         capacity: int,
         environments: int,
         max_devices: int,
-        cell_type: DTypeLike = np.int16,
+        discount: float,
+        return_steps: int = 1,
     ):
         if capacity < environments:
             raise InputError(
                 f"replay of {capacity} transitions for {environments} environments: "
                 "each needs at least one"
             )
+        self.discount, self.return_steps = np.float32(discount), return_steps
         steps = -(-capacity // environments) + 1  # one more: the newest state has no action yet
         lead, devices = (steps, environments), (steps, environments, max_devices)
         self.states: dict[str, np.ndarray] = {
-            "uav_cell": np.zeros(lead, cell_type),
+            "uav_cell": np.zeros(lead, np.int16),
             "time_left": np.zeros(lead, np.int16),
-            "device_cells": np.zeros(devices, cell_type),
+            "device_cells": np.zeros(devices, np.int16),
             "data_initial": np.zeros(devices, np.float32),
             "data_left": np.zeros(devices, np.float32),
             "landed": np.zeros(lead, bool),
+            "city": np.zeros(lead, np.int16),
         }
         self.action = np.zeros(lead, np.int8)
         self.reward = np.zeros(lead, np.float32)
@@ -92,7 +101,7 @@ class Replay:
             array[:] = arrays[name]
         self.head, self.filled = (int(number) for number in arrays["place"])
 
-    def add(self, state: State, action, reward, terminal, next_state: State) -> None:
+    def add(self, state: State, action: np.ndarray, reward: np.ndarray, next_state: State) -> None:
         """Store one step of all N environments; the oldest step makes room.
 
         `next_state` is what followed, before new episodes replace those that ended. The new ones
@@ -101,7 +110,7 @@ class Replay:
         self._write(self.head, state)
         self.action[self.head] = action
         self.reward[self.head] = reward
-        self.terminal[self.head] = terminal
+        self.terminal[self.head] = next_state.ended
         self.head = (self.head + 1) % len(self.action)
         self._write(self.head, next_state)
         self.filled = min(self.filled + 1, len(self.action) - 1)
@@ -113,18 +122,13 @@ class Replay:
     def _read(self, step: np.ndarray, stream: np.ndarray) -> State:
         return State(**{name: array[step, stream] for name, array in self.states.items()})
 
-    def sample(
-        self, size: int, generator: np.random.Generator, discount: float, steps: int = 1
-    ) -> Batch:
+    def sample(self, size: int, generator: np.random.Generator) -> Batch:
         """Draw `size` transitions: the newest of each environment first, the others uniformly.
 
-        Arguments:
-            discount: γ.
-            steps: n, the number of steps whose rewards are summed; fewer if the
-                episode ends or the memory has no more.
+        Raises `InputError` if the memory is empty, or the minibatch cannot hold the newest.
         """
         environments = self.action.shape[1]
-        if not environments <= size:
+        if size < environments:
             raise InputError(
                 f"a minibatch of {size} cannot hold the newest {environments}: make it larger"
             )
@@ -140,11 +144,11 @@ class Replay:
         reward = np.zeros(size, np.float32)
         factor = np.ones(size, np.float32)
         running = np.ones(size, bool)
-        for k in range(steps):
+        for k in range(self.return_steps):
             running &= k <= age
             here = (start + k) % len(self.action)
             reward += running * factor * self.reward[here, stream]
-            factor = np.where(running, factor * np.float32(discount), factor)
+            factor = np.where(running, factor * self.discount, factor)
             step = np.where(running, (here + 1) % len(self.action), step)
             ended = running & self.terminal[here, stream]
             factor[ended] = 0

@@ -39,17 +39,12 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
     try:
         temporary.open("xb").close()  # like any new file: the umask says who may read it
         write(temporary)
-        _to_disk(temporary)
+        with temporary.open("r+b") as file:  # Windows only syncs what may be written
+            os.fsync(file.fileno())  # the rename must not come before the bytes
         os.replace(temporary, path)
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
-
-
-def _to_disk(path: Path) -> None:
-    """Wait until the file's bytes are on the disk, so that the rename does not come first."""
-    with open(path, "rb") as file:
-        os.fsync(file.fileno())
 
 
 def write_table(path: str | Path, rows: list[dict]) -> None:

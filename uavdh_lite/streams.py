@@ -11,12 +11,6 @@ import numpy as np
 
 from uavdh_lite.errors import InputError
 
-VERSION = 2
-"""It changes whenever a use and a seed give other numbers than before. Results record it.
-
-Version 1, before the first release, seeded with the list [use, seed].
-"""
-
 
 class Use(IntEnum):
     """What random numbers are for. The numbers are part of the streams: never change one."""
@@ -52,6 +46,6 @@ def torch_seed(use: Use, seed: int) -> int:
 
 
 def _sequence(use: Use, seed: int) -> np.random.SeedSequence:
-    if not 0 <= seed < 2**63:
+    if not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
         raise InputError(f"seed {seed}: must be a whole number from 0 to 2**63 - 1")
-    return np.random.SeedSequence(seed, spawn_key=(Use(use),))
+    return np.random.SeedSequence(int(seed), spawn_key=(Use(use),))

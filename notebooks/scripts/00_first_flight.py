@@ -27,10 +27,11 @@ from matplotlib.figure import Figure
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import evaluate, fly
-from uavdh_lite.planners import Genie
+from uavdh_lite.beyond.genie import Genie
+
 from uavdh_lite.player import play
 from uavdh_lite.plotting import add_legend, draw_trajectory
-from uavdh_lite.scenario import place
+from uavdh_lite.missions import place
 
 torch.set_num_threads(1)  # the network is small
 agent = load_agent("manhattan")
@@ -88,9 +89,9 @@ for name, values in flights.records().items():
     print(f"{name:<28}{values[0]:.2f}")
 
 # %% [markdown]
-# `collection_ratio_and_landed`, **CRAL** for short, is the score to watch: the collected share of the data, or 0 if
+# `collected_and_landed`, **CRAL** for short, is the score to watch: the collected share of the data, or 0 if
 # the UAV ran out of time in the air. (Figures call it *collected and landed*, or *brought home*.) A *reward* is what one action earns: data, less a price for time (notebook 3);
-# `cumulative_reward` is their sum. `time_used` is a share, here 31 of 45 units. `safety_interventions` counts moves that
+# `return` is their sum. `time_used` is a share, here 31 of 45 units. `safety_interventions` counts moves that
 # the *safety controller* refused: into a tall building or a no-fly zone, off the map, or a landing elsewhere.
 #
 # What does the agent know? The city, where it is itself, where the devices stand, how much data each has left and has sent,
@@ -185,7 +186,7 @@ own_mission(4, 8, 10, 50)
 
 # %%
 flights = evaluate(environment, agent, agent.scenario, episodes=200, seed=0)
-for name in ("has_landed", "collection_ratio", "collection_ratio_and_landed"):
+for name in ("landed", "collected", "collected_and_landed"):
     mean, low, high = flights.metrics()[name]
     print(f"{name:<28}{mean:.1%}  (95 % interval {low:.1%} to {high:.1%})")
 
@@ -212,7 +213,7 @@ for name in ("has_landed", "collection_ratio", "collection_ratio_and_landed"):
 # %%
 def collects_all(flying_time):
     end = mission([(8, 1)], [15], flying_time).end
-    return bool(end.landed[0] and end.collection_ratio[0] > 0.999)
+    return bool(end.landed[0] and end.collected[0] > 0.999)
 
 # %%
 succeeds = {time: collects_all(time) for time in range(5, 71)}
@@ -230,7 +231,7 @@ print(needed, "units of time; longer ones that fail:", [t for t in succeeds if t
 
 # %%
 crowded = [(4, 8), (11, 8), (7, 14), (8, 1), (0, 12)]
-ratios = [mission(crowded, [20] * 5, 45, seed=seed).end.collection_ratio[0] for seed in range(20)]
+ratios = [mission(crowded, [20] * 5, 45, seed=seed).end.collected[0] for seed in range(20)]
 assert len(set(ratios)) > 1
 print(f"from {min(ratios):.0%} to {max(ratios):.0%}; all:", *(f"{100 * ratio:.0f}" for ratio in sorted(ratios)))
 

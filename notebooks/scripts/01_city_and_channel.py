@@ -135,7 +135,7 @@ assert np.isclose(budget_db, channel.transmit_snr_db(city.size))
 # whether there is line of sight, and the size of the city; it leaves the fading out.)
 
 # %%
-above_db = channel.mean_snr_db(np.float32(channel.altitude_m**2), True, city.size)
+above_db = channel.transmit_snr_db(city.size) - channel.path_loss_db(np.float32(channel.altitude_m**2), True)
 print(f"straight above the device: {above_db:.2f} dB")
 
 # %% [markdown]
@@ -145,7 +145,7 @@ print(f"straight above the device: {above_db:.2f} dB")
 # %%
 nlos_budget_db = channel.cell_edge_snr_db + 10 * channel.path_loss_exponent_nlos * np.log10(edge_m)
 at_30_m = nlos_budget_db - 10 * channel.path_loss_exponent_nlos * np.log10(np.hypot(30, channel.altitude_m))
-in_sight = channel.mean_snr_db(np.float32(30**2 + channel.altitude_m**2), True, city.size)
+in_sight = channel.transmit_snr_db(city.size) - channel.path_loss_db(np.float32(30**2 + channel.altitude_m**2), True)
 print(f"budget {nlos_budget_db:.1f} dB; 30 m away {at_30_m:.1f} dB behind a building, {in_sight:.1f} dB in sight")
 
 # %% [markdown]
@@ -183,7 +183,7 @@ squared_m2 = np.float32(ground_m**2 + channel.altitude_m**2)
 figure = Figure(figsize=(9, 3.6), layout="constrained")
 left, right = figure.subplots(1, 2)
 for name, sight, style in (("LoS", True, "-"), ("NLoS", False, "--")):
-    snr_db = channel.mean_snr_db(squared_m2, sight, city.size)
+    snr_db = channel.transmit_snr_db(city.size) - channel.path_loss_db(squared_m2, sight)
     left.plot(ground_m, snr_db, style, label=name)
     right.plot(ground_m, rate(snr_db), style, label=name)
 left.set(xlabel="distance on the ground, m", ylabel="SNR without fading, dB")
@@ -197,7 +197,7 @@ figure
 # %%
 for ground in (0, 10, 20, 30, 100):
     squared = np.float32(ground**2 + channel.altitude_m**2)
-    los, nlos = (rate(channel.mean_snr_db(squared, sight, city.size)) for sight in (True, False))
+    los, nlos = (rate(channel.transmit_snr_db(city.size) - channel.path_loss_db(squared, sight)) for sight in (True, False))
     print(f"{ground:>4} m: {los:.2g} data units a slot in sight, {nlos:.2g} behind a building")
 
 # %% [markdown]
@@ -230,7 +230,7 @@ figure = Figure(figsize=(9, 3.4), layout="constrained")
 left, right = figure.subplots(1, 2)
 for name, sight in (("LoS", True), ("NLoS", False)):
     left.hist(channel.fading_db(normal, sight), 60, density=True, histtype="step", label=name)
-snr_db = channel.mean_snr_db(np.float32(30**2 + channel.altitude_m**2), True, city.size)
+snr_db = channel.transmit_snr_db(city.size) - channel.path_loss_db(np.float32(30**2 + channel.altitude_m**2), True)
 right.hist(rate(snr_db + channel.fading_db(normal, True)), 60, density=True, histtype="step")
 right.axvline(rate(snr_db), color="black", linestyle=":", label="without fading")
 right.legend()
@@ -271,7 +271,7 @@ def draw_rates(alpha_los, alpha_nlos, fading_los_db, fading_nlos_db, edge_snr_db
     figure = Figure(figsize=(6, 3.4), layout="constrained")
     ax = figure.subplots()
     for name, sight, spread_db in (("LoS", True, fading_los_db), ("NLoS", False, fading_nlos_db)):
-        snr_db = own.mean_snr_db(squared_m2, sight, city.size)
+        snr_db = own.transmit_snr_db(city.size) - own.path_loss_db(squared_m2, sight)
         ax.plot(ground_m, rate(snr_db), label=name)
         ax.fill_between(ground_m, rate(snr_db - spread_db), rate(snr_db + spread_db), alpha=0.25)
     ax.set(xlabel="distance on the ground, m", ylabel="data units a slot", ylim=(0, 6))
@@ -317,7 +317,7 @@ print("".join(inspect.getsourcelines(rate_map)[0][-5:]))
 
 # %%
 device = (4, 7)
-rates = np.where(city.no_fly, np.nan, rate_map(city, channel, environment.line_of_sight, device))
+rates = np.where(city.no_fly, np.nan, rate_map(city, channel, environment.sight[0], device))
 figure = Figure(figsize=(7, 6), layout="constrained")
 ax = draw_city(figure.subplots(), city)
 picture = ax.imshow(rates, cmap="viridis", norm="log", alpha=0.8, zorder=1.5)
@@ -376,7 +376,7 @@ def reach_m(sight):
 
 # %%
 squared = np.float32(reach_m(True) ** 2 + channel.altitude_m**2)
-assert np.isclose(rate(channel.mean_snr_db(squared, True, city.size)), 1, atol=1e-4)
+assert np.isclose(rate(channel.transmit_snr_db(city.size) - channel.path_loss_db(squared, True)), 1, atol=1e-4)
 assert reach_m(False) == 0
 print(f"{reach_m(True):.1f} m in sight; behind a building never")
 

@@ -27,7 +27,8 @@ from uavdh_lite.environment import ACTIONS, Environment, Rewards
 from uavdh_lite.evaluation import fly
 from uavdh_lite.planners import Greedy
 from uavdh_lite.plotting import add_legend, draw_trajectory
-from uavdh_lite.scenario import SCENARIOS, place
+from uavdh_lite.missions import place
+from uavdh_lite.scenario import find_scenario
 
 environment = Environment(City.load("manhattan"))
 start = place(environment.city, uav=(1, 1), devices=[(4, 7), (15, 0)], data=[12, 18],
@@ -221,7 +222,7 @@ print("crashed:", outcome.crashed[0], "reward", rewards(outcome)[0])
 between = place(environment.city, (4, 8), [(4, 6), (4, 10), (6, 8)], [12, 12, 1.5], 30, 5)
 fading = environment.draw_fading(between, np.random.default_rng(19))
 after, outcome = environment.transition(between, np.array([ACTIONS.index("hover")]), fading)
-snr_db = environment.snr_db(between.device_cells, between.uav_cell, after.uav_cell, fading)[0]
+snr_db = environment.snr_db(between, after.uav_cell, fading)[0]
 left = between.data_left[0].copy()
 
 # %%
@@ -263,7 +264,7 @@ quiet = np.zeros_like(environment.draw_fading(corner, generator))
 _, outcome = environment.transition(corner, np.array([EAST]), quiet)
 share = np.arange(1, 5) / 4  # of the way, in each slot
 nearest = np.where(share < 0.5, 2, 3)  # the column; half-way counts as the cell that it enters
-sight = environment.line_of_sight[5 * 16 + 4, 4 * 16 + nearest]
+sight = environment.sight[0][5 * 16 + 4, 4 * 16 + nearest]
 
 # %%
 figure = Figure(figsize=(7, 3), layout="constrained")
@@ -288,7 +289,7 @@ figure
 from uavdh_lite.channel import rate
 
 squared_m2 = 100 * ((2 - share) ** 2 + 1**2 + 1)  # cells of 10 m, flying 10 m high
-by_hand = rate(environment.channel.mean_snr_db(squared_m2, sight, environment.city.size))
+by_hand = rate(environment.channel.transmit_snr_db(16) - environment.channel.path_loss_db(squared_m2, sight))
 assert np.allclose(by_hand, outcome.uploaded[0], atol=1e-4)
 print(by_hand.round(2).tolist())
 
@@ -303,7 +304,7 @@ def mark_devices(ax, state):
         row, col = divmod(int(state.device_cells[0, device]), 16)
         ax.plot(col, row, "X", color=device_colour(device), mec="white", ms=12)
         ax.annotate(f"{state.data_left[0, device]:.1f}", (col + 0.4, row - 0.4))
-    collected = state.collection_ratio[0]
+    collected = state.collected[0]
     ax.set_title(f"time left {state.time_left[0]}, collected {collected:.0%}"
                  + (", landed" if state.landed[0] else ""))
 
@@ -342,9 +343,10 @@ draw_state([start])
 # How much did you collect, and did you land? Beat the first two of these on the same start:
 
 # %%
-from uavdh_lite.planners import Genie, Random
+from uavdh_lite.beyond.genie import Genie
+from uavdh_lite.planners import Random
 
-names = ("has_landed", "collection_ratio", "cumulative_reward", "time_used", "safety_interventions")
+names = ("landed", "collected", "return", "time_used", "safety_interventions")
 print(" " * 22, "random  greedy   genie")
 policies = (Random(0), Greedy(environment), Genie(environment))
 flown = [fly(environment, policy, start, np.random.default_rng(0)).records() for policy in policies]
@@ -360,9 +362,9 @@ for name in names:
 # landing. Other draws fly longer, but most end like that, as 200 missions show:
 
 # %%
-from uavdh_lite.evaluation import evaluate
+from uavdh_lite.evaluation import FunctionPolicy, evaluate
 
-clueless = evaluate(environment, Random(0), SCENARIOS["manhattan"], 200, seed=0)
+clueless = evaluate(environment, Random(0), find_scenario("manhattan"), 200, seed=0)
 for name, values in clueless.records().items():
     print(f"{name:<28} {values.mean():.3f}")
 
@@ -389,15 +391,15 @@ for name, values in clueless.records().items():
 # %%
 trajectory = fly(environment, Greedy(environment), start, np.random.default_rng(0), record=True)
 total = trajectory.trajectory(0).reward.sum()
-assert np.isclose(total, trajectory.cumulative_reward[0], atol=1e-3)
-print(f"{total:.2f}; without data {total - 30 * trajectory.end.collection_ratio[0]:.2f}")
+assert np.isclose(total, trajectory.returns[0], atol=1e-3)
+print(f"{total:.2f}; without data {total - 30 * trajectory.end.collected[0]:.2f}")
 
 # %% [markdown]
 # (34 steps, of which the landing is free: 33 × 0.2 = 6.60.)
 #
 # **2.** Write a policy that hovers at the start and lands with its last unit of time; every mission
 # starts in a landing zone. (A policy gets a batch of states and returns a batch of actions.) What does
-# it collect over 200 scenarios?
+# it collect over 200 scenarios? (`FunctionPolicy` makes a policy from a function.)
 
 # %%
 def wait(state):
@@ -405,9 +407,9 @@ def wait(state):
     return np.where(last, ACTIONS.index("land"), ACTIONS.index("hover"))
 
 # %%
-records = evaluate(environment, wait, SCENARIOS["manhattan"], 200, seed=0).records()
-assert records["has_landed"].all() and (records["time_used"] == 1).all()
-ratio = records["collection_ratio"]
+records = evaluate(environment, FunctionPolicy(wait), find_scenario("manhattan"), 200, seed=0).records()
+assert records["landed"].all() and (records["time_used"] == 1).all()
+ratio = records["collected"]
 print(f"it collects {ratio.mean():.1%} on average, less than 5 % in {(ratio < 0.05).mean():.0%} of missions")
 
 # %% [markdown]
@@ -423,8 +425,8 @@ print(f"it collects {ratio.mean():.1%} on average, less than 5 % in {(ratio < 0.
 import time
 
 def steps_per_second(batch, seconds=1.0):
-    scenario, generator = SCENARIOS["manhattan"], np.random.default_rng(0)
-    state = scenario.sample(environment.city, batch, generator)
+    scenario, generator = find_scenario("manhattan"), np.random.default_rng(0)
+    state = scenario.sample(environment, batch, generator)
     steps, started = 0, time.perf_counter()
     while time.perf_counter() - started < seconds:
         action = generator.integers(0, 5, batch)

@@ -26,8 +26,9 @@ import torch
 from matplotlib.figure import Figure
 
 from uavdh_lite.city import City
+from uavdh_lite.environment import Environment
+from uavdh_lite.missions import place
 from uavdh_lite.observation import LAYERS, Observation
-from uavdh_lite.scenario import place
 
 torch.set_num_threads(1)  # the networks here are small
 
@@ -35,7 +36,8 @@ torch.set_num_threads(1)  # the networks here are small
 city = City.load("manhattan")
 state = place(city, uav=(8, 4), devices=[(4, 7), (11, 11)], data=[15, 10], flying_time=50,
               max_devices=5)
-centred, in_place = Observation(city, "centred"), Observation(city, "non_centred")
+environment = Environment(city)
+centred, in_place = Observation(environment, "centred"), Observation(environment, "non_centred")
 
 # %%
 def show(layers, names):
@@ -46,7 +48,7 @@ def show(layers, names):
         ax.set(title=f"{name}: up to {layer.max():.0f}", xticks=[], yticks=[])
     return figure
 
-(maps,), time = centred(state)  # a list of maps, here one, and the time; the first axis of each counts episodes
+maps, time = centred(state)  # the first axis of both counts episodes
 show(maps[0], LAYERS)
 
 # %% [markdown]
@@ -92,7 +94,7 @@ Quiz("frame_size")
 
 # %%
 from uavdh_lite.checkpoint import load_agent
-from uavdh_lite.environment import ACTIONS, Environment
+from uavdh_lite.environment import ACTIONS
 
 agent = load_agent("manhattan_ddqn")
 
@@ -103,7 +105,7 @@ def at_time(state, units):
     return replace(state, time_left=np.full_like(state.time_left, units))
 
 for units in (50, 14, 10):
-    print(f"{units} units of time left: {ACTIONS[agent(at_time(over_street, units))[0]]}")
+    print(f"{units} units of time left: {ACTIONS[agent.act(at_time(over_street, units))[0]]}")
 
 # %% [markdown]
 # One device is far in the north, the other near in the east, and the nearest landing zone is in the south-east. With
@@ -114,19 +116,23 @@ for units in (50, 14, 10):
 # the same time. Whatever it believes, the true time runs out.
 
 # %%
-from uavdh_lite.evaluation import evaluate
+from uavdh_lite.evaluation import FunctionPolicy, evaluate
 
-RECORDS = {"landed": "has_landed", "collected": "collection_ratio",
-           "collected and landed": "collection_ratio_and_landed"}
+RECORDS = {"landed": "landed", "collected": "collected",
+           "collected and landed": "collected_and_landed"}
 
 # %%
 def fly_missions(policy):
-    metrics = evaluate(Environment(city), policy, agent.scenario, 200, seed=0).metrics()
+    metrics = evaluate(environment, policy, agent.scenario, 200, seed=0).metrics()
     return [metrics[name].mean for name in RECORDS.values()]
 
 # %%
 times = (5, 10, 20, 30, 40, 50, 60)
-stopped = np.array([fly_missions(lambda state: agent(at_time(state, t))) for t in times])
+
+def with_clock_at(units):
+    return FunctionPolicy(lambda state: agent.act(at_time(state, units)))
+
+stopped = np.array([fly_missions(with_clock_at(t)) for t in times])
 running = fly_missions(agent)
 
 # %%
@@ -153,7 +159,7 @@ print(f"collected and landed: {running[2]:.0%} with the true time, {stopped[:, 2
 # Why does about one in five crash even with a clock that shows 5? Look at their last six steps:
 
 # %%
-flights = evaluate(Environment(city), lambda state: agent(at_time(state, 5)), agent.scenario, 200, seed=0, record=True)
+flights = evaluate(environment, with_clock_at(5), agent.scenario, 200, seed=0, record=True)
 crashed = [flights.trajectory(k) for k in np.flatnonzero(~flights.end.landed)]
 stuck = [len(set(flight.uav_cell[-6:].tolist())) <= 2 for flight in crashed]
 print(f"{len(crashed)} crashes, {sum(stuck)} of them after hovering, or going to and fro between two cells")
@@ -191,7 +197,7 @@ def colours(layers):
 
 # %%
 def draw_frame(ax, observation, cell, uav, title):
-    (maps,), _ = observation(place(city, cell, [(4, 7), (11, 11)], [15, 10], 50, 5))
+    maps, _ = observation(place(city, cell, [(4, 7), (11, 11)], [15, 10], 50, 5))
     ax.imshow(colours(maps[0].numpy()), interpolation="nearest")
     ax.plot(*uav, "^", color="white", mec="black", ms=9)
     grid = {0: -15, 15: 0, 30: 15} if observation is centred else {7: 0, 22: 15}  # in the frame: its label
@@ -232,7 +238,7 @@ def centre(layer, row, col, outside):
     return wide[row : row + 2 * len(layer) - 1, col : col + 2 * len(layer) - 1]
 
 row, col = 4, 13
-(maps,), _ = centred(place(city, (row, col), [(4, 7), (11, 11)], [15, 10], 50, 5))
+maps, _ = centred(place(city, (row, col), [(4, 7), (11, 11)], [15, 10], 50, 5))
 assert (centre(city.no_fly, row, col, outside=1) == maps[0, 1].numpy()).all()
 
 # %% [markdown]
@@ -268,7 +274,7 @@ from uavdh_lite.replay import Replay
 
 for name, cells in (("centred", 31**2), ("in place", 16**2)):
     print(f"{name:<9} 5 layers × {cells} cells × 4 bytes × 2 states: {5 * cells * 4 * 2 * 50_000 / 1e6:7.1f} MB")
-print(f"the library's states: {Replay(50_000, 1, 5).bytes_per_transition * 50_000 / 1e6:.1f} MB")
+print(f"the library's states: {Replay(50_000, 1, 5, discount=0.95).bytes_per_transition * 50_000 / 1e6:.1f} MB")
 
 # %% [markdown]
 # Centred maps take 3.75 times the memory of maps in place ($31^2 / 16^2$), and hundreds of times that of the numbers that
@@ -300,12 +306,12 @@ print(f"the library's states: {Replay(50_000, 1, 5).bytes_per_transition * 50_00
 Quiz("linear_model")
 
 # %%
-from uavdh_lite.scenario import SCENARIOS
+from uavdh_lite.scenario import find_scenario
 
 generator = np.random.default_rng(0)
 
 def one_device(count):
-    state = SCENARIOS["manhattan"].sample_anywhere(city, count, generator, spare_time=5)
+    state = find_scenario("manhattan").sample_anywhere(environment, count, generator, spare_time=5)
     data = np.zeros_like(state.data_left)
     data[:, 0] = 1
     return replace(state, data_initial=data, data_left=data)
@@ -317,7 +323,7 @@ def examples(observation, count=20_000):
     uav_row, uav_col = np.divmod(state.uav_cell, 16)
     near = np.maximum(abs(row - uav_row), abs(col - uav_col)) <= 3
     far = generator.choice(np.flatnonzero(~near), near.sum(), replace=False)
-    (maps,), _ = observation(state[np.concatenate([np.flatnonzero(near), far])])
+    maps, _ = observation(state[np.concatenate([np.flatnonzero(near), far])])
     inputs = torch.cat([maps[:, 3:4], maps[:, 5:]], 1).flatten(1).numpy()
     return inputs, np.repeat([1.0, -1.0], near.sum())
 
@@ -357,12 +363,12 @@ figure
 # Both maps have the same size, so both networks have nearly the same shape, and the comparison is about the frame alone:
 
 # %%
-from uavdh_lite.agent import build
 from uavdh_lite.recipe import LITE, PAPER
 
 for recipe in (PAPER, LITE):
     for kind in ("centred", "non_centred"):
-        _, network = build(replace(recipe, observation=kind), city)
+        of_kind = replace(recipe, observation=kind)
+        network = of_kind.network_for(of_kind.observation_for(environment))
         count = sum(p.numel() for p in network.parameters())
         print(f"{recipe.name:<6}{kind:<12}{count:>10,} weights")
 
@@ -383,7 +389,7 @@ for recipe in (PAPER, LITE):
     for stride in recipe.strides:
         sides.append(places(sides[-1], recipe.kernel_size, stride))
     numbers = recipe.kernels * sides[-1] ** 2
-    _, network = build(recipe, city)
+    network = recipe.network_for(recipe.observation_for(environment))
     assert network.head[0].in_features == numbers + 1  # and the flying time
     print(f"{recipe.name:<6}", " → ".join(map(str, sides)), f"cells on a side, {numbers} numbers after flattening")
 
@@ -410,7 +416,7 @@ for size in (16, 32, 50):
 
 # %%
 corner = place(city, (0, 0), [(15, 13)], [10], 50, 5)
-(maps,), _ = centred(corner)
+maps, _ = centred(corner)
 print("landing zone under the UAV:", maps[0, 0, 15, 15].item())
 print("no-fly share of the frame:", f"{maps[0, 1].mean().item():.0%}")
 print("the far device is at", np.argwhere(maps[0, 3].numpy() > 0).tolist())
@@ -439,7 +445,7 @@ def in_frame(device, uav, size=16):
 
 # %%
 for uav, device in (((8, 4), (4, 7)), ((0, 0), (15, 13)), ((15, 15), (0, 2))):
-    (maps,), _ = centred(place(city, uav, [device], [10], 50, 5))
+    maps, _ = centred(place(city, uav, [device], [10], 50, 5))
     assert maps[0, 3][in_frame(device, uav)] == 10
 
 # %% [markdown]
@@ -452,7 +458,7 @@ def city_in_frame(layer, uav, size=16):
     return layer[row : row + size, col : col + size]
 
 # %%
-(maps,), _ = centred(state)
+maps, _ = centred(state)
 assert (city_in_frame(maps[0, 2].numpy(), (8, 4)) == city.buildings).all()
 assert (city_in_frame(maps[0, 1].numpy(), (8, 4)) == city.no_fly).all()
 
@@ -462,14 +468,12 @@ assert (city_in_frame(maps[0, 1].numpy(), (8, 4)) == city.no_fly).all()
 # At 50×50 cells the centred map has 99×99. The authors' later papers give the network two smaller maps
 # instead: the whole surroundings, averaged over blocks of `pooling` cells a side, and the middle,
 # `local_size` cells a side, in full detail. The first no longer says in which of its nine cells a device is, or a wall: a
-# layer of 0s and 1s becomes one of shares. The second sees no further than eight cells. The library has that as the kind
-# `global_local`:
+# layer of 0s and 1s becomes one of shares. The second sees no further than eight cells. So many numbers are left:
 
 # %%
-metropolis = City.load("metropolis")
-for kind in ("centred", "global_local"):
-    shapes = Observation(metropolis, kind, pooling=3, local_size=17).map_shapes()
-    print(f"{kind:<13}", shapes, f"{sum(np.prod(s) for s in shapes):,} numbers")
+layers, side, _ = Observation(Environment(City.load("metropolis"))).map_shape
+for name, sides in (("one map", [side]), ("two maps", [side // 3, 17])):
+    print(f"{name:<10}", sides, "cells on a side,", f"{sum(layers * s**2 for s in sides):,} numbers")
 
 # %% [markdown]
 # The coarse map still grows with the city, but a ninth as fast, and the fine one does not grow at all.

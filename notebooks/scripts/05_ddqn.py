@@ -107,6 +107,7 @@ def step(cell, full, action, device=5, end=5):
 
 # %%
 from uavdh_lite.ddqn import DDQN, ddqn_target, draw_actions, softmax_policy
+from uavdh_lite.replay import Batch
 
 def row(number, rows):  # a tuple, since a network may have several inputs
     return (nn.functional.one_hot(torch.tensor(number).long(), rows).float(),)
@@ -115,18 +116,20 @@ def q_table(rows, alpha, batch=1, tau=1.0, actions=3):
     table = nn.Linear(rows, actions, bias=False)
     nn.init.zeros_(table.weight)
     rate = alpha * batch / 2  # the loss is the mean over the batch
-    return DDQN(table, torch.optim.SGD(table.parameters(), rate), tau)
+    return DDQN(as_it_is, table, torch.optim.SGD(table.parameters(), rate), tau)
 
 def tensors(action, reward, discount):
     return torch.as_tensor(action), *(torch.tensor(x, dtype=torch.float32) for x in (reward, discount))
+
+def as_it_is(state):  # what the table sees of a state: here states are its inputs already
+    return state
 
 # %% [markdown]
 # To learn from some steps takes two lines: the targets $y$, then a move towards them.
 
 # %%
 def learn_from(learner, now, action, reward, discount, then):
-    y = learner.targets(reward, discount, then)
-    learner.update(now, action, y)
+    learner.update(Batch(now, action.numpy(), reward.numpy(), discount.numpy(), then))
 
 # %% [markdown]
 # Now eight steps at a time, from states and with actions drawn at random:
@@ -278,7 +281,7 @@ def right_and_error(network, inputs):
 def five_places(inputs, tau, seed):
     torch.manual_seed(seed)
     network, generator = small_network(3 if inputs is relative else 25), np.random.default_rng(seed)
-    learner = DDQN(network, torch.optim.Adam(network.parameters(), 0.01), tau)
+    learner = DDQN(as_it_is, network, torch.optim.Adam(network.parameters(), 0.01), tau)
     places = generator.permutation(12)[:5]
     known = np.flatnonzero(np.isin(every_step.device, places))
     for _ in range(1000):
@@ -314,13 +317,14 @@ from uavdh_lite.replay import Replay
 
 def stored(number):
     nothing = np.zeros((len(number), 1))
-    return State(number, 0 * number, nothing, nothing, nothing, number < 0)
+    # Its time goes on, so that no episode ends
+    return State(number, number + 1, nothing, nothing, nothing, number < 0, 0 * number)
 
 # %%
-memory = Replay(capacity=50, environments=1, max_devices=1)
+memory = Replay(capacity=50, environments=1, max_devices=1, discount=0.95)
 for t in np.arange(100):
-    memory.add(stored(t[None]), action=0, reward=0, terminal=False, next_state=stored(t[None] + 1))
-minibatches = [memory.sample(6, generator, discount=0.95).state.uav_cell for _ in range(3)]
+    memory.add(stored(t[None]), action=0, reward=0, next_state=stored(t[None] + 1))
+minibatches = [memory.sample(6, generator).state.uav_cell for _ in range(3)]
 
 # %%
 figure = Figure(figsize=(8, 2.1), layout="constrained")
@@ -477,7 +481,8 @@ def flying_on(*learners, chooser="online", steps=1500, seed=0):
         action, reward, discount = tensors(action, reward, np.repeat([0.95, 0], N))
         learner = learners[generator.integers(len(learners))]
         chooses, judges = getattr(learner, chooser)(after).detach(), learner.target(after).detach()
-        learner.update((torch.cat([A, B]),), action, ddqn_target(reward, discount, chooses, judges))
+        now = Batch((torch.cat([A, B]),), action.numpy(), reward.numpy(), discount.numpy(), None)
+        learner.fit(now, ddqn_target(reward, discount, chooses, judges))
         values.append(learners[0].online.weight[EAST, :N].tolist())
     return np.array(values)
 
@@ -705,11 +710,11 @@ for name, chosen in (("all states", spare < 99), ("at most 3 steps to spare", sp
 # And the network itself. *Hooks* note the shape of what comes out of each layer when a state goes through:
 
 # %%
-from uavdh_lite.agent import build
 from uavdh_lite.plotting import draw_layers
 from uavdh_lite.recipe import PAPER
 
-observation, network = build(PAPER, agent.city)
+observation = PAPER.observation_for(agent.environment)
+network = PAPER.network_for(observation)
 layers = [layer for layer in network.modules() if isinstance(layer, (nn.Conv2d, nn.Flatten, nn.Linear))]
 shapes = []
 hooks = [layer.register_forward_hook(lambda layer, given, out: shapes.append(tuple(out.shape[1:]))) for layer in layers]
@@ -721,7 +726,7 @@ for hook in hooks:
 kinds = {nn.Conv2d: ("convolution", BLUE), nn.Flatten: ("flattened,\n+ the time", GREEN), nn.Linear: ("fully\nconnected", GREEN)}
 names = [kinds[type(layer)] for layer in layers[:-1]] + [("Q-values", VERMILION)]
 figure = Figure(figsize=(8, 2.9), layout="constrained")
-draw_layers(figure.subplots(), [("maps", observation.map_shapes()[0], ORANGE),
+draw_layers(figure.subplots(), [("map", observation.map_shape, ORANGE),
                                 *((name, shape, colour) for (name, colour), shape in zip(names, shapes))])
 figure
 
@@ -805,7 +810,7 @@ generator = np.random.default_rng(0)
 # %%
 def one_device(count):
     """States on the way, with data at one device only."""
-    state = agent.scenario.sample_anywhere(city, count, generator, spare_time=5)
+    state = agent.scenario.sample_anywhere(environment, count, generator, spare_time=5)
     data = np.zeros_like(state.data_left)
     data[:, 0] = 20
     return replace(state, data_initial=data, data_left=data)
@@ -817,7 +822,7 @@ def to_device(state):  # rows south and columns east, from the UAV to the device
 
 # %%
 state = one_device(12_000)
-seen = environment.line_of_sight[state.device_cells[:, 0], state.uav_cell]
+seen = environment.sight[0][state.device_cells[:, 0], state.uav_cell]
 distance = np.hypot(*to_device(state))
 pairs = []
 for d in np.unique(distance):
@@ -851,7 +856,7 @@ def probe(x):
 
 # %%
 torch.manual_seed(0)
-_, untrained = build(agent.recipe, city)
+untrained = agent.recipe.network_for(agent.observation)
 right = {"distance alone": probe(distance[:, None]), "untrained network": probe(last_hidden(untrained)),
          "trained network": probe(last_hidden(agent.network))}
 assert right["trained network"].mean() > right["untrained network"].mean() + 0.05
@@ -882,7 +887,7 @@ figure
 # %%
 state = one_device(20_000)
 state = replace(state, time_left=(city.landing_distance.ravel()[state.uav_cell] + 6).astype(np.int16))
-hidden = ~environment.line_of_sight[state.device_cells[:, 0], state.uav_cell]
+hidden = ~environment.sight[0][state.device_cells[:, 0], state.uav_cell]
 state = state[hidden & (np.hypot(*to_device(state)) <= 5)]
 
 # %%
@@ -894,7 +899,7 @@ def between(state):
     return torch.from_numpy(rows[:, :, None] & cols[:, None, :])
 
 # %%
-maps, time = agent.observation.full_map(state), agent.observation.time(state)
+maps, time = agent.observation(state)
 in_between = between(state)
 opposite = in_between.flip(1, 2)
 enough = (maps[:, 2] * opposite).sum((1, 2)) >= (maps[:, 2] * in_between).sum((1, 2))
@@ -904,7 +909,7 @@ enough = (maps[:, 2] * opposite).sum((1, 2)) >= (maps[:, 2] * in_between).sum((1
 def value(removed):
     edited = maps[enough].clone()
     edited[:, 2] *= ~removed[enough]
-    return agent.network([edited], time[enough]).amax(1).numpy()
+    return agent.network(edited, time[enough]).amax(1).numpy()
 
 as_it_is = value(torch.zeros_like(in_between))
 gains = {"between UAV and device": value(in_between) - as_it_is, "on the other side": value(opposite) - as_it_is}

@@ -32,11 +32,15 @@ from uavdh_lite.storage import read_table
 from uavdh_lite.training import Trainer
 
 torch.set_num_threads(1)
-RUN = Path("../data/runs/manhattan-lite-0")
-METRICS = {"has_landed": "landed", "collection_ratio": "collected",
-           "collection_ratio_and_landed": "collected and landed", "time_used": "flying time used"}
+METRICS = {"landed": "landed", "collected": "collected",
+           "collected_and_landed": "collected and landed", "time_used": "flying time used"}
 
 # %%
+def recorded(name):  # the rows of the DDQN agent's run
+    table = read_table(f"../data/runs/{name}.csv.gz")
+    own = table["agent"] == "manhattan_ddqn"
+    return {column: values[own] for column, values in table.items()}
+
 def draw_validation(ax, table, title):
     for (metric, label), style in zip(METRICS.items(), (":", "--", "-", "-.")):
         ax.plot(np.array(table["steps"]) / 1000, table[metric], style, label=label)
@@ -45,7 +49,7 @@ def draw_validation(ax, table, title):
 # %%
 figure = Figure(figsize=(7, 3.6), layout="constrained")
 ax = figure.subplots()
-draw_validation(ax, read_table(RUN / "validation.csv"), "the DDQN agent's run, 1000 missions a point")
+draw_validation(ax, recorded("agents"), "the DDQN agent's run, 1000 missions a point")
 ax.legend(loc="center right")
 figure
 
@@ -142,7 +146,7 @@ import tempfile
 from dataclasses import replace
 
 from uavdh_lite.city import City
-from uavdh_lite.experiments.runs import train
+from uavdh_lite.experiments.runs import train, validate
 from uavdh_lite.plotting import draw_city
 from uavdh_lite.scenario import find_scenario
 
@@ -157,14 +161,14 @@ def train_village(**changes):
     with tempfile.TemporaryDirectory() as folder:
         recipe = replace(small, steps=20_000, validation_interval=4000, **changes)
         trainer = Trainer(missions, recipe, seed=0, city=village)
-        trainer.validate()
+        validate(trainer)
         train(trainer, folder, show_progress=False)
     return trainer
 
 # %%
 learned = train_village()
 first, last = learned.validation_rows[0], learned.validation_rows[-1]
-assert max(row["collection_ratio_and_landed"] for row in learned.validation_rows) > 0.2
+assert max(row["collected_and_landed"] for row in learned.validation_rows) > 0.2
 print(f"{learned.steps:,} environment steps, {learned.updates:,} updates")
 
 # %%
@@ -188,12 +192,12 @@ draw_runs([learned], ["the village"])
 
 # %%
 from uavdh_lite.environment import HOVER, Environment
-from uavdh_lite.evaluation import bootstrap_interval, evaluate
+from uavdh_lite.evaluation import FunctionPolicy, bootstrap_interval, evaluate
 
 def hover(state):
     return np.full(len(state), HOVER)
 
-print(f"hovering: collected {evaluate(Environment(village), hover, missions, 1000, seed=0).end.collection_ratio.mean():.0%}")
+print(f"hovering: collected {evaluate(Environment(village), FunctionPolicy(hover), missions, 1000, seed=0).end.collected.mean():.0%}")
 for name, row in (("step 0", first), ("step 20,000", last)):
     print(f"{name:<12}" + ", ".join(f"{label} {row[metric]:.0%}" for metric, label in METRICS.items()))
 
@@ -212,18 +216,19 @@ for name, row in (("step 0", first), ("step 20,000", last)):
 # The DDQN agent of the Manhattan city, seen from inside:
 
 # %%
-about = json.loads((RUN / "about.json").read_text())
-print(about["command"])
-print(f"{about['updates']} updates in {about['seconds'] / 60:.1f} min, {about['machine']}")
+about = json.loads(Path("../data/runs/agents.json").read_text())
+run = about["runs"]["manhattan_ddqn"]
+print(run["command"])
+print(f"{run['updates']} updates in {run['seconds'] / 60:.1f} min, {about['machine']}")
 
 # %% [markdown]
-# (Random numbers are drawn in another way since that run was recorded. The same command now gives another run of the
-# same kind.)
+# That run is of version 0.1.0. The loop is a little different now, so the same command gives another run of the same
+# kind.
 
 # %%
-training = read_table(RUN / "training.csv")
-panels = {"cumulative_reward": "cumulative reward", "has_landed": "landed", "collection_ratio": "collected",
-          "collection_ratio_and_landed": "collected and landed", "loss": "loss", "temperature": "temperature β"}
+training = recorded("agents-training")
+panels = {"return": "cumulative reward", "landed": "landed", "collected": "collected",
+          "collected_and_landed": "collected and landed", "loss": "loss", "temperature": "temperature β"}
 figure = Figure(figsize=(10, 5.2), layout="constrained")
 for ax, (column, label) in zip(figure.subplots(2, 3, sharex=True).flat, panels.items()):
     ax.plot(training["steps"] / 1000, training[column], lw=0.8)
@@ -255,7 +260,7 @@ figure
 # %%
 for start in (50_000, 200_000, 600_000, 3_900_000):
     rows = (training["steps"] > start) & (training["steps"] < start + 5e4)
-    loss, both = (training[c][rows].mean() for c in ("loss", "collection_ratio_and_landed"))
+    loss, both = (training[c][rows].mean() for c in ("loss", "collected_and_landed"))
     print(f"from step {start:>9,}: loss {loss:.2f}, collected and landed {both:.0%}")
 
 # %% [markdown]
@@ -351,10 +356,10 @@ for name, recipe in (("paper", paper), ("lite", LITE)):
 # paper's at first, and its movement reward of −0.1. *Collected and landed* for each of three seeds:
 
 # %%
-study = read_table("../data/runs/deviations-manhattan/validation.csv.gz")
+study = read_table("../data/runs/deviations-manhattan.csv.gz")
 for variant in dict.fromkeys(study["variant"].tolist()):
     ends = (study["variant"] == variant) & (study["steps"] == study["steps"].max())
-    print(f"{variant:<25}", *(f"{share:4.0%}" for share in study["collection_ratio_and_landed"][ends]))
+    print(f"{variant:<25}", *(f"{share:4.0%}" for share in study["collected_and_landed"][ends]))
 
 # %% [markdown]
 # With a crash penalty of 150 throughout no seed learns much, nor without layer norm. Without input scales, the larger memory
@@ -442,10 +447,10 @@ print("used {:.0f} times, {:,} updates, {:.0%} of the minibatch".format(*many_en
 
 # %%
 ends = {"lazy": lazy.validation_rows[-1], "crashing": crashing.validation_rows[-1]}
-assert ends["lazy"]["cumulative_reward"] > ends["crashing"]["cumulative_reward"]
+assert ends["lazy"]["return"] > ends["crashing"]["return"]
 for name, row in ends.items():
-    print(f"{name:<9} reward {row['cumulative_reward']:6.1f}, "
-          f"collected {row['collection_ratio']:.0%}")
+    print(f"{name:<9} reward {row['return']:6.1f}, "
+          f"collected {row['collected']:.0%}")
 
 # %% [markdown]
 # Of these two it would have kept the lazy one, which collects nothing. In "collected and landed" both are next to 0 at the end.
@@ -459,8 +464,8 @@ sick = {"crash_reward": -150.0, "crash_reward_end": -150.0, "huber_delta": None,
         "exploring_starts": 0.0}
 given_back = {field: value for field, value in sick.items() if field not in ("crash_reward", "crash_reward_end")}
 mended = train_village(**given_back).validation_rows[-1]
-print(f"landed {mended['has_landed']:.0%}, collected and landed {mended['collection_ratio_and_landed']:.0%}")
-assert mended["collection_ratio_and_landed"] > ends["lazy"]["collection_ratio_and_landed"] + 0.1
+print(f"landed {mended['landed']:.0%}, collected and landed {mended['collected_and_landed']:.0%}")
+assert mended["collected_and_landed"] > ends["lazy"]["collected_and_landed"] + 0.1
 
 # %% [markdown]
 # With this seed the crash reward alone suffices: a crash that costs little at first. (That is one run, and its curve jumps. Try

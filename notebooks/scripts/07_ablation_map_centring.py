@@ -33,10 +33,10 @@ from uavdh_lite.plotting import draw_study
 from uavdh_lite.storage import read_table
 
 torch.set_num_threads(1)
-STUDY = Path("../data/runs/centring-manhattan")
+STUDY = "../data/runs/centring-manhattan"
 
 # %%
-training = read_table(STUDY / "training.csv.gz")
+training = read_table(f"{STUDY}-training.csv.gz")
 figure = Figure(figsize=(10, 3.8), layout="constrained")
 draw_study(figure, training)
 figure.axes[0].set_ylim(-60, 40)
@@ -56,35 +56,32 @@ figure
 # part as soon as the policies differ). One command makes such a study:
 
 # %%
-about = json.loads((STUDY / "about.json").read_text())
-print(about["command"])
-for name, run in about["runs"].items():
-    print(f"{name:<14}{run['updates']} updates  {run['seconds'] / 60:4.1f} min, threads: {run['threads']}")
+about = json.loads(Path(f"{STUDY}.json").read_text())
+print(about["commands"][0])
 
 # %% [markdown]
-# (The minutes do not compare. The centred runs were made one by one with `train` on two threads, which computes
-# the same; the others by the command above, on one thread next to other work, one with a long pause. Since then random numbers
-# are drawn in another way, so the same command now gives other runs of the same kind.)
+# The runs are of version 0.1.0. The loop is a little different now, so the same command gives other runs of the same
+# kind.
 #
 # What is changed is one field of the recipe:
 
 # %%
-from uavdh_lite.experiments.ablation import centring
+from uavdh_lite.experiments.study import centring
 from uavdh_lite.recipe import LITE
 
 for name, recipe in centring(LITE).items():
-    print(name, {k: v for k, v in recipe.as_json().items() if v != getattr(LITE, k)})
+    print(name, {k: v for k, v in recipe.as_json().items() if v != LITE.as_json()[k]})
 
 # %% [markdown]
 # The non-centred network sees as large a map with one more layer, in which a single 1 marks the UAV
 # (notebook 4). The weights:
 
 # %%
-from uavdh_lite.agent import build
 from uavdh_lite.city import City
+from uavdh_lite.environment import Environment
 
 for name, recipe in centring(LITE).items():
-    _, network = build(recipe, City.load("manhattan"))
+    network = recipe.network_for(recipe.observation_for(Environment(City.load("manhattan"))))
     print(f"{name:<14}{sum(p.numel() for p in network.parameters()):>8} weights")
 
 # %% [markdown]
@@ -95,8 +92,8 @@ for name, recipe in centring(LITE).items():
 # reward's axis is cut at −60.) What does such a band say?
 
 # %%
-validation = read_table(STUDY / "validation.csv.gz")
-METRIC = "collection_ratio_and_landed"
+validation = read_table(f"{STUDY}.csv.gz")
+METRIC = "collected_and_landed"
 COLOURS = {"centred": "C0", "non_centred": "C1"}
 
 def one_run(table, variant, seed):
@@ -119,7 +116,7 @@ between = (training["steps"] > 100_000) & (training["steps"] <= 300_000)
 for variant in ("centred", "non_centred"):
     rows = between & (training["variant"] == variant)
     reward, landed, collected, both = (training[name][rows].mean() for name in (
-        "cumulative_reward", "has_landed", "collection_ratio", METRIC))
+        "return", "landed", "collected", METRIC))
     print(f"{variant:<12} reward {reward:5.1f}, landed {landed:.0%}, collected {collected:.0%}, both {both:.0%}")
 
 # %% [markdown]
@@ -200,9 +197,9 @@ figure
 # seeds 0 to 5. (On another machine even the same seed gives other curves, so yours may differ from those recorded.)
 
 # %%
-SIX = Path("../data/runs/centring-village")
-print(json.loads((SIX / "about.json").read_text())["command"])
-village_runs = read_table(SIX / "validation.csv.gz")
+SIX = "../data/runs/centring-village"
+print(json.loads(Path(f"{SIX}.json").read_text())["commands"][0])
+village_runs = read_table(f"{SIX}.csv.gz")
 
 # %%
 figure = Figure(figsize=(9, 4.6), layout="constrained")

@@ -40,7 +40,7 @@ def policies(city):
     return {p: {k: v[rows[p]] for k, v in table.items()} for p in POLICIES}
 
 cities = {city: policies(city) for city in ("manhattan", "open_field")}
-METRIC = "collection_ratio_and_landed"
+METRIC = "collected_and_landed"
 
 # %%
 shown = [policy for policy in POLICIES if policy != "random"]
@@ -93,7 +93,7 @@ import inspect
 
 from uavdh_lite.planners import Greedy
 
-print(inspect.getsource(Greedy.__call__))
+print(inspect.getsource(Greedy.act))
 
 # %% [markdown]
 # `goals` are the devices' cells, or the nearest cells over which the UAV may fly; `landing_distance` is the number of moves
@@ -132,13 +132,15 @@ for generators in (habit, stream):
 
 # %%
 from uavdh_lite.city import City
+from uavdh_lite.environment import Environment
 from uavdh_lite.scenario import find_scenario
 
 def second_mission(explored):
-    shared, scenario, city = stream(Use.EXERCISE), find_scenario("manhattan"), City.load("manhattan")
-    scenario.sample(city, 1, shared)
+    shared, scenario = stream(Use.EXERCISE), find_scenario("manhattan")
+    environment = Environment(City.load("manhattan"))
+    scenario.sample(environment, 1, shared)
     shared.random(explored)  # what the policy takes on its first flight
-    return scenario.sample(city, 1, shared).time_left[0]
+    return scenario.sample(environment, 1, shared).time_left[0]
 
 print("flying time of the second mission:", *(second_mission(explored) for explored in (0, 30, 40)))
 
@@ -178,7 +180,7 @@ for city, results in cities.items():
 # not land had collected:
 
 # %%
-landed, collected, both = (RESULTS["manhattan"][name] for name in ("has_landed", "collection_ratio", METRIC))
+landed, collected, both = (RESULTS["manhattan"][name] for name in ("landed", "collected", METRIC))
 print(f"collected by those that did not land: {(collected - both) / (1 - landed):.0%}, by the others {both / landed:.0%}")
 print(f"product of the two means {landed * collected:.1%}, mean of the products {both:.1%}")
 
@@ -255,7 +257,8 @@ print(bootstrap_interval(values))
 for missions in (200, 1000):
     validations = np.array([values[generator.integers(0, 1000, (20, missions))].mean(1) for _ in range(500)])
     print(f"{missions:>4} missions: all checkpoints {validations.mean():.1%}, the best {validations.max(1).mean():.1%}")
-best = read_table(RUNS / "manhattan-lite-0/validation.csv")[METRIC].max()
+runs = read_table(RUNS / "agents.csv.gz")
+best = runs[METRIC][runs["agent"] == "manhattan_ddqn"].max()
 print(f"the recorded run of the DDQN agent: best validation {best:.1%}, test {values.mean():.1%}")
 
 # %% [markdown]
@@ -275,8 +278,8 @@ for city, results in cities.items():
     print(f"{city:<12}{'landed':>8}{'collected':>11}{'both':>8}{'return':>8}")
     for policy in POLICIES:
         one = results[policy]
-        print(f"  {policy:<10}{one['has_landed'].mean():>8.1%}{one['collection_ratio'].mean():>11.1%}"
-              f"{one[METRIC].mean():>8.1%}{one['cumulative_reward'].mean():>8.2f}")
+        print(f"  {policy:<10}{one['landed'].mean():>8.1%}{one['collected'].mean():>11.1%}"
+              f"{one[METRIC].mean():>8.1%}{one['return'].mean():>8.2f}")
 
 # %% [markdown]
 # There are three lessons in it.
@@ -294,7 +297,7 @@ for city, results in cities.items():
 
 # %%
 for city, results in cities.items():
-    more = results["ddqn"]["cumulative_reward"] - results["greedy"]["cumulative_reward"]
+    more = results["ddqn"]["return"] - results["greedy"]["return"]
     print(f"{city:<12}agent's return minus greedy's {{:+.2f}} ({{:+.2f}} to {{:+.2f}})".format(*bootstrap_interval(more)))
 
 # %% [markdown]
@@ -302,7 +305,7 @@ for city, results in cities.items():
 
 # %%
 for city, results in cities.items():
-    for metric, reference in ((METRIC, "genie_data"), ("cumulative_reward", "genie")):
+    for metric, reference in ((METRIC, "genie_data"), ("return", "genie")):
         mean, low, high = share(results["ddqn"][metric], results[reference][metric])
         print(f"{city:<12}{metric:<29}{mean:6.1%} of {reference}  ({low:.1%} to {high:.1%})")
 

@@ -29,7 +29,7 @@ from uavdh_lite.evaluation import fly
 from uavdh_lite.planners import Greedy
 from uavdh_lite.player import play
 from uavdh_lite.plotting import BLUE, ORANGE, add_legend, draw_trajectory
-from uavdh_lite.scenario import place
+from uavdh_lite.missions import place
 
 torch.set_num_threads(1)  # the networks here are small
 agents = {city: load_agent(f"{city}_ddqn") for city in ("manhattan", "open_field")}
@@ -45,7 +45,7 @@ def mission(city, devices, data, flying_time, start, copies=1, seed=0, policy=No
 
 # %%
 def brought_home(flights):
-    return flights.end.collection_ratio * flights.end.landed
+    return flights.end.collected * flights.end.landed
 
 def show(city, missions, titles, height=6.8):
     figure = Figure(figsize=(5.2 * len(missions), height), layout="constrained")
@@ -241,7 +241,7 @@ print(f"mean error {error.mean():+.2f}, largest {np.abs(error).max():.2f}, of va
 # nothing, so there it is worth exactly 0. Here is what two agents say of it, over the starts of 200 missions:
 
 # %%
-starts = agent.scenario.sample(agent.city, 200, np.random.default_rng(0))
+starts = agent.scenario.sample(agent.environment, 200, np.random.default_rng(0))
 for name in ("manhattan_ddqn_early", "manhattan_ddqn"):
     said = load_agent(name).q_values(starts).numpy()
     print(f"{name:<21}land {said[:, LAND].mean():5.1f}, the best action {said.max(axis=1).mean():5.1f}")

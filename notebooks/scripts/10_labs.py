@@ -172,7 +172,7 @@ environment, scenario = environment_of("manhattan"), find_scenario("manhattan")
 
 def collected(mission, name):
     end = mission.fly(environment, find_policy(name, environment)).end
-    return float(end.collection_ratio[0] * end.landed[0])
+    return float(end.collected[0] * end.landed[0])
 
 # %%
 missions = [Mission.draw(scenario, environment.city, seed) for seed in range(40)]
@@ -194,7 +194,7 @@ print(f"mission {worst}: greedy {100 * lead[worst]:.0f} points ahead; in 40 miss
 from dataclasses import replace
 
 from uavdh_lite.channel import Channel
-from uavdh_lite.channel import link as link_of
+from uavdh_lite.labs.link import link as link_of
 
 heights = np.arange(1, 101)
 rates = [link_of(environment.city, replace(Channel(), altitude_m=float(h)), (4, 7), (4, 7)).rate for h in heights]

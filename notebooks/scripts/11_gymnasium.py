@@ -24,19 +24,19 @@ from matplotlib.figure import Figure
 
 import torch
 
-import uavdh_lite.gym
+import uavdh_lite.bridges.gymnasium
 from uavdh_lite.storage import read_table
 
 torch.set_num_threads(1)  # more threads would disturb each other here
 
 # %%
-METRIC = "collection_ratio_and_landed"
+METRIC = "collected_and_landed"
 KINDS = {"ddqn": ("our DDQN", "#0072B2", "-"), "dqn": ("SB3 DQN", "#D55E00", "-"),
          "ppo": ("SB3 PPO, greedy", "#009E73", "-"), "ppo_drawn": ("SB3 PPO, drawn", "#009E73", ":")}
 recorded = read_table("../data/runs/sb3-village.csv.gz")
 
 def one_run(name, seed):
-    own = (recorded["algorithm"] == name) & (recorded["seed"] == seed)
+    own = (recorded["variant"] == name) & (recorded["seed"] == seed)
     return recorded["steps"][own] / 1000, recorded[METRIC][own]
 
 # %%
@@ -72,7 +72,7 @@ total = 0.0
 for action in (1, 1, 1, 1, 1, 4, 4):
     observation, reward, terminated, truncated, info = env.step(action)
     total += reward
-print(f"return so far {total:.2f}, collected {info['collection_ratio']:.0%}, terminated {terminated}")
+print(f"return so far {total:.2f}, collected {info['collected']:.0%}, terminated {terminated}")
 
 # %%
 from IPython.display import display
@@ -85,7 +85,7 @@ display(Image.fromarray(env.render()).resize((420, 448)))
 # was cut off from outside, and an agent should then go on counting with the value of the state. Here the
 # flying time is part of the task and of the observation, and running out of it is a real end, with a real penalty.
 #
-# The help has all of it: `help(uavdh_lite.gym.DataHarvesting)`.
+# The help has all of it: `help(uavdh_lite.bridges.gymnasium.DataHarvesting)`.
 #
 # ## 11.2 Many at once
 #
@@ -143,7 +143,7 @@ from stable_baselines3.common.env_util import make_vec_env
 from uavdh_lite.environment import Rewards
 
 options = {"scenario": "village", "rewards": Rewards(crash=-20.0, movement=-0.1)}
-train_envs = make_vec_env(uavdh_lite.gym.ID, n_envs=8, seed=0, env_kwargs=options)
+train_envs = make_vec_env(uavdh_lite.bridges.gymnasium.ID, n_envs=8, seed=0, env_kwargs=options)
 model = PPO("MultiInputPolicy", train_envs, gamma=0.95, learning_rate=5e-4, n_steps=128, batch_size=256,
             seed=0, device="cpu")
 
@@ -154,14 +154,14 @@ from uavdh_lite.evaluation import evaluate
 from uavdh_lite.scenario import find_scenario
 
 environment, scenario = Environment(City.load("village")), find_scenario("village")
-policy = uavdh_lite.gym.as_policy(
-    gymnasium.make(uavdh_lite.gym.ID, **options), lambda batch: model.predict(batch)[0]
+policy = uavdh_lite.bridges.gymnasium.as_policy(
+    gymnasium.make(uavdh_lite.bridges.gymnasium.ID, **options), lambda batch: model.predict(batch)[0]
 )
 
 # %%
 def means():
     records = evaluate(environment, policy, scenario, 200, seed=0).records()
-    return {name: records[name].mean() for name in ("cumulative_reward", METRIC, "has_landed", "time_used")}
+    return {name: records[name].mean() for name in ("return", METRIC, "landed", "time_used")}
 
 before = means()
 model.learn(4_000)
@@ -185,8 +185,8 @@ for name in before:
 
 # %%
 for name, (title, *_) in KINDS.items():
-    own = (recorded["steps"] == recorded["steps"].max()) & (recorded["algorithm"] == name)
-    for metric in (METRIC, "has_landed"):
+    own = (recorded["steps"] == recorded["steps"].max()) & (recorded["variant"] == name)
+    for metric in (METRIC, "landed"):
         print(f"{title:<16}{metric:<28}", *(f"{share:.3f}" for share in recorded[metric][own]))
     print(f"{title:<16}training took {recorded['seconds'][own].mean():.0f} s")
 
@@ -222,7 +222,7 @@ class DataOnly(gymnasium.Wrapper):
         return observation, reward, terminated, truncated, info
 
 # %%
-wrapped = DataOnly(gymnasium.make(uavdh_lite.gym.ID, scenario="village"))
+wrapped = DataOnly(gymnasium.make(uavdh_lite.bridges.gymnasium.ID, scenario="village"))
 wrapped.reset(seed=9)
 rewards = [wrapped.step(action)[1] for action in (1, 1, 1, 1, 1, 4, 4)]
 assert min(rewards) >= 0 and sum(rewards) > 0

@@ -22,15 +22,17 @@ if not any(distributions(name="uavdh_lite")):
 # %matplotlib inline
 import inspect
 import tempfile
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import torch
 from matplotlib.figure import Figure
 
+from uavdh_lite.beyond.failsafe import SafeEnvironment
+from uavdh_lite.beyond.recipes import BeyondRecipe
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.environment import LAND, Environment
-from uavdh_lite.evaluation import bootstrap_interval, evaluate, fly
+from uavdh_lite.evaluation import FunctionPolicy, bootstrap_interval, evaluate, fly
 from uavdh_lite.plotting import BLUE, VERMILION, draw_city, draw_flight
 
 torch.set_num_threads(1)
@@ -81,7 +83,7 @@ for (name, flown), top, bottom in zip(flights.items(), *figure.subplots(2, 2, he
     draw_city(top, city)
     draw_flight(top, city, path)
     top.set_title(f"{name}: {wasted[name][mission]} wasted steps")
-    bottom.plot(agents["new"].environment.time_to_land[path.uav_cell] - 1, color=COLOURS[name])
+    bottom.plot(agents["new"].environment.time_to_land[0, path.uav_cell] - 1, color=COLOURS[name])
     bottom.axvline(when[name][mission], color="black", ls=":", label="all data collected")
     bottom.set(xlabel="step", ylabel="moves from home", xlim=(0, 60))
     bottom.legend(fontsize="small")
@@ -101,11 +103,12 @@ figure
 # %%
 recipes = {name: agent.recipe.as_json() for name, agent in agents.items()}
 for field, value in recipes["new"].items():
-    if value != recipes["DDQN"][field] and not field.startswith(("validation", "name")):
-        print(f"{field:<22}{recipes['DDQN'][field]!s:>14}{value!s:>14}")
+    before = recipes["DDQN"].get(field, "-")  # what the paper does not have
+    if value != before and not field.startswith(("validation", "name", "kind", "views")):
+        print(f"{field:<22}{before!s:>14}{value!s:>14}")
 
 # %% [markdown]
-# Five of these are ideas, in the order of this notebook: `failsafe`, `quantiles`, `advantage_learning`, `observation`
+# Five of these are ideas, in the order of this notebook: `failsafe`, `quantiles`, `advantage_learning`, `pooling`
 # and `discount`. Four others belong to them: `huber_delta` is the $\kappa$ of 12.5; `kernel_size` and `strides` are those
 # of the two resolutions, and so is `data_scale`, by which the data on the map is divided. The last two are about crashes
 # (12.2), which the failsafe ends.
@@ -117,8 +120,8 @@ for field, value in recipes["new"].items():
 # enough, fly home. Drones on the market have such a rule for a low battery. It belongs to the safety controller:
 
 # %%
-safe, free = Environment(city, failsafe=True), Environment(city)
-print(inspect.getsource(Environment._too_late).split('"""')[2])
+safe, free = SafeEnvironment(city), Environment(city)
+print(inspect.getsource(SafeEnvironment._too_late).split('"""')[2])
 
 # %% [markdown]
 # `time_to_land` is the number of moves to the landing zone, plus one unit for the landing itself; `after` asks, for
@@ -127,7 +130,7 @@ print(inspect.getsource(Environment._too_late).split('"""')[2])
 # target's maximum it chooses among the others only, the *mask* of notebook 3. As a drawing, with six units of time left:
 
 # %%
-spare = np.where(city.no_fly, np.nan, (6 - safe.time_to_land.reshape(city.no_fly.shape)).clip(-1, 2))
+spare = np.where(city.no_fly, np.nan, (6 - safe.time_to_land[0].reshape(city.no_fly.shape)).clip(-1, 2))
 
 # %%
 marks = {2: ("o", "free to choose"), 1: ("s", "not further away"), 0: ("D", "home now"), -1: ("x", "too far already")}
@@ -155,7 +158,7 @@ flights |= {"random": evaluate(free, Random(), missions, 200, seed=0),
 for name, flown in flights.items():
     own = flown.records()
     print(f"{name:<17}" + "  ".join(f"{label} {own[metric].mean():.3f}" for metric, label in (
-        ("has_landed", "landed"), ("collection_ratio_and_landed", "collected and landed"), ("time_used", "time used"))))
+        ("landed", "landed"), ("collected_and_landed", "collected and landed"), ("time_used", "time used"))))
 
 # %%
 assert flights["random, failsafe"].end.landed.all() and not flights["random"].end.landed.all()
@@ -167,7 +170,7 @@ assert flights["random, failsafe"].end.landed.all() and not flights["random"].en
 
 # %%
 flown = flights["random, failsafe"]
-saved = int((flown.sent_home * (flown.sent_home == flown.sent_home.max())).argmax())
+saved = int(flown.counts["sent_home"].argmax())
 path = flown.trajectory(saved)
 sent = [t for t, step in enumerate(flown.history) if step.outcome.sent_home[saved]]
 print(f"the failsafe chose in {len(sent)} of {len(path.action)} steps, first in step {sent[0]}")
@@ -200,13 +203,17 @@ Quiz("failsafe_and_learning")
 from uavdh_lite.recipe import LITE
 from uavdh_lite.training import Trainer
 
+def with_parts(recipe):  # the same recipe, with the fields of the parts
+    return BeyondRecipe(**asdict(recipe))
+
 def first_targets(failsafe):
-    recipe = replace(LITE, failsafe=failsafe, crash_reward=-150.0, exploring_starts=0.0)
+    recipe = replace(with_parts(LITE), failsafe=failsafe, crash_reward=-150.0, exploring_starts=0.0)
     trainer, targets = Trainer(missions, recipe, seed=0, city=city), []
-    while len(targets) < 20:
+    while trainer.updates < 20:
         trainer.step()
-        if trainer.minibatch is not None:
-            targets.append(trainer.minibatch.y.numpy())
+        if trainer.updates:
+            batch = trainer.replay.sample(recipe.batch_size, np.random.default_rng(trainer.updates))
+            targets.append(trainer.learner.targets(batch).numpy())
     return np.concatenate(targets)
 
 # %%
@@ -233,9 +240,9 @@ assert (y[y < -50] ** 2).sum() > 0.8 * (y**2).sum() and targets["with failsafe"]
 # with three seeds (notebook 6):
 
 # %%
-from uavdh_lite.experiments.ablation import final_scores
+from uavdh_lite.experiments.study import final_scores
 
-ends = final_scores("../data/runs/deviations-manhattan/validation.csv.gz")
+ends = final_scores("../data/runs/deviations-manhattan.csv.gz")
 for variant, label in {"all": "lite", "without_huber_loss": "with a squared error", "without_crash_reward":
                        "−150 from the start", "without_exploring_starts": "ordinary starts only"}.items():
     print(f"{label:<21}", *(f"{end:.1%}" for end in ends[variant]))
@@ -260,8 +267,7 @@ for variant, label in {"all": "lite", "without_huber_loss": "with a squared erro
 def gaps(agent, flown, mission):
     states = [step.state[[mission]] for step in flown.history[: flown.steps[mission]]]
     q_values = torch.cat([agent.q_values(state) for state in states])
-    allowed = torch.cat([torch.from_numpy(agent.environment.allowed_actions(state)) for state in states])
-    best = q_values.masked_fill(~allowed, -torch.inf).topk(2).values
+    best = q_values.topk(2).values  # those that are not allowed are −∞
     return (best[:, 0] - best[:, 1]).numpy(), best[:, 0].numpy()
 
 # %%
@@ -289,11 +295,11 @@ figure
 
 # %%
 def lead_of_the_way_home(agent, flown):
-    leads = []
+    leads, home = [], safe.time_to_land[0]
     for step in flown.history:
         state = step.state[~step.state.ended & (step.state.data_left.sum(1) == 0)]
         if len(state):
-            nearer = safe.time_to_land[safe.next_cell[state.uav_cell]] < safe.time_to_land[state.uav_cell][:, None]
+            nearer = home[safe.next_cell[0, state.uav_cell]] < home[state.uav_cell][:, None]
             nearer[:, LAND] = city.landing.ravel()[state.uav_cell]
             q_values = agent.q_values(state).numpy()
             other = agent.environment.allowed_actions(state) & ~nearer
@@ -329,16 +335,16 @@ generator = np.random.default_rng(0)
 
 def clumsy(state):
     wrong = generator.random(len(state)) < 0.3
-    return np.where(wrong, generator.integers(0, 6, len(state)), free.way_home[state.uav_cell])
+    return np.where(wrong, generator.integers(0, 6, len(state)), free.way_home[0, state.uav_cell])
 
 # %%
-cell = int(np.flatnonzero(free.time_to_land == 9)[0])
-start = missions.sample(city, 1, generator)
+cell = int(np.flatnonzero(free.time_to_land[0] == 9)[0])
+start = missions.sample(free, 1, generator)
 start = replace(start, uav_cell=np.array([cell], np.int16), time_left=np.array([13], np.int16))
-tried = fly(free, clumsy, start[np.zeros(2000, int)], generator)
+tried = fly(free, FunctionPolicy(clumsy), start[np.zeros(2000, int)], generator)
 
 # %%
-returns, crashed = tried.cumulative_reward, ~tried.end.landed
+returns, crashed = tried.returns, ~tried.end.landed
 nearest = np.abs(returns - returns.mean()).min()
 print(f"crashed in {crashed.mean():.0%}; mean {returns.mean():.1f}; nearest return to it {nearest:.0f} away")
 
@@ -404,7 +410,7 @@ assert abs((theta < -50).mean() - crashed.mean()) < 0.1
 # $\gamma$ plus the reward, are samples $y_j$, and each quantile of the action taken learns from all of them:
 
 # %%
-from uavdh_lite.quantile import QRDQN
+from uavdh_lite.beyond.quantile import QRDQN
 
 print("".join(inspect.getsourcelines(QRDQN.targets)[0][-4:]))
 
@@ -532,12 +538,12 @@ for alpha in (0.0, 0.5, 0.8):
 # That assumes that the errors are independent and do not grow with the gaps. In a network they may: in 12.3 the new
 # agent's leads are not five times as large, and other things differ, too. So the ablation takes this part out alone
 # (12.9). And advantage learning only widens what is there: if steps cost nothing and $\gamma$ were 1, there
-# would be no gap to widen. In the library it is one line:
+# would be no gap to widen. In the library it is two lines:
 
 # %%
-from uavdh_lite.advantage_learning import widen_gap
+from uavdh_lite.beyond.advantage_learning import AdvantageLearning
 
-print("".join(inspect.getsourcelines(widen_gap)[0][-1:]))
+print("".join(inspect.getsourcelines(AdvantageLearning.targets)[0][-4:]))
 
 # %% [markdown]
 # ## 12.7 Two resolutions
@@ -547,6 +553,8 @@ print("".join(inspect.getsourcelines(widen_gap)[0][-1:]))
 # from the same state:
 
 # %%
+from torch.nn.functional import avg_pool2d
+
 from uavdh_lite.observation import Observation
 
 def paint(ax, layers, title):
@@ -565,9 +573,9 @@ def centres(shape, kernel, stride):
 
 # %%
 middle = flights["new"].history[12].state[[mission]]
-sizes = {"pooling": new.recipe.pooling, "local_size": new.recipe.local_size}
-seen = {"DDQN": agents["DDQN"].observation(middle)[0],
-        "new": Observation(city, "global_local", **sizes)(middle)[0]}
+whole = Observation(free)(middle)[0]
+margin = (whole.shape[-1] - new.recipe.local_size) // 2
+seen = {"DDQN": [whole], "new": [avg_pool2d(whole, new.recipe.pooling), whole[:, :, margin:-margin, margin:-margin]]}
 panels = [("DDQN", 0, "DDQN: all, strides of {}"), ("new", 0, "new: all, averaged"), ("new", 1, "new: near, strides of {}")]
 figure = Figure(figsize=(10, 3.8), layout="constrained")
 for ax, (name, which, title) in zip(figure.subplots(1, 3), panels):
@@ -626,19 +634,19 @@ print({name: agent.recipe.discount for name, agent in agents.items()})
 # %%
 from uavdh_lite.storage import read_table
 
-METRIC = "collection_ratio_and_landed"
-study = read_table("../data/runs/parts-manhattan/validation.csv.gz")
+METRIC = "collected_and_landed"
+study = read_table("../data/runs/parts-manhattan.csv.gz")
 end = study["steps"] == study["steps"].max()
 variants = dict.fromkeys(study["variant"].tolist())
 ends = {name: {column: study[column][end & (study["variant"] == name)] for column in study} for name in variants}
 for name, runs in ends.items():
     seeds = "  ".join(f"{share:5.1%}" for share in runs[METRIC])
-    print(f"{name.replace('_', ' '):<28}{seeds}   return {runs['cumulative_reward'].mean():5.1f}, "
+    print(f"{name.replace('_', ' '):<28}{seeds}   return {runs['return'].mean():5.1f}, "
           f"time used {runs['time_used'].mean():.0%}")
 
 # %%
 figure = Figure(figsize=(11, 3.2), layout="constrained")
-panels = ((METRIC, "collected and landed", None), (METRIC, "the same, enlarged", (0.94, 0.966)), ("cumulative_reward", "return", (24, 34)),
+panels = ((METRIC, "collected and landed", None), (METRIC, "the same, enlarged", (0.94, 0.966)), ("return", "return", (24, 34)),
           ("time_used", "time used", None))
 for ax, (column, label, limits) in zip(figure.subplots(1, 4, sharey=True), panels):
     for name, runs in ends.items():
@@ -666,12 +674,11 @@ figure
 # What do all parts bring together, in long runs? Here are the last validations of three seeds of each recipe:
 
 # %%
-lite = read_table("../data/runs/in_20_minutes/validation.csv.gz")
-lite = {column: values[lite["variant"] == "manhattan-2500000"] for column, values in lite.items()}
-ends = {"lite": [lite[METRIC][lite["seed"] == seed][-1] for seed in range(3)],
-        "quantile": [read_table(f"../data/runs/manhattan-quantile-{seed}/validation.csv")[METRIC][-1] for seed in range(3)]}
-for (name, shares), steps in zip(ends.items(), (lite["steps"].max(), 1_500_000)):
-    print(f"{name:<9}{steps:>9,.0f} steps   " + "  ".join(f"{share:.1%}" for share in shares))
+recipes = read_table("../data/runs/recipes-manhattan.csv.gz")
+for name in ("lite", "quantile"):
+    runs = [(recipes["variant"] == name) & (recipes["seed"] == seed) for seed in range(3)]
+    shares = "  ".join(f"{recipes[METRIC][run][-1]:.1%}" for run in runs)
+    print(f"{name:<9}{recipes['steps'][runs[0]].max():>9,.0f} steps   {shares}")
 
 # %% [markdown]
 # All three runs with the parts are ahead of all three without, by about a point, in fewer steps. (The two recipes were
@@ -680,7 +687,7 @@ for (name, shares), steps in zip(ends.items(), (lite["steps"].max(), 1_500_000))
 # %%
 test = read_table("../data/runs/comparison-manhattan.csv.gz")
 for other in ("greedy", "manhattan_ddqn"):
-    for metric in (METRIC, "cumulative_reward"):
+    for metric in (METRIC, "return"):
         mine, others = (test[metric][test["policy"] == policy] for policy in ("agent", other))
         lead = bootstrap_interval(mine - others)
         print(f"ahead of {other:<15} {metric:<28} {lead.mean:+.3f} ({lead.low:+.3f} to {lead.high:+.3f})")
@@ -769,7 +776,7 @@ def by_hand(theta, y, kappa):
     return (np.abs(tau[:, None] - (u < 0)) * huber).mean(1).sum()
 
 # %%
-from uavdh_lite.quantile import quantile_huber_loss
+from uavdh_lite.beyond.quantile import quantile_huber_loss
 
 library = quantile_huber_loss(torch.tensor(theta)[None], torch.tensor(returns[None, :50]), kappa=1.0)
 print(f"by hand {by_hand(theta, returns[:50], 1.0):.4f}, library {library.item():.4f}")
@@ -788,7 +795,7 @@ from uavdh_lite.recipe import find_recipe
 from uavdh_lite.scenario import find_scenario
 
 def train_village(**changes):
-    recipe = replace(find_recipe("small"), steps=5000, validation_interval=5000, exploring_starts=0.0, **changes)
+    recipe = replace(with_parts(find_recipe("small")), steps=5000, validation_interval=5000, exploring_starts=0.0, **changes)
     trainer = Trainer(find_scenario("village"), recipe, seed=0, city=City.load("village"))
     with tempfile.TemporaryDirectory() as folder:
         train(trainer, folder, show_progress=False)
@@ -799,8 +806,8 @@ live = {"none": {}, "failsafe": {"failsafe": True},
         "and the other parts": {"failsafe": True, "quantiles": 16, "huber_delta": 1.0, "advantage_learning": 0.5}}
 scores = {name: train_village(**changes) for name, changes in live.items()}
 for name, row in scores.items():
-    print(f"{name:<24}landed {row['has_landed']:.0%}, collected and landed {row['collection_ratio_and_landed']:.0%}")
-assert scores["failsafe"]["collection_ratio_and_landed"] > scores["none"]["collection_ratio_and_landed"] + 0.2
+    print(f"{name:<24}landed {row['landed']:.0%}, collected and landed {row['collected_and_landed']:.0%}")
+assert scores["failsafe"]["collected_and_landed"] > scores["none"]["collected_and_landed"] + 0.2
 
 # %% [markdown]
 # With this seed the failsafe makes most of the difference. One seed proves nothing; 12.9 has three.

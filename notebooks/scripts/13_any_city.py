@@ -20,16 +20,16 @@ if not any(distributions(name="uavdh_lite")):
 # %%
 # %matplotlib inline
 import inspect
-import json
 from dataclasses import replace
 
 import numpy as np
 import torch
 from matplotlib.figure import Figure
 
+from uavdh_lite.beyond.cities import CityGenerator
+from uavdh_lite.beyond.failsafe import MaskedNetwork
 from uavdh_lite.checkpoint import load_agent
-from uavdh_lite.city import City
-from uavdh_lite.city_generator import CityGenerator, load_city
+from uavdh_lite.city import City, load_cities
 from uavdh_lite.course.quiz import Quiz
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import bootstrap_interval, evaluate
@@ -43,12 +43,12 @@ torch.set_num_threads(1)
 # %%
 agent = load_agent("any_city")
 missions = agent.scenario
-unseen = load_city("random:100:1")
+unseen = load_cities("random:100:1")
 there = agent.over(unseen)
 flown = evaluate(there.environment, there, missions, 300, seed=0, record=True)
 
 # %%
-city_of = unseen.city[flown.start.uav_cell]  # of each mission, the number of its city
+city_of = flown.start.city  # of each mission, the number of its city
 kind_of = np.array([unseen[city].name.rsplit("_", 2)[0] for city in city_of])  # as in old_town_1_17
 figure = Figure(figsize=(10, 11), layout="constrained")
 for ax, kind in zip(figure.subplots(2, 2).flat, np.unique(kind_of)):
@@ -89,9 +89,9 @@ figure
 # seed 1. The cities that the agent learned in are of seed 0. Are any of the hundred among them?
 
 # %%
-learned = {city.fingerprint for city in agent.city.cities}
+learned = {city.fingerprint for city in agent.cities}
 print(f"{len(learned)} different cities to learn in, {len(unseen)} to test in, "
-      f"{sum(city.fingerprint in learned for city in unseen.cities)} in both")
+      f"{sum(city.fingerprint in learned for city in unseen)} in both")
 
 # %% [markdown]
 # That is what *unseen* means here: other cities, but from the same generator. It says nothing yet of cities that
@@ -110,11 +110,11 @@ print(f"{len(learned)} different cities to learn in, {len(unseen)} to test in, "
 others = {"manhattan": load_agent("manhattan").over(unseen), "random": Random(), "greedy": Greedy(there.environment)}
 flights = {"any_city": flown} | {name: evaluate(there.environment, pilot, missions, 300, seed=0)
                                  for name, pilot in others.items()}
-CRAL = "collection_ratio_and_landed"  # the share of the data if the UAV has landed, 0 if it has not
+CRAL = "collected_and_landed"  # the share of the data if the UAV has landed, 0 if it has not
 records = {name: flown.records() for name, flown in flights.items()}
 for name, record in records.items():
-    print(f"{name:<10}landed {record['has_landed'].mean():.0%}   "
-          f"collected and landed {record[CRAL].mean():.1%}   return {record['cumulative_reward'].mean():5.1f}   "
+    print(f"{name:<10}landed {record['landed'].mean():.0%}   "
+          f"collected and landed {record[CRAL].mean():.1%}   return {record['return'].mean():5.1f}   "
           f"time used {record['time_used'].mean():.0%}")
 collected = {name: record[CRAL] for name, record in records.items()}
 assert collected["any_city"].mean() > collected["manhattan"].mean() + 0.02
@@ -155,7 +155,7 @@ flight = evaluate(pilot.environment, pilot, missions, 1, seed=5, record=True)
 figure = Figure(figsize=(9, 4.4), layout="constrained")
 left, right = figure.subplots(1, 2)
 draw_trajectory(left, pilot.environment, flight.trajectory(0))
-right.imshow(pilot.observation.full_map(flight.start)[0, 1], cmap="Reds", vmin=0, vmax=1.6)
+right.imshow(pilot.observation(flight.start)[0][0, 1], cmap="Reds", vmin=0, vmax=1.6)
 right.plot(15, 15, "o", color=BLUE)
 right.set(title="the no-fly layer around the UAV", xlabel="cell, the UAV is at 15", ylabel="cell")
 figure
@@ -184,14 +184,14 @@ for size, frame in ((10, 16), (16, 50)):
 # would help. Fly as many missions as in 13.2 over cities that it learned in:
 
 # %%
-seen = load_city("random:100:0")  # a hundred of these
-assert all(city.fingerprint in learned for city in seen.cities)
+seen = load_cities("random:100:0")  # a hundred of these
+assert all(city.fingerprint in learned for city in seen)
 known = agent.over(seen)
 here = {name: evaluate(known.environment, pilot, missions, 300, seed=0)
         for name, pilot in (("agent", known), ("greedy", Greedy(known.environment)))}
-ahead = {"unseen": (collected["any_city"] - collected["greedy"], unseen.city[flown.start.uav_cell]),
+ahead = {"unseen": (collected["any_city"] - collected["greedy"], flown.start.city),
          "seen": (here["agent"].records()[CRAL] - here["greedy"].records()[CRAL],
-                  seen.city[here["agent"].start.uav_cell])}
+                  here["agent"].start.city)}
 
 # %%
 def points(values, cities):
@@ -232,15 +232,15 @@ def three_seeds(**wanted):
     return table[CRAL][np.all([table[name] == value for name, value in wanted.items()], axis=0)]
 
 def by_greedy(cities):
-    environment = Environment(agent.city if cities == "random:2000:0" else load_city(cities))
+    environment = Environment(agent.cities if cities == "random:2000:0" else load_cities(cities))
     return evaluate(environment, Greedy(environment), missions, 500, seed=9).records()[CRAL].mean()
 
 # %%
 scores = {"seen": [], "unseen": []}
 rule = {name: by_greedy(name) for name in ("random:300:9", *(f"random:{count}:0" for count in counts))}
-assert np.isclose(rule["random:300:9"], three_seeds(run="greedy")[0], atol=1e-4)
+assert np.isclose(rule["random:300:9"], three_seeds(variant="greedy")[0], atol=1e-4)
 for count in counts:
-    runs = {"learned_in": f"random:{count}:0", "observation": "global_local", "views": 1}
+    runs = {"learned_in": f"random:{count}:0", "variant": "global_local", "views": 1}
     for name, cities in (("seen", f"random:{count}:0"), ("unseen", "random:300:9")):
         scores[name].append(100 * (three_seeds(**runs, flown_over=cities) - rule[cities]))
     print(f"{count:>4} cities: " + ", ".join(f"{name} {' '.join(f'{s:+.1f}' for s in scores[name][-1])}" for name in scores))
@@ -274,11 +274,11 @@ figure
 # intervals never shares numbers with what draws missions.)
 
 # %%
-few = load_city("random:12:7")
+few = load_cities("random:12:7")
 over_few = agent.over(few)
 flown = evaluate(over_few.environment, over_few, missions, 400, seed=2)
-values = flown.records()["collection_ratio_and_landed"]
-members = [values[few.city[flown.start.uav_cell] == city] for city in range(len(few))]
+values = flown.records()["collected_and_landed"]
+members = [values[flown.start.city == city] for city in range(len(few))]
 
 # %%
 generator = stream(Use.BOOTSTRAP, 13)
@@ -310,7 +310,7 @@ figure = Figure(figsize=(12, 16.5), layout="constrained")
 for ax, mission in zip(figure.subplots(4, 3).flat, behind.argsort()[:10]):
     path = flights["any_city"].trajectory(int(mission))
     draw_trajectory(ax, there.environment, path)
-    city = int(unseen.city[flights["any_city"].start.uav_cell[mission]])
+    city = int(flights["any_city"].start.city[mission])
     ax.set_title(f"mission {mission} in city {city}: {100 * behind[mission]:+.0f} points")
     ax.set(xlabel=caption(path), ylabel="", xticks=[], yticks=[])
 for ax in figure.axes[10:]:
@@ -333,7 +333,7 @@ figure
 # north, and that is all. Nobody told the network. Does it know? To ask, turn the map, and turn the answer back:
 
 # %%
-from uavdh_lite.symmetry import SYMMETRIES, turned, turned_actions
+from uavdh_lite.beyond.views import SYMMETRIES, turned, turned_actions
 
 print(inspect.getsource(turned_actions))
 
@@ -341,15 +341,15 @@ print(inspect.getsource(turned_actions))
 # Now all eight views of 500 states in mid-flight, by the network alone:
 
 # %%
-state = missions.sample_anywhere(unseen, 500, stream(Use.EXPLORATION, 13), spare_time=5)
-maps, time = there.observation.full_map(state), there.observation.time(state)
+state = missions.sample_anywhere(there.environment, 500, stream(Use.EXPLORATION, 13), spare_time=5)
+maps, time, allowed = there.observation(state)
+one_view = there.network.network.network  # within the mask and the mean over eight views
 with torch.no_grad():
-    answers = torch.stack([
-        there.network(there.observation.views(turned(maps, *symmetry)), time)[:, turned_actions(*symmetry)]
-        for symmetry in SYMMETRIES])
+    answers = torch.stack([one_view(turned(maps, *symmetry), time)[:, turned_actions(*symmetry)]
+                           for symmetry in SYMMETRIES])
 
 # %%
-best = answers.where(there.allowed(state), torch.tensor(-torch.inf)).argmax(-1)
+best = answers.where(allowed, torch.tensor(-torch.inf)).argmax(-1)
 agree = (best == best[0]).all(0)
 print(f"all eight views agree on the action in {agree.float().mean():.0%} of the states")
 
@@ -360,9 +360,8 @@ print(f"all eight views agree on the action in {agree.float().mean():.0%} of the
 # takes eight times the computing time in flight. The shipped agent acts on it; without it, this is what it would collect in the missions of 13.2:
 
 # %%
-one_view = replace(there, symmetric=False)
-by_one = evaluate(there.environment, one_view, missions, 300, seed=0).records()
-for name in (CRAL, "cumulative_reward", "time_used"):
+by_one = evaluate(there.environment, replace(there, network=MaskedNetwork(one_view)), missions, 300, seed=0).records()
+for name in (CRAL, "return", "time_used"):
     gain = bootstrap_interval(records["any_city"][name] - by_one[name], groups=ahead["unseen"][1])
     print(f"{name:<28} one view {by_one[name].mean():6.3f}, eight {records['any_city'][name].mean():6.3f}, "
           f"difference {gain.mean:+.3f} ({gain.low:+.3f} to {gain.high:+.3f})")
@@ -378,7 +377,7 @@ for name in (CRAL, "cumulative_reward", "time_used"):
 # the two resolutions of notebook 12, three seeds each, 200,000 steps.
 
 # %%
-curves = read_table("../data/runs/centring-any_city/validation.csv.gz")
+curves = read_table("../data/runs/centring-any_city.csv.gz")
 frames = {"centred": BLUE, "non_centred": VERMILION, "global_local": "black"}
 figure = Figure(figsize=(6.5, 3.6), layout="constrained")
 ax = figure.subplots()
@@ -395,7 +394,7 @@ figure
 
 # %%
 for frame in frames:
-    runs = {"learned_in": "random:2000:0", "observation": frame, "flown_over": "random:300:9"}
+    runs = {"learned_in": "random:2000:0", "variant": frame, "flown_over": "random:300:9"}
     one, eight = (three_seeds(**runs, views=views) for views in (1, 8))
     print(f"{frame:<13}one view {' '.join(f'{s:.1%}' for s in one)}   eight {' '.join(f'{s:.1%}' for s in eight)}")
 
@@ -423,19 +422,21 @@ for frame in frames:
 # nothing.
 
 # %%
-from pathlib import Path
-
 runs = {"fine_tune": (BLUE, "from any_city"), "quantile": (VERMILION, "from nothing")}
-curves = {(recipe, path.parent.name): read_table(path)
-          for recipe in runs for path in sorted(Path("../data/runs").glob(f"manhattan-{recipe}-*/validation.csv"))}
+recorded = read_table("../data/runs/recipes-manhattan.csv.gz")
+
+def one_run(recipe, seed):
+    own = (recorded["variant"] == recipe) & (recorded["seed"] == seed)
+    return {name: column[own] for name, column in recorded.items()}
+
+curves = {(recipe, seed): one_run(recipe, seed) for recipe in runs for seed in range(3)}
 
 # %%
 figure = Figure(figsize=(8, 4), layout="constrained")
 ax = figure.subplots()
-for (recipe, run), curve in curves.items():
+for (recipe, seed), curve in curves.items():
     colour, label = runs[recipe]
-    first = run.endswith("-0")
-    ax.plot(curve["steps"], curve[CRAL], color=colour, label=label if first else None)
+    ax.plot(curve["steps"], curve[CRAL], color=colour, label=label if seed == 0 else None)
 ax.set(xscale="log", xlabel="environment steps", ylabel="collected and landed, validation")
 ax.legend()
 figure
@@ -443,9 +444,6 @@ figure
 # %%
 for recipe, (_, label) in runs.items():
     own = [curve for (of, _), curve in curves.items() if of == recipe]
-    abouts = [Path("../data/runs", run, "about.json") for of, run in curves if of == recipe]
-    minutes = [json.loads(about.read_text())["seconds"] / 60 for about in abouts]
-    print(f"{label:<14}took" + ",".join(f" {m:.0f}" for m in minutes) + " minutes on one core")
     for when in (0, -1):
         print(f"{label:<14}after {own[0]['steps'][when]:>9,.0f} steps: ", *(f"{curve[CRAL][when]:.3f}" for curve in own))
 
@@ -497,7 +495,7 @@ for kind in np.unique(kinds):
 home = load_agent("manhattan")
 both = {"any_city": agent.over(home.city), "manhattan": home}
 records = {name: evaluate(home.environment, pilot, home.scenario, 200, seed=0).records() for name, pilot in both.items()}
-for name in (CRAL, "cumulative_reward"):
+for name in (CRAL, "return"):
     means = "".join(f"{pilot} {record[name].mean():.3f}, " for pilot, record in records.items())
     lead = bootstrap_interval(records["any_city"][name] - records["manhattan"][name])
     print(f"{name:<28} {means}difference {lead.mean:+.3f} ({lead.low:+.3f} to {lead.high:+.3f})")

@@ -29,7 +29,7 @@ from uavdh_lite.labs.draft import Draft
 from uavdh_lite.labs.fly import KEYS
 from uavdh_lite.missions import Mission, as_json, environment_of
 from uavdh_lite.policies import find_policy
-from uavdh_lite.scenario import SCENARIOS
+from uavdh_lite.scenario import find_scenario
 
 CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
 SCREENSHOTS = Path(__file__).parents[2] / "build" / "screenshots"
@@ -170,7 +170,7 @@ def drag_cell(page, lab, start, end):
 
 def first_mission(city):
     """The mission that the labs start with in a city."""
-    return Mission.draw(SCENARIOS[city], environment_of(city).city, 0)
+    return Mission.draw(find_scenario(city), environment_of(city).city, 0)
 
 
 def table(lab):
@@ -268,7 +268,7 @@ def test_changes_are_undone_by_key_and_a_mission_has_a_number_and_a_link(page):
     number = lab.get_by_role("spinbutton", name="mission")
     number.fill("5")
     number.press("Tab")
-    fifth = Mission.draw(SCENARIOS["manhattan"], environment_of("manhattan").city, 5)
+    fifth = Mission.draw(find_scenario("manhattan"), environment_of("manhattan").city, 5)
     until(page, lambda: table(lab)[0]["time left"].endswith(f"of {fifth.flying_time}"))
     lab.get_by_role("button", name="random mission").click()
     expect(number).to_have_value("6")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uavdh_lite.city_generator import CityGenerator
+from uavdh_lite.beyond.cities import CityGenerator
 from uavdh_lite.course import checks
 from uavdh_lite.course.checks import any_city
 from uavdh_lite.course.checks.environment import FLIGHTS
@@ -16,9 +16,9 @@ from uavdh_lite.course.checks.table import Table, by_rule, edit
 from uavdh_lite.course.checks.training import RUNS
 from uavdh_lite.course.checks.trial import expect_none
 from uavdh_lite.course.checks.values import close
-from uavdh_lite.environment import Rewards
+from uavdh_lite.environment import Environment, Rewards
 from uavdh_lite.observation import Observation
-from uavdh_lite.scenario import place
+from uavdh_lite.missions import place
 from uavdh_lite.storage import read_table
 
 HERE = Path(__file__).parent
@@ -43,8 +43,8 @@ def test_a_mistake_fails_with_a_message_that_names_it(name, answer, message):
 
 
 def test_the_validations_to_diagnose_are_recorded_ones():
-    table = read_table(ROOT / "data/runs/deviations-manhattan/validation.csv.gz")
-    columns = ("has_landed", "collection_ratio", "time_used")
+    table = read_table(ROOT / "data/runs/deviations-manhattan.csv.gz")
+    columns = ("landed", "collected", "time_used")
     for name, shares in RUNS.items():
         variant, seed, thousands = name.rsplit("-", 2)
         row = (table["variant"] == variant) & (table["seed"] == int(seed))
@@ -63,10 +63,10 @@ def test_the_flights_by_hand_have_the_prices_of_the_library():
 
 def test_a_small_citys_map_is_that_of_the_library():
     layers, uav, size = any_city.small_city_map.table.cases[-1][1]
-    city = CityGenerator((9, 9)).draw(1, seed=3)[0]
+    city = CityGenerator(9).draw(1, seed=3)[0]
     device = tuple(int(k) for k in divmod(city.device_cells[0], city.size))
     state = place(city, uav, devices=[device], data=[5], flying_time=30, max_devices=1)
-    maps = Observation(city, "centred", size=size).centred_map(state)
+    maps = Observation(Environment(city), "centred", size=size).centred_map(state)
     assert np.array_equal(layers, [city.landing, city.no_fly, city.buildings])
     assert np.array_equal(any_city.small_city_map.table.right[-1].value, maps[0, :3].numpy())
 

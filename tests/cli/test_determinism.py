@@ -1,10 +1,9 @@
 """What repeats to the last bit on one machine, and what may differ between machines.
 
-On one machine, a seed, a recipe and a device fix every weight, on one thread or on two, however
-many processes run side by side. Another processor or version of PyTorch adds floats up in another
-order: a training then goes its own way, with results that spread as those of other seeds do.
-Evaluating a given agent changes only where two Q-values are nearly equal. The tests of the trainer
-and of the studies compare the weights of one thread and two, of one process and several.
+On one machine, a seed, a recipe, a device and a number of threads fix every weight, however many
+processes run side by side. Another processor or version of PyTorch adds floats up in another order:
+a training then goes its own way, with results that spread as those of other seeds do. Evaluating a
+given agent changes only where two Q-values are nearly equal.
 """
 
 import os
@@ -20,8 +19,6 @@ from uavdh_lite.cli.main import main
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.storage import data_folder, read_table
-
-METRIC = "collection_ratio_and_landed"
 
 
 def test_a_hash_seed_changes_nothing(capsys):
@@ -51,18 +48,18 @@ def test_a_hash_seed_changes_nothing(capsys):
 )
 def test_shipped_agents_score_what_was_recorded(name, policy):
     """Where it was recorded to six digits; on another machine within half a point."""
-    agent = load_agent(name)
-    path = data_folder() / "runs" / f"comparison-{agent.scenario.name}.csv.gz"
-    table = read_table(path)
-    recorded = table[METRIC][table["policy"] == policy]
+    agent, metric = load_agent(name), "collected_and_landed"
+    table = read_table(data_folder() / "runs" / f"comparison-{agent.scenario.name}.csv.gz")
+    recorded = table[metric][table["policy"] == policy]
     flights = evaluate(Environment(agent.city), agent, agent.scenario, len(recorded), seed=0)
-    assert flights.records()[METRIC].mean() == pytest.approx(recorded.mean(), abs=0.005)
+    assert flights.records()[metric].mean() == pytest.approx(recorded.mean(), abs=0.005)
 
 
 def test_other_numbers_of_threads_decide_alike():
     """Q-values differ in their last digits, decisions only where two are that near."""
     agent = load_agent("manhattan")
-    state = agent.scenario.sample_anywhere(agent.city, 2000, np.random.default_rng(0), 0)
+    generator = np.random.default_rng(0)
+    state = agent.scenario.sample_anywhere(agent.environment, 2000, generator, 0)
     threads, answers = torch.get_num_threads(), []
     for number in (1, 2):
         torch.set_num_threads(number)

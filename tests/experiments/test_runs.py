@@ -2,62 +2,99 @@
 
 import json
 
+import numpy as np
 import pytest
 import torch
 
 from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.errors import InputError, TrainingDiverged
-from uavdh_lite.experiments.runs import train
+from uavdh_lite.evaluation import evaluate
+from uavdh_lite.experiments import runs
+from uavdh_lite.experiments.runs import SAVED, VALIDATION_SEED, train, validate
 from uavdh_lite.provenance import provenance
-from uavdh_lite.recipe import Recipe
+from uavdh_lite.recipe import recipe_from_json
 from uavdh_lite.storage import read_table
-from uavdh_lite.training import BIN
+from uavdh_lite.streams import Use
+from uavdh_lite.training import BIN, Trainer
+
+
+def test_a_validation_is_a_row_of_means_and_says_if_the_return_is_the_highest(trainer):
+    own = trainer()
+    assert validate(own)  # the first one is
+    flights = evaluate(
+        own.environment, own.agent, own.scenario, 50, VALIDATION_SEED, Use.VALIDATION
+    )
+    (row,) = own.validation_rows
+    for name, values in flights.records().items():
+        assert row[name] == values.mean()
+    assert not validate(own)  # it is the same
+    own.validation_rows = [row | {"return": row["return"] - 1, "landed": 2.0}]
+    assert validate(own)
 
 
 def test_files_of_a_run(trainer, tmp_path):
-    done = trainer(steps=2 * BIN + 50, environments=50, batch_size=64, validation_interval=2500)
-    best = train(done, tmp_path / "run", command="python -m uavdh_lite train ...")
-    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
-        "about.json",
-        "best.safetensors",
-        "lock",
-        "training.csv",
-        "training.safetensors",
-        "validation.csv",
-    ]
-    curve = read_table(tmp_path / "run" / "training.csv")
-    assert curve["steps"].tolist() == [BIN, 2 * BIN]
-    assert (curve["episodes"] > 0).all()
-    validation = read_table(tmp_path / "run" / "validation.csv")
+    own = trainer(3, steps=2 * BIN + 50, environments=50, batch_size=64, validation_interval=2500)
+    out = tmp_path / "run"
+    best = train(own, out, command="python -m uavdh_lite train ...")
+    names = ["about.json", "best.safetensors", "lock", "training.csv", SAVED, "validation.csv"]
+    assert sorted(path.name for path in out.iterdir()) == sorted(names)
+    curve, validation = read_table(out / "training.csv"), read_table(out / "validation.csv")
+    assert curve["steps"].tolist() == [BIN, 2 * BIN] and (curve["episodes"] > 0).all()
     assert validation["steps"].tolist() == [2500, 5000, 7500, 10_000, 10_050]
-    agent = load_agent(best)
-    about = agent.training
-    kept = about["validation"]["collection_ratio_and_landed"]
-    assert kept == pytest.approx(validation["collection_ratio_and_landed"].max(), abs=1e-6)
-    assert about["command"].startswith("python -m uavdh_lite train")
-    assert about["seed"] == 0 and about["steps"] == about["validation"]["steps"]
+    assert (np.diff(validation["seconds"]) >= 0).all() and validation["seconds"][-1] > 0
+    kept = load_agent(best).training
+    assert kept["validation"]["return"] == pytest.approx(validation["return"].max(), abs=1e-3)
+    assert kept["steps"] == kept["validation"]["steps"]
+    assert kept["command"].startswith("python -m uavdh_lite train") and kept["seed"] == 3
+    about = json.loads((out / "about.json").read_text())
+    assert about["steps"] == 10_050 and about.items() >= provenance().items()
+    assert recipe_from_json(about["recipe"]) == own.recipe
+    assert about["scenario"]["name"] == own.scenario.name
+
+
+def test_threads_are_those_there_were_and_seconds_of_a_shared_machine_are_called_so(
+    trainer, tmp_path, monkeypatch
+):
+    run = {"steps": 800, "validation_interval": 400}
+    monkeypatch.setattr(runs, "is_shared", lambda threads: threads == 1)
+    train(trainer(**run), tmp_path, stop_after=400)
+    monkeypatch.setattr(runs, "is_shared", lambda threads: False)
+    train(trainer(**run), tmp_path, resume=True)
+    about = json.loads((tmp_path / "about.json").read_text())
+    assert about["threads"] == torch.get_num_threads() == 1
+    assert about["shared_machine"] is True  # as it was in the first half
+    assert load_agent(tmp_path / "best.safetensors").training["threads"] == 1
 
 
 def test_a_folder_with_a_run_is_not_overwritten(trainer, tmp_path):
     train(trainer(steps=400), tmp_path)
-    with pytest.raises(InputError, match="holds a run already; add --resume"):
+    with pytest.raises(InputError, match="holds a run already"):
         train(trainer(steps=400), tmp_path)
-    with pytest.raises(InputError, match="no run to resume there"):
+    with pytest.raises(InputError, match="no run to resume"):
         train(trainer(steps=400), tmp_path / "empty", resume=True)
     assert not (tmp_path / "empty").exists()  # a refused run leaves nothing behind
+    before = (tmp_path / SAVED).read_bytes()
     train(trainer(steps=400), tmp_path, resume=True)  # a finished run stays finished
+    assert (tmp_path / SAVED).read_bytes() == before
 
 
-def test_a_run_tells_how_it_was_made(trainer, tmp_path):
-    own = trainer(seed=3, steps=640, validation_episodes=5)
-    train(own, tmp_path / "run", command="a command")
-    about = json.loads((tmp_path / "run" / "about.json").read_text())
-    assert about["command"] == "a command" and about["seed"] == 3
-    assert about["steps"] == 640 and about["seconds"] > 0
-    assert about.items() >= provenance().items()
-    assert about["validation"]["steps"] == 640
-    assert Recipe.from_json(about["recipe"]) == own.recipe
-    assert about["scenario"]["name"] == own.scenario.name
+def test_a_run_that_began_with_an_agent_resumes_with_it_alone(
+    trainer, corridor, corridor_scenario, tmp_path
+):
+    """Otherwise it would go on as another run, or fail with what has nothing to do with it."""
+    recipe, agent = trainer(steps=800).recipe, trainer(seed=7).agent
+    begin = lambda seed, begin_with: Trainer(  # noqa: E731
+        corridor_scenario, recipe, seed, corridor, begin_with=begin_with
+    )
+    train(begin(0, agent), tmp_path, command="train --from mine", stop_after=400)
+    for other in (None, trainer(seed=8).agent):
+        with pytest.raises(InputError, match=r"begun_with.*train --from mine"):
+            train(begin(0, other), tmp_path, resume=True)
+    train(begin(0, agent), tmp_path, resume=True)
+    whole = begin(0, agent)
+    train(whole, tmp_path / "whole")
+    ours, theirs = (load(out / SAVED, "training")[0] for out in (tmp_path, tmp_path / "whole"))
+    assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
 
 
 def test_a_training_that_diverges_stops_with_its_last_good_state(trainer, tmp_path):
@@ -74,7 +111,7 @@ def test_a_training_that_diverges_stops_with_its_last_good_state(trainer, tmp_pa
     own.learner.update = diverging
     with pytest.raises(TrainingDiverged, match=f"not finite after {2 * BIN} steps: the last good"):
         train(own, tmp_path)
-    tensors, about = load(tmp_path / "training.safetensors", "training")
+    tensors, about = load(tmp_path / SAVED, "training")
     assert about["steps"] == BIN
     assert all(torch.isfinite(t).all() for t in tensors.values() if t.is_floating_point())
     agent = load_agent(tmp_path / "best.safetensors")

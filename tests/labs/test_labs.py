@@ -16,11 +16,11 @@ import torch
 from PIL import Image
 
 from uavdh_lite import labs
-from uavdh_lite.agent import value_map
+from uavdh_lite.labs.insight import value_map
 from uavdh_lite.channel import rate
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
-from uavdh_lite.city_generator import CityGenerator
+from uavdh_lite.beyond.cities import CityGenerator
 from uavdh_lite.environment import ACTIONS, LAND
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.labs import (
@@ -39,8 +39,8 @@ from uavdh_lite.labs.fly import HARD, KEYS, YOU
 from uavdh_lite.labs.links import decode, encode
 from uavdh_lite.labs.think import BELOW, Thoughts
 from uavdh_lite.missions import HandFlight, Mission, as_json, environment_of, read_mission
-from uavdh_lite.policies import agents_for, find_policy
-from uavdh_lite.scenario import SCENARIOS
+from uavdh_lite.policies import find_policy, policies_for
+from uavdh_lite.scenario import find_scenario
 from uavdh_lite.shadowing import line_of_sight
 
 
@@ -237,12 +237,12 @@ def test_a_sentence_says_which_flight_was_better(lab):
             break
     winner, compared = lab.sentence.value.split("<br>")
     assert compared == "greedy landed, random crashed."
-    returns = {name: f"{each.cumulative_reward[0]:.2f}" for name, each in lab.flights.items()}
+    returns = {name: f"{each.returns[0]:.2f}" for name, each in lab.flights.items()}
     told = f"Best return: greedy {returns['greedy']}; random {returns['random']}."
     assert winner == f"<b>{told}</b>"
     lab.policy.value, lab.third.value = "genie", "greedy"
     winner, *others = lab.sentence.value.split("<br>")
-    best = max(lab.flights, key=lambda name: lab.flights[name].cumulative_reward[0])
+    best = max(lab.flights, key=lambda name: lab.flights[name].returns[0])
     assert winner.startswith(f"<b>Best return: {best} ")
     assert winner.endswith("</b> random crashed, greedy landed.")  # those who are compared with
     assert len(others) == 2 and all(other.startswith("genie ") for other in others)
@@ -391,7 +391,7 @@ def test_the_temperature_levels_the_policy_and_leaves_the_flight():
 
 def test_policies_without_q_values_are_not_offered():
     lab = ThinkLab("manhattan")
-    assert [name for _, name in lab.policy.options] == agents_for(lab.environment.city)
+    assert [name for _, name in lab.policy.options] == policies_for(lab.environment)[:-3]
     lab.policy.value = "manhattan_ddqn_early"
     lab.city.value = "village"
     assert [name for _, name in lab.policy.options] == ["any_city"] == list(lab.flights)
@@ -400,7 +400,7 @@ def test_policies_without_q_values_are_not_offered():
 
 
 def test_a_city_without_an_agent_says_so(tmp_path):
-    CityGenerator((20, 20)).draw(1, seed=3)[0].save(tmp_path / "mine.png")
+    CityGenerator(20).draw(1, seed=3)[0].save(tmp_path / "mine.png")
     lab = ThinkLab(str(tmp_path / "mine.png"))
     assert lab.charts.agent is None and list(lab.flights) == ["greedy"]
     assert "greedy has no Q-values" in lab.charts.bars.texts[0].get_text()
@@ -475,10 +475,10 @@ def test_flying_by_hand_with_buttons_and_keys():
 def test_hard_missions_are_hard_for_greedy_and_come_in_turn():
     environment, collected = environment_of("manhattan"), {"greedy": [], "genie": []}
     for seed in HARD:
-        mission = Mission.draw(SCENARIOS["manhattan"], environment.city, seed)
+        mission = Mission.draw(find_scenario("manhattan"), environment.city, seed)
         for name, shares in collected.items():
             flights = mission.fly(environment, find_policy(name, environment, mission.seed))
-            shares.append(flights.records()["collection_ratio_and_landed"][0])
+            shares.append(flights.records()["collected_and_landed"][0])
     assert max(collected["greedy"]) < 0.71 and min(collected["genie"]) > 0.99
     lab = FlyLab("village")
     seen = []
@@ -502,9 +502,9 @@ def test_the_session_keeps_scores_of_missions_flown_for_the_first_time():
         tell(lab.stage, kind="key", key="Enter")
         flown.append(lab.flight.flights())
     assert len(lab.scores["you"]) == len(lab.scores["genie"]) == 2
-    returns = [float(flights.cumulative_reward[0]) for flights in flown[:2]]
+    returns = [float(flights.returns[0]) for flights in flown[:2]]
     assert [score[1] for score in lab.scores["you"]] == returns
-    ratio = np.mean([flights.end.collection_ratio[0] for flights in flown[:2]])  # both landed
+    ratio = np.mean([flights.end.collected[0] for flights in flown[:2]])  # both landed
     row = f"<td>you</td><td>2</td><td>{ratio:.0%}</td><td>{np.mean(returns):.2f}</td>"
     assert row in lab.session.value
     ranks = [lab.session.value.index(f"<td>{name}</td>") for name in ("genie", "you")]
@@ -544,13 +544,13 @@ def fly_as(lab, name):
     flown = lab.flight.mission.fly(lab.environment, policy)
     for action in flown.trajectory(0).action:
         lab.act(int(action))
-    return float(flown.cumulative_reward[0])
+    return float(flown.returns[0])
 
 
 def test_your_flight_gets_a_verdict():
     lab = FlyLab("village")
     yours = fly_as(lab, "greedy")
-    best = max(float(each.cumulative_reward[0]) for each in lab._results.values())
+    best = max(float(each.returns[0]) for each in lab._results.values())
     behind = f"{best - yours:.1f} behind any_city agent and genie."  # both have as much
     assert f"Your return is {yours:.2f}, {behind}" in lab.verdict.value
     assert "The tab Mission" in lab.verdict.value and "mission 0 of village" in lab.verdict.value
@@ -810,7 +810,7 @@ def test_random_cities_are_all_different_and_too_small_ones_are_refused():
 def test_the_mouse_shows_the_shadow_of_a_device_under_it():
     lab = CityLab("village")
     plain = lab.canvas.picture.value
-    sight = environment_of("village").line_of_sight
+    sight = environment_of("village").sight[0]
     stroke(lab, (2, 3), kind="move", pressed=False)
     shown = lab.canvas.picture.value
     draft = lab.draft
@@ -885,7 +885,7 @@ def test_over_a_large_city_only_planners_fly():
 
 
 def test_the_mission_lab_takes_a_city_of_ones_own(tmp_path):
-    city = CityGenerator((12, 12)).draw(1, seed=3)[0]
+    city = CityGenerator(12).draw(1, seed=3)[0]
     city.save(tmp_path / "mine.png")
     lab = MissionLab(str(tmp_path / "mine.png"))
     assert lab.policy.value == "any_city" and lab.flights["any_city"].end.landed[0]
@@ -1035,7 +1035,7 @@ def test_a_painted_city_keeps_the_mission_that_was_set_in_it_if_it_can():
 
 
 def test_changes_of_a_mission_are_undone_and_numbers_are_typed(lab):
-    drawn = Mission.draw(SCENARIOS["manhattan"], lab.environment.city, 0)
+    drawn = Mission.draw(find_scenario("manhattan"), lab.environment.city, 0)
     assert lab.undo.disabled and lab.redo.disabled and lab.number.value == 0
     click(lab, (8, 8))
     tell(lab.stage, kind="time", value=25)
@@ -1049,7 +1049,7 @@ def test_changes_of_a_mission_are_undone_and_numbers_are_typed(lab):
     assert lab.mission.flying_time == 25 and lab.redo.disabled
     assert lab.flights["manhattan"].start.time_left[0] == 25
     lab.number.value = 5
-    fifth = Mission.draw(SCENARIOS["manhattan"], lab.environment.city, 5)
+    fifth = Mission.draw(find_scenario("manhattan"), lab.environment.city, 5)
     assert set_by(lab.mission) == set_by(fifth) and lab.seed.value == fifth.seed
     lab.draw.click()
     assert lab.number.value == 6
@@ -1110,7 +1110,7 @@ def test_a_link_opens_its_mission_on_the_labs_page():
         assert "Copy it again" in lab.message.value
         assert set_by(lab.mission) == set_by(there.mission)
     for side in (10, 11):  # links to missions in cities that nobody has
-        (city,) = CityGenerator((side, side)).draw(1, seed=3)
+        (city,) = CityGenerator(side).draw(1, seed=3)
         own = Mission.draw(scenario_of(city), city, 4)
         text = json.dumps(as_json(own)).encode()
         page.address.value = f"mission={base64.b64encode(text).decode()}"

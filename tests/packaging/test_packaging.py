@@ -1,4 +1,4 @@
-"""What wheel and sdist contain, the pinned versions, types; `test_installs` tries the wheel."""
+"""What wheel and sdist contain, the pinned versions, types."""
 
 import re
 import subprocess
@@ -27,21 +27,6 @@ def built(tmp_path_factory):
 def test_what_is_in_the_wheel(built):
     with zipfile.ZipFile(built[0]) as archive:
         names = set(archive.namelist())
-    for name in (
-        "uavdh_lite/py.typed",
-        "uavdh_lite/data/cities/manhattan.png",
-        "uavdh_lite/data/checkpoints/open_field.safetensors",
-        "uavdh_lite/schemas/mission.schema.json",
-        "uavdh_lite/labs/app/labs.ipynb",
-        "uavdh_lite/course/quizzes.toml",
-        "uavdh_lite/player.css",
-        "uavdh_lite/player.js",
-        "uavdh_lite/labs/picture.css",
-        "uavdh_lite/labs/picture.js",
-        "uavdh_lite/labs/stage.css",
-        "uavdh_lite/labs/stage.js",
-    ):
-        assert name in names
     kept = {str(p.relative_to(ROOT)) for p in (ROOT / "uavdh_lite").rglob("*.*") if p.is_file()}
     assert {n for n in kept if "__pycache__" not in n} <= names
     assert not any(name.startswith(("tests", "notebooks", "data/")) for name in names)
@@ -52,17 +37,6 @@ def test_what_is_in_the_wheel(built):
 
 def pins(name):
     return dict(re.findall(r"^([\w.\-]+)==([^\s\\]+)", (ROOT / name).read_text(), re.M))
-
-
-def test_the_lock_file_is_that_of_the_environment():
-    wanted, locked = pins("environment.txt"), pins("environment.lock")
-    del wanted["torch"]  # which build is right depends on the machine
-    names = {name.lower().replace("_", "-"): version for name, version in wanted.items()}
-    assert names.items() <= locked.items(), "run: bash .ci/lock"
-    text = (ROOT / "environment.lock").read_text()
-    assert len(re.findall(r"^[\w.\-]+==", text, re.M)) == len(
-        re.findall(r"^[\w.\-]+==\S+ \\\n    --hash=sha256:[0-9a-f]{64}", text, re.M)
-    )
 
 
 def test_every_dependency_is_pinned():

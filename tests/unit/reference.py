@@ -1,7 +1,7 @@
 """The specification once more, as slow and plain as can be, for tests to compare with.
 
-One episode, one device, one slot at a time; plain floats in the channel, fractions in the
-shadow map. Cells are (row, col).
+One episode, one device, one slot at a time; plain floats in the channel, fractions in the shadow
+map. Cells are (row, col).
 """
 
 import math
@@ -45,12 +45,6 @@ def reference_line_of_sight(buildings, device, uav) -> bool:
     return True
 
 
-def cached_line_of_sight(buildings):
-    """`reference_line_of_sight` over one city, each pair computed once."""
-    buildings = [[bool(cell) for cell in row] for row in buildings]
-    return cache(lambda device, uav: reference_line_of_sight(buildings, device, uav))
-
-
 def ray(start, end):
     """The cells from start to end: at each step either the row or the column advances."""
     row, col = start
@@ -83,6 +77,19 @@ def reference_bresenham(buildings, device):
     return visible
 
 
+def exact_sight(buildings):
+    """Of one city: `sight(device, uav)`, each pair computed once."""
+    return cache(lambda device, uav: reference_line_of_sight(buildings, device, uav))
+
+
+def bresenham_sight(buildings):
+    seen = cache(lambda device: reference_bresenham(buildings, device))
+    return lambda device, uav: uav in seen(device)
+
+
+SIGHTS = {"exact": exact_sight, "bresenham": bresenham_sight}
+
+
 class ReferenceEpisode:
     """One episode. `channel` only holds the constants; `sight(device, uav)` says LoS or not."""
 
@@ -90,10 +97,8 @@ class ReferenceEpisode:
         self.size = len(city.landing)
         self.landing, self.no_fly = city.landing, city.no_fly
         self.channel, self.sight = channel, sight
-        self.row, self.col = uav
-        self.time = time
-        self.devices = list(devices)
-        self.left = list(data)
+        (self.row, self.col), self.time = uav, time
+        self.devices, self.left = devices, data
         self.landed = False
 
     @property
@@ -120,52 +125,40 @@ class ReferenceEpisode:
 
     def step(self, action, fading) -> dict:
         """One step; `fading[slot][device]` is standard normal."""
-        slots = self.channel.slots
-        result = {
-            "reward": 0.0,
-            "terms": {"data": 0.0, "movement": 0.0, "safety": 0.0, "crash": 0.0},
-            "uploaded": [0.0] * slots,
-            "served": [-1] * slots,
-            "intervened": False,
-            "landed": False,
-            "crashed": False,
-        }
-        if self.ended:
-            return result
-
-        before = after = (self.row, self.col)
-        if action == LAND:
-            result["landed"] = bool(self.landing[self.row][self.col])
-            result["intervened"] = not result["landed"]
-        else:
+        flew, before, moved = not self.ended, (self.row, self.col), False
+        landed = flew and action == LAND and bool(self.landing[before])
+        if flew and action != LAND:
             row, col = self.row + MOVES[action][0], self.col + MOVES[action][1]
-            inside = 0 <= row < self.size and 0 <= col < self.size
-            if inside and not self.no_fly[row][col]:
-                after = (row, col)
-            else:
-                result["intervened"] = True
-        self.row, self.col = after
-        self.time -= 1
-        self.landed = result["landed"]
-        result["crashed"] = self.time == 0 and not self.landed
+            moved = 0 <= row < self.size and 0 <= col < self.size and not self.no_fly[row][col]
+            if moved:
+                self.row, self.col = row, col
+        self.time -= flew
+        self.landed = self.landed or landed
+        crashed = flew and self.time == 0 and not landed
+        intervened = flew and not landed and not moved
 
-        if not self.ended:
-            for slot in range(1, slots + 1):
-                best, best_snr = -1, -1.0
-                for index, device in enumerate(self.devices):
-                    snr = self.snr(device, before, after, slot, float(fading[slot - 1][index]))
-                    if self.left[index] > 0 and snr > best_snr:
-                        best, best_snr = index, snr
-                if best >= 0:
-                    amount = min(math.log2(1 + best_snr), self.left[best])
-                    self.left[best] -= amount
-                    result["served"][slot - 1] = best
-                    result["uploaded"][slot - 1] = amount
+        served, uploaded = [-1] * self.channel.slots, [0.0] * self.channel.slots
+        for slot in range(0 if self.ended else self.channel.slots):
+            best, best_snr = -1, -1.0
+            for index, device in enumerate(self.devices):
+                normal = float(fading[slot][index])
+                snr = self.snr(device, before, (self.row, self.col), slot + 1, normal)
+                if self.left[index] > 0 and snr > best_snr:
+                    best, best_snr = index, snr
+            if best >= 0:
+                served[slot] = best
+                uploaded[slot] = min(math.log2(1 + best_snr), self.left[best])
+                self.left[best] -= uploaded[slot]
 
-        terms = result["terms"]
-        terms["data"] = 1.0 * sum(result["uploaded"])
-        terms["movement"] = 0.0 if result["landed"] else -0.2
-        terms["safety"] = -1.0 if result["intervened"] else 0.0
-        terms["crash"] = -150.0 if result["crashed"] else 0.0
-        result["reward"] = sum(terms.values())
-        return result
+        return {
+            "served": served,
+            "uploaded": uploaded,
+            "intervened": intervened,
+            "landed": landed,
+            "crashed": crashed,
+            "flew": flew,
+            "data": 1.0 * sum(uploaded),
+            "movement": -0.2 if flew and not landed else 0.0,
+            "safety": -1.0 if intervened else 0.0,
+            "crash": -150.0 if crashed else 0.0,
+        }

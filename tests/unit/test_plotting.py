@@ -6,197 +6,170 @@ import pytest
 from matplotlib.collections import PatchCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.quiver import Quiver
-from PIL import Image
+from matplotlib.patches import FancyArrow
+from PIL import Image, ImageSequence
 
+from uavdh_lite import plotting
 from uavdh_lite.city import City
-from uavdh_lite.environment import EAST, HOVER, LAND, SOUTH, WEST, Environment
-from uavdh_lite.evaluation import fly
-from uavdh_lite.plotting import (
-    DEVICE_COLOURS,
-    RED,
-    TALL,
-    THICK,
-    THIN,
-    add_legend,
-    caption,
-    draw_city,
-    draw_curves,
-    draw_flight,
-    draw_layers,
-    draw_trajectory,
-    pixels,
-    png,
-    save_animation,
-    save_figure,
-    shadow_sum,
-)
-from uavdh_lite.scenario import place
-from uavdh_lite.storage import read_table
+from uavdh_lite.environment import EAST, HOVER, LAND, WEST, Environment
+from uavdh_lite.errors import InputError
+from uavdh_lite.evaluation import FunctionPolicy, fly
+from uavdh_lite.missions import place
 from uavdh_lite.streams import Use, stream
+
+DRAWN = City.from_text("drawn", "L.N\n.bB\n..B")
 
 
 @pytest.fixture
-def figure():
-    return Figure(layout="constrained")
+def ax():
+    return Figure(layout="constrained").subplots()
 
 
-def flight(corridor, actions, data=1.5):
-    environment = Environment(corridor)
-    start = place(corridor, (2, 0), [(2, 2)], [data], 9, max_devices=2)
+def flight(cities, actions, uav=(2, 0), device=(2, 2), data=1.5, city=0):
+    """A flight with one device; a second place is empty."""
+    environment = Environment(cities)
+    start = place(environment.cities[city], uav, [device], [data], 9, max_devices=2)
+    start = replace(start, city=np.array([city], np.int16))
     actions = iter(actions)
-    flights = fly(
-        environment,
-        lambda state: np.array([next(actions)]),
-        start,
-        stream(Use.TEST, 0),
-        record=True,
-    )
+    policy = FunctionPolicy(lambda state: np.array([next(actions)]))
+    flights = fly(environment, policy, start, stream(Use.TEST, 0), record=True)
     return environment, flights.trajectory(0)
 
 
-def test_city_draws_each_kind_of_cell_once(figure):
-    city = City.from_text("drawn", "L.N\n.bB\n..B")
-    ax = draw_city(figure.subplots(), city)
-    collections = [c for c in ax.collections if isinstance(c, PatchCollection)]
-    assert [len(c.get_paths()) for c in collections] == [1, 1, 2, 1]  # landing, low, tall, no-fly
+def arrows(ax):
+    return [patch for patch in ax.patches if isinstance(patch, FancyArrow)]
+
+
+def markers(ax):
+    return [line.get_marker() for line in ax.lines]
+
+
+def test_a_city_has_each_kind_of_cell_in_its_style(ax):
+    plotting.draw_city(ax, DRAWN)
+    drawn = [each for each in ax.collections if isinstance(each, PatchCollection)]
+    assert [len(each.get_paths()) for each in drawn] == [1, 1, 1, 2]  # in the order of `KINDS`
+    for collection, style in zip(drawn, plotting.KINDS.values(), strict=True):
+        assert collection.get_hatch() == style.get("hatch")
     bottom, top = ax.get_ylim()
     assert bottom > top  # row 0, the north, is up
 
 
-def test_shadow_sum_counts_the_devices_out_of_sight():
+def test_the_shadow_counts_devices_out_of_sight_and_is_never_as_dark_as_buildings(ax):
     city = City.from_text("wall", "L.B..\n..B..\n..B..\n.....\n.....")
-    environment = Environment(city)
-    total = shadow_sum(environment, np.array([5, 9]))  # west and east of the wall
+    total = plotting.shadow_sum(Environment(city), np.array([5, 9]))  # west and east of the wall
     assert total[0, 1] == 1 and total[0, 3] == 1  # each hidden from the other side's device
-    assert total[4, 2] == 0  # sees both
-    assert total[1, 2] == 2  # the wall itself
-
-
-def test_trajectory_has_an_arrow_for_each_move_in_the_served_devices_colour(figure, corridor):
-    environment, trajectory = flight(corridor, [EAST, EAST, HOVER, WEST, WEST, LAND])
-    ax = draw_trajectory(figure.subplots(), environment, trajectory)
-    arrows = [c for c in ax.collections if isinstance(c, Quiver)]
-    east = [(x, u) for each in arrows for x, u in zip(each.X, each.U, strict=True) if u > 0]
-    assert sorted(east) == [(0, 1), (1, 1)] and not any(each.V.any() for each in arrows)
-    assert sorted(x for each in arrows for x, u in zip(each.X, each.U, strict=True) if u < 0) == [
-        1,
-        2,
-    ]
-    uploaded = trajectory.data_left[:-1, 0] - trajectory.data_left[1:, 0]
-    served = [t for t in (0, 1, 3, 4) if uploaded[t] > 0]
-    colours = [tuple(colour) for each in arrows for colour in each.get_facecolor().tolist()]
-    assert colours.count(to_rgba(DEVICE_COLOURS[0])) == len(served) > 0
-    assert colours.count(to_rgba("black")) == 4 - len(served) > 0
-    markers = [line.get_marker() for line in ax.lines]
-    assert markers == ["o", "X", "^", "D"]  # hover, device, start, landing
-    assert caption(trajectory) == "Time 6/9; data 1.5/1.5"
-    assert ax.get_xlabel() == f"column\n{caption(trajectory)}"
-
-
-def test_the_more_a_step_uploads_the_thicker_is_its_arrow(figure, corridor):
-    environment, trajectory = flight(corridor, [EAST, EAST, WEST, WEST, LAND], data=50.0)
-    uploaded = np.array([0.0, 0.001, 1.0, 4.0, 0.0])  # by hand
-    left = 50 - np.cumsum([0.0, *uploaded])
-    trajectory = replace(trajectory, data_left=np.stack([left, 0 * left], axis=1))
-    draw_flight(figure.subplots(), environment.city, trajectory)
-    arrows = [c for c in figure.axes[0].collections if isinstance(c, Quiver)]
-    widths = {each.width: len(each.U) for each in arrows}
-    assert widths == pytest.approx({THIN: 1, THIN + (THICK - THIN) / 4: 2, THICK: 1})
-
-
-def test_a_label_is_written_where_the_route_is_not(figure):
-    city = City.from_text("open", "\n".join(["L...."] + ["....."] * 4))
-    environment = Environment(city)
-    start = place(city, (0, 0), [(2, 2), (0, 4)], [9.0, 9.0], 9, max_devices=2)
-    around = iter([EAST, EAST, EAST, SOUTH, SOUTH, HOVER, HOVER, HOVER, HOVER])
-    flights = fly(
-        environment, lambda _: np.array([next(around)]), start, stream(Use.TEST), record=True
-    )
-    ax = draw_trajectory(figure.subplots(), environment, flights.trajectory(0))
-    inside, corner = (text.xyann for text in ax.texts)
-    assert inside[0] < 0  # the route passes to the north and to the east
-    assert corner[0] < 0 and corner[1] < 0  # the north-eastern corner of the map has no other room
-
-
-def test_shadows_are_never_as_dark_as_buildings(figure):
-    city = City.from_text("drawn", "L.N\n.bB\n..B")
-    ax = draw_city(figure.subplots(), city, shadow_sum=np.arange(9).reshape(3, 3) * 10)
+    assert total[4, 2] == 0 and total[1, 2] == 2  # one sees both, the wall none
+    plotting.draw_city(ax, DRAWN, shadow_sum=np.arange(9).reshape(3, 3))
     colours = np.asarray(ax.images[0].get_array())
-    assert (colours[0, 0] == 1).all() and colours.min() > 0.6 > max(to_rgba(TALL["facecolor"])[:3])
-    one, two = (draw_city(figure.subplots(), city, np.full((3, 3), n)).images[0] for n in (1, 2))
-    assert (np.asarray(one.get_array()) > np.asarray(two.get_array())).all()
+    assert (colours[0, 0] == 1).all() and (colours[0, 1] > colours[0, 2]).all()
+    assert colours.min() > 0.6 > max(to_rgba(plotting.TALL["facecolor"])[:3])
 
 
-def test_a_crash_is_marked(figure, corridor):
-    environment, trajectory = flight(corridor, [HOVER] * 9)
-    ax = draw_trajectory(figure.subplots(), environment, trajectory)
-    assert "*" in [line.get_marker() for line in ax.lines]
+def test_a_flight_has_an_arrow_for_each_move_in_the_served_devices_colour(ax, corridor):
+    environment, trajectory = flight(corridor, [EAST, EAST, HOVER, WEST, WEST, LAND])
+    plotting.draw_trajectory(ax, environment, trajectory)
+    drawn = arrows(ax)
+    spans = [[each.get_xy()[:, 0].min(), each.get_xy()[:, 0].max()] for each in drawn]
+    assert np.allclose(spans, [[0, 1], [1, 2], [1, 2], [0, 1]])
+    beside = [each.get_xy()[:, 1].mean() > 2 for each in drawn]  # south of the path's row
+    assert beside == [True, True, False, False]  # right of the direction of flight
+    uploads = (trajectory.data_left[:-1] - trajectory.data_left[1:])[[0, 1, 3, 4]]
+    expected = [plotting.device_colour(0) if each.any() else "black" for each in uploads]
+    assert [each.get_facecolor() for each in drawn] == [to_rgba(colour) for colour in expected]
+    assert len(set(expected)) == 2
+    assert markers(ax) == ["o", "X", "^", "D"]  # hover, device, start, landing
+    assert [text.get_text() for text in ax.texts] == ["2"]  # 1.5 units
+    assert ax.get_xlabel().endswith(plotting.caption(trajectory))
+    assert plotting.caption(trajectory) == "Time 6/9; data 1.5/1.5"
 
 
-def test_curves_show_the_mean_and_the_range_over_runs(figure, tmp_path):
-    (tmp_path / "a.csv").write_text("steps,reward\n5000,1\n10000,\n15000,3\n")
-    run = read_table(tmp_path / "a.csv")
-    assert run["steps"].tolist() == [5000, 10_000, 15_000] and np.isnan(run["reward"][1])
-    runs = [{"steps": run["steps"], "reward": np.array([0.0, 1, 2]) + k} for k in (0, 1, 5)]
-    ax = draw_curves(figure.subplots(), runs, "reward", label="centred")
+def test_the_more_a_step_uploads_the_thicker_is_its_arrow(ax, corridor):
+    actions = [EAST, EAST, EAST, WEST, WEST, WEST, LAND]
+    environment, trajectory = flight(corridor, actions, data=50.0)
+    much = plotting.MUCH
+    left = 50 - np.cumsum([0, 0, 0.01 * much, much / 2, much, 3 * much, 0, 0])
+    plotting.draw_flight(ax, environment.city, replace(trajectory, data_left=left[:, None]))
+    reach = [np.ptp(each.get_xy()[:, 1]) for each in arrows(ax)]  # of the heads
+    none, little, half, much, more, _ = reach
+    assert none < little < half < much == pytest.approx(more) and none > plotting.THIN
+
+
+def test_a_flight_over_a_smaller_city_of_several_is_drawn_where_it_is(ax, corridor):
+    small = City.from_text("small", "L.b\nL..\nL..")
+    environment, trajectory = flight((corridor, small), [EAST, WEST, LAND], (1, 0), (1, 2), city=1)
+    plotting.draw_trajectory(ax, environment, trajectory)
+    assert ax.get_xlim() == (-0.5, 2.5) and ax.get_ylim() == (2.5, -0.5)
+    device = ax.lines[markers(ax).index("X")]
+    assert (device.get_xdata()[0], device.get_ydata()[0]) == (2, 1)
+    (text,) = ax.texts
+    assert text.xyann[0] < 0  # the eastern border leaves no room on the other side
+
+
+def test_the_end_says_whether_it_landed(ax, corridor):
+    environment, crashed = flight(corridor, [HOVER] * 9)
+    plotting.draw_flight(ax, environment.city, crashed)
+    assert markers(ax)[-1] == "*"
+    plotting.draw_flight(ax, environment.city, replace(crashed, time_left=crashed.time_left + 1))
+    assert markers(ax)[-1] == "o"  # still in the air
+
+
+def test_curves_show_the_mean_and_the_range_over_runs(ax):
+    steps = np.array([5, 10, 15])
+    runs = [{"steps": steps, "reward": np.array([0.0, 1, 2]) + k} for k in (0, 1, 5)]
+    plotting.draw_curves(ax, runs, "reward")
     assert ax.lines[0].get_ydata().tolist() == [2, 3, 4]
-    assert ax.lines[0].get_label() == "centred"
     low, high = ax.collections[0].get_paths()[0].get_extents().get_points()[:, 1]
     assert (low, high) == pytest.approx((0.01, 6.96))
 
 
-def test_figures_are_saved_with_their_legend(figure, corridor, tmp_path):
-    environment, trajectory = flight(corridor, [EAST, WEST, LAND])
-    trajectory = replace(trajectory)
-    draw_trajectory(figure.subplots(), environment, trajectory)
-    add_legend(figure, 1)
-    save_figure(figure, tmp_path / "f.png")
-    save_figure(figure, tmp_path / "f.pdf")
+def test_a_study_has_a_curve_for_each_variant():
+    table = {
+        "variant": np.array(["paper"] * 4 + ["no_map"] * 2),
+        "seed": np.array([0, 0, 1, 1, 0, 0]),
+        "steps": np.array([5, 10] * 3),
+        "return": np.array([1.0, 2, 3, 4, 7, 8]),
+        "collected_and_landed": np.array([0.1, 0.2, 0.3, 0.4, 0.7, 0.8]),
+    }
+    figure = Figure()
+    plotting.draw_study(figure, table)
+    curves = [[line.get_ydata().tolist() for line in ax.lines] for ax in figure.axes]
+    assert np.allclose(curves, [[[2, 3], [7, 8]], [[0.2, 0.3], [0.7, 0.8]]])
+
+
+def test_figures_are_saved_with_their_legend(corridor, tmp_path):
+    figure = Figure(layout="constrained")
+    plotting.draw_trajectory(figure.subplots(), *flight(corridor, [EAST, WEST, LAND]))
+    plotting.add_legend(figure, 1)
+    plotting.save_figure(figure, tmp_path / "f.pdf")
+    assert (tmp_path / "f.pdf").read_bytes().startswith(b"%PDF")
     (legend,) = figure.legends
     box = legend.get_window_extent()
     assert box.x0 >= 0 and box.x1 <= figure.bbox.x1  # nothing is cut off
-    assert (tmp_path / "f.png").read_bytes().startswith(b"\x89PNG")
-    assert (tmp_path / "f.pdf").read_bytes().startswith(b"%PDF")
+    with pytest.raises(InputError, match=r"f\.docx.*png"):
+        plotting.save_figure(figure, tmp_path / "f.docx")
 
 
 def test_a_png_is_of_a_figure_or_of_pixels():
-    figure = Figure(figsize=(2, 3), facecolor=RED)
-    assert pixels(figure).shape == (300, 200, 3)
-    for picture in (figure, pixels(figure)):
-        read = Image.open(io.BytesIO(png(picture)))
+    figure = Figure(figsize=(2, 3), facecolor=plotting.RED)
+    for picture in (figure, plotting.pixels(figure)):
+        read = Image.open(io.BytesIO(plotting.png(picture)))
         assert (read.format, read.size) == ("PNG", (200, 300))
         assert read.convert("RGB").getpixel((100, 150)) == (0xC1, 0x27, 0x2D)
-    assert Image.open(io.BytesIO(png(figure, dpi=50))).size == (100, 150)
 
 
-def test_an_animation_has_a_frame_a_step_and_empties_the_bars(corridor, tmp_path):
-    environment, trajectory = flight(corridor, [EAST, EAST, HOVER, WEST, WEST, LAND])
-    save_animation(environment.city, trajectory, tmp_path / "flight.gif")
-    coloured = []
+def test_an_animation_shows_each_step_and_waits_at_the_end(corridor, tmp_path):
+    environment, trajectory = flight(corridor, [EAST, WEST, LAND])
+    plotting.save_animation(environment.city, trajectory, tmp_path / "flight.gif")
     with Image.open(tmp_path / "flight.gif") as film:
-        assert film.n_frames == len(trajectory.action) + 1
-        assert film.info["loop"] == 0
-        for frame in range(film.n_frames):
-            film.seek(frame)
-            picture = np.asarray(film.convert("RGB"))[:, 560:]  # right of the map: the bars
-            black = (picture < 40).all(axis=-1)
-            coloured.append(int(black[240:].sum()))  # the lower bar: the flying time
-    assert coloured[0] > 1.5 * coloured[-1] > 0 and film.info["duration"] == 3000
+        durations = [frame.info["duration"] for frame in ImageSequence.Iterator(film)]
+    assert len(durations) == 4 and durations[-1] > 5 * durations[0] > 0
 
 
-def test_a_network_is_drawn_layer_by_layer_from_left_to_right(figure):
+def test_a_network_is_drawn_layer_by_layer_from_left_to_right(ax):
     layers = [("maps", (5, 31, 31), "red"), ("flat", (8464,), "green"), ("values", (6,), "blue")]
-    ax = draw_layers(figure.subplots(), layers)
-    squares = {
-        colour: [p for p in ax.patches if p.get_facecolor() == to_rgba(colour)]
-        for _, _, colour in layers
-    }
-    assert [len(found) for found in squares.values()] == [5, 1, 1]  # a square for each map
-    assert {p.get_width() for p in squares["red"]} == {31}
-    heights = [squares[colour][0].get_height() for colour in ("green", "blue")]
-    assert heights == pytest.approx([4 * np.log2(8464), 4 * np.log2(6)])
-    left = [min(p.get_x() for p in found) for found in squares.values()]
-    assert left == sorted(left) and left[1] > 31
-    assert [text.get_text() for text in ax.texts] == ["5×31×31\nmaps", "8464\nflat", "6\nvalues"]
-    assert ax.get_xlim()[0] < 0 and max(p.get_x() for p in ax.patches) < ax.get_xlim()[1]
+    plotting.draw_layers(ax, layers)
+    *maps, flat, values = ax.patches
+    assert len(maps) == 5  # a square for each map
+    assert flat.get_height() > values.get_height()
+    assert max(each.get_x() for each in maps) + 31 < flat.get_x() < values.get_x()
+    assert ax.texts[0].get_text() == "5×31×31\nmaps"

@@ -9,111 +9,70 @@ from uavdh_lite.environment import State
 from uavdh_lite.errors import InputError
 from uavdh_lite.replay import Replay
 
-DISCOUNT = 0.5
+
+def states(labels, landed=False):
+    """States told apart in every field by a number below 400."""
+    labels = np.array(labels, np.int16)
+    data = np.stack([labels + 1, labels + 2], axis=1).astype(np.float32)
+    cells = np.stack([399 - labels, labels], axis=1)
+    landed = np.broadcast_to(landed, labels.shape)
+    return State(labels, labels + 1, cells, data, data / 2, landed, labels % 7)
 
 
-def states(values):
-    """States told apart by their flying time."""
-    values = np.array(values, np.int16)
-    cells, data = np.zeros((len(values), 2), np.int16), np.ones((len(values), 2), np.float32)
-    return State(np.zeros_like(values), values, cells, data, data, np.zeros(len(values), bool))
-
-
-def filled(steps, environments=2, capacity=20, ends=()):
-    """Step t of environment e: state 100 e + t, reward t + 1; `ends` lists terminal (t, e)."""
-    replay = Replay(capacity, environments, 2)
-    for t in range(steps):
-        now, after = ([100 * e + t + k for e in range(environments)] for k in (0, 1))
-        terminal = [(t, e) in ends for e in range(environments)]
-        action = np.full(environments, t % 6)
-        replay.add(states(now), action, np.full(environments, t + 1.0), terminal, states(after))
+def filled(rewards, ended, capacity=100, return_steps=1):
+    """A memory of these rewards and ends, (T, N); step t of environment e has label 100 e + t."""
+    replay = Replay(capacity, rewards.shape[1], 2, 0.5, return_steps)
+    for t in range(len(rewards)):
+        labels = 100 * np.arange(rewards.shape[1]) + t
+        after = states(labels + 1, ended[t])
+        replay.add(states(labels), labels % 6, rewards[t].astype(np.float32), after)
     return replay
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
-@given(st.integers(1, 40), st.integers(1, 5), st.integers(1, 4), st.integers(0, 2**31))
-def test_every_batch_holds_the_newest_transition_of_each_environment(steps, n, back, seed):
-    replay = filled(steps, n)
-    batch = replay.sample(n + 3, np.random.default_rng(seed), DISCOUNT, back)
-    newest = [100 * e + steps - 1 for e in range(n)]
-    assert batch.state.time_left[:n].tolist() == newest
-    assert batch.reward[:n].tolist() == [steps] * n
-    assert batch.next_state.time_left[:n].tolist() == [value + 1 for value in newest]
+def test_three_step_returns_by_hand(generator):
+    """Rewards 1, 2, 4, 8, and the episode ends with the third; γ is 1/2."""
+    rewards, ended = np.array([[1], [2], [4], [8]]), np.array([[0], [0], [1], [0]], bool)
+    batch = filled(rewards, ended, return_steps=3).sample(60, generator)
+    found = set(zip(batch.state.uav_cell, batch.reward, batch.discount, strict=True))
+    assert found == {(0, 1 + 2 / 2 + 4 / 4, 0), (1, 2 + 4 / 2, 0), (2, 4, 0), (3, 8, 0.5)}
 
 
-def test_rewards_of_three_steps_are_summed_with_their_discounts(generator):
-    replay = filled(10)
-    batch = replay.sample(500, generator, DISCOUNT, 3)
-    t = batch.state.time_left % 100
-    for m in (1, 2, 3):
-        own = (10 - t == m) if m < 3 else (10 - t >= 3)  # fewer near the newest state
-        assert own.any()
-        expected = sum((t[own] + 1 + k) * DISCOUNT**k for k in range(m))
-        assert batch.reward[own] == pytest.approx(expected)
-        assert (batch.discount[own] == DISCOUNT**m).all()
-        assert (batch.next_state.time_left[own] == batch.state.time_left[own] + m).all()
-    assert (batch.action == t % 6).all()
+@settings(derandomize=True, deadline=None, max_examples=50)
+@given(*(st.integers(1, most) for most in (40, 4, 60, 4, 2**32)))
+def test_samples_are_those_of_a_slow_memory(steps, environments, capacity, n, seed):
+    """The ring keeps the newest steps; sums go on to the end of the episode or of the memory."""
+    generator = np.random.default_rng(seed)
+    rewards = generator.integers(0, 9, (steps, environments))
+    ended = generator.random((steps, environments)) < 0.2
+    capacity = max(capacity, environments)
+    replay = filled(rewards, ended, capacity, return_steps=n)
+    oldest = max(0, steps - -(-capacity // environments))
+    assert len(replay) == (steps - oldest) * environments
+
+    batch = replay.sample(200, generator)
+    newest = [100 * e + steps - 1 for e in range(environments)]
+    assert batch.state.uav_cell[:environments].tolist() == newest
+    for row in range(200):
+        e, t = divmod(int(batch.state.uav_cell[row]), 100)
+        reward, discount, k = 0.0, 1.0, t
+        assert k >= oldest
+        while k < min(t + n, steps) and discount:
+            reward += discount * rewards[k, e]
+            discount *= 0 if ended[k, e] else 0.5
+            k += 1
+        assert (batch.reward[row], batch.discount[row]) == (reward, discount)
+        assert not discount or batch.next_state.uav_cell[row] == 100 * e + k
+    assert np.array_equal(batch.action, batch.state.uav_cell % 6)
+    expected = states(batch.state.uav_cell)  # each field; and a new episode's first has not landed
+    for field in fields(State):
+        assert np.array_equal(getattr(batch.state, field.name), getattr(expected, field.name))
 
 
-def test_sums_stop_at_the_end_of_an_episode(generator):
-    replay = filled(10, ends={(4, 0)})
-    batch = replay.sample(500, generator, DISCOUNT, 3)
-    at = {t: batch.state.time_left == t for t in (2, 3, 4, 5)}
-    assert (batch.discount[at[2] | at[3] | at[4]] == 0).all()
-    assert batch.reward[at[4]] == pytest.approx(5)
-    assert batch.reward[at[3]] == pytest.approx(4 + 5 / 2)
-    assert batch.reward[at[2]] == pytest.approx(3 + 4 / 2 + 5 / 4)
-    assert (batch.discount[at[5]] == DISCOUNT**3).all()
-    other = batch.state.time_left == 104  # the other environment's episode goes on
-    assert (batch.discount[other] == DISCOUNT**3).all()
-
-
-def test_the_oldest_make_room_and_all_that_is_left_is_drawn(generator):
-    replay = filled(1000, environments=2, capacity=20)
-    assert len(replay) == 20
-    batch = replay.sample(2000, generator, DISCOUNT)
-    assert set(batch.state.time_left % 100) == set(range(990 % 100, 1000 % 100 + 100)) - {0}
-
-
-def test_a_capacity_that_the_environments_do_not_divide_is_rounded_up():
-    assert len(filled(1000, environments=3, capacity=20)) == 21
-
-
-def test_the_state_after_an_end_belongs_to_the_new_episode(generator):
-    replay = Replay(10, 1, 2)
-    replay.add(states([1]), [5], [7.0], [True], states([0]))
-    replay.add(states([50]), [4], [1.0], [False], states([49]))
-    batch = replay.sample(50, generator, DISCOUNT, 3)
-    ended = batch.state.time_left == 1
-    assert (batch.discount[ended] == 0).all() and (batch.reward[ended] == 7).all()
-    assert (batch.next_state.time_left[~ended] == 49).all()
-
-
-def test_a_transition_takes_under_200_bytes():
-    assert Replay(100_000, 16, 5).bytes_per_transition < 65
-    assert Replay(50_000, 1, 10).bytes_per_transition < 200
-
-
-def test_compact_states_come_back_whole(generator):
-    replay = Replay(4, 1, 2)
-    given = State(
-        np.array([255], np.int16),
-        np.array([70], np.int16),
-        np.array([[3, 200]], np.int16),
-        np.array([[20, 5]], np.float32),
-        np.array([[1.25, 0]], np.float32),
-        np.array([False]),
-    )
-    replay.add(given, [0], [0.0], [False], given)
-    batch = replay.sample(1, generator, DISCOUNT)
-    for f in fields(State):
-        assert np.array_equal(getattr(batch.state, f.name), getattr(given, f.name))
-
-
-def test_misuse_is_explained(generator):
+def test_a_transition_takes_little_memory_and_misuse_is_explained(generator):
+    assert Replay(100_000, 16, 5, 0.95).bytes_per_transition < 65
     with pytest.raises(InputError, match="empty"):
-        Replay(10, 2, 2).sample(4, generator, DISCOUNT)
-    with pytest.raises(InputError, match="a minibatch of 1 cannot hold the newest 2"):
-        filled(3).sample(1, generator, DISCOUNT)
-    with pytest.raises(InputError, match="replay of 3 transitions for 4 environments"):
-        Replay(3, 4, 2)
+        Replay(10, 2, 2, 0.95).sample(4, generator)
+    with pytest.raises(InputError, match="minibatch of 1"):
+        filled(np.zeros((3, 2)), np.zeros((3, 2), bool)).sample(1, generator)
+    with pytest.raises(InputError, match="3 transitions for 4 environments"):
+        Replay(3, 4, 2, 0.95)

@@ -1,15 +1,14 @@
 """`challenge`: a competition for a class."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from cyclopts import App
 from cyclopts.types import PositiveFloat, PositiveInt
 
-from uavdh_lite.errors import InputError
-
-if TYPE_CHECKING:
-    from uavdh_lite.course.challenge.board import Score
+from uavdh_lite.course.challenge import METRICS, Challenge, Leaderboard
+from uavdh_lite.course.challenge import score as flown_score
+from uavdh_lite.evaluation import Interval
+from uavdh_lite.experiments.report import interval_text
 
 challenge = App("challenge", help="Score a class's submissions on missions that nobody has seen.")
 
@@ -23,11 +22,8 @@ def new(file: Path, /, *, scenario: str = "manhattan", episodes: PositiveInt = 1
         scenario: a preset's name.
         episodes: number of missions.
     """
-    from uavdh_lite.course.challenge.board import Challenge
-
-    hidden = Challenge.hidden(scenario, episodes)
-    hidden.save(file)
-    print(f"{file}: {hidden.episodes} missions of {hidden.scenario}, hidden")
+    Challenge.hidden(scenario, episodes).save(file)
+    print(f"{file}: {episodes} missions of {scenario}, hidden")
 
 
 @challenge.command
@@ -39,7 +35,6 @@ def score(
     leaderboard: Path | None = None,
     scenario: str = "manhattan",
     seconds: PositiveFloat = 300,
-    memory_mb: PositiveFloat = 2000,
 ) -> None:
     """Fly submissions and print their scores.
 
@@ -53,28 +48,17 @@ def score(
         leaderboard: a file to enter the scores in.
         scenario: the practice set's preset.
         seconds: time limit of a submission.
-        memory_mb: memory limit of a submission, MB.
     """
-    from uavdh_lite.course.challenge import board
-
-    flown = board.Challenge.load(secret) if secret else board.Challenge(scenario)
+    flown = Challenge.load(secret) if secret else Challenge(scenario)
     for path in (submission, *submissions):
-        result = board.score(flown, path, seconds, memory_mb)
-        print(f"{result.name:<24}{_in_words(result)}")
+        result = flown_score(flown, path, seconds)
+        if result["failed"]:
+            print(f"{result['name']}: failed: {result['failed']}")
+        else:
+            means = (f"{m} {interval_text(m, Interval(*result[m]))}" for m in METRICS)
+            print(f"{result['name']}: {', '.join(means).replace('_', ' ')}, {result['seconds']} s")
         if leaderboard:
-            board.Leaderboard(leaderboard).add(flown, result)
-
-
-def _in_words(score: "Score") -> str:
-    if score.failed:
-        return f"failed: {score.failed}"
-    assert score.cral and score.has_landed and score.cumulative_reward
-    mean, low, high = score.cral
-    return (
-        f"collected and landed {mean:.1%} ({low:.1%} to {high:.1%}), "
-        f"landed {score.has_landed.mean:.1%}, return {score.cumulative_reward.mean:.1f}, "
-        f"{score.seconds} s"
-    )
+            Leaderboard(leaderboard).add(flown, result)
 
 
 @challenge.command
@@ -84,8 +68,4 @@ def show(leaderboard: Path, /) -> None:
     Arguments:
         leaderboard: the file.
     """
-    from uavdh_lite.course.challenge.board import Leaderboard
-
-    if not leaderboard.exists():
-        raise InputError(f"{leaderboard}: no such leaderboard")
     print(Leaderboard(leaderboard).table())

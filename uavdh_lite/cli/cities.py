@@ -1,47 +1,38 @@
-"""`cities`: draw random cities."""
+"""`cities`: check cities, draw them, and save random ones."""
 
 from pathlib import Path
 
+from matplotlib.figure import Figure
 
-def cities(
-    *,
-    count: int = 8,
-    seed: int = 0,
-    out: Path = Path("cities"),
-    size: int = 16,
-    largest: int | None = None,
-    kind: tuple[str, ...] | None = None,
-    figure: Path | None = None,
-) -> None:
-    """Draw random cities, and write a PNG of each.
+from uavdh_lite.city import load_cities
+from uavdh_lite.experiments.report import table
+from uavdh_lite.plotting import draw_cities, save_figure
+
+
+def cities(source: str, /, *, out: Path = Path("cities.png"), save: Path | None = None) -> None:
+    """Check cities and draw them.
 
     Arguments:
-        count: how many.
-        seed: of the random numbers; a larger count begins with the same cities.
-        out: the folder for the cities.
-        size: cells on a side.
-        largest: cells on a side of the largest; then --size is those of the smallest.
-        kind: kinds of city: blocks, scattered, courtyards, old_town; all of them if not given.
-        figure: a picture of all of them.
+        source: a PNG, a folder of PNGs, the name of a shipped city, or random:COUNT:SEED:SIZE.
+        out: the figure.
+        save: a folder to write a PNG of each city to.
     """
-    from uavdh_lite.city_generator import CityGenerator
-
-    sizes = size, size if largest is None else largest
-    generator = CityGenerator(sizes) if kind is None else CityGenerator(sizes, kinds=kind)
-    drawn = generator.draw(count, seed)
-    out.mkdir(parents=True, exist_ok=True)
-    for city in drawn.cities:
-        path = out / f"{city.name}.png"
-        city.save(path)
-        print(f"{path}  buildings {city.buildings.mean():.0%}, no-fly {city.no_fly.mean():.0%}")
-    if figure is not None:
-        from matplotlib.figure import Figure
-
-        from uavdh_lite.plotting import draw_cities, save_figure
-
-        columns = min(6, count)
-        rows = -(-count // columns)
-        page = Figure(figsize=(2 * columns, 2.15 * rows), layout="constrained")
-        draw_cities(page, drawn, columns)
-        save_figure(page, figure)
-        print(figure)
+    found = load_cities(source)
+    rows = [["", "cells on a side", "buildings", "no-fly", "cells for devices", "moves home"]]
+    for city in found:
+        shares = [f"{layer.mean():.0%}" for layer in (city.buildings, city.no_fly)]
+        home = f"at most {city.landing_distance.max()}"
+        rows.append([city.name, str(city.size), *shares, str(len(city.device_cells)), home])
+    print(table(rows))
+    if save is not None:
+        save.mkdir(parents=True, exist_ok=True)
+        for city in found:
+            city.save(save / f"{city.name}.png")
+    columns = min(6, len(found))
+    size = 7 if len(found) == 1 else 2.15  # inches
+    figure = Figure(
+        figsize=(size * columns, size * -(-len(found) // columns)), layout="constrained"
+    )
+    draw_cities(figure, found, columns)
+    save_figure(figure, out)
+    print(out)

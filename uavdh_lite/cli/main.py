@@ -1,43 +1,44 @@
 """The entry of the command line: `python -m uavdh_lite`, or `uavdh-lite`."""
 
-import re
 import shlex
 import sys
+from importlib import import_module
+from typing import get_args
 
-from cyclopts import CycloptsError, UnusedCliTokensError
+from cyclopts import App, CycloptsError, Parameter
+from cyclopts.exceptions import CoercionError
 
-from uavdh_lite.cli.ablation import ablation
-from uavdh_lite.cli.app import app
-from uavdh_lite.cli.challenge import challenge
-from uavdh_lite.cli.cities import cities
-from uavdh_lite.cli.city import city
-from uavdh_lite.cli.compare import compare
-from uavdh_lite.cli.demo import demo
-from uavdh_lite.cli.evaluate import evaluate
-from uavdh_lite.cli.export import export
-from uavdh_lite.cli.fly import fly
-from uavdh_lite.cli.parsing import application, run
-from uavdh_lite.cli.train import train
+from uavdh_lite import __version__
 from uavdh_lite.errors import InputError, TrainingDiverged
 
-_OUT_OF_MEMORY = re.compile("allocate|Storage size")
+# Module and help of each command. Only the module of the command that is called is imported, so
+# that the list of commands does not wait for PyTorch.
+COMMANDS = {
+    "demo": ("flying", "Fly the shipped agents next to a simple rule and the paper's results."),
+    "fly": ("flying", "Fly one mission and draw it."),
+    "train": ("training", "Train an agent."),
+    "evaluate": ("flying", "Fly an agent on many random missions."),
+    "compare": ("flying", "Compare an agent with the planners on the same missions."),
+    "study": ("training", "Train several variants of a recipe, over several seeds."),
+    "cities": ("cities", "Check cities and draw them."),
+    "export": ("flying", "Write an agent's network as an ONNX file."),
+    "challenge": ("challenge", "Score a class's submissions on missions that nobody has seen."),
+    "app": ("app", "Serve the interactive labs as a web page."),
+}
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns the exit status.
 
-    0; 1 for files or a training that diverged; 2 for bad input; 130 for Ctrl-C.
+    0; 1 for files, memory or a training that diverged; 2 for bad input; 130 for Ctrl-C.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
-    commands = application(demo, evaluate, compare, fly, export, challenge, app, city, cities)
-    for command in (train, ablation):  # they answer --help themselves
-        commands.command(command, help_flags=(), version_flags=())
     try:
-        run(commands, arguments, shlex.join(["python", "-m", "uavdh_lite", *arguments]))
+        _run(arguments)
     except CycloptsError as error:
-        chain, *_ = commands.parse_commands(arguments)
-        help_for = " ".join(["python -m uavdh_lite", *chain, "--help"])
-        return _fail(2, f"{_in_words(error)} See: {help_for}")
+        error.verbose = False  # without what helps only the developers of a command line
+        called = " ".join(["python -m uavdh_lite", *arguments[:1], "--help"])
+        return _fail(2, f"{error} See: {called}")
     except InputError as error:
         return _fail(2, error)
     except TrainingDiverged as error:
@@ -45,27 +46,57 @@ def main(arguments: list[str] | None = None) -> int:
     except OSError as error:
         path = error.filename2 or error.filename
         return _fail(1, f"{path}: {error.strerror}" if path else error)
-    except (MemoryError, RuntimeError) as error:  # numpy raises the first, torch the second
-        if isinstance(error, RuntimeError) and not _OUT_OF_MEMORY.search(str(error)):
-            raise
+    except MemoryError as error:
         return _fail(1, f"not enough memory: {error}")
     except KeyboardInterrupt:
         return 130
     return 0
 
 
-def _in_words(error: CycloptsError) -> str:
-    if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
-        return f"Unexpected: {shlex.join(error.unused_tokens)}."
-    error.verbose = False  # without what helps only the developers of a command line
-    return str(error)
+def _run(arguments: list[str]) -> None:
+    """Parse the arguments and call the command that they name."""
+    app = _application(arguments)
+    command, bound, not_parsed = app.parse_args(arguments)
+    if command == app.help_print and not set(arguments) & set(app.help_flags):
+        raise CycloptsError(msg="A command is missing.")
+    if "command_line" in not_parsed:
+        typed = shlex.join(["python", "-m", "uavdh_lite", *arguments])
+        bound.arguments["command_line"] = typed
+    command(*bound.args, **bound.kwargs)
+
+
+def _application(arguments: list[str]) -> App:
+    """All commands; the one that is called with its options."""
+    application = App(
+        "uavdh_lite",
+        help="UAV data harvesting by deep reinforcement learning.",
+        help_format="markdown",
+        version=__version__,
+        config=_require_whole_numbers,
+        default_parameter=Parameter(consume_multiple=1, negative_iterable=(), allow_repeating=True),
+        print_error=False,
+        exit_on_error=False,
+    )
+    for name, (module, help) in COMMANDS.items():
+        command = App(name, help=help)
+        if arguments[:1] == [name]:
+            command = getattr(import_module(f"uavdh_lite.cli.{module}"), name)
+            if module == "training":  # its options depend on what it is called with
+                command = command(arguments)
+        application.command(command)
+    return application
+
+
+def _require_whole_numbers(app, commands, arguments) -> None:
+    """Refuse 1.5 where an int is expected: Cyclopts would round it."""
+    for argument in arguments:
+        if int in (argument.hint, *get_args(argument.hint)):
+            for token in argument.tokens:
+                if "." in token.value:
+                    raise CoercionError(argument=argument, token=token, target_type=int)
 
 
 def _fail(status: int, message: object) -> int:
     """Print an error as one line."""
     print("uavdh_lite: error:", *str(message).splitlines(), file=sys.stderr)
     return status
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,1 +1,1 @@
-"""Runs in their folders, ablations, comparisons."""
+"""Runs in their folders, studies, comparisons."""

@@ -1,39 +1,42 @@
-"""Results as text: means with their 95 % intervals, in columns."""
+"""Results as text: tables in columns."""
+
+from collections.abc import Iterable
 
 from uavdh_lite.evaluation import Interval
 
-
-def interval_text(interval: Interval) -> str:
-    """As in `0.9689 (0.9632 to 0.9741)`."""
-    mean, low, high = interval
-    return f"{mean:.4f} ({low:.4f} to {high:.4f})"
+METRICS = ("landed", "collected", "collected_and_landed", "return", "time_used")
 
 
-def metrics_table(metrics: dict[str, Interval]) -> str:
-    """A line for each metric, from `Flights.metrics`."""
-    lines = [f"{'':<28}{'mean':>9}{'95 % interval':>22}"]
-    for name, (mean, low, high) in metrics.items():
-        lines.append(f"{name:<28}{mean:>9.4f}{f'{low:.4f} to {high:.4f}':>22}")
-    return "\n".join(lines)
-
-
-def policies_table(results: dict[str, dict[str, Interval]], paper: dict[str, float]) -> str:
-    """A line for each policy, from `Flights.metrics`; the last one has the paper's results.
-
-    The 95 % interval is that of the share collected and landed.
-    """
-    head = ["landed", "collected", "collected and landed", "95 % interval", "return", "time used"]
-    rows = [["", *head]]
-    for policy, metrics in results.items():
-        _, low, high = metrics["collection_ratio_and_landed"]
-        shares = [f"{metrics[name].mean:.1%}" for name in paper]
-        total, time = metrics["cumulative_reward"].mean, metrics["time_used"].mean
-        rows.append([policy, *shares, f"{low:.1%} to {high:.1%}", f"{total:.1f}", f"{time:.1%}"])
-    theirs = [f"{share:.1%}" for share in paper.values()]
-    rows.append(["the paper, on its own map", *theirs, "", "", ""])
-    widths = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)]
+def table(rows: Iterable[Iterable[str]]) -> str:
+    """Rows of cells as lines, the first column to the left, the others to the right."""
+    rows = [list(row) for row in rows]
+    first, *others = (max(map(len, column)) for column in zip(*rows, strict=True))
     return "\n".join(
-        row[0].ljust(widths[0])
-        + "".join(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))
+        row[0].ljust(first)
+        + "".join(cell.rjust(width + 2) for cell, width in zip(row[1:], others, strict=True))
         for row in rows
     )
+
+
+def policies_table(
+    results: dict[str, dict[str, Interval]], paper: dict[str, float] | None = None
+) -> str:
+    """A line for each policy, with the mean of each of `METRICS` and its 95 % interval.
+
+    Arguments:
+        results: `Flights.metrics` by policy.
+        paper: the paper's own means, for one more line.
+    """
+    rows = [["", *(name.replace("_", " ") for name in METRICS)]]
+    for policy, metrics in results.items():
+        rows.append([policy, *(interval_text(name, metrics[name]) for name in METRICS)])
+    if paper is not None:
+        rows.append(["the paper, on its own map", *(f"{paper[n]:.1%}" for n in paper), "", ""])
+    return table(rows)
+
+
+def interval_text(metric: str, interval: Interval) -> str:
+    """As in `97.1 (96.4 to 97.7) %`; the return is no share."""
+    scale, unit = (1, "") if metric == "return" else (100, " %")
+    mean, low, high = (f"{scale * value:.1f}" for value in interval)
+    return f"{mean} ({low} to {high}){unit}"

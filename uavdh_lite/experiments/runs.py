@@ -1,6 +1,7 @@
-"""A training run in a folder: progress, CSV files, checkpoints, Ctrl-C and resume."""
+"""A training run in a folder: validations, progress, CSV files, checkpoints, Ctrl-C and resume."""
 
 import ctypes
+import json
 import signal
 import sys
 import threading
@@ -9,16 +10,21 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
 
+import numpy as np
+import torch
 from filelock import FileLock, Timeout
 from tqdm.auto import tqdm
 
 from uavdh_lite.checkpoint import save_agent
 from uavdh_lite.errors import InputError, TrainingDiverged
-from uavdh_lite.experiments.tensorboard import Board, writer_type
+from uavdh_lite.evaluation import evaluate
+from uavdh_lite.provenance import is_shared
 from uavdh_lite.storage import write_json, write_table
-from uavdh_lite.training import BIN, Trainer
+from uavdh_lite.streams import Use
+from uavdh_lite.training import Trainer
 
 SAVED = "training.safetensors"
+VALIDATION_SEED = 0
 
 
 def train(
@@ -40,96 +46,139 @@ def train(
     | `training.safetensors` | everything needed to resume, written at each validation |
     | `training.csv` | a row for every 5000 environment steps: ordinary training episodes |
     | `validation.csv` | a row for each greedy validation |
-    | `about.json` | command, seed, recipe, seconds, machine, versions, the last validation |
+    | `about.json` | command, seed, recipe, seconds, threads, machine, the last validation |
     | `tensorboard/` | with `tensorboard`, the rows of both tables as event files |
     | `lock` | held during the run, so that no other process writes here |
+
+    `shared_machine` in `about.json` says whether other programs computed here meanwhile, so that
+    the seconds do not compare.
 
     A run that was killed continues with `resume=True`, and ends with the same weights as one that
     was not. Ctrl-C saves the run, then raises `KeyboardInterrupt`. With `stop_after` the run is
     saved and stopped after that many environment steps.
 
-    Raises `InputError` if the folder holds a run and `resume` is False, or none and it is True, or
-    if another process is training there; `MissingExtra` if TensorBoard is asked for and not
-    installed; `TrainingDiverged` if the loss or a weight is no longer finite, with the files as
-    they were at the last validation.
+    Raises `InputError` if the folder holds a run and `resume` is False, or none or another one and
+    it is True, or if another process is training there; `MissingExtra` if TensorBoard is asked for
+    and not installed; `TrainingDiverged` if the loss or a weight is no longer finite, with the
+    files as they were at the last validation.
     """
-    out = Path(out)
-    if tensorboard:
-        writer_type()  # a refused run leaves no folder behind
-    if resume and not (out / SAVED).exists():
+    out, saved, recipe = Path(out), Path(out) / SAVED, trainer.recipe
+    if resume and not saved.exists():
         raise InputError(f"{out}: no run to resume there; leave out --resume to start one")
-    out.mkdir(parents=True, exist_ok=True)
-    try:
-        with FileLock(out / "lock", timeout=0):
-            return _train(trainer, out, resume, command, show_progress, stop_after, tensorboard)
-    except Timeout:
-        raise InputError(
-            f"{out}: another process is training there; choose another folder"
-        ) from None
-
-
-def _train(
-    trainer: Trainer,
-    out: Path,
-    resume: bool,
-    command: str,
-    show_progress: bool,
-    stop_after: int | None,
-    tensorboard: bool,
-) -> Path:
-    saved = out / SAVED
     if not resume and saved.exists():
         raise InputError(f"{out}: holds a run already; add --resume, or choose another folder")
-    if resume:
-        trainer.restore(saved)
     keep_freed_memory()
-    total = trainer.recipe.steps
-    end = total if stop_after is None else min(total, stop_after)
-    board = Board(out / "tensorboard", trainer) if tensorboard else None
-    progress = tqdm(
-        total=total,
-        initial=trainer.steps,
-        unit="step",
-        unit_scale=True,
-        disable=not show_progress,
-    )
-    board_closed = closing(board) if board else nullcontext()
-    with closing(trainer), progress, board_closed, _deferred_interrupt() as interrupted:
-        while trainer.steps < end:
-            started, before = time.perf_counter(), trainer.steps
-            trainer.step()
-            trainer.seconds += time.perf_counter() - started
-            progress.update(min(trainer.steps, total) - min(before, total))
-            interval = trainer.recipe.validation_interval
-            validates = trainer.steps // interval > before // interval or trainer.finished
-            reports = trainer.steps // BIN > before // BIN or trainer.finished
-            stops = interrupted()  # asked once a step: nothing is saved that was not checked
-            if validates or reports or stops:
-                _require_finite(trainer, out)
-            if validates:
-                _validate(trainer, out, command)
-            if reports:
-                progress.set_postfix_str(_status(trainer))
-            if board and (validates or reports):
-                board.write()
-            if stops:
-                trainer.save(saved)
-                _say_stopped(trainer)
-                raise KeyboardInterrupt
+    end, interval = min(recipe.steps, stop_after or recipe.steps), recipe.validation_interval
+    with _locked(out):
+        if resume:
+            _restore(trainer, out)
+        else:
+            _write_about(trainer, out, command)
+        progress = tqdm(total=recipe.steps, unit="step", unit_scale=True, disable=not show_progress)
+        events = _events(trainer, out) if tensorboard else nullcontext()
+        with progress, events as board, _deferred_interrupt() as interrupted:
+            while trainer.steps < end and not interrupted():
+                started, before = time.perf_counter(), trainer.steps
+                trainer.step()
+                trainer.seconds += time.perf_counter() - started
+                if trainer.finished or trainer.steps // interval > before // interval:
+                    _require_finite(trainer, saved)
+                    progress.set_postfix_str(_validate(trainer, out, command))
+                    if board:
+                        board.write()
+                progress.update(min(trainer.steps, recipe.steps) - progress.n)
         if not trainer.finished:
+            _require_finite(trainer, saved)
             trainer.save(saved)
-            _say_stopped(trainer)
+            print(f"\nstopped after {trainer.steps} steps; add --resume to continue", flush=True)
+        if interrupted():
+            raise KeyboardInterrupt
     return out / "best.safetensors"
 
 
-def _say_stopped(trainer: Trainer) -> None:
-    print(f"\nstopped after {trainer.steps} steps; add --resume to continue", flush=True)
+@contextmanager
+def _locked(out: Path) -> Iterator[None]:
+    """Keep other processes out of the folder, which is made if need be."""
+    out.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(out / "lock", timeout=0)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise InputError(f"{out}: another process is training there; choose another") from None
+    try:
+        yield
+    finally:
+        lock.release()
 
 
-def _require_finite(trainer: Trainer, out: Path) -> None:
+def _restore(trainer: Trainer, out: Path) -> None:
+    """Go on where the run was saved; if it is another run, the error says how that was begun."""
+    try:
+        trainer.restore(out / SAVED)
+    except InputError as error:
+        about = json.loads((out / "about.json").read_text())
+        raise InputError(f"{error}. That run was begun by: {about['command']}") from None
+
+
+def _events(trainer: Trainer, out: Path):
+    """A context with the writer of TensorBoard's events."""
+    from uavdh_lite.bridges.tensorboard import Board
+
+    return closing(Board(out / "tensorboard", trainer))
+
+
+def validate(trainer: Trainer) -> bool:
+    """Fly the validation scenarios greedily; whether the agent has its highest return so far.
+
+    The means become a row of `trainer.validation_rows`. The return has the constants of
+    `Rewards()`, whatever the agent learns from.
+    """
+    flights = evaluate(
+        trainer.environment,
+        trainer.agent,
+        trainer.scenario,
+        trainer.recipe.validation_episodes,
+        VALIDATION_SEED,
+        Use.VALIDATION,
+    )
+    means = {name: float(values.mean()) for name, values in flights.records().items()}
+    best = max((row["return"] for row in trainer.validation_rows), default=-np.inf)
+    done = {name: getattr(trainer, name) for name in ("steps", "updates")}
+    trainer.validation_rows.append({**done, "seconds": round(trainer.seconds, 1), **means})
+    return means["return"] > best
+
+
+def _validate(trainer: Trainer, out: Path, command: str) -> str:
+    """Validate, and write all files; returns the newest result in words."""
+    started = time.perf_counter()
+    is_best = validate(trainer)
+    trainer.seconds += time.perf_counter() - started
+    agent = trainer.agent
+    agent.training.update(_write_about(trainer, out, command))
+    if is_best:
+        save_agent(out / "best.safetensors", agent)
+    if trainer.training_rows:
+        write_table(out / "training.csv", trainer.training_rows)
+    write_table(out / "validation.csv", trainer.validation_rows)
+    trainer.save(out / SAVED)
+    newest = trainer.validation_rows[-1]
+    return f"landed {newest['landed']:.1%}, return {newest['return']:.1f}"
+
+
+def _write_about(trainer: Trainer, out: Path, command: str) -> dict:
+    """Write how the run is made; returns it without what defines the run."""
+    path, threads = out / "about.json", torch.get_num_threads()
+    before = json.loads(path.read_text()) if path.exists() else {}
+    shared = before.get("shared_machine") or is_shared(threads)
+    how = {"command": command, "threads": threads, "shared_machine": shared}
+    training = trainer.agent.training | how
+    write_json(path, training | trainer.identity())
+    return training
+
+
+def _require_finite(trainer: Trainer, saved: Path) -> None:
     if not trainer.is_finite():
-        kept = out / SAVED
-        state = f"the last good state is {kept}" if kept.exists() else "nothing was saved yet"
+        state = f"the last good state is {saved}" if saved.exists() else "nothing was saved yet"
         raise TrainingDiverged(
             f"the loss or a weight is not finite after {trainer.steps} steps: {state}. "
             "Start again with a lower learning rate or smaller rewards"
@@ -140,7 +189,7 @@ def keep_freed_memory() -> None:
     """Ask the C library to keep memory that is freed, for the whole process (Linux with glibc).
 
     Otherwise it gives the memory of each minibatch's maps back to the system and asks for it again,
-    page by page, which takes a fifth of the training time. Elsewhere this does nothing.
+    page by page, which takes a tenth of the training time. Elsewhere this does nothing.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is not None:
@@ -149,38 +198,11 @@ def keep_freed_memory() -> None:
         mallopt(trim_threshold, limit)
 
 
-def _validate(trainer: Trainer, out: Path, command: str) -> None:
-    started = time.perf_counter()
-    is_best = trainer.validate()
-    trainer.seconds += time.perf_counter() - started
-    agent = trainer.agent
-    agent.training["command"] = command
-    if is_best:
-        save_agent(out / "best.safetensors", agent)
-    if trainer.training_rows:
-        write_table(out / "training.csv", trainer.training_rows)
-    write_table(out / "validation.csv", trainer.validation_rows)
-    write_json(out / "about.json", agent.training | trainer.identity())
-    trainer.save(out / SAVED)
-
-
-def _status(trainer: Trainer) -> str:
-    """The newest metrics: of training episodes, and of the last greedy validation."""
-    rows = {"training": trainer.training_rows, "validation": trainer.validation_rows}
-    return "; ".join(
-        f"{name}: landed {row[-1]['has_landed']:.1%}, "
-        f"collected and landed {row[-1]['collection_ratio_and_landed']:.1%}"
-        for name, row in rows.items()
-        if row and row[-1]["has_landed"] is not None
-    )
-
-
 @contextmanager
 def _deferred_interrupt() -> Iterator[Callable[[], bool]]:
     """Only note a Ctrl-C, so that no step is cut in two; yields a function that says if one came.
 
-    A second Ctrl-C interrupts at once. Threads other than the main one cannot catch signals, and
-    get no Ctrl-C either.
+    A second Ctrl-C interrupts at once. Only the main thread can catch signals, or gets a Ctrl-C.
     """
     noted = threading.Event()
 

@@ -10,10 +10,11 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from uavdh_lite.channel import Channel, link, rate, rate_map
+from uavdh_lite.channel import Channel, rate, rate_map
 from uavdh_lite.city import City
 from uavdh_lite.errors import extra
 from uavdh_lite.labs.canvas import Canvas
+from uavdh_lite.labs.link import link
 from uavdh_lite.labs.menu import CityMenu
 from uavdh_lite.labs.stage import FullScreen, together
 from uavdh_lite.labs.widgets import ROW, WRAP, CellPicker, cell_at, status, words
@@ -154,7 +155,7 @@ class ChannelLab(ipywidgets.VBox):
         middle = len(city.device_cells) // 2
         self.picker.row.max = self.picker.column.max = city.size - 1
         self.device = divmod(int(city.device_cells[middle]), city.size)
-        self.uav = divmod(int(city.landing_cells[0]), city.size)
+        self.uav = divmod(int(np.flatnonzero(city.landing)[0]), city.size)
         self.map.clear()
         draw_city(self.map, city).set(xlabel="", ylabel="")
         self.rates = self.map.imshow(
@@ -236,7 +237,7 @@ class ChannelLab(ipywidgets.VBox):
         """Draw what changes (rates, ray, crossed cells, curves) and write the numbers."""
         channel, city = self.channel, self.environment.city
         found = link(city, channel, self.device, self.uav)
-        rates = rate_map(city, channel, self.environment.line_of_sight, self.device)
+        rates = rate_map(city, channel, self.environment.sight[0], self.device)
         tall = city.buildings & city.no_fly
         scale = max(rates[~tall].max(), 10 * FAINTEST)
         self.rates.set_data(np.where(tall, np.nan, np.maximum(rates, FAINTEST)))
@@ -328,12 +329,17 @@ class ChannelLab(ipywidgets.VBox):
             for share, value in zip(shares, values, strict=True)
         ]
 
+    def _mean_snr_db(self, squared_distance_m2, sight: bool):
+        """The SNR without fading at these squared distances, dB."""
+        transmit_db = np.float32(self.channel.transmit_snr_db(self.environment.city.own_size))
+        return transmit_db - self.channel.path_loss_db(squared_distance_m2, sight)
+
     def _draw_curves(self, channel: Channel, found) -> list:
         ground_m = np.linspace(0, self.curve.get_xlim()[1], 150)
-        squared, size = np.float32(ground_m**2 + channel.altitude_m**2), self.environment.city.size
+        squared = np.float32(ground_m**2 + channel.altitude_m**2)
         artists = []
         for sight, colour, label in ((True, CLEAR, "LoS"), (False, BLOCKED, "NLoS")):
-            snr_db = channel.mean_snr_db(squared, sight, size)
+            snr_db = self._mean_snr_db(squared, sight)
             spread = channel.fading_db(1.0, sight)
             low, high = rate(snr_db - spread), rate(snr_db + spread)
             artists += self.curve.plot(ground_m, rate(snr_db), color=colour, label=label)
@@ -372,7 +378,7 @@ class ChannelLab(ipywidgets.VBox):
         if found.line_of_sight:
             return said
         squared = np.float32(found.distance_m**2)
-        clear_db = self.channel.mean_snr_db(squared, True, self.environment.city.size)
+        clear_db = self._mean_snr_db(squared, True)
         return (
             f"{said} Without buildings it would be {_decibels(clear_db)}, "
             f"{plain(rate(clear_db))} units: they cost {_decibels(clear_db - found.snr_db)}."

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
+from uavdh_lite.beyond.cities import CityGenerator
 from uavdh_lite.city import City, shipped_cities
-from uavdh_lite.city_generator import CityGenerator
 from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import CityError, InputError, extra
 from uavdh_lite.evaluation import Flights, fly
@@ -45,7 +45,7 @@ from uavdh_lite.labs.widgets import (
 )
 from uavdh_lite.missions import Mission
 from uavdh_lite.plotting import RED, device_colour, draw_city, png, shadow_colours
-from uavdh_lite.policies import PLANNERS, agents_for, find_policy
+from uavdh_lite.policies import find_policy, policies_for
 from uavdh_lite.shadowing import line_of_sight
 from uavdh_lite.streams import Use, stream
 
@@ -342,7 +342,7 @@ class CityLab(ipywidgets.VBox):
     def _draw_random(self) -> None:
         """A city of the size that the field says, another one each time."""
         try:
-            (city,) = CityGenerator((self.size.value,) * 2).draw(1, self._drawn)
+            (city,) = CityGenerator(self.size.value).draw(1, self._drawn)
         except InputError:
             self._say("a random city has at least 8 cells on a side: make the size larger")
             return
@@ -478,7 +478,7 @@ class CityLab(ipywidgets.VBox):
 
     def _offer_policies(self, city: City) -> None:
         """Let one choose from the policies for this city."""
-        names = [*agents_for(city), *PLANNERS]
+        names = policies_for(Environment(city))
         options = [(policy_title(name), name) for name in names]
         if self.policy.options != tuple(options):
             chosen = self.policy.value
@@ -560,7 +560,7 @@ class CityLab(ipywidgets.VBox):
         for name in self._policies():
             policy = find_policy(name, environment)
             flights = fly(environment, policy, states, stream(Use.LAB))
-            scores[name] = flights.records()["collection_ratio_and_landed"]
+            scores[name] = flights.records()["collected_and_landed"]
         self._average = told_average(chosen, scores)
         ahead, number = scores[chosen] - scores["greedy"], self.number.value
         if ahead.max() > TIE:

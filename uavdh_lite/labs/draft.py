@@ -1,9 +1,8 @@
 """A city that is being painted: its cells, the tools that paint them, and what was there before."""
 
-import tempfile
 from collections.abc import Iterable
 from copy import copy
-from pathlib import Path
+from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -58,18 +57,17 @@ class Draft:
                 f"the file has {len(data):,} bytes, at most {UPLOAD_BYTES:,} are read: "
                 "one pixel for each cell is enough"
             )
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder, "upload.png")
-            path.write_bytes(data)
-            try:
-                return cls(City.load(path).kinds)
-            except CityError as error:
-                raise CityError(str(error).replace(f"{folder}/", "")) from None
+        return cls(City.load(BytesIO(data)).kinds)
 
     @property
     def size(self) -> int:
         """M, the number of cells on a side."""
         return len(self.kinds)
+
+    @property
+    def own_size(self) -> int:
+        """As `City.own_size`: a draft has nothing around it."""
+        return self.size
 
     def description(self) -> str:
         """How many cells of each kind there are, as a sentence."""

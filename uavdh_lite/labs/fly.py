@@ -55,7 +55,7 @@ WHY_HARD = (
     "A hard one: greedy, to the nearest device first, leaves nearly a third of the data, the "
     "genie none."
 )
-METRICS = "collection_ratio_and_landed", "cumulative_reward"  # of the session's scores
+METRICS = "collected_and_landed", "return"  # of the session's scores
 ICONS = ("arrow-up", "arrow-right", "arrow-down", "arrow-left", "pause", "download")
 NARROW = {"width": "210px"}
 
@@ -338,9 +338,7 @@ class FlyLab(ipywidgets.VBox):
 
     def _verdict(self, results: dict[str, Flights]) -> str:
         """Your place among all, as sentences."""
-        returns = {
-            name: round(float(each.cumulative_reward[0]), 2) for name, each in results.items()
-        }
+        returns = {name: round(float(each.returns[0]), 2) for name, each in results.items()}
         yours, best = returns[YOU], max(returns.values())
         first = [name for name, value in returns.items() if value == best]
         above = [value for value in returns.values() if value > yours]
@@ -387,16 +385,14 @@ class FlyLab(ipywidgets.VBox):
     def _table(self, results: dict[str, Flights]) -> str:
         """All flights of this mission, the largest return first."""
         rows = [("", "landed", "collected", "steps", "return")]
-        ranked = sorted(
-            results.items(), key=lambda each: (-each[1].cumulative_reward[0].round(2), each[0])
-        )
+        ranked = sorted(results.items(), key=lambda each: (-each[1].returns[0].round(2), each[0]))
         rows += [
             (
                 name,
                 "yes" if flights.end.landed[0] else "crashed",
-                f"{flights.end.collection_ratio[0]:.0%}",
+                f"{flights.end.collected[0]:.0%}",
                 str(flights.steps[0]),
-                f"{flights.cumulative_reward[0]:z.2f}",
+                f"{flights.returns[0]:z.2f}",
             )
             for name, flights in ranked
         ]

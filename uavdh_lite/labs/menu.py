@@ -7,7 +7,8 @@ from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.labs.draft import scenario_of
 from uavdh_lite.missions import environment_of
-from uavdh_lite.scenario import Scenario, scenario_for
+from uavdh_lite.registry import names as known_names
+from uavdh_lite.scenario import Scenario, find_scenario
 
 with extra("notebooks"):
     import ipywidgets
@@ -41,7 +42,7 @@ class CityMenu(ipywidgets.Dropdown):
     def scenario(self) -> Scenario:
         """From which missions over the chosen city are drawn."""
         ours = self.value in (MINE, LINKED)
-        return scenario_of(self.environment.city) if ours else scenario_for(self.value)
+        return scenario_of(self.environment.city) if ours else _scenario_for(self.value)
 
     def on_choice(self, chosen: Callable[[bool], None], refused: Callable[[str], None]) -> None:
         """Call `chosen(again)` for another city, and `refused(reason)` for one that is refused.
@@ -88,3 +89,8 @@ class CityMenu(ipywidgets.Dropdown):
         if self.value == MINE:
             return Environment(self._painted())
         return Environment(self._given) if self.value == LINKED else environment_of(self.value)
+
+
+def _scenario_for(city: str) -> Scenario:
+    """The preset of a city's name, or else that for any city."""
+    return find_scenario(city if city in known_names("scenario") else "any_city")

@@ -521,7 +521,7 @@ class MissionLab(ipywidgets.VBox):
             ends = (
                 "yes" if trajectory.landed else "crashed",
                 f"{len(trajectory.action)} of {trajectory.time_left[0]}",
-                f"{flights.cumulative_reward[0]:z.2f}",
+                f"{flights.returns[0]:z.2f}",
             )
             if name in best and len(self.flights) > 1:
                 ends = *ends[:2], f"{ends[2]} (best)"
@@ -589,13 +589,13 @@ def obstacle(
 
 def _best(flights: Mapping[str, Flights]) -> list[str]:
     """The policies with the largest return, to two digits."""
-    returns = {name: round(float(each.cumulative_reward[0]), 2) for name, each in flights.items()}
+    returns = {name: round(float(each.returns[0]), 2) for name, each in flights.items()}
     return [name for name, value in returns.items() if value == max(returns.values())]
 
 
 def _ranked(flights: Mapping[str, Flights]) -> str:
     """Who has the largest return, and what the others have, as a sentence."""
-    returns = {name: float(each.cumulative_reward[0]) for name, each in flights.items()}
+    returns = {name: float(each.returns[0]) for name, each in flights.items()}
     best = _best(flights)
     if len(best) == len(flights):
         who = "Both" if len(best) == 2 else "All"

@@ -1,5 +1,5 @@
 // The stage of a lab. It plays what Python draws, tells Python which step it shows, and what is
-// dragged and pressed here. player.js, which stands before this text, has `start`,
+// dragged and pressed here. drawing.js, which stands before this text, has `start`,
 // and fullscreen.js `fullScreenButton`.
 const SVG = "http://www.w3.org/2000/svg";
 const FINEST = { data: 0.5, time: 1 }; // what an arrow key adds to a bar

@@ -6,7 +6,7 @@ from pathlib import Path
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import extra
 from uavdh_lite.evaluation import Flights
-from uavdh_lite.player import play, script
+from uavdh_lite.labs.drawing import draw, script
 
 with extra("notebooks"):
     import anywidget
@@ -122,11 +122,11 @@ class Stage(anywidget.AnyWidget):
             refused: the rows and columns of the last step's move, if it was refused; zeros for a
                 landing.
         """
-        played = play(environment, {name: each.trajectory(0) for name, each in flights.items()})
+        drawing = draw(environment, {name: each.trajectory(0) for name, each in flights.items()})
         last = max(int(each.steps[0]) for each in flights.values())
         with self.hold_sync():
             self.begin = -1 if begin is None else begin
             self.size, self.refused = environment.city.size, [int(each) for each in refused]
             self.q_values = [list(each) for each in q_values]
             self.step = last if begin is None else begin
-            self.drawing = played.drawing
+            self.drawing = drawing

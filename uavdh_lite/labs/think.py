@@ -8,17 +8,18 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from torch import Tensor
 
-from uavdh_lite.agent import Agent, saliency, value_map
-from uavdh_lite.ddqn import only_allowed, softmax_policy
+from uavdh_lite.agent import Agent
+from uavdh_lite.ddqn import softmax_policy
 from uavdh_lite.environment import ACTIONS, State
 from uavdh_lite.errors import extra
 from uavdh_lite.evaluation import Flights, Policy
 from uavdh_lite.labs.canvas import Canvas
+from uavdh_lite.labs.insight import returns, saliency, value_map
 from uavdh_lite.labs.mission import FADING, LABEL, POLICIES, SCORES, MissionLab
 from uavdh_lite.labs.widgets import WRAP, quiet
 from uavdh_lite.observation import LAYERS
 from uavdh_lite.plotting import BLUE
-from uavdh_lite.policies import PLANNERS
+from uavdh_lite.registry import names as known_names
 
 with extra("notebooks"):
     import ipywidgets
@@ -110,8 +111,8 @@ class Thoughts:
             for _, action, outcome, *_ in history
         ]
         states = State.concatenate(self.states)
-        self.q = only_allowed(self.agent.q_values(states), self.agent.allowed(states))
-        self.returns = self.agent.returns(states)
+        self.q = self.agent.q_values(states)
+        self.returns = returns(self.agent, states)
         self.sizes = [_sizes(values) for values in self.q]
         self._add_bars()
         self.images = self._add_images()
@@ -264,7 +265,7 @@ class Thoughts:
             bar.set_x(start)  # an action that is not allowed has no bar
             bar.set_width(value - start if np.isfinite(value) else 0)
             bar.set_color(CHOSEN if number % len(ACTIONS) == int(q.argmax()) else OTHER)
-        full_map = self.agent.observation.full_map(state)[0]
+        full_map = self.agent.observation(state)[0][0]
         seen = saliency(self.agent, state)
         worth = value_map(self.agent, state)
         layers = [*full_map[: len(LAYERS)].numpy(), seen / max(seen.max(), 1e-9), worth]
@@ -430,7 +431,7 @@ class ThinkLab(MissionLab):
     def _set_city(self, again: bool = False) -> None:
         """Offer those policies that have Q-values, if the city has any."""
         super()._set_city(again)
-        thinking = [each for each in self.policy.options if each[1] not in PLANNERS]
+        thinking = [each for each in self.policy.options if each[1] not in known_names("policy")]
         if thinking and len(thinking) < len(self.policy.options):
             with quiet(self):
                 chosen = self.policy.value

@@ -5,13 +5,15 @@ import textwrap
 import threading
 import time
 import weakref
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from uavdh_lite.beyond.recipes import BeyondRecipe
 from uavdh_lite.errors import InputError, extra
 from uavdh_lite.evaluation import Flights
+from uavdh_lite.experiments.runs import validate
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.labs.stage import BESIDE, FullScreen, Stage, together
 from uavdh_lite.labs.widgets import WRAP, status, words
@@ -26,9 +28,9 @@ with extra("notebooks"):
     import traitlets
 
 CURVES = {
-    "has_landed": ("landed", "#999999"),
-    "collection_ratio": ("collected", ORANGE),
-    "collection_ratio_and_landed": ("collected and landed", BLUE),
+    "landed": ("landed", "#999999"),
+    "collected": ("collected", ORANGE),
+    "collected_and_landed": ("collected and landed", BLUE),
 }
 YOURS, RIVAL = "your run", "the rival"
 STYLES = {YOURS: "o-", RIVAL: "--"}
@@ -85,7 +87,7 @@ class Settings(ipywidgets.HBox):
     """
 
     def __init__(self, recipe: Recipe, whose: str = ""):
-        self._recipe = recipe
+        self._recipe = BeyondRecipe(**asdict(recipe))
         number = ipywidgets.FloatText
         self.values = {
             **{
@@ -254,8 +256,6 @@ class TrainingLab(ipywidgets.VBox):
         if self.trainers:
             self.previous = {name: each.validation_rows for name, each in self.trainers.items()}
             self._before = {name: self._changes(name) for name in self.trainers}
-        for trainer in self.trainers.values():
-            trainer.close()
         self.trainers, self.progress.value, self.flown = {}, 0, []
         self.looked_at.max = 0
         self.stage.layout.display = self.looked_at.layout.display = "none"
@@ -267,8 +267,6 @@ class TrainingLab(ipywidgets.VBox):
     def close(self) -> None:
         """Pause the run for good and take the lab off the page."""
         self.stop()
-        for trainer in self.trainers.values():
-            trainer.close()
         super().close()
 
     def _show_rival(self, races: bool) -> None:
@@ -285,9 +283,9 @@ class TrainingLab(ipywidgets.VBox):
             name: Trainer(self.scenario, recipe, self.seed.value)
             for name, recipe in recipes.items()
         }
-        self.mission = Mission.draw(self.scenario, trainers[YOURS].city, 0)
+        self.mission = Mission.draw(self.scenario, trainers[YOURS].environment.cities[0], 0)
         for trainer in trainers.values():
-            trainer.validate()
+            validate(trainer)
         return trainers
 
     def _train(self) -> None:
@@ -304,7 +302,7 @@ class TrainingLab(ipywidgets.VBox):
                 trainer.step()
                 trainer.seconds += time.perf_counter() - started
                 if trainer.steps // interval > before // interval or trainer.finished:
-                    trainer.validate()
+                    validate(trainer)
                     self._show_agents()
                 if time.perf_counter() - looked > REFRESH:
                     looked = time.perf_counter()
@@ -377,8 +375,8 @@ class TrainingLab(ipywidgets.VBox):
         for name, trainer in self.trainers.items():
             row = trainer.validation_rows[last]
             results.append(
-                f"{name} landed {row['has_landed']:.0%}, "
-                f"collected and landed {row['collection_ratio_and_landed']:.0%}"
+                f"{name} landed {row['landed']:.0%}, "
+                f"collected and landed {row['collected_and_landed']:.0%}"
             )
         return (
             f"{yours.steps:,} steps, {yours.updates:,} updates, {yours.seconds:.0f} s. Validation "

@@ -9,7 +9,7 @@ from uavdh_lite.environment import Rewards
 from uavdh_lite.evaluation import Flights, Policy
 from uavdh_lite.labs.canvas import Canvas
 from uavdh_lite.plotting import device_colour
-from uavdh_lite.policies import PLANNERS
+from uavdh_lite.registry import names
 
 # The terms of the reward, in colours that are not those of devices
 # and can be seen on a light page and on a dark one
@@ -18,7 +18,7 @@ TERMS = {"data": "#7E6FD8", "movement": "#BBBBBB", "safety": "#DDCC77", "crash":
 
 def policy_title(name: str) -> str:
     """A policy's name as the labs show it: agents are named after cities, so say what they are."""
-    return name if name in PLANNERS else f"{name} agent"
+    return name if name in names("policy") else f"{name} agent"
 
 
 class Charts:

@@ -19,7 +19,7 @@ from uavdh_lite.plotting import draw_trajectory
 # %% [markdown]
 # ## 0.1 · The score of one flight (1 point, 5 minutes)
 #
-# `collection_ratio_and_landed` is the score by which flights are compared: the share of all data that was collected, or
+# `collected_and_landed` is the score by which flights are compared: the share of all data that was collected, or
 # 0 if the UAV did not land. Compute it for one flight with one or more devices.
 #
 # - `collected`: a list of numbers, the data units collected from each device
@@ -30,7 +30,7 @@ from uavdh_lite.plotting import draw_trajectory
 # Give back one number between 0 and 1. All data units count the same, whichever device they come from.
 
 # %%
-def collection_ratio_and_landed(collected, initial, landed):
+def collected_and_landed(collected, initial, landed):
     """The collected share of the data, or 0 if the UAV did not land."""
     ### BEGIN SOLUTION
     if not landed:
@@ -39,7 +39,7 @@ def collection_ratio_and_landed(collected, initial, landed):
     ### END SOLUTION
 
 # %%
-checks.flight_score(collection_ratio_and_landed)
+checks.flight_score(collected_and_landed)
 
 # %% [markdown]
 # Over many flights one takes the mean of this number. That is not the mean collection ratio times the share of flights

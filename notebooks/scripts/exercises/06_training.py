@@ -54,17 +54,17 @@ checks.n_step_return(n_step)
 # %% [markdown]
 # ## 6.2 · What is wrong with this agent? (1 point, 5 minutes)
 #
-# A greedy validation gives three shares between 0 and 1, each a mean over many missions: `landed`, `collection_ratio`
+# A greedy validation gives three shares between 0 and 1, each a mean over many missions: `landed`, `collected`
 # (collected data over all data, landed or not) and `time_used` (flying time used over flying time given). Here are nine of
 # them, from training runs on the Manhattan city: one of the whole recipe `lite` (`all`), the others with one part of it
-# replaced by the paper's (`data/runs/deviations-manhattan`). A name ends with the training seed and the thousands of
+# replaced by the paper's (`data/runs/deviations-manhattan.csv.gz`). A name ends with the training seed and the thousands of
 # steps after which it was validated:
 
 # %%
 from uavdh_lite.course.checks.training import RUNS
 
 for name, shares in RUNS.items():
-    print("{:<32}landed {:.3f}, collection_ratio {:.3f}, time_used {:.3f}".format(name, *shares))
+    print("{:<32}landed {:.3f}, collected {:.3f}, time_used {:.3f}".format(name, *shares))
 
 # %% [markdown]
 # Write a function that names what is wrong. The agent
@@ -75,14 +75,14 @@ for name, shares in RUNS.items():
 # 4. otherwise it `"wanders"`: it flies about, and comes home with little.
 
 # %%
-def diagnose(landed, collection_ratio, time_used):
+def diagnose(landed, collected, time_used):
     """One of "lazy", "crashes", "good" and "wanders"."""
     ### BEGIN SOLUTION
     if time_used < 0.25:
         return "lazy"
     if landed < 0.9:
         return "crashes"
-    return "good" if collection_ratio >= 0.8 else "wanders"
+    return "good" if collected >= 0.8 else "wanders"
     ### END SOLUTION
 
 # %%

@@ -83,9 +83,9 @@ checks.permutation_p(permutation_p)
 # %% [markdown]
 # ## 7.3 · What the recorded runs show (3 points, 20 minutes)
 #
-# The cell below reads the validations of the recorded ablation (`data/runs/centring-manhattan`): a dict of columns, one
+# The cell below reads the validations of the recorded ablation (`data/runs/centring-manhattan.csv.gz`): a dict of columns, one
 # row a validation. `variant` is `centred` or `non_centred`, `seed` the run of that kind, `steps` the environment steps,
-# `collection_ratio_and_landed` the result, a share from 0 to 1. *A run* is one kind with one seed; *the end* is its last
+# `collected_and_landed` the result, a share from 0 to 1. *A run* is one kind with one seed; *the end* is its last
 # validation. All runs were validated at the same steps.
 #
 # Is each statement true? Compute what can be computed; a new recording may change it. The last entry is a number.
@@ -115,7 +115,7 @@ for kind in ("centred", "non_centred"):
     own = validation["variant"] == kind
     runs[kind] = np.array(
         [
-            validation["collection_ratio_and_landed"][own & (validation["seed"] == seed)]
+            validation["collected_and_landed"][own & (validation["seed"] == seed)]
             for seed in np.unique(validation["seed"][own])
         ]
     )

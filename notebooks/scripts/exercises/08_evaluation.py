@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from uavdh_lite.course import checks
 from uavdh_lite.environment import Rewards
-from uavdh_lite.evaluation import evaluate
+from uavdh_lite.evaluation import FunctionPolicy, evaluate
 from uavdh_lite.missions import environment_of
 from uavdh_lite.planners import Greedy
 from uavdh_lite.plotting import draw_trajectory
@@ -105,10 +105,10 @@ checks.lead(lead)
 # | `state.device_cells`, `state.data_left` | (B, 5) | cells of the devices; data units left (places not used have 0) |
 # | `state.ended` | (B,) | whether the episode is over, by a landing or a crash |
 # | `replace(state, data_left=other)` | | a copy of the state with other data left |
-# | `environment.next_cell`, `environment.forbidden` | (256, 6) | the cell after an action; whether the action is refused |
-# | `environment.line_of_sight` | (256, 256) | `[device cell, uav cell]` |
+# | `environment.next_cell[0]`, `environment.forbidden[0]` | (256, 6) | the cell after an action; whether the action is refused |
+# | `environment.sight[0]` | (256, 256) | `[device cell, uav cell]` |
 # | `environment.city.landing_distance.ravel()[cell]` | | moves to the nearest landing cell |
-# | `greedy(state)` | (B,) | the greedy planner's actions; the cell below makes it |
+# | `greedy.act(state)` | (B,) | the greedy planner's actions; the cell below makes it |
 # | `environment.transition(state, actions, fading)` | | the next state and an outcome; `fading` has the shape (B, 4, 5), zeros stand for the mean channel. Episodes already over stay as they are |
 # | `Rewards()(outcome)` | (B,) | the reward of that step, 0 for episodes already over |
 # | `moves_to(cell)` | (256,) | moves from every cell to this one, which the UAV must be allowed to enter |
@@ -134,13 +134,13 @@ def moves_to(cell):
 
 def both(policy, seed):
     """The flights of policy and greedy in the same 300 missions."""
-    pilots = (lambda state: policy(environment, state)), greedy
+    pilots = FunctionPolicy(lambda state: policy(environment, state)), greedy
     return [evaluate(environment, pilot, scenario, 300, seed, record=True) for pilot in pilots]
 
 def practise(policy, seed=0):
     """Lead over greedy on 300 missions, with the half width of its paired 95 % interval."""
     ours, theirs = (flights.records() for flights in both(policy, seed))
-    for name in ("has_landed", "collection_ratio_and_landed", "cumulative_reward"):
+    for name in ("landed", "collected_and_landed", "return"):
         d = ours[name] - theirs[name]
         half = 1.96 * d.std(ddof=1) / 300**0.5
         print(f"{name:<28}{ours[name].mean():8.3f}   lead {d.mean():+.3f} ± {half:.3f}")
@@ -148,11 +148,11 @@ def practise(policy, seed=0):
 def ways(policy, seed=0):
     """The two flights of the mission in which policy loses most to greedy."""
     flown = both(policy, seed)
-    worst = int((flown[0].cumulative_reward - flown[1].cumulative_reward).argmin())
+    worst = int((flown[0].returns - flown[1].returns).argmin())
     figure = Figure(figsize=(9, 4.5), layout="constrained")
     for ax, name, flights in zip(figure.subplots(1, 2), ("yours", "greedy"), flown):
         draw_trajectory(ax, environment, flights.trajectory(worst))
-        ax.set_title(f"mission {worst}, {name}: return {flights.cumulative_reward[worst]:.1f}")
+        ax.set_title(f"mission {worst}, {name}: return {flights.returns[worst]:.1f}")
     return figure
 
 # %%
@@ -165,7 +165,7 @@ def policy(environment, state):
         after, outcome = environment.transition(state, np.full(len(state), action), fading)
         total = Rewards()(outcome)
         while not after.ended.all():
-            after, outcome = environment.transition(after, greedy(after), fading)
+            after, outcome = environment.transition(after, greedy.act(after), fading)
             total = total + Rewards()(outcome)
         returns.append(total)
     return np.argmax(returns, axis=0)

@@ -89,8 +89,8 @@ def trial(text, missions=100, seed=0):
     environment = Environment(city)
     for name, policy in (("greedy", Greedy(environment)), ("agent", agent.over(city))):
         metrics = evaluate(environment, policy, agent.scenario, missions, seed).metrics()
-        print(f"{name:<8}landed {metrics['has_landed'].mean:6.1%}   collected "
-              f"{metrics['collection_ratio'].mean:6.1%}   CRAL {metrics['collection_ratio_and_landed'].mean:6.1%}")
+        print(f"{name:<8}landed {metrics['landed'].mean:6.1%}   collected "
+              f"{metrics['collected'].mean:6.1%}   CRAL {metrics['collected_and_landed'].mean:6.1%}")
     print("cells changed:", (city.kinds != agent.city.kinds).sum())
 
 home = """

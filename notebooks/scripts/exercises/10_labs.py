@@ -25,7 +25,7 @@ policies = {name: find_policy(name, environment) for name in ("greedy", "manhatt
 #
 # `Mission.draw(scenario, environment.city, seed)` draws a random mission of the city `manhattan`: equal seeds, equal
 # missions. `mission.fly(environment, policy)` flies it with the fading of the same seed and gives the flights (a batch of
-# one); `.end` is the last state, with `collection_ratio` and `landed`, an array of one element each. The policies are
+# one); `.end` is the last state, with `collected` and `landed`, an array of one element each. The policies are
 # `policies["greedy"]` and `policies["manhattan_ddqn"]`, the agent of the paper's method.
 #
 # The score of a flight, in points, is 100 × collection ratio if it has landed, else 0. Find a seed from 100 to 9,999
@@ -40,7 +40,7 @@ for candidate in range(100, 10_000):
     points = {}
     for name in ("greedy", "manhattan_ddqn"):
         end = mission.fly(environment, policies[name]).end
-        points[name] = 100 * float(end.collection_ratio[0] * end.landed[0])
+        points[name] = 100 * float(end.collected[0] * end.landed[0])
     if points["greedy"] - points["manhattan_ddqn"] >= 40:
         seed = candidate
         break
@@ -64,7 +64,7 @@ checks.failure_seed(seed)
 # `environment.city.size`.
 #
 # `rate_map(city, channel, line_of_sight, device)` gives the mean rate (fading 0) at every UAV cell, (M, M), for a device
-# in the cell `(row, column)`; `environment.city`, `environment.channel` and `environment.line_of_sight` are its other
+# in the cell `(row, column)`; `environment.city`, `environment.channel` and `environment.sight[0]` are its other
 # arguments. The function is tried in other cities too, also in one of another size.
 
 # %%
@@ -76,7 +76,7 @@ def worst_device_cell(environment):
     best = {}
     for number in city.device_cells:
         device = divmod(int(number), city.size)
-        rates = rate_map(city, environment.channel, environment.line_of_sight, device)
+        rates = rate_map(city, environment.channel, environment.sight[0], device)
         best[device] = rates[can_reach].max()
     return min(best, key=best.get)
     ### END SOLUTION

@@ -132,7 +132,7 @@ def _read():
     ends, runs = {}, {}
     for kind, seed in sorted(set(zip(table["variant"], table["seed"], strict=True))):
         own = (table["variant"] == kind) & (table["seed"] == seed)
-        curve = table["collection_ratio_and_landed"][own]
+        curve = table["collected_and_landed"][own]
         runs.setdefault(kind, []).append((table["steps"][own], curve))
         ends.setdefault(kind, []).append(curve[-1])
     early = {k: [c[s >= 300_000][0] for s, c in several] for k, several in runs.items()}

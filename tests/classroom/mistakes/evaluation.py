@@ -7,7 +7,8 @@ import numpy as np
 
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.evaluation import wilson_interval
-from uavdh_lite.planners import Genie, Greedy
+from uavdh_lite.beyond.genie import Genie
+from uavdh_lite.planners import Greedy
 
 
 def normal_interval(successes, trials):
@@ -87,20 +88,20 @@ def half_width(a, b):
 def skipping(least):
     def without_leftovers(environment, state):
         worth = np.where(state.data_left < least, 0, state.data_left)
-        return Greedy(environment)(replace(state, data_left=worth))
+        return Greedy(environment).act(replace(state, data_left=worth))
 
     return without_leftovers
 
 
 def sometimes_idle(environment, state):
     """Greedy, but it waits for a step in some missions."""
-    action = Greedy(environment)(state)
+    action = Greedy(environment).act(state)
     return np.where((state.time_left == 34) & (state.device_cells[:, 0] == 100), 4, action)
 
 
 def never_home(environment, state):
     """Greedy's moves, without its way home."""
-    action = Greedy(environment)(state)
+    action = Greedy(environment).act(state)
     return np.where(action == 5, 4, action)
 
 
@@ -110,27 +111,27 @@ def straight_ahead(environment, state):
     r, c = np.divmod(state.uav_cell.astype(int), 16)
     action = np.select([r > row, r < row, c > col, c < col], [0, 2, 3, 1], 4)
     home = environment.city.landing_distance.ravel()[state.uav_cell]
-    return np.where(state.time_left > home + 3, action, Greedy(environment)(state))
+    return np.where(state.time_left > home + 3, action, Greedy(environment).act(state))
 
 
 def in_between(environment, state):
-    return Greedy(environment)(state) + 0.0
+    return Greedy(environment).act(state) + 0.0
 
 
 def first_only(environment, state):
-    return int(Greedy(environment)(state)[0])
+    return int(Greedy(environment).act(state)[0])
 
 
 def counted_from_one(environment, state):
-    return Greedy(environment)(state) + 1
+    return Greedy(environment).act(state) + 1
 
 
 def hidden_genie(environment, state):
-    return Genie(environment)(state)
+    return Genie(environment).act(state)
 
 
 def hidden_agent(environment, state):
-    return load_agent("manhattan")(state)
+    return load_agent("manhattan").act(state)
 
 
 def broken(environment, state):
@@ -173,7 +174,7 @@ MISTAKES = {
         (half_width, "not mean and half width"),
     ],
     "policy": [
-        (lambda environment, state: Greedy(environment)(state), "same flights as greedy's"),
+        (lambda environment, state: Greedy(environment).act(state), "same flights as greedy's"),
         (never_home, "crashed in 300 of 300"),
         (straight_ahead, "safety controller refused"),
         (straight_home, "It is behind greedy: `ways"),

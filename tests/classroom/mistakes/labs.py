@@ -16,7 +16,7 @@ def leads(seeds):
         share = {}
         for name in ("greedy", "manhattan_ddqn"):
             end = mission.fly(environment, find_policy(name, environment)).end
-            share[name] = float(end.collection_ratio[0]) * bool(end.landed[0])
+            share[name] = float(end.collected[0]) * bool(end.landed[0])
         yield seed, 100 * (share["greedy"] - share["manhattan_ddqn"])
 
 
@@ -48,7 +48,7 @@ def choose(environment, *, cells=None, mask=None, best=np.max, last=min, turn=1)
     value = {}
     for number in cells:
         device = int(number) // city.size, int(number) % city.size
-        rates = rate_map(city, environment.channel, environment.line_of_sight, device[::turn])
+        rates = rate_map(city, environment.channel, environment.sight[0], device[::turn])
         value[device] = float(best(rates[mask]))
     return last(value, key=value.get)
 

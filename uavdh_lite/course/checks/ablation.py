@@ -14,12 +14,12 @@ from uavdh_lite.storage import data_folder, read_table
 from uavdh_lite.streams import Use, stream
 
 KINDS = {"centred": BLUE, "non_centred": VERMILION}
-METRIC = "collection_ratio_and_landed"
-STUDY = Path("runs") / "centring-manhattan" / "validation.csv.gz"
+METRIC = "collected_and_landed"
+STUDY = Path("runs") / "centring-manhattan.csv.gz"
 
 
 def recorded() -> dict[str, np.ndarray]:
-    """The validations of the recorded ablation, `data/runs/centring-manhattan`, by column."""
+    """The validations of the recorded ablation, `data/runs/centring-manhattan.csv.gz`, by column."""
     here = Path.cwd()
     for folder in (data_folder(), *(parent / "data" for parent in (here, *here.parents))):
         if (folder / STUDY).exists():

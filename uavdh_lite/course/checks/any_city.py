@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavdh_lite.city_generator import CityGenerator
+from uavdh_lite.beyond.cities import CityGenerator
 from uavdh_lite.course.checks.exercise import solution
 from uavdh_lite.course.checks.table import edit
 from uavdh_lite.course.checks.values import truths
@@ -17,7 +17,7 @@ NO_FLY = 1  # of the layers landing, no-fly, buildings
 
 def _random_city(m=9, size=12):
     """A random city's layers, a UAV over its first landing cell, and M."""
-    city = CityGenerator((m, m)).draw(1, seed=3)[0]
+    city = CityGenerator(m).draw(1, seed=3)[0]
     layers = np.stack([city.landing, city.no_fly, city.buildings])
     return layers, tuple(np.argwhere(city.landing)[0].tolist()), size
 

@@ -21,7 +21,7 @@ def _situation(name, cell, time_left):
         generator = stream(Use.EXERCISE, cell)
         cell = generator.choice(np.flatnonzero(~city.no_fly.ravel()), cell)
         time_left = np.maximum(distance[cell] + generator.integers(-1, time_left, len(cell)), 1)
-    return distance, Environment(city).next_cell, np.array(cell), np.array(time_left)
+    return distance, Environment(city).next_cell[0], np.array(cell), np.array(time_left)
 
 
 def _leads_to(distance, next_cell, cell, time_left, place):
@@ -37,7 +37,7 @@ def _draw_failsafe(ax, solved):
     cells, distance = np.flatnonzero(~city.no_fly.ravel()), city.landing_distance.ravel()
     counts = np.full(city.size**2, np.nan)
     five = np.full(len(cells), 5)
-    counts[cells] = solved(distance, Environment(city).next_cell, cells, five).sum(1)
+    counts[cells] = solved(distance, Environment(city).next_cell[0], cells, five).sum(1)
     image = ax.imshow(counts.reshape(city.size, city.size), cmap="viridis")
     ax.figure.colorbar(image, label="actions that fit")
     ax.set(title="village, five units of time left", xlabel="column", ylabel="row")

@@ -14,9 +14,10 @@ from uavdh_lite.course.checks.table import edit
 from uavdh_lite.course.checks.trial import expect_none, first_true, name_of
 from uavdh_lite.course.checks.values import Unreadable, pair, row, show, whole
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
-from uavdh_lite.evaluation import evaluate
+from uavdh_lite.evaluation import FunctionPolicy, evaluate
 from uavdh_lite.missions import environment_of
-from uavdh_lite.planners import Genie, Greedy
+from uavdh_lite.beyond.genie import Genie
+from uavdh_lite.planners import Greedy
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream
 
@@ -180,12 +181,12 @@ def lead(a, b):
 # In the missions of this seed, to skip a device with less than 2 to 4 units left gains as much as
 # in 20,000 others, about 0.3. With some seeds it gains 0.5, by luck.
 EPISODES, SEED, SECONDS, AHEAD = 300, 885, 20, 0.4
-RETURN = "cumulative_reward"
+RETURN = "return"
 
 
 @functools.cache
-def _planner(environment: Environment) -> Greedy:
-    return Greedy(environment)
+def _planner() -> Greedy:
+    return Greedy(environment_of("manhattan"))
 
 
 def _simulated(greedy: Greedy, state: State) -> np.ndarray:
@@ -197,29 +198,29 @@ def _simulated(greedy: Greedy, state: State) -> np.ndarray:
     total, flying = Rewards()(outcome), np.arange(len(actions))
     while not after.ended.all():
         flying, after = flying[~after.ended], after[~after.ended]
-        after, outcome = greedy.environment.transition(after, greedy(after), fading[: len(after)])
+        after, outcome = greedy.environment.transition(after, greedy.act(after), fading[: len(after)])
         total[flying] += Rewards()(outcome)
     return total.reshape(-1, count).argmax(axis=0)
 
 
-def _flown(policy: Callable[[State], np.ndarray]) -> dict[str, np.ndarray]:
-    environment = environment_of("manhattan")
+def _flown(act: Callable[[State], np.ndarray]) -> dict[str, np.ndarray]:
+    environment, policy = _planner().environment, FunctionPolicy(act)
     return evaluate(environment, policy, find_scenario("manhattan"), EPISODES, SEED).records()
 
 
 def _draw_policy(ax):
-    greedy = _planner(environment_of("manhattan"))
+    greedy = _planner()
 
     def leaving(least):
         def rule(state):
             worth = np.where(state.data_left < least, np.float32(0), state.data_left)
-            return greedy(replace(state, data_left=worth))
+            return greedy.act(replace(state, data_left=worth))
 
         return rule
 
     rules = {f"skip devices with less than {least}": leaving(least) for least in (1, 3, 6)}
     rules["simulate each action, then\ngreedy; take the best"] = lambda s: _simulated(greedy, s)
-    theirs = _flown(greedy)[RETURN]
+    theirs = _flown(greedy.act)[RETURN]
     for y, rule in enumerate(rules.values()):
         own = _flown(rule)[RETURN]
         mean, low, high = lead.solved(own, theirs)
@@ -251,7 +252,7 @@ STANDING = {  # what is said of all flights, and when
         lambda of: of.crashes > of.greedy_crashes
     ),
     "The safety controller refused {refused:.1f} actions a mission, a move into a no-fly cell or a "
-    "landing outside the zone: look at environment.forbidden.": lambda of: of.refused > 1,
+    "landing outside the zone: look at environment.forbidden[0].": lambda of: of.refused > 1,
     f"It is ahead, but by less than the {AHEAD} that are asked for.": lambda of: of.low > 0,
     "It is behind greedy: `ways(policy)` draws where it loses most.": lambda of: of.high < 0,
     "It is ahead of greedy, but the interval holds 0: that may be luck.": lambda of: of.ahead > 0,
@@ -269,13 +270,13 @@ STANDING = {  # what is said of all flights, and when
     figure=_draw_policy,
     seconds=300,
     refused={
-        (Genie, "_search"): NOT_ALLOWED.format("Genie"),
+        (Genie, "plans"): NOT_ALLOWED.format("Genie"),
         (Agent, "q_values"): NOT_ALLOWED.format("Agent"),
     },
 )
 def policy(answer) -> None:
     """`policy(environment, state)`: actions for a batch, with a higher return than greedy."""
-    environment, began = environment_of("manhattan"), time.process_time()
+    environment, began = _planner().environment, time.process_time()
     ask = guarded(answer.__wrapped__, name_of(answer))
 
     def asked(state: State) -> np.ndarray:
@@ -290,7 +291,7 @@ def policy(answer) -> None:
         expect_none(CHOICE, kind=kind, unknown=unknown, seconds=time.process_time() - began)
         return actions.astype(int)
 
-    own, greedy = _flown(asked), _flown(_planner(environment))
+    own, greedy = _flown(asked), _flown(_planner().act)
     ahead, low, high = lead.solved(own[RETURN], greedy[RETURN])
     standing = (
         f"Your return is {own[RETURN].mean():.2f}, greedy's {greedy[RETURN].mean():.2f}: a lead of "
@@ -299,8 +300,8 @@ def policy(answer) -> None:
     why = first_true(
         STANDING,
         same=np.array_equal(own[RETURN], greedy[RETURN]),
-        crashes=EPISODES - int(own["has_landed"].sum()),
-        greedy_crashes=EPISODES - greedy["has_landed"].sum(),
+        crashes=EPISODES - int(own["landed"].sum()),
+        greedy_crashes=EPISODES - greedy["landed"].sum(),
         refused=own["safety_interventions"].mean(),
         ahead=ahead,
         low=low,

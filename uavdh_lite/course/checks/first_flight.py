@@ -7,7 +7,7 @@ from uavdh_lite.course.checks.trial import expect_none
 from uavdh_lite.course.checks.values import show
 from uavdh_lite.environment import ACTIONS, MOVES
 from uavdh_lite.missions import HandFlight, Mission, environment_of
-from uavdh_lite.planners import Genie
+from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.plotting import device_colour
 
 
@@ -124,7 +124,7 @@ def _draw_flight(ax):
     for device, cell in enumerate(DEVICES):
         ax.plot(left[:, device], ".-", color=device_colour(device), label=f"device at {cell}")
     ax.set(xlabel="time since the start, units of time", ylabel="data left, data units")
-    share, steps = flights.end.collection_ratio[0], flights.steps[0]
+    share, steps = flights.end.collected[0], flights.steps[0]
     ax.set_title(f"one good flight: {share:.0%}, landed after {steps} of {FLYING_TIME}")
 
 
@@ -147,7 +147,7 @@ def flown_by_hand(answer) -> None:
         steps=len(answer),
         cell=_cell(flight),
         ended=flight.ended,
-        share=float(flight.state.collection_ratio[0]),
+        share=float(flight.state.collected[0]),
         left=" and ".join(f"{amount:.1f}" for amount in flight.state.data_left[0, :2]),
         unused=FLYING_TIME - len(answer),
     )

@@ -19,7 +19,7 @@ SEEDS, POINTS = range(100, 10_000), 40  # the tutorial shows seeds below 100
 MISSIONS = 500  # in the hint's figure
 
 
-SCORE = "collection_ratio_and_landed"
+SCORE = "collected_and_landed"
 
 
 def results(seed: int) -> tuple[float, ...]:
@@ -62,7 +62,7 @@ MISSION = {  # what is said of a mission, and when
     "Such missions are rare. Let the computer fly one seed after the other.",
     "for seed in range(100, 10_000): draw the mission, fly it with "
     "find_policy(name, environment) for both names, "
-    "take 100 * collection_ratio[0] * landed[0] at the end, and stop at the first lead "
+    "take 100 * collected[0] * landed[0] at the end, and stop at the first lead "
     f"of {POINTS}.",
     figure=_draw_leads,
     takes=(
@@ -90,14 +90,14 @@ OTHER = "Bb.L..", "LNNB.N", "..LbN.", "N.L.bN", "..NbNL", ".Nb..b"
 def _draw_worst(ax, solved):
     environment = environment_of("manhattan")
     city, (row, col) = environment.city, solved(environment)
-    rates = rate_map(city, environment.channel, environment.line_of_sight, (row, col))
+    rates = rate_map(city, environment.channel, environment.sight[0], (row, col))
     image = ax.imshow(np.where(city.landing_distance >= 0, rates, np.nan), cmap="viridis")
     ax.plot(col, row, "s", color=VERMILION, label="device")
     ax.figure.colorbar(image, ax=ax, label="mean rate, data units a slot")
     ax.set(xlabel="UAV's column", ylabel="UAV's row", title="manhattan (white: the UAV cannot go)")
 
 
-CELL, WORST = "line_of_sight, cell", "min(best, key=best.get)"
+CELL, WORST = "sight[0], cell", "min(best, key=best.get)"
 
 
 @solution(
@@ -105,7 +105,7 @@ CELL, WORST = "line_of_sight, cell", "min(best, key=best.get)"
     "Two steps: for one device cell, which rate does the UAV get at the best place that it can "
     "fly to? Then compare the device cells.",
     "For each number in city.device_cells: device = divmod(number, city.size), then the "
-    "maximum of rate_map(city, environment.channel, environment.line_of_sight, device) over "
+    "maximum of rate_map(city, environment.channel, environment.sight[0], device) over "
     "the cells with city.landing_distance >= 0. Keep the device with the lowest maximum.",
     figure=_draw_worst,
     seconds=60,
@@ -150,6 +150,6 @@ def worst_device_cell(environment):
     city, best = environment.city, {}
     for number in city.device_cells:
         cell = divmod(int(number), city.size)
-        rates = rate_map(city, environment.channel, environment.line_of_sight, cell)
+        rates = rate_map(city, environment.channel, environment.sight[0], cell)
         best[cell] = float(rates[city.landing_distance >= 0].max())
     return min(best, key=best.get)

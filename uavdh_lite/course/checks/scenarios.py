@@ -105,7 +105,7 @@ def reachable(city):
 
 
 MISSIONS, SEED, GREEDY, BEHIND, CHANGED = 100, 92, 0.90, 30, 16
-CRAL = "collection_ratio_and_landed"
+CRAL = "collected_and_landed"
 
 
 def _fly(city: City, policy: Policy) -> dict[str, float]:
@@ -131,7 +131,7 @@ def _draw_defeat(ax):
         "agent, new city": _fly(city, agent.over(city)),
     }
     for k, (label, metrics) in enumerate(flown.items()):
-        shares = [100 * metrics[name] for name in ("has_landed", "collection_ratio", CRAL)]
+        shares = [100 * metrics[name] for name in ("landed", "collected", CRAL)]
         ax.bar(np.arange(3) + 0.27 * (k - 1), shares, 0.25, label=label)
     ax.set(xticks=range(3), xticklabels=("landed", "collected", "both (CRAL)"), ylim=(0, 135))
     ax.set(ylabel="mean over 100 missions, %", yticks=range(0, 101, 20))
@@ -193,7 +193,7 @@ def defeat(answer) -> None:
     same_zones = np.array_equal(city.landing, agent.city.landing)
     standing = (
         f"In your city (cells changed: {changed}) greedy has a CRAL of {greedy:.1%}, the agent "
-        f"{own[CRAL]:.1%} (it lands in {own['has_landed']:.0%})"
+        f"{own[CRAL]:.1%} (it lands in {own['landed']:.0%})"
     )
     expect_none(DEFEAT, greedy=greedy, behind=behind, standing=standing, same_zones=same_zones)
     print(f"{standing}.")

@@ -105,7 +105,7 @@ def _draw_diagnosis(ax, solved):
 
 
 # The recorded runs, and all that is at a limit, a little off it, or far from it
-LIMITS = (0.9, 0.8, 0.25)  # of landed, collection_ratio, time_used
+LIMITS = (0.9, 0.8, 0.25)  # of landed, collected, time_used
 NEAR = [(0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1) for limit in LIMITS]
 
 
@@ -113,7 +113,7 @@ NEAR = [(0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1) for limit in L
     "6.2 · What is wrong with this agent? (1 point, 5 minutes)",
     "The four terms are defined one after the other, each among those that are left. So which "
     "number must be looked at first?",
-    "First `if time_used < 0.25`, then `if landed < 0.9`, then collection_ratio: from 0.8 on "
+    "First `if time_used < 0.25`, then `if landed < 0.9`, then collected: from 0.8 on "
     'it is "good", else it "wanders".',
     figure=_draw_diagnosis,
     rules={
@@ -138,9 +138,9 @@ NEAR = [(0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1) for limit in L
     },
     read=one_of(*NAMES),
 )
-def diagnosis(landed, collection_ratio, time_used):
-    """`diagnose(landed, collection_ratio, time_used)`: one of `NAMES`."""
-    lazy, crashes, good = time_used < 0.25, landed < 0.9, collection_ratio >= 0.8
+def diagnosis(landed, collected, time_used):
+    """`diagnose(landed, collected, time_used)`: one of `NAMES`."""
+    lazy, crashes, good = time_used < 0.25, landed < 0.9, collected >= 0.8
     return "lazy" if lazy else "crashes" if crashes else "good" if good else "wanders"
 
 
@@ -233,7 +233,7 @@ def mended_recipe(answer) -> None:
         )
     expect_none(RECIPE, **vars(answer))
     metrics = _train(answer)
-    names = "has_landed", "collection_ratio", "time_used", "collection_ratio_and_landed"
+    names = "landed", "collected", "time_used", "collected_and_landed"
     landed, collected, used, score = (metrics[name] for name in names)
     said = (
         f"Landed {landed:.0%}, collected {collected:.0%}, flying time used {used:.0%}; collected "

@@ -1,4 +1,4 @@
-"""A Voilà server of the labs: for this machine only, with limits on sessions and on idle time."""
+"""A Voilà server of the labs: for this machine only; sessions that nobody uses end."""
 
 import os
 import shutil
@@ -29,46 +29,21 @@ CULL_EVERY = 15  # seconds between searches for idle sessions
 LONGEST_FOLDER = 38  # characters; the name of a socket in it has 65 more, and may have 103
 WEBSOCKET_BYTES = 16_000_000  # a longer message, such as a huge upload, is cut off
 
-FULL = """<!doctype html><html lang="en"><head><meta charset="utf-8">
-<title>All sessions are in use</title><meta http-equiv="refresh" content="20"></head>
-<body style="font-family: sans-serif; margin: 4em">
-<h1>All sessions are in use</h1>
-<p>This machine runs at most {sessions} sessions at a time. One becomes free when somebody closes
-the page, or does not use it for {minutes} minutes.</p>
-<p>This page tries again every 20 seconds.</p></body></html>
-"""
-
 
 class LabsHandler(TornadoVoilaHandler):
-    """The page, with a session of its own; a 503 that says so if all sessions are in use."""
+    """The page, with a session of its own."""
 
     async def get(self, path=None):
         server = self.settings["voila"]
         if path:
             raise tornado.web.HTTPError(404)
-        if server.sessions >= server.most_sessions:
-            self.set_status(503)
-            self.set_header("Retry-After", "20")
-            self.finish(
-                FULL.format(sessions=server.most_sessions, minutes=server.idle_seconds // 60)
-            )
-            return
         server.wake()
         _ = self.xsrf_token  # sets the cookie that the page needs to end its session
         await super().get(path)
 
 
 class LabsServer(Voila):
-    """Voilà with a limit on sessions; each is a kernel, and one more is kept ready."""
-
-    most_sessions: int
-    idle_seconds: int
-
-    @property
-    def sessions(self) -> int:
-        """The number of kernels in use."""
-        waiting = self.kernel_manager.get_pool_size(self.kernel_manager.notebook_path)
-        return len(self.kernel_manager.list_kernel_ids()) - waiting
+    """Voilà; each session is a kernel, and one more is kept ready."""
 
     def wake(self) -> None:
         """Let the sessions that wait for somebody count as just used: else a new one ends soon."""
@@ -108,12 +83,11 @@ class LabsServer(Voila):
         shutil.rmtree(self.connection_dir, ignore_errors=True)
 
 
-def serve(port: int, most_sessions: int, idle_seconds: int, open_browser: bool) -> None:
+def serve(port: int, idle_seconds: int, open_browser: bool) -> None:
     """Serve the labs on 127.0.0.1 until SIGINT (Ctrl-C) or SIGTERM.
 
     Arguments:
         port: the port; the next free one if it is taken.
-        most_sessions: how many people can use the labs at a time; each has a Python process.
         idle_seconds: end a session that nobody has used for this long.
         open_browser: open the page in this machine's browser.
     """
@@ -131,10 +105,9 @@ def serve(port: int, most_sessions: int, idle_seconds: int, open_browser: bool) 
         tornado_settings={
             "allow_remote_access": False,
             "websocket_max_message_size": WEBSOCKET_BYTES,
-            "ws_ping_timeout": 30_000,  # the pause between pings; Tornado warns of a longer one
+            "ws_ping_interval": 0,  # no pings: a page that answers late would lose its session
         },
     )
-    server.most_sessions, server.idle_seconds = most_sessions, idle_seconds
     server.config.VoilaConfiguration.update(
         template="uavdh_lite",
         preheat_kernel=True,

@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uavdh_lite.beyond.cities import LEAST_BUILT, CityGenerator
+from uavdh_lite.city import KINDS, fingerprint, load_cities
+from uavdh_lite.errors import CityError, InputError
+
+DEFAULT = CityGenerator()
+
+
+def zones(mask):
+    """The number of connected parts."""
+    left, count = {tuple(cell) for cell in np.argwhere(mask)}, 0
+    while left:
+        todo, count = [left.pop()], count + 1
+        while todo:
+            row, col = todo.pop()
+            near = {(row - 1, col), (row + 1, col), (row, col - 1), (row, col + 1)} & left
+            left -= near
+            todo += near
+    return count
+
+
+@given(st.integers(8, 40), st.integers(0, 2**40), st.sampled_from(DEFAULT.kinds))
+@settings(derandomize=True, deadline=None, max_examples=40)
+def test_cities_of_any_size_are_cities_in_which_the_uav_gets_everywhere(size, seed, kind):
+    (city,) = CityGenerator(size, (kind,)).draw(1, seed)
+    assert city.size == size and city.name == f"{kind}_{seed}_0"
+    assert zones(~city.no_fly) == 1 and 1 <= zones(city.landing) <= 3
+    assert city.buildings.mean() >= LEAST_BUILT and len(city.device_cells) >= 10
+
+
+def test_all_that_a_city_can_have_comes_up_about_as_often_as_it_should():
+    cities = DEFAULT.draw(200, 5)
+    kinds = [city.name.rsplit("_", 2)[0] for city in cities]
+    assert all(25 < kinds.count(kind) < 75 for kind in DEFAULT.kinds)
+    assert set(np.unique([city.kinds for city in cities])) == set(range(len(KINDS)))
+    low = [(city.buildings & ~city.no_fly).sum() / city.buildings.sum() for city in cities]
+    assert 0.15 < np.mean(low) < 0.35
+    assert {zones(city.landing) for city in cities} == {1, 2, 3}
+    empty = [
+        any(not np.rot90(city.buildings, turn)[:4].any() for turn in range(4)) for city in cities
+    ]
+    assert 0.15 < np.mean(empty) < 0.4, "a quarter has a side without buildings"
+
+
+def test_a_seed_names_its_cities_for_good_and_more_of_them_begin_with_the_same():
+    """Recorded results and the shipped agent rest on these names."""
+    first, more = DEFAULT.draw(5, 3), load_cities("random:8:3")
+    assert [city.text for city in first] == [city.text for city in more[:5]]
+    assert [city.name for city in first] == [city.name for city in more[:5]]
+    assert len({city.fingerprint for city in DEFAULT.draw(60, 0)}) == 60
+    assert fingerprint(load_cities("random:20:1")).startswith("6950e71aeb1f4052")
+    assert fingerprint(load_cities("random:20:1:24")).startswith("93f7c7dbe50ef283")
+
+
+@pytest.mark.parametrize("kinds", [(), ("blocks", "castle")])
+def test_unknown_kinds_are_refused_with_the_known_ones(kinds):
+    with pytest.raises(InputError, match="blocks, scattered, courtyards, old_town"):
+        CityGenerator(kinds=kinds)
+
+
+@pytest.mark.parametrize("name", ["", "3", "3:x", "-1:0", "1:2:8-9", "1:2:8:9"])
+def test_a_wrong_name_of_random_cities_says_how_to_write_it(name):
+    with pytest.raises(CityError, match=f"random:{name}: write random:COUNT:SEED"):
+        load_cities(f"random:{name}")
+
+
+@pytest.mark.parametrize(
+    "name, wrong", [("0:1", "0 cities"), ("1:2:3", "size is 3"), ("1:2:101", "size is 101")]
+)
+def test_no_cities_and_an_impossible_size_are_refused(name, wrong):
+    with pytest.raises(InputError, match=wrong):
+        load_cities(f"random:{name}")

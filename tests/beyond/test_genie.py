@@ -1,0 +1,173 @@
+"""The genie finds the best flights there are, and what it expects is what the environment does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from uavdh_lite.beyond import genie as search
+from uavdh_lite.beyond.genie import Genie, _best, _Problem
+from uavdh_lite.city import City, load_city
+from uavdh_lite.environment import HOVER, LAND, Environment, State
+from uavdh_lite.evaluation import evaluate, fly
+from uavdh_lite.missions import place
+from uavdh_lite.planners import Greedy
+from uavdh_lite.scenario import Scenario, find_scenario
+from uavdh_lite.streams import Use, stream
+
+CITY = City.from_text("small", "L.b. \n .N.. \n ..B. \n ....")
+OTHER = City.from_text("other", "..b \n .L. \n b..")
+
+
+class Quiet(np.random.Generator):
+    """Draws no fading: the channel's mean."""
+
+    def __init__(self):
+        super().__init__(np.random.PCG64(0))
+
+    def standard_normal(self, size=None, dtype=np.float64, out=None):
+        return np.zeros(size, dtype)
+
+
+@pytest.fixture
+def small():
+    return Environment(CITY)
+
+
+@pytest.fixture
+def starts(small):
+    """Two missions that differ in what they start from alone: opposite corners."""
+    return State.concatenate(
+        [place(CITY, start, [(2, 3)], [20.0], 14, 2) for start in ((0, 0), (3, 0))]
+    )
+
+
+def test_a_wider_beam_finds_little_more():
+    environment = Environment(load_city("manhattan"))
+    start = find_scenario("manhattan").sample(environment, 3, stream(Use.TEST, 3))
+
+    def total(**options):
+        return sum(plan.value for plan in Genie(environment, **options).plans(start))
+
+    narrow, wide = (total(beam=beam, grow=False) for beam in (1, 16))
+    assert 0.98 * wide < narrow <= wide + 1e-3
+    assert max(narrow, 0.998 * wide) < total() + 1e-3
+
+
+def test_it_flies_and_lands_with_fading_in_several_cities():
+    environment = Environment((CITY, OTHER))
+    scenario = Scenario("s", "s", (1, 2), (3.0, 8.0), (8, 14))
+    flights = evaluate(environment, Genie(environment), scenario, 40, seed=0)
+    greedy = evaluate(environment, Greedy(environment), scenario, 40, seed=0)
+    assert flights.end.landed.all() and not flights.counts["safety_interventions"].any()
+    assert flights.returns.mean() > greedy.returns.mean()
+
+
+@pytest.mark.parametrize("together", [2**17, 1])
+def test_a_plan_does_not_depend_on_the_others_of_the_batch(together, monkeypatch):
+    """Other cities, numbers of devices and flying times, all in one search or each in its own."""
+    environment = Environment((CITY, OTHER))
+    start = Scenario("s", "s", (1, 3), (3, 9), (6, 14)).sample(environment, 20, stream(Use.TEST))
+    monkeypatch.setattr(search, "TOGETHER", together)
+    plans = Genie(environment).plans(start)
+    for row in range(20):
+        city = int(start.city[row])
+        alone = replace(start[[row]], city=np.zeros(1, np.int16))
+        (plan,) = Genie(environment.over(city)).plans(alone)
+        assert plan.value == plans[row].value
+        assert plan.actions.tolist() == plans[row].actions.tolist()
+
+
+def test_without_a_way_home_in_time_it_hovers(small):
+    start = place(CITY, (3, 3), [(2, 0)], [5.0], 3, 2)
+    (plan,) = Genie(small).plans(start)
+    assert plan.actions.tolist() == [HOVER] * 3 and plan.value == -np.inf
+    assert fly(small, Genie(small, replan=1), start, Quiet()).steps == 3
+
+
+def test_without_fading_it_keeps_to_its_plan_and_gets_what_it_expects(small, starts):
+    plans = Genie(small).plans(starts)
+    for replan in (1, 1000):
+        flown = fly(small, Genie(small, replan=replan), starts, Quiet(), record=True)
+        assert flown.returns.tolist() == pytest.approx([p.value for p in plans], abs=1e-3)
+        for row, plan in enumerate(plans):
+            steps = flown.steps[row]
+            assert flown.trajectory(row).action.tolist() == plan.actions[:steps].tolist()
+            assert (plan.actions[steps - 1 :] == LAND).all()
+    known = _Problem(small, starts, 0.2).worth(plans)
+    assert [k.value for k in known] == pytest.approx([p.value for p in plans], abs=1e-3)
+    assert np.array_equal(Genie(small).act(starts), [plan.actions[0] for plan in plans])
+
+
+def test_it_plans_again_for_what_is_left(small):
+    """A device is empty sooner than planned: only who plans again comes home sooner."""
+    start = place(CITY, (0, 0), [(3, 3)], [60.0], 14, 2)
+    soon, once = Genie(small, replan=2).begin(start), Genie(small, replan=100).begin(start)
+    lucky = replace(start, data_left=np.zeros_like(start.data_left), time_left=start.time_left - 2)
+    for policy in (soon, once):
+        assert policy.act(start) != LAND
+    assert soon.act(lucky) == LAND != once.act(lucky)
+
+
+def test_flights_that_are_over_are_ignored_and_two_flights_do_not_mix(small, starts):
+    genie = Genie(small)
+    one, other = genie.begin(starts), genie.begin(starts[[1]])
+    over = replace(starts, landed=np.array([True, False]), time_left=starts.time_left - [9, 0])
+    assert one.act(over).tolist() == [HOVER, *other.act(starts[[1]])]
+    assert genie.act(replace(starts, landed=np.ones(2, bool))).tolist() == [HOVER] * 2
+
+
+def test_it_finds_the_best_of_all_flights_and_none_is_worth_more_than_its_bound(small, generator):
+    """All ways to move from many states, against the search and the bound of where they start."""
+    state = some_states(small, generator)
+    problem = _Problem(small, state, 0.2)
+    first = place = problem.start
+    left = problem.data[:, first]
+    bound = problem.bound(first, left, 0)
+    best = np.full(len(state), -np.inf)
+    for step in range(problem.time.max()):
+        over = (problem.home[place] == 0) & (step < problem.time[place])
+        np.maximum.at(best, problem.episode[place[over]], problem.value(place, left, step)[over])
+        alive = problem.home_after[:, place] + step + 1 < problem.time[place]
+        action, parent = alive.nonzero()
+        left = problem.collect(place[parent], action, left[:, parent])
+        place = problem.target[action, place[parent]]
+    assert np.isfinite(best).all()
+    assert (best <= bound + 1e-3).all()
+    assert (bound - best < 0.5).mean() > 0.3  # and it says something
+    found = Genie(small, beam=10_000).plans(state)
+    assert [plan.value for plan in found] == pytest.approx(best.tolist(), abs=2e-3)
+
+
+def test_a_planned_move_collects_what_the_environment_does_without_fading(small, generator):
+    state = some_states(small, generator, 400)
+    problem, action = _Problem(small, state, 0.2), generator.integers(0, LAND, 400)
+    after, _ = small.transition(state, action, np.zeros((400, 4, 3), np.float32))
+    left = problem.collect(problem.start, action, problem.data[:, problem.start])
+    np.testing.assert_allclose(np.sort(left, axis=0).T, np.sort(after.data_left), atol=1e-4)
+
+
+def some_states(environment, generator, count=40):
+    """Flights under way on the small map: any cell, some devices already empty."""
+    scenario = Scenario("s", "s", (1, 3), (3.0, 12.0), (4, 7))
+    return scenario.sample_anywhere(environment, count, generator, 1)
+
+
+def test_the_best_candidates_of_a_cell():
+    """Three places; in the first, two sets of emptied devices, and one candidate twice."""
+    place = np.array([0, 0, 0, 0, 0, 0, 1, 2])
+    left = np.array([[3, 2, 2, 1, 0, 0, 5, 0], [3, 3, 3, 5, 9, 8, 5, 0]], np.float32)
+
+    def best(beam, per_cell):
+        wide = np.full(len(place), 1)
+        return sorted(_best(place, left, beam * wide, per_cell * wide).tolist())
+
+    assert best(9, 99) == [0, 1, 3, 4, 5, 6, 7]  # 2 is as 1
+    assert best(1, 99) == [1, 5, 6, 7]
+    assert best(2, 2) == [0, 1, 6, 7]
+    assert best(2, 1) == [1, 6, 7]
+
+
+def test_equal_candidates_are_found_between_others_with_as_much_data():
+    left = np.array([[1, 2, 1, 2], [2, 1, 2, 1]], np.float32)
+    assert sorted(_best(np.zeros(4, int), left, np.full(4, 9), np.full(4, 99))) == [0, 1]

@@ -1,0 +1,23 @@
+import pytest
+import torch
+
+from uavdh_lite.beyond.global_local import GlobalLocalNetwork
+from uavdh_lite.errors import InputError
+
+
+def test_it_sees_the_map_averaged_and_its_middle_in_full():
+    network, seen = GlobalLocalNetwork((5, 9, 9), 2, 5, 2, 3, (1,), (8,)), []
+    for layers in network.convolutions:
+        layers.register_forward_hook(lambda _, inputs, __: seen.append(inputs[0]))
+    map = torch.rand(2, 5, 9, 9)
+    assert network(map, torch.rand(2, 1)).shape == (2, 6)
+    coarse, middle = seen
+    assert coarse.shape == (2, 5, 4, 4)
+    assert torch.allclose(coarse[1, 3, 2, 1], map[1, 3, 4:6, 2:4].mean())
+    assert torch.equal(middle, map[:, :, 2:7, 2:7])
+
+
+@pytest.mark.parametrize("local_size", [4, 11])
+def test_a_middle_without_a_centre_or_larger_than_the_map_is_refused(local_size):
+    with pytest.raises(InputError, match=f"local_size is {local_size}"):
+        GlobalLocalNetwork((5, 9, 9), 2, local_size)

@@ -1,0 +1,140 @@
+"""Studies: the same runs in any order, in any number of processes, killed and all."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from uavdh_lite.beyond.recipes import QUANTILE
+from uavdh_lite.checkpoint import load, load_agent
+from uavdh_lite.cli.main import main
+from uavdh_lite.errors import InputError
+from uavdh_lite.experiments.runs import SAVED
+from uavdh_lite.experiments.study import (
+    centring,
+    collect_curves,
+    final_scores,
+    run_study,
+    variants_of,
+)
+from uavdh_lite.recipe import LITE, SMALL
+from uavdh_lite.scenario import find_scenario
+from uavdh_lite.storage import read_table
+
+CHANGES = {"steps": 5120, "validation_interval": 2560, "validation_episodes": 5, "kernels": 2}
+CHANGES |= {"hidden": (8,), "environments": 64, "replay_capacity": 1000, "replay_prefill": 320}
+RECIPE = replace(SMALL, **CHANGES)
+RUNS = ["centred-0", "centred-1", "non_centred-0", "non_centred-1"]
+
+
+def study(out, *more):
+    options = [
+        word
+        for name, value in CHANGES.items()
+        for word in (f"--{name.replace('_', '-')}", str(value).strip("(),"))
+    ]
+    options += ["--scenario", "village", "--recipe", "small", "--seeds", "2"]
+    return ["study", *options, "--out", str(out), *more]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    out = tmp_path_factory.mktemp("study")
+    return out, run_study(find_scenario("village"), centring(RECIPE), 2, out, command="a command")
+
+
+def assert_same_runs(out, other):
+    assert sorted(path.name for path in out.iterdir() if path.is_dir()) == RUNS
+    for name in RUNS:
+        ours, theirs = (load(folder / name / SAVED, "training")[0] for folder in (out, other))
+        assert ours.keys() == theirs.keys()
+        assert all(torch.equal(ours[key], theirs[key]) for key in theirs)
+
+
+def test_a_run_for_each_variant_and_seed_which_is_kept(finished):
+    out, folders = finished
+    kinds = ("centred", "non_centred")
+    assert folders == {name: [out / f"{name}-{seed}" for seed in range(2)] for name in kinds}
+    agent = load_agent(out / "non_centred-1" / "best.safetensors")
+    assert agent.recipe == replace(RECIPE, observation="non_centred")
+    assert agent.training["seed"] == 1 and agent.training["command"] == "a command"
+    before = {path: path.stat().st_mtime_ns for path in out.glob("*/*")}
+    assert run_study(find_scenario("village"), centring(RECIPE), 2, out) == folders
+    assert {path: path.stat().st_mtime_ns for path in out.glob("*/*")} == before
+
+
+def test_the_curves_of_all_runs_come_as_two_tables(finished, tmp_path):
+    out, folders = finished
+    paths = collect_curves(folders, tmp_path, "a command")
+    for kind, path in zip(("training", "validation"), paths, strict=True):
+        assert path == tmp_path / f"{kind}.csv.gz"
+        table = read_table(path)
+        assert list(table)[:3] == ["variant", "seed", "steps"]
+        own = (table["variant"] == "non_centred") & (table["seed"] == 1)
+        for name, column in read_table(out / "non_centred-1" / f"{kind}.csv").items():
+            np.testing.assert_array_equal(table[name][own], column)
+    about = json.loads((tmp_path / "about.json").read_text())
+    assert about["command"] == "a command" and sorted(about["runs"]) == RUNS
+    last = read_table(out / "non_centred-1" / "validation.csv")["collected_and_landed"][-1]
+    scores = final_scores(paths[1])
+    assert list(scores) == ["centred", "non_centred"] and scores["non_centred"][1] == last
+
+
+def test_a_variant_is_the_recipe_with_what_its_text_says():
+    texts = ["as_it_is", "quantiles=32", "strides=[3,1],kernels=8", "huber_delta=10"]
+    texts += ["failsafe=false,discount=0.9", "observation=centred"]
+    assert variants_of(QUANTILE, texts) == {
+        "as_it_is": QUANTILE,
+        "quantiles=32": replace(QUANTILE, quantiles=32),
+        "strides=[3,1],kernels=8": replace(QUANTILE, strides=(3, 1), kernels=8),
+        "huber_delta=10": replace(QUANTILE, huber_delta=10),
+        "failsafe=false,discount=0.9": replace(QUANTILE, failsafe=False, discount=0.9),
+        "observation=centred": QUANTILE,
+    }
+    assert centring(LITE)["non_centred"] == replace(LITE, observation="non_centred")
+    assert variants_of(LITE, ["huber_delta=null"])["huber_delta=null"].huber_delta is None
+
+
+@pytest.mark.parametrize(
+    "text", ["leek=0", "leak", "leak=much", "kernels=1.5", "discount=2", "quantiles=8", "steps=[1]"]
+)
+def test_what_a_recipe_cannot_have_is_named(text):
+    with pytest.raises(InputError, match=text.partition("=")[0]):
+        variants_of(LITE, [text])
+
+
+def test_runs_too_short_for_a_curve_are_refused_before_they_run(tmp_path, capsys):
+    assert main(study(tmp_path / "a", "--steps", "4000")) == 2
+    assert "4000 steps" in capsys.readouterr().err and not (tmp_path / "a").exists()
+
+
+@pytest.mark.long
+def test_a_killed_study_goes_on_to_the_same_runs_with_any_number_of_jobs(
+    finished, tmp_path, capsys
+):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "uavdh_lite", *study(tmp_path, "--jobs", "2")],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    while not list(tmp_path.glob(f"*/{SAVED}")):
+        assert process.poll() is None
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    time.sleep(0.5)  # the workers of the killed process are gone
+    saved = list(tmp_path.glob(f"*/{SAVED}"))
+    assert len(saved) < 4 or any(load(path, "training")[1]["steps"] < 5120 for path in saved)
+    assert main(study(tmp_path, "--jobs", "2")) == 0
+    assert_same_runs(tmp_path, finished[0])
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert [row[0] for row in rows[1:3]] == ["centred", "non_centred"] and len(rows[1]) == 3
+    assert (tmp_path / "curves.png").stat().st_size > 5000

@@ -1,0 +1,75 @@
+"""Without the optional packages everything else works, and what needs one names its extra.
+
+A Python process in which these packages cannot be imported stands for an installation without them.
+"""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+BLOCK = """
+import sys
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {packages}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Missing())
+"""
+IMPORT_ALL = """
+import importlib, pkgutil, uavdh_lite
+from uavdh_lite.errors import MissingExtra
+for module in pkgutil.walk_packages(uavdh_lite.__path__, "uavdh_lite.", onerror=lambda name: None):
+    if not module.name.endswith("__main__"):
+        try:
+            importlib.import_module(module.name)
+        except MissingExtra as error:
+            print(module.name, error)
+"""
+RUN = "from uavdh_lite.cli.main import main; sys.exit(main({arguments!r}.split()))"
+
+
+def packages(extras=EXTRAS):
+    """The packages that the extras bring, as they are imported."""
+    named = {"stable-baselines3": "stable_baselines3", "myst-nb": "myst_nb"}
+    found = {re.match(r"[\w.\-]+", one)[0] for extra in extras for one in EXTRAS[extra]}
+    return {named.get(name, name) for name in found - {"uavdh-lite"}} - {"hypothesis", "pytest"}
+
+
+def run(code, cwd):
+    blocked = BLOCK.format(packages=packages(set(EXTRAS) - {"test"}))
+    return subprocess.run(
+        [sys.executable, "-c", blocked + code], capture_output=True, text=True, cwd=cwd
+    )
+
+
+def test_a_module_imports_or_names_the_extra_that_it_needs(tmp_path):
+    done = run(IMPORT_ALL, tmp_path)
+    assert done.returncode == 0, done.stderr
+    missing = dict(line.split(" ", 1) for line in done.stdout.splitlines())
+    assert all(re.search(r"uavdh-lite\[(\w+)\]'$", said)[1] in EXTRAS for said in missing.values())
+    rooms = {"labs", "course", "bridges"}
+    assert missing and {name.split(".")[1] for name in missing} <= rooms, missing
+    path = ("training", "evaluation", "checkpoint", "policies", "plotting", "player", "beyond.genie")
+    assert not missing.keys() & {f"uavdh_lite.{name}" for name in path}
+
+
+@pytest.mark.long
+def test_flying_works_without_extras(tmp_path):
+    done = run(RUN.format(arguments="fly --scenario village --out flight.png"), tmp_path)
+    assert done.returncode == 0 and (tmp_path / "flight.png").exists(), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "extra"),
+    [("export --checkpoint manhattan", "onnx"), ("app --no-browser", "app")],
+)
+def test_a_command_names_the_extra_that_it_needs(arguments, extra, tmp_path):
+    done = run(RUN.format(arguments=arguments), tmp_path)
+    assert done.returncode == 2 and f"uavdh-lite[{extra}]" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,1 @@
+"""Ways to other programs; each needs the optional packages that its errors name."""

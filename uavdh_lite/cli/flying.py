@@ -1,0 +1,191 @@
+"""`demo`, `fly`, `evaluate`, `compare` and `export`: what trained agents do."""
+
+from pathlib import Path
+
+from cyclopts.types import NonNegativeInt, PositiveInt
+from matplotlib.figure import Figure
+
+from uavdh_lite import evaluation, missions, plotting
+from uavdh_lite.agent import Agent
+from uavdh_lite.bridges.onnx import export_onnx
+from uavdh_lite.checkpoint import load_agent, shipped_agents
+from uavdh_lite.city import City, load_cities
+from uavdh_lite.cli.options import Checkpoint, Cities, CommandLine
+from uavdh_lite.environment import Environment
+from uavdh_lite.errors import InputError
+from uavdh_lite.experiments import comparison
+from uavdh_lite.experiments.report import METRICS, policies_table
+from uavdh_lite.paper import RESULTS
+from uavdh_lite.player import play
+from uavdh_lite.policies import find_policy, policies_for
+from uavdh_lite.provenance import provenance
+from uavdh_lite.storage import write_json
+
+AGENTS = {"beyond it: quantile agent": "", "the paper's method: DDQN": "_ddqn"}
+
+
+def open_agent(checkpoint: str | None, city: str | City | None) -> Agent:
+    """The agent of a file or a shipped one, over its own city, another, or several.
+
+    Without a checkpoint it is the shipped agent that knows the city best; without a city, that of
+    manhattan. Raises `InputError` if there is none.
+    """
+    if city is None:
+        return load_agent(checkpoint or "manhattan")
+    environment = Environment(load_cities(city) if isinstance(city, str) else city)
+    name = checkpoint or policies_for(environment)[0]
+    if checkpoint is None and name not in shipped_agents():
+        raise InputError(
+            f"no shipped agent flies over {environment.size} × {environment.size} cells: train an "
+            "agent for it (train --city), and give its file as --checkpoint"
+        )
+    return load_agent(name).over(environment.cities)
+
+
+def demo(
+    *, episodes: PositiveInt = 1000, out: Path = Path("demo.png"), seed: NonNegativeInt = 0
+) -> None:
+    """Fly the shipped agents next to a simple rule and the paper's results, and draw four flights.
+
+    Arguments:
+        episodes: number of random missions.
+        out: the figure.
+        seed: seed of the missions and the fading.
+    """
+    figure = Figure(figsize=(11, 13), layout="constrained")
+    axes = figure.subplots(2, 2)
+    for (name, paper), row in zip(RESULTS.items(), axes, strict=True):
+        agent = open_agent(name, None)
+        environment = Environment(agent.city)
+        policies = {label: name + suffix for label, suffix in AGENTS.items()}
+        flown = {
+            label: evaluation.evaluate(
+                environment, policy, agent.scenario, episodes, seed, record=True
+            )
+            for label, known in {**policies, "greedy rule": "greedy"}.items()
+            for policy in [find_policy(known, environment)]
+        }
+        metrics = {label: flights.metrics() for label, flights in flown.items()}
+        print(f"{name}: {episodes} random missions, seed {seed}")
+        print(f"{policies_table(metrics, paper)}\n")
+        best = next(iter(flown.values()))
+        for episode, ax in enumerate(row[:episodes]):
+            plotting.draw_trajectory(ax, environment, best.trajectory(episode))
+            ax.set_title(f"{name}, scenario {episode}")
+    plotting.add_legend(figure, devices=5)
+    plotting.save_figure(figure, out)
+    print(f"The first flights over each map are drawn in {out}.")
+    print("The paper's maps were never published. Ours are redrawn from its text, so the agents")
+    print("solve the same task, but in other streets.")
+
+
+def fly(
+    *,
+    checkpoint: Checkpoint = None,
+    city: Cities = None,
+    mission: Path | None = None,
+    save_mission: Path | None = None,
+    seed: NonNegativeInt = 0,
+    out: Path = Path("flight.png"),
+) -> None:
+    """Fly one mission and draw it: a random one, or that of a file.
+
+    Arguments:
+        mission: a mission's file, from --save-mission or from the labs.
+        save_mission: write the mission to this file, to change or to share it.
+        seed: seed of the random mission and its fading.
+        out: the figure; a name that ends in .gif makes an animation, in .html a page that plays it.
+    """
+    given = None if mission is None else missions.load_mission(mission)
+    agent = open_agent(checkpoint, city if given is None else given.city)
+    flown = given or missions.Mission.draw(agent.scenario, agent.city, seed)
+    if save_mission is not None:
+        missions.save_mission(save_mission, flown)
+    environment = Environment(flown.city)
+    trajectory = flown.fly(environment, agent).trajectory(0)
+    if out.suffix == ".gif":
+        plotting.save_animation(flown.city, trajectory, out)
+    elif out.suffix == ".html":
+        play(environment, trajectory).save(out)
+    else:
+        figure = Figure(figsize=(7, 9), layout="constrained")
+        plotting.draw_trajectory(figure.subplots(), environment, trajectory)
+        plotting.add_legend(figure, len(flown.devices))
+        plotting.save_figure(figure, out)
+    landed = "landed" if trajectory.landed else "crashed"
+    print(f"{landed}. {plotting.caption(trajectory)}. {out}")
+
+
+def evaluate(
+    *,
+    checkpoint: Checkpoint = None,
+    city: Cities = None,
+    episodes: PositiveInt = 1000,
+    seed: NonNegativeInt = 0,
+    json: Path | None = None,
+) -> None:
+    """Fly an agent on many random missions.
+
+    Arguments:
+        episodes: number of random missions.
+        seed: seed of the missions and the fading.
+        json: file to write the mean, low and high of each metric to.
+    """
+    agent = open_agent(checkpoint, city)
+    flights = evaluation.evaluate(agent.environment, agent, agent.scenario, episodes, seed)
+    metrics = flights.metrics()
+    print(f"{agent.scenario.name}: {episodes} random missions, seed {seed}")
+    print(policies_table({checkpoint or "agent": metrics}))
+    if json is not None:
+        write_json(json, {name: interval._asdict() for name, interval in metrics.items()})
+
+
+def compare(
+    *,
+    checkpoint: Checkpoint = None,
+    others: tuple[str, ...] = (),
+    city: Cities = None,
+    episodes: PositiveInt = 1000,
+    seed: NonNegativeInt = 0,
+    jobs: PositiveInt = 1,
+    out: Path | None = None,
+    command_line: CommandLine,
+) -> None:
+    """Compare an agent with the planners on the same missions.
+
+    The agent, the random planner, the greedy planner and two genies fly the same missions with
+    the same fading. The metrics of every episode are written as a table.
+
+    Arguments:
+        others: names of shipped agents of the same city to compare with, too.
+        episodes: number of random missions.
+        seed: seed of the missions, the fading and the random planner.
+        jobs: number of processes at a time, one for each policy.
+        out: the table, by default comparison-SCENARIO.csv.gz, with a JSON file next to it.
+    """
+    agent = open_agent(checkpoint, city)
+    environment, name = Environment(agent.cities), agent.scenario.name
+    policies = comparison.entrants(environment, agent, others, seed)
+    results = comparison.compare(environment, agent.scenario, policies, episodes, seed, jobs)
+    out = out or Path(f"comparison-{name}.csv.gz")
+    about = {"command": command_line, "seed": seed, **provenance(), "agent": agent.training}
+    comparison.save_comparison(out, results, about)
+    print(f"{name}: {episodes} random missions, seed {seed}")
+    metrics = {
+        policy: {metric: evaluation.mean_interval(columns[metric]) for metric in METRICS}
+        for policy, columns in results.items()
+    }
+    print(policies_table(metrics))
+    print(out)
+
+
+def export(*, checkpoint: Checkpoint, city: Cities = None, out: Path = Path("agent.onnx")) -> None:
+    """Write an agent's network as an ONNX file.
+
+    The file is written only if ONNX Runtime decides with it as the agent does.
+
+    Arguments:
+        out: the file.
+    """
+    error = export_onnx(open_agent(checkpoint, city), out)
+    print(f"{out}: decides as the agent does; Q-values differ by at most {error:.1g}")

@@ -1,0 +1,86 @@
+"""Options that several commands share, and those that come from scenarios and recipes.
+
+Every `option(...)` field of a dataclass becomes an option. Its default is the value of the scenario
+or recipe that the command names: `train --recipe small --help` shows those of `small`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import field, fields, make_dataclass, replace
+from typing import Annotated, Any, TypeVar, get_type_hints
+
+from cyclopts import Group, Parameter
+
+from uavdh_lite.recipe import Recipe, find_recipe
+from uavdh_lite.scenario import Scenario, find_scenario
+
+Preset = TypeVar("Preset", Scenario, Recipe)
+CommandLine = Annotated[str, Parameter(parse=False)]
+"""A command's parameter for what was typed, which results record; it is not an option."""
+Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
+Checkpoint = Annotated[
+    str | None,
+    Parameter(
+        help="A checkpoint file, or the name of a shipped agent; by default the one that knows the "
+        "city best."
+    ),
+]
+Cities = Annotated[
+    str | None,
+    Parameter(
+        help="Another city, of the same size or smaller: a PNG, a folder of PNGs, the name of a "
+        "shipped one, or random:COUNT:SEED."
+    ),
+]
+
+
+def presets(arguments: Sequence[str]) -> tuple[Scenario, Recipe]:
+    """The scenario and the recipe that the arguments name, or the default ones.
+
+    Whoever begins with an agent (`--from`) fine-tunes it; others train from nothing.
+    """
+    new = _given(arguments, "--from") is None
+    scenario = _given(arguments, "--scenario") or ("manhattan" if new else "any_city")
+    recipe = _given(arguments, "--recipe") or ("lite" if new else "fine_tune")
+    return find_scenario(scenario), find_recipe(recipe)
+
+
+def _given(arguments: Sequence[str], option: str) -> str | None:
+    """What follows an option, the last time that it is there; None if it is not."""
+    value = None
+    for word, following in zip(arguments, [*arguments[1:], None], strict=True):
+        name, equals, behind = word.partition("=")
+        if name == option:
+            value = behind if equals else following
+    return value
+
+
+def options_of(preset: Scenario | Recipe, title: str) -> Any:
+    """The type of a parameter with an option for each `option(...)` field of a preset.
+
+    `with_values` takes what the parameter is given: None if no such option was typed.
+    """
+    types = get_type_hints(type(preset))
+    options = make_dataclass(
+        title,
+        [
+            (f.name, types[f.name], field(default=getattr(preset, f.name), metadata=f.metadata))
+            for f in fields(preset)
+            if "help" in f.metadata
+        ],
+        namespace={"__module__": __name__},  # Cyclopts takes no classes of the standard library
+        frozen=True,
+    )
+    group = Group.create_ordered(title)
+    return Annotated[options, Parameter("*", group=group, show_default=_as_typed)]
+
+
+def with_values(preset: Preset, values: Any) -> Preset:
+    """The preset with the values of its options."""
+    return preset if values is None else replace(preset, **vars(values))
+
+
+def _as_typed(value: Any) -> str:
+    """A value as one types it on the command line."""
+    if value is None:
+        return "none"
+    return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)

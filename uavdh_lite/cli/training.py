@@ -1,0 +1,139 @@
+"""`train` and `study`: the commands with the options of a scenario and a recipe."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Literal
+
+import torch
+from cyclopts import Parameter
+from cyclopts.types import NonNegativeInt, PositiveInt
+from matplotlib.figure import Figure
+
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.cli.options import CommandLine, Flag, options_of, presets, with_values
+from uavdh_lite.errors import InputError
+from uavdh_lite.experiments import runs
+from uavdh_lite.experiments import study as studies
+from uavdh_lite.experiments.report import table
+from uavdh_lite.plotting import draw_study, save_figure
+from uavdh_lite.storage import read_table
+from uavdh_lite.training import Trainer
+
+THREADS = min(2, os.cpu_count() or 1)
+
+
+def train(arguments: list[str]) -> Callable[..., None]:
+    """The command with the options of the scenario and the recipe that the arguments name."""
+    named_scenario, named_recipe = presets(arguments)
+    scenario_options = options_of(named_scenario, "Scenario")
+    recipe_options = options_of(named_recipe, "Recipe")
+
+    def train(
+        *,
+        scenario: str = named_scenario.name,
+        recipe: str = named_recipe.name,
+        begin_with: Annotated[str | None, Parameter(name="--from")] = None,
+        seed: NonNegativeInt = 0,
+        out: Path | None = None,
+        resume: Flag = False,
+        stop_after: PositiveInt | None = None,
+        threads: PositiveInt = THREADS,
+        device: Literal["cpu", "cuda", "mps"] = "cpu",
+        tensorboard: Flag = False,
+        scenario_values: scenario_options = None,  # type: ignore[valid-type]
+        recipe_values: recipe_options = None,  # type: ignore[valid-type]
+        command_line: CommandLine,
+    ) -> None:
+        """Train an agent.
+
+        The options under Scenario and Recipe replace single values of the scenario and the recipe
+        that you name. The defaults below are those of that scenario and that recipe.
+
+        Arguments:
+            scenario: what to train for: manhattan, open_field, village, harbour, metropolis, or
+                any_city, 2000 random cities.
+            recipe: how to train: lite, paper, small, quantile or fine_tune.
+            begin_with: an agent to go on from, a checkpoint file or the name of a shipped one. Then
+                the defaults are --scenario any_city and --recipe fine_tune.
+            seed: seed of the weights, the episodes and the exploration.
+            out: folder of the run, by default runs/SCENARIO-RECIPE-SEED.
+            resume: continue the run in that folder.
+            stop_after: stop after this many environment steps; --resume continues.
+            threads: of PyTorch; another number gives another agent of the same kind.
+            device: what the network runs on.
+            tensorboard: write event files for TensorBoard as well.
+        """
+        if device != "cpu" and not getattr(torch, device).is_available():
+            raise InputError(f"no {device} device for this torch: leave out --device")
+        torch.set_num_threads(threads)
+        trainer = Trainer(
+            with_values(named_scenario, scenario_values),
+            with_values(named_recipe, recipe_values),
+            seed,
+            device=device,
+            begin_with=None if begin_with is None else load_agent(begin_with),
+        )
+        best = runs.train(
+            trainer,
+            out or Path("runs", f"{scenario}-{recipe}-{seed}"),
+            resume,
+            command_line,
+            stop_after=stop_after,
+            tensorboard=tensorboard,
+        )
+        if best.exists():  # not if the run was stopped before its first validation
+            print(f"best agent: {best}")
+            print(f"to see it: python -m uavdh_lite evaluate --checkpoint {best}")
+
+    return train
+
+
+def study(arguments: list[str]) -> Callable[..., None]:
+    """The command with the options of the recipe that the arguments name."""
+    named_scenario, named_recipe = presets(arguments)
+    recipe_options = options_of(named_recipe, "Recipe")
+
+    def study(
+        *,
+        variants: Annotated[tuple[str, ...], Parameter(metavar="FIELD=VALUE...")] = (),
+        scenario: str = named_scenario.name,
+        recipe: str = named_recipe.name,
+        seeds: PositiveInt = 3,
+        jobs: PositiveInt = 1,
+        scheduler: str | None = None,
+        out: Path = Path("runs", "study"),
+        recipe_values: recipe_options = None,  # type: ignore[valid-type]
+        command_line: CommandLine,
+    ) -> None:
+        """Train several variants of a recipe, over several seeds.
+
+        Each variant is trained with several seeds, and their curves are drawn. If you stop the
+        command, run it again: it continues. The options under Recipe hold for all variants; their
+        defaults below are those of the recipe that you name.
+
+        Arguments:
+            variants: changes of the recipe, such as as_it_is leak=0 strides=[3,1],kernels=8; by
+                default the paper's, observation=centred and observation=non_centred.
+            scenario: what to train for, as in train.
+            recipe: how to train, as in train.
+            seeds: number of runs of each variant, with the seeds 0, 1, and so on.
+            jobs: number of runs at a time.
+            scheduler: address of a Dask cluster to run on, such as tcp://node1:8786.
+            out: folder of the runs.
+        """
+        changed = with_values(named_recipe, recipe_values)
+        trained = studies.variants_of(changed, variants) if variants else studies.centring(changed)
+        folders = studies.run_study(
+            named_scenario, trained, seeds, out, jobs, scheduler, command_line
+        )
+        training, validation = studies.collect_curves(folders, out, command_line)
+        print("collected and landed at the end, validation missions, by seed:")
+        scores = studies.final_scores(validation)
+        print(table([name, *(f"{score:.4f}" for score in row)] for name, row in scores.items()))
+        figure = Figure(figsize=(9, 4), layout="constrained")
+        draw_study(figure, read_table(training))
+        save_figure(figure, out / "curves.png")
+        print(out / "curves.png")
+
+    return study

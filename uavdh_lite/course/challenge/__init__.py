@@ -1,1 +1,0 @@
-"""A challenge for a class: hidden missions, isolated submissions, a leaderboard."""

@@ -1,0 +1,159 @@
+"""Studies: the same training with one thing changed, over several seeds, side by side."""
+
+import csv
+import json
+import re
+import sys
+from collections.abc import Iterable
+from contextlib import nullcontext
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import joblib
+import torch
+from tqdm.auto import tqdm
+
+from uavdh_lite.errors import InputError, extra
+from uavdh_lite.experiments.runs import SAVED, train
+from uavdh_lite.recipe import Recipe
+from uavdh_lite.scenario import Scenario
+from uavdh_lite.storage import read_table, write_json, write_table
+from uavdh_lite.training import BIN, Trainer
+
+
+def centring(recipe: Recipe) -> dict[str, Recipe]:
+    """The paper's ablation: the map centred on the UAV, and the city in place."""
+    return {kind: replace(recipe, observation=kind) for kind in ("centred", "non_centred")}
+
+
+def variants_of(recipe: Recipe, changes: Iterable[str]) -> dict[str, Recipe]:
+    """The recipe with each of some changes, by their text.
+
+    A change is `FIELD=VALUE`, or several of these with commas between them. A value is written as
+    in JSON, a word without quotes: `observation=non_centred`, or `quantiles=8,strides=[3,1]`. The
+    text `as_it_is` changes nothing.
+
+    Raises `InputError` for anything else, and for values that the recipe cannot have.
+    """
+    return {text: replace(recipe, **_fields_in(text, recipe)) for text in changes}
+
+
+def _fields_in(text: str, recipe: Recipe) -> dict[str, Any]:
+    if text == "as_it_is":
+        return {}
+    known = asdict(recipe)
+    values = {}
+    for part in re.split(r",(?=\w+=)", text):
+        name, equals, written = part.partition("=")
+        if name not in known or not equals:
+            raise InputError(
+                f"variant {text!r}: write FIELD=VALUE, such as leak=0 or layer_norm=false"
+            )
+        values[name] = _value(written)
+        kinds = {type(known[name]), type(None)} | ({int} if type(known[name]) is float else set())
+        if known[name] is not None and type(values[name]) not in kinds:
+            raise InputError(f"variant {text!r}: {name} is now {known[name]!r}, write such a value")
+    return values
+
+
+def _value(written: str) -> Any:
+    try:
+        value = json.loads(written)
+    except ValueError:
+        return written
+    return tuple(value) if isinstance(value, list) else value
+
+
+def run_study(
+    scenario: Scenario,
+    variants: dict[str, Recipe],
+    seeds: int,
+    out: str | Path,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    command: str = "",
+) -> dict[str, list[Path]]:
+    """Train every variant with the seeds 0, 1, …; returns the folders of the runs by variant.
+
+    Each run is one thread in a process of its own, in the folder `out/VARIANT-SEED`. If the call is
+    killed, the same call continues: finished runs are kept, others resume where they were saved.
+
+    Arguments:
+        jobs: runs at a time on this machine.
+        scheduler: the address of a Dask cluster's scheduler, such as `tcp://node1:8786`, to run on
+            its workers instead; they must see the folder `out` under the same path.
+
+    Raises `InputError` if no scheduler answers there, and for runs that are too short for a curve.
+    """
+    for recipe in variants.values():
+        if recipe.steps < BIN:
+            raise InputError(f"runs of {recipe.steps} steps: a study's curves need at least {BIN}")
+    out = Path(out).absolute()
+    grid = [(name, seed) for seed in range(seeds) for name in variants]
+    backend, n_jobs = ("dask", -1) if scheduler else ("loky", jobs)
+    with _client(scheduler), joblib.parallel_config(backend=backend, n_jobs=n_jobs):
+        done = joblib.Parallel(return_as="generator_unordered")(
+            joblib.delayed(_run)(scenario, variants[name], seed, out / f"{name}-{seed}", command)
+            for name, seed in grid
+        )
+        for folder in tqdm(done, total=len(grid), unit="run"):
+            tqdm.write(f"finished: {folder}", file=sys.stderr)
+    return {name: [out / f"{name}-{seed}" for seed in range(seeds)] for name in variants}
+
+
+def _run(scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: str) -> Path:
+    """One training run, from its start or from where it was saved."""
+    torch.set_num_threads(1)
+    resume = (folder / SAVED).exists()
+    train(Trainer(scenario, recipe, seed), folder, resume, command, show_progress=False)
+    return folder
+
+
+def _client(scheduler: str | None):
+    """A context in which joblib finds the Dask cluster, if there is one."""
+    if scheduler is None:
+        return nullcontext()
+    with extra("dask"):
+        from distributed import Client
+    try:
+        return Client(scheduler, timeout=10)
+    except (OSError, ValueError) as error:
+        raise InputError(f"no Dask scheduler answers at {scheduler}: {error}") from None
+
+
+def collect_curves(folders: dict[str, list[Path]], out: Path, command: str) -> tuple[Path, Path]:
+    """Write the curves of a finished study as two tables; returns their paths.
+
+    `training.csv.gz` and `validation.csv.gz` have the rows of the runs' own files, with the columns
+    `variant` and `seed` in front. `about.json` has the command and each run's `about.json`.
+    """
+    runs = {folder: name for name, of_variant in folders.items() for folder in of_variant}
+    about = {folder: json.loads((folder / "about.json").read_text()) for folder in runs}
+    paths = out / "training.csv.gz", out / "validation.csv.gz"
+    for path in paths:
+        rows = []
+        for folder, name in runs.items():
+            with open(folder / path.stem, newline="") as file:
+                first = {"variant": name, "seed": about[folder]["seed"]}
+                rows += [first | row for row in csv.DictReader(file)]
+        write_table(path, rows)
+    write_json(
+        out / "about.json",
+        {"command": command, "runs": {folder.name: how for folder, how in about.items()}},
+    )
+    return paths
+
+
+def final_scores(validation: str | Path) -> dict[str, list[float]]:
+    """Collected and landed at the end of each run, by variant, in the order of the seeds.
+
+    Arguments:
+        validation: the table `validation.csv.gz` of `collect_curves`.
+    """
+    table = read_table(validation)
+    last = table["steps"] == table["steps"].max()
+    return {
+        variant: table["collected_and_landed"][last & (table["variant"] == variant)].tolist()
+        for variant in dict.fromkeys(table["variant"].tolist())
+    }

@@ -1,0 +1,49 @@
+"""Recipes, scenarios, policies and sources of cities by name; an extension adds its own.
+
+An extension is a package with an entry point in the group `uavdh_lite.extensions`. It is imported
+when a name is looked up, and registers what it has. So nothing here has to know of it.
+"""
+
+from importlib.metadata import entry_points
+from typing import Any, Literal
+
+from uavdh_lite.errors import InputError
+
+Kind = Literal["recipe", "recipe kind", "scenario", "policy", "cities"]
+GROUP = "uavdh_lite.extensions"
+
+_known: dict[str, dict[str, Any]] = {}
+
+
+def register(kind: Kind, name: str, thing: Any) -> Any:
+    """Make a thing known by its name; returns it.
+
+    | kind | thing |
+    | --- | --- |
+    | `recipe` | a `Recipe` |
+    | `recipe kind` | a class of recipes, under the name of the class, for checkpoints |
+    | `scenario` | a `Scenario` |
+    | `policy` | a function of an environment and a seed that gives a `Policy` |
+    | `cities` | a function of what follows `NAME:` that gives a tuple of cities |
+    """
+    _known.setdefault(kind, {})[name] = thing
+    return thing
+
+
+def find(kind: Kind, name: str) -> Any:
+    """The thing of this name; raises `InputError` with the known names."""
+    known = _all(kind)
+    if name not in known:
+        raise InputError(f"unknown {kind} {name!r}: choose one of {', '.join(known)}")
+    return known[name]
+
+
+def names(kind: Kind) -> list[str]:
+    """The known names of a kind, in the order in which they were registered."""
+    return list(_all(kind))
+
+
+def _all(kind: Kind) -> dict[str, Any]:
+    for extension in entry_points(group=GROUP):
+        extension.load()
+    return _known.get(kind, {})
