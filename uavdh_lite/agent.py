@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from uavdh_lite.city import City, fingerprint
+from uavdh_lite.city import City, fingerprint_of
 from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Policy, in_flight
@@ -64,7 +64,7 @@ class Agent(Policy):
 
     def knows(self, cities: tuple[City, ...]) -> bool:
         """Whether it was trained for these cities: in them, or in many that are as large."""
-        if fingerprint(cities) == fingerprint(self.cities):
+        if fingerprint_of(cities) == fingerprint_of(self.cities):
             return True
         largest = max(city.size for city in cities)
         return len(self.cities) > 1 and largest <= self.observation.size

@@ -39,7 +39,7 @@ class Channel:
         return self.cell_edge_snr_db + 10 * self.path_loss_exponent_los * math.log10(edge_m)
 
     def path_loss_db(self, squared_distance_m2, line_of_sight):
-        """10 α log10 d in dB, from squared 3-D distances; arrays of one shape (eq. 2).
+        """10 α log10 d in dB, from squared 3-D distances; arrays of one shape.
 
         The square saves a root: 10 log10 d = 5 log10 d².
         """
@@ -51,7 +51,7 @@ class Channel:
         return exponent * np.log10(squared_distance_m2)
 
     def fading_db(self, standard_normal, line_of_sight):
-        """Shadow fading η in dB from standard normal draws; arrays of one shape (eq. 3)."""
+        """Shadow fading η in dB from standard normal draws; arrays of one shape."""
         return standard_normal * np.where(
             line_of_sight,
             np.float32(math.sqrt(self.fading_variance_los_db2)),
@@ -60,7 +60,7 @@ class Channel:
 
 
 def rate(snr_db):
-    """Data units in one communication slot at this SNR: log2(1 + SNR) (eq. 4)."""
+    """Data units in one communication slot at this SNR: log2(1 + SNR)."""
     return np.log2(1 + 10 ** (snr_db / 10))
 
 

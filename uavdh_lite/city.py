@@ -119,16 +119,6 @@ class City:
         return read_only(np.flatnonzero(self.open_to_devices))
 
     @cached_property
-    def flight_cells(self) -> np.ndarray:
-        """The cells that the UAV may enter; (n,) ints."""
-        return read_only(np.flatnonzero(~self.no_fly))
-
-    @cached_property
-    def landing_cells(self) -> np.ndarray:
-        """The cells of the start and landing zone; (n,) ints."""
-        return read_only(np.flatnonzero(self.landing))
-
-    @cached_property
     def landing_distance(self) -> np.ndarray:
         """Moves from each cell to the nearest landing cell; (M, M) ints, −1 if none is reachable.
 
@@ -151,6 +141,7 @@ class City:
 
         A landing cell is never anything else, so the kinds say as much as the three layers.
         """
+        # L is 3, N is 1, b is 2, and B, which is both, 4
         kinds = self.landing * 3 + self.no_fly + self.buildings * (2 + self.no_fly)
         return read_only(kinds.astype(np.uint8))
 
@@ -252,7 +243,7 @@ def load_city(name: str | Path) -> City:
     return cities[0]
 
 
-def fingerprint(cities: tuple[City, ...]) -> str:
+def fingerprint_of(cities: tuple[City, ...]) -> str:
     """SHA-256 of the cities' fingerprints; of a single one, its own."""
     if len(cities) == 1:
         return cities[0].fingerprint

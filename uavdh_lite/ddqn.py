@@ -40,9 +40,9 @@ def draw_actions(probabilities: Tensor, generator: np.random.Generator) -> np.nd
 
 
 @torch.no_grad()
-def soft_update(target: nn.Module, online: nn.Module, rate: float) -> None:
+def soft_update(target: nn.Module, online: nn.Module, tau: float) -> None:
     """θ̄ ← (1 − τ) θ̄ + τ θ, in place."""
-    torch._foreach_lerp_(list(target.parameters()), list(online.parameters()), rate)
+    torch._foreach_lerp_(list(target.parameters()), list(online.parameters()), tau)
 
 
 class DDQN:

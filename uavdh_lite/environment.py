@@ -300,14 +300,7 @@ class Environment:
     def step(
         self, state: State, action: np.ndarray, generator: np.random.Generator
     ) -> tuple[State, Outcome]:
-        """One step of all episodes with newly drawn fading: `draw_fading`, then `transition`.
-
-        Arguments:
-            state: B episodes.
-            action: (B,) ints, indices into `ACTIONS`.
-
-        Raises `InputError` for anything that is not an action.
-        """
+        """One step of all episodes with newly drawn fading: `draw_fading`, then `transition`."""
         return self.transition(state, action, self.draw_fading(state, generator))
 
     def draw_fading(self, state: State, generator: np.random.Generator) -> np.ndarray:
@@ -349,7 +342,7 @@ class Environment:
         return after, Outcome(served, uploaded, intervened, landed, crashed, flew)
 
     def snr_db(self, state: State, next_cell: np.ndarray, fading: np.ndarray) -> np.ndarray:
-        """SNR of every device in every slot of a step, dB; (B, δ, K) float32 (eq. 2, 3).
+        """SNR of every device in every slot of a step, dB; (B, δ, K) float32 (eq. 1–4).
 
         Arguments:
             next_cell: (B,), the UAV's cell after the step: the same, or a neighbour.
@@ -358,14 +351,11 @@ class Environment:
         channel = self.channel
         share = np.arange(1, channel.slots + 1, dtype=np.float32) / np.float32(channel.slots)
         nearest = np.where(share < 0.5, state.uav_cell[:, None], next_cell[:, None])  # (B, δ)
-        squared_distance_m2 = np.float32(channel.altitude_m**2)
-        for axis_m in self._axes_m:
-            start, moved = axis_m[state.uav_cell], axis_m[next_cell] - axis_m[state.uav_cell]
-            uav_m = start[:, None] + share * moved[:, None]  # (B, δ)
-            device_m = axis_m[state.device_cells]  # (B, K)
-            squared_distance_m2 = (
-                squared_distance_m2 + (device_m[:, None, :] - uav_m[:, :, None]) ** 2
-            )
+        start, end = self._centres_m[state.uav_cell], self._centres_m[next_cell]  # (B, 2)
+        uav_m = start[:, None] + share[:, None] * (end - start)[:, None]  # (B, δ, 2)
+        device_m = self._centres_m[state.device_cells]  # (B, K, 2)
+        down, right = np.moveaxis(device_m[:, None] - uav_m[:, :, None], -1, 0)  # (B, δ, K)
+        squared_distance_m2 = np.float32(channel.altitude_m**2) + down**2 + right**2
         city = state.city[:, None, None]
         sight = self.sight[city, state.device_cells[:, None, :], nearest[:, :, None]]
         return (
@@ -375,12 +365,10 @@ class Environment:
         )
 
     @cached_property
-    def _axes_m(self) -> tuple[np.ndarray, np.ndarray]:
-        """How far each cell's centre is to the south and to the east, m; (n,) float32 each."""
-        metres = np.indices((self.size, self.size), np.float32) * np.float32(
-            self.channel.cell_size_m
-        )
-        return read_only(metres[0].ravel()), read_only(metres[1].ravel())
+    def _centres_m(self) -> np.ndarray:
+        """How far each cell's centre is to the south and to the east, m; (n, 2) float32."""
+        cells = np.indices((self.size, self.size), np.float32).reshape(2, -1).T
+        return read_only(cells * np.float32(self.channel.cell_size_m))
 
 
 def schedule(
@@ -415,11 +403,10 @@ def checked_actions(action: np.ndarray, count: int) -> np.ndarray:
     if action.shape != (count,):
         raise InputError(f"actions of shape {action.shape}: must be ({count},), one an episode")
     whole = action.dtype.kind in "iu"
-    wrong = (action < 0) | (action >= len(ACTIONS)) if whole else np.ones(count, bool)
-    if wrong.any():
-        episode = wrong.argmax()
+    right = whole & (action >= 0) & (action < len(ACTIONS))
+    if not right.all():
+        first = right.argmin()
         raise InputError(
-            f"action {action[episode]} of episode {episode}: must be a whole number from 0 to "
-            f"{len(ACTIONS) - 1}, an index into ACTIONS"
+            f"action {action[first]} of episode {first}: must be a whole number, 0 to 5"
         )
     return action

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -31,7 +32,7 @@ class Policy(Protocol):
     def act(self, state: State) -> np.ndarray:
         """An action for each episode, (B,) indices into `ACTIONS`.
 
-        In an episode that is over any action will do.
+        In an episode that is over any valid action will do.
         """
         ...
 
@@ -100,33 +101,38 @@ class Trajectory:
     landed: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Flights:
-    """The records of N episodes.
+    """N episodes, from their first to their last state.
 
     | field | shape | meaning |
     | --- | --- | --- |
     | `start`, `end` | N states | first and last state |
-    | `returns` | (N,) | sum of the rewards, undiscounted |
-    | `steps` | (N,) | steps flown |
-    | `counts` | (N,) by name | what `Outcome.counts` counts, summed over the steps |
-    | `history` | T `Step`s | every step, if recorded |
+    | `history` | T `Step`s | every step |
     """
 
     start: State
     end: State
-    returns: np.ndarray
-    steps: np.ndarray
-    counts: dict[str, np.ndarray]
     history: list[Step]
 
-    @classmethod
-    def of_steps(cls, start: State, end: State, history: list[Step]) -> "Flights":
-        """The flights, perhaps not to their end, from every step of theirs."""
-        tally = _Tally(len(start))
-        for step in history:
-            tally.add(step)
-        return cls(start, end, tally.returns, tally.steps, tally.counts, list(history))
+    @cached_property
+    def returns(self) -> np.ndarray:
+        """The sum of the rewards, undiscounted; (N,) float32."""
+        return sum((step.reward for step in self.history), np.zeros(len(self.start), np.float32))
+
+    @cached_property
+    def steps(self) -> np.ndarray:
+        """Steps flown; (N,) ints."""
+        return sum((step.outcome.flew for step in self.history), np.zeros(len(self.start), int))
+
+    @cached_property
+    def counts(self) -> dict[str, np.ndarray]:
+        """What `Outcome.counts` counts, summed over the steps, by name; (N,) ints each."""
+        counts = {"safety_interventions": np.zeros(len(self.start), int)}
+        for step in self.history:
+            for name, happened in step.outcome.counts().items():
+                counts[name] = counts.get(name, 0) + happened.astype(int)
+        return counts
 
     def records(self) -> dict[str, np.ndarray]:
         """The metrics of each episode by name; (N,) float64 each.
@@ -155,9 +161,7 @@ class Flights:
         return {name: mean_interval(values) for name, values in self.records().items()}
 
     def trajectory(self, episode: int) -> Trajectory:
-        """One episode step by step; needs `record=True` in `fly`."""
-        if len(self.history) < self.steps[episode]:
-            raise ValueError("the steps were not kept: call fly(..., record=True)")
+        """One episode step by step."""
         steps = self.history[: self.steps[episode]]
         states = [step.state for step in steps] + [self.end]
         return Trajectory(
@@ -180,44 +184,22 @@ def fly(
     start: State,
     generator: np.random.Generator,
     rewards: Rewards = Rewards(),  # noqa: B008 (frozen)
-    record: bool = False,
 ) -> Flights:
     """Fly all episodes of `start` to their end.
 
     Fading is drawn for all episodes in every step, so it does not depend on what the policy does:
     two policies with the same start and equal generators have the same fading.
 
-    Arguments:
-        record: keep every step, for `Flights.trajectory`.
-
     Raises `InputError` if the policy gives anything that is not an action.
     """
-    policy = policy.begin(start)
-    state, tally, history = start, _Tally(len(start)), []
+    policy, state = policy.begin(start), start
+    history: list[Step] = []
     while not state.ended.all():
         action = policy.act(state)
         after, outcome = environment.step(state, action, generator)
-        step = Step(state, action, outcome, rewards(outcome))
-        tally.add(step)
-        if record:
-            history.append(step)
+        history.append(Step(state, action, outcome, rewards(outcome)))
         state = after
-    return Flights(start, state, tally.returns, tally.steps, tally.counts, history)
-
-
-class _Tally:
-    """The sums over the steps of N flights; see `Flights`."""
-
-    def __init__(self, episodes: int):
-        self.returns = np.zeros(episodes, np.float32)
-        self.steps = np.zeros(episodes, int)
-        self.counts = {"safety_interventions": np.zeros(episodes, int)}
-
-    def add(self, step: Step) -> None:
-        self.returns += step.reward
-        self.steps += step.outcome.flew
-        for name, happened in step.outcome.counts().items():
-            self.counts[name] = self.counts.get(name, 0) + happened.astype(int)
+    return Flights(start, state, history)
 
 
 def evaluate(
@@ -227,7 +209,6 @@ def evaluate(
     episodes: int,
     seed: int,
     use: Use = Use.TEST,
-    record: bool = False,
 ) -> Flights:
     """Fly `episodes` random missions; the same seed draws the same missions and fading.
 
@@ -235,7 +216,7 @@ def evaluate(
     """
     generator = stream(use, seed)
     start = scenario.sample(environment, episodes, generator)
-    return fly(environment, policy, start, generator, record=record)
+    return fly(environment, policy, start, generator)
 
 
 def mean_interval(values: np.ndarray) -> Interval:

@@ -148,7 +148,7 @@ class Mission:
 
     def fly(self, environment: Environment, policy: Policy) -> Flights:
         """Fly a policy and keep every step; missions with equal seeds have equal fading."""
-        return fly(environment, policy, self.state, self.fading, record=True)
+        return fly(environment, policy, self.state, self.fading)
 
     def device_at(self, cell: Cell) -> int | None:
         """The device in this cell, or None."""
@@ -219,7 +219,7 @@ class HandFlight:
 
     def flights(self) -> Flights:
         """The flight so far."""
-        return Flights.of_steps(self.mission.state, self.state, self._history)
+        return Flights(self.mission.state, self.state, list(self._history))
 
 
 def save_mission(path: str | Path, mission: Mission) -> None:

@@ -59,14 +59,14 @@ class Observation(nn.Module):
         self.register_buffer("surroundings", self._surroundings(), persistent=False)
 
     def _surroundings(self) -> Tensor:
-        """The window of W cells on a side that begins at a cell has it in its middle."""
-        environment, M = self.environment, self.environment.size
+        """The window whose corner is at (row, col) has that cell of the city in its middle."""
+        environment, size = self.environment, self.environment.size
         side = self.width + self.size - 1
         layers = np.zeros((len(environment.cities), 3, side, side), np.uint8)
         layers[:, 1] = 1
-        inside = slice(self.size - 1, self.size - 1 + M)
+        inside = slice(self.size - 1, self.size - 1 + size)
         own = (environment.landing, environment.no_fly, environment.buildings)
-        layers[:, :, inside, inside] = np.stack(own, axis=1).reshape(-1, 3, M, M)
+        layers[:, :, inside, inside] = np.stack(own, axis=1).reshape(-1, 3, size, size)
         return torch.from_numpy(layers)
 
     @property
@@ -81,9 +81,12 @@ class Observation(nn.Module):
         return self.centred_map(state) if centred else self.in_place_map(state), time
 
     def centred_map(self, state: State) -> Tensor:
-        """All layers shifted so that the UAV's cell is in the middle; (B, 5, W, W)."""
-        row, col = np.divmod(state.uav_cell.astype(int), self.environment.size)
-        return self._window(state, row, col, channels=5)
+        """All layers shifted so that the UAV's cell is in the middle; (B, 5, W, W).
+
+        So map[i, j] shows the city's cell UAV + (i, j) − (M − 1, M − 1).
+        """
+        top, left = np.divmod(state.uav_cell.astype(int), self.environment.size)
+        return self._window(state, top, left, channels=5)
 
     def in_place_map(self, state: State) -> Tensor:
         """All layers in place, and one that marks the UAV's cell; (B, 6, W, W)."""
@@ -94,23 +97,23 @@ class Observation(nn.Module):
         maps.flatten(2)[:, -1].scatter_(1, uav[:, None], 1.0)
         return maps
 
-    def _window(self, state: State, row: np.ndarray, col: np.ndarray, channels: int) -> Tensor:
-        """The window of each episode's surroundings that begins at (row, col), (B,) each: the
+    def _window(self, state: State, top: np.ndarray, left: np.ndarray, channels: int) -> Tensor:
+        """The window of each episode's surroundings with its corner at (top, left), (B,) each: the
         city's layers, data left, data collected, and zeros; (B, channels, W, W)."""
         windows = self.surroundings.unfold(2, self.width, 1).unfold(3, self.width, 1)  # a view
-        city, row_, col_ = (self._tensor(index) for index in (state.city, row, col))
+        city, rows, cols = (self._tensor(each.astype(int)) for each in (state.city, top, left))
         maps = torch.zeros(len(state), channels, self.width, self.width, device=city.device)
-        maps[:, :3] = windows[city.long(), :, row_, col_]
+        maps[:, :3] = windows[city, :, rows, cols]
         data = self._tensor(np.stack([state.data_left, state.data_collected], axis=1))
         data = data / self.data_scale
-        devices = self._tensor(self._place(state.device_cells, row[:, None], col[:, None]))
+        devices = self._tensor(self._place(state.device_cells, top[:, None], left[:, None]))
         maps.flatten(2)[:, 3:5].scatter_add_(2, devices[:, None].expand(-1, 2, -1), data)
         return maps
 
-    def _place(self, cells: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
-        """The index in a flattened map of cells of the city, in the window from (row, col) on."""
-        down, right = np.divmod(cells.astype(int), self.environment.size)
-        return (down + self.size - 1 - row) * self.width + right + self.size - 1 - col
+    def _place(self, cells: np.ndarray, top: np.ndarray, left: np.ndarray) -> np.ndarray:
+        """The index of the city's cells in a flattened window with its corner at (top, left)."""
+        row, col = np.divmod(cells.astype(int), self.environment.size)
+        return (row + self.size - 1 - top) * self.width + col + self.size - 1 - left
 
     def _tensor(self, array: np.ndarray) -> Tensor:
         return torch.tensor(array, device=self.surroundings.device)

@@ -12,7 +12,7 @@ const KINDS = {
 };
 const START = '<path class="start" d="M0 -.36L.36 .28H-.36z"/>';
 const LANDED = '<circle class="landed" r=".36"/><path class="mark" d="M-.17 0l.13 .14 .22 -.28"/>';
-const CRASHED = '<circle class="crashed" r=".36"/><path class="mark" d="M-.2-.2l.4 .4m0-.4-.4 .4"/>';
+const CRASHED = '<circle class="crashed" r=".36"/><path class="mark" d="M-.2-.2l.4.4m0-.4-.4.4"/>';
 const rotor = (turn) => `<circle cx=".34" r=".14" transform="rotate(${turn})"/>`;
 const ROTORS = [45, 135, 225, 315].map(rotor).join("");
 const UAV = `<path d="M-.24 -.24l.48 .48m0 -.48-.48 .48"/>${ROTORS}`;
@@ -191,6 +191,8 @@ const escaped = (text) => text.replace(/[&<>"]/g, (sign) => `&#${sign.charCodeAt
 const at = ([row, col]) => `translate(${col} ${row})`;
 const coloured = (colour) => `style="--colour: ${colour}"`;
 
+const speedOption = (times) => `<option value="${times}">${times} ×</option>`;
+
 // All that is on the stage; a click on it gives it the keys, which are not JupyterLab's then.
 const wholeStage = (film) => `
   <div role="group" aria-label="${escaped(film.title)}" tabindex="-1"
@@ -201,9 +203,7 @@ const wholeStage = (film) => `
       <button type="button" class="play">Play</button>
       <button type="button" class="forward" aria-label="one step forward">&rsaquo;</button>
       <input type="range" min="0" aria-label="step"><output></output>
-      <select aria-label="speed">
-        ${[0.25, 0.5, 1, 2, 4].map((each) => `<option value="${each}">${each} ×</option>`).join("")}
-      </select>
+      <select aria-label="speed">${[0.25, 0.5, 1, 2, 4].map(speedOption).join("")}</select>
     </div>
     ${legend(film)}
   </div>`.trim();

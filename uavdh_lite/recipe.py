@@ -48,7 +48,9 @@ class Recipe:
         0.005, "soft update rate τ of the target network", gt=0, le=1
     )
     learning_rate: float = option(3e-5, "Adam's learning rate at the start", gt=0)
-    learning_rate_end: float = option(3e-5, "learning rate at the end; linear in between", ge=0)
+    learning_rate_end: float | None = option(
+        None, "learning rate at the end; linear in between; none: constant", ge=0
+    )
     amsgrad: bool = option(True, "Adam's amsgrad variant")
     huber_delta: float | None = option(
         None, "errors above this count linearly in the loss; none: squared", gt=0
@@ -63,12 +65,16 @@ class Recipe:
         25_000, "transitions of a random policy before the first update", ge=1
     )
     temperature: float = option(0.1, "temperature β of the softmax policy at the start", gt=0)
-    temperature_end: float = option(0.1, "temperature from the end of its decay on", gt=0)
+    temperature_end: float | None = option(
+        None, "temperature from the end of its decay on; none: constant", gt=0
+    )
     temperature_decay: float = option(
         0.5, "share of the run in which the temperature decays, linearly", ge=0, le=1
     )
     crash_reward: float = option(-150.0, "reward for running out of time, r_crash, at the start")
-    crash_reward_end: float = option(-150.0, "r_crash from the end of its growth on")
+    crash_reward_end: float | None = option(
+        None, "r_crash from the end of its growth on; none: constant"
+    )
     crash_reward_growth: float = option(
         0.5, "share of the run in which r_crash changes, linearly", ge=0, le=1
     )
@@ -134,7 +140,7 @@ class Recipe:
         )
 
     def flown(self, network: nn.Module) -> nn.Module:
-        """The network that an agent flies by; it shares the weights of the one that learns."""
+        """The network that an agent flies by: the same one, which an extension may wrap."""
         return network
 
     def learner_for(self, observation: Observation, network: nn.Module) -> DDQN:
@@ -164,8 +170,10 @@ def recipe_from_json(values: dict) -> Recipe:
     return registry.find("recipe kind", values["kind"])(**fields)
 
 
-def _ramp(start: float, end: float, step: float, over: float) -> float:
+def _ramp(start: float, end: float | None, step: float, over: float) -> float:
     """Linear from `start` at step 0 to `end` at step `over`, and `end` from then on."""
+    if end is None:
+        return start
     share = min(step / over, 1.0) if over > 0 else 1.0
     return start + (end - start) * share
 
@@ -189,6 +197,7 @@ LITE = Recipe(
     replay_capacity=200_000,
     replay_prefill=10_000,
     temperature=2.0,
+    temperature_end=0.1,
     temperature_decay=0.25,
     crash_reward=-10.0,
     crash_reward_end=-150.0,
@@ -197,34 +206,10 @@ LITE = Recipe(
     exploring_starts=0.5,
     validation_interval=100_000,
 )
-"""The same algorithm, made to learn within minutes on a CPU. These are its deviations from the
-paper and their reasons; the site's results say what each is worth, as far as that was measured:
+"""The same algorithm, made to learn within minutes on a CPU.
 
-- `steps`: twice the paper's, in a hundredth of the time.
-- `data_scale`, `time_scale`: the first layers learn best from inputs of the order of 1.
-- `strides` 3 and 1: a tenth of the weights; an update takes a sixth of the time.
-- `layer_norm`: keeps the hidden layers' scale steady while the targets move.
-- `leak`: with plain ReLUs most kernels of the convolutions fall silent and stay silent.
-- `return_steps` 3: rewards reach earlier states with a third of the updates.
-- `learning_rate` twenty times the paper's, falling to 0: fast at first, settled at the end.
-- `amsgrad` off: it comes from the authors' code, not the paper, and makes no difference here.
-- `huber_delta` 10: a crash no longer drowns the small differences that decide between actions.
-- `environments` 32 with one update for each step of all: each transition is used 4 times, not 128.
-  Flying costs little next to an update, and fresh experience teaches more than old.
-- `replay_capacity` four times the paper's, at 60 bytes per transition, and a shorter
-  `replay_prefill`: with the paper's values, short runs stay far behind.
-- `temperature` 2, falling to 0.1 over the first quarter: the policy explores while the Q-values are
-  still wrong. Then it flies what it has learned, since a three-step return is that of the policy
-  that flies.
-- `crash_reward` −10, growing to the −150 of `PAPER` over the run: while a crash costs little the
-  agent learns to fly far, later to be home in time. With −150 from the start it first learns to
-  land at once, and stays with that. With −60 at the end a crash can pay off: 25 steps ahead it
-  weighs 0.95²⁵ · 60 = 17, less than the data of one device.
-- `movement_reward` −0.1: with −0.2 the agent leaves distant devices that hold little, on the open
-  field.
-- `exploring_starts`: half of the episodes start under way, so that late states are seen early. This
-  helps a lot on the open field, and costs a little in short runs on `manhattan`.
-- `validation_interval` twice the paper's, like the steps.
+Every value that departs from `PAPER` has its reason in
+`docs/project/differences_from_the_paper.md`, and its measurement in `docs/results/recipe.md`.
 """
 
 SMALL = replace(

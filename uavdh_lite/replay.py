@@ -82,11 +82,6 @@ class Replay:
         """The number of transitions stored."""
         return self.filled * self.action.shape[1]
 
-    @property
-    def bytes_per_transition(self) -> float:
-        """The memory that a transition takes, bytes."""
-        return sum(array.nbytes for array in self._arrays().values()) / self.action.size
-
     def _arrays(self) -> dict[str, np.ndarray]:
         states = {f"state.{name}": array for name, array in self.states.items()}
         return {**states, "action": self.action, "reward": self.reward, "terminal": self.terminal}
@@ -139,25 +134,16 @@ class Replay:
         age[:environments] = 0
         stream[:environments] = np.arange(environments)
 
-        start = self.head - 1 - age
-        step = start % len(self.action)
-        reward = np.zeros(size, np.float32)
-        factor = np.ones(size, np.float32)
-        running = np.ones(size, bool)
+        first = self.head - 1 - age
+        reward, discount = np.zeros(size, np.float32), np.ones(size, np.float32)
+        steps = np.zeros(size, int)
         for k in range(self.return_steps):
-            running &= k <= age
-            here = (start + k) % len(self.action)
-            reward += running * factor * self.reward[here, stream]
-            factor = np.where(running, factor * self.discount, factor)
-            step = np.where(running, (here + 1) % len(self.action), step)
-            ended = running & self.terminal[here, stream]
-            factor[ended] = 0
-            running &= ~ended
-        first = start % len(self.action)
-        return Batch(
-            self._read(first, stream),
-            self.action[first, stream].astype(np.int64),
-            reward,
-            factor,
-            self._read(step, stream),
-        )
+            here = (first + k) % len(self.action)
+            goes_on = (k <= age) & (discount > 0)
+            reward += goes_on * discount * self.reward[here, stream]
+            left = self.discount * ~self.terminal[here, stream]
+            discount = np.where(goes_on, discount * left, discount)
+            steps += goes_on
+        first, last = first % len(self.action), (first + steps) % len(self.action)
+        action = self.action[first, stream].astype(np.int64)
+        return Batch(self._read(first, stream), action, reward, discount, self._read(last, stream))

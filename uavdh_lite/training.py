@@ -10,9 +10,9 @@ from torch import Tensor
 
 from uavdh_lite.agent import Agent
 from uavdh_lite.checkpoint import load, save
-from uavdh_lite.city import City, fingerprint, load_cities
+from uavdh_lite.city import City, fingerprint_of, load_cities
 from uavdh_lite.ddqn import draw_actions, softmax_policy
-from uavdh_lite.environment import Outcome, Rewards, State
+from uavdh_lite.environment import Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.provenance import provenance
 from uavdh_lite.recipe import Recipe
@@ -21,7 +21,7 @@ from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream, torch_seed
 
 METRICS = ("return", "landed", "collected", "collected_and_landed")  # of a learning curve
-PROGRESS = ("steps", "updates", "seconds", "training_rows", "validation_rows", "ended", "losses")
+PROGRESS = ("steps", "updates", "seconds", "training_rows", "validation_rows", "episodes", "losses")
 BIN = 5000  # environment steps a row of training.csv, as in the paper's figure
 
 
@@ -50,7 +50,9 @@ class Trainer:
     ):
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
         self.begun_with = None if begin_with is None else begin_with.digest()
-        self.environment = recipe.environment_for(city or load_cities(scenario.city))
+        self.environment = recipe.environment_for(
+            load_cities(scenario.city) if city is None else city
+        )
         self.generator = stream(Use.TRAINING, seed)
         size = 0 if begin_with is None else begin_with.size_for(self.environment)
         observation = recipe.observation_for(self.environment, size).to(device)
@@ -71,7 +73,7 @@ class Trainer:
         self.seconds = 0.0  # spent training, resumed parts included
         self.training_rows: list[dict] = []
         self.validation_rows: list[dict] = []
-        self.ended: list[tuple[float, ...]] = []  # `METRICS` of the episodes since the last row
+        self.episodes: list[list[float]] = []  # `METRICS` of those that ended since the last row
         self.losses: list[float] = []  # of the updates since the last row
         self.ordinary = np.ones(recipe.environments, bool)  # did not begin under way
         self.returns = np.zeros(recipe.environments)  # so far, with the constants of `Rewards()`
@@ -80,12 +82,12 @@ class Trainer:
     def step(self) -> None:
         """One step of all environments and, once the replay memory is prefilled, one update."""
         recipe, state = self.recipe, self.state
-        prefilled = len(self.replay) >= recipe.replay_prefill
-        action = self._act(state) if prefilled else self._act_at_random(state)
+        action = self._act(state)
         next_state, outcome = self.environment.step(state, action, self.generator)
-        reward = recipe.rewards_at(self.steps)(outcome)
-        self.replay.add(state, action, reward, next_state)
-        self.state = self._replace_ended(next_state, outcome)
+        rewards = recipe.rewards_at(self.steps)
+        self.replay.add(state, action, rewards(outcome), next_state)
+        self.returns += Rewards()(outcome)
+        self.state = self._restart_ended(next_state)
         if len(self.replay) >= recipe.replay_prefill:
             self.learner.set_learning_rate(recipe.learning_rate_at(self.steps))
             batch = self.replay.sample(recipe.batch_size, self.generator)
@@ -96,27 +98,25 @@ class Trainer:
             self._add_row()
 
     def _act(self, state: State) -> np.ndarray:
-        """Actions of the softmax policy (eq. 12)."""
+        """Actions of the softmax policy (eq. 12), random ones until the memory is prefilled."""
+        if len(self.replay) < self.recipe.replay_prefill:
+            return self.environment.random_actions(state, self.generator)
         temperature = self.recipe.temperature_at(self.steps)
         return draw_actions(
             softmax_policy(self.learner.q_values(state), temperature), self.generator
         )
 
-    def _act_at_random(self, state: State) -> np.ndarray:
-        return self.environment.random_actions(state, self.generator)
-
-    def _replace_ended(self, state: State, outcome: Outcome) -> State:
+    def _restart_ended(self, state: State) -> State:
         """Note how the episodes went that ended, and start new ones in their place.
 
-        Those that began under way are left out, so that the means compare with an evaluation.
+        Those that began under way are not noted, so that the means compare with an evaluation.
         """
-        self.returns += Rewards()(outcome)
         ended = np.flatnonzero(state.ended)
         if not len(ended):
             return state
         landed, collected = state.landed.astype(float), state.collected.astype(float)
         metrics = np.stack([self.returns, landed, collected, collected * landed], axis=1)
-        self.ended += metrics[ended[self.ordinary[ended]]].tolist()
+        self.episodes += metrics[ended[self.ordinary[ended]]].tolist()
         return state.with_rows(ended, self._starts(ended))
 
     def _starts(self, environments: np.ndarray) -> State:
@@ -136,20 +136,20 @@ class Trainer:
 
     def _add_row(self) -> None:
         """A row of the learning curve: means since the row before, None where there are none."""
-        means = np.mean(self.ended, axis=0).tolist() if self.ended else [None] * len(METRICS)
+        means = np.mean(self.episodes, axis=0).tolist() if self.episodes else [None] * len(METRICS)
         self.training_rows.append(
             {
                 "steps": self.steps,
                 "updates": self.updates,
                 "seconds": round(self.seconds, 1),
-                "episodes": len(self.ended),
+                "episodes": len(self.episodes),
                 **dict(zip(METRICS, means, strict=True)),
                 "loss": float(np.mean(self.losses)) if self.losses else None,
                 "temperature": self.recipe.temperature_at(self.steps),
                 "learning_rate": self.recipe.learning_rate_at(self.steps),
             }
         )
-        self.ended, self.losses = [], []
+        self.episodes, self.losses = [], []
 
     @property
     def agent(self) -> Agent:
@@ -220,7 +220,7 @@ class Trainer:
         values = {
             "recipe": self.recipe.as_json(),
             "scenario": asdict(self.scenario),
-            "cities": fingerprint(self.environment.cities),
+            "cities": fingerprint_of(self.environment.cities),
             "seed": self.seed,
             "begun_with": self.begun_with,
         }

@@ -45,7 +45,7 @@ def show(flights, episode=0):  # flights are lists; here each has one entry, num
     add_legend(figure, int((trajectory.start.data_initial > 0).sum()))
     return figure
 
-flights = evaluate(environment, agent, agent.scenario, episodes=1, seed=1, record=True)
+flights = evaluate(environment, agent, agent.scenario, episodes=1, seed=1)
 show(flights)
 
 # %% [markdown]
@@ -117,7 +117,7 @@ for name, values in flights.records().items():
 # %%
 def mission(devices, data, flying_time, start=(0, 0), seed=0):
     state = place(agent.city, start, devices, data, flying_time, agent.scenario.max_devices)
-    return fly(environment, agent, state, np.random.default_rng(seed), record=True)
+    return fly(environment, agent, state, np.random.default_rng(seed))
 
 show(mission(devices=[(0, 12), (8, 1), (12, 14)], data=[12, 15, 18], flying_time=70))
 
@@ -142,7 +142,7 @@ show(short)
 
 # %%
 start = short.trajectory(0).start
-planned = fly(environment, Genie(environment), start, np.random.default_rng(0), record=True)
+planned = fly(environment, Genie(environment), start, np.random.default_rng(0))
 for name, flight in (("agent", short), ("genie", planned)):
     left = flight.trajectory(0).data_left[-1]
     print(name, "collected", ", ".join(f"{d - x:.3f} of {d:.0f}" for d, x in zip((12, 15, 18), left)))

@@ -42,7 +42,7 @@ def draw(trajectory, devices=2):
     return figure
 
 generator = np.random.default_rng(0)
-flights = fly(environment, Greedy(environment), start, generator, record=True)
+flights = fly(environment, Greedy(environment), start, generator)
 draw(flights.trajectory(0))
 
 # %% [markdown]
@@ -389,7 +389,7 @@ for name, values in clueless.records().items():
 # would the same flight earn without any data?
 
 # %%
-trajectory = fly(environment, Greedy(environment), start, np.random.default_rng(0), record=True)
+trajectory = fly(environment, Greedy(environment), start, np.random.default_rng(0))
 total = trajectory.trajectory(0).reward.sum()
 assert np.isclose(total, trajectory.returns[0], atol=1e-3)
 print(f"{total:.2f}; without data {total - 30 * trajectory.end.collected[0]:.2f}")

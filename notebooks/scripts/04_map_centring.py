@@ -159,7 +159,7 @@ print(f"collected and landed: {running[2]:.0%} with the true time, {stopped[:, 2
 # Why does about one in five crash even with a clock that shows 5? Look at their last six steps:
 
 # %%
-flights = evaluate(environment, with_clock_at(5), agent.scenario, 200, seed=0, record=True)
+flights = evaluate(environment, with_clock_at(5), agent.scenario, 200, seed=0)
 crashed = [flights.trajectory(k) for k in np.flatnonzero(~flights.end.landed)]
 stuck = [len(set(flight.uav_cell[-6:].tolist())) <= 2 for flight in crashed]
 print(f"{len(crashed)} crashes, {sum(stuck)} of them after hovering, or going to and fro between two cells")
@@ -274,7 +274,8 @@ from uavdh_lite.replay import Replay
 
 for name, cells in (("centred", 31**2), ("in place", 16**2)):
     print(f"{name:<9} 5 layers × {cells} cells × 4 bytes × 2 states: {5 * cells * 4 * 2 * 50_000 / 1e6:7.1f} MB")
-print(f"the library's states: {Replay(50_000, 1, 5, discount=0.95).bytes_per_transition * 50_000 / 1e6:.1f} MB")
+stored = sum(array.nbytes for array in Replay(50_000, 1, 5, discount=0.95).state_dict().values())
+print(f"the library's states: {stored / 1e6:.1f} MB")
 
 # %% [markdown]
 # Centred maps take 3.75 times the memory of maps in place ($31^2 / 16^2$), and hundreds of times that of the numbers that

@@ -38,7 +38,7 @@ torch.set_num_threads(1)  # the networks here are small
 
 # %%
 agent = load_agent("manhattan_ddqn")
-flights = evaluate(Environment(agent.city), agent, agent.scenario, 500, seed=0, record=True)
+flights = evaluate(Environment(agent.city), agent, agent.scenario, 500, seed=0)
 expected = agent.q_values(flights.start).amax(1).numpy()
 own_rewards, earned = agent.recipe.rewards_at(agent.training["steps"]), 0.0
 for flown in reversed(flights.history):  # the discounted sum of rewards, from the last step back to the first

@@ -383,7 +383,7 @@ from uavdh_lite.plotting import add_legend, draw_trajectory
 
 agents = {name: load_agent(name) for name in ("manhattan_ddqn_early", "manhattan_ddqn")}
 environment = Environment(agents["manhattan_ddqn"].city)
-flights = {name: evaluate(environment, agent, agent.scenario, 200, seed=0, record=True)
+flights = {name: evaluate(environment, agent, agent.scenario, 200, seed=0)
            for name, agent in agents.items()}
 
 # %%

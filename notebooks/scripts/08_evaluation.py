@@ -363,7 +363,7 @@ from uavdh_lite.plotting import add_legend, draw_trajectory
 torch.set_num_threads(1)  # the network is small
 agent = load_agent("manhattan_ddqn")
 environment = Environment(agent.city)
-flights = evaluate(environment, agent, agent.scenario, 1000, seed=0, record=True)
+flights = evaluate(environment, agent, agent.scenario, 1000, seed=0)
 assert (flights.start.time_left == results["ddqn"]["flying_time"]).all()  # the missions of the table
 lost = results["genie_data"][METRIC] - results["ddqn"][METRIC]
 worst = np.argsort(lost)[::-1]

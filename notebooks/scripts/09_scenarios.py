@@ -41,7 +41,7 @@ def mission(city, devices, data, flying_time, start, copies=1, seed=0, policy=No
     agent = agents[city]
     state = place(agent.city, start, devices, data, flying_time, agent.scenario.max_devices)
     generator = np.random.default_rng(seed)
-    return fly(environments[city], policy or agent, state[np.zeros(copies, int)], generator, record=copies == 1)
+    return fly(environments[city], policy or agent, state[np.zeros(copies, int)], generator)
 
 # %%
 def brought_home(flights):

@@ -41,7 +41,7 @@ torch.set_num_threads(1)
 agents = {"DDQN": load_agent("manhattan_ddqn"), "new": load_agent("manhattan")}
 COLOURS = {"DDQN": VERMILION, "new": BLUE}
 city, missions = agents["new"].city, agents["new"].scenario
-flights = {name: evaluate(agent.environment, agent, missions, 200, seed=0, record=True)
+flights = {name: evaluate(agent.environment, agent, missions, 200, seed=0)
            for name, agent in agents.items()}
 
 # %% [markdown]
@@ -151,7 +151,7 @@ figure
 from uavdh_lite.planners import Greedy, Random
 
 flights |= {"random": evaluate(free, Random(), missions, 200, seed=0),
-            "random, failsafe": evaluate(safe, Random(), missions, 200, seed=0, record=True),
+            "random, failsafe": evaluate(safe, Random(), missions, 200, seed=0),
             "greedy": evaluate(free, Greedy(free), missions, 200, seed=0)}
 
 # %%
@@ -440,7 +440,7 @@ new, time = agents["new"], flights["new"].start.time_left
 figure = Figure(figsize=(9, 3.2), layout="constrained")
 for ax, chosen in zip(figure.subplots(1, 2), (time.argmin(), time.argmax())):
     start = flights["new"].start[[chosen]]
-    again = earned(new, fly(new.environment, new, start[np.zeros(200, int)], generator, record=True))
+    again = earned(new, fly(new.environment, new, start[np.zeros(200, int)], generator))
     (quantiles,) = learned(new, start)
     ax.plot(np.sort(again), np.linspace(0, 1, 200), color="0.6", label="earned, 200 flights")
     ax.plot(quantiles, (np.arange(new.recipe.quantiles) + 0.5) / new.recipe.quantiles, ".", color=BLUE, label="learned")

@@ -45,7 +45,7 @@ agent = load_agent("any_city")
 missions = agent.scenario
 unseen = load_cities("random:100:1")
 there = agent.over(unseen)
-flown = evaluate(there.environment, there, missions, 300, seed=0, record=True)
+flown = evaluate(there.environment, there, missions, 300, seed=0)
 
 # %%
 city_of = flown.start.city  # of each mission, the number of its city
@@ -149,7 +149,7 @@ mine = City.from_text("mine", """
     . . . . B B B . . .
 """)
 pilot = agent.over(mine)
-flight = evaluate(pilot.environment, pilot, missions, 1, seed=5, record=True)
+flight = evaluate(pilot.environment, pilot, missions, 1, seed=5)
 
 # %%
 figure = Figure(figsize=(9, 4.4), layout="constrained")

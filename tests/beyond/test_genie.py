@@ -88,7 +88,7 @@ def test_without_a_way_home_in_time_it_hovers(small):
 def test_without_fading_it_keeps_to_its_plan_and_gets_what_it_expects(small, starts):
     plans = Genie(small).plans(starts)
     for replan in (1, 1000):
-        flown = fly(small, Genie(small, replan=replan), starts, Quiet(), record=True)
+        flown = fly(small, Genie(small, replan=replan), starts, Quiet())
         assert flown.returns.tolist() == pytest.approx([p.value for p in plans], abs=1e-3)
         for row, plan in enumerate(plans):
             steps = flown.steps[row]

@@ -9,20 +9,25 @@ from contextlib import contextmanager
 import psutil
 
 DEADLINE = 180  # seconds; only a server that never answers or never ends takes so long
+COMMAND = ("-m", "uavdh_lite", "app", "--no-browser", "--port", "8900")
+IMPATIENT = """
+import jupyter_server.base.websocket
+jupyter_server.base.websocket.WS_PING_INTERVAL = 100  # milliseconds; its own is half a minute
+from uavdh_lite.labs.app.server import serve
+serve(8900, 4, False)
+"""  # a session ends after four idle seconds, and Jupyter's pings, if there are any, come soon
 
 
 @contextmanager
-def serving(*options, **process):
+def serving(*command, **process):
     """The address of a server on a free port, and its process, which ends with the block.
 
     Arguments:
+        command: what Python runs; by default the labs' command.
         process: keyword arguments of `subprocess.Popen`.
     """
     server = subprocess.Popen(
-        [sys.executable, "-m", "uavdh_lite", "app", "--no-browser", "--port", "8900", *options],
-        stderr=subprocess.PIPE,
-        text=True,
-        **process,
+        [sys.executable, *(command or COMMAND)], stderr=subprocess.PIPE, text=True, **process
     )
     family = [psutil.Process(server.pid)]
     try:

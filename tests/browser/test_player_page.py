@@ -32,7 +32,7 @@ def flights():
     start = place(environment.city, (0, 0), [(4, 5), (7, 0)], [9.0, 4.0], 25, max_devices=2)
     hover = FunctionPolicy(lambda state: np.full(len(state), HOVER))
     both = (
-        fly(environment, policy, start, stream(Use.TEST, 0), record=True).trajectory(0)
+        fly(environment, policy, start, stream(Use.TEST, 0)).trajectory(0)
         for policy in (Greedy(environment), hover)
     )
     return environment, *both

@@ -1,17 +1,23 @@
-"""The labs' server ends when it is told to, and every process that it started ends with it."""
+"""The labs' server without a browser: its sessions, who may talk to them, and how it ends."""
 
+import json
+import re
 import signal
 import tempfile
 import time
+import uuid
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.request import urlopen
 
 import psutil
 import pytest
 from jupyter_client import BlockingKernelClient
-from serving import DEADLINE, serving
-
-pytestmark = pytest.mark.long
+from serving import DEADLINE, IMPATIENT, serving
+from tornado import gen
+from tornado.httpclient import AsyncHTTPClient, HTTPRequest
+from tornado.ioloop import IOLoop
+from tornado.websocket import websocket_connect
 
 BUSY = """
 import signal
@@ -78,6 +84,7 @@ def short_path():
         yield Path(folder)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("folder", ["tmp_path", "short_path"])
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_ends_server_and_sessions(request, monkeypatch, number, folder):
@@ -85,8 +92,7 @@ def test_a_signal_ends_server_and_sessions(request, monkeypatch, number, folder)
     folder = request.getfixturevalue(folder)
     monkeypatch.setenv("TMPDIR", str(folder))
     with serving(preexec_fn=ignore_interrupts) as (address, server):
-        with urlopen(address, timeout=DEADLINE) as page:
-            assert page.status == 200 and b"jupyter-config-data" in page.read()
+        open_page(address)
         kernels = until(lambda: len(found := children(server)) >= 2 and found)  # one is spare
         keep_busy(kernels[0])
         status, left, started = end(server, number, number)
@@ -94,8 +100,95 @@ def test_a_signal_ends_server_and_sessions(request, monkeypatch, number, folder)
     assert not list(folder.glob("voila_*"))
 
 
+@pytest.mark.long
 def test_a_signal_ends_a_server_whose_first_session_is_only_starting():
     with serving(preexec_fn=ignore_interrupts) as (_, server):
         until(lambda: children(server))
         status, left, _ = end(server, signal.SIGINT)
     assert (status, left) == (0, [])
+
+
+def open_page(address):
+    """The address of the session that the page has, and that of its channels."""
+    with urlopen(address, timeout=DEADLINE) as page:
+        kernel = re.search(r'"kernelId": ?"([^"]+)"', page.read().decode())[1]
+    session = f"{address}api/kernels/{kernel}"
+    return session, f"{session.replace('http', 'ws', 1)}/channels"
+
+
+async def status(address, **headers):
+    """How the server answers."""
+    request = HTTPRequest(address, headers=headers)
+    return (await AsyncHTTPClient().fetch(request, raise_error=False)).code
+
+
+def run(coroutine, *arguments):
+    return IOLoop().run_sync(lambda: coroutine(*arguments), timeout=DEADLINE)
+
+
+def test_an_idle_session_ends_when_due_and_no_ping_cuts_a_page_off_before():
+    """Jupyter's pings cut off a page that answers late; one that comes back is never idle."""
+    pings = []
+
+    async def wait(session, channels):
+        socket = await websocket_connect(channels)
+        socket.on_ping = pings.append
+        began = time.monotonic()
+        while await status(session) == 200:
+            assert time.monotonic() < began + DEADLINE, "the session does not end"
+            await gen.sleep(0.2)
+        socket.close()
+        return time.monotonic() - began
+
+    with serving("-c", IMPATIENT) as (address, _):
+        assert run(wait, *open_page(address)) > 3
+    assert pings == []
+
+
+def test_a_session_runs_no_code_that_is_sent_to_it(tmp_path):
+    """A message to execute code, as a notebook's front end sends it, is dropped."""
+    trace = tmp_path / "executed"
+
+    def message(kind, **content):
+        header = {
+            "msg_id": uuid.uuid4().hex,
+            "msg_type": kind,
+            "username": "",
+            "session": uuid.uuid4().hex,
+            "version": "5.3",
+            "date": "2026-01-01T00:00:00Z",
+        }
+        parts = {"header": header, "parent_header": {}, "metadata": {}, "buffers": []}
+        return json.dumps({"channel": "shell", "content": content, **parts})
+
+    async def send(channels):
+        socket = await websocket_connect(channels)
+        code = f"open({str(trace)!r}, 'w').close()"
+        await socket.write_message(message("execute_request", code=code, silent=False))
+        await socket.write_message(message("kernel_info_request"))
+        answers = []
+        while "kernel_info_reply" not in answers:
+            answers.append(json.loads(await socket.read_message())["msg_type"])
+        socket.close()
+        return answers
+
+    with serving() as (address, _):
+        answers = run(send, open_page(address)[1])
+        assert "execute_reply" not in answers and not trace.exists()
+
+        # Another site's page that gives this address its own name (DNS rebinding) is refused
+        nobody = f"{address}api/kernels/{uuid.uuid4()}"
+        assert address.startswith("http://127.0.0.1:")
+        assert [run(status, nobody), run(lambda: status(nobody, Host="evil.example"))] == [404, 403]
+
+
+@pytest.mark.long
+def test_visitors_who_come_one_after_the_other_all_get_a_page():
+    """Sessions are starting, or wait, while the next one comes."""
+
+    def visit(number: int) -> int:
+        time.sleep(0.3 * number)
+        return urlopen(address, timeout=DEADLINE).status
+
+    with serving() as (address, _), ThreadPoolExecutor(6) as threads:
+        assert list(threads.map(visit, range(6))) == [200] * 6

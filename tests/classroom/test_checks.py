@@ -17,8 +17,8 @@ from uavdh_lite.course.checks.training import RUNS
 from uavdh_lite.course.checks.trial import expect_none
 from uavdh_lite.course.checks.values import close
 from uavdh_lite.environment import Environment, Rewards
-from uavdh_lite.observation import Observation
 from uavdh_lite.missions import place
+from uavdh_lite.observation import Observation
 from uavdh_lite.storage import read_table
 
 HERE = Path(__file__).parent
@@ -76,11 +76,6 @@ def test_every_exercise_has_two_mistakes_at_least():
     assert all(len(answers) >= 2 for answers in MISTAKES.values())
 
 
-def test_every_exercise_is_exported():
-    assert set(checks.EXERCISES) <= set(checks.__all__)
-    assert all(getattr(checks, name) is one for name, one in checks.EXERCISES.items())
-
-
 def test_every_notebook_has_its_exercises_in_order():
     numbers = [one.number for one in checks.EXERCISES.values()]
     assert numbers == sorted(numbers, key=lambda n: [int(part) for part in n.split(".")])
@@ -127,20 +122,12 @@ def test_unwritten_functions_and_missing_returns():
     def silent(snr_db):
         snr_db + 1
 
-    def broken(snr_db):
-        return snr_db.nothing
-
     for answer, message in (
         (blank, "blank is not written yet"),
         (silent, "is a `return` missing"),
-        (broken, r"broken\(0\) stops with AttributeError: 'float'"),
     ):
         with pytest.raises(checks.CheckFailed, match=message):
             checks.rate_from_snr(answer)
-
-
-def test_what_a_notebook_shows_of_a_failed_check():
-    assert checks.CheckFailed("A reason.")._render_traceback_() == ["Not yet. A reason."]
 
 
 def one_more(x):

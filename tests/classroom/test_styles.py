@@ -9,8 +9,6 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import torch
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from mutants import SCRIPTS, solutions
 
 from uavdh_lite.course import checks
@@ -58,20 +56,8 @@ SEVERAL = {
     "array": np.array,
     "tensor": lambda x: torch.tensor(np.array(x, float)),
 }
-NUMBERS = (
-    "flight_score",
-    "n_step_return",
-    "permutation_p",
-    "asymmetric_share",
-    "network_weights",
-    "clustered_half_width",
-)
+NUMBERS = ("flight_score", "n_step_return", "network_weights", "clustered_half_width")
 ROWS = ("tdma_slot", "wilson", "lead")
-FUNCTIONS = [
-    name
-    for name, one in checks.EXERCISES.items()
-    if one.table and name not in ("safe_step", "reachable")
-]
 
 
 @functools.cache
@@ -85,34 +71,16 @@ def solved(name):
     raise KeyError(name)
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
-@given(written=st.sampled_from(sorted(WRITTEN)))
-@settings(max_examples=len(WRITTEN), deadline=None, derandomize=True)
-def test_a_function_of_any_kind_passes(name, written):
-    checks.EXERCISES[name](WRITTEN[written](solved(name)))
+@pytest.mark.parametrize("written", WRITTEN)
+def test_a_function_of_any_kind_passes(written):
+    for name in ("rate_from_snr", "tdma_slot"):
+        checks.EXERCISES[name](WRITTEN[written](solved(name)))
 
 
 @pytest.mark.parametrize("name", [*NUMBERS, *ROWS])
-@given(data=st.data())
-@settings(
-    max_examples=10,
-    deadline=None,
-    derandomize=True,
-    suppress_health_check=[HealthCheck.too_slow],
-)
-def test_numbers_of_any_type_pass(name, data):
-    forms = ONE_NUMBER if name in NUMBERS else SEVERAL
-    form = forms[data.draw(st.sampled_from(sorted(forms)))]
-    checks.EXERCISES[name](lambda *arguments: form(solved(name)(*arguments)))
-
-
-def by_recursion(rewards, terminals, values, n, discount):
-    if n == 0 or len(rewards) == 0:
-        return values[0]
-    if terminals[0]:
-        return rewards[0]
-    rest = by_recursion(rewards[1:], terminals[1:], values[1:], n - 1, discount)
-    return rewards[0] + discount * rest
+def test_numbers_of_any_type_pass(name):
+    for form in (ONE_NUMBER if name in NUMBERS else SEVERAL).values():
+        checks.EXERCISES[name](lambda *arguments, form=form: form(solved(name)(*arguments)))
 
 
 def by_logarithms(q_values, temperature):
@@ -139,12 +107,6 @@ def by_sets(a, b):
     return Fraction(sum(larger), len(larger))
 
 
-def by_padding(layer, uav, outside):
-    m = len(layer) - 1
-    (r, c), wide = uav, np.pad(layer.astype(np.float64), m, constant_values=outside)
-    return wide[r:][: 2 * m + 1][:, c:][:, : 2 * m + 1]
-
-
 def by_search(successes, trials):
     share, ends = successes / trials, []
     for far in (0.0, 1.0):
@@ -155,20 +117,6 @@ def by_search(successes, trials):
             near, away = (q, away) if inside else (near, q)
         ends.append(near)
     return ends
-
-
-def in_loops(uploaded, intervened, landed, crashed):
-    return [
-        sum(map(float, u)) - (0 if land else 0.2) - (1 if i else 0) - (150 if c else 0)
-        for u, i, land, c in zip(uploaded, intervened, landed, crashed, strict=True)
-    ]
-
-
-def by_sorting(snr_db, data_left):
-    order = sorted(range(len(snr_db)), key=lambda k: (data_left[k] > 0, snr_db[k]))
-    best = order[-1]
-    carried = math.log2(1 + 10 ** (float(snr_db[best]) / 10))
-    return [best, min(carried, float(data_left[best]))] if data_left[best] > 0 else [-1, 0]
 
 
 def blended(target, online, rate):
@@ -213,13 +161,9 @@ OTHERS = {
     "small_city_map": by_padding_layers,
     "symmetric_q": by_transposing,
     "clustered_half_width": by_matrix,
-    "n_step_return": by_recursion,
     "stable_policy": lambda q, beta: by_logarithms(q.double(), beta).float(),
     "permutation_p": by_sets,
-    "centre": by_padding,
     "wilson": by_search,
-    "reward": in_loops,
-    "tdma_slot": by_sorting,
     "soft_update_in_place": blended,
     "double_target": (by_one_hot, (2.8, Fraction(-1, 5))),
     "rate_from_snr": lambda snr_db: np.logaddexp2(0, np.asarray(snr_db) / 10 * np.log2(10)),

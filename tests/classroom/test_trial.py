@@ -15,7 +15,6 @@ import torch
 
 from uavdh_lite.course import checks
 from uavdh_lite.course.checks import exercise as shared
-from uavdh_lite.course.checks import trial
 from uavdh_lite.course.checks.trial import PRINTED, CheckFailed, within
 
 
@@ -87,7 +86,6 @@ VALUES = [
 ]
 FUNCTIONS = [endless, catches_all, sleeps, leaves, interrupts, calls_itself, generates]
 FUNCTIONS += [raises_rudely, builtins.print, builtins.len, np.sum, type, os.getcwd]
-QUICK = list(checks.EXERCISES)
 
 
 @pytest.fixture(autouse=True)
@@ -105,14 +103,14 @@ def said_of(name, answer):
     return text
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", checks.EXERCISES)
 def test_whatever_is_handed_in_ends_in_a_sentence(name):
     for value in VALUES:
         said_of(name, value)
         said_of(name, (value, value))
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", checks.EXERCISES)
 def test_whatever_a_function_gives_back_ends_in_a_sentence(name):
     pairs = name in ("path_loss_crossover", "double_target")
     for value in VALUES:
@@ -164,14 +162,6 @@ def test_work_within_its_time_raises_its_own_errors():
         within(0.2, lambda: time.sleep(1))
 
 
-def test_in_any_thread_of_a_process_a_loop_is_stopped():
-    said = []
-    thread = threading.Thread(target=lambda: said.append(said_of("rate_from_snr", endless)))
-    thread.start()
-    thread.join(8)
-    assert "had not ended after 2 seconds" in said[0]
-
-
 def test_an_interrupt_stops_the_answer_too(monkeypatch):
     before, join = threading.active_count(), threading.Thread.join
 
@@ -207,12 +197,6 @@ def test_without_threads_an_answer_is_checked_without_a_limit(monkeypatch):
     assert "(0) gives 0" in said_of("rate_from_snr", lambda snr_db: 0.0 * snr_db)
 
 
-def test_no_signal_and_no_module_of_one_system_is_used():
-    """Else a check would fail on Windows, or outside of the main thread."""
-    used = {name for name, value in vars(trial).items() if isinstance(value, type(os))}
-    assert not used & {"signal", "fcntl", "resource", "multiprocessing", "os"}
-
-
 @pytest.mark.parametrize("thread", ["main", "other"])
 def test_a_plain_process_ends_after_an_endless_loop(thread):
     code = (
@@ -242,15 +226,6 @@ def test_little_of_what_an_answer_prints_is_shown(capsys):
     assert "your function prints more" in said
 
 
-def test_an_answer_that_changes_its_own_globals():
-    names = {"np": np}
-    exec(
-        "def rate(x):\n    global np\n    y = np.log2(1 + 10**(x/10))\n    np = 3\n    return y",
-        names,
-    )
-    assert "stops with AttributeError" in said_of("rate_from_snr", names["rate"])
-
-
 def test_an_answer_with_a_memory():
     asked = []
 
@@ -268,23 +243,6 @@ def test_a_warning_is_no_error(recwarn):
 
     checks.rate_from_snr(rate)
     assert not recwarn.list
-
-
-def test_exit_in_a_notebook_leaves_no_kernel(monkeypatch):
-    IPython = pytest.importorskip("IPython")
-    asked = []
-
-    class Shell:
-        user_ns = {"exit": lambda: asked.append(1)}  # noqa: RUF012
-
-    monkeypatch.setattr(IPython, "get_ipython", lambda: Shell)
-    before = Shell.user_ns["exit"]
-
-    def rate(snr_db):
-        Shell.user_ns["exit"]()
-
-    assert "stops with SystemExit" in said_of("rate_from_snr", rate)
-    assert not asked and Shell.user_ns["exit"] is before
 
 
 def test_a_kernel_lives_on(tmp_path):
@@ -305,6 +263,6 @@ def test_a_kernel_lives_on(tmp_path):
         for cell in notebook.cells
     ]
     assert "rate(0) had not ended after 2 seconds" in said[1] and len(said[1]) < 3 * PRINTED
-    assert "rate(0) stops with SystemExit" in said[2] and "Traceback" not in said[2]
+    assert "Not yet. rate(0) stops with SystemExit" in said[2] and "Traceback" not in said[2]
     assert "rate(0) stops with KeyboardInterrupt" in said[3]
     assert said[4].startswith("alive") and "function" not in said[4]

@@ -5,7 +5,6 @@ import shlex
 import subprocess
 import sys
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,14 +17,16 @@ from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import City, fingerprint, load_cities
 from uavdh_lite.cli import training
 from uavdh_lite.cli.main import COMMANDS, main
+from uavdh_lite.environment import Environment
+from uavdh_lite.evaluation import evaluate
 from uavdh_lite.missions import load_mission
 from uavdh_lite.paper import RESULTS
 from uavdh_lite.recipe import find_recipe
 from uavdh_lite.scenario import Scenario
-from uavdh_lite.storage import read_table
+from uavdh_lite.storage import data_folder, read_table
 
-RUNS = Path(__file__).parents[2] / "data" / "runs"
-SHORT = "--steps 320 --replay-prefill 160 --validation-episodes 5 --threads 1".split()
+SHORT = ["--steps", "320", "--replay-prefill", "160", "--validation-episodes", "5"]
+SHORT += ["--threads", "1"]
 
 
 def failing(capsys, *arguments):
@@ -58,7 +59,8 @@ def test_the_papers_agents_land_and_collect_and_evaluate_writes_json(name, tmp_p
     assert main(["evaluate", "--checkpoint", name, "--episodes", "300", "--json", str(path)]) == 0
     values = json.loads(path.read_text())
     assert values["landed"]["mean"] > 0.98 and values["collected_and_landed"]["mean"] > 0.85
-    assert all(one["low"] <= one["mean"] <= one["high"] for one in values.values())
+    for one in values.values():
+        assert one["low"] - 1e-9 <= one["mean"] <= one["high"] + 1e-9
     assert f"{100 * values['collected']['mean']:.1f}" in capsys.readouterr().out
 
 
@@ -174,8 +176,7 @@ def test_a_run_that_began_with_an_agent_says_so_if_it_is_resumed_without(tmp_pat
     assert main([*options, *out, *from_any, "--stop-after", "320"]) == 0
     capsys.readouterr()
     error = failing(capsys, *options, *out, "--steps", "640", "--resume")
-    assert "began" in error or "begun" in error
-    assert "--from any_city" in error
+    assert "began with an agent" in error and "--from any_city" in error
     assert main([*options, *out, *from_any, "--resume"]) == 0
 
 
@@ -277,7 +278,7 @@ def test_files_give_one_line_and_status_1(capsys, tmp_path, monkeypatch, argumen
 
 
 def test_too_little_memory_gives_one_line_and_status_1(capsys, monkeypatch):
-    monkeypatch.setattr("uavdh_lite.city.City.load", lambda name: np.ones(2**60))
+    monkeypatch.setattr("uavdh_lite.city.City.load", lambda name: np.ones(2**50))
     assert main(["cities", "village"]) == 1
     error = capsys.readouterr().err
     assert "not enough memory" in error and error.count("\n") == 1
@@ -316,3 +317,16 @@ def test_a_shipped_agent_is_what_its_command_says(name, monkeypatch):
     assert main(shlex.split(agent.training["command"])[3:]) == 130
     seed, scenario = agent.training["seed"], agent.scenario.name
     assert begun == {"scenario": scenario, "recipe": agent.recipe, "seed": seed}
+
+
+@pytest.mark.parametrize(
+    ("name", "policy"),
+    [("manhattan", "agent"), ("manhattan_ddqn", "manhattan_ddqn"), ("harbour", "agent")],
+)
+def test_shipped_agents_score_what_was_recorded(name, policy):
+    """Where it was recorded to six digits; on another machine within half a point."""
+    agent, metric = load_agent(name), "collected_and_landed"
+    table = read_table(data_folder() / "runs" / f"comparison-{agent.scenario.name}.csv.gz")
+    recorded = table[metric][table["policy"] == policy]
+    flights = evaluate(Environment(agent.city), agent, agent.scenario, len(recorded), seed=0)
+    assert flights.records()[metric].mean() == pytest.approx(recorded.mean(), abs=0.005)

@@ -16,11 +16,10 @@ import torch
 from PIL import Image
 
 from uavdh_lite import labs
-from uavdh_lite.labs.insight import value_map
+from uavdh_lite.beyond.cities import CityGenerator
 from uavdh_lite.channel import rate
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
-from uavdh_lite.beyond.cities import CityGenerator
 from uavdh_lite.environment import ACTIONS, LAND
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.labs import (
@@ -36,6 +35,7 @@ from uavdh_lite.labs.channel import plain
 from uavdh_lite.labs.city import told_average
 from uavdh_lite.labs.draft import Draft, scenario_of
 from uavdh_lite.labs.fly import HARD, KEYS, YOU
+from uavdh_lite.labs.insight import value_map
 from uavdh_lite.labs.links import decode, encode
 from uavdh_lite.labs.think import BELOW, Thoughts
 from uavdh_lite.missions import HandFlight, Mission, as_json, environment_of, read_mission
@@ -368,7 +368,7 @@ def test_ranges_of_returns_are_drawn_for_agents_that_have_learned_them():
 
 def test_actions_that_the_failsafe_forbids_have_no_bars():
     agent = load_agent("manhattan")
-    flights = evaluate(agent.environment, agent, agent.scenario, 1, seed=0, record=True)
+    flights = evaluate(agent.environment, agent, agent.scenario, 1, seed=0)
     thoughts = Thoughts()
     thoughts.set_flight("safe", flights, agent, last=0)
     forbidden = 0

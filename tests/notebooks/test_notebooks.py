@@ -20,11 +20,6 @@ def script(request):
     return request.param
 
 
-@pytest.fixture(params=execute.exercise_scripts(), ids=lambda script: f"solution-{script.stem}")
-def exercises(request):
-    return request.param
-
-
 @pytest.fixture
 def notebook(script):
     return nbformat.read(execute.notebook_of(script), as_version=4)
@@ -43,13 +38,14 @@ def test_every_notebook_has_its_script():
     assert names == {path.stem for path in SCRIPTS} and names
 
 
-def test_the_notebook_was_executed_from_this_script(script, notebook):
+@pytest.mark.parametrize(
+    "script", SCRIPTS + execute.exercise_scripts(), ids=lambda one: f"{one.parent.name}-{one.stem}"
+)
+def test_the_notebook_was_executed_from_this_script_without_errors(script):
+    notebook = nbformat.read(execute.notebook_of(script), as_version=4)
     expected = execute.from_script(script)
     assert [cell.source for cell in notebook.cells] == [cell.source for cell in expected.cells]
     assert execute.is_fresh(script), f"run: python notebooks/execute.py {script.stem[:2]}"
-
-
-def ran_without_errors(notebook):
     cells = code(notebook)
     assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
     outputs = [output for cell in cells for output in cell.outputs]
@@ -57,16 +53,8 @@ def ran_without_errors(notebook):
     assert "stderr" not in {o.name for o in outputs if o.output_type == "stream"}
 
 
-def test_all_cells_ran_in_order_without_errors(notebook):
-    ran_without_errors(notebook)
-
-
-def test_solutions_were_executed_from_their_scripts(exercises):
-    notebook = nbformat.read(execute.notebook_of(exercises), as_version=4)
-    expected = execute.from_script(exercises)
-    assert [cell.source for cell in notebook.cells] == [cell.source for cell in expected.cells]
-    assert execute.is_fresh(exercises), f"run: python notebooks/execute.py {exercises.stem[:2]}"
-    ran_without_errors(notebook)
+@pytest.mark.parametrize("script", execute.exercise_scripts(), ids=lambda one: one.stem)
+def test_solutions_are_right(notebook):
     checked = [cell for cell in code(notebook) if cell.source.startswith("checks.")]
     assert all("right." in cell.outputs[-1].text for cell in checked) and len(checked) >= 2
 
@@ -77,11 +65,25 @@ def test_tutorials_and_exercises_have_the_same_names():
     assert [s.name for s in execute.exercise_scripts()] == tutorials
 
 
-def test_a_changed_script_is_stale(script, tmp_path, monkeypatch):
-    changed = tmp_path / script.name
-    changed.write_text(script.read_text() + "\n# %%\n1 + 1\n")
-    monkeypatch.setattr(execute, "HERE", NOTEBOOKS)
-    assert not execute.is_fresh(changed)
+def test_a_changed_script_is_stale_and_one_that_names_a_changed_result(tmp_path, monkeypatch):
+    named = ("checkpoints/manhattan_ddqn.safetensors", "runs/centring-village.csv.gz")
+    others = ("checkpoints/manhattan.safetensors", "runs/centring-village-training.csv.gz")
+    results = {name: tmp_path / "data" / name for name in named + others}
+    for path in results.values():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("before")
+    script = tmp_path / "notebooks" / "00_test.py"
+    script.parent.mkdir()
+    script.write_text('# %%\nload_agent("manhattan_ddqn"), "data/runs/centring-village.csv.gz"\n')
+    monkeypatch.setattr(execute, "HERE", script.parent)
+    nbformat.write(execute.from_script(script), execute.notebook_of(script))
+    for name, path in results.items():
+        path.write_text("after")
+        assert execute.is_fresh(script) == (name in others)
+        path.write_text("before")
+        assert execute.is_fresh(script)
+    script.write_text(f"{script.read_text()}\n# %%\n1 + 1\n")
+    assert not execute.is_fresh(script)
 
 
 def test_the_first_code_cell_finds_the_library_anywhere(notebook):

@@ -55,7 +55,15 @@ def test_a_module_imports_or_names_the_extra_that_it_needs(tmp_path):
     assert all(re.search(r"uavdh-lite\[(\w+)\]'$", said)[1] in EXTRAS for said in missing.values())
     rooms = {"labs", "course", "bridges"}
     assert missing and {name.split(".")[1] for name in missing} <= rooms, missing
-    path = ("training", "evaluation", "checkpoint", "policies", "plotting", "player", "beyond.genie")
+    path = (
+        "training",
+        "evaluation",
+        "checkpoint",
+        "policies",
+        "plotting",
+        "player",
+        "beyond.genie",
+    )
     assert not missing.keys() & {f"uavdh_lite.{name}" for name in path}
 
 

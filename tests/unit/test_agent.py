@@ -48,6 +48,6 @@ def test_a_value_map_moves_the_uav_and_nothing_else(agent, states, corridor):
     state = states[[0]]
     values = value_map(agent, state)
     assert np.array_equal(np.isnan(values), corridor.no_fly)
-    for cell in corridor.flight_cells:
+    for cell in np.flatnonzero(~corridor.no_fly):
         moved = replace(state, uav_cell=np.array([cell], np.int16))
         assert values.flat[cell] == pytest.approx(float(agent.q_values(moved).max()), rel=1e-5)

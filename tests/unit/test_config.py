@@ -5,11 +5,11 @@ from dataclasses import dataclass, fields, replace
 
 import pytest
 
+from uavdh_lite.beyond.recipes import BeyondRecipe
 from uavdh_lite.channel import Channel
 from uavdh_lite.config import option, require_bounds
 from uavdh_lite.environment import Rewards
 from uavdh_lite.errors import InputError
-from uavdh_lite.recipe import PAPER, Recipe
 from uavdh_lite.scenario import Scenario
 
 
@@ -26,38 +26,28 @@ class Sample:
 
 
 @pytest.mark.parametrize(
-    ("field", "value", "message"),
+    ("field", "value", "expected"),
     [
-        ("share", -0.1, "sample: share is -0.1, must be at least 0 and at most 1"),
-        ("share", 1.1, "sample: share is 1.1, must be at least 0 and at most 1"),
-        ("width", 0.0, "sample: width is 0.0, must be above 0"),
-        ("counts", (1, 0), r"sample: counts is \(1, 0\), must be at least 1"),
-        ("limit", 0.0, "sample: limit is 0.0, must be above 0"),
-        ("free", math.nan, "sample: free is nan, must be a finite number"),
-        ("width", math.inf, "sample: width is inf, must be a finite number"),
+        ("share", -0.1, "at least 0 and at most 1"),
+        ("share", 1.1, "at least 0 and at most 1"),
+        ("width", 0.0, "above 0"),
+        ("counts", (1, 0), "at least 1"),
+        ("limit", 0.0, "above 0"),
+        ("free", math.nan, "a finite number"),
+        ("width", math.inf, "a finite number"),
     ],
 )
-def test_a_value_out_of_bounds_is_named(field, value, message):
-    with pytest.raises(InputError, match=f"^{message}$"):
+def test_a_value_out_of_bounds_is_named(field, value, expected):
+    with pytest.raises(InputError) as caught:
         replace(Sample(), **{field: value})
+    assert str(caught.value) == f"sample: {field} is {value}, must be {expected}"
 
 
 def test_bounds_themselves_are_inside():
     Sample(share=0.0), Sample(share=1.0), Sample(counts=(1,)), Sample(limit=1e-9), Sample(free=-1e9)
 
 
-@pytest.mark.parametrize("config", [Recipe, Scenario, Channel, Rewards])
+@pytest.mark.parametrize("config", [BeyondRecipe, Scenario, Channel, Rewards])
 def test_every_option_explains_itself(config):
     options = [field for field in fields(config) if field.name != "name"]
     assert options and all(field.metadata.get("help") for field in options)
-
-
-def test_each_bounded_field_of_a_recipe_refuses_what_is_below():
-    for field in fields(Recipe):
-        bounds = field.metadata.get("bounds", {})
-        low = bounds.get("ge") if bounds.get("ge") is not None else bounds.get("gt")
-        if low is None:
-            continue
-        value = (low - 1,) if isinstance(getattr(PAPER, field.name), tuple) else low - 1
-        with pytest.raises(InputError, match=f"recipe paper: {field.name} is"):
-            replace(PAPER, **{field.name: value})

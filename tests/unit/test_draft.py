@@ -31,7 +31,7 @@ def test_a_draft_becomes_a_city_when_it_is_one():
     with pytest.raises(CityError, match="no start and landing zone"):
         draft.city()
     draft.paint((0, 0), "landing zone")
-    assert draft.city("mine").landing_cells.tolist() == [0]
+    assert np.flatnonzero(draft.city("mine").landing).tolist() == [0]
 
 
 def test_png_round_trip():
@@ -48,10 +48,10 @@ def image(array):
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"not a picture", "upload.png: not a readable PNG"),
-        (b"", "upload.png: not a readable PNG"),
+        (b"not a picture", "city: not a readable PNG"),
+        (b"", "city: not a readable PNG"),
         (bytes(UPLOAD_BYTES + 1), "100,001 bytes, at most 100,000"),
-        (image(np.full((4, 4, 3), 112)), "upload.png: pixel row 0, column 0 is #707070"),
+        (image(np.full((4, 4, 3), 112)), "city: pixel row 0, column 0 is #707070"),
         (image(np.zeros((4, 4, 3))), "no start and landing zone"),
         (image(np.zeros((3, 4, 3))), "must be square"),
         (image(np.zeros((101, 101, 3))), "101 × 101 pixels, at most 100"),

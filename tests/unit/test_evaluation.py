@@ -66,7 +66,7 @@ def test_a_flight_by_hand(environment, start):
     actions = [EAST, EAST, HOVER, WEST, WEST, LAND]
     plan = Plan(actions)
     for rewards, total in ((Rewards(movement=-1), 1.5 - 5), (Rewards(), 1.5 - 5 * 0.2)):
-        flights = fly(environment, plan, start, stream(Use.TEST), rewards, record=True)
+        flights = fly(environment, plan, start, stream(Use.TEST), rewards)
         assert flights.returns[0] == pytest.approx(total)
     flight = flights.trajectory(0)
     assert flight.uav_cell.tolist() == [10, 11, 12, 12, 11, 10, 10]
@@ -74,13 +74,10 @@ def test_a_flight_by_hand(environment, start):
     assert flight.action.tolist() == actions and flight.landed
     assert flight.data_left[[0, -1]].tolist() == [[1.5], [0]]
     assert flight.uploaded.sum() == pytest.approx(1.5) == flight.reward.sum() + 1
-    again = flights.of_steps(flights.start, flights.end, flights.history).records()
-    assert again == flights.records() and again["collected_and_landed"] == 1
+    assert flights.records()["collected_and_landed"] == 1
 
 
 def test_what_cannot_be_answered_is_said(environment, start):
-    with pytest.raises(ValueError, match="record=True"):
-        fly(environment, Plan([LAND]), start, stream(Use.TEST)).trajectory(0)
     with pytest.raises(InputError, match="episode 0"):
         fly(environment, Plan([6]), start, stream(Use.TEST))
 

@@ -34,7 +34,7 @@ def flight(cities, actions=FLIGHT, city=0, device=(2, 3), data=1.5, flying_time=
     start = replace(start, city=np.array([city], np.int16), **turned)
     actions = iter(actions)
     policy = FunctionPolicy(lambda state: np.array([next(actions)]))
-    flights = fly(environment, policy, start, stream(Use.TEST, 0), record=True)
+    flights = fly(environment, policy, start, stream(Use.TEST, 0))
     return environment, flights.trajectory(0)
 
 
@@ -107,7 +107,7 @@ def test_names_are_text_and_the_page_loads_nothing(name, corridor, tmp_path):
 def test_the_page_of_the_largest_city_is_small():
     environment = Environment(City.load("metropolis"))
     scenario = find_scenario("metropolis")
-    flights = evaluate(environment, Greedy(environment), scenario, 2, seed=1, record=True)
+    flights = evaluate(environment, Greedy(environment), scenario, 2, seed=1)
     assert len(play(environment, flights.trajectory(0))._repr_html_()) < 100_000
 
 

@@ -32,7 +32,7 @@ def flight(cities, actions, uav=(2, 0), device=(2, 2), data=1.5, city=0):
     start = replace(start, city=np.array([city], np.int16))
     actions = iter(actions)
     policy = FunctionPolicy(lambda state: np.array([next(actions)]))
-    flights = fly(environment, policy, start, stream(Use.TEST, 0), record=True)
+    flights = fly(environment, policy, start, stream(Use.TEST, 0))
     return environment, flights.trajectory(0)
 
 

@@ -19,7 +19,7 @@ def test_draws_stay_in_the_ranges_and_reach_their_ends(generator):
     assert set((state.data_initial > 0).sum(1)) == {2, 3, 4, 5}
     assert state.time_left.min() == 35 and state.time_left.max() == 70
     assert 5 <= data.min() < 5.1 and 19.9 < data.max() <= 20
-    assert set(state.uav_cell) == set(environment.city.landing_cells)
+    assert set(state.uav_cell) == set(np.flatnonzero(environment.city.landing))
     assert not state.ended.any() and np.array_equal(state.data_left, state.data_initial)
 
 
@@ -45,7 +45,9 @@ def test_every_episode_is_in_one_city_and_all_cities_are_equally_likely(anywhere
     assert all(len(set(cells)) == 3 for cells in state.device_cells.tolist())
     for index, city in enumerate(BOTH.cities):
         here = state[state.city == index]
-        starts = np.flatnonzero(city.landing_distance >= 0) if anywhere else city.landing_cells
+        starts = (
+            np.flatnonzero(city.landing_distance >= 0) if anywhere else np.flatnonzero(city.landing)
+        )
         assert set(here.uav_cell) == set(starts)
         assert set(here.device_cells.flat) == set(city.device_cells)
 

@@ -112,6 +112,7 @@ QUANTILE = replace(
     huber_delta=1.0,
     advantage_learning=0.8,
     crash_reward=PAPER.crash_reward,
+    crash_reward_end=None,
     exploring_starts=0.0,
 )
 """`LITE` with ideas from beyond the paper, and without what they make unnecessary:

@@ -119,7 +119,7 @@ class DataHarvesting(gymnasium.Env):
         from uavdh_lite.plotting import draw_trajectory, pixels
 
         figure = Figure(figsize=(6, 6.4), layout="constrained")
-        flight = Flights.of_steps(self._start, self.state, self._history).trajectory(0)
+        flight = Flights(self._start, self.state, self._history).trajectory(0)
         draw_trajectory(figure.subplots(), self.environment, flight)
         return pixels(figure)
 

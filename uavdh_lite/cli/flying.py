@@ -59,9 +59,7 @@ def demo(
         environment = Environment(agent.city)
         policies = {label: name + suffix for label, suffix in AGENTS.items()}
         flown = {
-            label: evaluation.evaluate(
-                environment, policy, agent.scenario, episodes, seed, record=True
-            )
+            label: evaluation.evaluate(environment, policy, agent.scenario, episodes, seed)
             for label, known in {**policies, "greedy rule": "greedy"}.items()
             for policy in [find_policy(known, environment)]
         }

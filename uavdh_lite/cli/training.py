@@ -67,6 +67,9 @@ def train(arguments: list[str]) -> Callable[..., None]:
         if device != "cpu" and not getattr(torch, device).is_available():
             raise InputError(f"no {device} device for this torch: leave out --device")
         torch.set_num_threads(threads)
+        out = out or Path("runs", f"{scenario}-{recipe}-{seed}")
+        if resume and begin_with is None:
+            runs.require_begun_from_nothing(out)
         trainer = Trainer(
             with_values(named_scenario, scenario_values),
             with_values(named_recipe, recipe_values),
@@ -76,7 +79,7 @@ def train(arguments: list[str]) -> Callable[..., None]:
         )
         best = runs.train(
             trainer,
-            out or Path("runs", f"{scenario}-{recipe}-{seed}"),
+            out,
             resume,
             command_line,
             stop_after=stop_after,

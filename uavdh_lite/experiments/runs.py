@@ -111,13 +111,26 @@ def _locked(out: Path) -> Iterator[None]:
         lock.release()
 
 
+def _about(out: Path) -> dict:
+    """What `about.json` says; nothing if the folder has none."""
+    path = out / "about.json"
+    return json.loads(path.read_text()) if path.exists() else {}
+
+
+def require_begun_from_nothing(out: Path) -> None:
+    """Raise `InputError` if the run in a folder began with an agent's weights."""
+    about = _about(out)
+    if about.get("begun_with"):
+        raise InputError(f"{out}: this run began with an agent, add it: {about['command']}")
+
+
 def _restore(trainer: Trainer, out: Path) -> None:
     """Go on where the run was saved; if it is another run, the error says how that was begun."""
     try:
         trainer.restore(out / SAVED)
     except InputError as error:
-        about = json.loads((out / "about.json").read_text())
-        raise InputError(f"{error}. That run was begun by: {about['command']}") from None
+        begun = _about(out).get("command", "no command")
+        raise InputError(f"{error}. That run was begun by: {begun}") from None
 
 
 def _events(trainer: Trainer, out: Path):
@@ -167,12 +180,11 @@ def _validate(trainer: Trainer, out: Path, command: str) -> str:
 
 def _write_about(trainer: Trainer, out: Path, command: str) -> dict:
     """Write how the run is made; returns it without what defines the run."""
-    path, threads = out / "about.json", torch.get_num_threads()
-    before = json.loads(path.read_text()) if path.exists() else {}
-    shared = before.get("shared_machine") or is_shared(threads)
+    threads = torch.get_num_threads()
+    shared = _about(out).get("shared_machine") or is_shared(threads)
     how = {"command": command, "threads": threads, "shared_machine": shared}
     training = trainer.agent.training | how
-    write_json(path, training | trainer.identity())
+    write_json(out / "about.json", training | trainer.identity())
     return training
 
 

@@ -422,7 +422,7 @@ class CityLab(ipywidgets.VBox):
                 raise CityError(f"{len(kinds)} cells on a side: at most {LARGEST} fit this editor")
             self._take(kinds)
         except CityError as error:
-            self._say(f"{str(error).replace('upload.png', source)}. {remedy}")
+            self._say(f"{source}: {str(error).removeprefix('city: ')}. {remedy}")
             return False
         return True
 

@@ -25,7 +25,7 @@ def decode(code: str) -> bytes:
 
 def mission_code(mission: Mission) -> str:
     """A mission without its city."""
-    left_out = {"format", "version", "city", "sha256"}
+    left_out = {"format", "version", "city"}
     values = {name: value for name, value in as_json(mission).items() if name not in left_out}
     return encode(json.dumps(values, separators=(",", ":")).encode())
 

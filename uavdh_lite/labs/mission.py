@@ -53,7 +53,7 @@ POLICIES = {
     "policy": "who flies: it chooses an action in each unit of time",
     "agent": "a trained network, named after the city that it learned; <i>any_city</i> learned in "
     "2000 random cities. <i>ddqn</i>: by the paper's method alone; <i>early</i>: its training was "
-    "stopped early; <i>turned</i>: it flies by the mean of eight turned and mirrored maps",
+    "stopped early",
     "greedy": "a simple rule: to the nearest device with data, and home in time",
     "genie": "a planner that knows the mean rate at every place, which no UAV does",
     "random": "each action that is allowed, with the same chance",

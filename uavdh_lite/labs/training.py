@@ -86,8 +86,8 @@ class Settings(ipywidgets.HBox):
         whose: stands before each setting's name.
     """
 
-    def __init__(self, recipe: Recipe, whose: str = ""):
-        self._recipe = BeyondRecipe(**asdict(recipe))
+    def __init__(self, recipe: BeyondRecipe, whose: str = ""):
+        self._recipe = recipe
         number = ipywidgets.FloatText
         self.values = {
             **{
@@ -109,7 +109,7 @@ class Settings(ipywidgets.HBox):
         super().__init__([ipywidgets.VBox(list(self.values.values())), self.right], layout=WRAP)
 
     @property
-    def recipe(self) -> Recipe:
+    def recipe(self) -> BeyondRecipe:
         """The recipe with these settings; `InputError` says which one cannot be."""
         changes = {name: setting.value for name, setting in self.values.items()}
         source = find_recipe("quantile")
@@ -141,7 +141,8 @@ class TrainingLab(ipywidgets.VBox):
 
     def __init__(self, scenario: str = "village", recipe: str | Recipe = "small"):
         self.scenario = find_scenario(scenario)
-        self.recipe = find_recipe(recipe) if isinstance(recipe, str) else recipe
+        recipe = find_recipe(recipe) if isinstance(recipe, str) else recipe
+        self.recipe = BeyondRecipe(**asdict(recipe))  # its parts can be added
         self.yours, self.rival = Settings(self.recipe), Settings(self.recipe, "rival: ")
         self.settings, self.parts = self.yours.values, self.yours.parts
         self.race = ipywidgets.Checkbox(

@@ -135,7 +135,7 @@ def moves_to(cell):
 def both(policy, seed):
     """The flights of policy and greedy in the same 300 missions."""
     pilots = FunctionPolicy(lambda state: policy(environment, state)), greedy
-    return [evaluate(environment, pilot, scenario, 300, seed, record=True) for pilot in pilots]
+    return [evaluate(environment, pilot, scenario, 300, seed) for pilot in pilots]
 
 def practise(policy, seed=0):
     """Lead over greedy on 300 missions, with the half width of its paired 95 % interval."""

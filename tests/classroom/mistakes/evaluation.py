@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.evaluation import wilson_interval
-from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.planners import Greedy
 
 

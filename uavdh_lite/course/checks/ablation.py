@@ -19,7 +19,7 @@ STUDY = Path("runs") / "centring-manhattan.csv.gz"
 
 
 def recorded() -> dict[str, np.ndarray]:
-    """The validations of the recorded ablation, `data/runs/centring-manhattan.csv.gz`, by column."""
+    """The recorded ablation's validations, `data/runs/centring-manhattan.csv.gz`, by column."""
     here = Path.cwd()
     for folder in (data_folder(), *(parent / "data" for parent in (here, *here.parents))):
         if (folder / STUDY).exists():

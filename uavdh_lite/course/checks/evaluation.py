@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from uavdh_lite.agent import Agent
+from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise, expect, guarded, solution
 from uavdh_lite.course.checks.table import edit
 from uavdh_lite.course.checks.trial import expect_none, first_true, name_of
 from uavdh_lite.course.checks.values import Unreadable, pair, row, show, whole
-from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
+from uavdh_lite.environment import ACTIONS, Rewards, State
 from uavdh_lite.evaluation import FunctionPolicy, evaluate
 from uavdh_lite.missions import environment_of
-from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.planners import Greedy
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream
@@ -198,7 +198,8 @@ def _simulated(greedy: Greedy, state: State) -> np.ndarray:
     total, flying = Rewards()(outcome), np.arange(len(actions))
     while not after.ended.all():
         flying, after = flying[~after.ended], after[~after.ended]
-        after, outcome = greedy.environment.transition(after, greedy.act(after), fading[: len(after)])
+        action, mean = greedy.act(after), fading[: len(after)]
+        after, outcome = greedy.environment.transition(after, action, mean)
         total[flying] += Rewards()(outcome)
     return total.reshape(-1, count).argmax(axis=0)
 

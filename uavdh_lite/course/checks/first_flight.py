@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.course.checks.exercise import exercise, expect, solution
 from uavdh_lite.course.checks.trial import expect_none
 from uavdh_lite.course.checks.values import show
 from uavdh_lite.environment import ACTIONS, MOVES
 from uavdh_lite.missions import HandFlight, Mission, environment_of
-from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.plotting import device_colour
 
 
