@@ -75,7 +75,7 @@ class Observation(nn.Module):
         channels = len(LAYERS) + (self.kind == "non_centred")
         return channels, self.width, self.width
 
-    def forward(self, state: State) -> tuple[Tensor, Tensor]:
+    def forward(self, state: State) -> tuple[Tensor, ...]:
         centred = self.kind == "centred"
         time = self._tensor(state.time_left).float()[:, None] / self.time_scale
         return self.centred_map(state) if centred else self.in_place_map(state), time

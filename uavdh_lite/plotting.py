@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PatchCollection
@@ -148,9 +149,17 @@ def _draw_path(ax: Axes, path: np.ndarray, trajectory: Trajectory) -> None:
             width = THIN + (THICK - THIN) * min(uploads.sum() / MUCH, 1)
             head = 2.5 * width + 0.15  # thin arrows keep a head that one can see
             ax.arrow(
-                *(col - ASIDE * down, row + ASIDE * right, right, down),  # y points south here
-                **{"width": width, "head_width": head, "head_length": head},
-                **{"length_includes_head": True, "color": colour, "linewidth": 0, "zorder": 4},
+                col - ASIDE * down,
+                row + ASIDE * right,  # y points south here
+                right,
+                down,
+                width=width,
+                head_width=head,
+                head_length=head,
+                length_includes_head=True,
+                color=colour,
+                linewidth=0,
+                zorder=4,
             )
         elif trajectory.action[step] != LAND or trajectory.intervened[step]:
             hovered.setdefault((row, col), []).append(colour)
@@ -189,7 +198,7 @@ def caption(trajectory: Trajectory) -> str:
 
 def add_legend(figure: Figure, devices: int) -> None:
     """The legend of trajectory figures, below all Axes, for this number of devices."""
-    signs = [
+    signs: list[tuple[str, str, Style]] = [
         ("start", "^", {"mfc": "white", "ms": 9}),
         ("landing", "D", {"mfc": "white", "ms": 7}),
         ("crash", "*", {"mfc": RED, "ms": 13}),
@@ -198,12 +207,12 @@ def add_legend(figure: Figure, devices: int) -> None:
     ]
     for k in range(devices):
         colour = device_colour(k)
-        style = {"mfc": colour, "mec": colour, "ms": 10}
+        style: Style = {"mfc": colour, "mec": colour, "ms": 10}
         signs.append((f"device {k}, and moves while it is served", "X", style))
     ground = KINDS | {"shadow, deeper for more devices": {"facecolor": SHADOW}}
-    handles = [Patch(label=label, **style) for label, style in ground.items()]
+    handles: list[Artist] = [Patch(label=label, **style) for label, style in ground.items()]
     handles += [
-        Line2D([], [], linestyle="none", marker=marker, label=label, **{"mec": "black"} | style)
+        Line2D([], [], linestyle="none", marker=marker, label=label, **{"mec": "black", **style})
         for label, marker, style in signs
     ]
     columns = 3 if figure.get_figwidth() >= 9 else 2
@@ -261,7 +270,12 @@ def draw_layers(ax: Axes, layers: list[tuple[str, tuple[int, ...], str]]) -> Axe
         width = height if is_maps else 3
         for k in range(count):
             corner = (left + 0.9 * k, 0.9 * k - height / 2)
-            style = {"facecolor": colour, "edgecolor": "white", "linewidth": 0.5, "zorder": -k}
+            style: Style = {
+                "facecolor": colour,
+                "edgecolor": "white",
+                "linewidth": 0.5,
+                "zorder": -k,
+            }
             ax.add_patch(Rectangle(corner, width, height, **style))
         right = left + width + 0.9 * (count - 1)
         words = "×".join(map(str, shape)) + f"\n{name}"

@@ -125,7 +125,11 @@ class Recipe:
 
     def observation_for(self, environment: Environment, size: int = 0) -> Observation:
         """What the network sees, for cities of up to `size` cells on a side if that is more."""
-        return Observation(environment, self.observation, self.data_scale, self.time_scale, size)
+        return self.sees()(environment, self.observation, self.data_scale, self.time_scale, size)
+
+    def sees(self) -> type[Observation]:
+        """The class of the observation."""
+        return Observation
 
     def network_for(self, observation: Observation) -> nn.Module:
         """The network that learns; its weights come from torch's global generator."""

@@ -4,6 +4,7 @@ An extension is a package with an entry point in the group `uavdh_lite.extension
 when a name is looked up, and registers what it has. So nothing here has to know of it.
 """
 
+from functools import cache
 from importlib.metadata import entry_points
 from typing import Any, Literal
 
@@ -32,18 +33,19 @@ def register(kind: Kind, name: str, thing: Any) -> Any:
 
 def find(kind: Kind, name: str) -> Any:
     """The thing of this name; raises `InputError` with the known names."""
-    known = _all(kind)
-    if name not in known:
-        raise InputError(f"unknown {kind} {name!r}: choose one of {', '.join(known)}")
-    return known[name]
+    if name not in names(kind):
+        raise InputError(f"unknown {kind} {name!r}: choose one of {', '.join(names(kind))}")
+    return _known[kind][name]
 
 
 def names(kind: Kind) -> list[str]:
     """The known names of a kind, in the order in which they were registered."""
-    return list(_all(kind))
+    _load_extensions()
+    return list(_known.get(kind, {}))
 
 
-def _all(kind: Kind) -> dict[str, Any]:
+@cache
+def _load_extensions() -> None:
+    """Import every extension, once: to look for them takes a while."""
     for extension in entry_points(group=GROUP):
         extension.load()
-    return _known.get(kind, {})

@@ -1,6 +1,7 @@
 """Scenarios: what is drawn at random for each episode, and the named presets."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -133,4 +134,5 @@ def find_scenario(name: str) -> Scenario:
 
 def scenario_from_json(values: dict) -> Scenario:
     """The scenario with these fields; lists become tuples."""
-    return Scenario(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+    fields: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+    return Scenario(**fields)

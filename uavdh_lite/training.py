@@ -11,7 +11,7 @@ from torch import Tensor
 from uavdh_lite.agent import Agent
 from uavdh_lite.checkpoint import load, save
 from uavdh_lite.city import City, fingerprint_of, load_cities
-from uavdh_lite.ddqn import draw_actions, softmax_policy
+from uavdh_lite.ddqn import DDQN, draw_actions, softmax_policy
 from uavdh_lite.environment import Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.provenance import provenance
@@ -180,7 +180,7 @@ class Trainer:
 
     def save(self, path: Path) -> None:
         """Write everything the run needs to go on as if it had never stopped."""
-        parts = {"ddqn": self.learner, "replay": self.replay}
+        parts: dict[str, DDQN | Replay] = {"ddqn": self.learner, "replay": self.replay}
         tensors = {
             f"{part}.{name}": torch.as_tensor(value)
             for part, whole in parts.items()

@@ -63,6 +63,8 @@ def test_it_replaces_what_makes_a_landing_impossible_and_nothing_else(cities):
     after, outcome = plain.transition(state, instead, fading)
     found, safe_outcome = safe.transition(state, action, fading)
     assert np.array_equal(safe_outcome.sent_home, lost)
+    landed = replace(state, landed=np.ones(len(state), bool))
+    assert not safe.transition(landed, action, fading)[1].sent_home.any()
     assert all(np.array_equal(vars(found)[name], values) for name, values in vars(after).items())
     for name, values in vars(outcome).items():
         assert np.array_equal(getattr(safe_outcome, name), values)
@@ -70,8 +72,9 @@ def test_it_replaces_what_makes_a_landing_impossible_and_nothing_else(cities):
 
 def test_its_random_actions_are_allowed_ones_all_equally_likely():
     safe = SafeEnvironment(MANY)
-    state = ONE.sample_anywhere(safe, 1, stream(Use.TEST), spare_time=0)
-    state = state[np.zeros(6000, int)]
+    states, _ = everything(safe)
+    refused = Environment.allowed_actions(safe, states) & ~safe.allowed_actions(states)
+    state = states[np.full(6000, (refused.sum(axis=1) == 2).argmax())]
     allowed, action = safe.allowed_actions(state), safe.random_actions(state, stream(Use.TRAINING))
     share = np.bincount(action, minlength=6) / 6000
     assert share == pytest.approx(allowed[0] / allowed[0].sum(), abs=0.04)

@@ -131,7 +131,7 @@ def test_an_idle_session_ends_when_due_and_no_ping_cuts_a_page_off_before():
     pings = []
 
     async def wait(session, channels):
-        socket = await websocket_connect(channels)
+        socket = await websocket_connect(channels, on_message_callback=lambda message: None)
         socket.on_ping = pings.append
         began = time.monotonic()
         while await status(session) == 200:

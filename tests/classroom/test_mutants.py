@@ -43,7 +43,10 @@ EQUIVALENT = {  # by exercise: which faults change no result, and why
         "(row, int(col)) for": "numpy's integers are as good as Python's",
         "(int(row), col) for": "numpy's integers are as good as Python's",
     },
-    "worst_device_cell": {"divmod(number, city.size)": "numpy's integer is as good as Python's"},
+    "worst_device_cell": {
+        "divmod(number, city.size)": "numpy's integer is as good as Python's",
+        "environment.sight[-1]": "there is one city",
+    },
     "flight_score": {"return -1e-09": "within the tolerance of rounding"},
     "quantile_loss": {
         "np.abs(u) < kappa": "where |u| is κ both lines agree",

@@ -37,6 +37,7 @@ def pause_early(lab):
     """Start, and pause once it has learned."""
     lab.start.click()
     while not lab.trainers[YOURS].updates:
+        assert lab.running
         time.sleep(0.001)
     lab.pause.click()
 

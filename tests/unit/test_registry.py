@@ -10,6 +10,7 @@ def test_an_extension_is_loaded_when_a_name_is_looked_up(monkeypatch):
     extension = SimpleNamespace(load=lambda: registry.register("recipe", "mine", 42))
     monkeypatch.setattr(registry, "_known", {})
     monkeypatch.setattr(registry, "entry_points", lambda group: [extension])
+    monkeypatch.setattr(registry, "_load_extensions", registry._load_extensions.__wrapped__)
     assert registry.find("recipe", "mine") == 42
     assert registry.names("recipe") == ["mine"] and registry.names("scenario") == []
     with pytest.raises(InputError, match=r"recipe 'yours'.*mine"):

@@ -7,7 +7,7 @@ from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.scenario import Scenario, find_scenario
 
-SMALL = City.from_text("small", "L.B\n..B\nBBB")  # three cells for devices
+SMALL = City.from_text("small", "L.B\n..B\nBB.")  # four cells for devices, one cut off
 VILLAGE = City.load("village")
 BOTH = Environment((SMALL, VILLAGE))
 
@@ -89,5 +89,5 @@ def test_impossible_ranges_name_the_field(field, value):
 
 
 def test_more_devices_than_cells_name_the_city(generator):
-    with pytest.raises(InputError, match="up to 4 devices, but small has 3 cells"):
-        Scenario("four", devices=(1, 4)).sample(BOTH, 1, generator)
+    with pytest.raises(InputError, match="up to 5 devices, but small has 4 cells"):
+        Scenario("five", devices=(1, 5)).sample(BOTH, 1, generator)

@@ -68,23 +68,12 @@ class SafeEnvironment(Environment):
         return possible & ~after
 
 
-class SafeObservation(nn.Module):
+class SafeObservation(Observation):
     """An observation and, with it, the allowed actions: `(map, time, allowed)`."""
 
-    def __init__(self, observation: Observation):
-        super().__init__()
-        self.observation = observation
-
-    def forward(self, state: State) -> tuple[Tensor, Tensor, Tensor]:
-        map, time = self.observation(state)
-        allowed = torch.from_numpy(self.observation.environment.allowed_actions(state))
-        return map, time, allowed.to(map.device)
-
-    def __getattr__(self, name: str):
-        try:
-            return super().__getattr__(name)
-        except AttributeError:
-            return getattr(super().__getattr__("observation"), name)
+    def forward(self, state: State) -> tuple[Tensor, ...]:
+        allowed = torch.from_numpy(self.environment.allowed_actions(state))
+        return *super().forward(state), allowed.to(self.surroundings.device)
 
 
 class MaskedNetwork(nn.Module):

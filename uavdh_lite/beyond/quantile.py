@@ -55,6 +55,10 @@ def quantile_huber_loss(quantiles: Tensor, samples: Tensor, kappa: float) -> Ten
 class QRDQN(DDQN):
     """`DDQN` of a network with `quantiles`: `huber_delta` is κ, and the targets are (B, N)."""
 
+    online: QuantileNetwork
+    target: QuantileNetwork
+    huber_delta: float
+
     @torch.no_grad()
     def targets(self, batch: Batch) -> Tensor:
         """y_j = r + γ · θ_j(s', a*) of the target network, (B, N).

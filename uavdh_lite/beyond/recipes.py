@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from typing import Any
 
 from torch import nn
 
@@ -57,14 +58,13 @@ class BeyondRecipe(Recipe):
     def environment_for(self, city: City | tuple[City, ...]) -> Environment:
         return SafeEnvironment(city) if self.failsafe else super().environment_for(city)
 
-    def observation_for(self, environment: Environment, size: int = 0) -> Observation:
-        observation = super().observation_for(environment, size)
-        return SafeObservation(observation) if self.failsafe else observation
+    def sees(self) -> type[Observation]:
+        return SafeObservation if self.failsafe else Observation
 
     def network_for(self, observation: Observation) -> nn.Module:
         outputs = len(ACTIONS) * max(1, self.quantiles)
-        layers = (self.kernels, self.kernel_size, self.strides, self.hidden)
-        options = (*layers, self.layer_norm, self.leak, outputs)
+        options: Any = (self.kernels, self.kernel_size, self.strides, self.hidden)
+        options = (*options, self.layer_norm, self.leak, outputs)
         network: nn.Module
         if self.pooling:
             maps = (self.pooling, self.local_size)

@@ -164,9 +164,9 @@ class Leaderboard:
     def add(self, challenge: Challenge, score: dict) -> None:
         """Enter a score; `InputError` if the file is the board of another challenge."""
         about = {"scenario": challenge.scenario, "episodes": challenge.episodes}
-        empty = {**about, "fingerprint": challenge.fingerprint, "scores": {}, "failures": []}
+        empty: dict = {**about, "fingerprint": challenge.fingerprint, "scores": {}, "failures": []}
         with FileLock(f"{self.path}.lock"):
-            board = self._read() if self.path.exists() else empty
+            board: dict = self._read() if self.path.exists() else empty
             if board["fingerprint"] != challenge.fingerprint:
                 raise InputError(f"{self.path} is the board of another challenge: take another")
             if score["failed"]:

@@ -9,13 +9,11 @@ METRICS = ("landed", "collected", "collected_and_landed", "return", "time_used")
 
 def table(rows: Iterable[Iterable[str]]) -> str:
     """Rows of cells as lines, the first column to the left, the others to the right."""
-    rows = [list(row) for row in rows]
-    first, *others = (max(map(len, column)) for column in zip(*rows, strict=True))
-    return "\n".join(
-        row[0].ljust(first)
-        + "".join(cell.rjust(width + 2) for cell, width in zip(row[1:], others, strict=True))
-        for row in rows
-    )
+    columns = list(zip(*rows, strict=True))
+    widths = [max(map(len, column)) + 2 for column in columns]
+    padded = [[cell.rjust(width) for cell in c] for c, width in zip(columns, widths, strict=True)]
+    padded[0] = [cell.ljust(widths[0]) for cell in columns[0]]
+    return "\n".join(map("".join, zip(*padded, strict=True)))
 
 
 def policies_table(

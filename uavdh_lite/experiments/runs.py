@@ -75,7 +75,7 @@ def train(
         else:
             _write_about(trainer, out, command)
         progress = tqdm(total=recipe.steps, unit="step", unit_scale=True, disable=not show_progress)
-        events = _events(trainer, out) if tensorboard else nullcontext()
+        events = closing(_board(trainer, out)) if tensorboard else nullcontext()
         with progress, events as board, _deferred_interrupt() as interrupted:
             while trainer.steps < end and not interrupted():
                 started, before = time.perf_counter(), trainer.steps
@@ -100,15 +100,11 @@ def train(
 def _locked(out: Path) -> Iterator[None]:
     """Keep other processes out of the folder, which is made if need be."""
     out.mkdir(parents=True, exist_ok=True)
-    lock = FileLock(out / "lock", timeout=0)
     try:
-        lock.acquire()
+        with FileLock(out / "lock", timeout=0):
+            yield
     except Timeout:
         raise InputError(f"{out}: another process is training there; choose another") from None
-    try:
-        yield
-    finally:
-        lock.release()
 
 
 def _about(out: Path) -> dict:
@@ -133,11 +129,10 @@ def _restore(trainer: Trainer, out: Path) -> None:
         raise InputError(f"{error}. That run was begun by: {begun}") from None
 
 
-def _events(trainer: Trainer, out: Path):
-    """A context with the writer of TensorBoard's events."""
-    from uavdh_lite.bridges.tensorboard import Board
+def _board(trainer: Trainer, out: Path):
+    from uavdh_lite.bridges.tensorboard import Board  # an extra
 
-    return closing(Board(out / "tensorboard", trainer))
+    return Board(out / "tensorboard", trainer)
 
 
 def validate(trainer: Trainer) -> bool:

@@ -126,7 +126,7 @@ class Stage(anywidget.AnyWidget):
         last = max(int(each.steps[0]) for each in flights.values())
         with self.hold_sync():
             self.begin = -1 if begin is None else begin
-            self.size, self.refused = environment.city.size, [int(each) for each in refused]
+            self.size, self.refused = environment.size, [int(each) for each in refused]
             self.q_values = [list(each) for each in q_values]
             self.step = last if begin is None else begin
             self.drawing = drawing
