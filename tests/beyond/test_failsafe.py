@@ -93,7 +93,7 @@ def test_the_network_prefers_allowed_actions():
     safe = SafeEnvironment(MANY)
     state = ONE.sample_anywhere(safe, 50, stream(Use.TEST), spare_time=0)
     observation = Observation(safe, time_scale=10.0)
-    map, time, allowed = SafeObservation(observation)(state)
+    map, time, allowed = SafeObservation(safe, time_scale=10.0)(state)
     assert all(torch.equal(*pair) for pair in zip((map, time), observation(state), strict=True))
     assert np.array_equal(allowed, safe.allowed_actions(state))
     q_values = MaskedNetwork(lambda map, time: torch.zeros(len(map), 6))(map, time, allowed)

@@ -74,6 +74,7 @@ def test_rectangles_fills_and_mirrors_are_painted_and_each_stroke_is_undone_at_o
 
 
 def test_a_rectangle_is_picked_by_numbers(lab):
+    before = lab.draft.kinds.copy()
     lab.size.value = 5
     lab.blank.click()
     lab.tool.value = "rectangle"
@@ -81,13 +82,9 @@ def test_a_rectangle_is_picked_by_numbers(lab):
     assert "opposite corner" in lab.message.value and not lab.draft.buildings.any()
     pick(lab, 2, 3)
     assert lab.draft.buildings.sum() == 6 and lab.draft.buildings[1:3, 1:4].all()
-    pick(lab, 4, 4)
-    lab.tool.value = "brush"  # the corner is forgotten
-    pick(lab, 4, 0)
-    assert lab.draft.buildings.sum() == 7
-    for _ in range(3):
+    for _ in range(2):
         lab.undo.click()  # to before the blank city
-    assert (lab.draft.kinds == City.load("village").kinds).all() and lab.picker.row.max == 7
+    assert (lab.draft.kinds == before).all() and lab.picker.row.max == 7
 
 
 def test_a_quick_stroke_leaves_no_gaps_and_one_at_the_edge_counts():
@@ -246,18 +243,13 @@ def test_many_missions_say_more_than_one_and_find_where_greedy_fails():
     assert lab.result.value == ""
 
 
-def test_averages_are_told_in_plain_sentences():
+def test_averages_say_who_is_ahead_how_often_and_on_average():
     greedy = np.array([1.0, 1.0, 0.4, 0.9])
-    told = told_average("any_city", {"any_city": np.array([1.0, 1, 1, 0.8]), "greedy": greedy})
-    for said in (
-        "Over 4 missions, collected and landed: any_city agent 95%, greedy 82%. Greedy fails in 1",
-        "ahead of greedy in 1, behind in 1. Furthest behind: greedy in mission 2, the any_city "
-        "agent in mission 3.",
-    ):
-        assert said in told
     scores = {"any_city": np.array([0.0, 1.0, 0.5, 1.0]), "greedy": greedy}
     told = told_average("any_city", scores)
+    assert "any_city agent 62%, greedy 82%. Greedy fails in 1" in told
     assert "ahead of greedy in 2, behind in 1. It is behind on average" in told
+    assert "greedy in mission 2, the any_city agent in mission 0" in told
     assert "Furthest" not in told_average("greedy", {"greedy": greedy})
 
 

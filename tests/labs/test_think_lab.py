@@ -107,35 +107,17 @@ def test_a_city_without_an_agent_says_so(tmp_path):
 
 
 def test_the_axis_of_q_values_fits_them_and_says_where_it_begins(lab):
-    lab.closest.click()
-    thoughts, q = lab.charts, lab.charts.q[lab.stage.step]
-    low, high = thoughts.bars.get_xlim()
-    best = q[q.isfinite()]
-    assert 0 < low < best.min() and best.max() < high < 2 * best.max()
-    less = [text.get_text() for text in thoughts.less]
-    expected = [float(q.max() - each) for each in q.tolist()]
-    assert less == [f"−{each:.2f}" if 0 < each < np.inf else "" for each in expected]
+    thoughts = lab.charts
     for step in range(0, len(thoughts.states), 4):
         thoughts.show(step)
         low, high = thoughts.bars.get_xlim()
-        assert low < thoughts.q[step].max() < high
+        best = thoughts.q[step].topk(3).values
+        assert low < best[best.isfinite()].min() and best.max() < high
         assert bool(thoughts.begins.get_text()) == (not low < 0 < high)
-
-
-def test_what_is_cut_off_the_bars_is_marked_and_numbers_lie_beside_them(lab):
-    lab.stage.step = 2
-    thoughts = lab.charts
-    allowed = thoughts.q[2].isfinite()
-    assert allowed.sum() > 3  # the best three are in sight
-    row = int(thoughts.q[2].where(allowed, np.inf).argmin())
-    thoughts.q = thoughts.q.clone()
-    thoughts.q[2, row] = -50
-    thoughts.show(2)
-    (edge, *others), places = thoughts.cut.get_xdata(), thoughts.cut.get_ydata()
-    assert edge == thoughts.bars.get_xlim()[0] > 0 and set(others) <= {edge}
-    assert any(abs(place - row) < 0.2 for place in places)
-    places = [text.get_position()[0] for text in thoughts.numbers[:6]]  # in widths of the axes
-    assert all(place > 1 for place, may in zip(places, allowed, strict=True) if may)
+    less = [text.get_text() for text in thoughts.less]
+    q = thoughts.q[step]
+    behind = [float(q.max() - each) for each in q.tolist()]
+    assert [bool(text) for text in less] == [0 < each < np.inf for each in behind]
 
 
 def test_saliency_has_the_citys_outline_and_both_maps_a_scale():

@@ -126,7 +126,7 @@ def test_the_run_before_is_named_by_its_changes(lab):
     lab.parts["failsafe"].value = False
     lab.trainers = lab._new()
     lab._draw_curves()
-    assert labels_of(lab) == ["your run", "the run before: failsafe, return steps 1"]
+    assert labels_of(lab) == ["your run", "the run before: return steps 1, failsafe"]
 
 
 def test_the_longest_legend_is_within_the_picture(lab):

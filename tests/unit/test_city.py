@@ -11,7 +11,7 @@ from uavdh_lite.city import (
     COLOURS,
     MAX_SIZE,
     City,
-    fingerprint,
+    fingerprint_of,
     load_cities,
     load_city,
     shipped_cities,
@@ -141,8 +141,8 @@ def test_a_folder_is_many_cities_in_the_order_of_their_names(tmp_path):
     City.load("village").save(tmp_path / "a.png")
     found = load_cities(tmp_path)
     assert [city.name for city in found] == ["a", "b"]
-    assert fingerprint(found) != fingerprint(found[::-1])
-    assert fingerprint(found[1:]) == DRAWN.fingerprint
+    assert fingerprint_of(found) != fingerprint_of(found[::-1])
+    assert fingerprint_of(found[1:]) == DRAWN.fingerprint
     assert load_city(tmp_path / "b.png").fingerprint == DRAWN.fingerprint
     with pytest.raises(CityError, match="2 cities"):
         load_city(tmp_path)

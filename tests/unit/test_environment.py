@@ -124,6 +124,11 @@ def test_the_environment_of_one_city_of_many_is_that_city(generator):
         assert_equal(happened, Outcome(**{k: v[rows] for k, v in vars(outcome).items()}))
 
 
+def test_the_fan_of_rays_is_refused_where_the_border_is_not_the_citys():
+    with pytest.raises(InputError, match=r"bresenham.*sizes"):
+        _ = Environment((CORNER, CITY), shadow_method="bresenham").sight
+
+
 def test_fading_draws_are_standard_normal_for_every_slot_and_device(generator):
     environment = Environment(CITY, Channel(slots=3))
     state = Scenario("five", devices=(5, 5)).sample(environment, 4000, generator)
