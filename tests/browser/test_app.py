@@ -688,9 +688,10 @@ def test_a_city_is_painted_uploaded_and_flown(shared_page):
     maps = lab.locator(".uavdh-stage .map svg")
     lab.get_by_role("button", name=re.compile(r"fly at once$")).click()
     expect(maps).to_have_count(2)
-    flown = maps.first.inner_html()
+    before = painted(link).kinds
     drag(down=0.8)
-    until(page, lambda: maps.first.inner_html() != flown)
+    until(page, lambda: (painted(link).kinds != before).any())
+    expect(lab.get_by_role("button", name="Play")).to_be_visible()  # they flew again, and landed
     assert fits(page)
     shoot(page, "city")
     kinds = painted(link).kinds
