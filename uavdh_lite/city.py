@@ -274,8 +274,8 @@ def _read_kinds(content: bytes, where: str) -> np.ndarray:
             pixels = np.asarray(image.convert("RGBA"))
     except CityError:
         raise
-    except Exception as error:  # Pillow raises many types for damaged files
-        raise CityError(f"{where}: not a readable PNG file ({error})") from None
+    except Exception:  # Pillow raises many types for damaged files
+        raise CityError(f"{where}: not a readable PNG file, or a damaged one") from None
     on, off = pixels[..., :3] >= ON, pixels[..., :3] <= OFF
     matches = (on[:, :, None] == (COLOURS > 0)).all(-1)
     clear = (on | off).all(-1) & (pixels[..., 3] == 255)

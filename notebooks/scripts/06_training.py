@@ -476,4 +476,4 @@ assert mended["collected_and_landed"] > ends["lazy"]["collected_and_landed"] + 0
 #
 # - Henderson et al.: *Deep Reinforcement Learning that Matters*, AAAI 2018: seeds, and what curves hide.
 # - Andrychowicz et al.: *What Matters in On-Policy Reinforcement Learning?*, ICLR 2021: a study of knobs.
-# - `docs/results/history.md`, on the site under Results: every experiment that led to the recipe, also those that failed.
+# - `docs/results/recipe.md`, on the site under Results: every experiment that led to the recipe, also those that failed.

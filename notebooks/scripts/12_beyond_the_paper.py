@@ -252,7 +252,7 @@ for variant, label in {"all": "lite", "without_huber_loss": "with a squared erro
 # Huber's, so it cannot have failed because crashes fill the squared error: these runs show an effect, and not its cause. With
 # a squared error seeds lose little or nothing. And with ordinary starts only, all three end above all
 # three of `lite`: on this map no gain from exploring starts is to be seen in short runs. (On the open field they help,
-# `docs/results/history.md`.)
+# `docs/results/recipe.md`.)
 # The failsafe does away with the crash, and with all three remedies.
 #
 # Landing by rule is a departure from the paper, where landing is the point. Which one you want is a matter of the
