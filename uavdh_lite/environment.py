@@ -351,10 +351,10 @@ class Environment:
         channel = self.channel
         share = np.arange(1, channel.slots + 1, dtype=np.float32) / np.float32(channel.slots)
         nearest = np.where(share < 0.5, state.uav_cell[:, None], next_cell[:, None])  # (B, δ)
-        start, end = self._centres_m[state.uav_cell], self._centres_m[next_cell]  # (B, 2)
-        uav_m = start[:, None] + share[:, None] * (end - start)[:, None]  # (B, δ, 2)
-        device_m = self._centres_m[state.device_cells]  # (B, K, 2)
-        down, right = np.moveaxis(device_m[:, None] - uav_m[:, :, None], -1, 0)  # (B, δ, K)
+        start, end = self._centres_m[:, state.uav_cell], self._centres_m[:, next_cell]  # (2, B)
+        uav_m = start[..., None] + share * (end - start)[..., None]  # (2, B, δ)
+        device_m = self._centres_m[:, state.device_cells]  # (2, B, K)
+        down, right = device_m[:, :, None, :] - uav_m[..., None]  # (B, δ, K) each
         squared_distance_m2 = np.float32(channel.altitude_m**2) + down**2 + right**2
         city = state.city[:, None, None]
         sight = self.sight[city, state.device_cells[:, None, :], nearest[:, :, None]]
@@ -366,8 +366,8 @@ class Environment:
 
     @cached_property
     def _centres_m(self) -> np.ndarray:
-        """How far each cell's centre is to the south and to the east, m; (n, 2) float32."""
-        cells = np.indices((self.size, self.size), np.float32).reshape(2, -1).T
+        """How far each cell's centre is to the south and to the east, m; (2, n) float32."""
+        cells = np.indices((self.size, self.size), np.float32).reshape(2, -1)
         return read_only(cells * np.float32(self.channel.cell_size_m))
 
 

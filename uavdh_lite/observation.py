@@ -100,10 +100,12 @@ class Observation(nn.Module):
     def _window(self, state: State, top: np.ndarray, left: np.ndarray, channels: int) -> Tensor:
         """The window of each episode's surroundings with its corner at (top, left), (B,) each: the
         city's layers, data left, data collected, and zeros; (B, channels, W, W)."""
-        windows = self.surroundings.unfold(2, self.width, 1).unfold(3, self.width, 1)  # a view
-        city, rows, cols = (self._tensor(each.astype(int)) for each in (state.city, top, left))
-        maps = torch.zeros(len(state), channels, self.width, self.width, device=city.device)
-        maps[:, :3] = windows[city, :, rows, cols]
+        W, side = self.width, self.surroundings.shape[-1]
+        city, layer, row = np.ix_(state.city.astype(int), range(3), range(W))
+        first = ((city * 3 + layer) * side + row + top[:, None, None]) * side + left[:, None, None]
+        runs = self.surroundings.flatten().unfold(0, W, 1)  # every W cells that follow one another
+        maps = torch.zeros(len(state), channels, W, W, device=runs.device)
+        maps[:, :3] = runs.index_select(0, self._tensor(first.ravel())).view(-1, 3, W, W)
         data = self._tensor(np.stack([state.data_left, state.data_collected], axis=1))
         data = data / self.data_scale
         devices = self._tensor(self._place(state.device_cells, top[:, None], left[:, None]))
