@@ -12,4 +12,4 @@ def test_a_line_for_each_policy_and_the_papers_in_columns():
     assert cells[0] == "landed collected collected and landed return time used"
     share = "90.0 (81.2 to 100.0) %"
     assert cells[1] == f"agent {share} {share} {share} 35.0 (-1.0 to 36.0) {share}"
-    assert cells[3] == "the paper, on its own map 99.5% 94.8% 94.6%"
+    assert cells[3] == "the paper, on its own map 99.5 % 94.8 % 94.6 %"
