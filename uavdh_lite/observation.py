@@ -101,7 +101,7 @@ class Observation(nn.Module):
         """The window of each episode's surroundings with its corner at (top, left), (B,) each: the
         city's layers, data left, data collected, and zeros; (B, channels, W, W)."""
         W, side = self.width, self.surroundings.shape[-1]
-        city, layer, row = np.ix_(state.city.astype(int), range(3), range(W))
+        city, layer, row = np.ix_(state.city.astype(int), np.arange(3), np.arange(W))
         first = ((city * 3 + layer) * side + row + top[:, None, None]) * side + left[:, None, None]
         runs = self.surroundings.flatten().unfold(0, W, 1)  # every W cells that follow one another
         maps = torch.zeros(len(state), channels, W, W, device=runs.device)
