@@ -29,7 +29,8 @@ def policies_table(
     for policy, metrics in results.items():
         rows.append([policy, *(interval_text(name, metrics[name]) for name in METRICS)])
     if paper is not None:
-        rows.append(["the paper, on its own map", *(f"{100 * paper[n]:.1f} %" for n in paper), "", ""])
+        shares = (f"{100 * paper[name]:.1f} %" for name in paper)
+        rows.append(["the paper, on its own map", *shares, "", ""])
     return table(rows)
 
 
