@@ -11,7 +11,7 @@ import numpy as np
 from uavdh_lite import registry
 from uavdh_lite.city import read_only
 from uavdh_lite.environment import ACTIONS, HOVER, Environment, State
-from uavdh_lite.evaluation import Policy
+from uavdh_lite.evaluation import Policy, in_flight
 from uavdh_lite.streams import Use, stream
 
 NO_PATH = np.iinfo(np.int16).max  # stands for the number of moves where no path leads
@@ -29,9 +29,7 @@ class Random(Policy):
 
     def act(self, state: State) -> np.ndarray:
         """Draws for the episodes that still fly; `hover` in the others."""
-        action, flying = np.full(len(state), HOVER), ~state.ended
-        action[flying] = self.generator.integers(0, len(ACTIONS), flying.sum())
-        return action
+        return in_flight(state, lambda s: self.generator.integers(0, len(ACTIONS), len(s)))
 
 
 @dataclass(frozen=True, eq=False)
