@@ -94,7 +94,7 @@ class Observation(nn.Module):
         corner = self.size - 1 - (self.width - own_size) // 2
         maps = self._window(state, corner, corner, channels=6)
         uav = self._tensor(self._place(state.uav_cell, corner, corner))
-        maps.flatten(2)[:, -1].scatter_(1, uav[:, None], 1.0)
+        maps.flatten(2)[:, len(LAYERS)].scatter_(1, uav[:, None], 1.0)
         return maps
 
     def _window(self, state: State, top: np.ndarray, left: np.ndarray, channels: int) -> Tensor:

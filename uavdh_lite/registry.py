@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from uavdh_lite.errors import InputError
 
-Kind = Literal["recipe", "recipe kind", "scenario", "policy", "cities"]
+Kind = Literal["recipe", "recipe kind", "trainer", "scenario", "policy", "cities"]
 GROUP = "uavdh_lite.extensions"
 
 _known: dict[str, dict[str, Any]] = {}
@@ -23,6 +23,7 @@ def register(kind: Kind, name: str, thing: Any) -> Any:
     | --- | --- |
     | `recipe` | a `Recipe` |
     | `recipe kind` | a class of recipes, under the name of the class, for checkpoints |
+    | `trainer` | a class of trainings, under the name of the class of recipes that it runs |
     | `scenario` | a `Scenario` |
     | `policy` | a function of an environment and a seed that gives a `Policy` |
     | `cities` | a function of what follows `NAME:` that gives a tuple of cities |

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from uavdh_lite import registry
 from uavdh_lite.agent import Agent
 from uavdh_lite.checkpoint import load, save
 from uavdh_lite.city import City, fingerprint_of, load_cities
@@ -21,7 +22,6 @@ from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream, torch_seed
 
 METRICS = ("return", "landed", "collected", "collected_and_landed")  # of a learning curve
-PROGRESS = ("steps", "updates", "seconds", "training_rows", "validation_rows", "episodes", "losses")
 BIN = 5000  # environment steps a row of training.csv, as in the paper's figure
 
 
@@ -38,6 +38,10 @@ class Trainer:
 
     Raises `InputError` if that agent's network is not that of the recipe, or too small.
     """
+
+    PROGRESS: tuple[str, ...] = (  # what is saved of it as JSON values
+        *("steps", "updates", "seconds", "training_rows", "validation_rows", "episodes", "losses"),
+    )
 
     def __init__(
         self,
@@ -191,7 +195,7 @@ class Trainer:
         }
         about = self.identity() | {
             "generator": self.generator.bit_generator.state,
-            **{name: getattr(self, name) for name in PROGRESS},
+            **{name: getattr(self, name) for name in self.PROGRESS},
             "ordinary": self.ordinary.tolist(),
             "returns": self.returns.tolist(),
         }
@@ -208,7 +212,7 @@ class Trainer:
         self.replay.load_state_dict({k: v.numpy() for k, v in _under("replay.", tensors).items()})
         self.state = State(**{k: v.numpy() for k, v in _under("state.", tensors).items()})
         self.generator.bit_generator.state = about["generator"]
-        for name in PROGRESS:
+        for name in self.PROGRESS:
             setattr(self, name, about[name])
         self.ordinary, self.returns = np.array(about["ordinary"]), np.array(about["returns"])
 
@@ -225,6 +229,12 @@ class Trainer:
             "begun_with": self.begun_with,
         }
         return json.loads(json.dumps(values))  # tuples become lists, as in a file
+
+
+def trainer_of(recipe: Recipe) -> type[Trainer]:
+    """The class that runs this recipe's training: `Trainer`, if no extension has another."""
+    kind = type(recipe).__name__
+    return registry.find("trainer", kind) if kind in registry.names("trainer") else Trainer
 
 
 def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

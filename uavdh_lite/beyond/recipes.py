@@ -11,7 +11,9 @@ from uavdh_lite import registry
 from uavdh_lite.beyond.advantage_learning import AdvantageLearning
 from uavdh_lite.beyond.failsafe import MaskedNetwork, SafeEnvironment, SafeObservation
 from uavdh_lite.beyond.global_local import GlobalLocalNetwork
+from uavdh_lite.beyond.imitation import Cloning, Imitation
 from uavdh_lite.beyond.quantile import QRDQN, QuantileNetwork
+from uavdh_lite.beyond.told import ToldObservation
 from uavdh_lite.beyond.views import EightViews
 from uavdh_lite.city import City
 from uavdh_lite.config import option
@@ -30,6 +32,9 @@ class BeyondRecipe(Recipe):
 
     failsafe: bool = option(
         False, "the safety controller brings the UAV home in time; landing is not learned"
+    )
+    told: bool = option(
+        False, "three more layers tell what can be computed: expected data, way home, way there"
     )
     pooling: int = option(
         0, "two maps, one averaged over cells of this side; 0: one map, all of it", ge=0
@@ -59,6 +64,8 @@ class BeyondRecipe(Recipe):
         return SafeEnvironment(city) if self.failsafe else super().environment_for(city)
 
     def sees(self) -> type[Observation]:
+        if self.told:
+            return SafeToldObservation if self.failsafe else ToldObservation
         return SafeObservation if self.failsafe else Observation
 
     def network_for(self, observation: Observation) -> nn.Module:
@@ -88,6 +95,22 @@ class BeyondRecipe(Recipe):
         return partial(kind, gap_share=self.advantage_learning)
 
 
+class SafeToldObservation(ToldObservation, SafeObservation):
+    """What is told, and which actions are allowed."""
+
+
+@dataclass(frozen=True)
+class ImitationRecipe(BeyondRecipe):
+    """A recipe that copies a planner; `environments` fly side by side, a step is a label."""
+
+    own_starts: float = option(
+        0.0, "share of the planned flights that begin where the learner has flown", ge=0, le=1
+    )
+
+    def algorithm(self) -> Callable[..., DDQN]:
+        return Cloning
+
+
 class AdvantageDDQN(AdvantageLearning, DDQN):
     """Double Q-learning with wider gaps."""
 
@@ -97,6 +120,8 @@ class AdvantageQRDQN(AdvantageLearning, QRDQN):
 
 
 registry.register("recipe kind", "BeyondRecipe", BeyondRecipe)
+registry.register("recipe kind", "ImitationRecipe", ImitationRecipe)
+registry.register("trainer", "ImitationRecipe", Imitation)
 
 QUANTILE = replace(
     BeyondRecipe(**asdict(LITE)),
@@ -146,7 +171,30 @@ FINE_TUNE = replace(
 """`QUANTILE` for an agent that flies well already, so that it learns one city by heart
 (`train --from any_city`): smaller steps, and no time spent on exploring."""
 
-for recipe in (QUANTILE, FINE_TUNE):
+IMITATION = replace(
+    ImitationRecipe(**asdict(LITE)),
+    name="imitation",
+    steps=600_000,
+    data_scale=5.0,
+    failsafe=True,
+    told=True,
+    pooling=3,
+    kernel_size=3,
+    strides=(1, 2),
+    huber_delta=None,
+    learning_rate=1e-3,
+    batch_size=256,
+    replay_capacity=700_000,
+    crash_reward=PAPER.crash_reward,
+    crash_reward_end=None,
+    exploring_starts=0.33,
+    own_starts=0.33,
+    validation_interval=50_000,
+)
+"""Copy the genie: a third of its flights begin as missions do, a third in mid-flight, and a third
+where the learner has flown. No reward is used."""
+
+for recipe in (QUANTILE, FINE_TUNE, IMITATION):
     registry.register("recipe", recipe.name, recipe)
 
 ANY_CITY = Scenario(

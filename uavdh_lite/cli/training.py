@@ -18,7 +18,7 @@ from uavdh_lite.experiments import study as studies
 from uavdh_lite.experiments.report import table
 from uavdh_lite.plotting import draw_study, save_figure
 from uavdh_lite.storage import read_table
-from uavdh_lite.training import Trainer
+from uavdh_lite.training import trainer_of
 
 THREADS = min(2, os.cpu_count() or 1)
 
@@ -53,7 +53,7 @@ def train(arguments: list[str]) -> Callable[..., None]:
         Arguments:
             scenario: what to train for: manhattan, open_field, village, harbour, metropolis, or
                 any_city, 2000 random cities.
-            recipe: how to train: lite, paper, small, quantile or fine_tune.
+            recipe: how to train: lite, paper, small, imitation, quantile or fine_tune.
             begin_with: an agent to go on from, a checkpoint file or the name of a shipped one. Then
                 the defaults are --scenario any_city and --recipe fine_tune.
             seed: seed of the weights, the episodes and the exploration.
@@ -70,9 +70,10 @@ def train(arguments: list[str]) -> Callable[..., None]:
         out = out or Path("runs", f"{scenario}-{recipe}-{seed}")
         if resume and begin_with is None:
             runs.require_begun_from_nothing(out)
-        trainer = Trainer(
+        chosen = with_values(named_recipe, recipe_values)
+        trainer = trainer_of(chosen)(
             with_values(named_scenario, scenario_values),
-            with_values(named_recipe, recipe_values),
+            chosen,
             seed,
             device=device,
             begin_with=None if begin_with is None else load_agent(begin_with),

@@ -19,7 +19,7 @@ from uavdh_lite.experiments.runs import SAVED, train
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import read_table, write_json, write_table
-from uavdh_lite.training import BIN, Trainer
+from uavdh_lite.training import BIN, trainer_of
 
 
 def centring(recipe: Recipe) -> dict[str, Recipe]:
@@ -106,7 +106,7 @@ def _run(scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: s
     """One training run, from its start or from where it was saved."""
     torch.set_num_threads(1)
     resume = (folder / SAVED).exists()
-    train(Trainer(scenario, recipe, seed), folder, resume, command, show_progress=False)
+    train(trainer_of(recipe)(scenario, recipe, seed), folder, resume, command, show_progress=False)
     return folder
 
 
