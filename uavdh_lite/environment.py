@@ -6,7 +6,7 @@ communication slots in a mission slot, C the number of cities, M the number of c
 the number of cells, M².
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -56,21 +56,20 @@ class State:
 
     def __getitem__(self, index) -> "State":
         """The episodes that `index` (a slice, a mask, an array of indices) selects."""
-        return State(*(getattr(self, f.name)[index] for f in fields(self)))
+        return State(**{name: array[index] for name, array in vars(self).items()})
 
     def with_rows(self, index, rows: "State") -> "State":
         """A copy in which the episodes at `index` are replaced by `rows`."""
-        copies = []
-        for f in fields(self):
-            copy = getattr(self, f.name).copy()
-            copy[index] = getattr(rows, f.name)
-            copies.append(copy)
-        return State(*copies)
+        copies = {name: array.copy() for name, array in vars(self).items()}
+        for name, copy in copies.items():
+            copy[index] = getattr(rows, name)
+        return State(**copies)
 
     @classmethod
     def concatenate(cls, states: list["State"]) -> "State":
         """The episodes of several batches as one batch."""
-        return cls(*(np.concatenate([getattr(s, f.name) for s in states]) for f in fields(cls)))
+        names = vars(states[0])
+        return cls(**{name: np.concatenate([getattr(s, name) for s in states]) for name in names})
 
     @property
     def ended(self) -> np.ndarray:

@@ -151,8 +151,7 @@ def validate(trainer: Trainer) -> bool:
     )
     means = {name: float(values.mean()) for name, values in flights.records().items()}
     best = max((row["return"] for row in trainer.validation_rows), default=-np.inf)
-    done = {name: getattr(trainer, name) for name in ("steps", "updates")}
-    trainer.validation_rows.append({**done, "seconds": round(trainer.seconds, 1), **means})
+    trainer.validation_rows.append(trainer.done | means)
     return means["return"] > best
 
 
