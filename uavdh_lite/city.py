@@ -252,7 +252,7 @@ def _read_kinds(content: bytes, where: str) -> np.ndarray:
             width, height = image.size
             if max(image.size) > MAX_SIZE:  # known from the header: nothing large is decoded
                 raise CityError(
-                    f"{where}: {width} × {height} pixels, at most {MAX_SIZE} on a side fit"
+                    f"{where}: {width} × {height} pixels, at most {MAX_SIZE} a side fit"
                 )
             image.verify()  # tests the checksums; afterwards the file must be opened again
         with Image.open(io.BytesIO(content), formats=["PNG"]) as image:
@@ -267,13 +267,9 @@ def _read_kinds(content: bytes, where: str) -> np.ndarray:
     unknown = ~matches.any(-1) | ~clear
     if unknown.any():
         row, col = np.argwhere(unknown)[0]
-        red, green, blue, alpha = pixels[row, col]
-        shown = f"#{red:02x}{green:02x}{blue:02x}" + ("" if alpha == 255 else f" (alpha {alpha})")
-        known = ", ".join("#{:02x}{:02x}{:02x}".format(*colour) for colour in COLOURS)
-        raise CityError(
-            f"{where}: pixel row {row}, column {col} is {shown}, not one of {known} "
-            f"(a channel counts as ff from {ON} up and as 00 up to {OFF})"
-        )
+        shown = pixels[row, col].tobytes().hex()  # red, green, blue and opacity
+        known = ", ".join(f"#{colour.tobytes().hex()}" for colour in COLOURS)
+        raise CityError(f"{where}: pixel row {row}, column {col} is #{shown}, not one of {known}")
     return matches.argmax(-1)
 
 

@@ -230,9 +230,9 @@ class Environment:
                 f"{self.shadow_method} shadows of cities of different sizes: their rays end at the "
                 "map's border; take exact shadows, or one size"
             )
-        count, cells = self.buildings.shape
-        maps = self.buildings.reshape(count, self.size, self.size)
-        return read_only(line_of_sight(maps, self.shadow_method).reshape(count, cells, cells))
+        maps = np.stack([city.buildings for city in self.cities])
+        sight = line_of_sight(maps, self.shadow_method)
+        return read_only(sight.reshape(len(maps), self.size**2, self.size**2))
 
     @cached_property
     def transmit_snr_db(self) -> np.ndarray:

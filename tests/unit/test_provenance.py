@@ -5,7 +5,7 @@ import numpy as np
 import torch
 
 import uavdh_lite
-from uavdh_lite.provenance import is_shared, provenance
+from uavdh_lite.provenance import provenance
 
 
 def test_versions_are_those_in_use_and_the_machine_is_this_one():
@@ -14,10 +14,3 @@ def test_versions_are_those_in_use_and_the_machine_is_this_one():
     assert torch.__version__.startswith(found["torch"])  # which build may be added to it
     assert found["python"] == platform.python_version()
     assert found["machine"].startswith(f"{os.cpu_count()}-core")
-
-
-def test_a_machine_is_shared_if_more_wants_its_cores_than_this_program(monkeypatch):
-    monkeypatch.setattr(os, "getloadavg", lambda: (2.1, 0, 9), raising=False)
-    assert is_shared(1) and not is_shared(2)
-    monkeypatch.delattr(os, "getloadavg")
-    assert is_shared(1) is None
