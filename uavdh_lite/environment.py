@@ -243,26 +243,25 @@ class Environment:
     @cached_property
     def next_cell(self) -> np.ndarray:
         """The cell of the UAV after an action, `[city, cell, action]`; (C, n, 6) int16."""
-        target, _ = self._targets
-        here = np.arange(self.size**2)[:, None]
+        row, col = self._targets
+        here, target = np.arange(self.size**2)[:, None], row * self.size + col
         return read_only(np.where(self.forbidden, here, target).astype(np.int16))
 
     @cached_property
     def forbidden(self) -> np.ndarray:
         """The actions that the safety controller replaces, `[city, cell, action]`; (C, n, 6)."""
-        target, outside = self._targets
-        forbidden = outside | self.no_fly[:, target]
+        (row, col), layers = self._targets, self.no_fly.reshape(-1, self.size, self.size)
+        closed = np.pad(layers, ((0, 0), (1, 1), (1, 1)), constant_values=True)
+        forbidden = closed[:, row + 1, col + 1]
         forbidden[..., HOVER] = False
         forbidden[..., LAND] = ~self.landing
         return read_only(forbidden)
 
     @property
-    def _targets(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where each action leads, and whether that is off the grid, then the same cell; (n, 6)."""
-        cell = np.arange(self.size**2)
-        row, col = (axis[:, None] + MOVES.T[i] for i, axis in enumerate(divmod(cell, self.size)))
-        outside = (row < 0) | (row >= self.size) | (col < 0) | (col >= self.size)
-        return np.where(outside, cell[:, None], row * self.size + col), outside
+    def _targets(self) -> np.ndarray:
+        """Row and column to which each action leads from each cell, off the grid too; (2, n, 6)."""
+        cells = np.indices((self.size, self.size)).reshape(2, -1, 1)
+        return cells + MOVES.T[:, None]
 
     @cached_property
     def time_to_land(self) -> np.ndarray:
