@@ -50,18 +50,6 @@ def test_a_column_with_a_word_is_text(tmp_path):
     assert read["a"].tolist() == [1, 2] and read["b"].tolist() == ["", "x"]
 
 
-def test_a_new_file_has_the_umasks_rights_and_the_umask_is_left_alone(tmp_path, monkeypatch):
-    """It belongs to the whole process: to change it for a moment is a race with other threads."""
-    before = os.umask(0o027)
-    try:
-        with monkeypatch.context() as patch:
-            patch.setattr(os, "umask", lambda mask: pytest.fail("the umask was changed"))
-            write_atomically(tmp_path / "a.txt", lambda temporary: temporary.write_text("a"))
-        assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o640
-    finally:
-        os.umask(before)
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="looks at Unix flags")
 def test_the_bytes_are_synced_by_a_handle_that_may_write(tmp_path, monkeypatch):
     """Windows syncs no other."""
