@@ -252,7 +252,7 @@ def _read_kinds(content: bytes, where: str) -> np.ndarray:
             width, height = image.size
             if max(image.size) > MAX_SIZE:  # known from the header: nothing large is decoded
                 raise CityError(
-                    f"{where}: {width} × {height} pixels, at most {MAX_SIZE} a side fit"
+                    f"{where}: {width} × {height} pixels, at most {MAX_SIZE} on a side fit"
                 )
             image.verify()  # tests the checksums; afterwards the file must be opened again
         with Image.open(io.BytesIO(content), formats=["PNG"]) as image:

@@ -14,7 +14,7 @@ from PIL import Image
 from uavdh_lite import registry
 from uavdh_lite.beyond.recipes import BeyondRecipe
 from uavdh_lite.checkpoint import load_agent, shipped_agents
-from uavdh_lite.city import City, load_cities
+from uavdh_lite.city import load_cities
 from uavdh_lite.cli import training
 from uavdh_lite.cli.main import COMMANDS, main
 from uavdh_lite.environment import Environment
@@ -118,15 +118,6 @@ def test_a_recipe_from_beyond_has_its_own_options(tmp_path):
     assert main(["train", *SHORT, *options, *village]) == 0
     recipe = load_agent(tmp_path / "best.safetensors").recipe
     assert (recipe.quantiles, recipe.local_size, recipe.failsafe) == (4, 9, False)
-
-
-def test_a_folder_with_a_shipped_name_changes_nothing(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    small = [*SHORT, "--scenario", "village", "--recipe", "small"]
-    assert main(["train", *small, "--out", "village"]) == 0
-    assert main(["train", *small, "--out", "again"]) == 0
-    assert load_agent("again/best.safetensors").city.fingerprint == City.load("village").fingerprint
-    assert main(["evaluate", "--city", "village", "--episodes", "2"]) == 0
 
 
 def test_without_a_checkpoint_the_agent_flies_that_knows_the_city_best(tmp_path, capsys):
