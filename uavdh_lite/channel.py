@@ -18,12 +18,8 @@ class Channel:
     cell_edge_snr_db: float = option(-15.0, "SNR at ground level from the centre to a corner, dB")
     path_loss_exponent_los: float = option(2.27, "path loss exponent with line of sight")
     path_loss_exponent_nlos: float = option(3.64, "path loss exponent without line of sight")
-    fading_variance_los_db2: float = option(
-        2.0, "variance of the shadow fading with LoS, dB²", ge=0
-    )
-    fading_variance_nlos_db2: float = option(
-        5.0, "variance of the shadow fading without LoS, dB²", ge=0
-    )
+    fading_variance_los_db2: float = option(2.0, "variance of the fading with LoS, dB²", ge=0)
+    fading_variance_nlos_db2: float = option(5.0, "and without LoS, dB²", ge=0)
     slots: int = option(4, "communication slots in a mission slot, δ", ge=1)
 
     def __post_init__(self):

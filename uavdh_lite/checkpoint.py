@@ -88,7 +88,7 @@ def save_agent(path: str | Path, agent: Agent) -> None:
     save(path, "agent", tensors, about)
 
 
-def load_agent(path: str | Path, device: str = "cpu") -> Agent:
+def load_agent(path: str | Path) -> Agent:
     """Read an agent; a bare name such as `manhattan` means a shipped one.
 
     Raises `CheckpointError` that names the file if it holds no agent of this version.
@@ -111,8 +111,7 @@ def load_agent(path: str | Path, device: str = "cpu") -> Agent:
         raise CheckpointError(
             f"{path}: does not fit this version of uavdh_lite ({error})"
         ) from None
-    network.to(device).eval()
-    return Agent(network, observation.to(device), recipe, scenario, about["training"])
+    return Agent(network.eval(), observation, recipe, scenario, about["training"])
 
 
 def _file(path: str | Path) -> Path:

@@ -69,11 +69,6 @@ class City:
         for layer in ("landing", "no_fly", "buildings"):
             copy = np.array(getattr(self, layer), bool)
             object.__setattr__(self, layer, read_only(copy))
-        self._check_shape()
-        object.__setattr__(self, "own_size", self.own_size or self.size)
-        self._check()
-
-    def _check_shape(self) -> None:
         shape = self.landing.shape
         if len(shape) != 2 or shape[0] != shape[1]:
             size = " × ".join(map(str, shape[::-1]))  # width first
@@ -82,15 +77,13 @@ class City:
             raise CityError(f"{self.name}: the layers landing, no_fly, buildings differ in shape")
         if shape[0] > MAX_SIZE:
             raise CityError(f"{self.name}: {shape[0]} cells on a side, at most {MAX_SIZE} fit")
-
-    def _check(self) -> None:
+        object.__setattr__(self, "own_size", self.own_size or self.size)
         if not self.landing.any():
             raise CityError(f"{self.name}: no start and landing zone; paint at least one cell blue")
         both = self.landing & (self.no_fly | self.buildings)
         if both.any():
-            raise CityError(
-                f"{self.name}: {_first(both)} is landing zone and no-fly or building: choose one"
-            )
+            where = f"{self.name}: {_first(both)}"
+            raise CityError(f"{where} is landing zone and no-fly or building: choose one")
         walled_in = self.landing & ~grow(~self.no_fly)
         if walled_in.any() and self.size > 1:
             raise CityError(
@@ -124,16 +117,12 @@ class City:
 
         Landing there takes one more unit of time.
         """
-        distance = np.where(self.landing, 0, -1)
-        reached, moves = self.landing, 0
-        while True:
-            grown = grow(reached) & ~self.no_fly | reached
+        distance, reached, moves = np.full(self.landing.shape, -1), self.landing, 0
+        while reached.any():
+            distance[reached] = moves
+            reached = grow(reached) & ~self.no_fly & (distance < 0)
             moves += 1
-            new = grown & ~reached
-            if not new.any():
-                return read_only(distance)
-            distance[new] = moves
-            reached = grown
+        return read_only(distance)
 
     @cached_property
     def kinds(self) -> np.ndarray:
@@ -180,19 +169,20 @@ class City:
 
         Raises `CityError` that names the file and the pixel if it is not a city.
         """
-        if not isinstance(source, str | Path):
-            return cls._from_png("city", source.read(), "city")
-        path = _shipped(str(source)) or Path(source)
-        if path.suffix == "" and not path.exists():
-            known = ", ".join(shipped_cities())
-            raise CityError(f"no city named {path.name!r}: give a PNG's path, or one of {known}")
-        try:
-            return cls._from_png(path.stem, path.read_bytes(), str(path))
-        except OSError as error:
-            raise CityError(f"{path}: cannot be read ({error.strerror})") from None
-
-    @classmethod
-    def _from_png(cls, name: str, content: bytes, where: str) -> "City":
+        if isinstance(source, str | Path):
+            known, path = shipped_cities(), Path(source)
+            if str(source) in known:
+                path = data_folder() / "cities" / f"{source}.png"
+            elif path.suffix == "" and not path.exists():
+                choices = f"give a PNG's path, or one of {', '.join(known)}"
+                raise CityError(f"no city named {path.name!r}: {choices}")
+            name, where = path.stem, str(path)
+            try:
+                content = path.read_bytes()
+            except OSError as error:
+                raise CityError(f"{path}: cannot be read ({error.strerror})") from None
+        else:
+            name, where, content = "city", "city", source.read()
         kinds = _read_kinds(content, where)
         try:
             return cls.from_kinds(name, kinds)
@@ -255,11 +245,6 @@ def shipped_cities() -> list[str]:
     return sorted(path.stem for path in (data_folder() / "cities").glob("*.png"))
 
 
-def _shipped(name: str) -> Path | None:
-    """The file of a shipped city, None if there is none of this name."""
-    return data_folder() / "cities" / f"{name}.png" if name in shipped_cities() else None
-
-
 def _read_kinds(content: bytes, where: str) -> np.ndarray:
     """The kinds of the PNG's pixels, (rows, columns) indices into `KINDS`."""
     try:
@@ -282,20 +267,23 @@ def _read_kinds(content: bytes, where: str) -> np.ndarray:
     unknown = ~matches.any(-1) | ~clear
     if unknown.any():
         row, col = np.argwhere(unknown)[0]
-        red, green, blue, alpha = pixels[row, col]
-        shown = f"#{red:02x}{green:02x}{blue:02x}" + ("" if alpha == 255 else f" (alpha {alpha})")
-        known = ", ".join("#{:02x}{:02x}{:02x}".format(*colour) for colour in COLOURS)
-        raise CityError(
-            f"{where}: pixel row {row}, column {col} is {shown}, not one of {known} "
-            f"(a channel counts as ff from {ON} up and as 00 up to {OFF})"
-        )
+        shown = pixels[row, col].tobytes().hex()  # red, green, blue and opacity
+        known = ", ".join(f"#{colour.tobytes().hex()}" for colour in COLOURS)
+        raise CityError(f"{where}: pixel row {row}, column {col} is #{shown}, not one of {known}")
     return matches.argmax(-1)
 
 
 def grow(mask: np.ndarray) -> np.ndarray:
-    """The cells that have a neighbour in `mask` to their north, east, south or west."""
-    padded = np.pad(mask, 1)
-    return padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
+    """The cells with a neighbour in the mask to the north, east, south or west; (M, M, ...) bool.
+
+    Axes after the first two hold more masks.
+    """
+    grown = np.zeros_like(mask)
+    grown[1:] |= mask[:-1]
+    grown[:-1] |= mask[1:]
+    grown[:, 1:] |= mask[:, :-1]
+    grown[:, :-1] |= mask[:, 1:]
+    return grown
 
 
 def _first(mask: np.ndarray) -> str:

@@ -120,26 +120,25 @@ class DDQN:
             group["lr"] = rate
 
     def state_dict(self) -> dict[str, Tensor]:
-        """The weights of both networks and the optimiser's moments, by name."""
-        tensors: dict[str, Tensor] = {}
-        for part in ("online", "target"):
-            weights = getattr(self, part).state_dict()
-            tensors |= {f"{part}.{name}": value for name, value in weights.items()}
-        for index, moments in self.optimiser.state_dict()["state"].items():
-            tensors |= {f"optimiser.{index}.{name}": value for name, value in moments.items()}
+        """The weights of both networks and Adam's moments of each weight, by name."""
+        tensors = self._networks.state_dict()
+        for name, weight in self.online.named_parameters():
+            moments = self.optimiser.state.get(weight, {})  # none before the first update
+            tensors |= {f"{moment}.{name}": value for moment, value in moments.items()}
         return tensors
 
     def load_state_dict(self, tensors: dict[str, Tensor]) -> None:
         """Restore what `state_dict` gave, for networks of the same shape."""
-        parts: dict[str, dict[str, Tensor]] = {"online": {}, "target": {}, "optimiser": {}}
-        for key, value in tensors.items():
-            part, name = key.split(".", 1)
-            parts[part][name] = value
-        self.online.load_state_dict(parts["online"])
-        self.target.load_state_dict(parts["target"])
-        moments: dict[int, dict[str, Tensor]] = {}
-        for key, value in parts["optimiser"].items():
-            index, name = key.split(".")
-            moments.setdefault(int(index), {})[name] = value
-        groups = self.optimiser.state_dict()["param_groups"]
-        self.optimiser.load_state_dict({"state": moments, "param_groups": groups})
+        self._networks.load_state_dict(
+            {name: tensors[name] for name in self._networks.state_dict()}
+        )
+        for name, weight in self.online.named_parameters():
+            self.optimiser.state[weight] = {
+                moment: tensors[f"{moment}.{name}"].to(weight.device)
+                for moment in ("step", "exp_avg", "exp_avg_sq", "max_exp_avg_sq")
+                if f"{moment}.{name}" in tensors
+            }
+
+    @property
+    def _networks(self) -> nn.Module:
+        return nn.ModuleDict({"online": self.online, "target": self.target})

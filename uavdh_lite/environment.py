@@ -6,7 +6,7 @@ communication slots in a mission slot, C the number of cities, M the number of c
 the number of cells, M².
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -56,21 +56,20 @@ class State:
 
     def __getitem__(self, index) -> "State":
         """The episodes that `index` (a slice, a mask, an array of indices) selects."""
-        return State(*(getattr(self, f.name)[index] for f in fields(self)))
+        return State(**{name: array[index] for name, array in vars(self).items()})
 
     def with_rows(self, index, rows: "State") -> "State":
         """A copy in which the episodes at `index` are replaced by `rows`."""
-        copies = []
-        for f in fields(self):
-            copy = getattr(self, f.name).copy()
-            copy[index] = getattr(rows, f.name)
-            copies.append(copy)
-        return State(*copies)
+        copies = {name: array.copy() for name, array in vars(self).items()}
+        for name, copy in copies.items():
+            copy[index] = getattr(rows, name)
+        return State(**copies)
 
     @classmethod
     def concatenate(cls, states: list["State"]) -> "State":
         """The episodes of several batches as one batch."""
-        return cls(*(np.concatenate([getattr(s, f.name) for s in states]) for f in fields(cls)))
+        names = vars(states[0])
+        return cls(**{name: np.concatenate([getattr(s, name) for s in states]) for name in names})
 
     @property
     def ended(self) -> np.ndarray:
@@ -231,9 +230,9 @@ class Environment:
                 f"{self.shadow_method} shadows of cities of different sizes: their rays end at the "
                 "map's border; take exact shadows, or one size"
             )
-        count, cells = self.buildings.shape
-        maps = self.buildings.reshape(count, self.size, self.size)
-        return read_only(line_of_sight(maps, self.shadow_method).reshape(count, cells, cells))
+        maps = np.stack([city.buildings for city in self.cities])
+        sight = line_of_sight(maps, self.shadow_method)
+        return read_only(sight.reshape(len(maps), self.size**2, self.size**2))
 
     @cached_property
     def transmit_snr_db(self) -> np.ndarray:
@@ -244,26 +243,25 @@ class Environment:
     @cached_property
     def next_cell(self) -> np.ndarray:
         """The cell of the UAV after an action, `[city, cell, action]`; (C, n, 6) int16."""
-        target, _ = self._targets
-        here = np.arange(self.size**2)[:, None]
+        row, col = self._targets
+        here, target = np.arange(self.size**2)[:, None], row * self.size + col
         return read_only(np.where(self.forbidden, here, target).astype(np.int16))
 
     @cached_property
     def forbidden(self) -> np.ndarray:
         """The actions that the safety controller replaces, `[city, cell, action]`; (C, n, 6)."""
-        target, outside = self._targets
-        forbidden = outside | self.no_fly[:, target]
+        (row, col), layers = self._targets, self.no_fly.reshape(-1, self.size, self.size)
+        closed = np.pad(layers, ((0, 0), (1, 1), (1, 1)), constant_values=True)
+        forbidden = closed[:, row + 1, col + 1]
         forbidden[..., HOVER] = False
         forbidden[..., LAND] = ~self.landing
         return read_only(forbidden)
 
     @property
-    def _targets(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where each action leads, and whether that is off the grid, then the same cell; (n, 6)."""
-        cell = np.arange(self.size**2)
-        row, col = (axis[:, None] + MOVES.T[i] for i, axis in enumerate(divmod(cell, self.size)))
-        outside = (row < 0) | (row >= self.size) | (col < 0) | (col >= self.size)
-        return np.where(outside, cell[:, None], row * self.size + col), outside
+    def _targets(self) -> np.ndarray:
+        """Row and column to which each action leads from each cell, off the grid too; (2, n, 6)."""
+        cells = np.indices((self.size, self.size)).reshape(2, -1, 1)
+        return cells + MOVES.T[:, None]
 
     @cached_property
     def time_to_land(self) -> np.ndarray:

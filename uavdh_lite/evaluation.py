@@ -7,14 +7,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from uavdh_lite.environment import (
-    HOVER,
-    Environment,
-    Outcome,
-    Rewards,
-    State,
-    checked_actions,
-)
+from uavdh_lite.environment import HOVER, Environment, Outcome, Rewards, State, checked_actions
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream
 
@@ -23,17 +16,11 @@ class Policy(Protocol):
     """Whatever flies a batch of episodes: an agent, a rule, a planner."""
 
     def begin(self, start: State) -> "Policy":
-        """The policy for the flights from these states, with what it keeps for each of them.
-
-        A policy that keeps nothing, like this one, is its own.
-        """
+        """The policy for the flights from these states: itself, if it keeps nothing of them."""
         return self
 
     def act(self, state: State) -> np.ndarray:
-        """An action for each episode, (B,) indices into `ACTIONS`.
-
-        In an episode that is over any valid action will do.
-        """
+        """An action for each episode, (B,) indices into `ACTIONS`; any one where it is over."""
         ...
 
 
@@ -157,8 +144,8 @@ class Flights:
         }
 
     def metrics(self) -> dict[str, Interval]:
-        """The mean of each record with its 95 % interval; see `mean_interval`."""
-        return {name: mean_interval(values) for name, values in self.records().items()}
+        """The mean of each metric over the episodes; see `intervals`."""
+        return intervals(self.records())
 
     def trajectory(self, episode: int) -> Trajectory:
         """One episode step by step."""
@@ -219,12 +206,19 @@ def evaluate(
     return fly(environment, policy, start, generator)
 
 
-def mean_interval(values: np.ndarray) -> Interval:
-    """The mean of independent values, (N,), with a 95 % interval.
+def intervals(records: dict[str, np.ndarray]) -> dict[str, Interval]:
+    """The mean of each metric, (N,) values: Wilson's interval for `landed`, else the bootstrap's.
 
-    Wilson's interval if all of them are 0 or 1, the bootstrap's otherwise: the bootstrap is too
-    narrow for rare events.
+    Whether an episode landed is yes or no, and for rare events the bootstrap is too narrow.
     """
+    return {
+        name: wilson_interval(values) if name == "landed" else bootstrap_interval(values)
+        for name, values in records.items()
+    }
+
+
+def mean_interval(values: np.ndarray) -> Interval:
+    """The mean of independent values, (N,): Wilson's interval if all are 0 or 1."""
     return wilson_interval(values) if np.isin(values, (0, 1)).all() else bootstrap_interval(values)
 
 
@@ -241,9 +235,7 @@ def wilson_interval(values: np.ndarray) -> Interval:
     return Interval(share, float(low), float(high))
 
 
-def bootstrap_interval(
-    values: np.ndarray, resamples: int = 2000, groups: np.ndarray | None = None
-) -> Interval:
+def bootstrap_interval(values: np.ndarray, groups: np.ndarray | None = None) -> Interval:
     """The mean of independent values, (N,), with its 95 % percentile bootstrap interval.
 
     If all values are equal, the interval is a point; that does not mean certainty.
@@ -252,25 +244,19 @@ def bootstrap_interval(
         groups: which values belong together, (N,), such as the missions of one city. Then whole
             groups are drawn again: the interval is for missions in other cities of the same kind.
     """
-    if groups is None:
-        generator = stream(Use.BOOTSTRAP)
-        means = [
-            values[generator.integers(0, len(values), len(values))].mean() for _ in range(resamples)
-        ]
-    else:
-        counts, sums = drawn_again(groups, resamples, np.ones(len(values)), values)
-        means = sums / counts
-    low, high = np.quantile(means, [0.025, 0.975])
+    counts, sums = drawn_again(groups, np.ones(len(values)), values)
+    low, high = np.quantile(sums / counts, [0.025, 0.975])
     return Interval(float(values.mean()), float(low), float(high))
 
 
-def drawn_again(groups: np.ndarray, resamples: int, *columns: np.ndarray) -> list[np.ndarray]:
-    """The sum of each column, (N,), over groups that are drawn again; (resamples,) each.
+def drawn_again(groups: np.ndarray | None, *columns: np.ndarray) -> np.ndarray:
+    """The sum of each column, (N,), over values or whole groups that are drawn again, 2000 times.
 
-    All columns get the same draws.
+    All columns get the same draws. Returns (columns, 2000).
     """
+    groups = np.arange(len(columns[0])) if groups is None else groups
     _, member = np.unique(groups, return_inverse=True)
     by_group = [np.bincount(member, column) for column in columns]
-    count = len(by_group[0])
-    drawn = stream(Use.BOOTSTRAP).integers(0, count, (resamples, count))
-    return [sums[drawn].sum(axis=1) for sums in by_group]
+    generator, count = stream(Use.BOOTSTRAP), len(by_group[0])
+    draws = (generator.integers(0, count, count) for _ in range(2000))
+    return np.array([[sums[drawn].sum() for sums in by_group] for drawn in draws]).T

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from uavdh_lite import registry
-from uavdh_lite.city import read_only
+from uavdh_lite.city import grow, read_only
 from uavdh_lite.environment import ACTIONS, HOVER, Environment, State
 from uavdh_lite.evaluation import Policy, in_flight
 from uavdh_lite.streams import Use, stream
@@ -58,17 +58,15 @@ class Greedy(Policy):
     def towards(self, city: np.ndarray, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
         """First action of a shortest path, `hover` where there is none or none is needed; (B,)."""
         ahead = self.environment.next_cell[city, start, :HOVER]
-        nearer = (
-            self.moves[city[:, None], ahead, goal[:, None]] < self.moves[city, start, goal][:, None]
-        )
+        moves_ahead = self.moves[city[:, None], ahead, goal[:, None]]
+        nearer = moves_ahead < self.moves[city, start, goal][:, None]
         return np.where(nearer.any(axis=1), nearer.argmax(axis=1), HOVER)
 
     @cached_property
     def moves(self) -> np.ndarray:
         """Moves between all pairs of cells, `[city, start, goal]`; see `shortest_paths`."""
-        return read_only(
-            np.stack([shortest_paths(city.no_fly) for city in self.environment.cities])
-        )
+        moves = [shortest_paths(city.no_fly) for city in self.environment.cities]
+        return read_only(np.stack(moves))
 
     @cached_property
     def approach(self) -> np.ndarray:
@@ -76,14 +74,11 @@ class Greedy(Policy):
         position = np.indices((self.environment.size,) * 2).reshape(2, -1)
         squared_distance = ((position[:, :, None] - position[:, None, :]) ** 2).sum(axis=0)
         far = squared_distance.max() + 1
-        return read_only(
-            np.stack(
-                [
-                    np.where(home >= 0, squared_distance, far).argmin(axis=1)
-                    for home in self.environment.landing_distance
-                ]
-            )
-        )
+        nearest = [
+            np.where(moves_home >= 0, squared_distance, far).argmin(axis=1)
+            for moves_home in self.environment.landing_distance
+        ]
+        return read_only(np.stack(nearest))
 
 
 def shortest_paths(no_fly: np.ndarray) -> np.ndarray:
@@ -97,19 +92,13 @@ def shortest_paths(no_fly: np.ndarray) -> np.ndarray:
     size, cells = len(no_fly), no_fly.size
     free = ~no_fly[:, :, None]
     reached = np.eye(cells, dtype=bool).reshape(size, size, cells) & free  # [row, col, goal]
-    moves = np.zeros(reached.shape, np.int16)
-    while True:
-        grown = reached.copy()
-        grown[1:] |= reached[:-1]
-        grown[:-1] |= reached[1:]
-        grown[:, 1:] |= reached[:, :-1]
-        grown[:, :-1] |= reached[:, 1:]
-        grown &= free
-        if np.array_equal(grown, reached):
-            moves[~reached] = NO_PATH
-            return moves.reshape(cells, cells)
-        moves += ~reached
-        reached = grown
+    moves = np.full(reached.shape, NO_PATH, np.int16)
+    step = 0
+    while reached.any():
+        moves[reached] = step
+        reached = grow(reached) & free & (moves == NO_PATH)
+        step += 1
+    return moves.reshape(cells, cells)
 
 
 registry.register("policy", "greedy", lambda environment, seed: Greedy(environment))

@@ -16,11 +16,3 @@ def provenance() -> dict:
         "numpy": version("numpy"),
         "machine": f"{os.cpu_count()}-core {platform.machine()}, {platform.system()}",
     }
-
-
-def is_shared(threads: int) -> bool | None:
-    """Whether other programs compute here, too, so that seconds do not compare; None on Windows.
-
-    Then the load of the last minute is above the threads that this program has.
-    """
-    return os.getloadavg()[0] > threads + 0.5 if hasattr(os, "getloadavg") else None

@@ -41,68 +41,41 @@ class Recipe:
     leak: float = option(0.0, "slope of the ReLUs below 0; 0: plain ReLUs", ge=0)
     # Learning
     discount: float = option(0.95, "discount factor γ", ge=0, le=1)
-    return_steps: int = option(
-        1, "steps n whose rewards are summed before the target's Q-value", ge=1
-    )
-    target_update_rate: float = option(
-        0.005, "soft update rate τ of the target network", gt=0, le=1
-    )
+    return_steps: int = option(1, "steps n whose rewards a target sums", ge=1)
+    target_update_rate: float = option(0.005, "soft update rate τ of the target", gt=0, le=1)
     learning_rate: float = option(3e-5, "Adam's learning rate at the start", gt=0)
-    learning_rate_end: float | None = option(
-        None, "learning rate at the end; linear in between; none: constant", ge=0
-    )
+    learning_rate_end: float | None = option(None, "rate at the end; none: constant", ge=0)
     amsgrad: bool = option(True, "Adam's amsgrad variant")
     huber_delta: float | None = option(
-        None, "errors above this count linearly in the loss; none: squared", gt=0
+        None, "error from which the loss is linear; none: never", gt=0
     )
     batch_size: int = option(128, "transitions in a minibatch", ge=1)
     # Experience
-    environments: int = option(
-        1, "episodes flown at a time; one update for each step of them all", ge=1
-    )
+    environments: int = option(1, "episodes flown at a time; one update a step of all", ge=1)
     replay_capacity: int = option(50_000, "transitions in the replay memory", ge=1)
-    replay_prefill: int = option(
-        25_000, "transitions of a random policy before the first update", ge=1
-    )
+    replay_prefill: int = option(25_000, "transitions of random actions before learning", ge=1)
     temperature: float = option(0.1, "temperature β of the softmax policy at the start", gt=0)
-    temperature_end: float | None = option(
-        None, "temperature from the end of its decay on; none: constant", gt=0
-    )
-    temperature_decay: float = option(
-        0.5, "share of the run in which the temperature decays, linearly", ge=0, le=1
-    )
+    temperature_end: float | None = option(None, "β after its decay; none: constant", gt=0)
+    temperature_decay: float = option(0.5, "share of the run in which β decays", ge=0, le=1)
     crash_reward: float = option(-150.0, "reward for running out of time, r_crash, at the start")
-    crash_reward_end: float | None = option(
-        None, "r_crash from the end of its growth on; none: constant"
-    )
-    crash_reward_growth: float = option(
-        0.5, "share of the run in which r_crash changes, linearly", ge=0, le=1
-    )
+    crash_reward_end: float | None = option(None, "r_crash after its growth; none: constant")
+    crash_reward_growth: float = option(0.5, "share of the run in which r_crash grows", ge=0, le=1)
     movement_reward: float = option(-0.2, "reward for every step that does not land, r_mov")
-    exploring_starts: float = option(
-        0.0, "share of episodes that start in mid-flight, anywhere", ge=0, le=1
-    )
-    exploring_spare_time: int = option(
-        5, "flying time that these have left at least, beyond the way home", ge=0
-    )
+    exploring_starts: float = option(0.0, "share of episodes that start under way", ge=0, le=1)
+    exploring_spare_time: int = option(5, "time that these have beyond the way home", ge=0)
     # Validation: the agent kept is the one with the highest return in these
     validation_interval: int = option(50_000, "environment steps between greedy validations", ge=1)
-    validation_episodes: int = option(
-        1000, "scenarios flown in each validation, always the same", ge=1
-    )
+    validation_episodes: int = option(1000, "missions of a validation, always the same", ge=1)
 
     def __post_init__(self):
         require_bounds(self, f"recipe {self.name}")
-        if self.environments > self.batch_size:
-            raise InputError(
-                f"recipe {self.name}: environments is {self.environments}, must be at most "
-                f"batch_size, {self.batch_size}: every minibatch holds the newest of each"
-            )
-        if self.replay_prefill > self.replay_capacity:
-            raise InputError(
-                f"recipe {self.name}: replay_prefill is {self.replay_prefill}, must be at most "
-                f"replay_capacity, {self.replay_capacity}"
-            )
+        # Every minibatch holds the newest transition of each environment
+        for less, more in (("environments", "batch_size"), ("replay_prefill", "replay_capacity")):
+            value, most = getattr(self, less), getattr(self, more)
+            if value > most:
+                raise InputError(
+                    f"recipe {self.name}: {less} is {value}, must be at most {more}, {most}"
+                )
 
     def rewards_at(self, steps: int) -> Rewards:
         """The rewards that the agent learns from after this many environment steps."""
@@ -133,15 +106,8 @@ class Recipe:
 
     def network_for(self, observation: Observation) -> nn.Module:
         """The network that learns; its weights come from torch's global generator."""
-        return QNetwork(
-            observation.map_shape,
-            self.kernels,
-            self.kernel_size,
-            self.strides,
-            self.hidden,
-            self.layer_norm,
-            self.leak,
-        )
+        layers = self.kernels, self.kernel_size, self.strides, self.hidden
+        return QNetwork(observation.map_shape, *layers, self.layer_norm, self.leak)
 
     def flown(self, network: nn.Module) -> nn.Module:
         """The network that an agent flies by: the same one, which an extension may wrap."""
@@ -149,12 +115,11 @@ class Recipe:
 
     def learner_for(self, observation: Observation, network: nn.Module) -> DDQN:
         """The algorithm that trains the network."""
-        optimiser = torch.optim.Adam(
+        adam = torch.optim.Adam(
             network.parameters(), self.learning_rate, amsgrad=self.amsgrad, fused=True
         )
-        return self.algorithm()(
-            observation, network, optimiser, self.target_update_rate, self.huber_delta
-        )
+        learner = self.algorithm()
+        return learner(observation, network, adam, self.target_update_rate, self.huber_delta)
 
     def algorithm(self) -> Callable[..., DDQN]:
         """What makes the learner, from the arguments of `DDQN`."""

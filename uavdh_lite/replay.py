@@ -31,18 +31,17 @@ class Batch:
 class Replay:
     """A ring buffer of the last `capacity` transitions of N environments stepped together.
 
-    The capacity is rounded up to whole steps of all N. Each environment has its own row of states,
-    so a state is stored once, and rewards over n steps are summed when a transition is sampled.
+    Each environment has its own column of states, so a state is stored once, and rewards over n
+    steps are summed when a transition is sampled.
     Combined experience replay (Zhang and Sutton, 2017) puts the newest transition into every
     minibatch; with N environments, the newest N.
 
     Arguments:
-        capacity: transitions, in all.
+        capacity: transitions in all, rounded up to whole steps of all N.
         environments: N.
         max_devices: K of the states.
         discount: γ.
-        return_steps: n, the number of steps whose rewards a sampled transition sums; fewer if the
-            episode ends or the memory has no more.
+        return_steps: n; fewer steps are summed if the episode ends or the memory has no more.
 
     Raises `InputError` if the capacity is too small.
     """
@@ -82,19 +81,16 @@ class Replay:
         """The number of transitions stored."""
         return self.filled * self.action.shape[1]
 
-    def _arrays(self) -> dict[str, np.ndarray]:
-        states = {f"state.{name}": array for name, array in self.states.items()}
-        return {**states, "action": self.action, "reward": self.reward, "terminal": self.terminal}
-
     def state_dict(self) -> dict[str, np.ndarray]:
-        """All that is stored, by name; the arrays are not copies."""
-        return {**self._arrays(), "place": np.array([self.head, self.filled])}
+        """All that is stored, by name; only `place` is a copy."""
+        rows = {"action": self.action, "reward": self.reward, "terminal": self.terminal}
+        return {**self.states, **rows, "place": np.array([self.head, self.filled])}
 
     def load_state_dict(self, arrays: dict[str, np.ndarray]) -> None:
         """Restore what `state_dict` gave, for a memory of the same size."""
-        for name, array in self._arrays().items():
+        for name, array in self.state_dict().items():
             array[:] = arrays[name]
-        self.head, self.filled = (int(number) for number in arrays["place"])
+        self.head, self.filled = arrays["place"].tolist()
 
     def add(self, state: State, action: np.ndarray, reward: np.ndarray, next_state: State) -> None:
         """Store one step of all N environments; the oldest step makes room.

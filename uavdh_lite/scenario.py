@@ -87,9 +87,9 @@ class Scenario:
     ) -> State:
         """Draw episodes that are already under way, for exploring starts in training.
 
-        Three things differ from `sample`. The UAV may be over any cell from which it can land. Its
-        flying time is uniform, from what the way home and the landing take plus `spare_time` to
-        the scenario's longest. Each device is already empty with probability 1/2.
+        The UAV is over any cell from which it can land, all equally likely. It has at least the
+        time to fly home and land, and `spare_time` more; at most the scenario's longest flying
+        time. Each device is already empty with probability 1/2. The rest is as in `sample`.
         """
         state = self.sample(environment, count, generator)
         uav_cell = one_of(environment.landing_distance[state.city] >= 0, generator)

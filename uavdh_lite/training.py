@@ -1,18 +1,17 @@
 """The training loop: act, step, remember, learn; its whole state is saved and restored."""
 
 import json
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from uavdh_lite import registry
 from uavdh_lite.agent import Agent
 from uavdh_lite.checkpoint import load, save
 from uavdh_lite.city import City, fingerprint_of, load_cities
-from uavdh_lite.ddqn import DDQN, draw_actions, softmax_policy
+from uavdh_lite.ddqn import draw_actions, softmax_policy
 from uavdh_lite.environment import Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.provenance import provenance
@@ -79,7 +78,8 @@ class Trainer:
         self.validation_rows: list[dict] = []
         self.episodes: list[list[float]] = []  # `METRICS` of those that ended since the last row
         self.losses: list[float] = []  # of the updates since the last row
-        self.ordinary = np.ones(recipe.environments, bool)  # did not begin under way
+        # Episodes that begin under way are no ordinary ones: their means compare with no evaluation
+        self.ordinary = np.ones(recipe.environments, bool)
         self.returns = np.zeros(recipe.environments)  # so far, with the constants of `Rewards()`
         self.state = self._starts(np.arange(recipe.environments))
 
@@ -105,23 +105,16 @@ class Trainer:
         """Actions of the softmax policy (eq. 12), random ones until the memory is prefilled."""
         if len(self.replay) < self.recipe.replay_prefill:
             return self.environment.random_actions(state, self.generator)
-        temperature = self.recipe.temperature_at(self.steps)
-        return draw_actions(
-            softmax_policy(self.learner.q_values(state), temperature), self.generator
-        )
+        q_values, temperature = self.learner.q_values(state), self.recipe.temperature_at(self.steps)
+        return draw_actions(softmax_policy(q_values, temperature), self.generator)
 
     def _restart_ended(self, state: State) -> State:
-        """Note how the episodes went that ended, and start new ones in their place.
-
-        Those that began under way are not noted, so that the means compare with an evaluation.
-        """
+        """Note how the ordinary episodes went that ended, and start new ones in place of all."""
         ended = np.flatnonzero(state.ended)
-        if not len(ended):
-            return state
         landed, collected = state.landed.astype(float), state.collected.astype(float)
         metrics = np.stack([self.returns, landed, collected, collected * landed], axis=1)
         self.episodes += metrics[ended[self.ordinary[ended]]].tolist()
-        return state.with_rows(ended, self._starts(ended))
+        return state.with_rows(ended, self._starts(ended)) if len(ended) else state
 
     def _starts(self, environments: np.ndarray) -> State:
         """New episodes for these environments, a share of them exploring starts."""
@@ -129,31 +122,27 @@ class Trainer:
         state = self.scenario.sample(self.environment, count, self.generator)
         exploring = self.generator.random(count) < recipe.exploring_starts
         if exploring.any():
-            state = state.with_rows(
-                exploring,
-                self.scenario.sample_anywhere(
-                    self.environment, exploring.sum(), self.generator, recipe.exploring_spare_time
-                ),
+            under_way = self.scenario.sample_anywhere(
+                self.environment, exploring.sum(), self.generator, recipe.exploring_spare_time
             )
+            state = state.with_rows(exploring, under_way)
         self.ordinary[environments], self.returns[environments] = ~exploring, 0
         return state
 
     def _add_row(self) -> None:
         """A row of the learning curve: means since the row before, None where there are none."""
         means = np.mean(self.episodes, axis=0).tolist() if self.episodes else [None] * len(METRICS)
-        self.training_rows.append(
-            {
-                "steps": self.steps,
-                "updates": self.updates,
-                "seconds": round(self.seconds, 1),
-                "episodes": len(self.episodes),
-                **dict(zip(METRICS, means, strict=True)),
-                "loss": float(np.mean(self.losses)) if self.losses else None,
-                "temperature": self.recipe.temperature_at(self.steps),
-                "learning_rate": self.recipe.learning_rate_at(self.steps),
-            }
-        )
+        row = self.done | {"episodes": len(self.episodes)} | dict(zip(METRICS, means, strict=True))
+        row["loss"] = float(np.mean(self.losses)) if self.losses else None
+        row["temperature"] = self.recipe.temperature_at(self.steps)
+        row["learning_rate"] = self.recipe.learning_rate_at(self.steps)
+        self.training_rows.append(row)
         self.episodes, self.losses = [], []
+
+    @property
+    def done(self) -> dict:
+        """Environment steps, updates and seconds so far, for the rows of tables."""
+        return {"steps": self.steps, "updates": self.updates, "seconds": round(self.seconds, 1)}
 
     @property
     def agent(self) -> Agent:
@@ -161,9 +150,7 @@ class Trainer:
         training = {
             "seed": self.seed,
             "begun_with": self.begun_with,
-            "steps": self.steps,
-            "updates": self.updates,
-            "seconds": round(self.seconds, 1),
+            **self.done,
             **provenance(),
             "device": str(next(self.learner.online.parameters()).device),
             "validation": self.validation_rows[-1] if self.validation_rows else None,
@@ -177,29 +164,25 @@ class Trainer:
 
     def is_finite(self) -> bool:
         """Whether the losses and all weights are still finite."""
-        weights = self.learner.online.parameters()
-        return bool(np.isfinite(self.losses).all()) and all(
-            bool(torch.isfinite(part).all()) for part in weights
-        )
+        weights = (part.isfinite().all() for part in self.learner.online.parameters())
+        return bool(np.isfinite(self.losses).all() and all(weights))
 
     def save(self, path: Path) -> None:
         """Write everything the run needs to go on as if it had never stopped."""
-        parts: dict[str, DDQN | Replay] = {"ddqn": self.learner, "replay": self.replay}
+        parts: dict[str, dict] = {
+            "ddqn": self.learner.state_dict(),
+            "replay": self.replay.state_dict(),
+            "state": {name: array.copy() for name, array in vars(self.state).items()},
+            "episodes": {"ordinary": self.ordinary, "returns": self.returns},
+        }
         tensors = {
             f"{part}.{name}": torch.as_tensor(value)
-            for part, whole in parts.items()
-            for name, value in whole.state_dict().items()
+            for part, values in parts.items()
+            for name, value in values.items()
         }
-        tensors |= {
-            f"state.{f.name}": torch.tensor(getattr(self.state, f.name)) for f in fields(State)
-        }
-        about = self.identity() | {
-            "generator": self.generator.bit_generator.state,
-            **{name: getattr(self, name) for name in self.PROGRESS},
-            "ordinary": self.ordinary.tolist(),
-            "returns": self.returns.tolist(),
-        }
-        save(path, "training", tensors, about)
+        progress = {name: getattr(self, name) for name in self.PROGRESS}
+        generator = self.generator.bit_generator.state
+        save(path, "training", tensors, self.identity() | progress | {"generator": generator})
 
     def restore(self, path: Path) -> None:
         """Go on from what `save` wrote; `InputError` if that is another run."""
@@ -208,13 +191,17 @@ class Trainer:
             if about.get(name) != value:
                 difference = _difference(about.get(name), value)
                 raise InputError(f"{path}: another {name} than asked for{difference}")
-        self.learner.load_state_dict(_under("ddqn.", tensors))
-        self.replay.load_state_dict({k: v.numpy() for k, v in _under("replay.", tensors).items()})
-        self.state = State(**{k: v.numpy() for k, v in _under("state.", tensors).items()})
-        self.generator.bit_generator.state = about["generator"]
+        arrays: dict[str, dict] = {}
+        for key, tensor in tensors.items():
+            part, name = key.split(".", 1)
+            arrays.setdefault(part, {})[name] = tensor if part == "ddqn" else tensor.numpy()
+        self.learner.load_state_dict(arrays["ddqn"])
+        self.replay.load_state_dict(arrays["replay"])
+        self.state = State(**arrays["state"])
+        self.ordinary, self.returns = (arrays["episodes"][k] for k in ("ordinary", "returns"))
         for name in self.PROGRESS:
             setattr(self, name, about[name])
-        self.ordinary, self.returns = np.array(about["ordinary"]), np.array(about["returns"])
+        self.generator.bit_generator.state = about["generator"]
 
     def identity(self) -> dict:
         """What defines the run: recipe, scenario, cities, seed and where it began, as JSON values.
@@ -235,10 +222,6 @@ def trainer_of(recipe: Recipe) -> type[Trainer]:
     """The class that runs this recipe's training: `Trainer`, if no extension has another."""
     kind = type(recipe).__name__
     return registry.find("trainer", kind) if kind in registry.names("trainer") else Trainer
-
-
-def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
 
 
 def _difference(saved, asked) -> str:

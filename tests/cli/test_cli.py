@@ -14,7 +14,7 @@ from PIL import Image
 from uavdh_lite import registry
 from uavdh_lite.beyond.recipes import BeyondRecipe
 from uavdh_lite.checkpoint import load_agent, shipped_agents
-from uavdh_lite.city import City, load_cities
+from uavdh_lite.city import load_cities
 from uavdh_lite.cli import training
 from uavdh_lite.cli.main import COMMANDS, main
 from uavdh_lite.environment import Environment
@@ -95,17 +95,6 @@ def test_a_mission_is_saved_changed_and_flown_again(tmp_path, capsys):
         assert image.n_frames > 10
 
 
-def test_cities_are_drawn_and_kept(tmp_path, capsys):
-    kept, figure = tmp_path / "kept", tmp_path / "all.png"
-    assert main(["cities", "random:3:4:9", "--out", str(figure), "--save", str(kept)]) == 0
-    found = load_cities("random:3:4:9")
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[:2] for line in lines[1:4]] == [[city.name, "9"] for city in found]
-    again = {city.name: city.fingerprint for city in load_cities(kept)}
-    assert again == {city.name: city.fingerprint for city in found}
-    assert lines[4:] == [str(figure)] and figure.stat().st_size > 5000
-
-
 def test_train_takes_a_city_and_ranges_of_ones_own(corridor, tmp_path):
     corridor.save(tmp_path / "mine.png")
     arguments = ["train", *SHORT, "--city", str(tmp_path / "mine.png"), "--devices", "1", "1"]
@@ -129,15 +118,6 @@ def test_a_recipe_from_beyond_has_its_own_options(tmp_path):
     assert main(["train", *SHORT, *options, *village]) == 0
     recipe = load_agent(tmp_path / "best.safetensors").recipe
     assert (recipe.quantiles, recipe.local_size, recipe.failsafe) == (4, 9, False)
-
-
-def test_a_folder_with_a_shipped_name_changes_nothing(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    small = [*SHORT, "--scenario", "village", "--recipe", "small"]
-    assert main(["train", *small, "--out", "village"]) == 0
-    assert main(["train", *small, "--out", "again"]) == 0
-    assert load_agent("again/best.safetensors").city.fingerprint == City.load("village").fingerprint
-    assert main(["evaluate", "--city", "village", "--episodes", "2"]) == 0
 
 
 def test_without_a_checkpoint_the_agent_flies_that_knows_the_city_best(tmp_path, capsys):
@@ -167,20 +147,7 @@ def test_train_goes_on_from_an_agent(tmp_path):
     assert 0 < (after - before).abs().max() < 0.1
 
 
-def test_a_run_that_began_with_an_agent_says_so_if_it_is_resumed_without(tmp_path, capsys):
-    """Over a smaller city it once failed otherwise; over one as large it lost its views."""
-    from_any = ["--from", "any_city", "--steps", "640"]
-    options = ["train", *SHORT, "--scenario", "village", "--recipe", "fine_tune"]
-    out = ["--out", str(tmp_path)]
-    assert main([*options, *out, *from_any, "--stop-after", "320"]) == 0
-    capsys.readouterr()
-    error = failing(capsys, *options, *out, "--steps", "640", "--resume")
-    assert "began with an agent" in error and "--from any_city" in error
-    assert main([*options, *out, *from_any, "--resume"]) == 0
-
-
-@pytest.mark.parametrize("command", ["train", "study"])
-@pytest.mark.parametrize("name", ["lite", "paper", "quantile"])
+@pytest.mark.parametrize(("command", "name"), [("train", "lite"), ("study", "quantile")])
 def test_help_explains_every_field_with_the_value_of_the_recipe_that_is_named(
     command, name, capsys
 ):
@@ -213,28 +180,19 @@ def test_help_shows_the_values_of_the_scenario_that_is_named(capsys):
         ("train --recipe secret --help", "secret"),
         ("train --recipe", "--recipe"),
         ("train --discount 2", "discount"),
-        ("train --discount much", "--discount"),
         ("train --discoun 1", "--discount"),
         ("train --steps 1.5", "--steps"),
         ("train --hidden 16 1.5", "--hidden"),
-        ("train --seed -1", "--seed"),
         ("train --seed 99999999999999999999", "seed 99999999999999999999"),
-        ("train --threads 0", "--threads"),
         ("train --crash-reward nan", "crash_reward is nan"),
         ("train --data 1 inf", "data"),
-        ("train --data nan 2", "data"),
-        ("train --strides", "--strides"),
-        ("train --observation polar", "polar"),
-        ("train --device tpu", "--device"),
         ("train --device cuda", "cuda"),
-        ("train --devices 1", "--devices"),
         ("train --devices 1 2000", "2000 devices"),
         ("train --failsafe", "--failsafe"),  # `lite` has none
         ("train fast", "fast"),
         ("train --city nowhere.png", "nowhere.png"),
         ("train --from manhattan_ddqn --city village --threads 1", "manhattan_ddqn|recipe lite"),
         ("train --from any_city --city harbour", "32"),
-        ("study --variants leek=0", "leek"),
         ("fly --out flight.doc", "flight.doc"),
         ("export --out a.onnx", "--checkpoint"),
         ("evaluate --checkpoint none.safetensors", "none.safetensors"),
@@ -242,9 +200,8 @@ def test_help_shows_the_values_of_the_scenario_that_is_named(capsys):
         ("evaluate --checkpoint manhattan --city metropolis", "metropolis"),
         ("evaluate --city random:1:0:60", "60 × 60"),
         ("evaluate --checkpoint any_city --city random:3", "random:3"),
-        ("cities random:0:1", "0"),
-        ("cities atlantis", "atlantis"),
-        ("cities", "SOURCE"),
+        ("evaluate --city random:0:1", "0"),
+        ("evaluate --city atlantis", "atlantis"),
         ("dance", "dance"),
         ("", "--help"),
         ("challenge", "--help"),
@@ -262,7 +219,7 @@ def test_bad_values_give_one_line_and_status_2(capsys, tmp_path, monkeypatch, ar
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        ("cities manhattan --out file/c.png", "file: File exists"),
+        ("fly --out file/c.png", "file: File exists"),
         ("evaluate --checkpoint manhattan --episodes 2 --json folder", "folder: Is a directory"),
         ("fly --mission nowhere.json", "nowhere.json: No such file"),
     ],
@@ -278,12 +235,12 @@ def test_files_give_one_line_and_status_1(capsys, tmp_path, monkeypatch, argumen
 
 def test_too_little_memory_gives_one_line_and_status_1(capsys, monkeypatch):
     monkeypatch.setattr("uavdh_lite.city.City.load", lambda name: np.ones(2**50))
-    assert main(["cities", "village"]) == 1
+    assert main(["fly", "--city", "village"]) == 1
     error = capsys.readouterr().err
     assert "not enough memory" in error and error.count("\n") == 1
 
 
-@pytest.mark.parametrize("command", ["", *COMMANDS, "challenge score"])
+@pytest.mark.parametrize("command", ["", "train", "app"])
 def test_help_is_plain_text_of_the_terminals_width_and_the_list_of_commands_needs_no_torch(command):
     call = f"from uavdh_lite.cli.main import main; main({[*command.split(), '--help']})"
     output = subprocess.run(

@@ -9,7 +9,6 @@ import torch
 from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.errors import InputError, TrainingDiverged
 from uavdh_lite.evaluation import evaluate
-from uavdh_lite.experiments import runs
 from uavdh_lite.experiments.runs import SAVED, VALIDATION_SEED, train, validate
 from uavdh_lite.provenance import provenance
 from uavdh_lite.recipe import recipe_from_json
@@ -46,24 +45,11 @@ def test_files_of_a_run(trainer, tmp_path):
     assert kept["validation"]["return"] == pytest.approx(validation["return"].max(), abs=1e-3)
     assert kept["steps"] == kept["validation"]["steps"]
     assert kept["command"].startswith("python -m uavdh_lite train") and kept["seed"] == 3
+    assert kept["threads"] == torch.get_num_threads()
     about = json.loads((out / "about.json").read_text())
     assert about["steps"] == 10_050 and about.items() >= provenance().items()
     assert recipe_from_json(about["recipe"]) == own.recipe
     assert about["scenario"]["name"] == own.scenario.name
-
-
-def test_threads_are_those_there_were_and_seconds_of_a_shared_machine_are_called_so(
-    trainer, tmp_path, monkeypatch
-):
-    run = {"steps": 800, "validation_interval": 400}
-    monkeypatch.setattr(runs, "is_shared", lambda threads: threads == 1)
-    train(trainer(**run), tmp_path, stop_after=400)
-    monkeypatch.setattr(runs, "is_shared", lambda threads: False)
-    train(trainer(**run), tmp_path, resume=True)
-    about = json.loads((tmp_path / "about.json").read_text())
-    assert about["threads"] == torch.get_num_threads() == 1
-    assert about["shared_machine"] is True  # as it was in the first half
-    assert load_agent(tmp_path / "best.safetensors").training["threads"] == 1
 
 
 def test_a_folder_with_a_run_is_not_overwritten(trainer, tmp_path):

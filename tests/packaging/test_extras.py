@@ -67,12 +67,6 @@ def test_a_module_imports_or_names_the_extra_that_it_needs(tmp_path):
     assert not missing.keys() & {f"uavdh_lite.{name}" for name in path}
 
 
-@pytest.mark.long
-def test_flying_works_without_extras(tmp_path):
-    done = run(RUN.format(arguments="fly --city village --out flight.png"), tmp_path)
-    assert done.returncode == 0 and (tmp_path / "flight.png").exists(), done.stderr
-
-
 @pytest.mark.parametrize(
     ("arguments", "extra"),
     [("export --checkpoint manhattan", "onnx"), ("app --no-browser", "app")],

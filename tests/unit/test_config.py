@@ -1,16 +1,12 @@
 """Fields that explain themselves and know their bounds."""
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import pytest
 
-from uavdh_lite.beyond.recipes import BeyondRecipe
-from uavdh_lite.channel import Channel
 from uavdh_lite.config import option, require_bounds
-from uavdh_lite.environment import Rewards
 from uavdh_lite.errors import InputError
-from uavdh_lite.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -45,9 +41,3 @@ def test_a_value_out_of_bounds_is_named(field, value, expected):
 
 def test_bounds_themselves_are_inside():
     Sample(share=0.0), Sample(share=1.0), Sample(counts=(1,)), Sample(limit=1e-9), Sample(free=-1e9)
-
-
-@pytest.mark.parametrize("config", [BeyondRecipe, Scenario, Channel, Rewards])
-def test_every_option_explains_itself(config):
-    options = [field for field in fields(config) if field.name != "name"]
-    assert options and all(field.metadata.get("help") for field in options)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from uavdh_lite.environment import EAST, HOVER, LAND, WEST, Environment, Rewards
-from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import (
     Policy,
     bootstrap_interval,
@@ -75,11 +74,6 @@ def test_a_flight_by_hand(environment, start):
     assert flight.data_left[[0, -1]].tolist() == [[1.5], [0]]
     assert flight.uploaded.sum() == pytest.approx(1.5) == flight.reward.sum() + 1
     assert flights.records()["collected_and_landed"] == 1
-
-
-def test_what_cannot_be_answered_is_said(environment, start):
-    with pytest.raises(InputError, match="episode 0"):
-        fly(environment, Plan([6]), start, stream(Use.TEST))
 
 
 def test_a_seed_fixes_missions_and_fading_whatever_the_policy_does(environment, corridor_scenario):

@@ -5,7 +5,7 @@ from uavdh_lite.city import City, load_city
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.planners import Greedy
-from uavdh_lite.policies import agents_for, find_policy, known_policies, policies_for
+from uavdh_lite.policies import find_policy, known_policies, policies_for
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream
 
@@ -23,27 +23,22 @@ def village():
 
 
 def test_a_citys_own_agents_come_first_and_planners_fly_over_any(manhattan, village):
-    *own, last = agents_for(manhattan)
+    *own, last = policies_for(manhattan)[: -len(PLANNERS)]
     assert own and all(name.startswith("manhattan") for name in own) and last == "any_city"
-    assert policies_for(manhattan) == [*own, "any_city", *PLANNERS]
-    assert policies_for(village) == ["any_city", *PLANNERS]
-    assert agents_for(Environment((manhattan.city, village.city))) == ["any_city"]
+    both = Environment((manhattan.city, village.city))
+    for environment in (village, both):
+        assert policies_for(environment) == ["any_city", *PLANNERS]
     large = City.from_kinds("large", np.pad(village.city.kinds, (0, 30)))
     assert policies_for(Environment(large)) == PLANNERS
     assert set(policies_for(manhattan)) < set(known_policies())
 
 
-def test_a_policy_by_its_name(manhattan, village):
-    assert find_policy("manhattan", manhattan).knows(manhattan.cities)
-    assert find_policy("any_city", village).cities[0].name == "village"
-    assert isinstance(find_policy("greedy", manhattan), Greedy)
-    assert type(find_policy("genie", manhattan)).__name__ == "Genie"
-
-
-def test_the_seed_is_that_of_random_flights(village):
+def test_a_policy_by_its_name_and_the_seed_is_that_of_random_flights(village):
     state = find_scenario("village").sample(village, 500, stream(Use.TEST))
     first, again, other = (find_policy("random", village, seed).act(state) for seed in (7, 7, 8))
     assert np.array_equal(first, again) and not np.array_equal(first, other)
+    assert isinstance(find_policy("greedy", village), Greedy)
+    assert find_policy("any_city", village).cities[0].name == "village"
 
 
 def test_an_unknown_name_and_an_agent_of_another_city(village):

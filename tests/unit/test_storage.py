@@ -1,6 +1,5 @@
 """Files are written whole or not at all, and tables come back."""
 
-import gzip
 import os
 import subprocess
 import sys
@@ -49,29 +48,6 @@ def test_a_column_with_a_word_is_text(tmp_path):
     (tmp_path / "t.csv").write_text("a,b\n1,\n2,x\n")
     read = read_table(tmp_path / "t.csv")
     assert read["a"].tolist() == [1, 2] and read["b"].tolist() == ["", "x"]
-
-
-@pytest.mark.long
-def test_a_bomb_is_not_unpacked_into_memory(tmp_path):
-    """A small compressed file of a huge table ends with an error, not with the machine's memory."""
-    path = tmp_path / "t.csv.gz"
-    with gzip.open(path, "wb", compresslevel=9) as file:
-        for _ in range(300):
-            file.write(b"0" * 2**20)
-    with pytest.raises(InputError, match="larger than"):
-        read_table(path)
-
-
-def test_a_new_file_has_the_umasks_rights_and_the_umask_is_left_alone(tmp_path, monkeypatch):
-    """It belongs to the whole process: to change it for a moment is a race with other threads."""
-    before = os.umask(0o027)
-    try:
-        with monkeypatch.context() as patch:
-            patch.setattr(os, "umask", lambda mask: pytest.fail("the umask was changed"))
-            write_atomically(tmp_path / "a.txt", lambda temporary: temporary.write_text("a"))
-        assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o640
-    finally:
-        os.umask(before)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="looks at Unix flags")

@@ -170,7 +170,7 @@ def compare(
     comparison.save_comparison(out, results, about)
     print(f"{name}: {episodes} random missions, seed {seed}")
     metrics = {
-        policy: {metric: evaluation.mean_interval(columns[metric]) for metric in METRICS}
+        policy: evaluation.intervals({metric: columns[metric] for metric in METRICS})
         for policy, columns in results.items()
     }
     print(policies_table(metrics))

@@ -20,7 +20,6 @@ COMMANDS = {
     "evaluate": ("flying", "Fly an agent on many random missions."),
     "compare": ("flying", "Compare an agent with the planners on the same missions."),
     "study": ("training", "Train several variants of a recipe, over several seeds."),
-    "cities": ("cities", "Check cities and draw them."),
     "export": ("flying", "Write an agent's network as an ONNX file."),
     "challenge": ("challenge", "Score a class's submissions on missions that nobody has seen."),
     "app": ("app", "Serve the interactive labs as a web page."),

@@ -68,8 +68,6 @@ def train(arguments: list[str]) -> Callable[..., None]:
             raise InputError(f"no {device} device for this torch: leave out --device")
         torch.set_num_threads(threads)
         out = out or Path("runs", f"{scenario}-{recipe}-{seed}")
-        if resume and begin_with is None:
-            runs.require_begun_from_nothing(out)
         chosen = with_values(named_recipe, recipe_values)
         trainer = trainer_of(chosen)(
             with_values(named_scenario, scenario_values),
@@ -79,12 +77,7 @@ def train(arguments: list[str]) -> Callable[..., None]:
             begin_with=None if begin_with is None else load_agent(begin_with),
         )
         best = runs.train(
-            trainer,
-            out,
-            resume,
-            command_line,
-            stop_after=stop_after,
-            tensorboard=tensorboard,
+            trainer, out, resume, command_line, stop_after=stop_after, tensorboard=tensorboard
         )
         if best.exists():  # not if the run was stopped before its first validation
             print(f"best agent: {best}")

@@ -9,14 +9,7 @@ from tqdm.auto import tqdm
 
 from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import (
-    Flights,
-    Interval,
-    Policy,
-    drawn_again,
-    evaluate,
-    mean_interval,
-)
+from uavdh_lite.evaluation import Flights, Interval, Policy, drawn_again, evaluate, mean_interval
 from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import write_json, write_table
@@ -92,8 +85,7 @@ def share(values: np.ndarray, reference: np.ndarray, groups: np.ndarray | None =
     The 95 % interval resamples episodes, keeping the two values of each together, or `groups` of
     them as `bootstrap_interval` does.
     """
-    groups = np.arange(len(values)) if groups is None else groups
-    sums, of_reference = drawn_again(groups, 2000, values, reference)
+    sums, of_reference = drawn_again(groups, values, reference)
     low, high = np.quantile(sums / of_reference, [0.025, 0.975])
     return Interval(float(values.mean() / reference.mean()), float(low), float(high))
 

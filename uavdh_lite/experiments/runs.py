@@ -18,7 +18,6 @@ from tqdm.auto import tqdm
 from uavdh_lite.checkpoint import save_agent
 from uavdh_lite.errors import InputError, TrainingDiverged
 from uavdh_lite.evaluation import evaluate
-from uavdh_lite.provenance import is_shared
 from uavdh_lite.storage import write_json, write_table
 from uavdh_lite.streams import Use
 from uavdh_lite.training import Trainer
@@ -49,9 +48,6 @@ def train(
     | `about.json` | command, seed, recipe, seconds, threads, machine, the last validation |
     | `tensorboard/` | with `tensorboard`, the rows of both tables as event files |
     | `lock` | held during the run, so that no other process writes here |
-
-    `shared_machine` in `about.json` says whether other programs computed here meanwhile, so that
-    the seconds do not compare.
 
     A run that was killed continues with `resume=True`, and ends with the same weights as one that
     was not. Ctrl-C saves the run, then raises `KeyboardInterrupt`. With `stop_after` the run is
@@ -107,26 +103,13 @@ def _locked(out: Path) -> Iterator[None]:
         raise InputError(f"{out}: another process is training there; choose another") from None
 
 
-def _about(out: Path) -> dict:
-    """What `about.json` says; nothing if the folder has none."""
-    path = out / "about.json"
-    return json.loads(path.read_text()) if path.exists() else {}
-
-
-def require_begun_from_nothing(out: Path) -> None:
-    """Raise `InputError` if the run in a folder began with an agent's weights."""
-    about = _about(out)
-    if about.get("begun_with"):
-        raise InputError(f"{out}: this run began with an agent, add it: {about['command']}")
-
-
 def _restore(trainer: Trainer, out: Path) -> None:
     """Go on where the run was saved; if it is another run, the error says how that was begun."""
     try:
         trainer.restore(out / SAVED)
     except InputError as error:
-        begun = _about(out).get("command", "no command")
-        raise InputError(f"{error}. That run was begun by: {begun}") from None
+        command = json.loads((out / "about.json").read_text())["command"]
+        raise InputError(f"{error}. That run was begun by: {command}") from None
 
 
 def _board(trainer: Trainer, out: Path):
@@ -151,8 +134,7 @@ def validate(trainer: Trainer) -> bool:
     )
     means = {name: float(values.mean()) for name, values in flights.records().items()}
     best = max((row["return"] for row in trainer.validation_rows), default=-np.inf)
-    done = {name: getattr(trainer, name) for name in ("steps", "updates")}
-    trainer.validation_rows.append({**done, "seconds": round(trainer.seconds, 1), **means})
+    trainer.validation_rows.append(trainer.done | means)
     return means["return"] > best
 
 
@@ -175,9 +157,7 @@ def _validate(trainer: Trainer, out: Path, command: str) -> str:
 
 def _write_about(trainer: Trainer, out: Path, command: str) -> dict:
     """Write how the run is made; returns it without what defines the run."""
-    threads = torch.get_num_threads()
-    shared = _about(out).get("shared_machine") or is_shared(threads)
-    how = {"command": command, "threads": threads, "shared_machine": shared}
+    how = {"command": command, "threads": torch.get_num_threads()}
     training = trainer.agent.training | how
     write_json(out / "about.json", training | trainer.identity())
     return training
