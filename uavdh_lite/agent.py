@@ -75,30 +75,15 @@ class Agent(Policy):
         Raises `InputError` for a larger city: the network's first fully connected layer is made
         for maps of one size only.
         """
-        environment = self.recipe.environment_for(city)
-        observation = self.recipe.observation_for(environment, self.size_for(environment))
-        return replace(self, observation=observation.to(next(self.network.parameters()).device))
-
-    def size_for(self, environment: Environment) -> int:
-        """M of its maps; raises `InputError` if a city is larger."""
-        size = self.observation.size
+        environment, size = self.recipe.environment_for(city), self.observation.size
         if environment.size > size:
             names = ", ".join(city.name for city in environment.cities[:3])
             raise InputError(
                 f"this agent was trained for cities of up to {size} cells on a side, here are "
                 f"{environment.size} ({names}): train one for them"
             )
-        return size
-
-    def copy_weights(self, network: nn.Module) -> None:
-        """Copy the weights into another network; `InputError` if it has another shape."""
-        try:
-            network.load_state_dict(self.network.state_dict())
-        except RuntimeError as error:
-            raise InputError(
-                f"the agent to begin with was trained by the recipe {self.recipe.name}, and has "
-                f"another network than this one: {error}"
-            ) from None
+        observation = self.recipe.observation_for(environment, size)
+        return replace(self, observation=observation.to(next(self.network.parameters()).device))
 
     def digest(self) -> str:
         """SHA-256 of the weights: equal for agents that decide alike."""

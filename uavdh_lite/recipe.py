@@ -109,10 +109,6 @@ class Recipe:
         layers = self.kernels, self.kernel_size, self.strides, self.hidden
         return QNetwork(observation.map_shape, *layers, self.layer_norm, self.leak)
 
-    def flown(self, network: nn.Module) -> nn.Module:
-        """The network that an agent flies by: the same one, which an extension may wrap."""
-        return network
-
     def learner_for(self, observation: Observation, network: nn.Module) -> DDQN:
         """The algorithm that trains the network."""
         adam = torch.optim.Adam(

@@ -33,9 +33,6 @@ class Trainer:
     Arguments:
         city: the city or cities to fly over; the scenario's own if None.
         device: `cpu`, `cuda` or `mps`.
-        begin_with: the agent whose weights the run begins with; None for random ones.
-
-    Raises `InputError` if that agent's network is not that of the recipe, or too small.
     """
 
     PROGRESS: tuple[str, ...] = (  # what is saved of it as JSON values
@@ -49,21 +46,16 @@ class Trainer:
         seed: int,
         city: City | tuple[City, ...] | None = None,
         device: str = "cpu",
-        begin_with: Agent | None = None,
     ):
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
-        self.begun_with = None if begin_with is None else begin_with.digest()
         self.environment = recipe.environment_for(
             load_cities(scenario.city) if city is None else city
         )
         self.generator = stream(Use.TRAINING, seed)
-        size = 0 if begin_with is None else begin_with.size_for(self.environment)
-        observation = recipe.observation_for(self.environment, size).to(device)
+        observation = recipe.observation_for(self.environment).to(device)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(torch_seed(Use.WEIGHTS, seed))
             network = recipe.network_for(observation)
-        if begin_with is not None:
-            begin_with.copy_weights(recipe.flown(network))
         self.learner = recipe.learner_for(observation, network.to(device))
         self.replay = Replay(
             recipe.replay_capacity,
@@ -149,14 +141,13 @@ class Trainer:
         """The agent as it is now; it shares the weights with the run."""
         training = {
             "seed": self.seed,
-            "begun_with": self.begun_with,
             **self.done,
             **provenance(),
             "device": str(next(self.learner.online.parameters()).device),
             "validation": self.validation_rows[-1] if self.validation_rows else None,
         }
-        network = self.recipe.flown(self.learner.online)
-        return Agent(network, self.learner.observation, self.recipe, self.scenario, training)
+        learner = self.learner
+        return Agent(learner.online, learner.observation, self.recipe, self.scenario, training)
 
     @property
     def finished(self) -> bool:
@@ -204,7 +195,7 @@ class Trainer:
         self.generator.bit_generator.state = about["generator"]
 
     def identity(self) -> dict:
-        """What defines the run: recipe, scenario, cities, seed and where it began, as JSON values.
+        """What defines the run: recipe, scenario, cities and seed, as JSON values.
 
         A saved run can only go on as this one if all of it is equal.
         """
@@ -213,7 +204,6 @@ class Trainer:
             "scenario": asdict(self.scenario),
             "cities": fingerprint_of(self.environment.cities),
             "seed": self.seed,
-            "begun_with": self.begun_with,
         }
         return json.loads(json.dumps(values))  # tuples become lists, as in a file
 

@@ -85,7 +85,3 @@ class MaskedNetwork(nn.Module):
 
     def forward(self, map: Tensor, time: Tensor, allowed: Tensor) -> Tensor:
         return self.network(map, time).masked_fill(~allowed, -torch.inf)
-
-    def quantiles(self, map: Tensor, time: Tensor, allowed: Tensor) -> Tensor:
-        """The network's quantiles of each action's return, (B, 6, N), allowed or not."""
-        return self.network.quantiles(map, time)  # type: ignore[operator]

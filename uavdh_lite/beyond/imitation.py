@@ -22,7 +22,7 @@ from torch import Tensor
 from torch.nn.functional import cross_entropy
 
 from uavdh_lite.beyond.genie import Genie
-from uavdh_lite.beyond.views import SYMMETRIES, turned, turned_actions
+from uavdh_lite.beyond.symmetry import SYMMETRIES, turned, turned_actions
 from uavdh_lite.ddqn import DDQN
 from uavdh_lite.environment import State
 from uavdh_lite.evaluation import fly

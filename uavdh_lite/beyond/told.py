@@ -66,7 +66,7 @@ class ToldObservation(Observation):
     @property
     def _farthest(self) -> int:
         """2M, the number of moves at which a way counts as endless."""
-        return 2 * self.environment.size
+        return 2 * self.size
 
     @cached_property
     def _data(self) -> Tensor:
@@ -74,10 +74,13 @@ class ToldObservation(Observation):
         environment, cells = self.environment, self.environment.size**2
         data = np.zeros((len(environment.cities), cells, cells), np.float32)
         for number, city in enumerate(environment.cities):
+            row, col = np.divmod(np.arange(cells), environment.size)
+            own = (row < city.own_size) & (col < city.own_size)
             for cell in city.device_cells:
                 device = divmod(int(cell), environment.size)
                 sight = environment.sight[number]
-                data[number, cell] = rate_map(city, environment.channel, sight, device).ravel()
+                rates = rate_map(city, environment.channel, sight, device)
+                data[number, cell] = rates.ravel() * own
         return self._tensor(environment.channel.slots * data.reshape(-1, cells))
 
     @cached_property

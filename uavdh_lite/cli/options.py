@@ -34,13 +34,9 @@ Cities = Annotated[
 
 
 def presets(arguments: Sequence[str]) -> tuple[Scenario, Recipe]:
-    """The scenario and the recipe that the arguments name, or the default ones.
-
-    Whoever begins with an agent (`--from`) fine-tunes it; others train from nothing.
-    """
-    new = _given(arguments, "--from") is None
-    scenario = _given(arguments, "--scenario") or ("manhattan" if new else "any_city")
-    recipe = _given(arguments, "--recipe") or ("lite" if new else "fine_tune")
+    """The scenario and the recipe that the arguments name, or the default ones."""
+    scenario = _given(arguments, "--scenario") or "manhattan"
+    recipe = _given(arguments, "--recipe") or "lite"
     return find_scenario(scenario), find_recipe(recipe)
 
 

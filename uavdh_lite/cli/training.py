@@ -10,7 +10,6 @@ from cyclopts import Parameter
 from cyclopts.types import NonNegativeInt, PositiveInt
 from matplotlib.figure import Figure
 
-from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.cli.options import CommandLine, Flag, options_of, presets, with_values
 from uavdh_lite.errors import InputError
 from uavdh_lite.experiments import runs
@@ -33,7 +32,6 @@ def train(arguments: list[str]) -> Callable[..., None]:
         *,
         scenario: str = named_scenario.name,
         recipe: str = named_recipe.name,
-        begin_with: Annotated[str | None, Parameter(name="--from")] = None,
         seed: NonNegativeInt = 0,
         out: Path | None = None,
         resume: Flag = False,
@@ -53,9 +51,7 @@ def train(arguments: list[str]) -> Callable[..., None]:
         Arguments:
             scenario: what to train for: manhattan, open_field, village, harbour, metropolis, or
                 any_city, 2000 random cities.
-            recipe: how to train: lite, paper, small, imitation, quantile or fine_tune.
-            begin_with: an agent to go on from, a checkpoint file or the name of a shipped one. Then
-                the defaults are --scenario any_city and --recipe fine_tune.
+            recipe: how to train: lite, paper, small, told or imitation.
             seed: seed of the weights, the episodes and the exploration.
             out: folder of the run, by default runs/SCENARIO-RECIPE-SEED.
             resume: continue the run in that folder.
@@ -74,7 +70,6 @@ def train(arguments: list[str]) -> Callable[..., None]:
             chosen,
             seed,
             device=device,
-            begin_with=None if begin_with is None else load_agent(begin_with),
         )
         best = runs.train(
             trainer, out, resume, command_line, stop_after=stop_after, tensorboard=tensorboard
