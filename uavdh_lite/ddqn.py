@@ -79,12 +79,8 @@ class DDQN:
         return self.online(*self.observation(state))
 
     def update(self, batch: Batch) -> Tensor:
-        """`fit` a minibatch to its `targets`; returns the loss."""
-        return self.fit(batch, self.targets(batch))
-
-    def fit(self, batch: Batch, y: Tensor) -> Tensor:
-        """One gradient step towards the targets y, and one soft update; returns the loss."""
-        loss = self.loss(batch, y)
+        """One gradient step towards the targets, and one soft update; returns the loss."""
+        loss = self.loss(batch, self.targets(batch))
         self.optimiser.zero_grad()
         loss.backward()
         self.optimiser.step()

@@ -72,7 +72,6 @@ class Trajectory:
     | `uav_cell`, `time_left` | (T + 1,) |
     | `data_left` | (T + 1, K) |
     | `action`, `intervened`, `reward` | (T,) |
-    | `served`, `uploaded` | (T, δ) |
     | `landed` | bool |
     """
 
@@ -83,8 +82,6 @@ class Trajectory:
     action: np.ndarray
     intervened: np.ndarray
     reward: np.ndarray
-    served: np.ndarray
-    uploaded: np.ndarray
     landed: bool
 
 
@@ -159,8 +156,6 @@ class Flights:
             action=np.array([step.action[episode] for step in steps]),
             intervened=np.array([step.outcome.intervened[episode] for step in steps]),
             reward=np.array([step.reward[episode] for step in steps]),
-            served=np.array([step.outcome.served[episode] for step in steps]),
-            uploaded=np.array([step.outcome.uploaded[episode] for step in steps]),
             landed=bool(self.end.landed[episode]),
         )
 

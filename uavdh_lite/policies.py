@@ -17,12 +17,14 @@ def known_policies() -> list[str]:
 
 
 def policies_for(environment: Environment) -> list[str]:
-    """The names of the policies that can fly over these cities.
+    """The names of the policies that can fly over these cities: the agents, then the planners."""
+    return [*agents_for(environment), *_planners()]
 
-    First the shipped agents that know them, those of any city last, then the planners.
-    """
+
+def agents_for(environment: Environment) -> list[str]:
+    """The names of the shipped agents that know these cities: those of any city come last."""
     knowing = [name for name in shipped_agents() if _shipped(name).knows(environment.cities)]
-    return [*sorted(knowing, key=lambda name: len(_shipped(name).cities)), *_planners()]
+    return sorted(knowing, key=lambda name: len(_shipped(name).cities))
 
 
 def find_policy(name: str, environment: Environment, seed: int = 0) -> Policy:

@@ -83,8 +83,13 @@ class Replay:
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """All that is stored, by name; only `place` is a copy."""
-        rows = {"action": self.action, "reward": self.reward, "terminal": self.terminal}
-        return {**self.states, **rows, "place": np.array([self.head, self.filled])}
+        return {
+            **self.states,
+            "action": self.action,
+            "reward": self.reward,
+            "terminal": self.terminal,
+            "place": np.array([self.head, self.filled]),
+        }
 
     def load_state_dict(self, arrays: dict[str, np.ndarray]) -> None:
         """Restore what `state_dict` gave, for a memory of the same size."""

@@ -105,7 +105,7 @@ def test_a_flight_by_hand_is_the_policys_with_the_same_actions(mission, name):
     for flights in (by_hand.flights(), again):
         for metric, values in flown.records().items():
             assert flights.records()[metric] == pytest.approx(values, rel=1e-5), metric
-        assert (flights.trajectory(0).uploaded == flown.trajectory(0).uploaded).all()
+        assert (flights.trajectory(0).data_left == flown.trajectory(0).data_left).all()
     with pytest.raises(InputError, match="over"):
         by_hand.step(0)
 

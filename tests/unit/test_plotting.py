@@ -163,13 +163,3 @@ def test_an_animation_shows_each_step_and_waits_at_the_end(corridor, tmp_path):
     with Image.open(tmp_path / "flight.gif") as film:
         durations = [frame.info["duration"] for frame in ImageSequence.Iterator(film)]
     assert len(durations) == 4 and durations[-1] > 5 * durations[0] > 0
-
-
-def test_a_network_is_drawn_layer_by_layer_from_left_to_right(ax):
-    layers = [("maps", (5, 31, 31), "red"), ("flat", (8464,), "green"), ("values", (6,), "blue")]
-    plotting.draw_layers(ax, layers)
-    *maps, flat, values = ax.patches
-    assert len(maps) == 5  # a square for each map
-    assert flat.get_height() > values.get_height()
-    assert max(each.get_x() for each in maps) + 31 < flat.get_x() < values.get_x()
-    assert ax.texts[0].get_text() == "5×31×31\nmaps"
