@@ -343,34 +343,44 @@ def sb3() -> str:
     return f"{_table(head, rows)}\n{_made_with('sb3-village')}"
 
 
-def _unseen(**wanted: object) -> list[str]:
-    """Collected and landed of each seed among the rows for which all of this holds."""
-    table = read_table(RUNS / "unseen_cities.csv.gz")
-    rows = np.all([table[name] == value for name, value in wanted.items()], axis=0)
-    return [f"{value:.3f}" for value in table[BOTH][rows]]
-
-
-def frames() -> str:
-    """Agents that see 2000 cities in different frames, over cities that none of them has seen."""
+def fresh_missions() -> str:
+    """The shipped agents on missions that were used nowhere else."""
+    table = read_table(RUNS / "fresh_missions.csv.gz")
     rows = []
-    for variant in ("centred", "non_centred", "global_local"):
-        for views in (1, 8):
-            runs = {"variant": variant, "learned_in": "random:2000:0", "views": views}
-            rows.append([f"`{variant}`", views, *_unseen(**runs, flown_over="random:300:9")])
-    return _table(["the network sees", "views", *SEEDS], rows)
+    for i, name in enumerate(table["agent"].tolist()):
+        one = {key: values[i] for key, values in table.items()}
+        interval = lambda what: Interval(one[what], one[f"{what}_low"], one[f"{what}_high"])  # noqa: B023, E731
+        rows.append(
+            [
+                f"`{name}`",
+                f"{100 * one['landed']:.1f} %",
+                _number(interval("return_ahead")),
+                _number(interval(f"{BOTH}_ahead")),
+                _percent(interval("return_share")),
+                _percent(interval(f"{BOTH}_share")),
+                f"{100 * one['straight_home']:.1f} %",
+                int(one["missions_with_genie"]),
+            ]
+        )
+    head = ["agent", "landed", "return, ahead of greedy", "points ahead of greedy"]
+    head += ["of the genie's return", "of its collected and landed", "straight home"]
+    head += ["missions with the genie"]
+    return f"{_table(head, rows)}\n{_made_with('fresh_missions')}"
 
 
 def cities_to_learn_in() -> str:
-    """Agents that learned in more and more cities, over those and over others."""
+    """Agents that learned in more and more cities, over those and over others, by one view."""
+    table = read_table(RUNS / "unseen_cities.csv.gz")
+    own = (table["variant"] == "global_local") & (table["views"] == 1)
     rows = []
     for count in (1, 10, 100, 2000):
-        runs = {"variant": "global_local", "learned_in": f"random:{count}:0"}
-        seen = _unseen(**runs, views=1, flown_over=f"random:{count}:0")
-        for views in (1, 8):
-            unseen = _unseen(**runs, views=views, flown_over="random:300:9")
-            rows.append([count, views, *unseen, *(seen if views == 1 else [""] * 3)])
-    head = [*SEEDS, *(f"seen, {seed}" for seed in SEEDS)]
-    return _table(["cities", "views", *head], rows)
+        cities = f"random:{count}:0"
+        scores = [
+            table[BOTH][own & (table["learned_in"] == cities) & (table["flown_over"] == over)]
+            for over in ("random:300:9", cities)
+        ]
+        rows.append([count, *(f"{value:.3f}" for value in np.concatenate(scores))])
+    return _table(["cities", *SEEDS, *(f"seen, {seed}" for seed in SEEDS)], rows)
 
 
 def practice(scenario: str) -> str:

@@ -8,7 +8,6 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-import torch
 from PIL import Image
 
 from uavdh_lite import registry
@@ -112,12 +111,12 @@ def test_train_takes_a_city_and_ranges_of_ones_own(corridor, tmp_path):
 
 
 def test_a_recipe_from_beyond_has_its_own_options(tmp_path):
-    options = ["--recipe", "quantile", "--quantiles", "4", "--local-size", "9", "--no-failsafe"]
+    options = ["--recipe", "imitation", "--own-starts", "0.1", "--local-size", "9", "--no-failsafe"]
     options += ["--kernels", "2", "--hidden", "8", "--pooling", "2"]
     village = ["--scenario", "village", "--out", str(tmp_path)]
     assert main(["train", *SHORT, *options, *village]) == 0
     recipe = load_agent(tmp_path / "best.safetensors").recipe
-    assert (recipe.quantiles, recipe.local_size, recipe.failsafe) == (4, 9, False)
+    assert (recipe.own_starts, recipe.local_size, recipe.failsafe) == (0.1, 9, False)
 
 
 def test_without_a_checkpoint_the_agent_flies_that_knows_the_city_best(tmp_path, capsys):
@@ -132,22 +131,7 @@ def test_without_a_checkpoint_the_agent_flies_that_knows_the_city_best(tmp_path,
         assert f"{scenario}: 2 random missions" in capsys.readouterr().out
 
 
-def test_train_goes_on_from_an_agent(tmp_path):
-    mine = tmp_path / "mine.png"
-    load_cities("random:1:3:12")[0].save(mine)
-    arguments = ["train", *SHORT, "--from", "any_city", "--city", str(mine)]
-    assert main([*arguments, "--out", str(tmp_path / "run")]) == 0
-    tuned = load_agent(tmp_path / "run" / "best.safetensors")
-    assert tuned.recipe.name == "fine_tune" and tuned.scenario.name == "any_city"
-    assert tuned.knows(load_cities(mine)) and not tuned.knows(load_cities("village"))
-    before, after = (
-        torch.cat([p.flatten() for p in agent.network.parameters()])
-        for agent in (load_agent("any_city"), tuned)
-    )
-    assert 0 < (after - before).abs().max() < 0.1
-
-
-@pytest.mark.parametrize(("command", "name"), [("train", "lite"), ("study", "quantile")])
+@pytest.mark.parametrize(("command", "name"), [("train", "lite"), ("study", "told")])
 def test_help_explains_every_field_with_the_value_of_the_recipe_that_is_named(
     command, name, capsys
 ):
@@ -191,8 +175,7 @@ def test_help_shows_the_values_of_the_scenario_that_is_named(capsys):
         ("train --failsafe", "--failsafe"),  # `lite` has none
         ("train fast", "fast"),
         ("train --city nowhere.png", "nowhere.png"),
-        ("train --from manhattan_ddqn --city village --threads 1", "manhattan_ddqn|recipe lite"),
-        ("train --from any_city --city harbour", "32"),
+        ("evaluate --checkpoint any_city --city harbour", "32"),
         ("fly --out flight.doc", "flight.doc"),
         ("export --out a.onnx", "--checkpoint"),
         ("evaluate --checkpoint none.safetensors", "none.safetensors"),
@@ -276,8 +259,7 @@ def test_a_shipped_agent_is_what_its_command_says(name, monkeypatch):
         begun.update(scenario=scenario.name, recipe=recipe, seed=seed)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(training, "Trainer", begin)
-    monkeypatch.setattr(training, "load_agent", lambda path: None)
+    monkeypatch.setattr(training, "trainer_of", lambda recipe: begin)
     assert main(shlex.split(agent.training["command"])[3:]) == 130
     assert begun["seed"] == agent.training["seed"] and begun["scenario"] == agent.scenario.name
     assert spelled_out(begun["recipe"]) == spelled_out(agent.recipe)

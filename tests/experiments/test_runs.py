@@ -14,7 +14,7 @@ from uavdh_lite.provenance import provenance
 from uavdh_lite.recipe import recipe_from_json
 from uavdh_lite.storage import read_table
 from uavdh_lite.streams import Use
-from uavdh_lite.training import BIN, Trainer
+from uavdh_lite.training import BIN
 
 
 def test_a_validation_is_a_row_of_means_and_says_if_the_return_is_the_highest(trainer):
@@ -62,25 +62,6 @@ def test_a_folder_with_a_run_is_not_overwritten(trainer, tmp_path):
     before = (tmp_path / SAVED).read_bytes()
     train(trainer(steps=400), tmp_path, resume=True)  # a finished run stays finished
     assert (tmp_path / SAVED).read_bytes() == before
-
-
-def test_a_run_that_began_with_an_agent_resumes_with_it_alone(
-    trainer, corridor, corridor_scenario, tmp_path
-):
-    """Otherwise it would go on as another run, or fail with what has nothing to do with it."""
-    recipe, agent = trainer(steps=800).recipe, trainer(seed=7).agent
-    begin = lambda seed, begin_with: Trainer(  # noqa: E731
-        corridor_scenario, recipe, seed, corridor, begin_with=begin_with
-    )
-    train(begin(0, agent), tmp_path, command="train --from mine", stop_after=400)
-    for other in (None, trainer(seed=8).agent):
-        with pytest.raises(InputError, match=r"begun_with.*train --from mine"):
-            train(begin(0, other), tmp_path, resume=True)
-    train(begin(0, agent), tmp_path, resume=True)
-    whole = begin(0, agent)
-    train(whole, tmp_path / "whole")
-    ours, theirs = (load(out / SAVED, "training")[0] for out in (tmp_path, tmp_path / "whole"))
-    assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
 
 
 def test_a_training_that_diverges_stops_with_its_last_good_state(trainer, tmp_path):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import torch
 
-from uavdh_lite.beyond.recipes import QUANTILE
+from uavdh_lite.beyond.recipes import TOLD
 from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.cli.main import main
 from uavdh_lite.errors import InputError
@@ -88,22 +88,22 @@ def test_the_curves_of_all_runs_come_as_two_tables(finished, tmp_path):
 
 
 def test_a_variant_is_the_recipe_with_what_its_text_says():
-    texts = ["as_it_is", "quantiles=32", "strides=[3,1],kernels=8", "huber_delta=10"]
+    texts = ["as_it_is", "pooling=2", "strides=[3,1],kernels=8", "huber_delta=10"]
     texts += ["failsafe=false,discount=0.9", "observation=centred"]
-    assert variants_of(QUANTILE, texts) == {
-        "as_it_is": QUANTILE,
-        "quantiles=32": replace(QUANTILE, quantiles=32),
-        "strides=[3,1],kernels=8": replace(QUANTILE, strides=(3, 1), kernels=8),
-        "huber_delta=10": replace(QUANTILE, huber_delta=10),
-        "failsafe=false,discount=0.9": replace(QUANTILE, failsafe=False, discount=0.9),
-        "observation=centred": QUANTILE,
+    assert variants_of(TOLD, texts) == {
+        "as_it_is": TOLD,
+        "pooling=2": replace(TOLD, pooling=2),
+        "strides=[3,1],kernels=8": replace(TOLD, strides=(3, 1), kernels=8),
+        "huber_delta=10": replace(TOLD, huber_delta=10),
+        "failsafe=false,discount=0.9": replace(TOLD, failsafe=False, discount=0.9),
+        "observation=centred": TOLD,
     }
     assert centring(LITE)["non_centred"] == replace(LITE, observation="non_centred")
     assert variants_of(LITE, ["huber_delta=null"])["huber_delta=null"].huber_delta is None
 
 
 @pytest.mark.parametrize(
-    "text", ["leek=0", "leak", "leak=much", "kernels=1.5", "discount=2", "quantiles=8", "steps=[1]"]
+    "text", ["leek=0", "leak", "leak=much", "kernels=1.5", "discount=2", "pooling=2", "steps=[1]"]
 )
 def test_what_a_recipe_cannot_have_is_named(text):
     with pytest.raises(InputError, match=text.partition("=")[0]):

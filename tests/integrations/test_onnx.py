@@ -16,7 +16,7 @@ from uavdh_lite.environment import ACTIONS
 from uavdh_lite.errors import InputError
 from uavdh_lite.training import Trainer
 
-KINDS = {"failsafe": True, "views": True, "pooling": 2, "quantiles": 4}
+KINDS = {"failsafe": True, "told": True, "pooling": 2}
 SHIPPED = [("manhattan_ddqn", "manhattan"), ("manhattan", "manhattan"), ("any_city", "village")]
 
 

@@ -18,4 +18,4 @@ def test_an_extension_is_loaded_when_a_name_is_looked_up(monkeypatch):
 
 
 def test_what_is_beyond_the_paper_is_known_by_name():
-    assert {"paper", "lite", "small", "quantile", "fine_tune"} <= set(registry.names("recipe"))
+    assert {"paper", "lite", "small", "told", "imitation"} <= set(registry.names("recipe"))

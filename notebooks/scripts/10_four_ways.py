@@ -1,0 +1,290 @@
+# %% [markdown]
+# # 10 · Four ways to knowledge
+#
+# An agent of the paper learns from reward alone: it is told nothing but the map, and finds out the rest by flying. How else
+# can knowledge get into an agent? You can **guarantee** it by a rule, **tell** it as one more layer of the map, let the agent
+# **copy** a planner, or let it **learn** from reward. This figure shows what each way is worth.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
+from glob import glob
+from importlib.metadata import distributions
+
+project = [path for path in ("..", ".", *glob("*")) if glob(f"{path}/uavdh_lite/city.py")]
+assert project, "the project's folder is not here: clone or upload it, then run this cell again"
+# %cd -q {project[0]}/notebooks
+if not any(distributions(name="uavdh_lite")):
+    print("installing uavdh_lite from its folder")
+    # %pip install -q .. ipywidgets
+
+# %% tags=["remove-cell"]
+# %matplotlib inline
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+
+from uavdh_lite.plotting import BLUE, GREEN, ORANGE, VERMILION
+from uavdh_lite.storage import read_table
+
+torch.set_num_threads(1)
+WAYS = {
+    "learn": ORANGE,
+    "guarantee_learn": VERMILION,
+    "tell_learn": GREEN,
+    "guarantee_tell_learn": BLUE,
+    "copy": ORANGE,
+    "guarantee_copy": VERMILION,
+    "tell_copy": GREEN,
+    "guarantee_tell_copy": BLUE,
+}
+
+def draw_ways():
+    study = read_table("../data/runs/four_ways-manhattan.csv.gz")
+    figure = Figure(figsize=(8, 3.6), layout="constrained")
+    ax = figure.subplots()
+    for place, (way, colour) in enumerate(WAYS.items()):
+        runs = study["variant"] == way
+        last = study["return"][runs & (study["steps"] == study["steps"][runs].max())]
+        ax.plot(last, [place] * len(last), "o", color=colour, ms=8, alpha=0.8)
+    ax.set(xlabel="return, mean of 1000 missions; a point is a run", yticks=range(len(WAYS)))
+    ax.set_yticklabels([way.replace("_", " + ") for way in WAYS])
+    ax.invert_yaxis()
+    ax.grid(axis="x", alpha=0.3)
+    return figure
+
+# %%
+draw_ways()
+
+# %% [markdown]
+# | | |
+# | --- | --- |
+# | **What you'll do** | Watch a rule bring a random policy home, look at maps of what can be computed, follow a planner, and compare agents that know more and less |
+# | **What you'll learn** | How a guarantee, told layers, copied moves and reward each put knowledge into an agent, what each costs, and what it is worth |
+# | **What you'll need** | The course, notebooks 0 to 7. About 45 minutes |
+#
+# Each row is one recipe over `manhattan`, three seeds of each. The upper four learn from reward, the lower four copy a planner. Runs
+# of a group are equally long. The plain row *learn* is the recipe `lite` of notebook 6. Higher returns lie further
+# right. The rest of this notebook explains the words.
+#
+# ## 10.1 Guarantee: the failsafe
+#
+# The paper's agent learns to land from crashes, each of which costs 150. A rule needs no crash. From the map one can count
+# the moves from each cell to the nearest landing zone, so one knows the last moment to turn back:
+
+# %%
+from uavdh_lite.beyond.failsafe import SafeEnvironment
+from uavdh_lite.city import City
+
+city = City.load("manhattan")
+environment = SafeEnvironment(city)
+
+# %%
+figure = Figure(figsize=(5.2, 4.4), layout="constrained")
+ax = figure.subplots()
+time = np.where(city.no_fly, np.nan, environment.time_to_land[0].reshape(16, 16))
+picture = ax.imshow(time, cmap="viridis")
+ax.set(xlabel="column", ylabel="row", title="grey-white: no-fly")
+figure.colorbar(picture, label="units of time to fly home and land")
+figure
+
+# %% [markdown]
+# The rule is one line: an action is *too late* if, after it, the way home takes longer than the time that is left.
+#
+# $$\text{time to land}(\text{next cell}) > b - 1$$
+#
+# The failsafe replaces such an action by the first move home. Every commercial drone has a function like this. Does it hold
+# for any policy? Try one that knows nothing:
+
+# %%
+from uavdh_lite.course.quiz import Quiz
+
+Quiz("random_with_a_failsafe")
+
+# %%
+from uavdh_lite.environment import Environment
+from uavdh_lite.evaluation import evaluate
+from uavdh_lite.planners import Random
+from uavdh_lite.scenario import find_scenario
+
+scenario = find_scenario("manhattan")
+for name, one in {"paper": Environment(city), "failsafe": environment}.items():
+    flights = evaluate(one, Random(), scenario, 500, seed=0).records()
+    print(f"{name:<9} landed {flights['landed'].mean():6.1%}, return {flights['return'].mean():6.1f}")
+assert flights["landed"].all()
+
+# %% [markdown]
+# All land. The return is still poor, because random moves collect little. What a rule guarantees need not be learned: no
+# crash disturbs the Q-values, and no schedule of penalties is needed. The price is that somebody must know the rule, and that it
+# holds only as long as the map is right.
+#
+# ## 10.2 Tell: maps of what can be computed
+#
+# The network of notebook 4 sees buildings. Where data can be heard, and which way leads around a block, it must find out from
+# reward. But the environment knows the channel and the city, so both can be computed and laid over the map as three more layers:
+
+# %%
+from uavdh_lite.beyond.told import TOLD, ToldObservation
+from uavdh_lite.missions import place
+
+state = place(city, uav=(8, 4), devices=[(4, 7), (11, 11)], data=[15, 6], flying_time=50, max_devices=5)
+told = ToldObservation(environment).told(state)[0].reshape(3, 16, 16)
+
+# %%
+figure = Figure(figsize=(9, 3.2), layout="constrained")
+for ax, layer, name in zip(figure.subplots(1, 3), told, TOLD):
+    ax.imshow(layer, cmap="magma")
+    ax.plot([7, 11], [4, 11], "x", color="white")
+    ax.plot(4, 8, "^", color="white")
+    ax.set(title=name, xticks=[], yticks=[])
+figure
+
+# %% [markdown]
+# Bright is large; the triangle is the UAV, the crosses are devices. *Expected data* is what one unit of time over a cell would bring without
+# fading:
+#
+# $$\max_k \min(\delta \cdot R_k,\; \text{data left}_k)$$
+#
+# Around each device lies a bright spot with dark wedges: the shadows of notebook 2. *Way home* and *way there* count moves, from
+# the landing zones and from the UAV. Both flow around buildings. None of this is new knowledge. A patient reader could work it
+# out from the other layers, and so could a network, in time.
+
+# %%
+Quiz("what_may_be_told")
+
+# %% [markdown]
+# ## 10.3 Copy: a planner as teacher
+#
+# The *genie* is a search over whole flights. It knows the mean rate of every link at every place, and keeps the best candidates for each
+# cell and moment. It flies better than any agent here, and takes much longer to decide. Can a network learn what the genie
+# does, and do it at once?
+
+# %%
+from uavdh_lite.beyond.genie import Genie
+
+plan = Genie(environment, beam=1, grow=False).plans(state)[0]
+arrows = np.array(list("↑→↓←○⏚"))
+print("".join(arrows[plan.actions[: (plan.actions != 5).sum() + 1]]))
+
+# %% [markdown]
+# That is a whole flight: arrows are moves, a ring is hovering, and the last sign is the landing. Each state on the way, with the
+# genie's action, is a *labelled example*. The network gives a score to each action, and a softmax turns scores into probabilities $\pi(a \mid s)$. The loss is the
+# *cross-entropy*, the surprise about what the genie did:
+#
+# $$L = -\log \pi(a_{\text{genie}} \mid s)$$
+#
+# It is 0 if the network was sure and right, and large if it was sure and wrong. In the library it is one line of
+# `Cloning.loss`; the loop around it is that of notebook 6, with the genie in the place of the softmax policy.
+#
+# How often does the trained copy agree with its teacher? Fly the genie's plans of 100 missions, and ask the agent at each step:
+
+# %%
+from uavdh_lite.checkpoint import load_agent
+
+copy = load_agent("manhattan")
+start = scenario.sample(environment, 100, np.random.default_rng(3))
+plans = Genie(environment, beam=1, grow=False).plans(start)
+
+# %%
+agree, generator = [], np.random.default_rng(4)
+state = start
+while not state.ended.all():
+    genie = np.array([plan.actions[-max(t, 1)] for plan, t in zip(plans, state.time_left)])
+    flying = ~state.ended
+    agree += (copy.act(state)[flying] == genie[flying]).tolist()
+    state, _ = environment.step(state, genie, generator)
+print(f"the copy takes the genie's action in {np.mean(agree):.0%} of {len(agree)} steps")
+assert np.mean(agree) > 0.85
+
+# %% [markdown]
+# Where they differ, both actions are often equally good: two ways around a block are equally long.
+#
+# There is a trap. The genie never flies into a dead end, so its flights show no way out of one. A copy that errs once comes to places
+# that it has never seen, and errs again. The remedy is to let the *learner* fly, and to ask the genie what it would do from there. A third of
+# the labels are made so. This is called DAgger, for *dataset aggregation*.
+
+# %%
+Quiz("why_own_starts")
+
+# %% [markdown]
+# ## 10.4 Learn: what only reward can say
+#
+# The genie plans with mean rates, so it does not know luck. It is too slow to fly with on a small processor, and somebody had to write it. Reward needs
+# neither teacher nor formula: it asks only how good a flight was. The paper's agents know nothing else, and that is their point. They would learn
+# in a city whose channel nobody can compute.
+#
+# ## 10.5 What each way is worth
+#
+# Here are the validations of the recorded runs over the minutes that they took, all on the same machine:
+
+# %%
+from uavdh_lite.evaluation import fly
+from uavdh_lite.planners import Greedy
+from uavdh_lite.streams import Use
+
+flights = evaluate(environment, Greedy(environment), scenario, 1000, 0, Use.VALIDATION)
+greedy = flights.returns.mean()
+
+# %%
+study = read_table("../data/runs/four_ways-manhattan.csv.gz")
+figure = Figure(figsize=(8, 3.8), layout="constrained")
+ax = figure.subplots()
+for way, colour in WAYS.items():
+    style = "--" if "copy" in way else "-"
+    for seed in range(3):
+        run = (study["variant"] == way) & (study["seed"] == seed)
+        label = way.replace("_", " + ") if seed == 0 else None
+        ax.plot(study["seconds"][run] / 60, study["return"][run], style, color=colour, label=label)
+ax.axhline(greedy, color="grey", lw=1, ls=":", label="greedy")
+ax.set(xlabel="minutes of training on one core", ylabel="return in validation")
+ax.legend(fontsize="small", loc="lower right", ncols=2)
+figure
+
+# %%
+for way in WAYS:
+    runs = study["variant"] == way
+    end = study["return"][runs & (study["steps"] == study["steps"][runs].max())]
+    print(f"{way.replace('_', ' + '):<24}" + "".join(f"{value:8.1f}" for value in end))
+print(f"{'greedy':<24}{greedy:8.1f}")
+
+# %% [markdown]
+# - **Guarantee** alone changes most for those who learn from reward: without it a short run hardly learns to land.
+# - **Tell** helps every learner: what is told need not be found out.
+# - **Copy** is ahead of learning from reward after the same time, with what is told far ahead. It does not need the guarantee to
+#   land, since its teacher always does, and the guarantee costs it nothing.
+# - Runs this short say what learns sooner, not what is better in the end. The DDQN agent of the course learned for most
+#   of an hour.
+#
+# ## 10.6 What the labels cost
+#
+# A planner's labels are not free. Somebody has to know the channel's equations and the city, and to write a search. Where both hold, copying is
+# the shortest way to a good agent. Where the channel can only be measured by flying, reward is all there is, and that is the problem
+# of the paper. So compare agents only with others that were told as much.
+#
+# Here is the whole table once more, for agents that you can load, on 300 missions that neither of them has seen:
+
+# %%
+agents = {"manhattan_ddqn": "reward, no more", "manhattan": "guarantee, tell, copy"}
+for name, knows in agents.items():
+    agent = load_agent(name)
+    records = evaluate(agent.environment, agent, scenario, 300, seed=12).records()
+    print(f"{name:<15} {knows:<22} return {records['return'].mean():5.1f}, "
+          f"time used {records['time_used'].mean():4.0%}")
+
+# %% [markdown]
+# ## Recap
+#
+# - A rule that always holds need not be learned: the failsafe brings any policy home.
+# - What can be computed can be told, as a layer of the map.
+# - A planner's moves can be copied by cross-entropy, from its own starts and from where the learner flies.
+# - Reward needs no teacher. It is slower, and it works where nobody knows the equations.
+# - Say what an agent was told before you compare it.
+#
+# ## Exercises
+#
+# Two exercises are in [`exercises/10_four_ways`](exercises/10_four_ways/10_four_ways.ipynb).
+#
+# ## Further reading
+#
+# - Ross, Gordon and Bagnell, [*A reduction of imitation learning and structured prediction to no-regret online
+#   learning*](https://arxiv.org/abs/1011.0686), AISTATS 2011: DAgger.
+# - The results page *Four ways to knowledge* of this site has commands, seeds and what else was tried.
