@@ -343,6 +343,29 @@ def sb3() -> str:
     return f"{_table(head, rows)}\n{_made_with('sb3-village')}"
 
 
+def paper_run() -> str:
+    """The recorded run of `paper` in bins of 10,000 steps, next to an agent of `lite`."""
+    curves = [
+        read_table(RUNS / "paper-manhattan-training.csv.gz"),
+        _parts(read_table(RUNS / "agents-training.csv.gz"), "agent")["manhattan_ddqn"],
+    ]
+    rows = []
+    for step in range(10_000, int(curves[0]["steps"].max()) + 1, 10_000):
+        row = [f"{step:,}"]
+        for one in curves:
+            inside = (one["steps"] > step - 9_900) & (one["steps"] < step + 100)
+            means = [
+                np.average(one[name][inside], weights=one["episodes"][inside])
+                for name in ("landed", "collected", BOTH, "return")
+            ]
+            row += [f"{100 * mean:.0f} %" for mean in means[:3]]
+            row.append(f"{means[3]:.1f}".replace("-", "−"))
+        rows.append(row)
+    metrics = ["landed", "collected", "collected and landed", "return"]
+    head = ["steps", *(f"`{name}`: {metric}" for name in ("paper", "lite") for metric in metrics)]
+    return _table(head, rows)
+
+
 def fresh_missions() -> str:
     """The shipped agents on missions that were used nowhere else."""
     table = read_table(RUNS / "fresh_missions.csv.gz")

@@ -11,7 +11,7 @@ from uavdh_lite.storage import read_table
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 POLICIES = {
-    "**quantile agent**": "agent",
+    "**imitation agent**": "agent",
     "**DDQN agent**": "{}_ddqn",
     "greedy": "greedy",
     "genie": "genie",

@@ -21,7 +21,7 @@ from uavdh_lite.policies import find_policy, policies_for
 from uavdh_lite.provenance import provenance
 from uavdh_lite.storage import write_json
 
-AGENTS = {"beyond it: quantile agent": "", "the paper's method: DDQN": "_ddqn"}
+AGENTS = {"beyond it: copies a planner": "", "the paper's method: DDQN": "_ddqn"}
 
 
 def open_agent(checkpoint: str | None, city: str | City | None) -> Agent:

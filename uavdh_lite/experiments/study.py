@@ -31,7 +31,7 @@ def variants_of(recipe: Recipe, changes: Iterable[str]) -> dict[str, Recipe]:
     """The recipe with each of some changes, by their text.
 
     A change is `FIELD=VALUE`, or several of these with commas between them. A value is written as
-    in JSON, a word without quotes: `observation=non_centred`, or `quantiles=8,strides=[3,1]`. The
+    in JSON, a word without quotes: `observation=non_centred`, or `kernels=8,strides=[3,1]`. The
     text `as_it_is` changes nothing.
 
     Raises `InputError` for anything else, and for values that the recipe cannot have.
