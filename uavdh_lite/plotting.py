@@ -118,6 +118,14 @@ def draw_trajectory(ax: Axes, environment: Environment, trajectory: Trajectory) 
     return ax
 
 
+def trajectory_figure(environment: Environment, trajectory: Trajectory) -> Figure:
+    """One flight in the paper's style, with the legend below it."""
+    figure = Figure(figsize=(6.5, 8), layout="constrained")
+    draw_trajectory(figure.subplots(), environment, trajectory)
+    add_legend(figure, int((trajectory.start.data_initial > 0).sum()))
+    return figure
+
+
 def draw_flight(ax: Axes, city: City, trajectory: Trajectory) -> Axes:
     """What a flight adds to the map: its path, its devices, start and end.
 
