@@ -221,8 +221,9 @@ figure
 
 # %%
 one_way = fan & ~fan.transpose(2, 3, 0, 1)
-print(f"{one_way.sum() / fan.sum():.0%} of the links in Bresenham's table work in one direction only")
-assert 0.05 < one_way.sum() / fan.sum() < 0.2
+share = one_way.sum() / fan.sum()
+print(f"{share:.0%} of the links in Bresenham's table work in one direction only")
+assert 0.05 < share < 0.2
 
 # %% [markdown]
 # Rounding is to blame. Seen from the other end, the same line is rounded to other cells, and may run into a building there.
