@@ -112,7 +112,7 @@ print(crossed.astype(int))
 assert (np.argwhere(crossed) == crossed_cells(R, C)).all()
 
 # %% [markdown]
-# A line goes on for ever, and a ray ends. So only the cells in the rectangle between both ends are asked.
+# A line goes on for ever, but a ray ends. So only cells in the rectangle between its ends are asked.
 #
 # All of these numbers are whole, and nothing is rounded. That matters. The ray to (7, 25) passes exactly through the point at
 # row 3.5 and column 12.5, the corner of four cells. In ordinary floating-point numbers `7 / 25 * 12.5` is
@@ -229,8 +229,7 @@ assert 0.05 < share < 0.2
 # Rounding is to blame. Seen from the other end, the same line is rounded to other cells, and may run into a building there.
 # Radio knows no such direction.
 #
-# Does it matter to an agent? We do not know, because we trained none with Bresenham's shadows. The library's default is
-# exact, since it is easier to trust.
+# Does it matter to an agent? We do not know, because we trained none with Bresenham's shadows.
 #
 # ## Recap
 #

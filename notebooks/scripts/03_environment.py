@@ -4,8 +4,7 @@
 # **How does a flight become numbers that a program can learn from?**
 #
 # Below, the greedy pilot of notebook 0 flies a mission with two devices. It leaves a third of the data behind. At the end
-# of this notebook you fly the same mission by hand, and beat both greedy and the agent. Until then we take the flight apart,
-# step by step.
+# of this notebook you fly the same mission by hand, and beat both greedy and the agent.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -61,7 +60,6 @@ for name, value in vars(state).items():
 # uses two. The outer brackets are there because the library flies many episodes at once. This is a *batch* of one.
 #
 # Why is the time left in the state? With 40 units left, flying on may be best. In the same place with 5 left, it is not.
-# What decides about the future must be in the state.
 #
 # ## 3.2 Actions and one step
 #
@@ -81,8 +79,8 @@ after, outcome = environment.transition(state, np.array([EAST]), fading)
 print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 
 # %% [markdown]
-# Nothing is hidden inside an object. The old state is still what it was, and the same fading gives the same step again. In
-# symbols, the next state is drawn from a distribution
+# The old state is still what it was, and the same fading gives the same step again. In symbols, the next state is drawn
+# from a distribution
 #
 # $$s_{t+1} \sim p(\,\cdot \mid s_t, a_t)$$
 #
@@ -146,8 +144,8 @@ for action in (NORTH, NORTH):
 # The first move is a normal one. The second would leave the map, so the UAV hovers in its cell and pays 1 more. A
 # little data comes in both times. The same happens at a tall building, at a no-fly zone, and when it tries to land outside the landing zones.
 #
-# Why does a wrong move not end the episode? A beginner makes one every few steps. It would hardly ever come far enough to
-# see a device. Replaced by hovering, the mistake costs a little, and the flight goes on.
+# Why does a wrong move not end the episode? A beginner makes one every few steps, and would hardly ever get far enough to
+# see a device. This way a mistake costs a little, and the flight goes on.
 #
 # One disaster is left: no time left, and still in the air.
 
@@ -160,8 +158,7 @@ outcome = HandFlight(environment, late).step(HOVER)
 print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# Nothing is uploaded in the step that ends an episode, be it a crash or a landing. A good pilot therefore collects first and
-# lands with its last unit of time.
+# Nothing is uploaded in the step that ends an episode, be it a crash or a landing.
 #
 # ## 3.5 Who may send: four slots a step
 #
@@ -183,13 +180,10 @@ snr_db = environment.snr_db(between, after.uav_cell, fading)[0]
 figure = Figure(figsize=(6, 2.6), layout="constrained")
 ax = figure.subplots()
 for slot, device in np.ndindex(4, 3):
-    sends = outcome.served[0, slot] == device
-    words = f"{snr_db[slot, device]:z.1f} dB"
-    if sends:
-        words += f"\nsends {outcome.uploaded[0, slot]:.2f}"
-    colour = device_colour(device) if sends else "0.95"
-    ax.barh(device, 0.95, left=slot + 0.525, color=colour, alpha=0.6)
-    ax.text(slot + 1, device, words, ha="center", va="center")
+    ax.text(slot + 1, device + 0.1, f"{snr_db[slot, device]:z.1f} dB", ha="center")
+for slot, device in enumerate(outcome.served[0]):
+    ax.barh(device, 0.95, left=slot + 0.525, color=device_colour(device), alpha=0.6)
+    ax.text(slot + 1, device - 0.3, f"sends {outcome.uploaded[0, slot]:.2f}", ha="center")
 ax.set(xlabel="communication slot", ylabel="device", xticks=range(1, 5), yticks=range(3))
 figure
 
@@ -216,8 +210,8 @@ figure
 
 # %% [markdown]
 # The dots are the UAV in the four slots, the cross is the device. In slot 1 the building is in the way. From slot 2 on the
-# device is in sight, and each slot carries a little more. The line of sight is that of the nearest cell. Half-way, in slot
-# 2, both cells are equally near, and the one that the UAV enters counts.
+# device is in sight, and each slot carries a little more. The nearest cell decides about the line of sight. Half-way, in
+# slot 2, that is the cell which the UAV enters.
 #
 # ## 3.6 Fly it yourself
 #
@@ -248,8 +242,7 @@ assert all(flown["by hand"].returns > each.returns + 5 for each in list(flown.va
 #
 # One mission says little about a pilot, as notebook 0 showed. But it shows that there is something left to learn.
 #
-# Typing plans is slow. In the labs (`python -m uavdh_lite app`), the tool *Fly* lets you fly with the arrow keys, and keeps a
-# ranking.
+# Typing plans is slow. In the labs (`python -m uavdh_lite app`), tool *Fly*, you fly with the arrow keys.
 #
 # ## Recap
 #
