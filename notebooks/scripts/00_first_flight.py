@@ -20,10 +20,13 @@ if not any(distributions(name="uavdh_lite")):
 
 # %%
 # %matplotlib inline
+import torch
+
 from uavdh_lite.missions import Mission, environment_of
 from uavdh_lite.player import play
 from uavdh_lite.policies import find_policy
 
+torch.set_num_threads(1)  # quickest for a small network
 environment = environment_of("manhattan")
 agent = find_policy("manhattan_ddqn", environment)
 mission = Mission.draw(agent.scenario, environment.city, seed=9)
@@ -35,12 +38,12 @@ play(environment, flights.trajectory(0))
 # | --- | --- |
 # | **What you'll do** | Watch a trained agent fly, set missions of your own, and race it against two simple pilots |
 # | **What you'll learn** | What the task is, how to read a flight, and six numbers that say how good a pilot is |
-# | **What you'll need** | Python. 35 minutes to read, 20 seconds to run; 20 minutes of exercises |
+# | **What you'll need** | Python. 36 minutes to read, 20 seconds to run; 20 minutes of exercises |
 #
 # ## 0.1 The task
 #
 # The drone is a *UAV*, an unmanned aerial vehicle. It flies 10 m above a city. Sensors on the ground, the *devices*, hold
-# data and send it by radio when the UAV is near. Buildings block the radio.
+# data and send it to the UAV by radio. Buildings block the radio.
 #
 # The UAV starts in a landing zone with a limited *flying time*. It has six actions: fly one cell north, east, south or
 # west, hover, or land. Each takes one unit of time. The aim is to collect as much data as possible and to land before
@@ -70,7 +73,8 @@ trajectory_figure(environment, flights.trajectory(0))
 # The map shows the city from above. Each cell is 10 m wide.
 #
 # - The white **triangle** is the start, the **diamond** the landing. Both lie in the blue landing zones.
-# - Each **cross** is a device. The number beside it is the data it holds at the start.
+# - Each **cross** is a device. The number beside it is the data it holds at the start. In the player above, the number
+#   on a device is its name.
 # - Each **arrow** is one unit of time. Its colour names the device that sent most during that step. Black means that
 #   nobody sent. A **ring** marks hovering.
 # - A **thick** arrow means much data, a thin one little.
@@ -200,7 +204,7 @@ for metric in scores["random"]:
 #
 # **The agent** comes close to greedy. Think of what each of them was told. Greedy was given the street map, the shortest
 # ways home, and a rule. The agent started with random numbers in its network. It found out from rewards alone that
-# flying near devices collects data, where home is, and when to turn back.
+# being near a device brings data, what the landing zones are for, and when to turn back.
 #
 # Nothing forces the agent to land, so now and then it fails. Here is the saddest of its flights, the crash with the
 # most data on board:

@@ -97,10 +97,10 @@ figure
 # other cell has four corners of one colour, so the line passes it by. **That is the whole test.**
 #
 # It needs only one number for each cell, the one in its middle. From there to a corner, row and column change by ½ each,
-# so $R\,c - C\,r$ changes by $(R + C)/2$ at most. If the number in the middle is closer to 0 than that, some corners are
+# so $R\,c - C\,r$ changes by $(|R| + |C|)/2$ at most. If the number in the middle is closer to 0 than that, some corners are
 # plus and some are minus:
 #
-# $$\text{crossed} \quad\Longleftrightarrow\quad |R\,c - C\,r| < \frac{R + C}{2}.$$
+# $$\text{crossed} \quad\Longleftrightarrow\quad |R\,c - C\,r| < \frac{|R| + |C|}{2}.$$
 #
 # Try it by hand. In the middle of cell (1, 1) the number is $2 - 5 = -3$. That is closer to 0 than 3.5, so the ray
 # crosses the cell. In the middle of (0, 2) it is 4, so the ray passes by. Now all cells at once, again doubled:
@@ -177,7 +177,7 @@ figure
 #
 # ## 2.4 Several devices
 #
-# With several devices the violet adds up. A map of the paper shades each cell by the number of devices that are hidden
+# With several devices the violet adds up. The paper's maps shade each cell by the number of devices that are hidden
 # from it:
 
 # %%
@@ -198,10 +198,10 @@ print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 # ## 2.5 Bresenham's lines
 #
 # The authors of the paper trace their rays in another way. In 1962 Jack Bresenham wrote an algorithm that draws a line
-# as a row of pixels. It walks from cell to cell, one row or one column at a time, and keeps a running error that
-# says which of the two comes next. It is quick, and it skips cells that the true ray only clips.
+# as a row of pixels. Their variant walks from cell to cell, one row or one column at a time, and keeps a running error
+# that says which of the two comes next. It is quick, and it skips cells that the true ray only clips.
 #
-# Their code sends a fan of such rays from the device to every cell of the border. A cell is in sight if some ray reaches
+# Their code sends a fan of such lines from the device to every cell of the border. A cell is in sight if some line reaches
 # it before it meets a building. One question before you see the result:
 
 # %%

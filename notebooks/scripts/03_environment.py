@@ -32,7 +32,7 @@ trajectory_figure(environment, flights.trajectory(0))
 # | | |
 # | --- | --- |
 # | **What you'll do** | Step through an episode, keep its ledger, provoke the safety controller, follow four slots, fly by hand |
-# | **What you'll learn** | State, action, reward and end: the Markov decision process of the paper; who may send, and when |
+# | **What you'll learn** | State, action, reward and end: the Markov decision process of the paper |
 # | **What you'll need** | Notebooks 1 and 2. 38 minutes to read, 10 seconds to run; 50 minutes of exercises |
 #
 # ## 3.1 The state
@@ -56,15 +56,14 @@ for name, value in vars(state).items():
     print(f"{name:<13} {value.tolist()}")
 
 # %% [markdown]
-# A cell is one number here, row · 16 + column, so 17 is row 1, column 1. There are five places for devices, and this episode
-# uses two. The outer brackets are there because the library flies many episodes at once. This is a *batch* of one.
+# A cell is one number here, row · 16 + column, so 17 is row 1, column 1. There is room for five devices, and this episode uses
+# two. The outer brackets are there because the library flies many episodes at once, a *batch*.
 #
 # Why is the time left in the state? With 40 units left, flying on may be best. In the same place with 5 left, it is not.
 #
 # ## 3.2 Actions and one step
 #
-# There are six actions: four moves, hovering and landing. A rule that picks an action from a state is a *policy*. Greedy,
-# random and the agent are three policies.
+# There are six actions: four moves, hovering and landing. A rule that picks an action from a state is a *policy*.
 #
 # A step has two parts. First the luck: the fading of notebook 1 is drawn. Then a pure function, `transition`, computes the
 # rest. State, action and fading go in, the next state and the outcome come out.
@@ -102,7 +101,7 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # | $r_\mathrm{sc}$ | −1 | the safety controller intervenes |
 # | $r_\mathrm{crash}$ | −150 | the time is over and the UAV has not landed |
 #
-# The paper does not print these values. They are defaults of the authors' code. Here is the ledger of greedy's flight:
+# The paper prints no values. These are defaults of the authors' code. Here is the ledger of greedy's flight:
 
 # %%
 from matplotlib.figure import Figure
@@ -122,8 +121,8 @@ figure
 # looked no further than the next reward would never set out. It has to learn that a step which costs now may earn much
 # later. Notebook 5 is about that.
 #
-# Is 0.2 a good price? At 0 there would be no reason to land before the last moment. At 5, it would be best to stay at home.
-# At 0.2, a detour of ten steps pays if it brings more than two data units.
+# Is 0.2 a good price? At 0 there would be no reason to land before the last moment. At 5, most flights would cost more than
+# they bring. At 0.2, a detour of ten steps pays if it brings more than two data units.
 #
 # ## 3.4 The safety controller
 #
@@ -147,7 +146,7 @@ for action in (NORTH, NORTH):
 # Why does a wrong move not end the episode? A beginner makes one every few steps, and would hardly ever get far enough to
 # see a device. This way a mistake costs a little, and the flight goes on.
 #
-# One disaster is left: no time left, and still in the air.
+# One disaster remains: no time left, and still in the air.
 
 # %%
 Quiz("the_last_step")
@@ -162,7 +161,7 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 #
 # ## 3.5 Who may send: four slots a step
 #
-# Each step has four communication slots. In each slot *one* device sends: the one with the best SNR among those that have
+# Each step has four communication slots. In each slot *one* device sends: the loudest, with the best SNR, of those that have
 # data left. Sharing a channel by taking turns is called *time division multiple access*, TDMA.
 #
 # In the next figure the UAV hovers between three devices, all two cells away. Device 2 has only 1.5 units of data. Fading
@@ -189,7 +188,7 @@ figure
 
 # %% [markdown]
 # Each column is a slot, and its coloured box is the device that sends. In the first two slots device 2 is the loudest, by
-# luck. In the second it can send only what it has left. Then it is empty and makes way, however loud it is.
+# luck. In the second it can send only what it has left. Then it is empty and makes way.
 #
 # Why is "serve device 2" not an action of the agent? It would have to learn what a simple rule does well. And it still has
 # its say: where it flies decides who is loudest.
@@ -210,8 +209,8 @@ figure
 
 # %% [markdown]
 # The dots are the UAV in the four slots, the cross is the device. In slot 1 the building is in the way. From slot 2 on the
-# device is in sight, and each slot carries a little more. The nearest cell decides about the line of sight. Half-way, in
-# slot 2, that is the cell which the UAV enters.
+# device is in sight, and each slot carries a little more. The line of sight is that of the nearest cell. Half-way, in
+# slot 2, that is the cell it enters.
 #
 # ## 3.6 Fly it yourself
 #
@@ -240,13 +239,13 @@ assert all(flown["by hand"].returns > each.returns + 5 for each in list(flown.va
 # The plan brings everything home, and neither greedy nor the agent does. Greedy flies up to the first device and then takes
 # the long way to the second. The agent had to choose without a map of shadows. You had one.
 #
-# One mission says little about a pilot, as notebook 0 showed. But it shows that there is something left to learn.
+# One mission says little about a pilot. But this one shows that there is something left to learn.
 #
 # Typing plans is slow. In the labs (`python -m uavdh_lite app`), tool *Fly*, you fly with the arrow keys.
 #
 # ## Recap
 #
-# - The state holds all that decides about the future: places, data, and the time left.
+# - The state holds the places, the data and the time left.
 # - A step is a pure function of state, action and fading. That is a Markov decision process.
 # - The reward pays for data and charges for steps, interventions and a crash.
 # - In each of four slots the loudest device with data left sends.
