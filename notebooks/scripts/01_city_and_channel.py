@@ -4,7 +4,7 @@
 # **A device waits in the street. Where should the UAV hover to fetch its data?**
 #
 # The cell below draws the answer for one device, the white cross. Over a yellow cell the UAV gets data quickly, over a
-# dark one hardly any. In half an hour you can compute every colour in this picture.
+# dark one hardly any. In half an hour you will be able to compute every colour in it.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -35,7 +35,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Take the city apart, follow one signal from the transmitter to the data, and find good places to hover |
 # | **What you'll learn** | Decibels, path loss with and without line of sight, the link budget, Shannon's rate, shadow fading |
-# | **What you'll need** | Notebook 0, logarithms, the normal distribution. 36 minutes to read, 10 seconds to run; 25 minutes of exercises |
+# | **What you'll need** | Notebook 0, logarithms, the normal distribution. 37 minutes to read, 10 seconds to run; 25 minutes of exercises |
 #
 # The bright part is no disc. It reaches far down two streets and stops at every corner. Buildings do that.
 #
@@ -76,7 +76,7 @@ figure
 # $$\mathrm{SNR_{dB}} = \Big(\frac{P}{\sigma^2}\Big)_{\mathrm{dB}} - 10\,\alpha_l \log_{10} d + \eta_l$$
 #
 # The term in the middle is the *path loss*. The index $l$ says which kind of link it is. With *line of sight*, LoS,
-# nothing is in the way, and the path-loss exponent is 2.27. Without it, NLoS, a building is, and the exponent is 3.64:
+# nothing is in the way, and the path-loss exponent is 2.27. Without it, NLoS, a building is in the way, and the exponent is 3.64:
 
 # %%
 import numpy as np
