@@ -48,7 +48,7 @@ trajectory_figure(environment, flights.trajectory(0))
 #        reward, next state
 # ```
 #
-# The *state* is all that can change during an episode. Here it is at the start:
+# The *state* holds all that matters for what comes next. Here it is at the start:
 
 # %%
 state = mission.state
