@@ -38,7 +38,7 @@ play(environment, flights.trajectory(0))
 # | --- | --- |
 # | **What you'll do** | Watch a trained agent fly, set missions of your own, and race it against two simple pilots |
 # | **What you'll learn** | What the task is, how to read a flight, and six numbers that say how good a pilot is |
-# | **What you'll need** | Python. 36 minutes to read, 20 seconds to run; 20 minutes of exercises |
+# | **What you'll need** | Python. 36 minutes to read, 20 seconds to run; 25 minutes of exercises |
 #
 # ## 0.1 The task
 #
@@ -222,7 +222,7 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(saddest))
 #
 # It sees the map of the city, its own place, the places of the devices, how much data each still has and has already
 # sent, and the time left. It does not see the violet shadows. It does not know the formulas of the radio channel. It
-# makes no plan: in every step it looks afresh and asks which of six actions promises most.
+# makes no plan: in every step it looks afresh and asks which of the six actions promises most.
 #
 # The course follows from this. Notebooks 1 and 2 show what the radio channel does. Notebook 3 says what a step is and
 # what it earns. Notebooks 4 to 7 show how a network looks at a map, how it learns, and what can go wrong.

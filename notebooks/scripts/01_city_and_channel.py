@@ -55,9 +55,9 @@ figure
 # %% [markdown]
 # Black means yes. May the UAV start and land here? May it *not* fly here? Does a building block the radio here?
 #
-# Compare the second and the third layer. Most buildings are in both: they are tall, so one cannot fly over them. Two
-# blocks are only in the third. They are low. One can fly over them, but they block the radio too. And the large square in
-# the second layer is a no-fly zone with buildings in it.
+# Compare the second and the third layer. Most buildings are in both: they are tall, so the UAV cannot fly over
+# them. Two blocks are only in the third. They are low: the UAV can fly over them, but they block the radio too. The large
+# square in the second layer is a no-fly zone with buildings in it.
 #
 # ## 1.2 Path loss
 #

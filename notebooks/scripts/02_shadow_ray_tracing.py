@@ -35,7 +35,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Follow one ray with a pencil, turn it into a test with whole numbers, and map the shadows of a whole city |
 # | **What you'll learn** | Exact geometry without rounding, what happens at a corner, and where a classic line algorithm goes wrong |
-# | **What you'll need** | Notebook 1, the equation of a line. 38 minutes to read, 10 seconds to run; 35 minutes of exercises |
+# | **What you'll need** | Notebook 1, the equation of a line. 38 minutes to read, 10 seconds to run; 30 minutes of exercises |
 #
 # Move the device: change `(7, 9)`, run the cell again, and watch the shadows turn.
 #
@@ -44,7 +44,7 @@ figure
 # A link goes from the middle of the device's cell to the middle of the cell below the UAV. It is blocked if this straight
 # line crosses the inside of a building, seen from above. Then the link is NLoS, and notebook 1 says what that costs.
 #
-# The model is flat: it knows no heights. A UAV above a low building sees nobody, though from a real roof one could look
+# The model is flat: it knows no heights. A UAV above a low building sees nobody, though from a real roof you could look
 # down into the street. That is a simplification.
 #
 # Here is a ray from cell (0, 0) to cell (2, 5). The blue cells are those that it crosses:
@@ -144,7 +144,7 @@ figure
 # One building beside a corner does not block the ray. Two at different corners do not either. Two at the same corner do:
 # walls that meet leave no gap.
 #
-# One could decide otherwise. What matters is that there is one rule, and that it is the same in both directions.
+# Other rules are possible. What matters is that there is one rule, the same in both directions.
 #
 # ## 2.3 A whole city
 #
@@ -152,7 +152,8 @@ figure
 # asks once for each such displacement, and shifts the whole layer of buildings under the ray. A few array operations
 # decide all pairs of cells with this displacement.
 #
-# The result is a table with four indices: `sight[r, c, R, C]` says whether the cells $(r, c)$ and $(R, C)$ see each other.
+# The result is a table with four indices: `sight[r, c, R, C]` says whether the cells $(r, c)$ and $(R, C)$
+# see each other.
 # These are 65,536 pairs, and the table is made once for a city. Flying only looks things up.
 
 # %%
@@ -162,7 +163,7 @@ assert (sight == sight.transpose(2, 3, 0, 1)).all()
 # %% [markdown]
 # The last line exchanges both ends of every ray, and nothing changes: if the device sees the UAV, the UAV sees the device.
 #
-# How much of the city does one see from each cell?
+# How much of the city can be seen from each cell?
 
 # %%
 figure = Figure(figsize=(5.5, 4.4), layout="constrained")
