@@ -20,6 +20,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 from PIL import Image
 
+from uavdh_lite.channel import rate_map
 from uavdh_lite.city import City
 from uavdh_lite.environment import LAND, Environment, State
 from uavdh_lite.errors import InputError
@@ -116,6 +117,28 @@ def draw_trajectory(ax: Axes, environment: Environment, trajectory: Trajectory) 
     draw_flight(ax, environment.cities[0], trajectory)
     ax.set_xlabel(f"column\n{caption(trajectory)}")
     return ax
+
+
+def draw_rates(ax: Axes, environment: Environment, device: tuple[int, int]) -> Axes:
+    """Data units a slot, without fading, from a device to a UAV over each cell of the first city.
+
+    Cells that the UAV may not enter stay as on the map.
+    """
+    city = environment.cities[0]
+    rates = rate_map(city, environment.channel, environment.sight[0], device)
+    rates = np.where(city.no_fly, np.nan, rates)
+    picture = draw_city(ax, city).imshow(rates, norm="log", zorder=1.5)
+    ax.plot(device[1], device[0], "X", color="white", mec="black", ms=12, zorder=6)
+    ax.get_figure().colorbar(picture, label="data units a slot")
+    return ax
+
+
+def trajectory_figure(environment: Environment, trajectory: Trajectory) -> Figure:
+    """One flight in the paper's style, with the legend below it."""
+    figure = Figure(figsize=(6.5, 8), layout="constrained")
+    draw_trajectory(figure.subplots(), environment, trajectory)
+    add_legend(figure, int((trajectory.start.data_initial > 0).sum()))
+    return figure
 
 
 def draw_flight(ax: Axes, city: City, trajectory: Trajectory) -> Axes:

@@ -1,10 +1,10 @@
 # %% [markdown]
 # # 0 · First flight
 #
-# A UAV (unmanned aerial vehicle, a drone) collects data from devices on the ground. An *agent* flies it: a program that
-# chooses one action after another. Inside is a neural *network*, a formula with many adjustable numbers. It was *trained*:
-# it flew one random mission after the other, and its numbers were adjusted until they predicted well how much each
-# action brings in the end. That took about an hour on one processor core. Here is one of its flights:
+# **Five devices have data to send. A drone has 64 moves to fetch it and be home again. Who decides where it flies?**
+#
+# Here a neural network does. Nobody told it a route. The cell below loads it, gives it a mission, and plays the flight.
+# Run the cell, then press play or drag the slider.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -20,111 +20,110 @@ if not any(distributions(name="uavdh_lite")):
 
 # %%
 # %matplotlib inline
-import numpy as np
 import torch
-from matplotlib.figure import Figure
 
-from uavdh_lite.checkpoint import load_agent
-from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import evaluate, fly
-from uavdh_lite.beyond.genie import Genie
-
+from uavdh_lite.missions import Mission, environment_of
 from uavdh_lite.player import play
-from uavdh_lite.plotting import add_legend, draw_trajectory
-from uavdh_lite.missions import place
+from uavdh_lite.policies import find_policy
 
-torch.set_num_threads(1)  # the network is small
-agent = load_agent("manhattan")
-environment = Environment(agent.city)
-
-# %%
-def show(flights, episode=0):  # flights are lists; here each has one entry, number 0
-    trajectory = flights.trajectory(episode)
-    figure = Figure(figsize=(6.5, 8), layout="constrained")
-    draw_trajectory(figure.subplots(), environment, trajectory)
-    add_legend(figure, int((trajectory.start.data_initial > 0).sum()))
-    return figure
-
-flights = evaluate(environment, agent, agent.scenario, episodes=1, seed=1)
-show(flights)
+torch.set_num_threads(1)  # quickest for a small network
+environment = environment_of("manhattan")
+agent = find_policy("manhattan_ddqn", environment)
+mission = Mission.draw(agent.scenario, environment.city, seed=9)
+flights = mission.fly(environment, agent)
+play(environment, flights.trajectory(0))
 
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Fly a trained agent through one mission, read the picture, then set missions of your own |
-# | **What you'll learn** | What the task is, what the agent knows and does not know, how to read a flight |
-# | **What you'll need** | Python. 19 minutes to read, 10 seconds to run; 9 minutes of exercises |
+# | **What you'll do** | Watch a trained agent fly, set missions of your own, and race it against two simple pilots |
+# | **What you'll learn** | What the task is, how to read a flight, and six numbers that say how good a pilot is |
+# | **What you'll need** | Python. 36 minutes to read, 20 seconds to run; 25 minutes of exercises |
 #
-# ## 0.1 Reading the picture
+# ## 0.1 The task
 #
-# The map shows a city from above; each cell is 10 m wide.
+# The drone is a *UAV*, an unmanned aerial vehicle. It flies 10 m above a city. Sensors on the ground, the *devices*, hold
+# data and send it to the UAV by radio. Buildings block the radio.
 #
-# - The white **triangle** is where the UAV starts, the **diamond** where it lands. Both are in the blue
-#   zones, the only places where it may start and land.
-# - Each **cross** is a device on the ground; the number next to it is how much data it has to send.
-# - An **arrow** is one unit of flying time. Its colour says which device sent the most during it. Black means that none
-#   did. Arrows lie a little to one side of the cells' middle, so that there and back do not cover each other.
-#   A **ring** is hovering.
-# - The **width** of an arrow says how much data was sent, in four sizes. The thinnest stands for everything up to a
-#   quarter of the most, even for a thousandth of a unit, as from far away or round a corner.
-# - **Violet** cells lie in the radio shadow of buildings, deeper for more devices.
+# The UAV starts in a landing zone with a limited *flying time*. It has six actions: fly one cell north, east, south or
+# west, hover, or land. Each takes one unit of time. The aim is to collect as much data as possible and to land before
+# the time runs out.
 #
-# Below the map you can read how much of its time the UAV used (landing takes one unit, too) and how much data it
-# collected.
+# Flying up to every device wastes time, because radio reaches far down an open street. Waiting at a distance wastes time
+# too, because a far link is slow. The best route lies in between, and it is different for every mission.
 #
-# Now watch the same flight step by step. Play it, or drag the slider:
+# A program that chooses one action after another is called an *agent*. The one above chooses with a neural network, a
+# formula with very many adjustable numbers. These numbers were *trained*: the agent flew random missions, 3.6 million
+# steps in all, and the numbers were adjusted until they predicted what each action brings in the end. That took
+# less than an hour on one processor core.
+#
+# Its full name is `manhattan_ddqn`. In this course it is simply **the agent**. The library has others. We use this one
+# because it is made by what the course teaches: the method of Bayerlein and others, 2020, which we call *the paper*.
+#
+# ## 0.2 Reading a flight
+#
+# Here is the same flight as a still picture. All flights in this course are drawn like this:
 
 # %%
-play(environment, flights.trajectory(0))
+from uavdh_lite.plotting import trajectory_figure
+
+trajectory_figure(environment, flights.trajectory(0))
 
 # %% [markdown]
-# Here the width of an arrow, and of the line from the device, says how much is sent. The number next to a
-# device is its name. White cells see the device that is sending, and violet ones do not: point at a device to see
-# its shadow alone.
+# The map shows the city from above. Each cell is 10 m wide.
+#
+# - The white **triangle** is the start, the **diamond** the landing. Both lie in the blue landing zones.
+# - Each **cross** is a device. The number beside it is the data it holds at the start. In the player above, the number
+#   on a device is its name.
+# - Each **arrow** is one unit of time. Its colour names the device that sent most during that step. Black means that
+#   nobody sent. A **ring** marks hovering.
+# - A **thick** arrow means much data, a thin one little.
+# - **Violet** cells lie in the radio shadow of buildings. The deeper the violet, the more devices are hidden there.
+#
+# Follow the arrows. The agent empties device 4, the red-orange one, in passing and from a distance. It never flies there.
+# It lands in the other zone, because the last data leads that way.
 #
 # The flight in numbers:
 
 # %%
 for name, values in flights.records().items():
-    print(f"{name:<28}{values[0]:.2f}")
+    print(f"{name:<22}{values[0]:8.2f}")
 
 # %% [markdown]
-# `collected_and_landed`, **CRAL** for short, is the score to watch: the collected share of the data, or 0 if
-# the UAV ran out of time in the air. (Figures call it *collected and landed*, or *brought home*.) A *reward* is what one action earns: data, less a price for time (notebook 3);
-# `return` is their sum. `time_used` is a share, here 31 of 45 units. `safety_interventions` counts moves that
-# the *safety controller* refused: into a tall building or a no-fly zone, off the map, or a landing elsewhere.
+# These six *metrics* describe every flight in this course.
 #
-# What does the agent know? The city, where it is itself, where the devices stand, how much data each has left and has sent,
-# and the time left. It does not know the channel's formulae, the shadows drawn here in violet, or the luck of the
-# radio link, called *fading*. It learned what they do.
+# | metric | meaning |
+# | --- | --- |
+# | `landed` | 1 if the UAV landed in time, else 0 |
+# | `collected` | the collected share of all data, from 0 to 1 |
+# | `collected_and_landed` | the product of these two |
+# | `return` | the sum of all rewards: data collected, minus a price for each step, minus penalties |
+# | `time_used` | the share of the flying time that was used |
+# | `safety_interventions` | how often a forbidden action was refused |
 #
-# Several agents are shipped with the library, and fly in these notebooks. *The paper* is always Bayerlein and others, 2020
-# (at the end of this page); the library rebuilds its method. A *recipe* is the list of all settings of a training.
+# The score to watch is `collected_and_landed`. Data that goes down with the UAV counts for nothing.
 #
-# | agent | how it was made | in notebooks |
-# | --- | --- | --- |
-# | `manhattan` | beyond the paper (notebook 12), for this city | 0, 10, 12, 13 |
-# | `manhattan_ddqn`, `open_field_ddqn` | by the paper's method with our faster recipe, taught in notebooks 3 to 8 | 4 to 10, 12 |
-# | `manhattan_ddqn_early` | the same, stopped early | 6, 9 |
-# | `any_city` | as `manhattan`, over two thousand cities | 10, 13 |
+# It is forbidden to leave the map, to enter a tall building or a no-fly zone, and to land outside the landing zones. The
+# *safety controller* then lets the UAV hover instead. Notebook 3 comes back to it, and to the rewards.
 #
-# ## 0.2 One agent, any mission
+# ## 0.3 Set a mission yourself
 #
-# The same network flies with two to five devices, wherever they stand, with 5 to 20 data units each and 35
-# to 70 units of time: that is what it was trained on. Nothing is retrained. Put three devices where you
-# like. Places are (row, column), counted from the top left:
+# The agent was trained on missions with two to five devices, 5 to 20 data units each, and 35 to 70 units of time. It
+# flies any of them without more training.
+#
+# Put three devices where you like. A place is a pair, row and column, counted from the top left corner:
 
 # %%
-def mission(devices, data, flying_time, start=(0, 0), seed=0):
-    state = place(agent.city, start, devices, data, flying_time, agent.scenario.max_devices)
-    return fly(environment, agent, state, np.random.default_rng(seed))
-
-show(mission(devices=[(0, 12), (8, 1), (12, 14)], data=[12, 15, 18], flying_time=70))
+devices, data = ((0, 12), (8, 1), (12, 14)), (12, 15, 18)
+relaxed = Mission(environment.city, (0, 0), devices, data, flying_time=70)
+flights = relaxed.fly(environment, agent)
+trajectory_figure(environment, flights.trajectory(0))
 
 # %% [markdown]
-# It collects everything, and lands with time to spare. This is not the shortest route: the UAV leaves device 0 (orange) half
-# full and comes back to it later. (It chooses action by action, without a plan.) Now give it half of the time, 35
-# units: less than that flight took. Predict before you run the cell after this one:
+# The agent collects everything and has time to spare. It serves the blue device first, and turns round as soon as that
+# device is empty, without ever flying over it.
+#
+# Now take half of the time away. Predict before you run the cell after this one:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -132,118 +131,119 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("half_the_time")
 
 # %%
-short = mission(devices=[(0, 12), (8, 1), (12, 14)], data=[12, 15, 18], flying_time=35)
-show(short)
+from dataclasses import replace
+
+hurried = replace(relaxed, flying_time=35)
+flights = hurried.fly(environment, agent)
+trajectory_figure(environment, flights.trajectory(0))
 
 # %% [markdown]
-# Now it has to choose. It empties two devices and is home with its last unit of time. How much did the third one
-# send, along the green arrows on the way home? And what would the *genie* do, a program that knows the channel's
-# formulae and plans ahead (notebook 8)?
+# This is a new route, not the old one cut short. The agent empties the blue and the green device, gives up on the orange
+# one, and lands in the far corner in time. Nobody wrote a rule for that. The time left is one of the things it sees, and
+# training has taught it what to do when there is little.
+#
+# Change the devices, the data or the time in the cells above and run them again.
+#
+# ## 0.4 Two pilots to compare with
+#
+# Is that good? A number alone means little. So two simple pilots fly beside the agent throughout the course.
+#
+# - **greedy** flies to the nearest device that still has data. When the time is just enough for the way home, it turns
+#   back. It does not learn. It was given a street map and this rule.
+# - **random** picks one of the six actions by chance, again and again.
+#
+# All three fly the hurried mission. Press play:
 
 # %%
-start = short.trajectory(0).start
-planned = fly(environment, Genie(environment), start, np.random.default_rng(0))
-for name, flight in (("agent", short), ("genie", planned)):
-    left = flight.trajectory(0).data_left[-1]
-    print(name, "collected", ", ".join(f"{d - x:.3f} of {d:.0f}" for d, x in zip((12, 15, 18), left)))
+names = ("manhattan_ddqn", "greedy", "random")
+pilots = {name: find_policy(name, environment) for name in names}
+flown = {name: hurried.fly(environment, pilot) for name, pilot in pilots.items()}
+play(environment, {name: each.trajectory(0) for name, each in flown.items()})
+
+# %%
+for name, each in flown.items():
+    print(f"{name:<16}collected {each.end.collected[0]:.0%} in {each.steps[0]} steps")
+assert flown["manhattan_ddqn"].end.collected > flown["greedy"].end.collected + 0.05
 
 # %% [markdown]
-# The third device sent a few thousandths of a unit: its arrows have colour, but next to no data. No rule says which device
-# to leave. The agent's choice comes from training, and here it is not the best: the genie flies on to the far landing
-# zone and brings home more. (Notebook 8 compares agents with the genie over 1000 missions.)
+# Greedy flies to the blue device, back, and on to the orange one. Then its rule sends it home, and the green device gets
+# no visit. The agent's route suits the time better. The random pilot lands almost at once.
 #
-# That the agent gets home is not left to learning: a rule, the *failsafe*, replaces each action after which the time left
-# would not suffice for the way home (notebook 12). The safety controller is another rule, which does not look
-# at the clock. The paper's agent has only that one, and must learn to land.
+# One flight proves nothing, though. We picked this mission, and in others greedy wins. A fair race needs many missions,
+# drawn at random and the same for all three.
 #
-# Move the devices, their data and the time with the sliders (with a running kernel):
+# ## 0.5 Two thousand missions
+#
+# First a guess:
 
 # %%
-import ipywidgets
-
-from uavdh_lite.labs.widgets import explore
-
-def own_mission(row, column, data, flying_time):
-    return show(mission([(row, column), (11, 8)], [data, 10], flying_time))
-
-def slider(name, value, low, high):
-    return ipywidgets.IntSlider(value=value, min=low, max=high, description=name,
-                                continuous_update=False)
-
-explore(own_mission, row=slider("row", 4, 0, 15), column=slider("column", 8, 0, 15),
-        data=slider("data", 10, 1, 20), flying_time=slider("time", 50, 10, 70))
+Quiz("random_lands")
 
 # %%
-own_mission(4, 8, 10, 50)
+from uavdh_lite.evaluation import evaluate
+
+flown = {
+    name: evaluate(environment, pilot, agent.scenario, episodes=2000, seed=0)
+    for name, pilot in pilots.items()
+}
+
+# %%
+scores = {name: each.records() for name, each in flown.items()}
+print(" " * 22, *(f"{name:>14}" for name in scores))
+for metric in scores["random"]:
+    print(f"{metric:<22}", *(f"{each[metric].mean():14.3f}" for each in scores.values()))
 
 # %% [markdown]
-# (A device cannot stand in a building or in the landing zone. If you put one there, the message says
-# so.)
+# Read the columns from the right.
 #
-# ## 0.3 How good is it?
+# **Random** lands in most missions, and still it is useless: it lands with hardly any data. A high `landed` alone says
+# little. The product gives it away.
 #
-# One flight proves nothing. Over 200 random missions that were never used in training:
+# **Greedy** never crashes, because its rule forbids it, and it collects nearly everything. In this city it is a strong
+# rival. Good rules often are.
+#
+# **The agent** comes close to greedy. Think of what each of them was told. Greedy was given the street map, the shortest
+# ways home, and a rule. The agent started with random numbers in its network. It found out from rewards alone that
+# being near a device brings data, what the landing zones are for, and when to turn back.
+#
+# Nothing forces the agent to land, so now and then it fails. Here is the saddest of its flights, the crash with the
+# most data on board:
 
 # %%
-flights = evaluate(environment, agent, agent.scenario, episodes=200, seed=0)
-for name in ("landed", "collected", "collected_and_landed"):
-    mean, low, high = flights.metrics()[name]
-    print(f"{name:<28}{mean:.1%}  (95 % interval {low:.1%} to {high:.1%})")
+own = scores["manhattan_ddqn"]
+saddest = (own["collected"] - own["collected_and_landed"]).argmax()
+trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(saddest))
 
 # %% [markdown]
-# The interval says how far the mean may be off because of which missions were drawn (notebook 8). More
-# missions make it narrower. All flights landed: that is the failsafe. How much they brought home is the agent's work, for the
-# most part (section 12.1 measures what the failsafe does for a random pilot, 12.9 what it does for training).
+# The red star marks the crash. The caption says how much data the agent had, and still the score of this flight is 0.
+# What is learned from examples can be wrong in a situation that was rare among them.
+#
+# ## 0.6 What the agent knows
+#
+# It sees the map of the city, its own place, the places of the devices, how much data each still has and has already
+# sent, and the time left. It does not see the violet shadows. It does not know the formulas of the radio channel. It
+# makes no plan: in every step it looks afresh and asks which of the six actions promises most.
+#
+# The course follows from this. Notebooks 1 and 2 show what the radio channel does. Notebook 3 says what a step is and
+# what it earns. Notebooks 4 to 7 show how a network looks at a map, how it learns, and what can go wrong.
+#
+# You can also fly yourself, with the arrow keys and against the agent: start the labs (`python -m uavdh_lite app`) and
+# choose the tool *Fly*.
 #
 # ## Recap
 #
-# - The task: collect as much as you can from devices on the ground, and land in time.
-# - One network does it for all missions on this map. It sees the city, where the UAV and the devices are, the data that each device has left and has sent,
-#   and the time, and no more.
-# - A claim about an agent is a mean over many missions, with an interval.
+# - The task: collect as much data as possible, and land before the flying time is over.
+# - An arrow has the colour of the device that sends. Violet cells are in the radio shadow.
+# - One network flies every mission on this map, and changes its route when the time is short.
+# - `collected_and_landed` is the score: data counts only if the UAV lands.
+# - A comparison needs rivals and many missions. Greedy is a strong rival, random a weak one.
 #
 # ## Exercises
 #
-# A few with their answers. More, to write yourself, with checks and hints, are in
+# The exercises of this notebook, with checks and hints, are in
 # [`exercises/00_first_flight`](exercises/00_first_flight/00_first_flight.ipynb).
 #
-# **1.** How much time does the agent need to empty one device at (8, 1) with 15 data units, starting in
-# the corner (0, 0)? Find the shortest flying time with which it collects all and lands.
-
-# %%
-def collects_all(flying_time):
-    end = mission([(8, 1)], [15], flying_time).end
-    return bool(end.landed[0] and end.collected[0] > 0.999)
-
-# %%
-succeeds = {time: collects_all(time) for time in range(5, 71)}
-needed = next(time for time in succeeds if succeeds[time])
-assert needed < 20
-print(needed, "units of time; longer ones that fail:", [t for t in succeeds if t > needed and not succeeds[t]])
-
-# %% [markdown]
-# Nine moves to the device, seven back to the nearest cell of the landing zone, one to land: 17. Fewer are
-# enough, because the UAV need not go all the way: the link reaches down the street. Another draw
-# of the fading may shift the answer by one.
+# ## Further reading
 #
-# **2.** Does luck matter? Fly one mission with 20 seeds (only the fading differs) and print the least and
-# the most that is collected.
-
-# %%
-crowded = [(4, 8), (11, 8), (7, 14), (8, 1), (0, 12)]
-ratios = [mission(crowded, [20] * 5, 45, seed=seed).end.collected[0] for seed in range(20)]
-assert len(set(ratios)) > 1
-print(f"from {min(ratios):.0%} to {max(ratios):.0%}; all:", *(f"{100 * ratio:.0f}" for ratio in sorted(ratios)))
-
-# %% [markdown]
-# Nearly all of the flights lie within four points. A unit of time has four *slots*, short times in which one device
-# sends; each has a draw of its own, a flight has more than a hundred, and most of their luck averages out. Now and
-# then it does not: small differences lead the agent another way, and it collects far more.
-#
-# ## Further reading, and where to go from here
-#
-# - **1 · City and channel**: why it is so dark behind a corner.
-# - **3 · Environment**: fly it yourself with buttons.
-# - **4 · Map centring**: what the agent sees.
-# - Bayerlein, Theile, Caccamo, Gesbert: *UAV Path Planning for Wireless Data Harvesting: A Deep
-#   Reinforcement Learning Approach*, Globecom 2020, [arXiv 2007.00544](https://arxiv.org/abs/2007.00544).
+# Bayerlein, Theile, Caccamo, Gesbert: *UAV Path Planning for Wireless Data Harvesting: A Deep Reinforcement Learning
+# Approach*, Globecom 2020, [arXiv 2007.00544](https://arxiv.org/abs/2007.00544).
