@@ -1,11 +1,10 @@
 # %% [markdown]
 # # 4 · What the network sees
 #
-# The agent looks at its mission and picks one of six actions. **What does it look at?** It gets no route, no list of
-# coordinates and no rule. It gets one number, the flying time that is left, and five pictures.
+# The agent looks at its mission and picks one of six actions. **What does it look at?** It gets no route and no rule. It
+# gets one number, the flying time that is left, and five pictures.
 #
-# Here they are for a UAV over cell (8, 4). A device at (4, 7) holds 15 units of data, another at (11, 11) holds 10.
-# Dark blue is large and white is zero.
+# Here they are for a UAV over cell (8, 4) and devices at (4, 7) and (11, 11). Dark blue is large and white is zero.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -37,7 +36,7 @@ draw_maps(dict(zip(LAYERS, maps[0])))
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Look through the agent's eyes, stop its clock, build a small network and see what it can know |
+# | **What you'll do** | Look through the agent's eyes, stop its clock, build a small network |
 # | **What you'll learn** | The layers of the map, map centring, neurons, gradient descent, convolutions |
 # | **What you'll need** | Notebooks 0 to 3. 40 minutes to read, 30 seconds to run; 20 minutes of exercises |
 #
@@ -46,8 +45,7 @@ draw_maps(dict(zip(LAYERS, maps[0])))
 # Each picture is a **layer** of the map. Three show the city. Two show the data: how much each device still has, and how
 # much the UAV has collected from it. The last one is empty because the flight has not begun.
 #
-# The UAV needs no layer, since it is always in the middle of the picture. This is **map centring**, the paper's main
-# idea.
+# The UAV is always in the middle of the picture. This is **map centring**, the paper's main idea.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -79,8 +77,8 @@ for units in (50, 14, 10):
 
 # %% [markdown]
 # One device is far in the north, the other is near in the east, and home is in the south-east. With much time the agent
-# goes for the far device. With less it takes the near one, and with just enough for the way home it goes home. Anyone
-# who saw only the picture would have to do the same thing all three times.
+# goes for the far device, with less for the near one, and with just enough it goes home. Anyone who saw only the picture
+# would have to do the same thing all three times.
 #
 # Now let the agent fly 200 missions with a **stopped clock**. It sees the true picture, but the clock always shows the
 # same time. The true time runs out all the same.
@@ -98,20 +96,19 @@ times = (5, 10, 20, 30, 40, 50, 60)
 stopped, running = [fly_with_clock_at(units) for units in times], fly(agent)
 
 # %%
-from matplotlib.figure import Figure
+from matplotlib import pyplot as plt
 
-figure = Figure(figsize=(6, 3.4), layout="constrained")
-ax, both = figure.subplots(), "collected_and_landed"
+figure, ax = plt.subplots(figsize=(6, 3.4), layout="constrained")
+both = "collected_and_landed"
 for name, style in (("landed", "o:"), ("collected", "s--"), (both, "^-")):
     ax.plot(times, [flights[name].mean for flights in stopped], style, label=name.replace("_", " "))
 ax.axhline(running[both].mean, color="black", label="collected and landed, true time")
 ax.set(xlabel="units of time on the stopped clock", ylabel="share of 200 missions")
 figure.legend(loc="outside right upper", fontsize="small")
-figure
 
 # %% [markdown]
-# A clock that shows little sends most UAVs home with little data. A clock that shows much lets them collect nearly all
-# of it, and then they crash. No stopped clock comes near the black line.
+# A clock that shows little sends most UAVs home with little data. A clock that shows much lets them collect it, and then
+# they crash. No stopped clock comes near the black line.
 #
 # ## 4.3 Two frames
 #
@@ -124,19 +121,17 @@ def centre(layer, row, col, outside):
     size = 2 * len(layer) - 1
     return wide[row : row + size, col : col + size]
 
-assert (centre(city.no_fly, 8, 4, outside=1) == maps[0, 1].numpy()).all()
-
 # %% [markdown]
-# The last line checks that the library's layer is the same in every cell. Now the UAV flies through the city. The
-# buildings are dark, the no-fly zone is pale, and the UAV is in the middle of each picture.
+# Now the UAV flies through the city. Buildings are dark and the no-fly zone is pale. The UAV is in the middle of each
+# picture.
 
 # %%
 world = 0.3 * city.no_fly + 0.7 * city.buildings
 draw_maps({f"UAV at {uav}": centre(world, *uav, 0.3) for uav in ((0, 0), (8, 7), (15, 15))})
 
 # %% [markdown]
-# The world moves around the UAV. Without centring, the city would stay **in place**: the same picture all the time. Then
-# the UAV would need a layer of its own, with a single 1 that moves. Both frames hold the same facts.
+# The world moves around the UAV. Without centring, the city would stay **in place**, and the UAV would need a layer of its
+# own with a single 1 that moves. Both frames hold the same facts.
 #
 # ## 4.4 A network in twenty lines
 #
@@ -157,8 +152,7 @@ draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, 
 # The output is large because something is on the right and nothing on the left.
 #
 # Now move this neuron across a larger picture, like a window, and write down its output at each place. That is a
-# **convolution**, and its weights are called a *kernel*. The kernel is the same everywhere, so it finds the western edge
-# of a building anywhere in the city.
+# **convolution**, and its weights are a *kernel*. It finds the western edge of a building anywhere in the city.
 
 # %%
 picture = np.pad(np.ones((4, 2)), ((1, 1), (2, 2)))  # a building
@@ -167,33 +161,29 @@ result = (windows * weights).sum(axis=(2, 3))
 draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, numbers=True)
 
 # %% [markdown]
-# Blue marks western edges and red eastern ones. A window of three cells fits into six cells at four places, so the
-# picture has shrunk.
+# Blue marks western edges and red eastern ones. The window fits in at four places a side, so the picture has shrunk.
 #
 # Several neurons with the same inputs are a **layer** of the network. In a **fully connected** layer each neuron has a
 # weight for every input. Two layers in a row could do no more than one, because a sum of sums is a sum. So something
 # bends in between: a **ReLU** replaces each negative number by 0.
 #
-# At first all weights are random. A **loss** measures how wrong the output is. Its *slope* says which way a weight should
-# go, and the weight takes a small step downhill. That is **gradient descent**. Here a neuron with the single input 3
-# should give 6, so its weight should become 2.
+# At first all weights are random. A **loss** measures how wrong the output is. Its *slope* says which way is down, and the
+# weight takes a small step there. That is **gradient descent**. Here the input is 3 and the output should be 6, so the
+# weight should become 2.
 
 # %%
 w = [0.0]
 for _ in range(8):
     slope = 2 * 3 * (3 * w[-1] - 6)  # of the loss (3w − 6)²
     w.append(w[-1] - 0.02 * slope)
-
-# %%
-figure = Figure(figsize=(5, 2.6), layout="constrained")
-ax, line = figure.subplots(), np.linspace(-0.2, 4.2)
+line = np.linspace(-0.2, 4.2)
+figure, ax = plt.subplots(figsize=(5, 2.6), layout="constrained")
 ax.plot(line, (3 * line - 6) ** 2, "-", w, (3 * np.array(w) - 6) ** 2, "o")
 ax.set(xlabel="weight", ylabel="loss")
-figure
 
 # %% [markdown]
 # The steps get shorter as the slope gets flatter, and the weight settles at the bottom. A million weights learn in the
-# same way, and PyTorch computes the slopes. That is all we need for a network:
+# same way. PyTorch computes the slopes.
 
 # %%
 from torch import nn
@@ -219,15 +209,13 @@ def train(model, x, y, steps=100):
 Quiz("linear_model")
 
 # %% [markdown]
-# Draw places for the UAV and a device until half of the pairs are near. A guess is then right half of the time. The
-# centred frame has a 1 at the device's place *as seen from the UAV*. The other frame has a 1 at the device's place in
-# the city, and a second picture with a 1 at the UAV's.
+# Of the pairs of places that we draw, half are near, so a guess is right half of the time. The centred frame has a 1 at
+# the device's place *as seen from the UAV*. The other frame has two pictures, with a 1 at the device's place in the city
+# and a 1 at the UAV's.
 
 # %%
 def one_at(cells):
-    layers = torch.zeros(len(cells), 31, 31)
-    layers[np.arange(len(cells)), *cells.T] = 1
-    return layers.flatten(1)
+    return nn.functional.one_hot(torch.tensor(cells @ (31, 1)), 31 * 31).float()
 
 uav, device = np.random.default_rng(0).integers(16, size=(2, 40_000, 2))
 near = abs(uav - device).max(axis=1) <= 3
@@ -251,9 +239,9 @@ for frame, x in (("centred", one_at(device - uav + 15)),
         assert (right[1::2].mean() > 0.8) == (frame == "centred")
 
 # %% [markdown]
-# In the centred frame even the single neuron, printed first, is nearly always right. In the other frame it is hardly
-# better than a guess. The network gets all its training pairs right there but fails on many new ones: it has learned the
-# pairs by heart. The weights of the two neurons show why.
+# In the centred frame even the single neuron, printed first, is nearly always right. In place it is hardly better than a
+# guess. The network has learned its training pairs by heart there, and fails on many new ones. The weights of the two
+# neurons show why.
 
 # %%
 draw_maps({f"a neuron's weights, {frame}": neuron.weight[0, :961].detach().view(31, 31)
@@ -263,18 +251,16 @@ draw_maps({f"a neuron's weights, {frame}": neuron.weight[0, :961].detach().view(
 # The left picture is the answer itself: **a square of weights**, three cells to each side of the UAV. A weight of the
 # centred frame belongs to a *relative* place, such as "three cells to the north". It means the same wherever the UAV is.
 #
-# A weight of the other frame belongs to an *absolute* place, such as "cell (4, 7)". Whether a device there is near
-# depends on where the UAV is, and a sum with one weight for each place cannot ask about both together. A network can,
-# but it has to learn that for many pairs of places.
+# A weight of the other frame belongs to an *absolute* place, such as "cell (4, 7)". Whether a device there is near depends
+# on the UAV's place, and a sum of one weight for each cannot ask about both together. A network can, but has to learn it
+# for many pairs of places.
 #
-# That is the idea behind map centring. Whether it helps an agent to *fly*, only training can show, and notebook 7 has
-# that experiment.
+# Whether this helps an agent to *fly*, only training can show. Notebook 7 has that experiment.
 #
 # ## 4.6 What it costs
 #
-# The centred map is almost four times as large as the city. A kernel does not mind, but the fully connected layer behind
-# the convolutions does: its weights grow with the square of the city's side. For large cities the authors' later papers
-# use two smaller pictures.
+# The centred map is almost four times as large as the city. A kernel does not mind, but a fully connected layer behind the
+# convolutions has a weight for every cell that is left, in every neuron.
 #
 # ## Recap
 #
@@ -288,4 +274,4 @@ draw_maps({f"a neuron's weights, {frame}": neuron.weight[0, :961].detach().view(
 #
 # The [exercises of this notebook](exercises/04_map_centring/04_map_centring.ipynb) come with checks and hints.
 #
-# Further reading: Theile et al., *UAV Path Planning using Global and Local Map Information*, 2021.
+# For larger cities: Theile et al., *UAV Path Planning using Global and Local Map Information*, 2021.

@@ -20,7 +20,7 @@ if not any(distributions(name="uavdh_lite")):
 # %%
 # %matplotlib inline
 import torch
-from matplotlib.figure import Figure
+from matplotlib import pyplot as plt
 
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.missions import place
@@ -28,21 +28,21 @@ from uavdh_lite.missions import place
 torch.set_num_threads(1)  # small networks
 agent = load_agent("manhattan_ddqn")
 q_now = agent.q_values(place(agent.city, (11, 8), [(4, 7), (11, 11)], [15, 10], 50, max_devices=5))
-figure = Figure(figsize=(6, 2.4), layout="constrained")
-figure.subplots().bar(("north", "east", "south", "west", "hover", "land"), q_now[0])
-figure
+figure, ax = plt.subplots(figsize=(6, 2.4), layout="constrained")
+ax.set(ylabel="Q-value")
+ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Learn a table of Q-values, put a network in its place, watch it explode, and mend it |
+# | **What you'll do** | Learn a table, put a network in its place, watch it explode, and mend it |
 # | **What you'll learn** | Q-learning, discount, replay, target networks, the softmax policy, double Q-learning |
 # | **What you'll need** | Notebooks 3 and 4. 40 minutes to read, 30 seconds to run; 20 minutes of exercises |
 #
 # ## 5.1 A table
 #
-# We begin with a city of four by four cells. The UAV starts in the south-west corner. In the north-east corner stands a
-# device with 10 units of data, and the episode ends when the UAV gets there. Each step costs 0.2.
+# We begin with a city of four by four cells. The UAV starts in the south-west. In the north-east corner stands a device
+# with 10 units of data, and there the episode ends. Each step costs 0.2.
 
 # %%
 import numpy as np
@@ -88,8 +88,8 @@ draw_maps({f"flights: {n}": fly(n)[0] for n in (1, 3, 100)}, numbers=True)
 
 # %% [markdown]
 # Each picture shows the largest Q-value of every cell. After one flight only the last cell before the device knows that
-# something good is near. Each further flight spreads the news. In the end every cell knows, and going uphill leads to the
-# device. So a number knows the far future because its neighbours do.
+# something good is near. Each further flight spreads the news. In the end, uphill leads to the device. So a number knows
+# the far future because its neighbours do.
 #
 # ### The discount
 #
@@ -107,9 +107,9 @@ draw_maps({f"γ = {gamma}": fly(300, gamma)[0] for gamma in (0.5, 0.95, 1.0)}, n
 #
 # ## 5.2 A network in the table's place
 #
-# A table for the paper's city would need a row for every mix of places, times and amounts of data. Nobody will ever visit
-# them all. A network has no rows. It computes the four Q-values from its inputs, here the row and the column, and so it
-# has an answer for cells that it never saw. Gradient descent takes the part of $\alpha$: the loss is $(y - Q)^2$, and the
+# A table for the paper's city would need a row for every mix of places, times and amounts of data. Nobody could visit
+# them all. A network computes the four Q-values from its inputs, here the row and the column, so it has an answer even
+# for cells that it never saw. Gradient descent takes the part of $\alpha$: the loss is $(y - Q)^2$, and the
 # weights $\theta$ move a little downhill.
 #
 # The steps of one flight are much alike, and a network that learns from them in order forgets the rest of the city. So
@@ -124,47 +124,52 @@ from torch import nn
 from uavdh_lite.ddqn import soft_update
 
 _, memory = fly(100)
+START = torch.tensor([3.0, 0.0])
 memory = memory[~((memory[:, :2] == 1).all(1) | (memory[:, 4:6] == 1).all(1))]
 
 def network():
     return nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
 
 # %%
-def learn(tau, seed, steps=1500):
+def loss_of(online, target):
+    batch = memory[torch.randint(len(memory), (32,))]
+    cell, action, reward, after, ended = batch.split([2, 1, 1, 2, 1], dim=1)
+    y = reward + 0.95 * (1 - ended) * target(after).amax(1, keepdim=True).detach()
+    return ((y - online(cell).gather(1, action.long())) ** 2).mean()
+
+# %%
+def learn(tau, seed):
     torch.manual_seed(seed)
     online, target, path = network(), network(), []
     target.load_state_dict(online.state_dict())
     optimiser = torch.optim.Adam(online.parameters(), lr=0.01)
-    for _ in range(steps):
-        batch = memory[torch.randint(len(memory), (32,))]
-        cell, action, reward, after, ended = batch.split([2, 1, 1, 2, 1], dim=1)
-        y = reward + 0.95 * (1 - ended) * target(after).amax(1, keepdim=True).detach()
-        q = online(cell).gather(1, action.long())  # of the actions that were flown
+    for _ in range(1500):
+        loss = loss_of(online, target)
         optimiser.zero_grad()
-        ((y - q) ** 2).mean().backward()
+        loss.backward()
         optimiser.step()
         soft_update(target, online, tau)
-        path.append(q.mean().item())
+        path.append(online(START).max().item())
     return online, path
 
 # %% [markdown]
 # For now read `target` as a second name for the same network: with $\tau = 1$ it is a copy. Three networks learn, each
-# from other random weights.
+# from other random weights. The value of the start cell should become 6.7, as in the table.
 
 # %%
 copies = [learn(tau=1.0, seed=seed) for seed in range(3)]
-print("mean Q-value at the end:", *(f"{path[-1]:,.0f}" for _, path in copies))
+print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 
 # %% [markdown]
-# No flight earns more than 10. All three networks have exploded.
+# All three networks have exploded.
 #
 # ## 5.3 The target network
 #
 # What went wrong? A step that raises $Q(s, a)$ also raises the Q-values of cells that look alike, and $s'$ is one of them.
 # So the target rises, the next step follows it, and the network chases its own tail. In a table the rows do not touch.
 #
-# The cure is to keep the target calm. A second network, the **target network** $\bar\theta$, computes $y$. It follows the
-# **online network** $\theta$ slowly. After each step it moves a part $\tau$ of the way:
+# The cure is a calm target. A second network, the **target network** $\bar\theta$, computes $y$. It follows the **online
+# network** $\theta$ slowly, after each step by a part $\tau$ of the way:
 #
 # $$\bar\theta \leftarrow (1 - \tau)\,\bar\theta + \tau\,\theta$$
 #
@@ -172,14 +177,12 @@ print("mean Q-value at the end:", *(f"{path[-1]:,.0f}" for _, path in copies))
 
 # %%
 calm = [learn(tau=0.05, seed=seed) for seed in range(3)]
-figure = Figure(figsize=(6, 3), layout="constrained")
-ax = figure.subplots()
+figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
 for runs, style in ((copies, "C1"), (calm, "C0")):
     ax.plot(np.transpose([path for _, path in runs]), style, lw=1)
-ax.set(xlabel="steps of learning", ylabel="mean Q-value", yscale="symlog",
+ax.set(xlabel="steps of learning", ylabel="value of the start cell", yscale="symlog",
        title="orange: τ = 1; blue: τ = 0.05; three runs each")
 assert min(path[-1] for _, path in copies) > 100 > max(path[-1] for _, path in calm)
-figure
 
 # %% [markdown]
 # On this scale each mark is ten times the one before. With $\tau = 1$ all three runs climb without end. With 0.05 all
@@ -191,14 +194,12 @@ values = calm[0][0](cells).detach().amax(1).view(4, 4).numpy()
 draw_maps({"the table": fly(300)[0], "the network": values}, numbers=True)
 
 # %% [markdown]
-# They do, even in cell (1, 1), which the network never saw. Only the device's own cell differs, and there the episode is
-# over.
+# They do, even in cell (1, 1), which the network never saw. Only the device's own cell differs, where the episode is over.
 #
 # ## 5.4 Exploring
 #
-# In a large city random flights rarely get anywhere, so the agent should use what it has learned. But if it always takes
-# the action that seems best, it never finds out that another one is better. The paper draws actions from a **softmax
-# policy**:
+# In a large city random flights get nowhere, so the agent should use what it has learned. But if it always takes the
+# action that seems best, it never finds out that another is better. The paper draws from a **softmax policy**:
 #
 # $$\pi(a \mid s) = \frac{\exp(Q(s, a) / \beta)}{\sum_{a'} \exp(Q(s, a') / \beta)}$$
 
@@ -213,15 +214,14 @@ Quiz("cold_policy")
 # %%
 from uavdh_lite.ddqn import softmax_policy
 
-figure = Figure(figsize=(7, 2.2), layout="constrained")
-for ax, beta in zip(figure.subplots(1, 3, sharey=True), (0.1, 1, 10)):
+figure, axes = plt.subplots(1, 3, figsize=(7, 2.2), sharey=True, layout="constrained")
+for ax, beta in zip(axes, (0.1, 1, 10)):
     ax.bar(list("NESWHL"), softmax_policy(q_now, beta)[0])
-    ax.set(title=f"probabilities at β = {beta}", ylim=(0, 1))
-figure
+    ax.set(title=f"probabilities, β = {beta}", ylim=(0, 1))
 
 # %% [markdown]
-# Cold, the agent takes the best action. Warm, it often tries others that seem almost as good. Hot, it flies at random.
-# What counts is the gap between two Q-values compared with $\beta$.
+# Cold, the agent takes the best action. Warm, it often tries others that seem almost as good. Hot, it flies nearly at
+# random. What counts is the gap between two Q-values compared with $\beta$.
 #
 # ## 5.5 Double Q-learning
 #
@@ -246,30 +246,25 @@ print("".join(inspect.getsource(ddqn_target).splitlines(True)[-2:]))
 
 # %% [markdown]
 # These two lines of the library are the equation. Let six actions all be worth 0, and give the estimates random errors.
-# Three judges: the chooser itself, one whose errors are related to the chooser's, and one whose errors are its own.
+# Who judges?
 
 # %%
 chooser, own = torch.randn(2, 20_000, 6)
-nothing, one = torch.zeros(20_000), torch.ones(20_000)
-figure = Figure(figsize=(6, 2.8), layout="constrained")
-ax = figure.subplots()
+zero, one = torch.zeros(20_000), torch.ones(20_000)
 for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a stranger", 0.0)):
-    y = ddqn_target(nothing, one, chooser, share * chooser + (1 - share**2) ** 0.5 * own)
-    ax.hist(y, 60, histtype="step", label=f"{name}: mean {y.mean():.2f}")
-ax.set(xlabel="target, where 0 is right", ylabel="how often")
-ax.legend(fontsize="small")
-figure
+    judge = share * chooser + (1 - share**2) ** 0.5 * own
+    y = ddqn_target(zero, one, chooser, judge)
+    print(f"{name:<19} mean target {y.mean():5.2f}")
 
 # %% [markdown]
-# The chooser flatters itself by more than 1 on average. A stranger does not. The target network is an older copy of the
+# The right target is 0. The chooser flatters itself, and a stranger does not. The target network is an older copy of the
 # online network, so it is a related judge: it reduces the bias and does not remove it.
 #
-# **DDQN** means *double deep Q-network*: a deep network in the table's place, and a target in which one network chooses
-# and another one judges.
+# **DDQN** means *double deep Q-network*: a deep network in the table's place, and a target with a chooser and a judge.
 #
 # ## 5.6 The paper's network
 #
-# All that is left is a larger network. The map and the time of notebook 4 go in, six Q-values come out.
+# All that is left is a larger network, from the map and the time of notebook 4 to six Q-values.
 #
 # | layer | what comes out |
 # | --- | --- |
@@ -287,11 +282,11 @@ paper = PAPER.network_for(PAPER.observation_for(agent.environment))
 print(f"{sum(part.numel() for part in paper.parameters()):,} weights")
 
 # %% [markdown]
-# Most of them belong to the first fully connected layer, which has one for each of 8465 inputs in each of 256 neurons.
+# Most of them belong to the first fully connected layer: 256 neurons with 8465 inputs each.
 #
 # ## Recap
 #
-# - Q-learning moves $Q(s, a)$ towards $r + \gamma \max Q(s', a')$, and the news of a reward spreads backwards.
+# - Q-learning moves $Q(s, a)$ towards $r + \gamma \max Q(s', a')$, so the news of a reward spreads backwards.
 # - At the end of an episode the target is the reward alone.
 # - A network answers for states that it never saw. It learns from steps drawn from a memory.
 # - The softmax policy explores where Q-values lie close together compared with $\beta$.

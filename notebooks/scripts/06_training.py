@@ -20,19 +20,18 @@ if not any(distributions(name="uavdh_lite")):
 # %%
 # %matplotlib inline
 import torch
-from matplotlib.figure import Figure
+from matplotlib import pyplot as plt
 
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.plotting import draw_trajectory
 
 torch.set_num_threads(1)  # small networks
-figure = Figure(figsize=(9, 5), layout="constrained")
-for ax, name in zip(figure.subplots(1, 2), ("manhattan_ddqn_early", "manhattan_ddqn")):
+figure, axes = plt.subplots(1, 2, figsize=(9, 5), layout="constrained")
+for ax, name in zip(axes, ("manhattan_ddqn_early", "manhattan_ddqn")):
     agent = load_agent(name)
     flights = evaluate(agent.environment, agent, agent.scenario, 40, seed=0)
     draw_trajectory(ax, agent.environment, flights.trajectory(20)).set_title(name)
-figure
 
 # %% [markdown]
 # | | |
@@ -67,15 +66,13 @@ print(inspect.getsource(Trainer.step))
 # It is a circle: the agent makes the data that it learns from.
 
 # %%
-figure = Figure(figsize=(6, 1.7), layout="constrained")
-ax = figure.subplots()
+figure, ax = plt.subplots(figsize=(6, 1.7), layout="constrained")
 ax.set(xlim=(-0.5, 4.5), ylim=(-0.8, 0.6))
 ax.axis("off")
 for k, name in enumerate(("act", "step", "add", "sample", "update")):
     ax.text(k, 0, name, ha="center", va="center", size=13, bbox={"boxstyle": "round", "fc": "#cfe3f5"})
     ax.annotate("", (k + 0.7, 0), (k + 0.35, 0), arrowprops={"arrowstyle": "->"})
 ax.annotate("better Q-values", (0, -0.25), (4, -0.7), ha="right", arrowprops={"arrowstyle": "->"})
-figure
 
 # %% [markdown]
 # Two lines more are worth a look. `_restart_ended` replaces an episode that is over by a new random mission, so the agent
@@ -119,9 +116,8 @@ def draw(ax, rows, title):
     ax.set(title=title, xlabel="steps", ylabel="share", ylim=(-0.03, 1.03))
     ax.legend(fontsize="small")
 
-figure = Figure(figsize=(6, 3), layout="constrained")
-draw(figure.subplots(), trainer.validation_rows, "the village")
-figure
+figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
+draw(ax, trainer.validation_rows, "the village")
 
 # %% [markdown]
 # At step 0 the weights are random, and yet such an agent may *collect* half of the data: the village is so small that the
@@ -146,11 +142,10 @@ def curves(file, name):
     return {column: values[table["agent"] == name] for column, values in table.items()}
 
 run = curves("agents-training", "manhattan_ddqn")
-figure = Figure(figsize=(8, 4.4), layout="constrained")
-for ax, name in zip(figure.subplots(2, 2).flat, ("return", "landed", "collected", "loss")):
+figure, axes = plt.subplots(2, 2, figsize=(8, 4.4), layout="constrained")
+for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
     ax.plot(run["steps"] / 1e6, run[name], lw=0.8)
     ax.set(ylabel=name, xlabel="million steps")
-figure
 
 # %% [markdown]
 # Early on the **return** dives while **collected** rises. The agent learns to fly far before it learns to be home in
@@ -187,9 +182,8 @@ for variant in ("all", "without_crash_reward"):
 # %%
 crashing = train(crash_reward=0.0, crash_reward_end=0.0, steps=16_000, validation_interval=4000)
 assert crashing.validation_rows[-1]["collected_and_landed"] < 0.5
-figure = Figure(figsize=(6, 3), layout="constrained")
-draw(figure.subplots(), crashing.validation_rows, "a crash costs nothing")
-figure
+figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
+draw(ax, crashing.validation_rows, "a crash costs nothing")
 
 # %% [markdown]
 # It collects, but little or nothing of it comes home. Nothing is wrong with the learning: the agent did what we asked
@@ -220,15 +214,13 @@ figure
 # %%
 paper = read_table("../data/runs/paper-manhattan-training.csv.gz")
 lite = read_table("../data/runs/centring-manhattan-training.csv.gz")
-figure = Figure(figsize=(6, 3.2), layout="constrained")
-ax = figure.subplots()
+figure, ax = plt.subplots(figsize=(6, 3.2), layout="constrained")
 for seed in range(3):
     rows = (lite["variant"] == "centred") & (lite["seed"] == seed)
     ax.semilogx(lite["steps"][rows], lite["collected_and_landed"][rows], "C0", lw=0.7)
 ax.semilogx(paper["steps"], paper["collected_and_landed"], "C1o-", ms=3)
 ax.set(title="orange: paper, one run; blue: lite, three runs", xlabel="steps (each mark: ten times more)",
        ylabel="collected and landed")
-figure
 
 # %%
 for name, table in (("paper", paper), ("lite", lite)):
