@@ -257,7 +257,7 @@ def draw_study(figure: Figure, table: dict[str, np.ndarray]) -> None:
 
 
 def draw_maps(maps: dict[str, np.ndarray], numbers: bool = False) -> Figure:
-    """Small pictures of arrays with their names, three in a row; white is 0, red below it.
+    """Small pictures of arrays with their names, three in a row: white is 0, blue more, red less.
 
     Arguments:
         maps: name and values, (rows, columns), of each; tensors will do.
@@ -278,36 +278,6 @@ def draw_maps(maps: dict[str, np.ndarray], numbers: bool = False) -> Figure:
             colour = "white" if abs(value) > 0.6 * most else "black"
             ax.text(col, row, f"{value.round(1) + 0:g}", ha="center", va="center", color=colour)
     return figure
-
-
-def draw_layers(ax: Axes, layers: list[tuple[str, tuple[int, ...], str]]) -> Axes:
-    """A sketch of a network: what comes out of each layer, from left to right.
-
-    Arguments:
-        layers: name, shape and colour of each. (C, H, W) is drawn as a stack of C squares, (N,) as
-            a bar whose height grows with log N.
-    """
-    left = 0.0
-    for name, shape, colour in layers:
-        is_maps = len(shape) == 3
-        count, height = shape[:2] if is_maps else (1, max(4 * np.log2(shape[0]), 1))
-        width = height if is_maps else 3
-        for k in range(count):
-            corner = (left + 0.9 * k, 0.9 * k - height / 2)
-            style: Style = {
-                "facecolor": colour,
-                "edgecolor": "white",
-                "linewidth": 0.5,
-                "zorder": -k,
-            }
-            ax.add_patch(Rectangle(corner, width, height, **style))
-        right = left + width + 0.9 * (count - 1)
-        words = "×".join(map(str, shape)) + f"\n{name}"
-        ax.text((left + right) / 2, -32, words, ha="center", va="top", fontsize="small")
-        left = right + (12 if is_maps else 22)
-    ax.set(xlim=(-8, left), ylim=(-56, 32), aspect="equal")
-    ax.axis("off")
-    return ax
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:

@@ -53,8 +53,8 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("frame_size")
 
 # %% [markdown]
-# A city of $M$ cells a side needs a frame of $2M - 1$, so that all of it is in the picture wherever the UAV is. Most of
-# the frame lies outside the city. Nobody may fly there, so the layer "no-fly zone" is 1 there and all others are 0.
+# A city of $M$ cells a side needs a frame of $2M-1$. Most of it lies outside the city, where nobody may fly. So the layer
+# "no-fly zone" is 1 there and all others are 0.
 #
 # ## 4.2 The stopped clock
 #
@@ -76,12 +76,12 @@ for units in (50, 14, 10):
     print(units, "units left:", ACTIONS[agent.act(at_time(street, units))[0]])
 
 # %% [markdown]
-# One device is far in the north, the other is near in the east, and home is in the south-east. With much time the agent
-# goes for the far device, with less for the near one, and with just enough it goes home. Anyone who saw only the picture
-# would have to do the same thing all three times.
+# One device is far in the north, the other near in the east, and home is in the south-east. With much time the agent goes
+# for the far device, with less for the near one, and with just enough it goes home. Anyone who saw only the picture would
+# have to do the same all three times.
 #
-# Now let the agent fly 200 missions with a **stopped clock**. It sees the true picture, but the clock always shows the
-# same time. The true time runs out all the same.
+# Now let the agent fly 200 missions with a **stopped clock**. It sees the true picture, but always the same time. The
+# true time runs out all the same.
 
 # %%
 from uavdh_lite.evaluation import FunctionPolicy, evaluate
@@ -113,7 +113,7 @@ figure.legend(loc="outside right upper", fontsize="small")
 # ## 4.3 Two frames
 #
 # Centring takes three lines. Put a wide border around a layer, then cut out the window with the UAV in its middle. It
-# begins at the UAV's own row and column, because the border has moved everything by 15 cells.
+# begins at the UAV's own row and column, because the border has moved everything.
 
 # %%
 def centre(layer, row, col, outside):
@@ -135,10 +135,10 @@ draw_maps({f"UAV at {uav}": centre(world, *uav, 0.3) for uav in ((0, 0), (8, 7),
 #
 # ## 4.4 A network in twenty lines
 #
-# The paper's network has two million numbers in it but only a few ideas. The first is the **neuron**. It multiplies each
-# of its inputs by a **weight** and adds up the products and a constant:
+# The paper's network has two million numbers but only a few ideas. The first is the **neuron**. It multiplies each of its
+# inputs by a **weight** and adds up the products and a constant:
 #
-# $$\text{output} = w_1 x_1 + w_2 x_2 + \dots + w_n x_n + w_0$$
+# $$\text{output}=w_1x_1+w_2x_2+\dots+w_nx_n+w_0$$
 #
 # Here are nine inputs, the nine weights of a neuron whose constant is 0, and the products.
 
@@ -149,7 +149,7 @@ print("output:", (inputs * weights).sum())
 draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, numbers=True)
 
 # %% [markdown]
-# The output is large because something is on the right and nothing on the left.
+# Something is on the right and nothing on the left, so the output is large.
 #
 # Now move this neuron across a larger picture, like a window, and write down its output at each place. That is a
 # **convolution**, and its weights are a *kernel*. It finds the western edge of a building anywhere in the city.
@@ -163,9 +163,9 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # %% [markdown]
 # Blue marks western edges and red eastern ones. The window fits in at four places a side, so the picture has shrunk.
 #
-# Several neurons with the same inputs are a **layer** of the network. In a **fully connected** layer each neuron has a
-# weight for every input. Two layers in a row could do no more than one, because a sum of sums is a sum. So something
-# bends in between: a **ReLU** replaces each negative number by 0.
+# Several neurons with the same inputs are a **layer** of the network. It is **fully connected** if each has a weight for
+# every input. Two layers in a row could do no more than one, because a sum of sums is a sum. So something bends in
+# between: a **ReLU** replaces each negative number by 0.
 #
 # At first all weights are random. A **loss** measures how wrong the output is. Its *slope* says which way is down, and the
 # weight takes a small step there. That is **gradient descent**. Here the input is 3 and the output should be 6, so the
@@ -202,8 +202,8 @@ def train(model, x, y, steps=100):
 # %% [markdown]
 # ## 4.5 The square of weights
 #
-# Which frame makes it easier to know something useful? Take a simple question: **is a device near?** Near means at most
-# three rows and three columns away. The answer should be +1 if so and −1 if not.
+# Which frame makes it easier to know something useful? Take a simple question: **is a device near?** Near means within
+# three rows and three columns. The answer should be +1 if so and −1 if not.
 
 # %%
 Quiz("linear_model")
@@ -223,8 +223,7 @@ pairs = np.r_[np.flatnonzero(near)[:4000], np.flatnonzero(~near)[:4000]]
 uav, device, y = uav[pairs], device[pairs], torch.tensor(2 * near[pairs] - 1)
 
 # %% [markdown]
-# From each frame a single neuron learns, and then a network of 33. Every second pair is for training, the others for a
-# test.
+# A single neuron learns from each frame, then a network of 33. Half of the pairs are for training, the others for a test.
 
 # %%
 torch.manual_seed(0)
@@ -236,7 +235,6 @@ for frame, x in (("centred", one_at(device - uav + 15)),
         train(model, x[::2], y[::2])
         right = (torch.sign(model(x)[:, 0]) == y).float()
         print(f"{frame}: {right[::2].mean():.0%} in training, {right[1::2].mean():.0%} in the test")
-        assert (right[1::2].mean() > 0.8) == (frame == "centred")
 
 # %% [markdown]
 # In the centred frame even the single neuron, printed first, is nearly always right. In place it is hardly better than a
@@ -265,7 +263,7 @@ draw_maps({f"a neuron's weights, {frame}": neuron.weight[0, :961].detach().view(
 # ## Recap
 #
 # - The agent sees five layers and the time that is left. With a stopped clock it cannot plan its way home.
-# - Centring puts the UAV in the middle of a frame of $2M - 1$ cells. Outside the city everything is no-fly zone.
+# - Centring puts the UAV in the middle of a frame of $2M-1$ cells. Outside the city everything is no-fly zone.
 # - A neuron is a weighted sum. A convolution moves one neuron across a picture. A ReLU bends.
 # - Gradient descent moves each weight a little against the slope of the loss.
 # - Centred weights mean relative places, so one weighted sum can tell what is near.
@@ -274,4 +272,4 @@ draw_maps({f"a neuron's weights, {frame}": neuron.weight[0, :961].detach().view(
 #
 # The [exercises of this notebook](exercises/04_map_centring/04_map_centring.ipynb) come with checks and hints.
 #
-# For larger cities: Theile et al., *UAV Path Planning using Global and Local Map Information*, 2021.
+# Further reading: section III-C of the paper.

@@ -56,13 +56,13 @@ def step(cell, action):
 
 # %% [markdown]
 # We keep a table $Q$ with a number for each cell and action, all 0 at first. A step earns the reward $r$ and leads to the
-# cell $s'$. Together they give a better guess of what the action was worth, the **target**
+# cell $s'$. Together they say better what the action was worth. That is the **target**
 #
-# $$y = r + \gamma \max_{a'} Q(s', a')$$
+# $$y=r+\gamma\max_{a'}Q(s',a')$$
 #
-# The old number moves a part $\alpha$ of the way to it:
+# The old number moves a part $\alpha$ of the way there:
 #
-# $$Q(s, a) \leftarrow Q(s, a) + \alpha\,\big(y - Q(s, a)\big)$$
+# $$Q(s,a)\leftarrow Q(s,a)+\alpha\,\big(y-Q(s,a)\big)$$
 #
 # This is **Q-learning**. The UAV may fly at random meanwhile, because the target asks for the *best* next action and not
 # for the one that comes next.
@@ -99,22 +99,22 @@ draw_maps({f"flights: {n}": fly(n)[0] for n in (1, 3, 100)}, numbers=True)
 draw_maps({f"γ = {gamma}": fly(300, gamma)[0] for gamma in (0.5, 0.95, 1.0)}, numbers=True)
 
 # %% [markdown]
-# With $\gamma = 0.5$ the far corner hardly sees the device. With $\gamma = 1$ it counts in full, less the price of the
-# way. The agent has 0.95. So a crash that costs 150 and is 40 steps ahead counts $150 \cdot 0.95^{40} \approx 19$.
+# With $\gamma=0.5$ the far corner hardly sees the device. With $\gamma=1$ it counts in full, less the price of the
+# way. The agent has 0.95. So a crash that costs 150 and is 40 steps ahead counts $150\cdot0.95^{40}\approx19$.
 #
-# After the end of an episode comes nothing, so there the target is $y = r$ alone. In our table a mistake here would do no
-# harm, since the last cell keeps its zeros. But a network has *some* number for every state.
+# After the end of an episode comes nothing, so the target is $y=r$ alone. In our table a mistake here would do no harm,
+# since the last cell keeps its zeros. But a network has *some* number for every state.
 #
 # ## 5.2 A network in the table's place
 #
 # A table for the paper's city would need a row for every mix of places, times and amounts of data. Nobody could visit
 # them all. A network computes the four Q-values from its inputs, here the row and the column, so it has an answer even
-# for cells that it never saw. Gradient descent takes the part of $\alpha$: the loss is $(y - Q)^2$, and the
+# for cells that it never saw. Gradient descent takes the part of $\alpha$: the loss is $(y-Q)^2$, and the
 # weights $\theta$ move a little downhill.
 #
 # The steps of one flight are much alike, and a network that learns from them in order forgets the rest of the city. So
-# all steps go into a **replay memory**, and the network learns from a *minibatch* drawn from it at random. The paper's
-# **combined replay** always adds the newest step, so that it is used at once.
+# all steps go into a **replay memory**, and the network learns from a *minibatch* drawn at random. The paper's **combined
+# replay** always adds the newest step, so that it is used at once.
 #
 # Our memory holds 100 random flights, without any step that touches cell (1, 1).
 
@@ -153,7 +153,7 @@ def learn(tau, seed):
     return online, path
 
 # %% [markdown]
-# For now read `target` as a second name for the same network: with $\tau = 1$ it is a copy. Three networks learn, each
+# For now read `target` as a second name for the same network: with $\tau=1$ it is a copy. Three networks learn, each
 # from other random weights. The value of the start cell should become 6.7, as in the table.
 
 # %%
@@ -165,15 +165,15 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 #
 # ## 5.3 The target network
 #
-# What went wrong? A step that raises $Q(s, a)$ also raises the Q-values of cells that look alike, and $s'$ is one of them.
+# What went wrong? A step that raises $Q(s,a)$ also raises the Q-values of cells that look alike, and $s'$ is one of them.
 # So the target rises, the next step follows it, and the network chases its own tail. In a table the rows do not touch.
 #
 # The cure is a calm target. A second network, the **target network** $\bar\theta$, computes $y$. It follows the **online
 # network** $\theta$ slowly, after each step by a part $\tau$ of the way:
 #
-# $$\bar\theta \leftarrow (1 - \tau)\,\bar\theta + \tau\,\theta$$
+# $$\bar\theta\leftarrow(1-\tau)\,\bar\theta+\tau\,\theta$$
 #
-# This is `soft_update` in the cell above. Now with $\tau = 0.05$:
+# This is `soft_update` in the cell above. Now with $\tau=0.05$:
 
 # %%
 calm = [learn(tau=0.05, seed=seed) for seed in range(3)]
@@ -185,8 +185,8 @@ ax.set(xlabel="steps of learning", ylabel="value of the start cell", yscale="sym
 assert min(path[-1] for _, path in copies) > 100 > max(path[-1] for _, path in calm)
 
 # %% [markdown]
-# On this scale each mark is ten times the one before. With $\tau = 1$ all three runs climb without end. With 0.05 all
-# three settle. Do they settle at the right values?
+# On this scale each mark is ten times the one before. With $\tau=1$ all three runs climb. With 0.05 all three settle. Do
+# they settle at the right values?
 
 # %%
 cells = torch.cartesian_prod(torch.arange(4.0), torch.arange(4.0))
@@ -201,7 +201,7 @@ draw_maps({"the table": fly(300)[0], "the network": values}, numbers=True)
 # In a large city random flights get nowhere, so the agent should use what it has learned. But if it always takes the
 # action that seems best, it never finds out that another is better. The paper draws from a **softmax policy**:
 #
-# $$\pi(a \mid s) = \frac{\exp(Q(s, a) / \beta)}{\sum_{a'} \exp(Q(s, a') / \beta)}$$
+# $$\pi(a\mid s)=\frac{\exp(Q(s,a)/\beta)}{\sum_{a'}\exp(Q(s,a')/\beta)}$$
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -209,7 +209,8 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("cold_policy")
 
 # %% [markdown]
-# Here is the policy for the six Q-values at the top, at three **temperatures** $\beta$:
+# What counts is the gap between two Q-values compared with the **temperature** $\beta$. Here is the policy for the six
+# Q-values at the top:
 
 # %%
 from uavdh_lite.ddqn import softmax_policy
@@ -221,7 +222,7 @@ for ax, beta in zip(axes, (0.1, 1, 10)):
 
 # %% [markdown]
 # Cold, the agent takes the best action. Warm, it often tries others that seem almost as good. Hot, it flies nearly at
-# random. What counts is the gap between two Q-values compared with $\beta$.
+# random.
 #
 # ## 5.5 Double Q-learning
 #
@@ -232,10 +233,10 @@ Quiz("whose_maximum")
 
 # %% [markdown]
 # The maximum asks the same estimates two questions: *which* action is best, and *what* is it worth? The luckiest error
-# answers both. **Double Q-learning** lets one set of estimates choose and another one judge. In the paper's target the
-# online network chooses and the target network judges:
+# answers both. In **double Q-learning** one set of estimates chooses and another one judges. In the paper's target these
+# are the online and the target network:
 #
-# $$y = r + \gamma\, Q_{\bar\theta}\big(s', \arg\max_{a'} Q_\theta(s', a')\big)$$
+# $$y=r+\gamma\,Q_{\bar\theta}\big(s',\arg\max_{a'}Q_\theta(s',a')\big)$$
 
 # %%
 import inspect
@@ -257,8 +258,8 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
     print(f"{name:<19} mean target {y.mean():5.2f}")
 
 # %% [markdown]
-# The right target is 0. The chooser flatters itself, and a stranger does not. The target network is an older copy of the
-# online network, so it is a related judge: it reduces the bias and does not remove it.
+# The right target is 0. The chooser flatters itself, and a stranger does not. The target network, an older copy, is a
+# related judge: it reduces the bias and does not remove it.
 #
 # **DDQN** means *double deep Q-network*: a deep network in the table's place, and a target with a chooser and a judge.
 #
@@ -268,27 +269,20 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 #
 # | layer | what comes out |
 # | --- | --- |
-# | the map | 5 × 31 × 31 |
-# | convolution, 16 kernels of 5 × 5, ReLU | 16 × 27 × 27 |
-# | convolution, 16 kernels of 5 × 5, ReLU | 16 × 23 × 23 |
-# | written as a list, and the time | 8464 + 1 |
+# | the map | 5×31×31 |
+# | convolution with 16 kernels 5×5, ReLU | 16×27×27 |
+# | the same again | 16×23×23 |
+# | written as a list, and the time | 8465 |
 # | three fully connected layers, ReLU | 256 each |
-# | a fully connected layer without ReLU | 6 Q-values |
-
-# %%
-from uavdh_lite.recipe import PAPER
-
-paper = PAPER.network_for(PAPER.observation_for(agent.environment))
-print(f"{sum(part.numel() for part in paper.parameters()):,} weights")
-
-# %% [markdown]
-# Most of them belong to the first fully connected layer: 256 neurons with 8465 inputs each.
+# | a fully connected layer | 6 |
+#
+# That makes 2,308,854 weights, nearly all in the first fully connected layer: 256 neurons with 8465 inputs each.
 #
 # ## Recap
 #
-# - Q-learning moves $Q(s, a)$ towards $r + \gamma \max Q(s', a')$, so the news of a reward spreads backwards.
+# - Q-learning moves $Q(s,a)$ towards $r+\gamma\max Q(s',a')$, so the news of a reward spreads backwards.
 # - At the end of an episode the target is the reward alone.
-# - A network answers for states that it never saw. It learns from steps drawn from a memory.
+# - A network answers for states that it never saw. It learns from a memory of steps.
 # - The softmax policy explores where Q-values lie close together compared with $\beta$.
 # - A slow target network keeps learning calm. In DDQN it judges what the online network chooses.
 #

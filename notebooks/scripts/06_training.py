@@ -1,9 +1,8 @@
 # %% [markdown]
 # # 6 · Training
 #
-# Two agents fly the same mission below. They have the same network and learned by the same rules. The left one had
-# 300,000 steps to learn, the right one four million. **What happens in all these steps, and how do you see that it goes
-# well?**
+# Two agents fly the same mission below. Both were trained with the same recipe. The left one had 300,000 steps to learn,
+# the right one four million. **What happens in all these steps, and how do you see that it goes well?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -40,8 +39,8 @@ for ax, name in zip(axes, ("manhattan_ddqn_early", "manhattan_ddqn")):
 # | **What you'll learn** | The training loop, what each curve says, two ways to fail, what a recipe is |
 # | **What you'll need** | Notebooks 3 and 5. 38 minutes to read, 45 seconds to run; 20 minutes of exercises |
 #
-# The lines under the maps say what each flight used and collected. The early agent comes home with much of the data left
-# behind. The late one, `manhattan_ddqn`, is the agent of this course.
+# The lines under the maps say what each flight used and collected. The early agent leaves a good part of the data behind.
+# The late one, `manhattan_ddqn`, is the agent of this course.
 #
 # ## 6.1 One step of the loop
 #
@@ -66,13 +65,16 @@ print(inspect.getsource(Trainer.step))
 # It is a circle: the agent makes the data that it learns from.
 
 # %%
-figure, ax = plt.subplots(figsize=(6, 1.7), layout="constrained")
-ax.set(xlim=(-0.5, 4.5), ylim=(-0.8, 0.6))
+import numpy as np
+
+figure, ax = plt.subplots(figsize=(4, 3), layout="constrained")
+ax.set(xlim=(-1.4, 1.4), ylim=(-1, 1.2))
 ax.axis("off")
+around = [(np.sin(k * 2 * np.pi / 5), np.cos(k * 2 * np.pi / 5)) for k in range(6)]
 for k, name in enumerate(("act", "step", "add", "sample", "update")):
-    ax.text(k, 0, name, ha="center", va="center", size=13, bbox={"boxstyle": "round", "fc": "#cfe3f5"})
-    ax.annotate("", (k + 0.7, 0), (k + 0.35, 0), arrowprops={"arrowstyle": "->"})
-ax.annotate("better Q-values", (0, -0.25), (4, -0.7), ha="right", arrowprops={"arrowstyle": "->"})
+    ax.text(*around[k], name, ha="center", va="center", bbox={"boxstyle": "round", "fc": "#cfe3f5"})
+    arrow = {"arrowstyle": "->", "shrinkA": 25, "shrinkB": 25}
+    ax.annotate("", around[k + 1], around[k], arrowprops=arrow)
 
 # %% [markdown]
 # Two lines more are worth a look. `_restart_ended` replaces an episode that is over by a new random mission, so the agent
@@ -152,7 +154,8 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 # time: look at **landed**. Each crash counts 150 in this curve. Later both come right.
 #
 # Everybody looks at the **loss** first, and it says least. It measures how far the Q-values are from their targets, and
-# the targets move. Here it rises while the agent gets better, because an agent that dares more has more to predict.
+# the targets move. Here it rises for a while as the agent gets better. Perhaps an agent that dares more has more to
+# predict.
 #
 # ## 6.4 Two ways to fail
 
@@ -173,11 +176,11 @@ for variant in ("all", "without_crash_reward"):
         print(f"{variant:<21}{name:<21}", *(f"{share:4.0%}" for share in study[name][rows]))
 
 # %% [markdown]
-# The row `all` is `lite` as it is. With the large penalty all three agents land safely and leave nearly everything where
-# it is. Landing early is the surest way not to crash, and an agent that lands early never sees what flying would bring.
+# The row `all` is `lite` as it is. With the large penalty all three agents land safely and leave most of the data where it
+# is. Landing early is the surest way not to crash, and an agent that lands early never sees what flying would bring.
 #
-# **The agent that never lands.** If a crash costs nothing, nothing speaks for the way home, which itself costs something
-# in every step. Try it in the village:
+# **The agent that never lands.** If a crash costs nothing, hardly anything speaks for the way home. Try it in the
+# village:
 
 # %%
 crashing = train(crash_reward=0.0, crash_reward_end=0.0, steps=16_000, validation_interval=4000)
@@ -186,8 +189,8 @@ figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
 draw(ax, crashing.validation_rows, "a crash costs nothing")
 
 # %% [markdown]
-# It collects, but little or nothing of it comes home. Nothing is wrong with the learning: the agent did what we asked
-# for. The reward was wrong. Look at *landed* and *collected* together and you see both ways to fail.
+# It collects, but little or nothing comes home. Nothing is wrong with the learning: the agent did what we asked for. The
+# reward was wrong. Look at *landed* and *collected* together and you see both ways to fail.
 #
 # How large must the penalty be? The agent sees it through the discount. Ten steps before the end, a penalty of 20 counts
 # $20 \cdot 0.95^{10} \approx 12$. A device may hold 20 units, so crashing would pay.
@@ -208,8 +211,9 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # | crash from −10 to −150 | first fly far, then land in time |
 # | half of the episodes start anywhere | late situations are met early |
 #
-# The **paper's own recipe** makes an update for every single step. A million of them take days on two cores, and the
-# recorded run shows as much as there is. The curves are *training* flights again, each recipe with its own exploring.
+# The **paper's own recipe** makes an update for every single step. A million of them take a day or more on two cores. The
+# picture shows as much of such a run as is recorded. The curves are *training* flights again, and each recipe explores in
+# its own way.
 
 # %%
 paper = read_table("../data/runs/paper-manhattan-training.csv.gz")
@@ -219,16 +223,17 @@ for seed in range(3):
     rows = (lite["variant"] == "centred") & (lite["seed"] == seed)
     ax.semilogx(lite["steps"][rows], lite["collected_and_landed"][rows], "C0", lw=0.7)
 ax.semilogx(paper["steps"], paper["collected_and_landed"], "C1o-", ms=3)
-ax.set(title="orange: paper, one run; blue: lite, three runs", xlabel="steps (each mark: ten times more)",
-       ylabel="collected and landed")
+ax.set(title="orange: paper, one run; blue: lite, three runs",
+       xlabel="steps, each mark ten times more", ylabel="collected and landed")
 
 # %%
 for name, table in (("paper", paper), ("lite", lite)):
-    print(f"{name}: up to {table['steps'].max():,.0f} steps, {table['updates'].max():,.0f} updates")
+    steps, updates = table["steps"].max(), table["updates"].max()
+    print(f"{name}: {steps:,.0f} steps with {updates:,.0f} updates")
 
 # %% [markdown]
 # At equal steps the paper's recipe has made many more updates, so the picture compares steps and not work. And it is one
-# run. It shows how training goes on this path, and does not decide which recipe is better.
+# run. It does not decide which recipe is better.
 #
 # ## Recap
 #
