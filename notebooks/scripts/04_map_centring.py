@@ -104,7 +104,7 @@ for name, style in (("landed", "o:"), ("collected", "s--"), (both, "^-")):
     ax.plot(times, [flights[name].mean for flights in stopped], style, label=name.replace("_", " "))
 ax.axhline(running[both].mean, color="black", label="collected and landed, true time")
 ax.set(xlabel="units of time on the stopped clock", ylabel="share of 200 missions")
-figure.legend(loc="outside right upper", fontsize="small")
+figure.legend(loc="outside right upper", fontsize="small");
 
 # %% [markdown]
 # A clock that shows little sends most UAVs home with little data. A clock that shows much lets them collect it, and then
@@ -179,7 +179,7 @@ for _ in range(8):
 line = np.linspace(-0.2, 4.2)
 figure, ax = plt.subplots(figsize=(5, 2.6), layout="constrained")
 ax.plot(line, (3 * line - 6) ** 2, "-", w, (3 * np.array(w) - 6) ** 2, "o")
-ax.set(xlabel="weight", ylabel="loss")
+ax.set(xlabel="weight", ylabel="loss");
 
 # %% [markdown]
 # The steps get shorter as the slope gets flatter, and the weight settles at the bottom. A million weights learn in the

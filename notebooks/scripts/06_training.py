@@ -224,7 +224,7 @@ for seed in range(3):
     ax.semilogx(lite["steps"][rows], lite["collected_and_landed"][rows], "C0", lw=0.7)
 ax.semilogx(paper["steps"], paper["collected_and_landed"], "C1o-", ms=3)
 ax.set(title="orange: paper, one run; blue: lite, three runs",
-       xlabel="steps, each mark ten times more", ylabel="collected and landed")
+       xlabel="steps, each mark ten times more", ylabel="collected and landed");
 
 # %%
 for name, table in (("paper", paper), ("lite", lite)):

@@ -84,7 +84,7 @@ manhattan = read_table("../data/runs/centring-manhattan.csv.gz")
 figure, ax = plt.subplots(figsize=(6.5, 3.4), layout="constrained")
 draw_runs(ax, manhattan, range(3))
 ax.set(xlabel="thousand steps", ylabel="collected and landed")
-ax.legend()
+ax.legend();
 
 # %% [markdown]
 # After 200,000 and 300,000 steps all centred runs are far ahead of all others. Later the two kinds come together. In the
@@ -100,7 +100,7 @@ village = read_table("../data/runs/centring-village.csv.gz")
 figure, ax = plt.subplots(figsize=(4.5, 3), layout="constrained")
 draw_runs(ax, village, [4])
 ax.set(xlabel="thousand steps", ylabel="collected and landed", ylim=(-0.02, 0.62))
-ax.legend()
+ax.legend();
 
 # %% [markdown]
 # A clear result: the centred map wins, and by far. Would you publish it? These are the same two runs with six seeds. The
@@ -113,7 +113,7 @@ for seed, ax in enumerate(axes.flat):
     draw_runs(ax, village, [seed])
     ax.set_title(f"seed {seed}", fontsize="medium")
 figure.supxlabel("thousand steps")
-figure.supylabel("collected and landed")
+figure.supylabel("collected and landed");
 
 # %% [markdown]
 # **With one seed you could have shown anything**: that the centred map is far better, as with seed 4, that it makes no
@@ -149,7 +149,7 @@ figure, ax = plt.subplots(figsize=(6.5, 2), layout="constrained")
 for name, (middle, width) in gaps.items():
     ax.errorbar(100 * middle, name, xerr=100 * width, fmt="C0o", capsize=4)
 ax.axvline(0, color="black")
-ax.set(xlabel="centred ahead by so many points, 95 % interval", ylim=(2.5, -0.5))
+ax.set(xlabel="centred ahead by so many points, 95 % interval", ylim=(2.5, -0.5));
 
 # %% [markdown]
 # After 300,000 steps the whole interval lies on one side of 0: the centred agents learn **sooner**. At the end of the
