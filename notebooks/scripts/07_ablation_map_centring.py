@@ -58,12 +58,12 @@ for name, recipe in centring(LITE).items():
 # Each point is a bin of 5000 steps of training flights. The line is the mean of three runs, and the pale band around it
 # has the 99 % quantiles as its edges.
 #
-# Be careful with that band. Of three values, these are almost exactly the smallest and the largest. Of four runs alike,
-# each is as likely as the others to be the lowest, or the highest. So a fourth run falls outside with a chance of one
-# half.
+# Be careful with that band. Of three values, these are almost exactly the smallest and the largest. Imagine a fourth run.
+# It is the lowest of the four with a chance of one in four, and the highest with the same chance. So it falls outside
+# the band half of the time.
 #
-# On the left the centred agent does worse for a while, on the right it does better. It flies farther, collects more and
-# crashes more often, and each crash costs 150. Two measures tell two stories, so always say which one you mean.
+# On the left the centred agents do worse for a while, on the right they do better. They fly farther, collect more and crash
+# more often, and each crash costs 150. Two measures tell two stories, so always say which one you mean.
 #
 # Training flights explore, and that hides what an agent can do. Here are the validations of the same six runs, without
 # exploring, each run with a line of its own.
@@ -103,8 +103,8 @@ ax.set(xlabel="thousand steps", ylabel="collected and landed", ylim=(-0.02, 0.62
 ax.legend();
 
 # %% [markdown]
-# A clear result: the centred map wins, and by far. Would you publish it? These are the same two runs with six seeds. The
-# one above is number 4.
+# A clear result: the centred map wins, and by far. Would you publish it? Here are the same two trainings with six seeds.
+# The one above is seed 4.
 
 # %%
 figure, axes = plt.subplots(2, 3, figsize=(8, 4.4), sharex=True, sharey=True,
@@ -124,9 +124,8 @@ figure.supylabel("collected and landed");
 #
 # ### Intervals over runs
 #
-# Six results have a mean, but the mean of six other runs would be another one. By how much? The **standard error** says
-# it: the standard deviation $s$ of the results, divided by the square root of their number $n$. The gap between two
-# kinds has the errors of both:
+# Six other runs would have another mean. How far away? The **standard error** gives an idea: it is the standard deviation
+# $s$ of the results, divided by the square root of their number $n$. The gap between two kinds has the errors of both:
 #
 # $$\text{error} = \sqrt{\frac{s_1^2}{n} + \frac{s_2^2}{n}}$$
 #
@@ -185,7 +184,7 @@ for name, values in share.items():
 # ### Paired differences
 #
 # Do the two differ at all? Their intervals overlap. But both flew the *same* missions, and a hard mission is hard
-# for both. So subtract mission by mission, and most of that luck cancels.
+# for both. So subtract mission by mission, and much of that luck cancels.
 
 # %%
 agent, greedy = share["manhattan_ddqn"], share["greedy"]
@@ -198,8 +197,8 @@ assert high < 0 and high - low < 1.6 * apart
 
 # %% [markdown]
 # The paired interval is narrower, from the same flights. It does not contain 0: on these missions `greedy` is ahead by
-# about one point. That is a result, too, and it belongs in the report. The rule was thought up by people who knew the
-# task. The agent found its way from rewards alone.
+# about one point. That is a result, too, and it belongs in the report. People who knew the task thought up the rule. The
+# agent found its way from rewards alone.
 
 # %%
 Quiz("more_missions")
@@ -211,9 +210,9 @@ Quiz("more_missions")
 # | --- | --- |
 # | Does an agent learn sooner with the centred map? | Yes, in this city and with this recipe |
 # | Is it better in the end? | Open: three runs of each kind cannot tell |
-# | Is the paper's larger gap wrong? | They cannot say: other recipe, other maps |
+# | Is the paper's larger gap wrong? | They cannot say: it comes from another recipe and other maps |
 # | Is the recipe fair to both? | Not quite: it was tuned with the centred map |
-# | Is it the centring? | Perhaps it is also how the position is given, as a single 1 among 961 cells |
+# | Is it the centring alone? | Open: the other frame also gives the position differently, as a single 1 |
 #
 # An ablation answers one question. Write it down beforehand, and also which result would mean *no*.
 #
