@@ -108,9 +108,9 @@ draw_maps({f"γ = {gamma}": fly(300, gamma)[0] for gamma in (0.5, 0.95, 1.0)}, n
 # ## 5.2 A network in the table's place
 #
 # A table for the paper's city would need a row for every mix of places, times and amounts of data. Nobody could visit
-# them all. A network computes the four Q-values from its inputs, here the row and the column, so it has an answer even
-# for cells that it never saw. Gradient descent takes the part of $\alpha$: the loss is $(y-Q)^2$, and the
-# weights $\theta$ move a little downhill.
+# them all. A network computes the Q-values from its inputs, here the row and the column, so it has an answer even for
+# cells that it never saw. The loss is $(y-Q)^2$, and instead of $\alpha$ a step of gradient descent moves the weights
+# $\theta$.
 #
 # The steps of one flight are much alike, and a network that learns from them in order forgets the rest of the city. So
 # all steps go into a **replay memory**, and the network learns from a *minibatch* drawn at random. The paper's **combined
@@ -129,6 +129,9 @@ memory = memory[~((memory[:, :2] == 1).all(1) | (memory[:, 4:6] == 1).all(1))]
 
 def network():
     return nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
+
+# %% [markdown]
+# A minibatch gives the targets and the loss. The rest is as in notebook 4.
 
 # %%
 def loss_of(online, target):
@@ -198,7 +201,7 @@ draw_maps({"the table": fly(300)[0], "the network": values}, numbers=True)
 #
 # ## 5.4 Exploring
 #
-# In a large city random flights get nowhere, so the agent should use what it has learned. But if it always takes the
+# In a large city random flights rarely get far, so the agent should use what it has learned. But if it always takes the
 # action that seems best, it never finds out that another is better. The paper draws from a **softmax policy**:
 #
 # $$\pi(a\mid s)=\frac{\exp(Q(s,a)/\beta)}{\sum_{a'}\exp(Q(s,a')/\beta)}$$
@@ -251,17 +254,16 @@ print("".join(inspect.getsource(ddqn_target).splitlines(True)[-2:]))
 
 # %%
 chooser, own = torch.randn(2, 20_000, 6)
-zero, one = torch.zeros(20_000), torch.ones(20_000)
 for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a stranger", 0.0)):
     judge = share * chooser + (1 - share**2) ** 0.5 * own
-    y = ddqn_target(zero, one, chooser, judge)
+    y = ddqn_target(torch.zeros(20_000), torch.ones(20_000), chooser, judge)
     print(f"{name:<19} mean target {y.mean():5.2f}")
 
 # %% [markdown]
 # The right target is 0. The chooser flatters itself, and a stranger does not. The target network, an older copy, is a
 # related judge: it reduces the bias and does not remove it.
 #
-# **DDQN** means *double deep Q-network*: a deep network in the table's place, and a target with a chooser and a judge.
+# **DDQN** means *double deep Q-network*: a deep network in the table's place, and a chooser and a judge.
 #
 # ## 5.6 The paper's network
 #
