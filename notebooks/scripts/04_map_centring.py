@@ -99,10 +99,9 @@ stopped, running = [fly_with_clock_at(units) for units in times], fly(agent)
 from matplotlib import pyplot as plt
 
 figure, ax = plt.subplots(figsize=(6, 3.4), layout="constrained")
-both = "collected_and_landed"
-for name, style in (("landed", "o:"), ("collected", "s--"), (both, "^-")):
+for name, style in (("landed", "o:"), ("collected", "s--"), ("collected_and_landed", "^-")):
     ax.plot(times, [flights[name].mean for flights in stopped], style, label=name.replace("_", " "))
-ax.axhline(running[both].mean, color="black", label="collected and landed, true time")
+ax.axhline(running["collected_and_landed"].mean, color="black", label="the same, true time")
 ax.set(xlabel="units of time on the stopped clock", ylabel="share of 200 missions")
 figure.legend(loc="outside right upper", fontsize="small");
 
@@ -145,11 +144,10 @@ draw_maps({f"UAV at {uav}": centre(world, *uav, 0.3) for uav in ((0, 0), (8, 7),
 # %%
 inputs = np.array([[0, 1, 1], [0, 1, 1], [0, 0, 1]])
 weights = np.array([[-1, 0, 1]] * 3)
-print("output:", (inputs * weights).sum())
 draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, numbers=True)
 
 # %% [markdown]
-# Something is on the right and nothing on the left, so the output is large.
+# The output is 3. It is large because something is on the right and nothing on the left.
 #
 # Now move this neuron across a larger picture, like a window, and write down its output at each place. That is a
 # **convolution**, and its weights are a *kernel*. It finds the western edge of a building anywhere in the city.
@@ -223,7 +221,8 @@ pairs = np.r_[np.flatnonzero(near)[:4000], np.flatnonzero(~near)[:4000]]
 uav, device, y = uav[pairs], device[pairs], torch.tensor(2 * near[pairs] - 1)
 
 # %% [markdown]
-# A single neuron learns from each frame, then a network of 33. Half of the pairs are for training, the others for a test.
+# A single neuron learns from each frame, then a network of 33 neurons. Half of the pairs are for training, the others for
+# a test.
 
 # %%
 torch.manual_seed(0)

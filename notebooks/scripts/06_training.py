@@ -123,8 +123,9 @@ draw(ax, trainer.validation_rows, "the village")
 
 # %% [markdown]
 # At step 0 the weights are random, and yet such an agent may *collect* half of the data: the village is so small that the
-# radio reaches most of it from anywhere. But nothing comes home until it learns to land. So look at **collected and
-# landed**, the data of the flights that also landed. At the end that is most of the data.
+# radio reaches most of it from anywhere. But a UAV that crashes brings nothing home. So look at **collected and landed**,
+# the data of the flights that also landed. At the end that is most of the data. To watch such a training live, open the
+# labs with `python -m uavdh_lite app` and take the tool *Train*.
 
 # %%
 last = trainer.validation_rows[-1]
@@ -198,7 +199,7 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # ## 6.5 Two recipes
 #
 # The library has the paper's method with two sets of constants. `paper` takes those of the authors' code. `lite` is ours
-# and trained the agent. It is made for a computer without a graphics card, and each departure has a purpose:
+# and trained the agent. It is made for a computer without a graphics card. These are its main departures:
 #
 # | in `lite` | what it is for |
 # | --- | --- |
@@ -239,9 +240,9 @@ for name, table in (("paper", paper), ("lite", lite)):
 #
 # - Training is a loop: act, step, add, sample, update. The agent makes its own data.
 # - A validation flies missions that training never sees, always with the best action.
-# - Look at landed, collected, and collected and landed together. The loss says least.
+# - Look at landed and collected together. The loss says least.
 # - With a large penalty from the start an agent gets lazy, and without one it never comes home.
-# - A recipe holds all constants. Every departure from the paper's needs a purpose and a test.
+# - A recipe holds all constants. Every departure from the paper's needs a purpose.
 #
 # ## Exercises
 #
