@@ -55,8 +55,8 @@ def step(cell, action):
     return after, 10 * at_device - 0.2, at_device
 
 # %% [markdown]
-# We keep a table $Q$ with a number for each cell and action, all 0 at first. A step earns the reward $r$ and leads to the
-# cell $s'$. Together they say better what the action was worth. That is the **target**
+# We keep a table $Q$ with a number for each cell $s$ and action $a$, all 0 at first. A step earns the reward $r$ and leads
+# to the cell $s'$. Together they give a better idea of what the action was worth, the **target**
 #
 # $$y=r+\gamma\max_{a'}Q(s',a')$$
 #
