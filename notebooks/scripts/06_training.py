@@ -212,6 +212,12 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # | crash from −10 to −150 | first fly far, then land in time |
 # | half of the episodes start anywhere | late situations are met early |
 #
+# With three rewards before the Q-value the target is
+#
+# $$y=r_t+\gamma r_{t+1}+\gamma^2r_{t+2}+\gamma^3\,Q_{\bar\theta}\big(s_{t+3},\arg\max_{a'}Q_\theta(s_{t+3},a')\big)$$
+#
+# If the episode ends within these steps, the sum ends there, without a $Q$.
+#
 # The **paper's own recipe** makes an update for every single step. A million of them take a day or more on two cores. The
 # picture shows as much of such a run as is recorded. The curves are *training* flights again, and each recipe explores in
 # its own way.
