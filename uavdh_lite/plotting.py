@@ -279,6 +279,30 @@ def draw_study(figure: Figure, table: dict[str, np.ndarray]) -> None:
     axes[0].legend()
 
 
+def draw_maps(maps: dict[str, np.ndarray], numbers: bool = False) -> Figure:
+    """Small pictures of arrays with their names, three in a row: white is 0, blue more, red less.
+
+    Arguments:
+        maps: name and values, (rows, columns), of each; tensors will do.
+        numbers: write the value of each cell into it.
+    """
+    rows = -(-len(maps) // 3)
+    figure = Figure(figsize=(7, 2.6 * rows), layout="constrained")
+    axes = figure.subplots(rows, 3, squeeze=False).ravel()
+    for ax in axes:
+        ax.set_axis_off()
+    for ax, (name, given) in zip(axes, maps.items(), strict=False):
+        values = np.asarray(given)
+        most = abs(values).max() or 1
+        ax.imshow(values, "RdBu", vmin=-most, vmax=most)
+        ax.add_patch(Rectangle((0, 0), 1, 1, transform=ax.transAxes, fill=False, edgecolor="0.5"))
+        ax.set_title(name, fontsize="medium")
+        for (row, col), value in np.ndenumerate(values) if numbers else ():
+            colour = "white" if abs(value) > 0.6 * most else "black"
+            ax.text(col, row, f"{value.round(1) + 0:g}", ha="center", va="center", color=colour)
+    return figure
+
+
 def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure to a file, atomically; the format follows the suffix.
 

@@ -163,3 +163,14 @@ def test_an_animation_shows_each_step_and_waits_at_the_end(corridor, tmp_path):
     with Image.open(tmp_path / "flight.gif") as film:
         durations = [frame.info["duration"] for frame in ImageSequence.Iterator(film)]
     assert len(durations) == 4 and durations[-1] > 5 * durations[0] > 0
+
+
+def test_maps_stand_three_in_a_row_with_names_and_numbers():
+    maps = {"one": np.array([[0.0, -2.04], [1.5, 0.0]]), "two": np.zeros((2, 2))}
+    first, second, empty = plotting.draw_maps(maps, numbers=True).axes
+    assert [ax.get_title() for ax in (first, second, empty)] == ["one", "two", ""]
+    assert [text.get_text() for text in first.texts] == ["0", "-2", "1.5", "0"]
+    low, zero, high = (first.images[0].cmap(first.images[0].norm(v)) for v in (-2.04, 0, 2.04))
+    assert low[0] > low[2] and high[2] > high[0]  # red, blue
+    assert min(zero[:3]) > 0.95 and not empty.images
+    assert len(plotting.draw_maps(dict.fromkeys("abcd", np.zeros((1, 1)))).axes) == 6
