@@ -1,7 +1,7 @@
 # %% [markdown]
 # # 8 · Evaluation
 #
-# The agent brings home 96 % of the data. Is that good? How sure can you be? And what does a mean hide? The
+# The agent brings home 96 % of the data. **Is that good? How sure can you be? And what does a mean hide?** The
 # picture has part of an answer: the agent beside a simple rule and beside a search that knows the channel, each with a 95 %
 # interval.
 
@@ -40,7 +40,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Compare the agent with the paper, with chance and with two planners on the same 1000 missions; find the missions in which it falls behind; fly one mission again with other luck |
 # | **What you'll learn** | Random streams, Wilson's interval, why the best checkpoint looks too good, how many missions a claim needs |
-# | **What you'll need** | Notebooks 3, 6 and 7. 55 minutes to read, 20 seconds to run |
+# | **What you'll need** | Notebooks 3, 6 and 7. 55 minutes to read, 20 seconds to run; 24 minutes of exercises |
 #
 # ## 8.1 Where the numbers come from
 #
