@@ -136,9 +136,10 @@ def execute(script: Path) -> None:
         _run(client, NOTE_FILES)
         for number, cell in enumerate(notebook.cells):
             client.execute_cell(cell, number)
-        opened = {(HERE / path).resolve() for path in _run(client, "", "sorted(sys.opened)")}
+        opened = _run(client, "", "chr(10).join(sys.opened)").splitlines()
     data = (HERE.parent / "data").resolve()
-    read = (path.relative_to(data).as_posix() for path in opened if path.is_relative_to(data))
+    paths = {(HERE / path).resolve() for path in opened}
+    read = {path.relative_to(data).as_posix() for path in paths if path.is_relative_to(data)}
     notebook.metadata["uavdh_lite"]["read"] = file_hashes(sorted(read))
     notebook.metadata.pop("widgets", None)
     _keep_pages(notebook)

@@ -54,12 +54,15 @@ figure
 # | genie | also the mean rate from every cell to every device. It searches whole flights for the most data |
 # | random | nothing. It draws its actions |
 #
-# Each city has an agent of its own: `manhattan_ddqn`, which you know from the course, and `open_field_ddqn`. The next cell
-# sorts the recorded missions by policy.
+# Each city has an agent of its own: `manhattan_ddqn`, which you know from the course, and `open_field_ddqn`.
 
 # %%
 import numpy as np
 import torch
+from matplotlib.figure import Figure
+
+from uavdh_lite.evaluation import bootstrap_interval, mean_interval, wilson_interval
+from uavdh_lite.storage import read_table
 
 torch.set_num_threads(1)  # the networks are small
 BOTH = "collected_and_landed"
@@ -74,8 +77,7 @@ cities = {city: recorded(city) for city in ("manhattan", "open_field")}
 
 # %% [markdown]
 # The score is *collected and landed*: the share of the data that a flight brings home, and 0 if it crashes. It needs no
-# constants, and missions with little data count as much as missions with a lot. The *return* is the other score.
-# It depends on what a step and a crash cost, here 0.2 and 150 as in notebook 3.
+# constants. The *return* does: a step costs 0.2 and a crash 150, as in notebook 3.
 #
 # ### Random numbers
 #
@@ -158,8 +160,6 @@ Quiz("all_landed")
 # Both, for three results:
 
 # %%
-from uavdh_lite.evaluation import bootstrap_interval, wilson_interval
-
 for count in (995, 999, 1000):
     share, low, high = wilson_interval(np.arange(1000) < count)
     error = 1.96 * np.sqrt(share * (1 - share) / 1000)
@@ -174,22 +174,12 @@ for count in (995, 999, 1000):
 # a coin would say whose crash each of the six was. In one of five tries, six coins fall five to one or six to nothing. So
 # that is no proof.
 #
-# Shares that are not just 0 or 1 get the *bootstrap*. It draws 1000 missions out of our 1000, with
-# replacement, and takes their mean. It does so again and again. The middle 95 % of these means are the interval:
-
-# %%
-values = cities["manhattan"]["agent"][BOTH]
-generator = np.random.default_rng(0)
-means = [generator.choice(values, 1000).mean() for _ in range(2000)]
-print(np.quantile(means, [0.025, 0.975]).round(3))
-
-# %% [markdown]
-# This covers the luck of the missions. It says nothing about the luck of training. For a claim about a *method*, the runs
-# are the sample, as in notebook 7.
+# All other means have the bootstrap of notebook 7. Both cover the luck of the missions and not the luck of training. For a claim
+# about a *method*, the runs are the sample.
 #
 # ## 8.3 Next to the planners
 #
-# Is 96 % good? A number alone cannot answer. It needs something simple beside it, and something near the best that can be done.
+# Is 96 % good? The number needs something simple beside it, and something near the best that can be done.
 
 # %%
 for city, results in cities.items():
@@ -201,9 +191,8 @@ for city, results in cities.items():
 # Random lands in four of five missions, because it starts in the landing zone and soon draws `land`. It
 # brings home next to nothing.
 #
-# Greedy is the surprise. A rule of a few lines does about as well as the trained network. A paper without such a baseline
-# does not show that its learner was worth the training. How sure is the order? Both flew the same missions, so take the
-# paired difference of notebook 7:
+# Greedy does about as well as the trained network, as you saw in notebook 7. A paper without such a baseline does not show that
+# its learner was worth the training. Which of the two is ahead? The paired differences:
 
 # %%
 for city, results in cities.items():
@@ -227,6 +216,8 @@ for city, results in cities.items():
 # times:
 
 # %%
+values = cities["manhattan"]["agent"][BOTH]
+generator = np.random.default_rng(0)
 for missions in (200, 1000):
     scores = generator.choice(values, (300, 20, missions)).mean(2)
     best = scores.max(1).mean()
@@ -245,7 +236,7 @@ for missions in (200, 1000):
 
 # %%
 from uavdh_lite.experiments.comparison import breakdown
-from uavdh_lite.plotting import ORANGE
+from uavdh_lite.plotting import BLUE, ORANGE
 
 city = cities["manhattan"]
 figure = Figure(figsize=(8, 3), layout="constrained")
@@ -270,8 +261,7 @@ figure
 #
 # ## 8.6 Failures, one by one
 #
-# Numbers say how often something goes wrong. To see *what* goes wrong, fly the worst missions again. Worst are those in which
-# the agent is furthest behind the genie:
+# To see *what* goes wrong, fly the worst missions again, those in which the agent is furthest behind the genie:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -361,8 +351,8 @@ play(agent.environment, two)
 
 # %% [markdown]
 # The flights begin alike and part later. The agent sees luck only as data that is left, and a little more or less of
-# it at a device tips a decision. Yet luck hardly changes what is brought home. A flight has some two hundred
-# communication slots, and over so many most of the luck averages out. What differs between missions is the mission.
+# it tips a decision. Yet luck hardly changes what is brought home. A flight has some two hundred
+# communication slots, and over so many most of the luck averages out.
 #
 # ## 8.9 One thing changed
 #
@@ -390,8 +380,8 @@ figure
 # far one until it hears it well enough. With a quarter of the data there, it turns back earlier. One flight might be
 # luck. The 20 draws printed above say that it is not: every flight with a quarter of the data is shorter than every flight with equal data.
 #
-# So one policy reacts to devices, data and time, because they are in the state. Nobody trained it for this mission. But its
-# behaviour is learned and not computed. To trust it, count over many missions, and look at the worst.
+# Nobody trained the agent for this mission. It reacts to the data because the data is in the state. But what it does is learned
+# and not computed. To trust it, count over many missions, and look at the worst.
 #
 # ## Recap
 #

@@ -73,13 +73,13 @@ for variant, size in SIZES.items():
 #
 # ## 9.2 How old is what it learns from?
 #
-# The recipe flies 16 missions at once. After each of their steps comes one update, which draws 64 steps from the memory. So a step is drawn
-# $64/16 = 4$ times on average before it is forgotten. That holds for a memory of any size. A larger
-# one keeps a step longer but draws it less often.
+# A replay memory is a *ring buffer*: when it is full, the newest step takes the place of the oldest. The recipe flies 16
+# missions at once. After each of their steps comes one update, which draws 64 steps from the memory. So a step is drawn
+# $64/16 = 4$ times on average before it is forgotten. That holds for a memory of any size. A larger one keeps a step longer but
+# draws it less often.
 #
 # What the size does change is how *old* the drawn steps are. A memory of 250 holds the last 16 steps of each of the 16
-# missions, not much more than the flights that are in the air. A memory of 40,000 holds 2500 steps of each, which are hundreds of
-# flights.
+# missions. That is less than a flight. A memory of 40,000 holds 2500 steps of each, which are more than a thousand flights in all.
 #
 # Is old good or bad? Both, as a very small example shows.
 #
@@ -177,16 +177,16 @@ figure
 
 # %% [markdown]
 # Look at the left side first. While the device is near, both memories learn such missions. Then the missions change. With a memory
-# of 200 steps, the share of right actions falls within a hundred updates, in every run. Nothing was wrong with what the network
-# knew. It was overwritten: an update for one state moves weights that other states use as well, and the memory holds no step
-# that would object. Later the share recovers in part, since far and near missions have something in common.
+# of 200 steps the share of right actions drops steeply in every run, in the mean from nine states in ten to about four. Nothing was
+# wrong with what the network knew. It was overwritten: an update for one state moves weights that other states use as well, and
+# the memory holds no step that would object. Later the share recovers in part, since far and near missions have something in common.
 #
 # With the large memory hardly anything is lost. Near missions are no longer flown, but they are still drawn, so the
 # network has to stay right about them.
 #
-# Now the right side. Here the small memory is ahead. It holds nothing but far missions, while at first most of what the large one
-# draws is the past. So a memory has two sides. It keeps what is no longer flown, and it is slow to follow when the
-# world changes. *Combined* replay, which puts the newest step into every minibatch, softens the second.
+# Now the right side. By the end the small memory is ahead in the mean, though some runs overlap. It holds nothing but far missions, while
+# even at the end half of what the large one draws is the past. So a large memory keeps what is no longer flown, and it is
+# slow to follow when the world changes. *Combined* replay, which puts the newest step into every minibatch, softens that.
 #
 # In the village the missions do not change half way. But a memory of 250 steps holds little more than the flights in the air. As they
 # change, the network is pulled from one handful of missions to the next, and forgets. That is the likely reason for the failures in
@@ -259,12 +259,12 @@ ax.imshow(maps[0, 2] * (1 + near[0] + 2 * other[0]), cmap=colours, vmin=0, vmax=
 ax.plot(15, 15, "^", color="white", mec="black", ms=10)
 row, col = maps[0, 3].nonzero()[0]
 ax.plot(col, row, "X", color=BLUE, mec="white", ms=11)
-ax.set(xlim=(8.5, 21.5), ylim=(21.5, 8.5), xlabel="column of the centred map", ylabel="row")
+ax.set(xlim=(8.5, 21.5), ylim=(21.5, 8.5), xticks=range(9, 22, 3), yticks=range(9, 22, 3))
 figure
 
 # %% [markdown]
-# The triangle is the UAV, the blue cross the device. Wiping out the red building opens the line of sight, or part of it. Wiping
-# out the green one changes nothing between the two. How much more does the network expect, in its largest Q-value?
+# The triangle is the UAV, the blue cross the device. Wiping out what is orange clears the way between them. Wiping out what is green
+# changes nothing there. How much more does the network expect, in its largest Q-value?
 #
 # Two agents are asked, one for each of the paper's cities. A network of the same shape without any training is asked as well.
 
@@ -286,16 +286,16 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
         before = value(network, maps, time, near & False)
         gains = [value(network, maps, time, removed) - before for removed in (near, other)]
         more = "{:+.2f} ({:+.2f} to {:+.2f})".format(*bootstrap_interval(gains[0] - gains[1]))
-        print(f"{name:<16}{kind:<10}in between {gains[0].mean():+.2f}, other side",
-              f"{gains[1].mean():+.2f}, difference {more}")
+        print(f"{name} {kind}, worth {before.mean():.1f}: orange {gains[0].mean():+.2f},",
+              f"green {gains[1].mean():+.2f}, difference {more}, > 0: {(gains[0] > gains[1]).mean():.0%}")
 
 # %% [markdown]
 # The untrained networks hardly notice. Both trained ones expect more when any building disappears, and clearly more when it is one
 # that was in the way. So they have learned, from rewards alone, that buildings *between* them and a device cost something, and
 # they look at them.
 #
-# Neither has become a ray tracer. The difference is small next to what these states are worth, which is about ten, and in more
-# than a quarter of the states it is the other way round. Also, a city with a missing building is new to such a network. The
+# Neither has become a ray tracer. The difference is small next to what these states are worth, and in three of ten
+# states there is none, or it is the other way round. Also, a city with a missing building is new to such a network. The
 # test shows what it looks at. It does not show how well it would fly there.
 #
 # This is a way of asking that works for any network and any question. Change one thing in the input that should matter, change something like it that

@@ -98,8 +98,8 @@ print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in b
 # the buildings. An agent that wakes up in another city each time has to look.
 #
 # Let it fly 300 missions over the hundred unseen cities. Beside it fly the greedy rule, a random pilot, and an agent that has
-# learned in Manhattan only. The two agents have the *failsafe*: a move that would make it impossible to be home in time is
-# never taken.
+# learned in Manhattan only. All fly with the *failsafe*: a move that would make it impossible to be home in time is
+# never flown.
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval, evaluate
