@@ -247,7 +247,6 @@ def question(agent):
     return maps[enough], time[enough], near[enough], other[enough]
 
 maps, time, near, other = question(load_agent("manhattan_ddqn"))
-print(f"{len(maps)} states")
 
 # %%
 from matplotlib.colors import ListedColormap
@@ -287,7 +286,8 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
         gains = [value(network, maps, time, removed) - before for removed in (near, other)]
         more = "{:+.2f} ({:+.2f} to {:+.2f})".format(*bootstrap_interval(gains[0] - gains[1]))
         print(f"{name} {kind}, worth {before.mean():.1f}: orange {gains[0].mean():+.2f},",
-              f"green {gains[1].mean():+.2f}, difference {more}, > 0: {(gains[0] > gains[1]).mean():.0%}")
+              f"green {gains[1].mean():+.2f}, difference {more},",
+              f"above 0 in {(gains[0] > gains[1]).mean():.0%}")
 
 # %% [markdown]
 # The untrained networks hardly notice. Both trained ones expect more when any building disappears, and clearly more when it is one
