@@ -218,7 +218,7 @@ figure
 # %% [markdown]
 # The curves close on each other. A single city is learned by heart: level with greedy there, and almost twenty points behind it
 # elsewhere. With ten cities the gap between the curves is about ten points, and with a hundred still about five. With 2000 cities it
-# is gone, as far as 500 missions can tell.
+# is gone. That the curves even cross may be luck, as each point is a mean over 500 missions only.
 #
 # Notice what happens on the way. The blue curve falls, because many cities are harder to know than one. The red curve rises,
 # because what holds in many cities also holds in the next. Where they meet, nothing more is learned by
