@@ -3,16 +3,17 @@
     python notebooks/execute.py          # those whose source changed since they were executed
     python notebooks/execute.py 01 03    # these, whether they changed or not
 
-The scripts are the source (jupytext's percent format). A notebook keeps a hash of the source that
-it was executed from, and of the shipped agents and runs that it names; the tests compare it, so
-that no outputs of another source are kept. The exercises, scripts/exercises/NN_topic.py, become
+The scripts are the source (jupytext's percent format). A notebook keeps hashes of the source that
+it was executed from, and of the files of `data` that it read; the tests compare them, so that no
+outputs of another source are kept. The exercises, scripts/exercises/NN_topic.py, become
 solutions/NN_topic/NN_topic.ipynb, and from these exercises/NN_topic/NN_topic.ipynb for students.
 """
 
 import argparse
 import hashlib
-import re
 import sys
+from ast import literal_eval
+from collections.abc import Iterable
 from pathlib import Path
 
 import jupytext
@@ -24,6 +25,23 @@ from uavdh_lite.storage import write_atomically
 
 HERE = Path(__file__).parent
 SECONDS = 300  # for one cell, at most
+NOTE_FILES = """
+import sys
+import safetensors
+
+sys.opened, _open = set(), safetensors.safe_open
+
+def _note(event, given):
+    if event == "open" and isinstance(given[0], str):
+        sys.opened.add(given[0])
+
+def _note_safetensors(path, *options, **named):  # its files are opened outside of Python
+    sys.opened.add(str(path))
+    return _open(path, *options, **named)
+
+sys.addaudithook(_note)
+safetensors.safe_open = _note_safetensors
+"""
 
 
 def scripts() -> list[Path]:
@@ -45,15 +63,18 @@ def notebook_of(script: Path) -> Path:
 
 
 def source_hash(notebook: nbformat.NotebookNode) -> str:
-    """SHA-256 of the cells' types and sources, and of the shipped results that they name."""
+    """SHA-256 of the cells' types and sources."""
     text = "\0".join(f"{cell.cell_type}\0{cell.source}" for cell in notebook.cells)
-    digest = hashlib.sha256(text.encode())
-    words = set(re.findall(r"[\w-]+", text))
-    for folder in ("checkpoints", "runs"):
-        for path in sorted((HERE.parent / "data" / folder).iterdir()):
-            if path.name.partition(".")[0] in words:
-                digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def file_hashes(paths: Iterable[str]) -> dict[str, str]:
+    """SHA-256 of files in `data`, by their paths in it; "missing" of one that is not there."""
+    files = {path: HERE.parent / "data" / path for path in paths}
+    return {
+        path: hashlib.sha256(file.read_bytes()).hexdigest() if file.exists() else "missing"
+        for path, file in files.items()
+    }
 
 
 def from_script(script: Path) -> nbformat.NotebookNode:
@@ -78,9 +99,10 @@ def is_fresh(script: Path) -> bool:
     path = notebook_of(script)
     if not path.exists():
         return False
-    kept = nbformat.read(path, as_version=4)
-    expected = from_script(script).metadata["uavdh_lite"]["source_sha256"]
-    return kept.metadata.get("uavdh_lite", {}).get("source_sha256") == expected
+    kept = nbformat.read(path, as_version=4).metadata.get("uavdh_lite", {})
+    read = kept.get("read", {})
+    source = from_script(script).metadata["uavdh_lite"]["source_sha256"]
+    return kept.get("source_sha256") == source and read == file_hashes(read)
 
 
 def _keep_pages(notebook: nbformat.NotebookNode) -> None:
@@ -91,10 +113,17 @@ def _keep_pages(notebook: nbformat.NotebookNode) -> None:
                 output.data.pop("application/vnd.jupyter.widget-view+json", None)
 
 
+def _run(client: NotebookClient, code: str, value: str = "None"):
+    """Run code that is no cell in the notebook's kernel; the value of an expression after it."""
+    asked = client.kc.execute(code, store_history=False, user_expressions={"value": value})
+    answer = client.wait_for_reply(asked)["content"]["user_expressions"]["value"]
+    return literal_eval(answer["data"]["text/plain"])
+
+
 def execute(script: Path) -> None:
     """Execute the notebook from top to bottom on a fresh kernel, and write it with outputs."""
     notebook = from_script(script)
-    NotebookClient(
+    client = NotebookClient(
         notebook,
         timeout=SECONDS,
         kernel_name="python3",
@@ -102,7 +131,16 @@ def execute(script: Path) -> None:
         store_widget_state=False,
         coalesce_streams=True,  # what one cell prints is one output
         resources={"metadata": {"path": str(HERE)}},
-    ).execute()
+    )
+    with client.setup_kernel():
+        _run(client, NOTE_FILES)
+        for number, cell in enumerate(notebook.cells):
+            client.execute_cell(cell, number)
+        opened = _run(client, "", "chr(10).join(sys.opened)").splitlines()
+    data = (HERE.parent / "data").resolve()
+    paths = {(HERE / path).resolve() for path in opened}
+    read = {path.relative_to(data).as_posix() for path in paths if path.is_relative_to(data)}
+    notebook.metadata["uavdh_lite"]["read"] = file_hashes(sorted(read))
     notebook.metadata.pop("widgets", None)
     _keep_pages(notebook)
     notebook.metadata.language_info = {"name": "python"}

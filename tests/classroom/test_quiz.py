@@ -18,9 +18,9 @@ ASKED = {
 }
 
 
-def test_every_question_is_asked_and_every_tutorial_asks_one():
+def test_every_question_is_asked_and_every_notebook_of_the_course_asks_one():
     assert set(ASKED) == set(questions())
-    assert {stem[:2] for stem in ASKED.values()} == {f"{n:02d}" for n in (*range(10), 12, 13)}
+    assert {stem[:2] for stem in ASKED.values()} >= {f"{n:02d}" for n in range(8)}
 
 
 @pytest.mark.parametrize("name", questions())

@@ -1,4 +1,4 @@
-"""The notebooks' form: pairs, fresh outputs, the template. nbval runs what is in them."""
+"""The notebooks' form: pairs, fresh outputs, the template, how long. nbval runs what is in them."""
 
 import re
 from pathlib import Path
@@ -6,11 +6,13 @@ from statistics import median
 
 import execute
 import nbformat
+import numpy as np
 import pytest
+from safetensors.numpy import save_file
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 SECTIONS = ("What you'll do", "What you'll learn", "What you'll need", "Recap", "Exercises")
-
+COURSE = range(8)  # the numbers of its notebooks; the others go further
 
 SCRIPTS = execute.scripts()
 
@@ -31,6 +33,31 @@ def code(notebook):
 
 def text(notebook):
     return "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
+
+
+def is_hidden(cell):
+    return any("hide" in tag or "remove" in tag for tag in cell.metadata.get("tags", ()))
+
+
+def lines(cells):
+    """Lines of code that a reader reads: no empty ones, comments or magics."""
+    every = (line for cell in cells for line in cell.source.splitlines())
+    return [line for line in every if line.strip() and line.strip()[0] not in "#%"]
+
+
+def reading(notebook):
+    """Lines of code, and minutes that a novice needs: for words, lines and figures."""
+    shown = [cell for cell in code(notebook) if not is_hidden(cell)]
+    figures = sum("image/png" in o.get("data", {}) for cell in shown for o in cell.outputs)
+    words, count = len(text(notebook).split()), len(lines(shown))
+    return count, words / 60 + count / 5 + figures / 2
+
+
+def stated(notebook):
+    """Minutes to read and seconds to run, as the notebook says."""
+    found = re.search(r"(\d+) minutes to read, (\d+) seconds to run", text(notebook))
+    assert found, "no “N minutes to read, N seconds to run”"
+    return tuple(map(int, found.groups()))
 
 
 def test_every_notebook_has_its_script():
@@ -60,29 +87,67 @@ def test_solutions_are_right(notebook):
 
 
 def test_tutorials_and_exercises_have_the_same_names():
-    """All but the one about other libraries, whose few exercises are in the tutorial."""
-    tutorials = [s.name for s in SCRIPTS if s.name != "11_gymnasium.py"]
-    assert [s.name for s in execute.exercise_scripts()] == tutorials
+    assert [s.name for s in execute.exercise_scripts()] == [s.name for s in SCRIPTS]
 
 
-def test_a_changed_script_is_stale_and_one_that_names_a_changed_result(tmp_path, monkeypatch):
-    named = ("checkpoints/manhattan_ddqn.safetensors", "runs/centring-village.csv.gz")
-    others = ("checkpoints/manhattan.safetensors", "runs/centring-village-training.csv.gz")
-    results = {name: tmp_path / "data" / name for name in named + others}
+def test_an_afternoon_holds_it(script, notebook):
+    count, minutes = reading(notebook)
+    if int(script.stem[:2]) in COURSE:
+        assert count <= 90 and minutes <= 40, (count, minutes)
+    else:
+        assert count <= 110 and 40 <= minutes <= 60, (count, minutes)
+    assert [
+        line for cell in code(notebook) for line in cell.source.splitlines() if line[100:]
+    ] == []
+
+
+def test_little_is_hidden(notebook):
+    """The first cell, and code of the picture that a notebook opens with."""
+    hidden = [cell for cell in code(notebook) if is_hidden(cell)]
+    assert hidden == code(notebook)[: len(hidden)] and len(lines(hidden[1:])) <= 30
+
+
+def test_the_stated_minutes_are_those_of_a_novice(notebook):
+    _, minutes = reading(notebook)
+    assert 0.75 * minutes <= stated(notebook)[0] <= 1.25 * minutes, minutes
+
+
+def test_a_notebook_is_stale_if_its_source_or_what_it_read_changed(tmp_path, monkeypatch):
+    results = {name: tmp_path / "data" / name for name in ("runs/a.csv", "runs/b.csv")}
     for path in results.values():
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("before")
     script = tmp_path / "notebooks" / "00_test.py"
     script.parent.mkdir()
-    script.write_text('# %%\nload_agent("manhattan_ddqn"), "data/runs/centring-village.csv.gz"\n')
+    script.write_text('# %%\nname = "a"\nopen(f"../data/runs/{name}.csv").read()\n')
     monkeypatch.setattr(execute, "HERE", script.parent)
-    nbformat.write(execute.from_script(script), execute.notebook_of(script))
+    execute.execute(script)
     for name, path in results.items():
         path.write_text("after")
-        assert execute.is_fresh(script) == (name in others)
+        assert execute.is_fresh(script) == (name == "runs/b.csv")
+        path.unlink()
+        assert execute.is_fresh(script) == (name == "runs/b.csv")
         path.write_text("before")
         assert execute.is_fresh(script)
     script.write_text(f"{script.read_text()}\n# %%\n1 + 1\n")
+    assert not execute.is_fresh(script)
+
+
+def test_reading_an_agent_counts(tmp_path, monkeypatch):
+    """Its file is opened by a library that is not written in Python."""
+    data = tmp_path / "data"
+    data.mkdir()
+    save_file({"weight": np.zeros(1)}, data / "agent.safetensors")
+    script = tmp_path / "notebooks" / "00_test.py"
+    script.parent.mkdir()
+    script.write_text(
+        "# %%\nfrom safetensors import safe_open\n"
+        'safe_open("../data/agent.safetensors", framework="np").keys()\n'
+    )
+    monkeypatch.setattr(execute, "HERE", script.parent)
+    execute.execute(script)
+    assert execute.is_fresh(script)
+    save_file({"weight": np.ones(1)}, data / "agent.safetensors")
     assert not execute.is_fresh(script)
 
 
@@ -99,8 +164,7 @@ def test_template(notebook):
     assert notebook.cells[0].source.startswith("# ")
     for section in SECTIONS:
         assert section in words, section
-    assert re.search(r"\d+ minutes to read, \d+ seconds to run; \d+ minutes of exercises", words)
-    lengths = [len(cell.source.splitlines()) for cell in code(notebook)[1:]]
+    lengths = [len(cell.source.splitlines()) for cell in code(notebook) if not is_hidden(cell)]
     assert median(lengths) <= 6
     assert sorted(lengths)[int(0.8 * len(lengths))] <= 12
     assert any("image/png" in o.get("data", {}) for cell in code(notebook) for o in cell.outputs)
@@ -108,7 +172,7 @@ def test_template(notebook):
 
 def test_the_list_of_tutorials_says_how_long_each_takes(script, notebook):
     index = (execute.HERE.parent / "docs" / "tutorials" / "index.md").read_text()
-    read, run = re.search(r"(\d+) minutes to read, (\d+) seconds to run", text(notebook)).groups()
+    read, run = stated(notebook)
     assert re.search(rf"\({script.stem}\.ipynb\) \|.*\| {read} min \| {run} s \|", index)
 
 
