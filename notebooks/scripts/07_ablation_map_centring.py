@@ -190,6 +190,8 @@ for name, values in share.items():
 agent, greedy = share["manhattan_ddqn"], share["greedy"]
 apart = 1.96 * np.sqrt((agent.var() + greedy.var()) / len(agent))
 mean, low, high = bootstrap_interval(agent - greedy)
+
+# %%
 print(f"agent minus greedy: {mean:+.2%}")
 print(f"not paired: from {mean - apart:+.2%} to {mean + apart:+.2%}")
 print(f"paired:     from {low:+.2%} to {high:+.2%}")
