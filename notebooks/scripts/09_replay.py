@@ -94,11 +94,13 @@ import numpy as np
 
 WEST, EAST, LAND = range(3)
 cell, full, device, action = np.indices((12, 2, 12, 3)).reshape(4, -1)
+print(f"{len(cell)} steps, from {len(cell) // 3} states")
+
+# %%
 after = (cell + (action == EAST) - (action == WEST)).clip(0, 11)
 landed = (action == LAND) & (cell == 0)
 uploads = (full == 1) & (after == device) & ~landed
 reward = 10 * uploads - 0.2 * ~landed - ((action == LAND) & (cell > 0))
-print(f"{len(cell)} steps, from {len(cell) // 3} states")
 
 # %% [markdown]
 # Each step has a number from 0 to 863, so a memory is just a list of numbers. The right Q-values come from the target of
@@ -123,6 +125,7 @@ ones = np.eye(12)[cell[::3]], np.eye(12)[device[::3]], full[::3, None]
 states = torch.tensor(np.concatenate(ones, axis=1), dtype=torch.float32)
 rewards, discounts = torch.tensor(np.stack([reward, 0.95 * ~landed]), dtype=torch.float32)
 
+# %%
 def update(network, optimizer, drawn):
     with torch.no_grad():
         y = rewards[drawn] + discounts[drawn] * network(states[following[drawn]]).amax(1)
@@ -143,6 +146,7 @@ def right(network):
     good = best[range(288), network(states).argmax(1)] > best.max(1) - 1e-4
     return [good[kind[::3]].mean() for kind in kinds.values()]
 
+# %%
 def learn(capacity, seed):
     torch.manual_seed(seed)
     layers = nn.Linear(25, 32), nn.ReLU(), nn.Linear(32, 32), nn.ReLU(), nn.Linear(32, 3)
@@ -162,13 +166,15 @@ def learn(capacity, seed):
 # of each. Thin lines are runs, bold lines are means, and the missions change at the dotted line:
 
 # %%
+runs = {size: np.array([learn(size, seed) for seed in range(5)]) for size in (200, 32_000)}
+
+# %%
 figure, updates = Figure(figsize=(9, 3.2), layout="constrained"), np.arange(50, 2001, 50)
 axes = figure.subplots(1, 2, sharey=True)
-for capacity, colour in ((200, VERMILION), (32_000, BLUE)):
-    runs = np.array([learn(capacity, seed) for seed in range(5)])
-    for ax, shares in zip(axes, runs.transpose(2, 1, 0)):
+for (size, curves), colour in zip(runs.items(), (VERMILION, BLUE)):
+    for ax, shares in zip(axes, curves.transpose(2, 1, 0)):
         ax.plot(updates, shares, color=colour, lw=0.7, alpha=0.5)
-        ax.plot(updates, shares.mean(1), color=colour, lw=2.5, label=f"memory of {capacity:,}")
+        ax.plot(updates, shares.mean(1), color=colour, lw=2.5, label=f"memory of {size:,}")
 for ax, kind in zip(axes, kinds):
     ax.axvline(1000, color="black", ls=":")
     ax.set(title=f"device {kind}", xlabel="updates", ylabel="states with a right action")
@@ -212,6 +218,7 @@ def to_device(state, size):  # rows south and columns east, from the UAV
     cells = np.stack([state.device_cells[:, 0], state.uav_cell]).astype(int)
     return [place[0] - place[1] for place in np.divmod(cells, size)]
 
+# %%
 def hidden_devices(agent, generator):
     environment = agent.environment
     state = agent.scenario.sample_anywhere(environment, 20_000, generator, spare_time=5)
@@ -246,12 +253,15 @@ def question(agent):
     enough = (maps[:, 2] * other).sum((1, 2)) >= (maps[:, 2] * near).sum((1, 2))
     return maps[enough], time[enough], near[enough], other[enough]
 
+# %%
 maps, time, near, other = question(load_agent("manhattan_ddqn"))
 
 # %%
 from matplotlib.colors import ListedColormap
 
 colours = ListedColormap(["white", "silver", VERMILION, "#009E73"])
+
+# %%
 figure = Figure(figsize=(3.4, 3.4), layout="constrained")
 ax = figure.subplots()
 ax.imshow(maps[0, 2] * (1 + near[0] + 2 * other[0]), cmap=colours, vmin=0, vmax=3)
@@ -276,6 +286,7 @@ def value(network, maps, time, removed):
     with torch.no_grad():
         return network(edited, time).amax(1).numpy()
 
+# %%
 for name in ("manhattan_ddqn", "open_field_ddqn"):
     agent = load_agent(name)
     maps, time, near, other = question(agent)

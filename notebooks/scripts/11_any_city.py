@@ -83,6 +83,8 @@ from uavdh_lite.city import City, load_cities
 torch.set_num_threads(1)  # the network is small
 agent = load_agent("any_city")
 unseen = load_cities("random:100:1")
+
+# %%
 learned = {city.fingerprint for city in agent.cities}
 both = sum(city.fingerprint in learned for city in unseen)
 print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in both")
@@ -108,6 +110,8 @@ from uavdh_lite.planners import Greedy, Random
 BOTH, missions, pilot = "collected_and_landed", agent.scenario, agent.over(unseen)
 pilots = {"any_city": pilot, "manhattan": load_agent("manhattan").over(unseen),
           "greedy": Greedy(pilot.environment), "random": Random()}
+
+# %%
 flights = {name: evaluate(pilot.environment, policy, missions, 300, seed=0)
            for name, policy in pilots.items()}
 records = {name: flown.records() for name, flown in flights.items()}
@@ -183,10 +187,12 @@ from uavdh_lite.storage import read_table
 table = read_table("../data/runs/unseen_cities.csv.gz")
 counts = (1, 10, 100, 2000)
 
+# %%
 def greedy_over(cities):
     environment = Environment(load_cities(cities))
     return evaluate(environment, Greedy(environment), missions, 500, seed=9).records()[BOTH].mean()
 
+# %%
 def networks(learned_in, flown_over):
     wanted = {"learned_in": learned_in, "flown_over": flown_over}
     wanted |= {"variant": "global_local", "views": 1}  # the table has other experiments, too
