@@ -3,9 +3,9 @@
 #
 # They go with notebook `01_city_and_channel`. You need logarithms, the normal distribution and a little numpy.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it: it says whether the
-# answer is right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for example
-# `checks.rate_from_snr.hint()` in a cell of your own gives the first, again gives the next.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
+# right, and if not, what is probably wrong. `checks.rate_from_snr.hint()` in a cell of your own gives the first of three hints, again gives the
+# next. An answer runs in this notebook: if it never ends, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -33,16 +33,14 @@ def rate(snr_db):
 checks.rate_from_snr(rate)
 
 # %% [markdown]
-# ## 1.2 · Where the two path losses cross (2 points, 10 minutes)
+# ## 1.2 · How much distance is a building worth? (2 points, 10 minutes)
 #
 # Over a distance of $d$ metres the path loss is $10\,\alpha \log_{10} d$ decibels, with $\alpha_\mathrm{LoS} = 2.27$ in
-# sight and $\alpha_\mathrm{NLoS} = 3.64$ behind a building (`channel.path_loss_exponent_los`, `..._nlos`).
+# sight and $\alpha_\mathrm{NLoS} = 3.64$ behind a building (`channel.path_loss_exponent_los`, `..._nlos`). $d$ is the length of
+# the whole link, through the air; nothing is to be added to it.
 #
-# ($d$ is the length of the whole link, through the air; nothing is to be added to it.)
-#
-# A device stands behind a building. At which distance would a device *in sight* have the same path loss? Write
-# `same_loss_m`. Then: at which distance do both losses cross, that is, are equal at the same distance? Return that number
-# in `crossover_m`. (The UAV flies 10 m above the devices. So does it ever get there?)
+# A device stands behind a building, `nlos_distance_m` away. At which distance would a device *in sight* have the same
+# path loss?
 
 # %%
 def same_loss_m(nlos_distance_m):
@@ -51,15 +49,11 @@ def same_loss_m(nlos_distance_m):
     return nlos_distance_m ** (channel.path_loss_exponent_nlos / channel.path_loss_exponent_los)
     ### END SOLUTION
 
-
-def crossover_m():
-    """The distance at which a blocked link and one in sight have the same path loss, m."""
-    ### BEGIN SOLUTION
-    return 1.0
-    ### END SOLUTION
-
 # %%
-checks.path_loss_crossover((same_loss_m, crossover_m))
+checks.same_path_loss(same_loss_m)
+
+# %% [markdown]
+# The two laws agree at 1 m. The UAV flies 10 m above the devices, so a building always costs.
 
 # %% [markdown]
 # ## 1.3 · What fading does to the mean rate (2 points, 10 minutes)

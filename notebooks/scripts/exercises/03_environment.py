@@ -3,9 +3,9 @@
 #
 # They go with notebook `03_environment`. You need arithmetic, Boolean arrays and a little numpy.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it: it says whether the
-# answer is right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for example
-# `checks.tdma_slot.hint()` in a cell of your own gives the first, again gives the next.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
+# right, and if not, what is probably wrong. `checks.tdma_slot.hint()` in a cell of your own gives the first of three hints, again gives the
+# next. An answer runs in this notebook: if it never ends, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -15,7 +15,7 @@ from uavdh_lite.course import checks
 from uavdh_lite.channel import rate
 
 # %% [markdown]
-# ## 3.1 · Who gets the slot? (1 point, 12 minutes)
+# ## 3.1 · Who gets the slot? (1 point, 10 minutes)
 #
 # In a communication slot one device sends: of those that have data left, the one with the highest SNR. It uploads as
 # much as the slot carries, `rate(snr_db)` data units, but no more than it has left. There are K ≥ 1 devices.
@@ -40,11 +40,11 @@ def slot(snr_db, data_left):
 checks.tdma_slot(slot)
 
 # %% [markdown]
-# ## 3.2 · Rewards by hand (2 points, 14 minutes)
+# ## 3.2 · Rewards by hand (2 points, 10 minutes)
 #
 # Two short flights, the first with two devices, the second with one. The constants: 1 for each data unit uploaded; −0.2
 # for each step, unless it lands; −1 if the safety controller intervenes; −150 if the flying time runs out without a
-# landing (this one from the authors' code, the others from the paper). All that apply to a step are added. The column
+# landing. All that apply to a step are added. The column
 # "the link could carry" says how many data units could go up in the four slots of the step, and from which device; a
 # device cannot upload more than it has left. In the step that ends an episode, be it a landing or a crash, nothing is
 # uploaded.
@@ -106,7 +106,7 @@ def reward(uploaded, intervened, landed, crashed):
 checks.reward(reward)
 
 # %% [markdown]
-# ## 3.4 · The safety controller (3 points, 20 minutes)
+# ## 3.4 · The safety controller (3 points, 15 minutes)
 #
 # The UAV is over the cell `cell`, a pair `(row, col)`, in a city with M×M cells, and wants to take the action
 # `action`, a number: 0 north (row − 1), 1 east (col + 1), 2 south (row + 1), 3 west (col − 1), 4 hover, 5 land. The

@@ -1,0 +1,158 @@
+"""Exercises of notebook 1, the city and the channel."""
+
+import numpy as np
+
+from uavdh_lite.channel import Channel
+from uavdh_lite.channel import rate as library_rate
+from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.streams import Use, stream
+
+LOS, NLOS = Channel().path_loss_exponent_los, Channel().path_loss_exponent_nlos
+
+
+def draw_rate(ax, rate):
+    snr_db = np.linspace(-20, 30, 101)
+    ax.plot(snr_db, rate(snr_db))
+    ax.set(xlabel="SNR, dB", ylabel="rate, data units a slot", title="1 at 0 dB")
+
+
+@exercise(
+    "1.1 · Rate from SNR (1 point, 5 minutes)",
+    "The rate is log2(1 + SNR), where the SNR is a plain ratio of powers. What is 0 dB as a "
+    "ratio? And 10 dB?",
+    "10 dB more is ten times the power, so the decibels belong in an exponent. Which number is "
+    "raised to it? The 1 is added to the ratio, and numpy has the logarithm to base 2.",
+    figure=draw_rate,
+    rules={
+        "The rate is log2(1 + SNR) of a ratio of powers, and 0 dB is a ratio of 1: convert the "
+        "decibels first.": [0.0],
+        "10 dB more are ten times the power, so the ratio is 10 ** (snr_db / 10).": [
+            *(10.0, -10.0, 3.0, 20, -15.0, 25.5)
+        ],
+        "That holds far from 0 dB too: no rate is exactly 0, and none is rounded.": [
+            *(-30.0, -60.0, 55.25, 150.0, 0.001)
+        ],
+        "An array has a rate for each element: use np.log2 and ** on the whole array, without a "
+        "loop, `if` or `math`.": [
+            np.array(snr_db) for snr_db in ([6.0], [0, 10, -20], [[-3.0, 0.0], [3.0, 20.0]], [])
+        ],
+    },
+    mistakes={
+        "np.log is the natural logarithm. The rate counts doublings: take np.log2.": (
+            lambda snr_db: np.log(1 + 10 ** (snr_db / 10))
+        ),
+        "The SNR is given in decibels. Make a ratio of powers of it before you add 1.": (
+            lambda snr_db: np.log2(1 + snr_db)
+        ),
+    },
+    smallest=1e-15,
+)
+def rate_from_snr(snr_db):
+    """`rate(snr_db)`: data units in a slot, for numbers and arrays (eq. 4)."""
+    return np.log2(1 + 10 ** (snr_db / 10))
+
+
+def draw_same_loss(ax, _):
+    d = np.geomspace(0.3, 200, 200)
+    for name, exponent in (("in sight", LOS), ("behind a building", NLOS)):
+        ax.semilogx(d, 10 * exponent * np.log10(d), label=name)
+    ax.axhline(10 * NLOS * np.log10(20), color="grey", linewidth=0.8)
+    ax.axvline(1, color="grey", linestyle=":")
+    ax.set(xlabel="distance, m", ylabel="path loss, dB", title="20 m behind = 122 m in sight")
+
+
+@exercise(
+    "1.2 · How much distance is a building worth? (2 points, 10 minutes)",
+    "The path loss in dB is 10 α log10(d). Set the loss with α_LoS at the unknown distance "
+    "equal to the one with α_NLoS at the given distance.",
+    "Solve for the logarithm of the unknown distance. A factor in front of a logarithm is a "
+    "power inside of it.",
+    figure=draw_same_loss,
+    rules={
+        "The loss 10 α log10(d) with α_LoS at your distance must be the one with α_NLoS at the "
+        "distance given. Behind a building the loss grows faster, so the distance in sight is the "
+        "longer one.": [*(20.0, 2.0, 55, 7.5, 1000.0)],
+        "Both losses are 0 dB at 1 m; nearer, the distance in sight is the shorter one.": [
+            *(1.0, 0.5, 0.03)
+        ],
+    },
+    mistakes={
+        "The loss is a power of the distance, so the ratio of the exponents belongs in the "
+        "exponent, not in front.": lambda d: d * NLOS / LOS,
+        "You add the altitude of 10 m, but d is the length of the whole link already.": (
+            lambda d: np.hypot(d, 10) ** (NLOS / LOS)
+        ),
+    },
+)
+def same_path_loss(nlos_m):
+    """`same_loss_m(nlos_m)`: the distance in sight with the loss of a blocked link, m."""
+    return float(nlos_m ** (NLOS / LOS))
+
+
+MANY = 400_000  # draws: only chance explains a deviation of 1.5 %
+
+
+def draw_mean_rate(ax, mean_rate):
+    snr_db = np.linspace(-15, 15, 61)
+    for variance in (0, 2, 5, 50):
+        mean = [mean_rate(snr, variance, 1, None) for snr in snr_db]
+        ax.plot(snr_db, mean, label=f"σ² = {variance} dB²")
+    ax.set(xlabel="mean SNR, dB", ylabel="mean rate, data units a slot")
+
+
+def exact_rates(snr_db, variance):
+    """Mean and standard deviation of the rate over the fading."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(120)
+    rates = library_rate(snr_db + np.sqrt(variance) * nodes)
+    mean = np.average(rates, weights=weights)
+    return mean, np.sqrt(np.average((rates - mean) ** 2, weights=weights))
+
+
+def scatters_wrongly(answer) -> str:
+    """As many slots as asked for, by the generator's chance; a right answer fails once in 1e7."""
+    one, other, again = (answer(0.0, 5.0, 9, stream(Use.EXERCISE, seed)) for seed in (1, 2, 1))
+    if one != again:
+        return "All chance must come from the generator that is passed in: same seed, same result."
+    if one == other:
+        return "The result is the same for every generator. Draw the fading from the one passed in."
+    for draws in (1, 40):
+        few = [answer(12.0, 2.0, draws, stream(Use.EXERCISE, seed)) for seed in range(1000)]
+        used = (exact_rates(12.0, 2.0)[1] / (np.std(few) + 1e-12)) ** 2
+        if not draws / 1.6 < used < 1.6 * draws:
+            return (
+                f"mean_rate(12, 2, {draws}, generator) has the right mean, but it scatters as the "
+                f"mean of {used:.3g} draws does: simulate `draws` slots, each with its own fading."
+            )
+    return ""
+
+
+@exercise(
+    "1.3 · What fading does to the mean rate (2 points, 10 minutes)",
+    "Draw many SNRs around the mean, turn each into a rate, and average the rates: in that order.",
+    "Does generator.normal want a variance? The fading belongs to the SNR, while that is still "
+    "in dB. One rate for each draw, and the mean comes last.",
+    figure=draw_mean_rate,
+    rules={
+        "With a variance of 0 there is no fading: all rates are the one at the mean SNR, and so is "
+        "their mean.": [(3.0, 0.0, 5), (-11, 0, 1)],
+        "Simulate `draws` slots, each with a fading of its own: normal, mean 0, standard deviation "
+        "√variance. It belongs to the SNR, in dB. Turn each SNR into a rate, then average the "
+        "rates. Chance explains no more than 1.5 %.": [
+            *((0.0, 5.0, MANY), (-8, 30, MANY), (12.0, 2.0, MANY), (-20.0, 9.0, MANY)),
+            (0.0, 60.0, MANY),
+        ],
+    },
+    mistakes={
+        "The fading is far too strong: generator.normal wants the root of the variance.": (
+            lambda snr_db, variance, *_: exact_rates(snr_db, variance**2)[0]
+        ),
+        "On average that is the rate at the mean SNR. Average the rates, not the SNRs: the rate "
+        "at a mean is not the mean of the rates.": lambda snr_db, *_: library_rate(snr_db),
+    },
+    tolerance=0.015,
+    case=lambda *case: (*case, stream(Use.EXERCISE, 1)),
+    also=scatters_wrongly,
+)
+def mean_rate(snr_db, variance_db2, draws, generator):
+    """`mean_rate(snr_db, variance_db2, draws, generator)`: Monte Carlo mean over the fading."""
+    return float(exact_rates(snr_db, variance_db2)[0])

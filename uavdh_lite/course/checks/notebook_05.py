@@ -1,0 +1,294 @@
+"""Exercises of notebook 5, from Q-learning to DDQN."""
+
+import numpy as np
+import torch
+
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise
+from uavdh_lite.course.checks.values import unchanged
+from uavdh_lite.streams import Use, stream
+
+
+def draw_q_update(ax, q_update):
+    values, q = [0.0], np.zeros((2, 2))
+    for _ in range(30):
+        q = q_update(q, 0, 1, 1.0, 1, True, 0.2, 0.9)
+        values.append(q[0, 1])
+    ax.plot(values, "o-", ms=3)
+    ax.axhline(1, color="grey", linestyle=":")
+    ax.set(xlabel="updates with reward 1, terminal", ylabel="Q of the action", title="α = 0.2")
+
+
+def moved(q, state, action, target, rate):
+    q = np.array(q, float)
+    q[state, action] += rate * (target - q[state, action])
+    return q
+
+
+def experience(states, actions, terminal, rate, discount):
+    """A table, one step in it, and the constants."""
+    generator = stream(Use.EXERCISE, 10 * states + actions)
+    state, action, following = (int(generator.integers(n)) for n in (states, actions, states))
+    q = generator.normal(0, 3, (states, actions)).round(1)
+    return q, state, action, float(generator.normal().round(1)), following, terminal, rate, discount
+
+
+@exercise(
+    "5.1 · One step of Q-learning (2 points, 10 minutes)",
+    "What is y if the episode goes on? What if it has ended? Then only one number of the table "
+    "changes.",
+    "y = reward, plus discount · q[next_state].max() unless terminal. In a copy of the table, "
+    "q[state, action] += alpha * (y − q[state, action]).",
+    figure=draw_q_update,
+    rules={
+        "After the end of an episode nothing follows: y is the reward alone.": [
+            *((2, 2, True, 1.0, 0.9), (3, 2, True, 1.0, 0.5), (4, 3, True, 0.5, 0.9)),
+        ],
+        "Otherwise y is the reward plus discount times the largest Q-value of the next state.": [
+            *((2, 3, False, 1.0, 0.5), (4, 2, False, 1.0, 0.9), (5, 4, False, 1.0, 1.0)),
+            *((3, 3, False, 1.0, 0.0), (6, 4, False, 1.0, 0.95)),
+        ],
+        "The entry goes the share alpha of the way from its old value to y; all others stay.": [
+            *((4, 2, False, 0.1, 0.9), (5, 4, False, 0.5, 0.9), (6, 6, False, 0.25, 0.99)),
+            *((3, 2, False, 0.0, 0.9), (7, 3, True, 0.3, 0.8)),
+        ],
+    },
+    mistakes={
+        "y holds the value of the next state only where the step is not terminal.": (
+            lambda q, s, a, r, after, terminal, rate, discount: moved(
+                q, s, a, r + discount * max(q[after]), rate
+            )
+        ),
+        "The old value is added in full: take the share alpha of the difference, y − q.": (
+            lambda q, s, a, r, after, terminal, rate, discount: moved(
+                q, s, a, q[s, a] + r + discount * max(q[after]) * (not terminal), rate
+            )
+        ),
+    },
+    case=experience,
+)
+def q_update(q, state, action, reward, next_state, terminal, alpha, discount):
+    """`update(q, state, action, reward, next_state, terminal, alpha, discount)`: a new table."""
+    target = reward if terminal else reward + discount * q[next_state].max()
+    return moved(q, state, action, target, alpha)
+
+
+def draw_policy(ax, policy):
+    q_values = torch.tensor([[1000, 999.75, 999.5, 999, 998, 997]])
+    for k, temperature in enumerate((0.1, 0.5, 2.0)):
+        shares = policy(q_values, temperature)[0].numpy()
+        ax.bar(np.arange(6) + 0.27 * (k - 1), shares, 0.27, label=f"β = {temperature}")
+    ax.set_xticks(range(6), q_values[0].tolist())
+    ax.set(xlabel="Q-value of an action", ylabel="probability")
+
+
+def few(count, temperature, kind=torch.float32):
+    """Q-values of so many states, and a temperature."""
+    rows = stream(Use.EXERCISE, count).integers(-8, 9, (count, 6)) / 4
+    return torch.tensor(rows, dtype=kind), temperature
+
+
+def rows(temperature, *several):
+    return torch.tensor(np.array(several, np.float32)), temperature
+
+
+NEAR = np.array([1000, 999.875, 999.75, 999.5, 999, 998], np.float32)
+
+
+@exercise(
+    "5.2 · A softmax that does not overflow (2 points, 10 minutes)",
+    "exp(10 000) is infinite. But the probabilities depend on the gaps between a state's "
+    "Q-values only: what may you subtract from all of them?",
+    "A factor that all exponentials of a row share cancels when you divide by their sum; "
+    "exp(−c/β) is such a factor, and makes exp((Q − c)/β) of exp(Q/β). Which c, another one in "
+    "each row, leaves no exponent above 0, and one that is exactly 0?",
+    figure=draw_policy,
+    rules={
+        "Each row is exp(Q/β), divided by the sum of its own row (dim=1), so that it sums to 1; "
+        "keepdim=True makes a column of the sums.": [
+            *(few(1, 1.0), few(2, 1.0), few(5, 1, torch.float64), few(6, 1)),
+        ],
+        "Divide Q by β inside of exp: a small β makes the best action likelier, a large one all "
+        "alike.": [few(1, 0.25), few(2, 2.0), few(6, 0.7), few(3, 40.0)],
+        "No exponent may be above 0, since exp(1000 / 0.1) is infinite: it overflows, and infinity "
+        "over infinity is nan. Subtract the state's largest Q-value first; that changes no "
+        "probability.": [rows(0.125, NEAR), rows(0.125, NEAR[::-1])],
+        "All Q-values of a state may be far below 0. Then every exp(Q/β) is 0, and 0/0 is nan. "
+        "Subtract the maximum first.": [rows(0.125, -NEAR), rows(0.1, [-1000.0] * 6)],
+        "Within a row the best action may be far above the others, whichever it is: subtract the "
+        "maximum of the row, nothing smaller than the maximum.": [
+            *(rows(0.1, row) for row in ([0.0, 0, 0, 1000, 0, 0], [1000.0, 0, 0, 0, 0, 0])),
+            rows(0.5, [0.0, -1000, 1000, 0, 1000, 0]),
+        ],
+        "Rows of a batch may be far apart: subtract from each row its own maximum.": [
+            *(rows(0.125, NEAR, NEAR - 1000), rows(0.125, NEAR - 1500, NEAR, 0 * NEAR)),
+        ],
+    },
+    mistakes={
+        "You subtract each action's maximum over the states, dim=0. That changes the gaps within a "
+        "row: subtract from each row its own maximum, dim=1.": (
+            lambda q, beta: torch.softmax((q - q.amax(0)) / beta, 1)
+        ),
+        "These are the probabilities' logarithms.": lambda q, beta: torch.log_softmax(q / beta, 1),
+    },
+    tolerance=1e-4,
+    smallest=1e-7,
+)
+def stable_policy(q_values, temperature):
+    """`policy(q_values, temperature)`: the softmax policy (eq. 12), (B, 6), for any Q-values."""
+    return torch.softmax(q_values / temperature, 1)
+
+
+def draw_target(ax, target):
+    online, judged = torch.tensor([[2.0, 5, 3], [1, 0, 4]]), torch.tensor([[4.0, 2, 6], [3, 5, 2]])
+    reward, terminal = torch.tensor([1, -0.2]), torch.tensor([False, True])
+    wrong, right = reward + 0.9 * judged.amax(1), target(reward, terminal, 0.9, online, judged)
+    for shift, values, label in ((-0.2, wrong, "the wrong function's"), (0.2, right, "right")):
+        bars = ax.bar(np.arange(2) + shift, values.numpy(), 0.4, label=label)
+        ax.bar_label(bars, fmt="%.4g")
+    ax.set_xticks((0, 1), ("first row", "second row, terminal"))
+    ax.set(ylabel="target, data units", title="two transitions, γ = 0.9")
+
+
+def value(chooser, judge):
+    return judge.gather(1, chooser.argmax(1, True)).squeeze(1)
+
+
+def transitions(size, discount, ends=0.4, at=5.0, kind=np.float32, apart=2.0):
+    """Arguments of `target` for so many transitions, with Q-values near `at`."""
+    generator = stream(Use.EXERCISE, 10 * size + int(10 * discount))
+    online = generator.normal(at, apart, (size, 6)).round(2 if apart > 1 else 6)
+    target = generator.normal(at, 3, (size, 6)).round(2)
+    reward, terminal = generator.normal(1, 2, size).round(2), generator.random(size) < ends
+    reward, online, target = (torch.tensor(a.astype(kind)) for a in (reward, online, target))
+    return reward, torch.tensor(terminal), discount, online, target
+
+
+@exercise(
+    "5.3 · The double-DQN target (2 points, 10 minutes)",
+    "One network is asked which action is best in the next state, the other what that action "
+    "is worth. And what is a next state worth after the episode has ended?",
+    "The wrong function lets one network do both. argmax says which action is best; with the "
+    "number of that action in each row, look up its worth. And a Boolean counts as 0 or 1 in a "
+    "product: which of the two terms falls away at the end?",
+    figure=draw_target,
+    rules={
+        "There is one target for each transition, (B,): the reward, plus γ times the entry in its "
+        "row of target_next at the number of the best action by online_next.": [
+            *((1, 1.0, 0), (8, 1.0, 0), (6, 1.0, 0), (3, 1, 0, 5.0, np.float64)),
+        ],
+        "The best action counts also if all Q-values are far below 0, or close together.": [
+            *((4, 1.0, 0, -50.0), (2, 1.0, 0, 1.0, np.float32, 1e-4)),
+        ],
+        "The value of the next state counts γ times, with the γ that is handed in, the reward in "
+        "full.": [(2, 0.5, 0), (2, 0.99, 0), (2, 0.0, 0), (2, 1, 0)],
+        "At a terminal transition the target is the reward alone. Elsewhere the next state "
+        "counts.": [
+            *((1, 0.9, 2), (1, 1.0, 2), (2, 0.8), (6, 0.8), (32, 0.8), (7, 0.8)),
+        ],
+    },
+    mistakes={
+        "That is the wrong function: one network both chooses and judges, and a value is added "
+        "after the end of an episode.": lambda r, t, d, online, target: r + d * target.amax(1),
+        "You take the largest Q-value of the target network: that is the target of plain DQN, "
+        "with its bias. The online network must choose the action.": (
+            lambda r, t, d, online, target: r + d * target.amax(1) * ~t
+        ),
+        "The networks are swapped: the online network chooses the action (argmax), the target "
+        "network says what it is worth.": (
+            lambda r, t, d, online, target: r + d * value(target, online) * ~t
+        ),
+    },
+    tolerance=1e-5,
+    smallest=1e-5,
+    case=transitions,
+)
+def double_target(reward, terminal, discount, online_next, target_next):
+    """`target(reward, terminal, discount, online_next, target_next)`: y, (B,) (eq. 10)."""
+    return reward + discount * value(online_next, target_next) * ~terminal
+
+
+def draw_soft_update(ax, _):
+    updates = np.arange(61)
+    for rate in (0.5, 0.1, 0.02):
+        ax.plot(updates, 1 - (1 - rate) ** updates, label=f"τ = {rate}")
+    ax.set(xlabel="soft updates", ylabel="a weight of the target network")
+    ax.set_title("from 0, with a weight of 1 in the online network")
+
+
+def weights(rate, *shapes):
+    """Target and online weights of these shapes, and a rate."""
+    generator = stream(Use.EXERCISE, len(shapes))
+    sides = [[generator.normal(size=shape).round(2) for shape in shapes] for _ in "to"]
+    return *([torch.tensor(array) for array in side] for side in sides), rate
+
+
+def updated(answer, *case):
+    """The target weights in a row after an update, which must happen in their own memory."""
+    target, online = ([tensor.clone() for tensor in side] for side in case[:2])
+    tensors, memory = list(target), [tensor.detach() for tensor in target]
+    answer(target, online, case[2])
+    if not unchanged(online, case[1]):
+        raise CheckFailed("The online weights have changed. They only give.")
+    if [id(tensor) for tensor in target] != [id(tensor) for tensor in tensors]:
+        raise CheckFailed("A new tensor in the list is none of the network: change its own.")
+    if not unchanged(memory, tensors):
+        raise CheckFailed("`t.data = …` and set_ give a tensor other memory. Write into its own.")
+    for tensor in online:
+        tensor += 0.37
+    if unchanged(tensors, online):
+        raise CheckFailed("After τ = 1 target and online share their memory. Copy the values.")
+    return torch.cat([tensor.reshape(-1) for tensor in tensors])
+
+
+def blend(share, only_first=False):
+    """An update that goes this share of the way; perhaps the first tensor's alone."""
+
+    def update(target, online, rate):
+        for t, o in list(zip(target, online, strict=True))[: 1 if only_first else None]:
+            t.lerp_(o, float(share(rate)))
+
+    return update
+
+
+@exercise(
+    "5.4 · The soft update, in place (2 points, 8 minutes)",
+    "In a loop, `t = …` only gives a new tensor the name t. The tensor that the network "
+    "holds stays as it was. Which operations of torch change a tensor itself?",
+    "Their names end in an underscore: mul_, add_, copy_, lerp_ and others. Go through both "
+    "lists together, shrink the target tensor, add the online tensor's share to it, and mind "
+    "that the online tensor itself is not changed on the way.",
+    figure=draw_soft_update,
+    rules={
+        "Each target weight becomes 1 − τ of itself plus τ of the online weight: it goes only the "
+        "share τ of the way.": [
+            *((0.25, (2,)), (0.5, (2,)), (0.9, (2,)), (0.005, (2,))),
+        ],
+        "With τ = 0 nothing changes, with τ = 1 the target weights become the online ones.": [
+            *((0.0, (2,)), (1.0, (2,)), (0, (2,)), (1, (2,))),
+        ],
+        "All tensors of the lists take part, whatever their shapes.": [
+            *((0.25, (2, 2), (2,)), (0.25, (3,), (2, 3), (4, 1, 2)), (0.1, (3,), ())),
+            (0.2, (1, 1), (5, 0), (2,)),
+        ],
+    },
+    mistakes={
+        "The tensors of the network are as they were. Change each of them itself, in place: "
+        "`t = …` only gives a new tensor the name t, and nothing reads what you return.": (
+            blend(lambda rate: 0)
+        ),
+        "τ is the share that the online weights get, 1 − τ that of the target.": (
+            blend(lambda rate: 1 - rate)
+        ),
+        "All tensors of the lists take part: is there a `return` inside the loop?": (
+            blend(lambda rate: rate, only_first=True)
+        ),
+    },
+    ask=updated,
+    case=weights,
+    tolerance=1e-5,
+    smallest=1e-6,
+)
+def soft_update_in_place(target, online, rate):
+    """`soft_update(target, online, rate)`: the target weights move towards the online ones."""
+    for slow, fast in zip(target, online, strict=True):
+        slow.lerp_(fast, float(rate))
