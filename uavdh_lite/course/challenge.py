@@ -4,20 +4,17 @@ A submission is trusted code. It runs in a process of its own with a limit of ti
 started it, and may do whatever that user may. Run code of strangers in a container.
 """
 
-import hashlib
 import json
-import os
 import runpy
 import secrets
-import signal
 import subprocess
 import sys
 import tempfile
 import time
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 
 from filelock import FileLock
@@ -25,27 +22,25 @@ from filelock import FileLock
 from uavdh_lite.city import load_city
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import FunctionPolicy, Policy, evaluate
+from uavdh_lite.evaluation import FunctionPolicy, evaluate
 from uavdh_lite.policies import find_policy, known_policies
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import write_json
 from uavdh_lite.streams import Use
 
 METRICS = ("collected_and_landed", "landed", "return")
-PRACTICE_SEED = 0
 
 
 @dataclass(frozen=True)
 class Challenge:
     """A fixed set of random missions: `episodes` of a scenario, drawn with a seed.
 
-    Their random stream is neither that of training nor of the tests. With the seed 0 it is the
-    practice set that everybody has; `hidden` draws a seed that nobody can guess.
+    With the seed 0 it is the practice set; `hidden` draws a seed that nobody can guess.
     """
 
     scenario: str = "manhattan"
     episodes: int = 1000
-    seed: int = PRACTICE_SEED
+    seed: int = 0
 
     @classmethod
     def hidden(cls, scenario: str, episodes: int) -> "Challenge":
@@ -56,7 +51,7 @@ class Challenge:
     @property
     def fingerprint(self) -> str:
         """Says which set of missions it is, without giving the seed away."""
-        return hashlib.sha256(json.dumps([*asdict(self).values()]).encode()).hexdigest()[:16]
+        return sha256(json.dumps([*asdict(self).values()]).encode()).hexdigest()[:16]
 
     def save(self, path: Path) -> None:
         """Write it as JSON; `InputError` if the file exists, for its missions would be lost."""
@@ -78,59 +73,23 @@ def score(challenge: Challenge, submission: str, seconds: float = 300) -> dict:
             `policy(environment, state)`.
         seconds: limit of time of the process that flies it.
     """
-    path, known = Path(submission), submission in known_policies()
-    if not known and not path.is_file():
+    if submission not in known_policies() and not Path(submission).is_file():
         raise InputError(f"submission {submission}: no such file, planner or shipped agent")
-    started = time.perf_counter()
+    started, result = time.time(), {"name": Path(submission).stem, "failed": None}
     with tempfile.TemporaryDirectory() as folder:
         answer, told = Path(folder, "answer.json"), Path(folder, "told.txt")
-        arguments = [submission if known else str(path.resolve()), json.dumps(asdict(challenge))]
-        with told.open("wb") as output:
-            process = subprocess.Popen(
-                [sys.executable, "-m", __name__, *arguments, str(answer)],
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=output,
-                start_new_session=True,  # so that what it starts ends with it
-            )
-        try:
-            process.wait(seconds)
-            failed = None if process.returncode == 0 and answer.exists() else _last_line(told)
-        except subprocess.TimeoutExpired:
-            failed = f"took more than {seconds:g} s"
-        finally:
-            _end(process)
-        metrics = {} if failed else json.loads(answer.read_text())
-    return {
-        "name": submission if known else path.stem,
-        "sha256": None if known else hashlib.sha256(path.read_bytes()).hexdigest(),
-        "when": datetime.now(UTC).isoformat(timespec="seconds"),
-        "seconds": round(time.perf_counter() - started, 1),
-        "failed": failed,
-        **metrics,
-    }
-
-
-def _last_line(told: Path) -> str:
-    lines = told.read_text(errors="replace").strip().splitlines()
-    return lines[-1][:300] if lines else "ended without an answer"
-
-
-def _end(process: subprocess.Popen) -> None:
-    """Kill a process and, where the system has sessions, all that it started."""
-    if hasattr(os, "killpg"):
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-    process.kill()
-    process.wait()
-
-
-def submitted(path: str, environment: Environment) -> Policy:
-    """The policy of a Python file with `policy(environment, state)`."""
-    function = runpy.run_path(path).get("policy")
-    if not callable(function):
-        raise InputError(f"{Path(path).name} has no function policy(environment, state)")
-    return FunctionPolicy(partial(function, environment))
+        command = [sys.executable, "-m", __name__, submission, json.dumps(asdict(challenge))]
+        with told.open("wb") as output:  # a file: of a pipe one would wait for the end
+            with suppress(subprocess.TimeoutExpired):
+                subprocess.run([*command, answer], stdout=output, stderr=output, timeout=seconds)
+        if answer.exists():
+            result |= json.loads(answer.read_text())
+        else:
+            late = time.time() - started > seconds
+            lines = ["ended without an answer", *told.read_text(errors="replace").split("\n")]
+            last = [line for line in lines if line.strip()][-1][:300]
+            result["failed"] = f"took more than {seconds:g} s" if late else last
+    return {**result, "when": time.ctime(started), "seconds": round(time.time() - started, 1)}
 
 
 def fly_submission(submission: str, challenge: str, answer: str) -> None:
@@ -138,9 +97,11 @@ def fly_submission(submission: str, challenge: str, answer: str) -> None:
     asked = Challenge(**json.loads(challenge))
     scenario = find_scenario(asked.scenario)
     environment = Environment(load_city(scenario.city))
-    policy: Policy
     if submission.endswith(".py"):
-        policy = submitted(submission, environment)
+        function = runpy.run_path(submission).get("policy")
+        if not callable(function):
+            raise InputError(f"{submission} has no function policy(environment, state)")
+        policy = FunctionPolicy(partial(function, environment))
     elif submission in known_policies():
         policy = find_policy(submission, environment)
     else:
@@ -158,6 +119,8 @@ class Leaderboard:
     Processes that write at once wait for each other.
     """
 
+    KEYS = {"scenario", "episodes", "fingerprint", "scores", "failures"}  # noqa: RUF012
+
     def __init__(self, path: Path):
         self.path = path
 
@@ -166,7 +129,7 @@ class Leaderboard:
         about = {"scenario": challenge.scenario, "episodes": challenge.episodes}
         empty: dict = {**about, "fingerprint": challenge.fingerprint, "scores": {}, "failures": []}
         with FileLock(f"{self.path}.lock"):
-            board: dict = self._read() if self.path.exists() else empty
+            board = _read(self.path, self.KEYS) if self.path.exists() else empty
             if board["fingerprint"] != challenge.fingerprint:
                 raise InputError(f"{self.path} is the board of another challenge: take another")
             if score["failed"]:
@@ -177,28 +140,17 @@ class Leaderboard:
 
     def table(self) -> str:
         """The board as a Markdown table, the largest share collected and landed first."""
-        board = self._read()
+        board = _read(self.path, self.KEYS)
+        said = f"{board['scenario']}, {board['episodes']} hidden missions ({board['fingerprint']})"
+        lines = [said, "", "| | name | collected and landed | landed | return |"]
+        lines.append("| --- | --- | --- | --- | --- |")
         scores = sorted(board["scores"].values(), key=lambda one: -one[METRICS[0]][0])
-        lines = [
-            f"{board['scenario']}, {board['episodes']} hidden missions ({board['fingerprint']})",
-            "",
-            "| | name | collected and landed | landed | return | seconds |",
-            "| --- | --- | --- | --- | --- | --- |",
-        ]
         for rank, one in enumerate(scores, 1):
-            shares = [
-                f"{mean:.1%} ({low:.1%} to {high:.1%})"
-                for mean, low, high in (one[name] for name in METRICS[:2])
-            ]
-            mean, low, high = one["return"]
-            name = one["name"].replace("|", "/")
-            cells = (rank, name, *shares, f"{mean:.1f} ({low:.1f} to {high:.1f})", one["seconds"])
-            lines.append("| " + " | ".join(map(str, cells)) + " |")
-        failed = [f"- {one['name']}, {one['when']}: {one['failed']}" for one in board["failures"]]
-        return "\n".join([*lines, *(["", "Failed:", "", *failed] if failed else [])])
-
-    def _read(self) -> dict:
-        return _read(self.path, {"scenario", "episodes", "fingerprint", "scores", "failures"})
+            forms = ("{:.1%} ({:.1%} to {:.1%})",) * 2 + ("{:.1f} ({:.1f} to {:.1f})",)
+            cells = [form.format(*one[name]) for form, name in zip(forms, METRICS, strict=True)]
+            lines.append(f"| {rank} | {one['name'].replace('|', '/')} | {' | '.join(cells)} |")
+        lines += [f"- failed: {one['name']}: {one['failed']}" for one in board["failures"]]
+        return "\n".join(lines)
 
 
 def _read(path: Path, expected: set[str]) -> dict:

@@ -4,8 +4,8 @@
 # They go with notebook `00_first_flight`. You need Python, and no more.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. `checks.flight_score.hint()` in a cell of your own gives the first of three hints, again gives the
-# next. An answer runs in this notebook: if it never ends, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
+# never ends, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -24,6 +24,18 @@ from uavdh_lite.course.checks.notebook_00 import flights_to_tell_apart, mission,
 # - `landed`: `True` or `False`
 #
 # Give back one number between 0 and 1. All data units count the same, whichever device they come from.
+#
+# <details><summary>Hint</summary>
+#
+# A data unit counts the same whichever device it comes from. So what is divided by what? And when is the score
+# 0, whatever was collected?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Divide the sum of all that was collected by the sum of all that was there. Return that if `landed` is true,
+# and 0 if it is not.
+# </details>
 
 # %%
 def collected_and_landed(collected, initial, landed):
@@ -46,6 +58,17 @@ checks.flight_score(collected_and_landed)
 #
 # Three pilots flew the same mission: the agent, greedy and random. Greedy always flies the shortest way to the nearest
 # device that has data left, and home when the time just suffices. The triangle is the start. Who flew which flight?
+#
+# <details><summary>Hint</summary>
+#
+# One of the three has no plan at all. Which device do the other two fly to first?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Greedy has one rule: to the nearest device that has data left, and home when the time just suffices. From the
+# start, count the moves to each device.
+# </details>
 
 # %%
 flights_to_tell_apart()
@@ -88,6 +111,20 @@ picture([])
 #
 # The luck of the radio link is always the same here, so that the same list gives the same flight. The link is best next
 # to a device and without a building in between, but it also works while the UAV moves.
+#
+# <details><summary>Hint</summary>
+#
+# Count the time that each leg takes, landing included. Little is left for waiting, so collect on the move: from
+# which cells next to the no-fly cells is the first device in sight, and which of them lie on a way to the
+# second one and back?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Along row 0 towards the far corner, with hardly any time spent there. Then to (4, 2), one cell from the first
+# device: back along row 0 and down the street in column 2 or 3, or down the eastern side and along row 4. Spend
+# there what is left beyond the way home.
+# </details>
 
 # %%
 # Replace the line below by your list, such as: actions = ["south", "hover", "land"]

@@ -4,8 +4,8 @@
 # They go with notebook `01_city_and_channel`. You need logarithms, the normal distribution and a little numpy.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. `checks.rate_from_snr.hint()` in a cell of your own gives the first of three hints, again gives the
-# next. An answer runs in this notebook: if it never ends, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
+# never ends, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -21,6 +21,17 @@ channel = Channel()
 #
 # In a communication slot the link carries $\log_2(1 + \mathrm{SNR})$ data units. The SNR in this formula is a ratio of
 # powers; you are given it in decibels, and maybe a whole array of them.
+#
+# <details><summary>Hint</summary>
+#
+# The rate is log2(1 + SNR), where the SNR is a plain ratio of powers. What is 0 dB as a ratio? And 10 dB?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# 10 dB more is ten times the power, so the decibels belong in an exponent. Which number is raised to it? The 1
+# is added to the ratio, and numpy has the logarithm to base 2.
+# </details>
 
 # %%
 def rate(snr_db):
@@ -41,6 +52,17 @@ checks.rate_from_snr(rate)
 #
 # A device stands behind a building, `nlos_distance_m` away. At which distance would a device *in sight* have the same
 # path loss?
+#
+# <details><summary>Hint</summary>
+#
+# The path loss in dB is 10 α log10(d). Set the loss with α_LoS at the unknown distance equal to the one with
+# α_NLoS at the given distance.
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Solve for the logarithm of the unknown distance. A factor in front of a logarithm is a power inside of it.
+# </details>
 
 # %%
 def same_loss_m(nlos_distance_m):
@@ -61,6 +83,17 @@ checks.same_path_loss(same_loss_m)
 # Shadow fading adds a normal random number of decibels, with mean 0, to the SNR in every slot. Is the mean rate then
 # the rate at the mean SNR in dB, `snr_db`? Estimate it by simulation: `draws` slots, each with its own fading of
 # variance `variance_db2` in dB², drawn from `generator`, a `numpy.random.Generator`.
+#
+# <details><summary>Hint</summary>
+#
+# Draw many SNRs around the mean, turn each into a rate, and average the rates: in that order.
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Does generator.normal want a variance? The fading belongs to the SNR, while that is still in dB. One rate for
+# each draw, and the mean comes last.
+# </details>
 
 # %%
 def mean_rate(snr_db, variance_db2, draws, generator):

@@ -4,8 +4,8 @@
 # They go with notebook `02_shadow_ray_tracing`. You need the equation of a line, loops and Boolean arrays.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. `checks.crosses.hint()` in a cell of your own gives the first of three hints, again gives the
-# next. An answer runs in this notebook: if it never ends, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
+# never ends, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -31,6 +31,19 @@ from uavdh_lite.shadowing import line_of_sight
 # Make it a function of any `start`, `end` and `cell`. The cells `start` and `end` themselves count as crossed. They may
 # also be the same cell: then the segment is one point. The rays can be a million cells long and go in any direction.
 # Try to do without `crossed_cells`, that is the point of the exercise, and so that no rounding can spoil it.
+#
+# <details><summary>Hint</summary>
+#
+# The notebook's segment begins at (0, 0): move yours there. Which numbers may then be negative, and what is the
+# rectangle? What does the condition say if R = C = 0?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# (R, C) is end minus start, (r, c) is cell minus start, by rows and columns. The rectangle is min(R, 0) <= r <=
+# max(R, 0), and the same with c and C. If R = C = 0 it is one cell, and the condition, 0 < 0, must not be
+# asked.
+# </details>
 
 # %%
 def crosses(start, end, cell):
@@ -55,6 +68,17 @@ checks.crosses(crosses)
 # device and a UAV over `cell` is blocked, by the rules of the notebook.
 #
 # Make the shadow map of the device: a new Boolean array (M, M), True in each cell where the link is blocked.
+#
+# <details><summary>Hint</summary>
+#
+# Begin with an array that is False everywhere. Which cell does `blocked` need for each place of it?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Loop over all rows and columns. For each cell ask blocked(buildings, device, cell), and write the answer where
+# the cell is.
+# </details>
 
 # %%
 print(blocked(City.load("village").buildings, (0, 7), (7, 0)))
@@ -83,6 +107,18 @@ checks.shadow_map(shadow_map)
 #
 # Of all unordered pairs of different cells, which share is asymmetric? Write a function that takes such an array, for
 # any M > 1 and from whatever method, and gives the share, a number from 0 to 1.
+#
+# <details><summary>Hint</summary>
+#
+# Make the table a square matrix, one row and one column for each cell. Where does it differ from its transpose?
+# How many unordered pairs are there?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# With n = M² cells, reshape to (n, n) and compare with .T: each asymmetric pair shows up twice. There are n (n
+# − 1) / 2 unordered pairs of different cells.
+# </details>
 
 # %%
 def asymmetric_share(sight):

@@ -31,35 +31,35 @@ class CheckFailed(AssertionError):
 
 @dataclass(eq=False, repr=False)
 class Exercise:
-    """One exercise: call it with an answer to check it; `hint()` gives the next of three hints.
+    """One exercise: call it with an answer to check it.
 
     Arguments:
         heading: as in the notebook, "1.2 · Title (2 points, 10 minutes)".
-        hints: two in words, from vague to nearly there; the third is the figure.
         solution: the function that is right.
-        figure: draws what the solution does: `figure(ax, solution)`.
         rules: for each sentence the cases that it explains, plain ones first; a case is a tuple of
             arguments.
         mistakes: for each sentence a function that makes this mistake; three at most.
+        figure: draws what the solution does, for an answer that is right: `figure(ax, solution)`.
         also: what is wrong with an answer that gives the right values, or "".
         case: makes the arguments of what stands in the rules.
         ask: how an answer is asked, if it is not called with the arguments.
         call: what a message calls a case, if not the function with its arguments.
         takes: what an answer has to be.
+        secret: whether messages keep the right value back.
         tolerance, smallest: relative and absolute difference that is none.
     """
 
     heading: str
-    hints: tuple[str, ...]
     solution: Callable
-    figure: Callable[[Axes, Callable], Any]
     rules: dict[str, list] = field(default_factory=dict)
     mistakes: dict[str, Callable] = field(default_factory=dict)
+    figure: Callable[[Axes, Callable], Any] | None = None
     also: Callable[[Any], str] = lambda answer: ""
     case: Callable[..., tuple] = lambda *row: row
     ask: Callable[..., Any] = lambda answer, *case: answer(*case)
     call: Callable[..., str] | None = None
     takes: type = Callable  # type: ignore[assignment]
+    secret: bool = False
     tolerance: float = 1e-6
     smallest: float = 1e-12
 
@@ -69,9 +69,8 @@ class Exercise:
             raise ValueError(f'{self.heading!r} is not like "1.2 · Title (2 points, 10 minutes)"')
         self.number, self.title = found[1], found[2]
         self.points, self.minutes = int(found[3]), int(found[4])
-        self._given = 0  # hints so far
 
-    def __repr__(self) -> str:  # a notebook shows neither hints nor mistakes
+    def __repr__(self) -> str:  # a notebook shows no mistakes
         return self.heading
 
     def __call__(self, answer) -> None:
@@ -79,7 +78,9 @@ class Exercise:
         if wrong := self.wrong_with(answer):
             raise CheckFailed(wrong)
         print(f"Exercise {self.number}: right.")
-        self._display()
+        ipython = sys.modules.get("IPython")
+        if self.figure and ipython and ipython.get_ipython():
+            ipython.display.display(self.picture())
 
     def wrong_with(self, answer) -> str:
         """What is to be said of an answer; "" if it is right."""
@@ -123,6 +124,7 @@ class Exercise:
         own = [k for k, (rule, _) in enumerate(cases) if told[k] and rule == cases[first][0]]
         k = min(own, key=lambda k: len(repr(cases[k][1])))  # the smallest case
         said = told[k].removesuffix(".")
+        said = said.partition(", expected")[0] + ", which is not right" if self.secret else said
         return f"{self._called(answer, cases[k][1])} {said}. {cases[k][0]}"
 
     def _asked_again(self, answer, cases, given) -> str:
@@ -166,39 +168,20 @@ class Exercise:
     def _called(self, answer, case: tuple) -> str:
         return self.call(*case) if self.call else _call(_name(answer), case)
 
-    def hint(self) -> None:
-        """Show the next hint: two in words, then the figure of the solution."""
-        self._given = min(self._given + 1, 3)
-        words = [*self.hints, "what the solution gives."]
-        print(f"Hint {self._given} of 3: {words[self._given - 1]}")
-        if self._given == 3:
-            self._display()
-
-    def _display(self) -> None:
-        """Show the figure, where there is a notebook to show it in."""
-        ipython = sys.modules.get("IPython")
-        if ipython and ipython.get_ipython():
-            ipython.display.display(self.picture())
-
     def picture(self) -> Figure:
         """The figure of the solution."""
         figure = Figure(figsize=(5.5, 3.4), layout="constrained")
         ax = figure.subplots()
         self.figure(ax, self.solution)
-        if ax.get_legend_handles_labels()[1] and not ax.get_legend():
+        if ax.get_legend_handles_labels()[1]:
             ax.legend(fontsize="small")
         return figure
 
 
-def exercise(heading: str, *hints: str, **options) -> Callable[[Callable], Exercise]:
-    """Make an exercise of its solution; the function's name becomes that of the check.
-
-    Arguments:
-        heading, hints, options: those of `Exercise`.
-    """
-
+def exercise(heading: str, **options) -> Callable[[Callable], Exercise]:
+    """Make an exercise of its solution, whose name becomes that of the check; see `Exercise`."""
     return lambda solution: EXERCISES.setdefault(
-        solution.__name__, Exercise(heading, hints, solution, **options)
+        solution.__name__, Exercise(heading, solution, **options)
     )
 
 

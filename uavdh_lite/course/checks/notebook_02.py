@@ -3,18 +3,8 @@
 import numpy as np
 
 from uavdh_lite.course.checks.exercise import exercise
-from uavdh_lite.plotting import ORANGE
 from uavdh_lite.shadowing import line_of_sight
 from uavdh_lite.streams import Use, stream
-
-
-def draw_crosses(ax, crosses):
-    start, end = (0, 0), (3, 5)
-    crossed = [[crosses(start, end, (row, col)) for col in range(7)] for row in range(5)]
-    ax.pcolormesh(crossed, cmap="Blues", vmax=2.5, edgecolors="grey")
-    ax.plot([start[1] + 0.5, end[1] + 0.5], [start[0] + 0.5, end[0] + 0.5], "ko-")
-    ax.set(aspect="equal", xticks=[], yticks=[], ylim=(5, 0))
-    ax.set(xlabel="column", ylabel="row", title=f"True in the {np.sum(crossed)} blue cells")
 
 
 def off_the_line(start, end, cell):
@@ -23,27 +13,17 @@ def off_the_line(start, end, cell):
     return 2 * abs(rows * c - cols * r), abs(rows) + abs(cols)
 
 
-def in_rectangle(start, end, cell):
+def between(start, end, cell):
     return all(min(a, b) <= x <= max(a, b) for a, b, x in zip(start, end, cell, strict=True))
 
 
-def touches(start, end, cell):
-    distance, limit = off_the_line(start, end, cell)
-    return in_rectangle(start, end, cell) and distance == limit and start != end
-
-
 DRAWN = [tuple(map(tuple, c)) for c in stream(Use.EXERCISE, 2).integers(0, 9, (400, 3, 2)).tolist()]
-APART = [case for case in DRAWN if not touches(*case)]
+TOUCHING = [c for c in DRAWN if between(*c) and len({*off_the_line(*c)}) == 1 and c[0] != c[1]]
+APART = [case for case in DRAWN if case not in TOUCHING]
 
 
 @exercise(
     "2.1 · Does the ray cross the cell? (1 point, 10 minutes)",
-    "The notebook's segment begins at (0, 0): move yours there. Which numbers may then be "
-    "negative, and what is the rectangle? What does the condition say if R = C = 0?",
-    "(R, C) is end minus start, (r, c) is cell minus start, by rows and columns. The rectangle "
-    "is min(R, 0) <= r <= max(R, 0), and the same with c and C. If R = C = 0 it is one cell, "
-    "and the condition, 0 < 0, must not be asked.",
-    figure=draw_crosses,
     rules={
         "The segment begins and ends in the middle of a cell, so it crosses these two, too. If "
         "both ends are the same point, it crosses that cell and no other.": [
@@ -67,25 +47,18 @@ APART = [case for case in DRAWN if not touches(*case)]
         "and sums must take care of the signs; |R + C| is not |R| + |C|.": APART,
         "A segment that only touches a cell at a corner does not cross its open interior. Compare "
         "with <, not <=, and in whole numbers: rounded ones cannot tell touching from crossing.": [
-            *(((1, 1), (4, 4), (1, 2)), ((0, 0), (7, 21), (3, 8))),
-            *(case for case in DRAWN if touches(*case)),
+            *(((1, 1), (4, 4), (1, 2)), ((0, 0), (7, 21), (3, 8)), *TOUCHING),
         ],
         "A segment may cut off a tiny corner of a cell, or miss the cell by a hair. Points sampled "
         "along the ray step over it: compare whole numbers.": [
             ((0, 0), (m, m + 1), cell) for m in (9, 100, 10**6) for cell in ((0, 1), (1, 0))
         ],
     },
-    mistakes={
-        "You forget the factor 2 before |R·c − C·r|.": lambda start, end, cell: bool(
-            in_rectangle(start, end, cell)
-            and (start == end or np.less(*np.divide(off_the_line(start, end, cell), (2, 1))))
-        ),
-    },
 )
 def crosses(start, end, cell):
     """`crosses(start, end, cell)`: does the segment cross the open interior of the cell?"""
     distance, limit = off_the_line(start, end, cell)
-    return in_rectangle(start, end, cell) and (start == end or distance < limit)
+    return between(start, end, cell) and (start == end or distance < limit)
 
 
 def town(size, device, *buildings):
@@ -104,30 +77,15 @@ def blocked(buildings, device, cell):
     return bool(shadow(buildings, device)[cell])
 
 
-def draw_shadow(ax, shadow_map):
-    buildings, device = town(9, (5, 1), (3, 2), (4, 3), (5, 5), (6, 4), (7, 1), (7, 2))
-    ax.imshow(0.75 * shadow_map(buildings, device) + 0.25 * buildings, cmap="gray_r", vmax=1.4)
-    ax.plot(*np.nonzero(buildings)[::-1], "ks", ms=11, label="building")
-    ax.plot(device[1], device[0], "X", color=ORANGE, mec="white", ms=11, label="device")
-    ax.set(xlabel="column", ylabel="row", title="grey: where the shadow map is True")
-    ax.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize="small")
-
-
 @exercise(
     "2.2 · A shadow map (2 points, 10 minutes)",
-    "Begin with an array that is False everywhere. Which cell does `blocked` need for each place "
-    "of it?",
-    "Loop over all rows and columns. For each cell ask blocked(buildings, device, cell), and "
-    "write the answer where the cell is.",
-    figure=draw_shadow,
     rules={
         "Without buildings nothing is hidden, nor is the device's own cell: all is False.": [
             *((1, (0, 0)), (2, (1, 0)), (5, (2, 2))),
         ],
         "A building that the ray crosses hides all behind it, and a UAV over a building is hidden, "
         "too: True is where the link is blocked.": [
-            (3, (2, 1), (1, 0), (1, 1), (1, 2)),
-            (4, (1, 3), (0, 1), (1, 1), (2, 1), (3, 1)),
+            *((3, (2, 1), (1, 0), (1, 1), (1, 2)), (4, (1, 3), (0, 1), (1, 1), (2, 1), (3, 1))),
         ],
         "A ray through the corner that two diagonal buildings share is blocked. One that only "
         "touches one building at a corner is not.": [
@@ -158,9 +116,8 @@ def draw_asymmetric(ax, asymmetric_share):
     cities = [stream(Use.EXERCISE, 0).random((12, 12)) < density for density in densities]
     for method, style in (("exact", "o-"), ("bresenham", "s-")):
         share = [asymmetric_share(line_of_sight(city, method)) for city in cities]
-        ax.plot(100 * densities, 100 * np.array(share), style, label=method)
-    ax.set(xlabel="cells that are buildings, %", ylabel="asymmetric pairs, %")
-    ax.set_title("random cities, 12 cells a side")
+        ax.plot(densities, share, style, label=method)
+    ax.set(xlabel="share of buildings in a random city", ylabel="asymmetric share of the pairs")
 
 
 def table(size, *blocked):
@@ -184,11 +141,6 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
 
 @exercise(
     "2.3 · How asymmetric is a table? (2 points, 10 minutes)",
-    "Make the table a square matrix, one row and one column for each cell. Where does it "
-    "differ from its transpose? How many unordered pairs are there?",
-    "With n = M² cells, reshape to (n, n) and compare with .T: each asymmetric pair shows up "
-    "twice. There are n (n − 1) / 2 unordered pairs of different cells.",
-    figure=draw_asymmetric,
     rules={
         "If in every pair both directions agree, the share is 0, whether they are seen or blocked. "
         "A cell and itself, [i, j, i, j], are no pair.": [
@@ -212,7 +164,9 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
         "Yours is twice the share: the matrix shows each asymmetric pair twice, at [i, j] and at "
         "[j, i].": lambda sight: 2 * asymmetric_share.solution(sight),
     },
+    figure=draw_asymmetric,
     case=table,
+    call=lambda sight: f"asymmetric_share(sight), False at {np.argwhere(~sight).tolist()[:2]},",
 )
 def asymmetric_share(sight):
     """`asymmetric_share(sight)`: share of unordered pairs of cells that depend on direction."""

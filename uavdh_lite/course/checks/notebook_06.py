@@ -24,42 +24,31 @@ RUNS = {
     "without_crash_reward-0-300": (0.998, 0.000, 0.022),
     "without_return_steps-0-300": (0.992, 0.858, 0.880),
 }
-NAMES = ("lazy", "crashes", "good", "wanders")
 # The recorded runs, and all that is at a limit, a little off it, or far from it
 NEAR = [(0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1) for limit in (0.9, 0.8, 0.25)]
 AGENTS = [*RUNS.values(), *itertools.product(*NEAR)]
-FLYING = [one for one in AGENTS if one[2] >= 0.25]
-LANDING = [one for one in FLYING if one[0] >= 0.9]
+SENTENCES = {
+    "wanders": "It uses 25 % of its time or more and 90 % or more land, so it neither is lazy nor "
+    "crashes: if it collects less than 80 %, 0.8, it wanders.",
+    "good": "It uses 25 % of its time or more and 90 % or more land: if it collects at least 80 %, "
+    "it is good.",
+    "crashes": "It uses 25 % of its time or more, so it is not lazy: if fewer than 90 % of its "
+    "missions land, it crashes, whatever it collects.",
+    "lazy": "If it uses less than 25 % of the flying time, it is lazy, whatever else it does.",
+}
 
 
-def draw_diagnosis(ax, diagnose):
-    for landed, collected, used in RUNS.values():
-        name = diagnose(landed, collected, used)
-        ax.plot(used, collected, "o", color=f"C{NAMES.index(name)}")
-        ax.annotate(f"{name}, {landed:.0%}", (used, collected), fontsize="small")
-    ax.set(xlabel="flying time used, share", xlim=(-0.03, 1.2), ylabel="share collected")
-    ax.set_title("nine validations, with the share that landed")
+def judged(landed, collected, used):
+    if used < 0.25:
+        return "lazy"
+    return "crashes" if landed < 0.9 else "good" if collected >= 0.8 else "wanders"
 
 
 @exercise(
     "6.1 · What is wrong with this agent? (1 point, 5 minutes)",
-    "The four terms are defined one after the other, each among those that are left. So which "
-    "number must be looked at first?",
-    "First `if time_used < 0.25`, then `if landed < 0.9`, then collected: from 0.8 on "
-    'it is "good", else it "wanders".',
-    figure=draw_diagnosis,
     rules={
-        "It uses 25 % of its time or more and 90 % or more land, so it neither is lazy nor "
-        "crashes: if it collects less than 80 %, 0.8, it wanders.": [
-            one for one in LANDING if one[1] < 0.8
-        ],
-        "It uses 25 % of its time or more and 90 % or more land: if it collects at least 80 %, it "
-        "is good.": [one for one in LANDING if one[1] >= 0.8],
-        "It uses 25 % of its time or more, so it is not lazy: if fewer than 90 % of its "
-        "missions land, it crashes, whatever it collects.": [one for one in FLYING if one[0] < 0.9],
-        "If it uses less than 25 % of the flying time, it is lazy, whatever else it does.": [
-            one for one in AGENTS if one[2] < 0.25
-        ],
+        sentence: [one for one in AGENTS if judged(*one) == name]
+        for name, sentence in SENTENCES.items()
     },
     mistakes={
         "Exactly 90 % landed is enough: *fewer* is a crash.": (
@@ -71,24 +60,8 @@ def draw_diagnosis(ax, diagnose):
     },
 )
 def diagnosis(landed, collected, time_used):
-    """`diagnose(landed, collected, time_used)`: one of `NAMES`."""
+    """`diagnose(landed, collected, time_used)`: one of `SENTENCES`."""
     return judged(landed, collected, time_used)
-
-
-def judged(landed, collected, used):
-    if used < 0.25:
-        return "lazy"
-    return "crashes" if landed < 0.9 else "good" if collected >= 0.8 else "wanders"
-
-
-def draw_n_step(ax, n_step):
-    steps, rewards, values = range(1, 13), np.full(10, -0.1), np.full(11, 5.0)
-    rewards[5] = 3
-    for end, label in ((10, "under way throughout"), (7, "the 8th step is terminal")):
-        targets = [n_step(rewards, np.arange(10) == end, values, n, 0.95) for n in steps]
-        ax.plot(steps, targets, "o-", label=label, alpha=0.7)
-    ax.set(xlabel="n, steps", ylabel="n-step return, data units")
-    ax.set_title("the 6th of 10 steps earns 3, the others −0.1; all values 5")
 
 
 def stored(length, ends, n, discount):
@@ -102,11 +75,6 @@ def stored(length, ends, n, discount):
 
 @exercise(
     "6.2 · The n-step return (2 points, 12 minutes)",
-    "Write it down for n = 1 and n = 2, then for n = 2 with the first step terminal. After m "
-    "rewards, with which power of γ and of which state does the value come?",
-    "Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor "
-    "by γ, and return if terminals[k]. After m = min(n, T) steps add factor · values[m].",
-    figure=draw_n_step,
     rules={
         "With n = 1 it is rewards[0] plus γ times values[1], the value of the next state.": [
             *((3, (), 1, 0.5), (2, (), 1, 0.9), (2, (), 1, 1.0), (2, (), 1, 0.0)),
@@ -157,32 +125,17 @@ MAY_CHANGE = (
 )
 
 
-def draw_schedules(ax, _):
-    mended = replace(LAZY, name="mended", crash_reward=-2.0, crash_reward_end=LEAST_PENALTY)
-    for recipe in (LAZY, mended):
-        steps = np.linspace(0, recipe.steps, 101)
-        ax.plot(steps, [recipe.rewards_at(step).crash for step in steps], label=recipe.name)
-    ax.set(xlabel="environment steps", ylabel="reward for a crash")
-
-
-def not_allowed(recipe: Recipe) -> str:
-    for field in fields(Recipe):
-        if getattr(recipe, field.name) != getattr(LAZY, field.name):
-            if field.name not in (*MAY_CHANGE, "name"):
-                return f"{field.name} must stay {getattr(LAZY, field.name)}: use replace(lazy, …)."
+def wrong_recipe(recipe: Recipe) -> str:
+    """What is wrong with a recipe; it trains an agent and flies 500 test missions."""
+    changed = {f.name for f in fields(Recipe) if getattr(recipe, f.name) != getattr(LAZY, f.name)}
+    if fixed := sorted(changed - {*MAY_CHANGE, "name"}):
+        return f"{fixed[0]} must stay {getattr(LAZY, fixed[0])}: start from replace(lazy, …)."
     if recipe.steps > MOST_STEPS:
         return f"{recipe.steps:,} steps: at most {MOST_STEPS:,} may be."
     if recipe.crash_reward_end > LEAST_PENALTY or recipe.crash_reward > 0:
         return f"A crash must cost {-LEAST_PENALTY:g} at the end, and never be rewarded."
-    if replace(recipe, name="lazy") == LAZY:
+    if not changed - {"name"}:
         return "That is the lazy recipe, unchanged: its agent lands at once and collects nothing."
-    return ""
-
-
-def wrong_recipe(recipe: Recipe) -> str:
-    """What is wrong with a recipe; it trains an agent and flies 500 test missions."""
-    if said := not_allowed(recipe):
-        return said
     print(f"Training for {recipe.steps:,} steps, about half a minute …", flush=True)
     trainer = Trainer(find_scenario("village"), recipe, 0)
     while not trainer.finished:
@@ -194,23 +147,16 @@ def wrong_recipe(recipe: Recipe) -> str:
     print(said)
     if means["collected_and_landed"] >= LEAST_SCORE:
         return ""
+    why = "Let it explore more at first, use all the steps, and let the price grow in time."
     if recipe.crash_reward < -20:
         why = "A crash costs so much from the start: begin with a small price and let it grow."
     elif recipe.crash_reward_end < 1.5 * LEAST_PENALTY:
         why = f"The price of a crash drowns all else at the end: {LEAST_PENALTY:g} is enough."
-    else:
-        why = "Let it explore more at first, use all the steps, and let the price grow in time."
     return f"{said}, and {LEAST_SCORE:.0%} collected and landed are asked for. {why}"
 
 
 @exercise(
     "6.3 · Mend a lazy agent (4 points, 15 minutes)",
-    "It lands at once since it learned to fear the crash before it saw what there is to "
-    "collect. Must a crash cost as much at the beginning of the training as at its end?",
-    "Begin with a crash_reward of a few points, comparable with the data that a step brings, "
-    "and let it grow to crash_reward_end. Explore more while the Q-values are still wrong "
-    "(temperature about 1), limit the pull of large errors (huber_delta), use all the steps.",
-    figure=draw_schedules,
     takes=Recipe,
     also=wrong_recipe,
 )

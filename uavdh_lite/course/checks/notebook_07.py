@@ -5,21 +5,9 @@ from itertools import combinations
 import numpy as np
 
 from uavdh_lite.course.checks.exercise import exercise
-from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.streams import Use, stream
 
 RISES = [0.1, 0.35, 0.6, 0.75, 0.5, 0.8, 0.9, 0.85]
-
-
-def draw_steps_to(ax, steps_to):
-    steps, values = 50_000 * np.arange(1, 9), np.array(RISES)
-    ax.plot(steps, values, ".-", color=VERMILION)
-    for threshold in (0.7, 0.8, 0.9):
-        at = steps_to(steps, values, threshold)
-        ax.axhline(threshold, color="grey", linewidth=0.6)
-        ax.text(50_000, threshold, f"{threshold}: {'never' if at is None else f'{at:,}'}")
-        ax.plot(at, threshold, "ko")
-    ax.set(xlabel="environment steps", ylabel="collected and landed", ylim=(0, 1))
 
 
 def curve(values, threshold, steps=None):
@@ -29,13 +17,10 @@ def curve(values, threshold, steps=None):
 
 
 def random_curves():
-    generator = stream(Use.EXERCISE, 7)
-    drawn = [generator.uniform(0.4, 1, n).round(1) for n in (2, 3, 4, 5, 8, 8, 8, 13) * 2]
-    return [
-        (values, threshold, np.cumsum(generator.integers(1, 9_000, len(values))) - 1)
-        for values in drawn
-        for threshold in (0.5, 0.6, 0.8)
-    ]
+    for n in (2, 3, 4, 5, 8, 8, 8, 13) * 2:
+        values = (generator := stream(Use.EXERCISE, n)).uniform(0.4, 1, n).round(1)
+        for threshold in (0.5, 0.6, 0.8):
+            yield values, threshold, np.cumsum(generator.integers(1, 9_000, n)) - 1
 
 
 def stays(steps, values, threshold):
@@ -46,11 +31,6 @@ def stays(steps, values, threshold):
 
 @exercise(
     "7.1 · How many steps to a threshold (1 point, 8 minutes)",
-    "At which validations is the curve below the threshold? The one after the last of them is "
-    "asked for. And if there is none below, or if it is the last of all?",
-    "Go from the end backwards, through zip(steps[::-1], values[::-1]), and keep the steps of "
-    "each value that is at least threshold, until one is below. If you kept none: None.",
-    figure=draw_steps_to,
     rules={
         "The result is one of `steps`: from there on all values are at least the threshold, and "
         "the value before it is below.": [
@@ -65,8 +45,9 @@ def stays(steps, values, threshold):
             *((RISES, 0.95), (RISES, 0.88), ([0.5], 0.6), ([0.9, 0.8], 0.85)),
         ],
         "A value that equals the threshold has reached it: only a smaller one, however little, is "
-        "below.": [(RISES, 0.85), ([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7)],
-        "It must hold for all curves and all distances between validations.": random_curves(),
+        "below. That holds for all curves and all distances between validations.": [
+            *((RISES, 0.85), ([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7), *random_curves()),
+        ],
     },
     mistakes={
         "That is the first crossing. The curve falls back later: ask that it stays.": (
@@ -116,10 +97,6 @@ def results(count, together, ahead=0.3, scale=1.0):
 
 @exercise(
     "7.2 · Paired or not (2 points, 8 minutes)",
-    "Both policies flew the same missions, so every mission gives one difference. Of these "
-    "you have n, and you know how to give a mean with an interval.",
-    "With d = a − b: d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The variances of a and of b do "
-    "not appear.",
     figure=draw_lead,
     rules={
         "With d = a − b of each pair: the mean of d, and 1.96 standard errors, "
@@ -156,15 +133,6 @@ def differences(a, b):
     return np.array([np.mean(values[own]) - np.mean(np.delete(values, own)) for own in splits])
 
 
-def draw_permutation(ax, permutation_p):
-    a, b = np.array([0.86, 0.89, 0.91]), np.array([0.71, 0.84, 0.87])
-    ax.hist(differences(a, b), 24, color=BLUE)
-    for side in (-1, 1):
-        ax.axvline(side * (a.mean() - b.mean()), color=VERMILION)
-    ax.set(xlabel="difference of the two means, each split", ylabel="number of splits")
-    ax.set_title(f"{a.tolist()} against {b.tolist()}: p = {permutation_p(a, b):.2g}", fontsize=10)
-
-
 def groups(a, b, parts=1):
     """Two groups of values; or so many random whole numbers, no two equal, divided by `parts`."""
     if isinstance(a, list):
@@ -175,12 +143,6 @@ def groups(a, b, parts=1):
 
 @exercise(
     "7.3 · A p-value for a few seeds (2 points, 15 minutes)",
-    "If the kind made no difference, every way to deal the values out to the two groups would "
-    "be as likely as the one that you saw. How many of them differ as much?",
-    "itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first "
-    "group; the rest are the second. Count where abs(difference) >= abs(observed) - 1e-9, and "
-    "divide by the number of splits.",
-    figure=draw_permutation,
     rules={
         "Go through all splits, each once, without chance and without a formula. p is the share of "
         "those whose difference of the means is at least as large as the observed one, in absolute "

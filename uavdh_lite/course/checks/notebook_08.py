@@ -36,10 +36,6 @@ def score_interval(successes, trials):
 
 @exercise(
     "8.1 · An interval for a share (2 points, 12 minutes)",
-    "At both ends of the interval the inequality is an equality. Square it: what kind of "
-    "equation in q is that?",
-    "(p − q)² = z² q (1 − q) / n is quadratic in q. Its solutions are (p + z²/(2n) ± "
-    "z sqrt(p (1 − p)/n + z²/(4n²))) / (1 + z²/n), with p = successes / trials.",
     figure=draw_wilson,
     rules={
         "At both ends of the interval |p − q| equals z sqrt(q (1 − q) / n), with z = 1.96: solve "
@@ -106,21 +102,8 @@ def wrong_city(text: str) -> str:
     return ""
 
 
-def draw_defeat(ax, _):
-    kinds = load_agent("manhattan_ddqn").city.kinds.copy()
-    kinds[kinds == 3] = 0
-    kinds[:2, -2:] = kinds[-1:, :2] = 3
-    ax.bar(("greedy", "agent"), scores(City.from_kinds("other corners", kinds)))
-    ax.set(ylabel="collected and landed", ylim=(0, 1), title="landing zones in other corners")
-
-
 @exercise(
     "8.2 · A city that defeats the agent (3 points, 12 minutes)",
-    "A planner computes its ways from the map. The agent has learned its ways in one single "
-    "city. What was the same in every mission that it was trained on?",
-    "Start from `home` and change only where the UAV may land: move the zones to places that "
-    "it never landed in. Leave two of them, far apart, or the ways get too long for greedy.",
-    figure=draw_defeat,
     takes=str,
     also=wrong_city,
 )

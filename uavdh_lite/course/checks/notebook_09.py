@@ -64,30 +64,8 @@ class Ring:
         return [self.items[self.newest], *(self.items[k] for k in rest)]
 
 
-class AtTheEnd(Ring):
-    """Takes the item at the end of the list for the newest."""
-
-    def sample(self, size, generator):
-        newest = Ring.sample(self, size, generator)
-        return [self.items[-1], *newest[1:]]
-
-
-def draw_ring(ax, _):
-    for added in (3, 12):
-        counts = np.bincount(np.ravel(draws(Ring, 5, added, 4, 1000)), minlength=13)
-        ax.plot(range(1, 13), counts[1:] / 1000, "o--", label=f"after {added} items")
-    ax.set(xlabel="number of the item, 1 for the first added", xticks=range(1, 13))
-    ax.set(ylabel="times in a sample of 4, mean", title="capacity 5")
-
-
 @exercise(
     "9.1 · A ring buffer with combined replay (3 points, 15 minutes)",
-    "Keep two things apart: how many places are filled, and where the newest item is. "
-    "The places are used in a circle: which operator takes the last one back to the first?",
-    "The remainder of a division by the capacity runs in such a circle. While the memory is "
-    "not full, only the places filled so far may be drawn; draw places, not items. And of the "
-    "size items one is the newest, drawn or not.",
-    figure=draw_ring,
     rules={
         "The newest item is in every sample, so that a sample of 1 is the newest alone.": [
             *((5, added, 1) for added in range(1, 5)),
@@ -105,15 +83,12 @@ def draw_ring(ax, _):
             *((1, 3, 60), (3, 8, 200), (7, 22, 420)),
         ],
     },
-    mistakes={
-        "Once the ring is full, the newest item is not the one at the end of the list.": AtTheEnd,
-    },
     takes=type,
     ask=lambda ring, *case: str(sorted(set(*draws(ring, *case)))),
     call=asked,
     also=wrong_chance,
 )
-class ring_buffer(Ring):  # noqa: N801 (the name of the check)
+class ring_buffer(Ring):
     """The class `Ring(capacity)` with `add(item)` and `sample(size, generator)`."""
 
 
@@ -128,9 +103,6 @@ def draw_old_share(ax, old_share):
 
 @exercise(
     "9.2 · What a memory still holds (1 point, 8 minutes)",
-    "How many items does the memory hold in all? How many of them came after the change?",
-    "It holds min(capacity, before + after) items, the newest. min(capacity, after) of them are "
-    "new. The rest is old.",
     figure=draw_old_share,
     rules={
         "As long as nothing is overwritten, all items are there: before of before + after.": [
@@ -147,7 +119,7 @@ def draw_old_share(ax, old_share):
         ],
     },
     mistakes={
-        "That is the share of all that was ever added. The memory holds `capacity` items at most.": (
+        "That is the share of all that was added. The memory holds `capacity` items at most.": (
             lambda capacity, before, after: before / (before + after)
         ),
         "The memory need not be full: divide by the number of items that it holds.": (

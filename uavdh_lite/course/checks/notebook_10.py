@@ -29,25 +29,8 @@ def in_time(distance, next_cell, cell, time_left, spare=2):
     return fits
 
 
-def draw_failsafe(ax, fits):
-    city = City.load("village")
-    cells, distance = np.flatnonzero(~city.no_fly.ravel()), city.landing_distance.ravel()
-    counts = np.full(city.size**2, np.nan)
-    counts[cells] = fits(
-        distance, Environment(city).next_cell[0], cells, np.full(len(cells), 5)
-    ).sum(1)
-    image = ax.imshow(counts.reshape(city.size, city.size), cmap="viridis")
-    ax.figure.colorbar(image, label="actions that fit")
-    ax.set(title="village, five units of time left", xlabel="column", ylabel="row")
-
-
 @exercise(
     "10.1 · The failsafe's mask (2 points, 12 minutes)",
-    "Look at the cell that each action leads to. How many units of time are left when the UAV "
-    "is there, and how many does it take from there to be on the ground?",
-    "distance[next_cell[cell]] is (B, 6): moves home after each action. One unit more for "
-    "landing must fit into time_left − 1. Then two special cases: −1, and landing at once.",
-    figure=draw_failsafe,
     rules={
         "An action fits if the units for itself, for the way home after it and for the landing are "
         "at most time_left.": [
@@ -83,16 +66,6 @@ def failsafe_mask(distance, next_cell, cell, time_left):
     return in_time(distance, next_cell, cell, time_left)
 
 
-def draw_told(ax, told):
-    rows, cols = np.indices((16, 16))
-    rate = [
-        np.log2(1 + 100 / (1 + (rows - r) ** 2 + (cols - c) ** 2)) for r, c in ((3, 4), (11, 10))
-    ]
-    image = ax.imshow(told(np.array(rate), np.array([20.0, 8.0])))
-    ax.figure.colorbar(image, label="data units expected in a step")
-    ax.set(xlabel="column", ylabel="row", title="20 units left at (3, 4), 8 at (11, 10)")
-
-
 def expected(rate, left, slots=4):
     return np.minimum(slots * rate, left[:, None, None]).max(0)
 
@@ -105,11 +78,6 @@ def links(devices, size, *left):
 
 @exercise(
     "10.2 · What a cell has to offer (2 points, 10 minutes)",
-    "What could one device send in the four slots of a step, if nobody else sent? What limits "
-    "it? Only one device sends at a time.",
-    "np.minimum(4 * rate, left[:, None, None]) is (K, M, M): left becomes a column for the map. "
-    "Then the largest over the devices, axis 0.",
-    figure=draw_told,
     rules={
         "A step has four communication slots: a device sends 4 times its mean rate.": [
             *(links(1, 2, 100.0), links(1, 3, 1000)),

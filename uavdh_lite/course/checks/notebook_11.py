@@ -6,8 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavdh_lite.course.checks.exercise import exercise
-from uavdh_lite.environment import ACTIONS
-from uavdh_lite.plotting import BLUE
 from uavdh_lite.streams import Use, stream
 
 
@@ -67,23 +65,8 @@ def one_map(q_of, channels, side):
     return q_of, stream(Use.EXERCISE, 10 * channels + side).normal(0, 1, (channels, side, side))
 
 
-def draw_symmetric_q(ax, mean_q):
-    layers = stream(Use.EXERCISE, 17).normal(0, 0.4, (2, 5, 5))
-    places = np.arange(6)
-    ax.bar(places - 0.2, NETWORK(layers[None])[0], 0.4, color="0.7", label="one map")
-    ax.bar(places + 0.2, mean_q(NETWORK, layers), 0.4, color=BLUE, label="mean of eight")
-    ax.set_xticks(places, ACTIONS)
-    ax.set(ylabel="Q-value", title="an untrained network, a random map")
-
-
 @exercise(
     "11.1 · Turn the map, turn the actions back (3 points, 15 minutes)",
-    "Take one turn only, np.rot90(layers, 1, axes=(1, 2)). What was north of the UAV: where is "
-    "it now? Which of the six Q-values of that map belongs to north?",
-    "After one turn to the left, the Q-values of north, east, south, west are found at "
-    "[3, 0, 1, 2]; after k turns at np.roll([0, 1, 2, 3], k). If the map is mirrored before "
-    "that, layers[:, :, ::-1], swap what is found for east and for west.",
-    figure=draw_symmetric_q,
     rules={
         "Here the Q-values are 1 to 6 whatever the map. Over the eight symmetries each move takes "
         "the place of each of the four moves twice, so all four get their mean, 2.5. Hover and "
@@ -144,10 +127,6 @@ def draw_half_width(ax, half_width):
 
 @exercise(
     "11.2 · How sure, if missions share a city? (2 points, 12 minutes)",
-    "Do the example by hand: the mean, the differences from it, one sum for each city. How "
-    "does Python find the missions of one city?",
-    "off = values − values.mean(). For each `one` in np.unique(city) the sum is "
-    "off[city == one].sum(); C is how many sums there are.",
     figure=draw_half_width,
     rules={
         "Subtract the mean from the values, add up the differences in each city, and square these "
