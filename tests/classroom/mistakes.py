@@ -1,5 +1,6 @@
 """Wrong answers to the exercises, and what must be said of each: a part of the rule or mistake."""
 
+import math
 from itertools import combinations
 
 import numpy as np
@@ -298,7 +299,7 @@ def minus_one_is_near(distance, next_cell, cell, time_left):
 
 
 def landing_everywhere(distance, next_cell, cell, time_left):
-    in_time = landing_like_the_others(distance, next_cell, cell, time_left)
+    in_time = moves_home(distance)[next_cell[cell]] + 2 <= time_left[:, None]
     in_time[:, 5] = True
     return in_time
 
@@ -335,6 +336,9 @@ def by_counting(values, city):
 FLIGHTS = [-0.2, -0.7, 2.3, 0.8, 0.3, 0.0], [1.6, -0.2, -151.2]
 
 
+turned = checks.convolve.solution
+
+
 def by_hand(flight, step, reward):
     """The rewards with another one in a step of flight 0 or 1."""
     given = [list(part) for part in FLIGHTS]
@@ -345,6 +349,15 @@ def by_hand(flight, step, reward):
 def mean_ratio(collected, initial, landed):
     ratios = [c / i for c, i in zip(collected, initial, strict=True) if i]
     return sum(ratios) / len(ratios) if landed else 0
+
+
+def faded(chance):
+    """The mean rate with other chance than that of the generator."""
+
+    def mean_rate(snr_db, variance, draws, generator):
+        return to_rate(snr_db + chance(generator).normal(0, variance**0.5, draws)).mean()
+
+    return mean_rate
 
 
 OUT_AND_BACK = ["east"] * 6 + ["hover"] * 3 + ["west"] * 6

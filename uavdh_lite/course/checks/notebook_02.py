@@ -143,13 +143,13 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
     "2.3 · How asymmetric is a table? (2 points, 10 minutes)",
     rules={
         "If in every pair both directions agree, the share is 0, whether they are seen or blocked. "
-        "A cell and itself, [i, j, i, j], are no pair.": [
+        "A cell and itself, [i, j, i, j], are no pair. .T reverses all four axes: reshape first.": [
             *(2, (2, (0, 1, 1, 0), (1, 0, 0, 1)), line_of_sight(BUILDINGS)),
             *((2, (0, 1, 0, 1)), 3),
         ],
         "There are n (n − 1) / 2 unordered pairs of different cells, n = M². A pair is asymmetric "
         "if exactly one of its two directions is blocked. Divide the number of these by the number "
-        "of all pairs. .T of four axes would reverse them all: reshape to (n, n) first.": [
+        "of all pairs.": [
             *((2, (0, 1, 1, 0)), (2, (1, 0, 0, 1)), (3, (2, 1, 0, 2))),
             *((3, (0, 0, 0, 2), (2, 2, 0, 0)), (2, (0, 0, 0, 0), (0, 0, 1, 0))),
         ],

@@ -108,10 +108,6 @@ NEAR = np.array([1000, 999.875, 999.75, 999.5, 999, 998], np.float32)
         ],
     },
     mistakes={
-        "You subtract each action's maximum over the states, dim=0. That changes the gaps within a "
-        "row: subtract from each row its own maximum, dim=1.": (
-            lambda q, beta: torch.softmax((q - q.amax(0)) / beta, 1)
-        ),
         "These are the probabilities' logarithms.": lambda q, beta: torch.log_softmax(q / beta, 1),
     },
     tolerance=1e-4,

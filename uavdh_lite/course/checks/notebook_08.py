@@ -17,7 +17,7 @@ def draw_wilson(ax, wilson):
     successes = np.arange(21)
     share = successes / 20
     low, high = np.transpose([wilson(k, 20) for k in successes])
-    ax.errorbar(share, share, [share - low, high - share], fmt="o", markersize=3, capsize=3)
+    ax.errorbar(share, share, np.abs([share - low, high - share]), fmt="o", markersize=3, capsize=3)
     ax.set(xlabel="share observed in 20 trials", ylabel="share and its 95 % interval")
 
 

@@ -103,7 +103,7 @@ def show(value, digits: int | None = 4) -> Any:
         return large if array.size > 24 else show(array.tolist(), digits)
     with suppress(Exception):  # lists that contain themselves, values without a text
         if isinstance(value, tuple | list) and len(value) <= 30:
-            inside = ", ".join(show(part, digits) for part in value)
+            inside = ", ".join(show(part, digits) for part in value)[:400]
             return f"[{inside}]" if isinstance(value, list) else f"({inside})"
         return " ".join(repr(value).split())[:80]
     return f"a {type(value).__name__}"
