@@ -513,13 +513,13 @@ MISTAKES = {
     "old_share": [(lambda capacity, before, after: 0.5, "all items are there")],
     "failsafe_mask": [
         (minus_one_is_near, "no way home, distance −1"),
-        (landing_everywhere, "in the zone only"),
+        (landing_everywhere, "An action fits if"),
     ],
     "expected_data": [
         (lambda rate, left: np.minimum(4 * rate.max(0), left.max()), "each with its own limit"),
     ],
     "symmetric_q": [
-        (lambda *case: mean_q(*case, flip=1), "north-east|moves turned and mirrored back"),
+        (lambda *case: mean_q(*case, flip=1), "treats all directions alike"),
         (lambda q_of, layers: q_of(layers[None])[0], "all four get their mean"),
     ],
     "clustered_half_width": [

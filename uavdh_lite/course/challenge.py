@@ -62,7 +62,7 @@ class Challenge:
     @classmethod
     def load(cls, path: Path) -> "Challenge":
         """Read what `save` wrote; `InputError` that names the file if it is no challenge."""
-        return cls(**_read(path, {"scenario", "episodes", "seed"}))
+        return cls(**_read(path, asdict(cls())))
 
 
 def score(challenge: Challenge, submission: str, seconds: float = 300) -> dict:
@@ -79,9 +79,8 @@ def score(challenge: Challenge, submission: str, seconds: float = 300) -> dict:
     with tempfile.TemporaryDirectory() as folder:
         answer, told = Path(folder, "answer.json"), Path(folder, "told.txt")
         command = [sys.executable, "-m", __name__, submission, json.dumps(asdict(challenge))]
-        with told.open("wb") as output:  # a file: of a pipe one would wait for the end
-            with suppress(subprocess.TimeoutExpired):
-                subprocess.run([*command, answer], stdout=output, stderr=output, timeout=seconds)
+        with told.open("wb") as output, suppress(subprocess.TimeoutExpired):  # no pipe may hang
+            subprocess.run([*command, answer], stdout=output, stderr=output, timeout=seconds)
         if answer.exists():
             result |= json.loads(answer.read_text())
         else:
@@ -119,17 +118,16 @@ class Leaderboard:
     Processes that write at once wait for each other.
     """
 
-    KEYS = {"scenario", "episodes", "fingerprint", "scores", "failures"}  # noqa: RUF012
-
     def __init__(self, path: Path):
         self.path = path
 
     def add(self, challenge: Challenge, score: dict) -> None:
         """Enter a score; `InputError` if the file is the board of another challenge."""
         about = {"scenario": challenge.scenario, "episodes": challenge.episodes}
-        empty: dict = {**about, "fingerprint": challenge.fingerprint, "scores": {}, "failures": []}
+        board: dict = {**about, "fingerprint": challenge.fingerprint, "scores": {}, "failures": []}
         with FileLock(f"{self.path}.lock"):
-            board = _read(self.path, self.KEYS) if self.path.exists() else empty
+            if self.path.exists():
+                board = _read(self.path, board)
             if board["fingerprint"] != challenge.fingerprint:
                 raise InputError(f"{self.path} is the board of another challenge: take another")
             if score["failed"]:
@@ -140,28 +138,28 @@ class Leaderboard:
 
     def table(self) -> str:
         """The board as a Markdown table, the largest share collected and landed first."""
-        board = _read(self.path, self.KEYS)
-        said = f"{board['scenario']}, {board['episodes']} hidden missions ({board['fingerprint']})"
-        lines = [said, "", "| | name | collected and landed | landed | return |"]
-        lines.append("| --- | --- | --- | --- | --- |")
-        scores = sorted(board["scores"].values(), key=lambda one: -one[METRICS[0]][0])
-        for rank, one in enumerate(scores, 1):
+        names = ("scenario", "episodes", "fingerprint", "scores", "failures")
+        scenario, episodes, mark, scores, failures = _read(self.path, dict.fromkeys(names)).values()
+        lines = [f"{scenario}, {episodes} hidden missions ({mark})", ""]
+        lines += ["| | name | collected and landed | landed | return |", "| --- " * 5 + "|"]
+        for rank, one in enumerate(sorted(scores.values(), key=lambda one: -one[METRICS[0]][0]), 1):
             forms = ("{:.1%} ({:.1%} to {:.1%})",) * 2 + ("{:.1f} ({:.1f} to {:.1f})",)
             cells = [form.format(*one[name]) for form, name in zip(forms, METRICS, strict=True)]
             lines.append(f"| {rank} | {one['name'].replace('|', '/')} | {' | '.join(cells)} |")
-        lines += [f"- failed: {one['name']}: {one['failed']}" for one in board["failures"]]
-        return "\n".join(lines)
+        return "\n".join(
+            [*lines, *(f"- failed: {one['name']}: {one['failed']}" for one in failures)]
+        )
 
 
-def _read(path: Path, expected: set[str]) -> dict:
-    """A JSON object with exactly these keys; `InputError` that names the file otherwise."""
+def _read(path: Path, expected: dict) -> dict:
+    """A JSON object with these keys, in this order; `InputError` that names the file otherwise."""
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as JSON ({error})") from None
-    if not isinstance(values, dict) or set(values) != expected:
-        raise InputError(f"{path}: expected a JSON object with {', '.join(sorted(expected))}")
-    return values
+    if not isinstance(values, dict) or set(values) != set(expected):
+        raise InputError(f"{path}: expected a JSON object with {', '.join(expected)}")
+    return {name: values[name] for name in expected}
 
 
 if __name__ == "__main__":

@@ -99,7 +99,7 @@ class Exercise:
         except KeyboardInterrupt as stopped:
             return f"Interrupted{_line(stopped)}. Is there a loop that never ends?"
         except Exception as error:
-            return f"Your answer {_stops(error)}"
+            return f"Your answer {_stops(error)}."
 
     def cases(self) -> list[tuple[str, tuple]]:
         """All cases, each with its rule."""
@@ -123,7 +123,7 @@ class Exercise:
         first = next(k for k, said in enumerate(told) if said)
         own = [k for k, (rule, _) in enumerate(cases) if told[k] and rule == cases[first][0]]
         k = min(own, key=lambda k: len(repr(cases[k][1])))  # the smallest case
-        said = told[k].removesuffix(".")
+        said = told[k] if not isinstance(given[k], BaseException) else _stops(given[k])
         said = said.partition(", expected")[0] + ", which is not right" if self.secret else said
         return f"{self._called(answer, cases[k][1])} {said}. {cases[k][0]}"
 
@@ -157,7 +157,7 @@ class Exercise:
     def _told(self, given, right) -> str:
         """What is said of an outcome, next to the right one or to that of a mistake."""
         if isinstance(given, BaseException):
-            return "" if type(given) is type(right) else _stops(given)
+            return "" if type(given) is type(right) else "stops with an error"
         if isinstance(right, BaseException):
             return "ends without an error"
         try:
@@ -200,7 +200,7 @@ def _stops(error: BaseException) -> str:
         text = " ".join(str(error).split())[:200]
     except Exception:
         text = ""
-    return f"stops with {type(error).__name__}{': ' * bool(text)}{text}{_line(error)}."
+    return f"stops with {type(error).__name__}{': ' * bool(text)}{text}{_line(error)}"
 
 
 def _line(error: BaseException) -> str:
