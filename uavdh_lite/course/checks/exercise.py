@@ -77,10 +77,10 @@ class Exercise:
         """Check an answer; raises `CheckFailed` with what is probably wrong with it."""
         if wrong := self.wrong_with(answer):
             raise CheckFailed(wrong)
-        print(f"Exercise {self.number}: right.")
         ipython = sys.modules.get("IPython")
         if self.figure and ipython and ipython.get_ipython():
             ipython.display.display(self.picture())
+        print(f"Exercise {self.number}: right.")
 
     def wrong_with(self, answer) -> str:
         """What is to be said of an answer; "" if it is right."""
