@@ -9,7 +9,7 @@ import pytest
 
 from uavdh_lite.city import City
 from uavdh_lite.cli.main import main
-from uavdh_lite.course.challenge import METRICS, Challenge, Leaderboard, score
+from uavdh_lite.course.challenge import METRICS, Challenge, enter, leaderboard, score
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
@@ -94,19 +94,13 @@ def test_an_unknown_submission_is_refused():
         score(SMALL, "nobody.py")
 
 
-def enter(path, name):
-    numbers = {metric: [0.5, 0.4, 0.6] for metric in METRICS}
-    entry = {"name": name, "when": "now", "seconds": 1, "failed": None}
-    Leaderboard(path).add(SMALL, entry | numbers)
-
-
 def test_no_score_is_lost_when_ten_processes_write_at_once(tmp_path):
     path = tmp_path / "board.json"
     code = (
         "import sys; from pathlib import Path; "
-        "from uavdh_lite.course.challenge import METRICS, Challenge, Leaderboard; "
+        "from uavdh_lite.course.challenge import METRICS, Challenge, enter; "
         "input(); path, own = Path(sys.argv[1]), sys.argv[2]; "
-        "[Leaderboard(path).add(Challenge('village', 40), dict.fromkeys(METRICS, [0, 0, 0]) "
+        "[enter(path, Challenge('village', 40), dict.fromkeys(METRICS, [0, 0, 0]) "
         "| {'name': own + str(k), 'failed': None}) for k in range(4)]"
     )
     writers = [
@@ -122,23 +116,21 @@ def test_no_score_is_lost_when_ten_processes_write_at_once(tmp_path):
 
 @pytest.mark.parametrize("scenario", ["manhattan", "open_field"])
 def test_the_boards_of_the_practice_sets_load(scenario):
-    board = Leaderboard(data_folder() / "challenge" / f"practice-{scenario}.json")
-    assert f"{scenario}, 1000 hidden missions" in board.table() and "| greedy |" in board.table()
+    table = leaderboard(data_folder() / "challenge" / f"practice-{scenario}.json")
+    assert f"{scenario}, 1000 hidden missions" in table and "| greedy |" in table
 
 
 def test_the_board_ranks_and_keeps_failures_apart(tmp_path):
-    board = Leaderboard(tmp_path / "board.json")
+    board = tmp_path / "board.json"
     for name, share in (("second", 0.5), ("first", 0.9)):
-        enter(board.path, name)
-        values = json.loads(board.path.read_text())
-        values["scores"][name]["collected_and_landed"][0] = share
-        board.path.write_text(json.dumps(values))
-    board.add(SMALL, {"name": "broken", "when": "now", "seconds": 1, "failed": "a reason"})
-    lines = ("| 1 | first", "| 2 | second", "failed: broken: a re")
-    places = [board.table().index(line) for line in lines]
+        numbers = dict.fromkeys(METRICS, [share, share, share])
+        enter(board, SMALL, {"name": name, "failed": None, **numbers})
+    enter(board, SMALL, {"name": "first", "failed": "a reason"})
+    table = leaderboard(board)
+    places = [table.index(part) for part in ("| 1 | first", "| 2 | second", "failed: first: a")]
     assert places == sorted(places)
     with pytest.raises(InputError, match="another challenge"):
-        board.add(Challenge("village", 41), {"name": "x", "failed": "y"})
+        enter(board, Challenge("village", 41), {"name": "x", "failed": "y"})
 
 
 def test_hidden_missions_differ_and_are_not_overwritten(tmp_path):

@@ -62,7 +62,7 @@ class Challenge:
     @classmethod
     def load(cls, path: Path) -> "Challenge":
         """Read what `save` wrote; `InputError` that names the file if it is no challenge."""
-        return cls(**_read(path, asdict(cls())))
+        return cls(**_read(path, ["scenario", "episodes", "seed"]))
 
 
 def score(challenge: Challenge, submission: str, seconds: float = 300) -> dict:
@@ -112,54 +112,52 @@ def fly_submission(submission: str, challenge: str, answer: str) -> None:
     write_json(answer, {name: metrics[name] for name in METRICS})
 
 
-class Leaderboard:
-    """A JSON file with the newest score of each name; a failure does not replace it.
+def enter(path: Path, challenge: Challenge, score: dict) -> None:
+    """Enter a score in a leaderboard, a JSON file with the newest score of each name.
 
-    Processes that write at once wait for each other.
+    A failure replaces no score. Processes that write at once wait for each other. Raises
+    `InputError` if the file is the board of another challenge.
     """
-
-    def __init__(self, path: Path):
-        self.path = path
-
-    def add(self, challenge: Challenge, score: dict) -> None:
-        """Enter a score; `InputError` if the file is the board of another challenge."""
-        about = {"scenario": challenge.scenario, "episodes": challenge.episodes}
-        board: dict = {**about, "fingerprint": challenge.fingerprint, "scores": {}, "failures": []}
-        with FileLock(f"{self.path}.lock"):
-            if self.path.exists():
-                board = _read(self.path, board)
-            if board["fingerprint"] != challenge.fingerprint:
-                raise InputError(f"{self.path} is the board of another challenge: take another")
-            if score["failed"]:
-                board["failures"].append(score)
-            else:
-                board["scores"][score["name"]] = score
-            write_json(self.path, board)
-
-    def table(self) -> str:
-        """The board as a Markdown table, the largest share collected and landed first."""
-        names = ("scenario", "episodes", "fingerprint", "scores", "failures")
-        scenario, episodes, mark, scores, failures = _read(self.path, dict.fromkeys(names)).values()
-        lines = [f"{scenario}, {episodes} hidden missions ({mark})", ""]
-        lines += ["| | name | collected and landed | landed | return |", "| --- " * 5 + "|"]
-        for rank, one in enumerate(sorted(scores.values(), key=lambda one: -one[METRICS[0]][0]), 1):
-            forms = ("{:.1%} ({:.1%} to {:.1%})",) * 2 + ("{:.1f} ({:.1f} to {:.1f})",)
-            cells = [form.format(*one[name]) for form, name in zip(forms, METRICS, strict=True)]
-            lines.append(f"| {rank} | {one['name'].replace('|', '/')} | {' | '.join(cells)} |")
-        return "\n".join(
-            [*lines, *(f"- failed: {one['name']}: {one['failed']}" for one in failures)]
-        )
+    about = {"scenario": challenge.scenario, "episodes": challenge.episodes}
+    board: dict = {**about, "fingerprint": challenge.fingerprint, "scores": {}, "failures": []}
+    with FileLock(f"{path}.lock"):
+        if path.exists():
+            board = _read(path, [*board])
+        if board["fingerprint"] != challenge.fingerprint:
+            raise InputError(f"{path} is the board of another challenge: take another")
+        if score["failed"]:
+            board["failures"].append(score)
+        else:
+            board["scores"][score["name"]] = score
+        write_json(path, board)
 
 
-def _read(path: Path, expected: dict) -> dict:
-    """A JSON object with these keys, in this order; `InputError` that names the file otherwise."""
+def leaderboard(path: Path) -> str:
+    """A leaderboard as a Markdown table, the largest share collected and landed first."""
+    board = _read(path, ["scenario", "episodes", "fingerprint", "scores", "failures"])
+    said = f"{board['scenario']}, {board['episodes']} hidden missions ({board['fingerprint']})"
+    lines = [said, "", "| | name | collected and landed | landed | return |", "| --- " * 5 + "|"]
+    for rank, one in enumerate(sorted(board["scores"].values(), key=_worst_last), 1):
+        forms = ("{:.1%} ({:.1%} to {:.1%})",) * 2 + ("{:.1f} ({:.1f} to {:.1f})",)
+        cells = [form.format(*one[name]) for form, name in zip(forms, METRICS, strict=True)]
+        lines.append(f"| {rank} | {one['name'].replace('|', '/')} | {' | '.join(cells)} |")
+    failed = [f"- failed: {one['name']}: {one['failed']}" for one in board["failures"]]
+    return "\n".join([*lines, "", *failed])
+
+
+def _worst_last(score: dict) -> float:
+    return -score[METRICS[0]][0]
+
+
+def _read(path: Path, expected: list[str]) -> dict:
+    """A JSON object with exactly these keys; `InputError` that names the file otherwise."""
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as JSON ({error})") from None
     if not isinstance(values, dict) or set(values) != set(expected):
         raise InputError(f"{path}: expected a JSON object with {', '.join(expected)}")
-    return {name: values[name] for name in expected}
+    return values
 
 
 if __name__ == "__main__":

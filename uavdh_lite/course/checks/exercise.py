@@ -70,9 +70,6 @@ class Exercise:
         self.number, self.title = found[1], found[2]
         self.points, self.minutes = int(found[3]), int(found[4])
 
-    def __repr__(self) -> str:  # a notebook shows no mistakes
-        return self.heading
-
     def __call__(self, answer) -> None:
         """Check an answer; raises `CheckFailed` with what is probably wrong with it."""
         if wrong := self.wrong_with(answer):
@@ -86,10 +83,10 @@ class Exercise:
         """What is to be said of an answer; "" if it is right."""
         if answer is None or answer is ...:
             return f"Exercise {self.number} has no answer yet."
-        function = self.takes is Callable
-        if not isinstance(answer, self.takes) or (function and isinstance(answer, type)):
-            wanted = FUNCTION if function else f"Hand over a {self.takes.__name__}."
-            return f"{wanted} You hand over {show(answer)}."
+        if self.takes is Callable and (isinstance(answer, type) or not callable(answer)):
+            return f"{FUNCTION} You hand over {show(answer)}."
+        if not isinstance(answer, self.takes):
+            return f"Hand over a {self.takes.__name__}. You hand over {show(answer)}."
         try:
             return self._wrong_case(answer) or self.also(answer)
         except CheckFailed as failed:
@@ -120,8 +117,8 @@ class Exercise:
             pairs = zip(given, cases, strict=True)
             if not any(self._told(one, self._outcome(mistake, case)) for one, (_, case) in pairs):
                 return sentence
-        first = next(k for k, said in enumerate(told) if said)
-        own = [k for k, (rule, _) in enumerate(cases) if told[k] and rule == cases[first][0]]
+        wrong = [k for k, said in enumerate(told) if said]
+        own = [k for k in wrong if cases[k][0] == cases[wrong[0]][0]]  # of the same rule
         k = min(own, key=lambda k: len(repr(cases[k][1])))  # the smallest case
         said = told[k] if not isinstance(given[k], BaseException) else _stops(given[k])
         said = said.partition(", expected")[0] + ", which is not right" if self.secret else said
@@ -140,8 +137,7 @@ class Exercise:
         """What a student's answer gives in a case; it must leave the arguments as they are."""
         own = copied(case, read_only)
         result = self._outcome(answer, own)
-        refused = isinstance(result, ValueError) and "read-only" in str(result)
-        if refused or not unchanged(own, case):
+        if (type(result) is ValueError and "read-only" in str(result)) or not unchanged(own, case):
             raise CheckFailed(f"{self._called(answer, case)} {CHANGED}")
         return result
 
@@ -156,17 +152,17 @@ class Exercise:
 
     def _told(self, given, right) -> str:
         """What is said of an outcome, next to the right one or to that of a mistake."""
-        if isinstance(given, BaseException):
+        if isinstance(given, BaseException) or isinstance(right, BaseException):
             return "" if type(given) is type(right) else "stops with an error"
-        if isinstance(right, BaseException):
-            return "ends without an error"
         try:
             return difference(given, right, self.tolerance, self.smallest)
         except Exception:  # a value of the student's own that refuses to be looked at
             return f"gives back {show(given)}, which cannot be compared"
 
     def _called(self, answer, case: tuple) -> str:
-        return self.call(*case) if self.call else _call(_name(answer), case)
+        if self.call:
+            return self.call(*case)
+        return f"{_name(answer)}({', '.join(show(argument, None) for argument in case)})"
 
     def picture(self) -> Figure:
         """The figure of the solution."""
@@ -190,16 +186,9 @@ def _name(answer) -> str:
     return name if isinstance(name, str) and name.isidentifier() else "your function"
 
 
-def _call(name: str, arguments: tuple) -> str:
-    return f"{name}({', '.join(show(argument, None) for argument in arguments)})"
-
-
 def _stops(error: BaseException) -> str:
     """What an error says, and in which line of the student's it happened."""
-    try:
-        text = " ".join(str(error).split())[:200]
-    except Exception:
-        text = ""
+    text = " ".join(str(error).split())[:200]
     return f"stops with {type(error).__name__}{': ' * bool(text)}{text}{_line(error)}"
 
 
