@@ -85,8 +85,8 @@ def score(challenge: Challenge, submission: str, seconds: float = 300) -> dict:
             result |= json.loads(answer.read_text())
         else:
             late = time.time() - started > seconds
-            lines = ["ended without an answer", *told.read_text(errors="replace").split("\n")]
-            last = [line for line in lines if line.strip()][-1][:300]
+            last = told.read_text(errors="replace").strip().split("\n")[-1][:300]
+            last = last or "ended without an answer"
             result["failed"] = f"took more than {seconds:g} s" if late else last
     return {**result, "when": time.ctime(started), "seconds": round(time.time() - started, 1)}
 
@@ -108,8 +108,7 @@ def fly_submission(submission: str, challenge: str, answer: str) -> None:
 
         policy = load_agent(submission).over(environment.cities)
     flights = evaluate(environment, policy, scenario, asked.episodes, asked.seed, Use.CHALLENGE)
-    metrics = flights.metrics()
-    write_json(answer, {name: metrics[name] for name in METRICS})
+    write_json(answer, {name: flights.metrics()[name] for name in METRICS})
 
 
 def enter(path: Path, challenge: Challenge, score: dict) -> None:
@@ -137,16 +136,13 @@ def leaderboard(path: Path) -> str:
     board = _read(path, ["scenario", "episodes", "fingerprint", "scores", "failures"])
     said = f"{board['scenario']}, {board['episodes']} hidden missions ({board['fingerprint']})"
     lines = [said, "", "| | name | collected and landed | landed | return |", "| --- " * 5 + "|"]
-    for rank, one in enumerate(sorted(board["scores"].values(), key=_worst_last), 1):
+    ranked = sorted(board["scores"].values(), key=lambda one: -one["collected_and_landed"][0])
+    for rank, one in enumerate(ranked, 1):
         forms = ("{:.1%} ({:.1%} to {:.1%})",) * 2 + ("{:.1f} ({:.1f} to {:.1f})",)
         cells = [form.format(*one[name]) for form, name in zip(forms, METRICS, strict=True)]
         lines.append(f"| {rank} | {one['name'].replace('|', '/')} | {' | '.join(cells)} |")
     failed = [f"- failed: {one['name']}: {one['failed']}" for one in board["failures"]]
     return "\n".join([*lines, "", *failed])
-
-
-def _worst_last(score: dict) -> float:
-    return -score[METRICS[0]][0]
 
 
 def _read(path: Path, expected: list[str]) -> dict:

@@ -10,7 +10,7 @@ from uavdh_lite.environment import ACTIONS, HOVER, LAND, MOVES
 
 def best_of(snr_db, left, empty=-np.inf):
     device = int(np.argmax(np.where(left > 0, snr_db, empty)))
-    return device, min(rate(snr_db[device]), left[device])
+    return float(device), float(min(rate(snr_db[device]), left[device]))  # of any type
 
 
 @exercise(
@@ -47,7 +47,7 @@ def best_of(snr_db, left, empty=-np.inf):
 )
 def tdma_slot(snr_db, left):
     """`slot(snr_db, data_left)`: the device served, or -1, and the data units it uploads."""
-    return best_of(snr_db, left) if left.any() else (-1, 0.0)
+    return best_of(snr_db, left) if left.any() else (-1.0, 0.0)
 
 
 def step_of(answer, flight, step):

@@ -68,7 +68,7 @@ def _is_array(value) -> bool:
 
 
 def _array(value) -> np.ndarray:
-    return value.detach().cpu().numpy() if hasattr(value, "detach") else np.asarray(value)
+    return np.asarray(value.detach().cpu() if hasattr(value, "detach") else value)
 
 
 def copied(case: tuple, read_only: bool = False) -> tuple:
@@ -97,10 +97,10 @@ def show(value, digits: int | None = 4) -> Any:
         return "generator"
     if _is_array(value):
         array = _array(value)
-        if array.dtype == np.float32:  # 0.1 is 0.1, not 0.10000000149
-            array = array.astype(str).astype(float)
-        large = f"<array of shape {array.shape}>"
-        return large if array.size > 24 else show(array.tolist(), digits)
+        if array.size > 24:
+            return f"<array of shape {array.shape}>"
+        short = array.dtype == np.float32  # 0.1 is 0.1, not 0.10000000149
+        return show((array.astype(str).astype(float) if short else array).tolist(), digits)
     with suppress(Exception):  # lists that contain themselves, values without a text
         if isinstance(value, tuple | list) and len(value) <= 30:
             inside = ", ".join(show(part, digits) for part in value)[:400]
