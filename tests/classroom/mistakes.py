@@ -24,12 +24,6 @@ def touching(start, end, cell):
     return inside(start, end, cell) and distance <= limit
 
 
-def sum_of_signs(start, end, cell):
-    distance, _ = doubled_distance(start, end, cell)
-    limit = abs(sum(end) - sum(start))
-    return cell == start if start == end else inside(start, end, cell) and distance < limit
-
-
 def infinite(start, end, cell):
     if start == end:
         return cell == start
@@ -53,14 +47,6 @@ def slot(snr_db, data_left, empty=-np.inf, limit=min, serves_nobody=False):
         return -1, 0.0
     device = int(np.where(data_left > 0, snr_db, empty).argmax())
     return device, limit(to_rate(snr_db[device]), data_left[device])
-
-
-def filtered(snr_db, data_left):
-    if not data_left.any():
-        return -1, 0.0
-    snr_db, data_left = snr_db[data_left > 0], data_left[data_left > 0]
-    device = int(snr_db.argmax())
-    return device, min(to_rate(snr_db[device]), data_left[device])
 
 
 def largest_upload(snr_db, data_left):
@@ -109,15 +95,6 @@ def centred(shift=0, sign=1, fill=None, dtype=None):
     return answer
 
 
-def wrapping(layer, uav, outside):
-    size = len(layer)
-    result = np.full((2 * size - 1, 2 * size - 1), outside, layer.dtype)
-    for row, col in np.ndindex(result.shape):
-        one, other = row + uav[0] - size + 1, col + uav[1] - size + 1
-        result[row, col] = layer[one % size, other % size]
-    return result
-
-
 def _shifted(q, beta, top, dim=1):
     powers = torch.exp((q - top) / beta)
     return powers / (powers.sum(dim, keepdim=True) if dim is not None else powers.sum())
@@ -144,19 +121,6 @@ class NewestAtTheEnd(_Base):
     def sample(self, size, generator):
         stored = self.stored()
         return [stored[-1], *(stored[k] for k in generator.integers(0, len(stored), size - 1))]
-
-
-class UpToTheCapacity(_Base):
-    def __init__(self, capacity):
-        self.capacity, self.places, self.count = capacity, [], 0
-
-    def add(self, item):
-        self.places[self.count % self.capacity : self.count % self.capacity + 1] = [item]
-        self.count += 1
-
-    def sample(self, size, generator):
-        rest = generator.integers(0, self.capacity, size - 1)
-        return [self.places[(self.count - 1) % self.capacity], *(self.places[k] for k in rest)]
 
 
 class Grows(_Base):
@@ -190,13 +154,6 @@ class OwnChance(_Base):
         return super().sample(size, np.random.default_rng())
 
 
-class Skewed(_Base):
-    def sample(self, size, generator):
-        stored = self.stored()
-        rest = (generator.random(size - 1) ** 2 * len(stored)).astype(int)
-        return [self.places[(self.count - 1) % self.capacity], *(stored[k] for k in rest)]
-
-
 def _new_in_list(target, online, rate):
     for k in range(len(target)):
         target[k] = (1 - rate) * target[k] + rate * online[k]
@@ -228,34 +185,11 @@ def _value_after_the_end(rewards, terminals, values, n, discount):
     return total + discount ** (k + 1) * values[k + 1]
 
 
-def _loses_the_last(rewards, terminals, values, n, discount):
-    total = 0
-    for k in range(min(n, len(rewards))):
-        if terminals[k]:
-            return total
-        total += discount**k * rewards[k]
-    return total + discount ** (k + 1) * values[k + 1]
-
-
-def _power_n(rewards, terminals, values, n, discount):
-    total = 0
-    for k in range(min(n, len(rewards))):
-        total += discount**k * rewards[k]
-        if terminals[k]:
-            return total
-    return total + discount**n * values[k + 1]
-
-
 def stays_above(steps, values, threshold, above=np.greater_equal):
     for k, step in enumerate(steps):
         if above(values[k:], threshold).all():
             return step
     return None
-
-
-def last_below(steps, values, threshold):
-    below = steps[values < threshold]
-    return None if values[-1] < threshold else below[-1] if len(below) else steps[0]
 
 
 def splits(a, b):
@@ -408,7 +342,6 @@ MISTAKES = {
     ],
     "crosses": [
         (touching, "only touches a cell"),
-        (sum_of_signs, "is not .R. . .C."),
         (infinite, "beyond an end of the segment"),
         (sampled, "cut off a tiny corner"),
         (inside, "must be near the line"),
@@ -424,7 +357,6 @@ MISTAKES = {
     "tdma_slot": [
         (lambda snr, left: slot(snr, left, limit=lambda r, d: r), "no more than is left"),
         (lambda snr, left: slot(snr, left, serves_nobody=True), "nobody may send"),
-        (filtered, "that device's index in the full snr_db"),
         (largest_upload, "highest SNR is served"),
     ],
     "rewards_by_hand": [
@@ -444,7 +376,6 @@ MISTAKES = {
         (centred(shift=1), "in the middle"),
         (centred(fill=0), "the map is `outside`"),
         (centred(dtype=int), "Make a map of floats"),
-        (wrapping, "gives 9 at"),
     ],
     "convolve": [
         (lambda layer, kernel, bias: layer * kernel[0, 0], "the shape"),
@@ -475,12 +406,9 @@ MISTAKES = {
     "diagnosis": [(lambda landed, collected, used: "good", "wanders")],
     "n_step_return": [
         (_value_after_the_end, "no value is added"),
-        (_loses_the_last, "with its own reward"),
-        (_power_n, "m = T"),
     ],
     "mended_recipe": [({"crash_reward": -2.0}, "Hand over a Recipe")],
     "steps_to": [
-        (last_below, "the value before it is below"),
         (lambda s, v, t: stays_above(s, v, t, np.greater), "that equals the threshold"),
     ],
     "lead": [
@@ -502,12 +430,10 @@ MISTAKES = {
     ],
     "ring_buffer": [
         (NewestAtTheEnd, "no longer at the end"),
-        (UpToTheCapacity, "places that are filled"),
         (Grows, "the ring does not grow"),
         (WithoutReplacement, "gives back 2 items"),
         (LastPlaceNever, "upper end|all stored ones"),
         (OwnChance, "earlier calls|passed in"),
-        (Skewed, "each must be equally likely"),
         (OneForAll, "all stored ones|by itself"),
     ],
     "old_share": [(lambda capacity, before, after: 0.5, "all items are there")],

@@ -123,7 +123,7 @@ def test_the_boards_of_the_practice_sets_load(scenario):
 def test_the_board_ranks_and_keeps_failures_apart(tmp_path):
     board = tmp_path / "board.json"
     for name, share in (("second", 0.5), ("first", 0.9)):
-        numbers = dict.fromkeys(METRICS, [share, share, share])
+        numbers = {name: [share] * 3 for name in METRICS}
         enter(board, SMALL, {"name": name, "failed": None, **numbers})
     enter(board, SMALL, {"name": "first", "failed": "a reason"})
     table = leaderboard(board)

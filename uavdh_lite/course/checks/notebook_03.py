@@ -8,11 +8,6 @@ from uavdh_lite.course.checks.exercise import CheckFailed, exercise
 from uavdh_lite.environment import ACTIONS, HOVER, LAND, MOVES
 
 
-def best_of(snr_db, left, empty=-np.inf):
-    device = int(np.argmax(np.where(left > 0, snr_db, empty)))
-    return float(device), float(min(rate(snr_db[device]), left[device]))  # of any type
-
-
 @exercise(
     "3.1 · Who gets the slot? (1 point, 10 minutes)",
     rules={
@@ -40,14 +35,17 @@ def best_of(snr_db, left, empty=-np.inf):
     },
     mistakes={
         "0 dB is not low: other devices may be below. An empty device must get −infinity.": (
-            lambda snr_db, left: best_of(snr_db, left, 0) if left.any() else (-1, 0.0)
+            lambda snr_db, left: tdma_slot.solution(snr_db, left, empty=0)
         ),
     },
     case=lambda *arrays: tuple(map(np.array, arrays)),
 )
-def tdma_slot(snr_db, left):
+def tdma_slot(snr_db, left, empty=-np.inf):
     """`slot(snr_db, data_left)`: the device served, or -1, and the data units it uploads."""
-    return best_of(snr_db, left) if left.any() else (-1.0, 0.0)
+    if not left.any():
+        return -1.0, 0.0
+    device = np.argmax(np.where(left > 0, snr_db, empty))
+    return float(device), float(min(rate(snr_db[device]), left[device]))
 
 
 def step_of(answer, flight, step):

@@ -5,15 +5,6 @@ import numpy as np
 from uavdh_lite.course.checks.exercise import exercise
 from uavdh_lite.streams import Use, stream
 
-
-def centred(layer, uav, outside):
-    m = len(layer)
-    wide = np.full((7 * m, 7 * m), outside, float)
-    wide[3 * m : 4 * m, 3 * m : 4 * m] = layer
-    row, col = (3 * m + u - m + 1 for u in uav)
-    return wide[row : row + 2 * m - 1, col : col + 2 * m - 1]
-
-
 SMALL, CORNER = np.arange(1.0, 10.0).reshape(3, 3), np.array([[0.0, 3], [0, 0]])
 LAYERS = {n: stream(Use.EXERCISE, n).integers(1, 9, (n, n)) for n in (1, 2, 4, 5, 8, 9)}
 FRACTIONS = {n: stream(Use.EXERCISE, n).uniform(0, 9, (n, n)).round(3) for n in (2, 3, 6)}
@@ -40,17 +31,21 @@ FRACTIONS = {n: stream(Use.EXERCISE, n).uniform(0, 9, (n, n)).round(3) for n in 
     },
     mistakes={
         "The shift goes the wrong way: where the UAV is further north, the city lies further "
-        "south.": lambda layer, uav, outside: centred(
+        "south.": lambda layer, uav, outside: centre.solution(
             layer, [len(layer) - 1 - u for u in uav], outside
         ),
         "Rows and columns are swapped: the UAV is at (row, col).": (
-            lambda layer, uav, outside: centred(layer, uav[::-1], outside)
+            lambda layer, uav, outside: centre.solution(layer, uav[::-1], outside)
         ),
     },
 )
 def centre(layer, uav, outside):
     """`centre(layer, uav, outside)`: (2M − 1, 2M − 1), the UAV's cell in the middle."""
-    return centred(layer, uav, outside)
+    m = len(layer)
+    wide = np.full((7 * m, 7 * m), outside, float)
+    wide[3 * m : 4 * m, 3 * m : 4 * m] = layer
+    row, col = (3 * m + u - m + 1 for u in uav)
+    return wide[row : row + 2 * m - 1, col : col + 2 * m - 1]
 
 
 def windows(layer, kernel, bias, steps=1):
@@ -100,18 +95,6 @@ def convolve(layer, kernel, bias):
 HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
 
 
-def count(layers, size, kernels, kernel_size, strides, hidden, side_of=lambda m: 2 * m - 1, time=1):
-    side, total = side_of(size), 0
-    for stride in strides:
-        total += kernels * (layers * kernel_size**2 + 1)
-        side, layers = (side - kernel_size) // stride + 1, kernels
-    width = kernels * side**2 + time
-    for neurons in (*hidden, 6):
-        total += neurons * (width + 1)
-        width = neurons
-    return float(total)
-
-
 @exercise(
     "4.3 · How many weights? (3 points, 15 minutes)",
     rules={
@@ -136,11 +119,21 @@ def count(layers, size, kernels, kernel_size, strides, hidden, side_of=lambda m:
     },
     mistakes={
         "The flying time is missing: it is one more number in the list.": (
-            lambda *case: count(*case, time=0)
+            lambda *case: network_weights.solution(*case, time=0)
         ),
-        "The map has 2M − 1 cells a side, not M.": lambda *case: count(*case, side_of=int),
+        "The map has 2M − 1 cells a side, not M.": (
+            lambda *case: network_weights.solution(*case, side_of=int)
+        ),
     },
 )
-def network_weights(layers, size, kernels, kernel_size, strides, hidden):
+def network_weights(layers, size, kernels, kernel_size, strides, hidden, side_of=None, time=1):
     """`weights(layers, size, kernels, kernel_size, strides, hidden)`: of the centred Q-network."""
-    return count(layers, size, kernels, kernel_size, strides, hidden)
+    side, total = side_of(size) if side_of else 2 * size - 1, 0
+    for stride in strides:
+        total += kernels * (layers * kernel_size**2 + 1)
+        side, layers = (side - kernel_size) // stride + 1, kernels
+    width = kernels * side**2 + time
+    for neurons in (*hidden, 6):
+        total += neurons * (width + 1)
+        width = neurons
+    return float(total)

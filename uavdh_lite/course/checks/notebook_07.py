@@ -23,12 +23,6 @@ def random_curves():
             yield values, threshold, np.cumsum(generator.integers(1, 9_000, n)) - 1
 
 
-def stays(steps, values, threshold):
-    below = np.flatnonzero(values < threshold)
-    first = below[-1] + 1 if len(below) else 0
-    return float(steps[first]) if first < len(steps) else None
-
-
 @exercise(
     "7.1 · How many steps to a threshold (1 point, 8 minutes)",
     rules={
@@ -56,13 +50,15 @@ def stays(steps, values, threshold):
             )
         ),
         "That is the position in the list, not the number of environment steps: look it up in "
-        "`steps`.": lambda steps, values, threshold: stays(range(len(steps)), values, threshold),
+        "`steps`.": lambda steps, *others: steps_to.solution(range(len(steps)), *others),
     },
     case=curve,
 )
 def steps_to(steps, values, threshold):
     """`steps_to(steps, values, threshold)`: the steps from which on it stays there, or None."""
-    return stays(steps, values, threshold)
+    below = np.flatnonzero(values < threshold)
+    first = below[-1] + 1 if len(below) else 0
+    return float(steps[first]) if first < len(steps) else None
 
 
 def interval(d, error=None):

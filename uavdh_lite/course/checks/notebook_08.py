@@ -7,7 +7,7 @@ from uavdh_lite.city import City
 from uavdh_lite.course.checks.exercise import exercise
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import Policy, evaluate
+from uavdh_lite.evaluation import evaluate
 from uavdh_lite.planners import Greedy
 
 Z = 1.96  # 95 % of a standard normal lie within ± this
@@ -65,18 +65,14 @@ def wilson(successes, trials):
 MISSIONS, SEED, GREEDY, BEHIND, CHANGED, SIZE = 100, 92, 0.90, 0.30, 16, 16
 
 
-def collected_and_landed(city: City, policy: Policy) -> float:
-    """The mean over the fixed missions over this city."""
-    scenario = load_agent("manhattan_ddqn").scenario
-    flights = evaluate(Environment(city), policy, scenario, MISSIONS, SEED)
-    return float(flights.records()["collected_and_landed"].mean())
-
-
-def scores(city: City) -> tuple[float, float]:
-    """Collected and landed of greedy and of the agent."""
-    agent = load_agent("manhattan_ddqn").over(city)
-    greedy = Greedy(Environment(city))
-    return collected_and_landed(city, greedy), collected_and_landed(city, agent)
+def scores(city: City) -> list[float]:
+    """Collected and landed of greedy and of the agent, on the fixed missions over this city."""
+    environment, agent = Environment(city), load_agent("manhattan_ddqn")
+    flown = (
+        evaluate(environment, policy, agent.scenario, MISSIONS, SEED)
+        for policy in (Greedy(environment), agent.over(city))
+    )
+    return [float(flights.records()["collected_and_landed"].mean()) for flights in flown]
 
 
 def wrong_city(text: str) -> str:

@@ -21,14 +21,6 @@ def situation(name, cell, time_left):
     return distance, Environment(city).next_cell[0], np.array(cell), np.array(time_left)
 
 
-def in_time(distance, next_cell, cell, time_left, spare=2):
-    """Whether the way home after each action fits, with so many units for action and landing."""
-    home = np.where(distance < 0, np.inf, distance)
-    fits = home[next_cell[cell]] + spare <= time_left[:, None]
-    fits[:, LAND] |= distance[cell] == 0
-    return fits
-
-
 @exercise(
     "10.1 · The failsafe's mask (2 points, 12 minutes)",
     rules={
@@ -52,22 +44,21 @@ def in_time(distance, next_cell, cell, time_left, spare=2):
     },
     mistakes={
         "Time is missing: action and landing take one unit each, besides the way home.": (
-            lambda *case: in_time(*case, spare=1)
+            lambda *case: failsafe_mask.solution(*case, spare=1)
         ),
         "Ask for the distance from the cell that the action leads to, not from the cell where the "
-        "UAV is.": lambda distance, next_cell, cell, time_left: in_time(
-            distance, np.arange(len(distance))[:, None].repeat(6, 1), cell, time_left
+        "UAV is.": lambda distance, next_cell, *others: failsafe_mask.solution(
+            distance, np.arange(len(distance))[:, None].repeat(6, 1), *others
         ),
     },
     case=situation,
 )
-def failsafe_mask(distance, next_cell, cell, time_left):
+def failsafe_mask(distance, next_cell, cell, time_left, spare=2):
     """`fits(distance, next_cell, cell, time_left)`: the actions that leave time to land, (B, 6)."""
-    return in_time(distance, next_cell, cell, time_left)
-
-
-def expected(rate, left, slots=4):
-    return np.minimum(slots * rate, left[:, None, None]).max(0)
+    home = np.where(distance < 0, np.inf, distance)
+    fits = home[next_cell[cell]] + spare <= time_left[:, None]
+    fits[:, LAND] |= distance[cell] == 0
+    return fits
 
 
 def links(devices, size, *left):
@@ -94,7 +85,7 @@ def links(devices, size, *left):
     },
     mistakes={
         "A step has four slots, not one: 4 times the rate.": (
-            lambda rate, left: expected(rate, left, 1)
+            lambda rate, left: expected_data.solution(rate, left, slots=1)
         ),
         "Only one device has a slot: take the maximum over the devices, not the sum.": (
             lambda rate, left: np.minimum(4 * rate, left[:, None, None]).sum(0)
@@ -104,6 +95,6 @@ def links(devices, size, *left):
         ),
     },
 )
-def expected_data(rate, left):
+def expected_data(rate, left, slots=4):
     """`told(rate, left)`: the data units that the best device sends from each cell, (M, M)."""
-    return expected(rate, left)
+    return np.minimum(slots * rate, left[:, None, None]).max(0)

@@ -50,17 +50,6 @@ SEES_NORTH_EAST = Pilot(
 NETWORK = Pilot("q_network", weighted)
 
 
-def averaged(q_of, layers, sign=1, swap=(0, 3, 2, 1), mirrored=(False, True)):
-    """The mean over turned maps and their mirror images, with the moves brought back."""
-    rows = []
-    for flip in mirrored:
-        for k in range(4):
-            one = np.rot90(layers[:, :, ::-1] if flip else layers, k, axes=(1, 2))
-            back = np.roll(np.arange(4), sign * k)
-            rows.append(q_of(one[None])[0][[*(back[list(swap)] if flip else back), 4, 5]])
-    return np.mean(rows, 0)
-
-
 def one_map(q_of, channels, side):
     return q_of, stream(Use.EXERCISE, 10 * channels + side).normal(0, 1, (channels, side, side))
 
@@ -87,18 +76,26 @@ def one_map(q_of, channels, side):
     mistakes={
         "The moves are turned the wrong way in yours: a quarter turn to the left brings north to "
         "west, so north's Q-value is found at west, not at east.": (
-            lambda q_of, layers: averaged(q_of, layers, sign=-1)
+            lambda q_of, layers: symmetric_q.solution(q_of, layers, sign=-1)
         ),
         "You mirror the map, but do not swap the moves: where left and right change places, so do "
-        "east and west.": lambda q_of, layers: averaged(q_of, layers, swap=(0, 1, 2, 3)),
+        "east and west.": lambda q_of, layers: symmetric_q.solution(
+            q_of, layers, swap=(0, 1, 2, 3)
+        ),
         "There are eight maps, four turns of the map and four of its mirror image: yours are the "
-        "first four.": lambda q_of, layers: averaged(q_of, layers, mirrored=(False,)),
+        "first four.": lambda q_of, layers: symmetric_q.solution(q_of, layers, mirrored=(False,)),
     },
     case=one_map,
 )
-def symmetric_q(q_of, layers):
+def symmetric_q(q_of, layers, sign=1, swap=(0, 3, 2, 1), mirrored=(False, True)):
     """`mean_q(q_of, layers)`: the six Q-values, averaged over the eight symmetries."""
-    return averaged(q_of, layers)
+    rows = []
+    for flip in mirrored:
+        for k in range(4):
+            one = np.rot90(layers[:, :, ::-1] if flip else layers, k, axes=(1, 2))
+            back = np.roll(np.arange(4), sign * k)
+            rows.append(q_of(one[None])[0][[*(back[list(swap)] if flip else back), 4, 5]])
+    return np.mean(rows, 0)
 
 
 def usual(values, city):
