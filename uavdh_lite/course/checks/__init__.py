@@ -1,4 +1,4 @@
-"""Checks for the exercises: `checks.rate_from_snr(rate)`, and `checks.rate_from_snr.hint()`.
+"""Checks for the exercises: `checks.rate_from_snr(rate)`.
 
 A check takes an answer, prints that it is right, or raises `CheckFailed` with what is probably
 wrong with it. `EXERCISES` has them all by name. Each module has those of one notebook.
