@@ -62,7 +62,7 @@ def wrong_pilots(answer: dict) -> str:
     if sorted(answer) != [*PILOTS] or sorted(map(str, answer.values())) != names:
         return 'Give each of A, B and C one of "ddqn", "greedy" and "random", each of them once.'
     if answer["B"] != "random":
-        return "Random has no plan at all: its steps have no aim, and it does not come home."
+        return "Random has no plan at all: its steps have no aim, and reach no device."
     if answer["C"] != "greedy":
         return "Greedy always flies to the nearest device with data left. Count the moves."
     return ""

@@ -49,21 +49,6 @@ def wrong_chance(ring: type) -> str:
     return ""
 
 
-class Ring:
-    """The solution."""
-
-    def __init__(self, capacity):
-        self.capacity, self.items, self.newest = capacity, [], -1
-
-    def add(self, item):
-        self.newest = (self.newest + 1) % self.capacity
-        self.items[self.newest : self.newest + 1] = [item]
-
-    def sample(self, size, generator):
-        rest = generator.integers(0, len(self.items), size - 1)
-        return [self.items[self.newest], *(self.items[k] for k in rest)]
-
-
 @exercise(
     "9.1 · A ring buffer with combined replay (3 points, 15 minutes)",
     rules={
@@ -88,8 +73,19 @@ class Ring:
     call=asked,
     also=wrong_chance,
 )
-class ring_buffer(Ring):
+class ring_buffer:
     """The class `Ring(capacity)` with `add(item)` and `sample(size, generator)`."""
+
+    def __init__(self, capacity):
+        self.capacity, self.items, self.newest = capacity, [], -1
+
+    def add(self, item):
+        self.newest = (self.newest + 1) % self.capacity
+        self.items[self.newest : self.newest + 1] = [item]
+
+    def sample(self, size, generator):
+        rest = generator.integers(0, len(self.items), size - 1)
+        return [self.items[self.newest], *(self.items[k] for k in rest)]
 
 
 def draw_old_share(ax, old_share):
