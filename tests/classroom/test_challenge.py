@@ -109,7 +109,7 @@ def test_no_score_is_lost_when_ten_processes_write_at_once(tmp_path):
     ]
     for writer in writers:  # all wait for this, then begin together
         writer.stdin.write(b"\n")
-        writer.stdin.flush()
+        writer.stdin.close()
     assert [writer.wait() for writer in writers] == [0] * 10
     assert len(json.loads(path.read_text())["scores"]) == 40
 
