@@ -13,12 +13,12 @@ import tempfile
 import time
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
 from filelock import FileLock
 
+from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import load_city
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
@@ -86,8 +86,8 @@ def score(challenge: Challenge, submission: str, seconds: float = 300) -> dict:
         else:
             late = time.time() - started > seconds
             last = told.read_text(errors="replace").strip().split("\n")[-1][:300]
-            last = last or "ended without an answer"
-            result["failed"] = f"took more than {seconds:g} s" if late else last
+            failed = f"took more than {seconds:g} s" if late else last
+            result["failed"] = failed or "ended without an answer"
     return {**result, "when": time.ctime(started), "seconds": round(time.time() - started, 1)}
 
 
@@ -100,12 +100,10 @@ def fly_submission(submission: str, challenge: str, answer: str) -> None:
         function = runpy.run_path(submission).get("policy")
         if not callable(function):
             raise InputError(f"{submission} has no function policy(environment, state)")
-        policy = FunctionPolicy(partial(function, environment))
+        policy = FunctionPolicy(lambda state: function(environment, state))
     elif submission in known_policies():
         policy = find_policy(submission, environment)
     else:
-        from uavdh_lite.checkpoint import load_agent  # the others need no PyTorch
-
         policy = load_agent(submission).over(environment.cities)
     flights = evaluate(environment, policy, scenario, asked.episodes, asked.seed, Use.CHALLENGE)
     write_json(answer, {name: flights.metrics()[name] for name in METRICS})
@@ -114,12 +112,12 @@ def fly_submission(submission: str, challenge: str, answer: str) -> None:
 def enter(path: Path, challenge: Challenge, score: dict) -> None:
     """Enter a score in a leaderboard, a JSON file with the newest score of each name.
 
-    A failure replaces no score. Processes that write at once wait for each other. Raises
-    `InputError` if the file is the board of another challenge.
+    A failure replaces no score. `InputError` if the file is the board of another challenge.
     """
-    about = {"scenario": challenge.scenario, "episodes": challenge.episodes}
-    board: dict = {**about, "fingerprint": challenge.fingerprint, "scores": {}, "failures": []}
-    with FileLock(f"{path}.lock"):
+    board = asdict(challenge) | {"scores": {}, "failures": []}
+    board["fingerprint"] = challenge.fingerprint
+    del board["seed"]  # it stays hidden
+    with FileLock(f"{path}.lock"):  # processes that write at once wait for each other
         if path.exists():
             board = _read(path, [*board])
         if board["fingerprint"] != challenge.fingerprint:
@@ -141,16 +139,16 @@ def leaderboard(path: Path) -> str:
         forms = ("{:.1%} ({:.1%} to {:.1%})",) * 2 + ("{:.1f} ({:.1f} to {:.1f})",)
         cells = [form.format(*one[name]) for form, name in zip(forms, METRICS, strict=True)]
         lines.append(f"| {rank} | {one['name'].replace('|', '/')} | {' | '.join(cells)} |")
-    failed = [f"- failed: {one['name']}: {one['failed']}" for one in board["failures"]]
-    return "\n".join([*lines, "", *failed])
+    lines += [f"- failed: {one['name']}: {one['failed']}" for one in board["failures"]]
+    return "\n".join(lines)
 
 
 def _read(path: Path, expected: list[str]) -> dict:
     """A JSON object with exactly these keys; `InputError` that names the file otherwise."""
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as JSON ({error})") from None
+    except (OSError, ValueError):
+        values = None
     if not isinstance(values, dict) or set(values) != set(expected):
         raise InputError(f"{path}: expected a JSON object with {', '.join(expected)}")
     return values
