@@ -22,4 +22,5 @@ c.GenerateAssignment.preprocessors = [
     for step in GenerateAssignment.class_traits()["preprocessors"].default()
 ]
 c.ExecutePreprocessor.timeout = 180  # seconds a cell: 6.3 trains an agent
+c.ExecutePreprocessor.interrupt_on_timeout = True  # the check says in which line, and others count
 c.ClearSolutions.enforce_metadata = True

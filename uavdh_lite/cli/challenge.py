@@ -5,7 +5,8 @@ from pathlib import Path
 from cyclopts import App
 from cyclopts.types import PositiveFloat, PositiveInt
 
-from uavdh_lite.course.challenge import METRICS, Challenge, Leaderboard
+from uavdh_lite.course.challenge import METRICS, Challenge, enter
+from uavdh_lite.course.challenge import leaderboard as board_of
 from uavdh_lite.course.challenge import score as flown_score
 from uavdh_lite.evaluation import Interval
 from uavdh_lite.experiments.report import interval_text
@@ -58,7 +59,7 @@ def score(
             means = (f"{m} {interval_text(m, Interval(*result[m]))}" for m in METRICS)
             print(f"{result['name']}: {', '.join(means).replace('_', ' ')}, {result['seconds']} s")
         if leaderboard:
-            Leaderboard(leaderboard).add(flown, result)
+            enter(leaderboard, flown, result)
 
 
 @challenge.command
@@ -68,4 +69,4 @@ def show(leaderboard: Path, /) -> None:
     Arguments:
         leaderboard: the file.
     """
-    print(Leaderboard(leaderboard).table())
+    print(board_of(leaderboard))

@@ -3,18 +3,14 @@
 #
 # They go with notebook `00_first_flight`. You need Python, and no more.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it: it says whether the answer is
-# right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for example
-# `checks.flight_score.hint()` in a cell of your own gives the first, again gives the next.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
+# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
+# never ends, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
-from matplotlib.figure import Figure
-
 from uavdh_lite.course import checks
-from uavdh_lite.course.checks.first_flight import fly_by_hand, mission
-from uavdh_lite.missions import environment_of
-from uavdh_lite.plotting import draw_trajectory
+from uavdh_lite.course.checks.notebook_00 import flights_to_tell_apart, mission, picture
 
 # %% [markdown]
 # ## 0.1 · The score of one flight (1 point, 5 minutes)
@@ -23,11 +19,23 @@ from uavdh_lite.plotting import draw_trajectory
 # 0 if the UAV did not land. Compute it for one flight with one or more devices.
 #
 # - `collected`: a list of numbers, the data units collected from each device
-# - `initial`: a list of the same length, the data units that each device had at the start; a device may have had 0, but
+# - `initial`: a list of the same length, the data units that each device had at the start. A device may have had 0, but
 #   not all of them
 # - `landed`: `True` or `False`
 #
 # Give back one number between 0 and 1. All data units count the same, whichever device they come from.
+#
+# <details><summary>Hint</summary>
+#
+# A data unit counts the same whichever device it comes from. So what is divided by what? And when is the score
+# 0, whatever was collected?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Divide the sum of all that was collected by the sum of all that was there. Return that if `landed` is true,
+# and 0 if it is not.
+# </details>
 
 # %%
 def collected_and_landed(collected, initial, landed):
@@ -42,31 +50,54 @@ def collected_and_landed(collected, initial, landed):
 checks.flight_score(collected_and_landed)
 
 # %% [markdown]
-# Over many flights one takes the mean of this number. That is not the mean collection ratio times the share of flights
+# Over many flights one takes the mean of this number. That is not the mean share collected times the share of flights
 # that landed: the flights that crash may be those that collected most.
+
+# %% [markdown]
+# ## 0.2 · Which flight is the agent's? (1 point, 5 minutes)
+#
+# Three pilots flew the same mission: the agent, greedy and random. Greedy always flies the shortest way to the nearest
+# device that has data left, and home when the time just suffices. The triangle is the start. Who flew which flight?
+#
+# <details><summary>Hint</summary>
+#
+# One of the three has no plan at all. Which device do the other two fly to first?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Greedy has one rule: to the nearest device that has data left, and home when the time just suffices. From the
+# start, count the moves to each device.
+# </details>
+
+# %%
+flights_to_tell_apart()
+
+# %%
+# Replace the line below by your dict, such as: who = {"A": "random", "B": "greedy", "C": "ddqn"}
+### BEGIN SOLUTION
+who = {"A": "ddqn", "B": "random", "C": "greedy"}
+### END SOLUTION
+
+# %%
+checks.pilots(who)
 
 # %% [markdown]
 # The next exercise takes place in the *village*, a city of 8×8 cells. The cell below draws its mission.
 # `picture(actions)` draws it again after a list of actions, to try things out: arrows, and rings where the UAV hovers,
-# have the colour of the device that sent most in that step, and are black if none did.
+# have the colour of the device that sent most in that step, and are black if none did. When the list is used up, the UAV
+# hovers until its time is over.
 
 # %%
-def picture(actions):
-    """The map after these actions, a list of names."""
-    flight = fly_by_hand(actions)
-    figure = Figure(figsize=(5, 5.6), layout="constrained")
-    draw_trajectory(figure.subplots(), environment_of("village"), flight.flights().trajectory(0))
-    return figure
-
 print("start", mission().start, "devices", mission().devices, "data", mission().data, "time", mission().flying_time)
 
 picture([])
 
 # %% [markdown]
-# ## 0.2 · Fly by hand (3 points, 15 minutes)
+# ## 0.3 · Fly by hand (3 points, 15 minutes)
 #
 # You are the agent. In the mission above the UAV starts at (row 0, column 0) and has 21 units of flying time. Each of
-# two devices has 15 data units; one stands at (4, 1), in a cell where the UAV may not fly (red), the other at (0, 7), in
+# two devices has 15 data units. One stands at (4, 1), in a cell where the UAV may not fly, red. The other is at (0, 7), in
 # the far corner. Blue is the start and landing zone, black cells are tall buildings. Shades of violet say what is in sight: over
 # a white cell the UAV sees both devices, over a pale violet one a building hides one of them, over a deeper one both.
 #
@@ -80,6 +111,20 @@ picture([])
 #
 # The luck of the radio link is always the same here, so that the same list gives the same flight. The link is best next
 # to a device and without a building in between, but it also works while the UAV moves.
+#
+# <details><summary>Hint</summary>
+#
+# Count the time that each leg takes, landing included. Little is left for waiting, so collect on the move: from
+# which cells next to the no-fly cells is the first device in sight, and which of them lie on a way to the
+# second one and back?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Along row 0 towards the far corner, with hardly any time spent there. Then to (4, 2), one cell from the first
+# device: back along row 0 and down the street in column 2 or 3, or down the eastern side and along row 4. Spend
+# there what is left beyond the way home.
+# </details>
 
 # %%
 # Replace the line below by your list, such as: actions = ["south", "hover", "land"]

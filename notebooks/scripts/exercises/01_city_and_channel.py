@@ -3,9 +3,9 @@
 #
 # They go with notebook `01_city_and_channel`. You need logarithms, the normal distribution and a little numpy.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it: it says whether the
-# answer is right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for example
-# `checks.rate_from_snr.hint()` in a cell of your own gives the first, again gives the next.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
+# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
+# never ends, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -21,6 +21,17 @@ channel = Channel()
 #
 # In a communication slot the link carries $\log_2(1 + \mathrm{SNR})$ data units. The SNR in this formula is a ratio of
 # powers; you are given it in decibels, and maybe a whole array of them.
+#
+# <details><summary>Hint</summary>
+#
+# The rate is log2(1 + SNR), where the SNR is a plain ratio of powers. What is 0 dB as a ratio? And 10 dB?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# 10 dB more is ten times the power, so the decibels belong in an exponent. Which number is raised to it? The 1
+# is added to the ratio, and numpy has the logarithm to base 2.
+# </details>
 
 # %%
 def rate(snr_db):
@@ -33,16 +44,25 @@ def rate(snr_db):
 checks.rate_from_snr(rate)
 
 # %% [markdown]
-# ## 1.2 · Where the two path losses cross (2 points, 10 minutes)
+# ## 1.2 · How much distance is a building worth? (2 points, 10 minutes)
 #
 # Over a distance of $d$ metres the path loss is $10\,\alpha \log_{10} d$ decibels, with $\alpha_\mathrm{LoS} = 2.27$ in
-# sight and $\alpha_\mathrm{NLoS} = 3.64$ behind a building (`channel.path_loss_exponent_los`, `..._nlos`).
+# sight and $\alpha_\mathrm{NLoS} = 3.64$ behind a building (`channel.path_loss_exponent_los`, `..._nlos`). $d$ is the length of
+# the whole link, through the air; nothing is to be added to it.
 #
-# ($d$ is the length of the whole link, through the air; nothing is to be added to it.)
+# A device stands behind a building, `nlos_distance_m` away. At which distance would a device *in sight* have the same
+# path loss?
 #
-# A device stands behind a building. At which distance would a device *in sight* have the same path loss? Write
-# `same_loss_m`. Then: at which distance do both losses cross, that is, are equal at the same distance? Return that number
-# in `crossover_m`. (The UAV flies 10 m above the devices. So does it ever get there?)
+# <details><summary>Hint</summary>
+#
+# The path loss in dB is 10 α log10(d). Set the loss with α_LoS at the unknown distance equal to the one with
+# α_NLoS at the given distance.
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Solve for the logarithm of the unknown distance. A factor in front of a logarithm is a power inside of it.
+# </details>
 
 # %%
 def same_loss_m(nlos_distance_m):
@@ -51,15 +71,11 @@ def same_loss_m(nlos_distance_m):
     return nlos_distance_m ** (channel.path_loss_exponent_nlos / channel.path_loss_exponent_los)
     ### END SOLUTION
 
-
-def crossover_m():
-    """The distance at which a blocked link and one in sight have the same path loss, m."""
-    ### BEGIN SOLUTION
-    return 1.0
-    ### END SOLUTION
-
 # %%
-checks.path_loss_crossover((same_loss_m, crossover_m))
+checks.same_path_loss(same_loss_m)
+
+# %% [markdown]
+# The two laws agree at 1 m. The UAV flies 10 m above the devices, so a building always costs.
 
 # %% [markdown]
 # ## 1.3 · What fading does to the mean rate (2 points, 10 minutes)
@@ -67,6 +83,17 @@ checks.path_loss_crossover((same_loss_m, crossover_m))
 # Shadow fading adds a normal random number of decibels, with mean 0, to the SNR in every slot. Is the mean rate then
 # the rate at the mean SNR in dB, `snr_db`? Estimate it by simulation: `draws` slots, each with its own fading of
 # variance `variance_db2` in dB², drawn from `generator`, a `numpy.random.Generator`.
+#
+# <details><summary>Hint</summary>
+#
+# Draw many SNRs around the mean, turn each into a rate, and average the rates: in that order.
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Does generator.normal want a variance? The fading belongs to the SNR, while that is still in dB. One rate for
+# each draw, and the mean comes last.
+# </details>
 
 # %%
 def mean_rate(snr_db, variance_db2, draws, generator):

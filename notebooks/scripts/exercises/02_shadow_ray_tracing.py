@@ -3,9 +3,9 @@
 #
 # They go with notebook `02_shadow_ray_tracing`. You need the equation of a line, loops and Boolean arrays.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it: it says whether the
-# answer is right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for example
-# `checks.crosses.hint()` in a cell of your own gives the first, again gives the next.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
+# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
+# never ends, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -13,7 +13,8 @@ import numpy as np
 
 from uavdh_lite.course import checks
 from uavdh_lite.city import City
-from uavdh_lite.shadowing import crossed_cells, line_of_sight
+from uavdh_lite.course.checks.notebook_02 import blocked
+from uavdh_lite.shadowing import line_of_sight
 
 # %% [markdown]
 # ## 2.1 · Does the ray cross the cell? (1 point, 10 minutes)
@@ -22,14 +23,27 @@ from uavdh_lite.shadowing import crossed_cells, line_of_sight
 # coordinates, and its *open interior* is the square without its edges and corners. Write a function that says whether
 # the straight segment between the centres of the cells `start` and `end` crosses the open interior of `cell`.
 #
-# The tutorial has the condition for a segment from (0, 0) to $(R, C)$: a cell $(r, c)$ in the rectangle between these two
+# The notebook has the condition for a segment from (0, 0) to $(R, C)$: a cell $(r, c)$ in the rectangle between these two
 # cells is crossed exactly if
 #
 # $$2\,|R\,c - C\,r| < |R| + |C|.$$
 #
 # Make it a function of any `start`, `end` and `cell`. The cells `start` and `end` themselves count as crossed. They may
-# also be the same cell: then the segment is one point. The rays can be very long (a million cells) and go in any direction.
+# also be the same cell: then the segment is one point. The rays can be a million cells long and go in any direction.
 # Try to do without `crossed_cells`, that is the point of the exercise, and so that no rounding can spoil it.
+#
+# <details><summary>Hint</summary>
+#
+# The notebook's segment begins at (0, 0): move yours there. Which numbers may then be negative, and what is the
+# rectangle? What does the condition say if R = C = 0?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# (R, C) is end minus start, (r, c) is cell minus start, by rows and columns. The rectangle is min(R, 0) <= r <=
+# max(R, 0), and the same with c and C. If R = C = 0 it is one cell, and the condition, 0 < 0, must not be
+# asked.
+# </details>
 
 # %%
 def crosses(start, end, cell):
@@ -47,42 +61,36 @@ def crosses(start, end, cell):
 checks.crosses(crosses)
 
 # %% [markdown]
-# ## 2.2 · A shadow map from scratch (3 points, 35 minutes)
+# ## 2.2 · A shadow map (2 points, 10 minutes)
 #
 # A city has M×M cells; `buildings` is a Boolean array (M, M), indexed `[row, col]`. A device stands in the cell
-# `device`, a pair `(row, col)`, never in a building. For each cell, is the link between the device and a UAV over the
-# middle of that cell blocked? Give back a new Boolean array (M, M), True where it is, with this rule:
+# `device`, a pair `(row, col)`. The function `blocked(buildings, device, cell)` sends one ray: it says whether the link between the
+# device and a UAV over `cell` is blocked, by the rules of the notebook.
 #
-# - The link is blocked if the straight segment between the two cell centres crosses the open interior of a building's
-#   cell. The two cells at its ends count like all others, so that a UAV over a building is always in shadow.
-# - A segment that only touches a building at a corner is not blocked by it.
-# - But if it passes exactly through the corner that two diagonally adjacent buildings share, *between* them, it is
-#   blocked: at such a corner four cells meet, the segment goes from one to the opposite one, and both others are
-#   buildings.
+# Make the shadow map of the device: a new Boolean array (M, M), True in each cell where the link is blocked.
 #
-# Use `crossed_cells(rows, cols)`: the cells whose open interior the segment from (0, 0) to `(rows, cols)` crosses,
-# both ends included, as an array (n, 2) of rows and columns, each relative to (0, 0) and maybe negative. They are
-# sorted by row, then by column, which is not always the order along the ray. The rest is yours: try to do without
-# `line_of_sight` and `passed_corners`, that is the point of the exercise.
+# <details><summary>Hint</summary>
+#
+# Begin with an array that is False everywhere. Which cell does `blocked` need for each place of it?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Loop over all rows and columns. For each cell ask blocked(buildings, device, cell), and write the answer where
+# the cell is.
+# </details>
 
 # %%
-print(crossed_cells(3, 1).tolist())
-print(crossed_cells(1, -3).tolist())
+print(blocked(City.load("village").buildings, (0, 7), (7, 0)))
 
 # %%
 def shadow_map(buildings, device):
     """Where the link to the device is blocked; (M, M) bool, indexed [row, col]."""
     ### BEGIN SOLUTION
     shadow = np.zeros(buildings.shape, bool)
-    for row, col in np.ndindex(buildings.shape):
-        crossed = {(device[0] + r, device[1] + c)
-                   for r, c in crossed_cells(row - device[0], col - device[1]).tolist()}
-        blocked = any(buildings[cell] for cell in crossed)
-        for r, c in crossed:
-            for side in (-1, 1):
-                if (r + 1, c + side) in crossed:
-                    blocked |= buildings[r, c + side] and buildings[r + 1, c]
-        shadow[row, col] = blocked
+    for row in range(len(buildings)):
+        for col in range(len(buildings)):
+            shadow[row, col] = blocked(buildings, device, (row, col))
     return shadow
     ### END SOLUTION
 
@@ -90,7 +98,7 @@ def shadow_map(buildings, device):
 checks.shadow_map(shadow_map)
 
 # %% [markdown]
-# ## 2.3 · How asymmetric is a table? (2 points, 12 minutes)
+# ## 2.3 · How asymmetric is a table? (2 points, 10 minutes)
 #
 # `line_of_sight(buildings, method)` gives a Boolean array of shape (M, M, M, M), indexed
 # `[device_row, device_col, uav_row, uav_col]`: True if a device in the first cell and a UAV over the second see each
@@ -99,6 +107,18 @@ checks.shadow_map(shadow_map)
 #
 # Of all unordered pairs of different cells, which share is asymmetric? Write a function that takes such an array, for
 # any M > 1 and from whatever method, and gives the share, a number from 0 to 1.
+#
+# <details><summary>Hint</summary>
+#
+# Make the table a square matrix, one row and one column for each cell. Where does it differ from its transpose?
+# How many unordered pairs are there?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# With n = M² cells, reshape to (n, n) and compare with .T: each asymmetric pair shows up twice. There are n (n
+# − 1) / 2 unordered pairs of different cells.
+# </details>
 
 # %%
 def asymmetric_share(sight):
@@ -113,6 +133,6 @@ def asymmetric_share(sight):
 checks.asymmetric_share(asymmetric_share)
 
 # %% [markdown]
-# Try yours on the city of the tutorial, `City.load("manhattan").buildings`, with the methods `"exact"` and
+# Try yours on the city of the notebook, `City.load("manhattan").buildings`, with the methods `"exact"` and
 # `"bresenham"`: the first must give 0, and a share above 0 is a sure sign that a method is not exact. But 0 is no
 # proof: a rule can be symmetric and wrong.

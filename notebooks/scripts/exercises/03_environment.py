@@ -3,9 +3,9 @@
 #
 # They go with notebook `03_environment`. You need arithmetic, Boolean arrays and a little numpy.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it: it says whether the
-# answer is right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for example
-# `checks.tdma_slot.hint()` in a cell of your own gives the first, again gives the next.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
+# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
+# never ends, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -15,7 +15,7 @@ from uavdh_lite.course import checks
 from uavdh_lite.channel import rate
 
 # %% [markdown]
-# ## 3.1 · Who gets the slot? (1 point, 12 minutes)
+# ## 3.1 · Who gets the slot? (1 point, 10 minutes)
 #
 # In a communication slot one device sends: of those that have data left, the one with the highest SNR. It uploads as
 # much as the slot carries, `rate(snr_db)` data units, but no more than it has left. There are K ≥ 1 devices.
@@ -25,6 +25,18 @@ from uavdh_lite.channel import rate
 #
 # Give back two numbers: the device that is served, an index from 0 to K − 1, and the data units that it uploads. If no
 # device has data left, give back −1 and 0. Leave the two arrays as they are.
+#
+# <details><summary>Hint</summary>
+#
+# First rule out the devices without data. Then the best of the rest, by its number among all devices. Then two
+# limits on what it uploads.
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Let the empty devices stay in the array, with an SNR that never wins: then all numbers stay right. Would 0 dB
+# do? What if all are empty? The winner uploads the smaller of two amounts.
+# </details>
 
 # %%
 def slot(snr_db, data_left):
@@ -40,11 +52,11 @@ def slot(snr_db, data_left):
 checks.tdma_slot(slot)
 
 # %% [markdown]
-# ## 3.2 · Rewards by hand (2 points, 14 minutes)
+# ## 3.2 · Rewards by hand (2 points, 10 minutes)
 #
 # Two short flights, the first with two devices, the second with one. The constants: 1 for each data unit uploaded; −0.2
 # for each step, unless it lands; −1 if the safety controller intervenes; −150 if the flying time runs out without a
-# landing (this one from the authors' code, the others from the paper). All that apply to a step are added. The column
+# landing. All that apply to a step are added. The column
 # "the link could carry" says how many data units could go up in the four slots of the step, and from which device; a
 # device cannot upload more than it has left. In the step that ends an episode, be it a landing or a crash, nothing is
 # uploaded.
@@ -70,6 +82,18 @@ checks.tdma_slot(slot)
 #
 # Work out the reward of each step with pencil and paper. Give back two lists: six numbers for flight A, three for
 # flight B.
+#
+# <details><summary>Hint</summary>
+#
+# Ask four questions of each step. What was uploaded? Did it land? Did the controller intervene? Did the time
+# run out without a landing? More than one term may apply.
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Keep an account of each device's data left, because a step uploads no more than that, and the step that ends a
+# flight uploads nothing. Only a landing is free of the 0.2, and the last step of flight B has three terms.
+# </details>
 
 # %%
 def rewards_by_hand():
@@ -82,31 +106,7 @@ def rewards_by_hand():
 checks.rewards_by_hand(rewards_by_hand)
 
 # %% [markdown]
-# ## 3.3 · The reward of a batch (2 points, 8 minutes)
-#
-# Now one step of B episodes at once. Try to do without a loop: that is the point of the exercise. The constants are the
-# same: 1 for each data unit uploaded; −0.2 for the step, unless it lands; −1 if the safety controller intervenes; −150
-# for a crash. All that apply are added. You are given arrays that say what happened:
-#
-# - `uploaded`: (B, 4) numbers, the data units uploaded in each of the four slots; 0 in a step that ends its episode
-# - `intervened`: (B,) Booleans, whether the safety controller intervened
-# - `landed`: (B,) Booleans, whether the UAV landed in this step
-# - `crashed`: (B,) Booleans, whether the flying time ran out in this step without a landing
-#
-# Give back the rewards of the B episodes, an array (B,). Leave the arrays as they are. B can be any number from 1 on.
-
-# %%
-def reward(uploaded, intervened, landed, crashed):
-    """The reward of this step for each episode; (B,)."""
-    ### BEGIN SOLUTION
-    return uploaded.sum(1) - 0.2 * ~landed - 1.0 * intervened - 150.0 * crashed
-    ### END SOLUTION
-
-# %%
-checks.reward(reward)
-
-# %% [markdown]
-# ## 3.4 · The safety controller (3 points, 20 minutes)
+# ## 3.3 · The safety controller (3 points, 15 minutes)
 #
 # The UAV is over the cell `cell`, a pair `(row, col)`, in a city with M×M cells, and wants to take the action
 # `action`, a number: 0 north (row − 1), 1 east (col + 1), 2 south (row + 1), 3 west (col − 1), 4 hover, 5 land. The
@@ -124,6 +124,18 @@ checks.reward(reward)
 #
 # Give back two things: the cell in which the UAV is after the step, a pair `(row, col)`, and whether the controller
 # intervened, `True` or `False`.
+#
+# <details><summary>Hint</summary>
+#
+# Four kinds of actions: hovering is always allowed, landing is a matter of one layer, and a move needs two
+# questions about its target, in the right order.
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Work out the target's row and column. Ask first whether they are in the grid, from 0 to M − 1, and only then
+# what city.no_fly says of them. Twice no: the UAV stays in its old cell, and that counts as an intervention.
+# </details>
 
 # %%
 def safe_step(city, cell, action):

@@ -1,12 +1,11 @@
 # %% [markdown]
-# # Exercises 4 · Map centring
+# # Exercises 4 · What the network sees
 #
-# They go with notebook `04_map_centring`. You need indexing of numpy arrays, and what a convolution and a fully
-# connected layer are.
+# They go with notebook `04_map_centring`. You need indexing of numpy arrays, and what a convolution and a fully connected layer are.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it: it says whether the
-# answer is right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for example
-# `checks.city_cell.hint()` in a cell of your own gives the first, again gives the next.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
+# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
+# never ends, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -15,35 +14,9 @@ import numpy as np
 from uavdh_lite.course import checks
 
 # %% [markdown]
-# ## 4.1 · From the map back to the city (1 point, 8 minutes)
+# ## 4.1 · Centre a layer (2 points, 12 minutes)
 #
-# The tutorial asked where a cell of the city appears in the centred map. Now the way back. A city has M×M cells, and
-# its centred map has (2M − 1)×(2M − 1) places; rows and columns of both are counted from 0. The cell over which the
-# UAV is appears in the middle of the map.
-#
-# - `place`: a pair `(row, col)`, a place in the centred map
-# - `uav`: a pair `(row, col)`, the cell of the city over which the UAV is
-# - `size`: M, the cells a side of the city
-#
-# Which cell of the city is at this place? Give back the pair `(row, col)`, or `None` if the place is outside the city.
-
-# %%
-def city_cell(place, uav, size):
-    """The city's cell (row, col) at this place of the centred map, or None outside the city."""
-    ### BEGIN SOLUTION
-    row = uav[0] + place[0] - (size - 1)
-    col = uav[1] + place[1] - (size - 1)
-    inside = 0 <= row < size and 0 <= col < size
-    return (row, col) if inside else None
-    ### END SOLUTION
-
-# %%
-checks.city_cell(city_cell)
-
-# %% [markdown]
-# ## 4.2 · Centre a layer (2 points, 14 minutes)
-#
-# Now the whole map, for one layer and one UAV. Use numpy as you like, but try to do without the
+# Centre one layer of the map, for one UAV. Use numpy as you like, but try to do without the
 # library's `Observation`, that is the point of the exercise.
 #
 # - `layer`: an array (M, M) of numbers or Booleans, indexed `[row, col]`
@@ -53,6 +26,19 @@ checks.city_cell(city_cell)
 #
 # Give back the centred map, a new array (2M − 1, 2M − 1): the layer, shifted so that the UAV's cell is in the middle,
 # and `outside` everywhere else. Fractions must survive, in the layer (there may be 7.5 data units left) and in `outside`.
+#
+# <details><summary>Hint</summary>
+#
+# Begin with a map that has the value `outside` everywhere. Where does the city's corner (0, 0) come to lie if
+# the UAV's cell is in the middle?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the M×M cells from there on are the
+# layer. Or surround the layer by M − 1 cells on all sides (np.pad) and cut out the 2M − 1 rows from uav[0] on,
+# and as many columns from uav[1] on.
+# </details>
 
 # %%
 def centre(layer, uav, outside):
@@ -69,7 +55,49 @@ def centre(layer, uav, outside):
 checks.centre(centre)
 
 # %% [markdown]
-# ## 4.3 · How many weights? (3 points, 25 minutes)
+# ## 4.2 · A kernel moves over a map (2 points, 12 minutes)
+#
+# A convolution moves a small window over the map. Compute what one kernel makes of one layer, without padding and with stride 1.
+#
+# - `layer`: an array (rows, columns) of numbers
+# - `kernel`: an array of numbers, not larger than the layer; it need not be square
+# - `bias`: a number
+#
+# At each place where the kernel lies wholly inside the layer, multiply window and kernel cell by cell, add up the products, and add the
+# bias. Then apply ReLU: a number below 0 becomes 0. Give back the array of these values. An example: the layer [[1, 2], [3, 4]] with the
+# kernel [[1, −1]] and the bias 0 has two places. The sums are −1 and −1, so ReLU gives [[0], [0]].
+#
+# <details><summary>Hint</summary>
+#
+# Do one place first: lay the kernel on the corner, multiply cell by cell, add up, add the bias. How many places
+# are there along a side?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# There are rows − k + 1 places along the rows. At (i, j) the window is layer[i : i + k, j : j + k]; its value
+# is (window * kernel).sum() + bias, or 0 if that is negative.
+# </details>
+
+# %%
+def convolve(layer, kernel, bias):
+    """The values of one kernel at all places of a layer, after ReLU."""
+    ### BEGIN SOLUTION
+    height, width = kernel.shape
+    rows, cols = layer.shape[0] - height + 1, layer.shape[1] - width + 1
+    result = np.zeros((rows, cols))
+    for i in range(rows):
+        for j in range(cols):
+            window = layer[i : i + height, j : j + width]
+            result[i, j] = max((window * kernel).sum() + bias, 0)
+    return result
+    ### END SOLUTION
+
+# %%
+checks.convolve(convolve)
+
+# %% [markdown]
+# ## 4.3 · How many weights? (3 points, 15 minutes)
 #
 # The Q-network takes the centred map of a city with M×M cells, and the flying time that is left. It gives one Q-value
 # for each of the six actions. Its parts, in order:
@@ -100,6 +128,19 @@ checks.centre(centre)
 #
 # Try to do it with plain arithmetic, without torch, that is the point of the exercise. For the paper's network in a city
 # with M = 16 it is 2,308,854.
+#
+# <details><summary>Hint</summary>
+#
+# Follow the shape of the map through the network, as in a table: layers and side before and after each
+# convolution, then the length of the list, then layer by layer. Each kernel and each neuron has a bias.
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# A convolution has c·k·k weights and one bias a kernel, where c is the number of layers that it gets, and
+# leaves (side − k) // stride + 1 cells a side. The list has kernels · side² numbers and the flying time. From n
+# to m neurons: n·m + m. The output has 6.
+# </details>
 
 # %%
 def weights(layers, size, kernels, kernel_size, strides, hidden):

@@ -1,20 +1,63 @@
 # %% [markdown]
-# # Exercises 5 · DDQN
+# # Exercises 5 · From Q-learning to DDQN
 #
-# They go with notebook `05_ddqn`. You need its formulae, torch tensors, and for the second exercise Python classes.
+# They go with notebook `05_ddqn`. You need the formulas of the notebook, numpy and torch tensors.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it: it says whether the
-# answer is right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for example
-# `checks.stable_policy.hint()` in a cell of your own gives the first, again gives the next.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
+# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
+# never ends, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
+import numpy as np
 import torch
 
 from uavdh_lite.course import checks
 
 # %% [markdown]
-# ## 5.1 · A softmax that does not overflow (2 points, 12 minutes)
+# ## 5.1 · One step of Q-learning (2 points, 10 minutes)
+#
+# A table has a row for each state and a column for each action. One step of Q-learning moves one entry towards its target,
+#
+# $$Q(s, a) \leftarrow Q(s, a) + \alpha\,(y - Q(s, a)), \qquad y = r + \gamma \max_{a'} Q(s', a'),$$
+#
+# and $y = r$ if the episode ended with this step.
+#
+# - `q`: an array (states, actions)
+# - `state`, `action`, `next_state`: whole numbers, $s$, $a$ and $s'$
+# - `reward`: $r$; `terminal`: whether the episode ended; if so, `next_state` means nothing
+# - `alpha`: $\alpha$, from 0 to 1; `discount`: $\gamma$
+#
+# Give back the new table, and leave the old one as it is.
+#
+# <details><summary>Hint</summary>
+#
+# What is y if the episode goes on? What if it has ended? Then only one number of the table changes.
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# y = reward, plus discount · q[next_state].max() unless terminal. In a copy of the table, q[state, action] +=
+# alpha * (y − q[state, action]).
+# </details>
+
+# %%
+def update(q, state, action, reward, next_state, terminal, alpha, discount):
+    """The table after one step of Q-learning."""
+    ### BEGIN SOLUTION
+    target = reward
+    if not terminal:
+        target += discount * q[next_state].max()
+    new = q.copy()
+    new[state, action] += alpha * (target - new[state, action])
+    return new
+    ### END SOLUTION
+
+# %%
+checks.q_update(update)
+
+# %% [markdown]
+# ## 5.2 · A softmax that does not overflow (2 points, 10 minutes)
 #
 # The softmax policy takes action $a$ in state $s$ with the probability
 #
@@ -32,6 +75,19 @@ from uavdh_lite.course import checks
 # of shape `(2,)`. With `keepdim=True` the dimension stays, with length 1: `x.amax(dim=1, keepdim=True)` is
 # `[[5.], [3.]]`, a column of shape `(2, 1)`, and in a sum or a quotient with `x` each row meets its own number. `x.sum`
 # takes the same arguments.
+#
+# <details><summary>Hint</summary>
+#
+# exp(10 000) is infinite. But the probabilities depend on the gaps between a state's Q-values only: what may
+# you subtract from all of them?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# A factor that all exponentials of a row share cancels when you divide by their sum; exp(−c/β) is such a
+# factor, and makes exp((Q − c)/β) of exp(Q/β). Which c, another one in each row, leaves no exponent above 0,
+# and one that is exactly 0?
+# </details>
 
 # %%
 def policy(q_values, temperature):
@@ -46,53 +102,7 @@ def policy(q_values, temperature):
 checks.stable_policy(policy)
 
 # %% [markdown]
-# ## 5.2 · A ring buffer with combined replay (3 points, 20 minutes)
-#
-# Write a replay memory. It stores the last `capacity` items; a sample of it always has the newest item.
-#
-# - `Ring(capacity)`: an empty memory for `capacity` ≥ 1 items.
-# - `add(item)`: stores an item. If the memory is full, it takes the place of the oldest one.
-# - `sample(size, generator)`: a list of `size` ≥ 1 items in any order. One is the newest. Each of the other `size` − 1 is
-#   drawn from *all* stored items, the newest included, all equally likely and independent of each other, so that an item
-#   may come more than once. `generator` is a `numpy.random.Generator`; all chance must come from it, for example by
-#   `generator.integers(0, n, count)`: `count` whole numbers from 0 to `n` − 1. `sample` is never called on an empty memory.
-#
-# An item is a tuple of any content; give back the very tuples that were added. Adding should not get slower when the
-# memory is large: try to do without shifting all items by a place (as `pop(0)` does), that is the point of a ring.
-
-# %%
-class Ring:
-    """The last `capacity` items; the newest is in every sample."""
-
-    def __init__(self, capacity):
-        ### BEGIN SOLUTION
-        self.capacity = capacity
-        self.items = []
-        self.newest = -1
-        ### END SOLUTION
-
-    def add(self, item):
-        """Store an item; the oldest makes room."""
-        ### BEGIN SOLUTION
-        self.newest = (self.newest + 1) % self.capacity
-        if len(self.items) < self.capacity:
-            self.items.append(item)
-        else:
-            self.items[self.newest] = item
-        ### END SOLUTION
-
-    def sample(self, size, generator):
-        """A list of `size` items: the newest, the others drawn uniformly from all stored."""
-        ### BEGIN SOLUTION
-        places = generator.integers(0, len(self.items), size - 1)
-        return [self.items[self.newest], *(self.items[place] for place in places)]
-        ### END SOLUTION
-
-# %%
-checks.ring_buffer(Ring)
-
-# %% [markdown]
-# ## 5.3 · The double-DQN target (2 points, 12 minutes)
+# ## 5.3 · The double-DQN target (2 points, 10 minutes)
 #
 # The function below is wrong in two ways. Mend it. It is to compute the targets $y$ of a minibatch of $B$ transitions
 # from a state to the next state $s'$:
@@ -114,26 +124,23 @@ checks.ring_buffer(Ring)
 #     return reward + discount * value
 # ```
 #
-# First compute the right target of each of these two transitions by hand, with $\gamma = 0.9$ and, to be short, three
-# actions: `by_hand`, a list of the two numbers. What does the wrong function give for both?
+# An example with $\gamma = 0.9$ and three actions: $r = 1$, the online Q-values of $s'$ are 2, 5, 3 and the target network's 4, 2, 6.
+# The best action is the second, and the target network says that it is worth 2: $y = 1 + 0.9 \cdot 2 = 2.8$.
 #
-# | $r$ | terminal | Q-values of $s'$, online | Q-values of $s'$, target | $y$ |
-# | --- | --- | --- | --- | --- |
-# | 1.0 | no | 2.0, 5.0, 3.0 | 4.0, 2.0, 6.0 | ? |
-# | −0.2 | yes | 1.0, 0.0, 4.0 | 3.0, 5.0, 2.0 | ? |
+# <details><summary>Hint</summary>
 #
-# Then write the right function. It gives back a new tensor of shape $(B,)$. Try to do without a loop and without the
-# library's own function: that is the point of the exercise. The opposite of a Boolean tensor is `~terminal`; `1 - terminal`
-# is an error. In a product True counts as 1 and False as 0. To take one entry from each row of a tensor `x` of shape $(B, 6)$, index
-# it with two tensors of length $B$, the rows and the columns: `x[torch.arange(B), columns]` has the entries
-# `x[0, columns[0]]`, `x[1, columns[1]]` and so on; its shape is $(B,)$.
+# One network is asked which action is best in the next state, the other what that action is worth. And what is
+# a next state worth after the episode has ended?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# The wrong function lets one network do both. argmax says which action is best; with the number of that action
+# in each row, look up its worth. And a Boolean counts as 0 or 1 in a product: which of the two terms falls away
+# at the end?
+# </details>
 
 # %%
-# Replace the line below by the two numbers: by_hand = [..., ...]
-### BEGIN SOLUTION
-by_hand = [1.0 + 0.9 * 2.0, -0.2]
-### END SOLUTION
-
 def target(reward, terminal, discount, online_next, target_next):
     """The double-DQN target of each transition, (B,)."""
     ### BEGIN SOLUTION
@@ -143,11 +150,7 @@ def target(reward, terminal, discount, online_next, target_next):
     ### END SOLUTION
 
 # %%
-checks.double_target((target, by_hand))
-
-# %% [markdown]
-# The library has no `terminal` here: its memory hands over a discount for each transition, which is 0 where the episode
-# ended. That is the same product, computed once.
+checks.double_target(target)
 
 # %% [markdown]
 # ## 5.4 · The soft update, in place (2 points, 8 minutes)
@@ -160,6 +163,19 @@ checks.double_target((target, by_hand))
 # with $\tau$ = `rate`, from 0 to 1. The target network goes on using the tensors that it has, so *these* must get the new
 # values: do not put other tensors in their place. The online weights stay as they are. The function need not give
 # anything back.
+#
+# <details><summary>Hint</summary>
+#
+# In a loop, `t = …` only gives a new tensor the name t. The tensor that the network holds stays as it was.
+# Which operations of torch change a tensor itself?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Their names end in an underscore: mul_, add_, copy_, lerp_ and others. Go through both lists together, shrink
+# the target tensor, add the online tensor's share to it, and mind that the online tensor itself is not changed
+# on the way.
+# </details>
 
 # %%
 def soft_update(target, online, rate):

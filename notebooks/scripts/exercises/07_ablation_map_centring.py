@@ -1,32 +1,42 @@
 # %% [markdown]
 # # Exercises 7 · Ablation: map centring
 #
-# They go with notebook `07_ablation_map_centring`. You need numpy, means and standard deviations; for 7.2 the idea of a
-# p-value.
+# They go with notebook `07_ablation_map_centring`. You need numpy, means and standard deviations, and the idea of a p-value.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it: it says whether the answer is
-# right, and if not, what is probably wrong. Stuck? Each exercise has three hints; for example `checks.steps_to.hint()` in
-# a cell of your own gives the first, again gives the next.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
+# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
+# never ends, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
+import math
 from itertools import combinations
-from math import comb
 
 import numpy as np
 
 from uavdh_lite.course import checks
-from uavdh_lite.course.checks.ablation import recorded
 
 # %% [markdown]
 # ## 7.1 · How many steps to a threshold (1 point, 8 minutes)
 #
 # A training run is validated now and then. `steps` says after how many environment steps, in increasing order, and
 # `values` what came out: two arrays of numbers, equally long. Such curves rise, but fall back in between. So the first
-# crossing of a threshold, as in the tutorial, may be luck. Ask for more: that the curve stays there for good.
+# crossing of a threshold, as one reads it off, may be luck. Ask for more: that the curve stays there for good.
 #
 # Return the environment steps of the first validation from which on *all* values, up to the last, are at least
 # `threshold`: an element of `steps`. Return `None` if there is none, that is, if the last value is below.
+#
+# <details><summary>Hint</summary>
+#
+# At which validations is the curve below the threshold? The one after the last of them is asked for. And if
+# there is none below, or if it is the last of all?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Go from the end backwards, through zip(steps[::-1], values[::-1]), and keep the steps of each value that is at
+# least threshold, until one is below. If you kept none: None.
+# </details>
 
 # %%
 def steps_to(steps, values, threshold):
@@ -48,7 +58,40 @@ checks.steps_to(steps_to)
 # larger. What the first crossing says is too small after a lucky one.
 
 # %% [markdown]
-# ## 7.2 · A p-value for a few seeds (2 points, 15 minutes)
+# ## 7.2 · Paired or not (2 points, 8 minutes)
+#
+# Two policies flew the *same* $n$ missions; `a` and `b` are their results, two arrays of shape (n,), where `a[k]` and
+# `b[k]` belong to the same mission. By how much is the first ahead, and how sure is that?
+#
+# Return `(mean, low, high)`: the mean of $a - b$ and the ends of its 95 % interval, by the normal approximation
+# (1.96 standard errors), with the standard deviation estimated with $n - 1$. Make use of the pairs, and leave `a` and `b`
+# as they are.
+#
+# <details><summary>Hint</summary>
+#
+# Both policies flew the same missions, so every mission gives one difference. Of these you have n, and you know
+# how to give a mean with an interval.
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# With d = a − b: d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The variances of a and of b do not appear.
+# </details>
+
+# %%
+def lead(a, b):
+    """Mean lead of a over b with its 95 % interval: (mean, low, high)."""
+    ### BEGIN SOLUTION
+    difference = a - b
+    half = 1.96 * difference.std(ddof=1) / math.sqrt(len(difference))
+    return difference.mean(), difference.mean() - half, difference.mean() + half
+    ### END SOLUTION
+
+# %%
+checks.lead(lead)
+
+# %% [markdown]
+# ## 7.3 · A p-value for a few seeds (2 points, 15 minutes)
 #
 # Two kinds of training, a few seeds each, one result a seed: `a` and `b`, two short arrays of numbers, not always equally
 # long. Say the kind made no difference. Then any other way to deal the same values out, `len(a)` of them to a first
@@ -58,6 +101,18 @@ checks.steps_to(steps_to)
 # at least as large as the observed one: the two-sided p-value of the exact permutation test. The observed split is one
 # of them. Let differences that are equal up to 1e-9 count as equal, since sums of floats are rounded. numpy and the
 # standard library are enough; no random numbers.
+#
+# <details><summary>Hint</summary>
+#
+# If the kind made no difference, every way to deal the values out to the two groups would be as likely as the
+# one that you saw. How many of them differ as much?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first group; the rest are
+# the second. Count where abs(difference) >= abs(observed) - 1e-9, and divide by the number of splits.
+# </details>
 
 # %%
 def permutation_p(a, b):
@@ -79,65 +134,3 @@ checks.permutation_p(permutation_p)
 # %% [markdown]
 # The test assumes nothing about how results are distributed, but it can say something of these two groups only: which
 # values there are is taken as given.
-
-# %% [markdown]
-# ## 7.3 · What the recorded runs show (3 points, 20 minutes)
-#
-# The cell below reads the validations of the recorded ablation (`data/runs/centring-manhattan.csv.gz`): a dict of columns, one
-# row a validation. `variant` is `centred` or `non_centred`, `seed` the run of that kind, `steps` the environment steps,
-# `collected_and_landed` the result, a share from 0 to 1. *A run* is one kind with one seed; *the end* is its last
-# validation. All runs were validated at the same steps.
-#
-# Is each statement true? Compute what can be computed; a new recording may change it. The last entry is a number.
-#
-# | name | statement |
-# | --- | --- |
-# | `early` | At the first validation at 300,000 steps or later, every centred run is above every non-centred one. |
-# | `spread` | At that validation, the two kinds' means over seeds differ by more than the larger of the two standard deviations between seeds (`ddof=1`). |
-# | `swap` | At the end, at least one non-centred run is above at least one centred run. |
-# | `steady` | No run, of either kind, ever falls by more than 0.05 from one validation to the next. |
-# | `best` | If each run were reported by its best validation instead of its last, no run would look worse. |
-# | `equal` | Whenever the kinds' means at the end differ by less than the spread between seeds, it follows that both kinds are equally good in the end. |
-# | `missions` | To become surer that one *kind of training* is better, it does as well to validate these same runs on many more missions as to train more seeds. |
-# | `any_city` | The centred runs rise faster here, therefore centring makes training faster in any city. |
-# | `smallest_p` | (a number) With as many seeds of each kind as were recorded, the smallest p that the two-sided permutation test of 7.2 can give, whatever the values are: ? |
-
-# %%
-validation = recorded()
-print({name: column[:2].tolist() for name, column in validation.items()})
-
-# %%
-# Replace the line below by your dict, with all nine names, or by what computes it:
-# reading = {"early": True, ..., "smallest_p": 0.5}
-### BEGIN SOLUTION
-runs = {}
-for kind in ("centred", "non_centred"):
-    own = validation["variant"] == kind
-    runs[kind] = np.array(
-        [
-            validation["collected_and_landed"][own & (validation["seed"] == seed)]
-            for seed in np.unique(validation["seed"][own])
-        ]
-    )
-yes, no = runs["centred"], runs["non_centred"]
-at = np.argmax(np.unique(validation["steps"]) >= 300_000)
-deviations = [np.std(one[:, at], ddof=1) for one in runs.values()]
-extreme = 2 if len(yes) == len(no) else 1  # the mirrored split exists only for equal groups
-reading = {
-    "early": bool(yes[:, at].min() > no[:, at].max()),
-    "spread": bool(abs(yes[:, at].mean() - no[:, at].mean()) > max(deviations)),
-    "swap": bool(no[:, -1].max() > yes[:, -1].min()),
-    "steady": all(bool((np.diff(one, axis=1) >= -0.05).all()) for one in runs.values()),
-    "best": all(bool((one.max(axis=1) >= one[:, -1]).all()) for one in runs.values()),
-    "equal": False,
-    "missions": False,
-    "any_city": False,
-    "smallest_p": extreme / comb(len(yes) + len(no), len(yes)),
-}
-### END SOLUTION
-
-# %%
-checks.ablation_reading(reading)
-
-# %% [markdown]
-# `equal`, `missions` and `any_city` do not depend on the numbers: they claim more than any such table could show.

@@ -1,16 +1,25 @@
-"""Checks for the exercises: `checks.rate_from_snr(rate)`, and `checks.rate_from_snr.hint()`.
+"""Checks for the exercises: `checks.rate_from_snr(rate)`.
 
 A check takes an answer, prints that it is right, or raises `CheckFailed` with what is probably
-wrong with it. `EXERCISES` has them all by name, in the order of the notebooks.
+wrong with it. `EXERCISES` has them all by name. Each module has those of one notebook.
 """
 
 from uavdh_lite.course.checks.exercise import EXERCISES, CheckFailed, Exercise
 
 # isort: off
-from uavdh_lite.course.checks import first_flight, channel, shadowing, environment, observation  # noqa: F401
-from uavdh_lite.course.checks import ddqn, training, ablation, evaluation, scenarios, labs  # noqa: F401
-from uavdh_lite.course.checks import beyond, any_city  # noqa: F401
+from uavdh_lite.course.checks import notebook_00, notebook_01, notebook_02, notebook_03  # noqa: F401
+from uavdh_lite.course.checks import notebook_04, notebook_05, notebook_06, notebook_07  # noqa: F401
+from uavdh_lite.course.checks import notebook_08, notebook_09, notebook_10, notebook_11  # noqa: F401
 # isort: on
 
-__all__ = ["EXERCISES", "CheckFailed", "Exercise", *EXERCISES]
-globals().update(EXERCISES)
+__all__ = ["EXERCISES", "CheckFailed", "Exercise"]
+
+
+def __getattr__(name: str) -> Exercise:
+    if name in EXERCISES:
+        return EXERCISES[name]
+    raise AttributeError(f"no exercise has a check named {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*__all__, *EXERCISES]

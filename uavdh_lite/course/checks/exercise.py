@@ -1,193 +1,199 @@
-"""What all exercises share: a check, hints, and a notebook that survives whatever is handed in."""
+"""What all exercises share: an answer is asked all cases, compared, and told what is wrong."""
 
-import functools
 import re
+import sys
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from uavdh_lite.course.checks.table import Table
-from uavdh_lite.course.checks.trial import (
-    CheckFailed,
-    Stopped,
-    contained,
-    expect,
-    guarded,
-    refused,
-    stops_with,
-    within,
-)
-from uavdh_lite.course.checks.values import close, show
-from uavdh_lite.plotting import png
-
-__all__ = [
-    "EXERCISES",
-    "CheckFailed",
-    "Exercise",
-    "close",
-    "exercise",
-    "expect",
-    "guarded",
-    "show",
-    "solution",
-]
+from uavdh_lite.course.checks.values import copied, difference, show, unchanged
 
 EXERCISES: dict[str, "Exercise"] = {}
 """All exercises by the name of their check, in the order of the notebooks."""
 
-SECONDS = 10.0
-"""So long an answer may take, unless its exercise says otherwise."""
+LIBRARY = tuple(str(place) for place in (Path(__file__).parents[2], sys.prefix, sys.base_prefix))
+FUNCTION = "Hand over the function itself: its name, without brackets behind it."
+CHANGED = "changes what it is given. Work on a copy, and write `x = x + 1` instead of `x += 1`."
+
+
+class CheckFailed(AssertionError):
+    """An answer is not right yet; the message says what is probably wrong with it."""
+
+    def _render_traceback_(self) -> list[str]:
+        """What a notebook shows of it: the message alone."""
+        return [f"Not yet. {self}"]
 
 
 @dataclass(eq=False, repr=False)
 class Exercise:
-    """One exercise: call it with the answer to check it; `hint()` gives up to three hints.
-
-    Arguments:
-        number: `tutorial.exercise`, such as "1.2".
-        minutes: that a student is expected to need.
-        words: two hints in words, from vague to nearly there.
-        figure: draws what the solution produces on an Axes; the third hint.
-        check: takes the answer and raises `CheckFailed`.
-        table: what an answer must give back, asked before the check.
-        takes: if the answer is no function: what it must be, and what is said of another.
-        seconds: how long the check may take; `SECONDS` if not given.
-        refused: what an answer may not use, by class and name, with what to say.
-    """
-
-    number: str
-    title: str
-    points: int
-    minutes: int
-    words: tuple[str, ...]
-    figure: Callable[[Axes], Any]
-    check: Callable[[Any], None] | None
-    table: Table | None = None
-    takes: tuple[Callable[[Any], Any], str] | None = None
-    seconds: float | None = None
-    refused: dict[tuple[type, str], str] = field(default_factory=dict)
-    given: list[int] = field(default_factory=list)  # hints asked for so far
-
-    @property
-    def heading(self) -> str:
-        """The heading of the exercise in its notebook."""
-        points = "1 point" if self.points == 1 else f"{self.points} points"
-        return f"## {self.number} · {self.title} ({points}, {self.minutes} minutes)"
-
-    @property
-    def solved(self) -> Callable:
-        """The solution of an exercise that is made of one."""
-        assert self.table
-        return self.table.solution
-
-    def __repr__(self) -> str:  # a notebook shows neither hints nor mistakes
-        return self.heading.removeprefix("## ")
-
-    def __call__(self, answer) -> None:
-        """Check an answer; raises `CheckFailed` with what is probably wrong with it."""
-        if answer is None or answer is ...:
-            raise CheckFailed(f"Exercise {self.number} has no answer yet.")
-        with contained(), refused(self.refused):
-            within(self.seconds or SECONDS, lambda: self._run(answer))
-        print(f"Exercise {self.number}: right.")
-
-    def _run(self, answer) -> None:
-        fits, said = self.takes or (
-            lambda one: callable(one) and not isinstance(one, type),
-            "Hand over the function itself: its name, without brackets behind it. You hand over "
-            "{given}.",
-        )
-        expect(fits(answer), said.format(given=show(answer)))
-        try:
-            if self.table:
-                self.table(answer)
-            if self.check:
-                self.check(answer if self.takes else guarded(answer))
-        except (CheckFailed, Stopped):
-            raise
-        except BaseException as error:  # also what an answer raises where it is only looked at
-            raise CheckFailed(
-                f"The check cannot make sense of this answer: it {stops_with(error)} Does yours "
-                "give back what the exercise asks for?"
-            ) from error
-
-    def hint(self, number: int | None = None) -> None:
-        """Show the next hint, or the one of this number: 1 and 2 in words, 3 as a figure."""
-        if number is None:
-            number = min(len(self.given) + 1, 3)
-        if number not in (1, 2, 3):
-            raise ValueError(f"hint {number}: there are 1, 2 and 3")
-        if number not in self.given:
-            self.given.append(number)
-        if number < 3:
-            print(f"Hint {number} of 3: {self.words[number - 1]}")
-            return
-        from IPython.display import Image, display
-
-        print("Hint 3 of 3: what the solution gives.")
-        display(Image(self.picture()))
-
-    def picture(self) -> bytes:
-        """The third hint, as a PNG file's bytes."""
-        figure = Figure(figsize=(5.5, 3.4), layout="constrained")
-        ax = figure.subplots()
-        self.figure(ax)
-        if ax.lines and not ax.patches and ax.get_aspect() == "auto":  # no map, no bars
-            ax.grid(alpha=0.3)
-        if ax.get_legend_handles_labels()[1] and not ax.get_legend():
-            ax.legend(fontsize="small")
-        return png(figure, dpi=90)
-
-
-def exercise(heading: str, *hints: str, figure: Callable[[Axes], Any], **options):
-    """Make an exercise of a check: a function that takes the answer and raises `CheckFailed`.
+    """One exercise: call it with an answer to check it.
 
     Arguments:
         heading: as in the notebook, "1.2 · Title (2 points, 10 minutes)".
-        hints: two in words.
-        figure: the third hint.
-        options: `takes`, `seconds` and `refused` of `Exercise`.
+        solution: the function that is right.
+        rules: for each sentence the cases that it explains, plain ones first; a case is a tuple of
+            arguments.
+        mistakes: for each sentence a function that makes this mistake; three at most.
+        figure: draws what the solution does, for an answer that is right: `figure(ax, solution)`.
+        also: what is wrong with an answer that gives the right values, or "".
+        case: makes the arguments of what stands in the rules.
+        ask: how an answer is asked, if it is not called with the arguments.
+        call: what a message calls a case, if not the function with its arguments.
+        takes: what an answer has to be.
+        secret: whether messages keep the right value back.
+        tolerance, smallest: relative and absolute difference that is none.
     """
 
-    def register(check: Callable[[Any], None]) -> Exercise:
-        return _registered(check, heading, hints, figure, check, **options)
+    heading: str
+    solution: Callable
+    rules: dict[str, list] = field(default_factory=dict)
+    mistakes: dict[str, Callable] = field(default_factory=dict)
+    figure: Callable[[Axes, Callable], Any] | None = None
+    also: Callable[[Any], str] = lambda answer: ""
+    case: Callable[..., tuple] = lambda *row: row
+    ask: Callable[..., Any] = lambda answer, *case: answer(*case)
+    call: Callable[..., str] | None = None
+    takes: type = Callable  # type: ignore[assignment]
+    secret: bool = False
+    tolerance: float = 1e-6
+    smallest: float = 1e-12
 
-    return register
+    def __post_init__(self):
+        found = re.fullmatch(r"([\d.]+) · (.+) \((\d+) points?, (\d+) minutes\)", self.heading)
+        if not found:
+            raise ValueError(f'{self.heading!r} is not like "1.2 · Title (2 points, 10 minutes)"')
+        self.number, self.title = found[1], found[2]
+        self.points, self.minutes = int(found[3]), int(found[4])
+
+    def __call__(self, answer) -> None:
+        """Check an answer; raises `CheckFailed` with what is probably wrong with it."""
+        if wrong := self.wrong_with(answer):
+            raise CheckFailed(wrong)
+        ipython = sys.modules.get("IPython")
+        if self.figure and ipython and ipython.get_ipython():
+            ipython.display.display(self.picture())
+        print(f"Exercise {self.number}: right.")
+
+    def wrong_with(self, answer) -> str:
+        """What is to be said of an answer; "" if it is right."""
+        if answer is None or answer is ...:
+            return f"Exercise {self.number} has no answer yet."
+        if self.takes is Callable and (isinstance(answer, type) or not callable(answer)):
+            return f"{FUNCTION} You hand over {show(answer)}."
+        if not isinstance(answer, self.takes):
+            return f"Hand over a {self.takes.__name__}. You hand over {show(answer)}."
+        try:
+            return self._wrong_case(answer) or self.also(answer)
+        except CheckFailed as failed:
+            return str(failed)
+        except NotImplementedError:
+            return f"{_name(answer)} is not written yet."
+        except KeyboardInterrupt as stopped:
+            return f"Interrupted{_line(stopped)}. Is there a loop that never ends?"
+        except Exception as error:
+            return f"Your answer {_stops(error)}."
+
+    def cases(self) -> list[tuple[str, tuple]]:
+        """All cases, each with its rule."""
+        rows = [(rule, row) for rule, several in self.rules.items() for row in several]
+        return [(rule, self.case(*(row if type(row) is tuple else (row,)))) for rule, row in rows]
+
+    def _wrong_case(self, answer) -> str:
+        """The mistake that an answer makes, or the rule whose case fails first."""
+        cases = self.cases()
+        given = [self._asked(answer, case) for _, case in cases]
+        told = [
+            self._told(one, self._outcome(self.solution, case))
+            for one, (_, case) in zip(given, cases, strict=True)
+        ]
+        if not any(told):
+            return self._asked_again(answer, cases, given)
+        for sentence, mistake in self.mistakes.items():
+            pairs = zip(given, cases, strict=True)
+            if not any(self._told(one, self._outcome(mistake, case)) for one, (_, case) in pairs):
+                return sentence
+        wrong = [k for k, said in enumerate(told) if said]
+        own = [k for k in wrong if cases[k][0] == cases[wrong[0]][0]]  # of the same rule
+        k = min(own, key=lambda k: len(repr(cases[k][1])))  # the smallest case
+        said = told[k] if not isinstance(given[k], BaseException) else _stops(given[k])
+        said = said.partition(", expected")[0] + ", which is not right" if self.secret else said
+        return f"{self._called(answer, cases[k][1])} {said}. {cases[k][0]}"
+
+    def _asked_again(self, answer, cases, given) -> str:
+        """Ask all once more, in another order and with read-only arrays: it must give the same."""
+        for (_, case), one in reversed(list(zip(cases, given, strict=True))):
+            again = self._asked(answer, case, read_only=True)
+            if self._told(again, one):
+                said = f"{self._called(answer, case)} gives {show(one)}, and later {show(again)}."
+                return f"{said} A result may not depend on earlier calls or on other chance."
+        return ""
+
+    def _asked(self, answer, case: tuple, read_only: bool = False) -> Any:
+        """What a student's answer gives in a case; it must leave the arguments as they are."""
+        own = copied(case, read_only)
+        result = self._outcome(answer, own)
+        if (type(result) is ValueError and "read-only" in str(result)) or not unchanged(own, case):
+            raise CheckFailed(f"{self._called(answer, case)} {CHANGED}")
+        return result
+
+    def _outcome(self, answer, case: tuple) -> Any:
+        """What a call gives, or the error that it raises."""
+        try:
+            return self.ask(answer, *case)
+        except (CheckFailed, NotImplementedError):
+            raise
+        except (Exception, SystemExit) as error:
+            return error
+
+    def _told(self, given, right) -> str:
+        """What is said of an outcome, next to the right one or to that of a mistake."""
+        if isinstance(given, BaseException) or isinstance(right, BaseException):
+            return "" if type(given) is type(right) else "stops with an error"
+        try:
+            return difference(given, right, self.tolerance, self.smallest)
+        except Exception:  # a value of the student's own that refuses to be looked at
+            return f"gives back {show(given)}, which cannot be compared"
+
+    def _called(self, answer, case: tuple) -> str:
+        if self.call:
+            return self.call(*case)
+        return f"{_name(answer)}({', '.join(show(argument, None) for argument in case)})"
+
+    def picture(self) -> Figure:
+        """The figure of the solution."""
+        figure = Figure(figsize=(5.5, 3.4), layout="constrained")
+        ax = figure.subplots()
+        self.figure(ax, self.solution)
+        if ax.get_legend_handles_labels()[1]:
+            ax.legend(fontsize="small")
+        return figure
 
 
-def solution(
-    heading: str,
-    *hints: str,
-    figure: Callable[[Axes, Callable], Any],
-    also: Callable[[Callable], None] | None = None,
-    **options,
-):
-    """Make an exercise of its solution: an answer must give the same as this function.
-
-    Arguments:
-        figure: the third hint, drawn on an Axes with the solution.
-        also: a property that no single call shows; a check of an answer that gives the same.
-        options: `rules`, `mistakes` and others of `Table`; `seconds` and `refused` of `Exercise`.
-    """
-    own = {name: options.pop(name) for name in ("seconds", "refused") if name in options}
-
-    def register(solved: Callable) -> Exercise:
-        drawn, table = functools.partial(figure, solved=solved), Table(solved, **options)
-        return _registered(solved, heading, hints, drawn, also, table=table, **own)
-
-    return register
+def exercise(heading: str, **options) -> Callable[[Callable], Exercise]:
+    """Make an exercise of its solution, whose name becomes that of the check; see `Exercise`."""
+    return lambda solution: EXERCISES.setdefault(
+        solution.__name__, Exercise(heading, solution, **options)
+    )
 
 
-def _registered(named: Callable, heading: str, hints, figure, check, **options) -> Exercise:
-    """An exercise with the name and the words of a function, among all others."""
-    found = re.fullmatch(r"([\d.]+) · (.+) \((\d+) points?, (\d+) minutes\)", heading)
-    if not found:
-        raise ValueError(f'{heading!r} is not like "1.2 · Title (2 points, 10 minutes)"')
-    number, title, points, minutes = found.groups()
-    made = Exercise(number, title, int(points), int(minutes), hints, figure, check, **options)
-    functools.update_wrapper(made, named, updated=())
-    EXERCISES[named.__name__] = made
-    return made
+def _name(answer) -> str:
+    name = getattr(answer, "__name__", "")
+    return name if isinstance(name, str) and name.isidentifier() else "your function"
+
+
+def _stops(error: BaseException) -> str:
+    """What an error says, and in which line of the student's it happened."""
+    text = " ".join(str(error).split())[:200]
+    return f"stops with {type(error).__name__}{': ' * bool(text)}{text}{_line(error)}"
+
+
+def _line(error: BaseException) -> str:
+    """The last line of the student's own code that the error went through."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if not frame.filename.startswith(LIBRARY)]
+    return f", in line {own[-1].lineno}, `{own[-1].line}`" if own and own[-1].line else ""

@@ -1,0 +1,415 @@
+"""Wrong answers to the exercises, and what must be said of each: a part of the rule or mistake."""
+
+import math
+from itertools import combinations
+
+import numpy as np
+import torch
+
+from uavdh_lite.course import checks
+from uavdh_lite.environment import MOVES
+
+
+def inside(start, end, cell):
+    return all(min(a, b) <= x <= max(a, b) for a, b, x in zip(start, end, cell, strict=True))
+
+
+def doubled_distance(start, end, cell):
+    rows, cols = end[0] - start[0], end[1] - start[1]
+    return 2 * abs(rows * (cell[1] - start[1]) - cols * (cell[0] - start[0])), abs(rows) + abs(cols)
+
+
+def touching(start, end, cell):
+    distance, limit = doubled_distance(start, end, cell)
+    return inside(start, end, cell) and distance <= limit
+
+
+def sampled(start, end, cell):
+    share = np.linspace(0, 1, 200)
+    rows = np.rint(start[0] + share * (end[0] - start[0]))
+    cols = np.rint(start[1] + share * (end[1] - start[1]))
+    return bool(((rows == cell[0]) & (cols == cell[1])).any())
+
+
+def to_rate(snr_db):
+    return np.log2(1 + 10 ** (snr_db / 10))
+
+
+def slot(snr_db, data_left, empty=-np.inf, limit=min, serves_nobody=False):
+    if not serves_nobody and not (data_left > 0).any():
+        return -1, 0.0
+    device = int(np.where(data_left > 0, snr_db, empty).argmax())
+    return device, limit(to_rate(snr_db[device]), data_left[device])
+
+
+def controller(wraps=False, buildings=False, clips=False, land=True, flag=True, stay=True):
+    def answer(city, cell, action):
+        if action == 4:
+            return cell, False
+        if action == 5:
+            return cell, bool(land and not city.landing[cell])
+        row, col = cell[0] + MOVES[action][0], cell[1] + MOVES[action][1]
+        outside = not (0 <= row < city.size and 0 <= col < city.size)
+        if outside and clips:
+            return cell, False
+        if outside and wraps:
+            row, col = row % city.size, col % city.size
+        elif outside:
+            return cell, flag
+        if city.no_fly[row, col] or (buildings and city.buildings[row, col]):
+            return (cell if stay else (row, col)), flag
+        return (row, col), False
+
+    return answer
+
+
+def centred(shift=0, sign=1, fill=None, dtype=None):
+    """Write the layer into a map cell by cell."""
+
+    def answer(layer, uav, outside):
+        size = len(layer)
+        value = outside if fill is None else fill
+        result = np.full((2 * size - 1, 2 * size - 1), value, dtype or float)
+        for row, col in np.ndindex(layer.shape):
+            place = [
+                size - 1 + sign * (one - u) + shift for one, u in zip((row, col), uav, strict=True)
+            ]
+            if all(0 <= one < 2 * size - 1 for one in place):
+                result[tuple(place)] = layer[row, col]
+        return result
+
+    return answer
+
+
+def _shifted(q, beta, top, dim=1):
+    powers = torch.exp((q - top) / beta)
+    return powers / (powers.sum(dim, keepdim=True) if dim is not None else powers.sum())
+
+
+class _Base:
+    def __init__(self, capacity):
+        self.capacity, self.places, self.count = capacity, [None] * capacity, 0
+
+    def add(self, item):
+        self.places[self.count % self.capacity] = item
+        self.count += 1
+
+    def stored(self):
+        return self.places[: self.count]
+
+    def sample(self, size, generator):
+        stored = self.stored()
+        rest = generator.integers(0, len(stored), size - 1)
+        return [self.places[(self.count - 1) % self.capacity], *(stored[k] for k in rest)]
+
+
+class NewestAtTheEnd(_Base):
+    def sample(self, size, generator):
+        stored = self.stored()
+        return [stored[-1], *(stored[k] for k in generator.integers(0, len(stored), size - 1))]
+
+
+class Grows(_Base):
+    def __init__(self, capacity):
+        self.places = []
+
+    def add(self, item):
+        self.places.append(item)
+
+    def sample(self, size, generator):
+        rest = generator.integers(0, len(self.places), size - 1)
+        return [self.places[-1], *(self.places[k] for k in rest)]
+
+
+class WithoutReplacement(_Base):
+    def sample(self, size, generator):
+        stored = self.stored()
+        order = generator.permutation(len(stored))[: size - 1]
+        return [self.places[(self.count - 1) % self.capacity], *(stored[k] for k in order)]
+
+
+class LastPlaceNever(_Base):
+    def sample(self, size, generator):
+        stored = self.stored()
+        rest = generator.integers(0, max(len(stored) - 1, 1), size - 1)
+        return [self.places[(self.count - 1) % self.capacity], *(stored[k] for k in rest)]
+
+
+class OwnChance(_Base):
+    def sample(self, size, generator):
+        return super().sample(size, np.random.default_rng())
+
+
+def _new_in_list(target, online, rate):
+    for k in range(len(target)):
+        target[k] = (1 - rate) * target[k] + rate * online[k]
+
+
+def _shrinks_online(target, online, rate):
+    for t, o in zip(target, online, strict=True):
+        t.mul_(1 - rate).add_(o.mul_(rate))
+
+
+def _value_after_the_end(rewards, terminals, values, n, discount):
+    total = 0
+    for k in range(min(n, len(rewards))):
+        total += discount**k * rewards[k]
+        if terminals[k]:
+            break
+    return total + discount ** (k + 1) * values[k + 1]
+
+
+def stays_above(steps, values, threshold, above=np.greater_equal):
+    for k, step in enumerate(steps):
+        if above(values[k:], threshold).all():
+            return step
+    return None
+
+
+def splits(a, b):
+    everything = list(a) + list(b)
+    for chosen in combinations(range(len(everything)), len(a)):
+        rest = [v for k, v in enumerate(everything) if k not in chosen]
+        yield np.mean([everything[k] for k in chosen]) - np.mean(rest)
+
+
+def values_for_positions(a, b):
+    everything, found = [*a, *b], []
+    for chosen in combinations(everything, len(a)):
+        rest = [v for v in everything if v not in chosen]
+        found.append(abs(sum(chosen) / len(a) - sum(rest) / len(rest)))
+    return np.mean([d >= abs(np.mean(a) - np.mean(b)) - 1e-9 for d in found])
+
+
+def lead_of(d, n=None):
+    half = 1.96 * d.std(ddof=1) / math.sqrt(n or len(d))
+    return d.mean(), d.mean() - half, d.mean() + half
+
+
+def moves_home(distance):
+    return np.where(distance < 0, np.inf, distance)
+
+
+def minus_one_is_near(distance, next_cell, cell, time_left):
+    in_time = distance[next_cell[cell]] + 1 <= time_left[:, None] - 1
+    in_time[:, 5] |= distance[cell] == 0
+    return in_time
+
+
+def landing_everywhere(distance, next_cell, cell, time_left):
+    in_time = moves_home(distance)[next_cell[cell]] + 2 <= time_left[:, None]
+    in_time[:, 5] = True
+    return in_time
+
+
+TURNS = {0: [0, 1, 2, 3], 1: [3, 0, 1, 2], 2: [2, 3, 0, 1], 3: [1, 2, 3, 0]}
+
+
+def mean_q(q_of, layers, sign=1, flip=2, swap=(0, 3, 2, 1), last=False, views=(0, 1)):
+    rows = []
+    for mirrored in views:
+        for k in range(4):
+            one = np.flip(layers, flip) if mirrored and not last else layers
+            one = np.rot90(one, k, axes=(1, 2))
+            one = np.flip(one, flip) if mirrored and last else one
+            back = np.array(TURNS[sign * k % 4])
+            back = back[list(swap)] if mirrored else back
+            rows.append(q_of(one[None])[0][[*back, 4, 5]])
+    return np.mean(rows, axis=0)
+
+
+def half_width(values, city, power=0.5, per=None, correct=True):
+    off = values - values.mean()
+    sums = np.array([off[city == one].sum() for one in set(city.tolist())])
+    count = len(sums)
+    correction = count / (count - 1) if correct else 1
+    return 1.96 * (correction * (sums**2).sum()) ** power / (per or len(values))
+
+
+def by_counting(values, city):
+    sums = np.bincount(city, values - values.mean())
+    return 1.96 * np.sqrt(len(sums) / (len(sums) - 1) * (sums**2).sum()) / len(values)
+
+
+FLIGHTS = [-0.2, -0.7, 2.3, 0.8, 0.3, 0.0], [1.6, -0.2, -151.2]
+
+
+turned = checks.convolve.solution
+
+
+def by_hand(flight, step, reward):
+    """The rewards with another one in a step of flight 0 or 1."""
+    given = [list(part) for part in FLIGHTS]
+    given[flight][step - 1] = reward
+    return lambda: given
+
+
+def mean_ratio(collected, initial, landed):
+    ratios = [c / i for c, i in zip(collected, initial, strict=True) if i]
+    return sum(ratios) / len(ratios) if landed else 0
+
+
+def faded(chance):
+    """The mean rate with other chance than that of the generator."""
+
+    def mean_rate(snr_db, variance, draws, generator):
+        return to_rate(snr_db + chance(generator).normal(0, variance**0.5, draws)).mean()
+
+    return mean_rate
+
+
+OUT_AND_BACK = ["east"] * 6 + ["hover"] * 3 + ["west"] * 6
+ROWS = "LL.............. " * 2 + "................ " * 14
+MISTAKES = {
+    "flight_score": [
+        (mean_ratio, "sum of all that was collected"),
+        (lambda c, i, landed: sum(c) / sum(i), "has not landed scores 0"),
+        (lambda c, i, landed: (c.sort(), sum(c) / sum(i) * landed)[1], "changes what it is given"),
+    ],
+    "pilots": [
+        ({"A": "greedy", "B": "random", "C": "ddqn"}, "nearest device"),
+        ({"A": "ddqn", "B": "greedy", "C": "random"}, "no plan at all"),
+        ({"A": "ddqn", "B": "random"}, "each of them once"),
+    ],
+    "flown_by_hand": [
+        (["south", "up"], "Step 2 is 'up'"),
+        (["east"] + ["south"] * 4, "intervened at step 4"),
+        (["east"] * 3 + ["land"], "outside the landing zone"),
+        (OUT_AND_BACK, "last action must be `land`"),
+        ([*OUT_AND_BACK, "land"], "12.6 and 0.0 of 15"),
+        ([*OUT_AND_BACK, *["south"] * 4, *["hover"] * 8], "flying time ran out"),
+        ([*OUT_AND_BACK, "land", "south"], "put it last"),
+    ],
+    "rate_from_snr": [
+        (lambda snr_db: np.log2(1 + 10 ** (float(snr_db) / 10)), "stops with TypeError.*An array"),
+        (lambda snr_db: np.log2(10 ** (snr_db / 10)), "0 dB is a ratio of 1"),
+    ],
+    "same_path_loss": [(lambda d: d ** (2.27 / 3.64), "in sight is the longer")],
+    "mean_rate": [
+        (
+            lambda snr, var, n, g: to_rate(
+                snr + np.random.default_rng(0).normal(0, var**0.5, n)
+            ).mean(),
+            "passed in",
+        ),
+        (
+            lambda snr, var, n, g: to_rate(
+                snr + np.random.default_rng().normal(0, var**0.5, n)
+            ).mean(),
+            "passed in",
+        ),
+        (lambda snr, var, n, g: to_rate(snr + g.normal(0, var**0.5)), "Simulate `draws` slots"),
+        (
+            lambda snr, var, n, g: (to_rate(snr) + g.normal(0, var**0.5, n)).mean(),
+            "to the SNR, in dB",
+        ),
+    ],
+    "crosses": [
+        (touching, "only touches a cell"),
+        (sampled, "cut off a tiny corner"),
+        (inside, "must be near the line"),
+    ],
+    "shadow_map": [
+        (lambda b, d: b.copy(), "hides all behind it"),
+        (lambda b, d: np.zeros(b.shape), "array of Booleans"),
+    ],
+    "asymmetric_share": [
+        (lambda s: (s != s.T).mean(), r"\[i, j, i, j\], are no pair"),
+        (lambda s: s.mean(), "whether they are seen or blocked"),
+    ],
+    "tdma_slot": [
+        (lambda snr, left: slot(snr, left, limit=lambda r, d: r), "no more than is left"),
+        (lambda snr, left: slot(snr, left, serves_nobody=True), "nobody may send"),
+    ],
+    "rewards_by_hand": [
+        (by_hand(0, 2, 0.3), "A, step 2 gives 0.3, which is not right. The controller"),
+        (by_hand(0, 4, 2.3), "A, step 4.*no more than the device has left"),
+        (by_hand(0, 6, -0.2), "A, step 6.*lands does not pay"),
+        (by_hand(1, 3, -1.2), "B, step 3.*the crash"),
+        (lambda: (FLIGHTS[0], [1.6]), "three of flight B"),
+    ],
+    "safe_step": [
+        (controller(wraps=True), "leaves the grid"),
+        (controller(buildings=True), "may be flown over"),
+        (controller(land=False), "not in the landing zone"),
+        (controller(stay=False), "hovers instead"),
+    ],
+    "centre": [
+        (centred(shift=1), "in the middle"),
+        (centred(fill=0), "the map is `outside`"),
+        (centred(dtype=int), "Make a map of floats"),
+    ],
+    "convolve": [
+        (lambda layer, kernel, bias: layer * kernel[0, 0], "the shape"),
+        (
+            lambda layer, kernel, bias: checks.convolve.solution(layer, kernel[::-1, ::-1], bias),
+            "cell by cell",
+        ),
+    ],
+    "network_weights": [(lambda *case: 2_308_854, "gives 2308854, expected")],
+    "q_update": [
+        (lambda q, s, a, r, after, terminal, alpha, discount: q, "y is the reward alone"),
+    ],
+    "stable_policy": [
+        (lambda q, beta: _shifted(q, beta, 0), "it overflows"),
+        (lambda q, beta: _shifted(q, beta, q.amin(1, True)), "smaller than the maximum"),
+        (lambda q, beta: _shifted(q, beta, q.amax(1, True), 0), "the sum of its own row"),
+        (lambda q, beta: _shifted(q, beta, q.max()), "its own maximum"),
+    ],
+    "double_target": [
+        (lambda r, t, d, online, target: r + d * online, "the shape|one target for each"),
+        (lambda r, t, d, online, target: r + d * ~t * online.argmax(1), "the entry in its row"),
+    ],
+    "soft_update_in_place": [
+        (_new_in_list, "only gives a new tensor the name"),
+        (_shrinks_online, "online weights have changed"),
+    ],
+    "diagnosis": [(lambda landed, collected, used: "good", "wanders")],
+    "n_step_return": [
+        (_value_after_the_end, "no value is added"),
+    ],
+    "mended_recipe": [({"crash_reward": -2.0}, "Hand over a Recipe")],
+    "steps_to": [
+        (lambda s, v, t: stays_above(s, v, t, np.greater), "that equals the threshold"),
+    ],
+    "lead": [
+        (lambda a, b: lead_of(a - b, len(a) - 1), "1.96 standard errors"),
+        (lambda a, b: lead_of(a - b)[:2], "expected are 3 values"),
+    ],
+    "permutation_p": [
+        (values_for_positions, "deal out positions"),
+        (
+            lambda a, b: sum(abs(d) >= abs(np.mean(a - b)) for d in splits(a, b)),
+            "p is the share|stops",
+        ),
+    ],
+    "wilson": [(lambda k, n: (k / n, 1.0), "not exact enough")],
+    "defeat": [
+        ("L .\n. .", "it must have 16"),
+        (ROWS.strip().replace(" ", "\n"), "at most 16 may"),
+        ("...", "no valid city"),
+    ],
+    "ring_buffer": [
+        (NewestAtTheEnd, "no longer at the end"),
+        (Grows, "the ring does not grow"),
+        (WithoutReplacement, "gives back 2 items"),
+        (LastPlaceNever, "upper end|all stored ones"),
+        (OwnChance, "earlier calls|passed in"),
+    ],
+    "old_share": [(lambda capacity, before, after: 0.5, "all items are there")],
+    "failsafe_mask": [
+        (minus_one_is_near, "no way home, distance −1"),
+        (landing_everywhere, "An action fits if"),
+    ],
+    "expected_data": [
+        (lambda rate, left: np.minimum(4 * rate.max(0), left.max()), "each with its own limit"),
+    ],
+    "symmetric_q": [
+        (lambda *case: mean_q(*case, flip=1), "treats all directions alike"),
+        (lambda q_of, layers: q_of(layers[None])[0], "all four get their mean"),
+    ],
+    "clustered_half_width": [
+        (lambda *case: half_width(*case, correct=False), r"total by C/\(C − 1\)"),
+        (by_counting, "numbers are names"),
+    ],
+}

@@ -1,0 +1,124 @@
+"""Exercises of notebook 0, the first flight."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.environment import ACTIONS, HOVER
+from uavdh_lite.evaluation import FunctionPolicy, Trajectory
+from uavdh_lite.missions import Mission, environment_of
+from uavdh_lite.plotting import draw_trajectory
+from uavdh_lite.policies import find_policy
+from uavdh_lite.scenario import find_scenario
+
+
+@exercise(
+    "0.1 · The score of one flight (1 point, 5 minutes)",
+    rules={
+        "The score of a UAV that has landed is the sum of all that was collected over the sum of "
+        "all that was there, from 0 to 1. Nothing is rounded.": [
+            *(([20.0, 0.0], [20.0, 5.0], True), ([6, 1], [8, 2], True), ([1.5], [6.0], True)),
+            *(([20.0, 5.0], [20.0, 5.0], True), ([0], [3], True), ([2.3, 0.4], [9.2, 6.6], True)),
+            *(([1e-6, 0.0], [2e-6, 1e-6], True), ([1e9, 1.0], [3e9, 1.0], True)),
+        ],
+        "A UAV that has not landed scores 0, whatever it collected.": [
+            *(([18.0, 5.0], [20.0, 5.0], False), ([3.0], [3.0], False)),
+        ],
+        "A device may have had no data at the start: divide once, by the sum.": [
+            *(([6.0, 0.0, 2.0], [12.0, 0.0, 4.0], True), ([0.0, 2.0], [0.0, 2.0], False)),
+        ],
+    },
+    mistakes={
+        "Every data unit counts the same: do not average the devices' own ratios.": (
+            lambda collected, initial, landed: landed * np.mean(np.divide(collected, initial))
+        ),
+        "That is what is left. What was collected counts.": (
+            lambda collected, initial, landed: landed * (1 - sum(collected) / sum(initial))
+        ),
+    },
+)
+def flight_score(collected, initial, landed):
+    """`score(collected, initial, landed)`: the collected share of all data, 0 without landing."""
+    return sum(collected) / sum(initial) if landed else 0.0
+
+
+PILOTS = {"A": "manhattan_ddqn", "B": "random", "C": "greedy"}
+SEED = 148  # of a mission in which the agent does not begin with the nearest device
+
+
+def flights_to_tell_apart() -> Figure:
+    """Three flights of one mission, A, B and C."""
+    environment = environment_of("manhattan")
+    mission = Mission.draw(find_scenario("manhattan"), environment.city, SEED)
+    figure = Figure(figsize=(12, 4.6), layout="constrained")
+    for ax, (letter, name) in zip(figure.subplots(1, 3), PILOTS.items(), strict=True):
+        flights = mission.fly(environment, find_policy(name, environment))
+        draw_trajectory(ax, environment, flights.trajectory(0)).set_title(f"flight {letter}")
+    return figure
+
+
+def wrong_pilots(answer: dict) -> str:
+    names = ["ddqn", "greedy", "random"]
+    if sorted(answer) != [*PILOTS] or sorted(map(str, answer.values())) != names:
+        return 'Give each of A, B and C one of "ddqn", "greedy" and "random", each of them once.'
+    if answer["B"] != "random":
+        return "Random has no plan at all: its steps have no aim, and reach no device."
+    if answer["C"] != "greedy":
+        return "Greedy always flies to the nearest device with data left. Count the moves."
+    return ""
+
+
+@exercise("0.2 · Which flight is the agent's? (1 point, 5 minutes)", takes=dict, also=wrong_pilots)
+def pilots():
+    """Who flew A, B and C: a dict of "ddqn", "greedy" and "random"."""
+
+
+DATA, FLYING_TIME, LEAST_SHARE = (15.0, 15.0), 21, 0.9
+
+
+def mission() -> Mission:
+    """The mission of exercise 0.3."""
+    return Mission(environment_of("village").city, (0, 0), ((4, 1), (0, 7)), DATA, FLYING_TIME)
+
+
+def flown(actions: list[str]) -> Trajectory:
+    """The flight of these actions; once they are used up, the UAV hovers."""
+    left = iter([ACTIONS.index(name) for name in actions])
+    policy = FunctionPolicy(lambda state: np.array([next(left, HOVER)]))
+    return mission().fly(environment_of("village"), policy).trajectory(0)
+
+
+def picture(actions: list[str]) -> Figure:
+    """The map after these actions."""
+    figure = Figure(figsize=(5, 5.6), layout="constrained")
+    draw_trajectory(figure.subplots(), environment_of("village"), flown(actions))
+    return figure
+
+
+def wrong_flight(actions: list[str]) -> str:
+    for step, name in enumerate(actions, 1):
+        if name not in ACTIONS:
+            return f"Step {step} is {name!r}. Give names, in small letters: {', '.join(ACTIONS)}."
+    flight = flown(actions)
+    for step, (name, refused) in enumerate(zip(actions, flight.intervened, strict=False), 1):
+        if refused:
+            at = divmod(int(flight.uav_cell[step - 1]), 8)
+            why = "that is no-fly, a tall building or off the map. All later steps are displaced."
+            why = "that is outside the landing zone, the blue cells." if name == "land" else why
+            return f"The safety controller intervened at step {step}, {name!r} from {at}: {why}"
+    if not flight.landed and len(actions) < FLYING_TIME:
+        return "The list ends with the UAV in the air: its last action must be `land`."
+    if not flight.landed:
+        return f"The flying time ran out after {FLYING_TIME} units. The landing takes one, too."
+    if len(actions) > len(flight.action):
+        return f"The UAV lands at step {len(flight.action)}, which ends the flight: put it last."
+    left = flight.data_left[-1, :2]
+    if 1 - left.sum() / sum(DATA) < LEAST_SHARE:
+        said = f"It lands, but {left[0]:.1f} and {left[1]:.1f} of 15 units are left at the devices."
+        return f"{said} {FLYING_TIME - len(actions)} units of time are not used."
+    return ""
+
+
+@exercise("0.3 · Fly by hand (3 points, 15 minutes)", takes=list, also=wrong_flight)
+def flown_by_hand():
+    """A list of action names that collects 90 % in the village mission and lands in time."""

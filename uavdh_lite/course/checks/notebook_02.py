@@ -1,0 +1,174 @@
+"""Exercises of notebook 2, shadows."""
+
+import numpy as np
+
+from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.shadowing import line_of_sight
+from uavdh_lite.streams import Use, stream
+
+
+def off_the_line(start, end, cell):
+    """Twice the cell's distance from the line, and the limit, both times the ray's length."""
+    rows, cols, r, c = end[0] - start[0], end[1] - start[1], cell[0] - start[0], cell[1] - start[1]
+    return 2 * abs(rows * c - cols * r), abs(rows) + abs(cols)
+
+
+def between(start, end, cell):
+    return all(min(a, b) <= x <= max(a, b) for a, b, x in zip(start, end, cell, strict=True))
+
+
+DRAWN = [tuple(map(tuple, c)) for c in stream(Use.EXERCISE, 2).integers(0, 9, (400, 3, 2)).tolist()]
+TOUCHING = [c for c in DRAWN if between(*c) and len({*off_the_line(*c)}) == 1 and c[0] != c[1]]
+APART = [case for case in DRAWN if case not in TOUCHING]
+
+
+@exercise(
+    "2.1 · Does the ray cross the cell? (1 point, 10 minutes)",
+    rules={
+        "The segment begins and ends in the middle of a cell, so it crosses these two, too. If "
+        "both ends are the same point, it crosses that cell and no other.": [
+            *(((2, 3), (4, 8), (2, 3)), ((2, 3), (4, 8), (4, 8)), ((4, 6), (4, 6), (4, 6))),
+            ((4, 6), (4, 6), (4, 7)),
+        ],
+        "Along a row or a column the segment runs through the middle of each cell between its "
+        "ends, and through no other; no slope is needed, compare products.": [
+            *(((3, 2), (3, 7), (3, 5)), ((3, 2), (3, 7), (4, 5)), ((6, 4), (1, 4), (3, 5))),
+        ],
+        "A cell that is on the line beyond an end of the segment is not crossed: only cells in the "
+        "rectangle between the two ends can be.": [
+            *(((2, 2), (4, 4), (6, 6)), ((3, 5), (3, 8), (3, 1)), ((3, 3), (0, 0), (4, 4))),
+            *(((2, 2), (5, 6), (2, 1)), ((2, 2), (5, 6), (5, 7)), ((2, 2), (6, 5), (1, 2))),
+        ],
+        "Measure rows and columns from start. The cell's centre must be near the line, on either "
+        "side of it: |R·c − C·r| less than (|R| + |C|) / 2. No other distance will do.": [
+            *(c for c in APART if c[0][0] <= c[1][0] and c[0][1] <= c[1][1]),
+        ],
+        "A ray may go up or left: R and C are then negative, and so may R·c − C·r be. Comparisons "
+        "and sums must take care of the signs; |R + C| is not |R| + |C|.": APART,
+        "A segment that only touches a cell at a corner does not cross its open interior. Compare "
+        "with <, not <=, and in whole numbers: rounded ones cannot tell touching from crossing.": [
+            *(((1, 1), (4, 4), (1, 2)), ((0, 0), (7, 21), (3, 8)), *TOUCHING),
+        ],
+        "A segment may cut off a tiny corner of a cell, or miss the cell by a hair. Points sampled "
+        "along the ray step over it: compare whole numbers.": [
+            ((0, 0), (m, m + 1), cell) for m in (9, 100, 10**6) for cell in ((0, 1), (1, 0))
+        ],
+    },
+)
+def crosses(start, end, cell):
+    """`crosses(start, end, cell)`: does the segment cross the open interior of the cell?"""
+    distance, limit = off_the_line(start, end, cell)
+    return between(start, end, cell) and (start == end or distance < limit)
+
+
+def town(size, device, *buildings):
+    """Arguments of `shadow_map`: a city of so many cells a side with these buildings, a device."""
+    cells = np.zeros((size, size), bool)
+    cells[tuple(np.array(buildings, int).reshape(-1, 2).T)] = True
+    return cells, device
+
+
+def shadow(buildings, device):
+    return ~line_of_sight(buildings)[device]
+
+
+def blocked(buildings, device, cell):
+    """Whether the link between a device and a UAV over a cell is blocked."""
+    return bool(shadow(buildings, device)[cell])
+
+
+@exercise(
+    "2.2 · A shadow map (2 points, 10 minutes)",
+    rules={
+        "Without buildings nothing is hidden, nor is the device's own cell: all is False.": [
+            *((1, (0, 0)), (2, (1, 0)), (5, (2, 2))),
+        ],
+        "A building that the ray crosses hides all behind it, and a UAV over a building is hidden, "
+        "too: True is where the link is blocked.": [
+            *((3, (2, 1), (1, 0), (1, 1), (1, 2)), (4, (1, 3), (0, 1), (1, 1), (2, 1), (3, 1))),
+        ],
+        "A ray through the corner that two diagonal buildings share is blocked. One that only "
+        "touches one building at a corner is not.": [
+            *((2, (0, 0), (0, 1)), (3, (0, 0), (1, 2)), (2, (1, 0), (0, 0), (1, 1))),
+            *((2, (0, 0), (0, 1), (1, 0)), (5, (3, 0), (1, 1), (2, 2), (3, 3))),
+        ],
+        "Every cell has its own ray, in any city.": [
+            (7, at, (1, 2), (2, 3), (4, 3), (5, 4)) for at in ((1, 4), (5, 2), (0, 0), (6, 5))
+        ],
+    },
+    mistakes={
+        "Rows and columns are swapped: the map is indexed [row, col], and a cell is (row, col).": (
+            lambda buildings, device: shadow(buildings, device).T
+        ),
+        "That is the line of sight. The shadow map is True where the link is blocked.": (
+            lambda buildings, device: ~shadow(buildings, device)
+        ),
+    },
+    case=town,
+)
+def shadow_map(buildings, device):
+    """`shadow_map(buildings, device)`: (M, M) bool, True where the link is blocked."""
+    return shadow(buildings, device)
+
+
+def draw_asymmetric(ax, asymmetric_share):
+    densities = np.linspace(0, 0.6, 9)
+    cities = [stream(Use.EXERCISE, 0).random((12, 12)) < density for density in densities]
+    for method, style in (("exact", "o-"), ("bresenham", "s-")):
+        share = [asymmetric_share(line_of_sight(city, method)) for city in cities]
+        ax.plot(densities, share, style, label=method)
+    ax.set(xlabel="share of buildings in a random city", ylabel="asymmetric share of the pairs")
+
+
+def table(size, *blocked):
+    """A table in which all cells see each other, but for these places; or the one that is given."""
+    if isinstance(size, np.ndarray):
+        return (size,)
+    sight = np.full((size,) * 4, True)
+    for place in blocked:
+        sight[place] = False
+    return (sight,)
+
+
+def count_asymmetric(sight):
+    pairs = sight.reshape(len(sight) ** 2, -1)
+    return float(np.triu(pairs != pairs.T).sum())
+
+
+BUILDINGS = stream(Use.EXERCISE, 3).random((7, 7)) < 0.25
+RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
+
+
+@exercise(
+    "2.3 · How asymmetric is a table? (2 points, 10 minutes)",
+    rules={
+        "If in every pair both directions agree, the share is 0, whether they are seen or blocked. "
+        "A cell and itself, [i, j, i, j], are no pair. .T reverses all four axes: reshape first.": [
+            *(2, (2, (0, 1, 1, 0), (1, 0, 0, 1)), line_of_sight(BUILDINGS)),
+            *((2, (0, 1, 0, 1)), 3),
+        ],
+        "There are n (n − 1) / 2 unordered pairs of different cells, n = M². A pair is asymmetric "
+        "if exactly one of its two directions is blocked. Divide the number of these by the number "
+        "of all pairs.": [
+            *((2, (0, 1, 1, 0)), (2, (1, 0, 0, 1)), (3, (2, 1, 0, 2))),
+            *((3, (0, 0, 0, 2), (2, 2, 0, 0)), (2, (0, 0, 0, 0), (0, 0, 1, 0))),
+        ],
+        "It must hold for any table; in a large one 16 bits cannot count the asymmetric pairs.": [
+            *(RANDOM[2] < 0.5, RANDOM[2] < 0.9, RANDOM[4] < 0.5, RANDOM[4] < 0.9, RANDOM[24] < 0.5),
+            line_of_sight(BUILDINGS, "bresenham"),
+        ],
+    },
+    mistakes={
+        "Pairs of a cell with itself are in your count: there are n (n − 1) / 2 pairs of different "
+        "cells, not n².": lambda sight: 2 * count_asymmetric(sight) / len(sight) ** 4,
+        "Yours is twice the share: the matrix shows each asymmetric pair twice, at [i, j] and at "
+        "[j, i].": lambda sight: 2 * asymmetric_share.solution(sight),
+    },
+    figure=draw_asymmetric,
+    case=table,
+    call=lambda sight: f"asymmetric_share(sight), False at {np.argwhere(~sight).tolist()[:2]},",
+)
+def asymmetric_share(sight):
+    """`asymmetric_share(sight)`: share of unordered pairs of cells that depend on direction."""
+    n = len(sight) ** 2
+    return count_asymmetric(sight) / (n * (n - 1) / 2)

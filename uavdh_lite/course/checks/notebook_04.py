@@ -1,0 +1,139 @@
+"""Exercises of notebook 4, what the network sees."""
+
+import numpy as np
+
+from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.streams import Use, stream
+
+SMALL, CORNER = np.arange(1.0, 10.0).reshape(3, 3), np.array([[0.0, 3], [0, 0]])
+LAYERS = {n: stream(Use.EXERCISE, n).integers(1, 9, (n, n)) for n in (1, 2, 4, 5, 8, 9)}
+FRACTIONS = {n: stream(Use.EXERCISE, n).uniform(0, 9, (n, n)).round(3) for n in (2, 3, 6)}
+
+
+@exercise(
+    "4.1 · Centre a layer (2 points, 12 minutes)",
+    rules={
+        "The map has (2M − 1)×(2M − 1) cells, the UAV's in the middle, at (M − 1, M − 1); M may be "
+        "any number.": [
+            *((SMALL, uav, 0.0) for uav in ((1, 1), (0, 2), (2, 0), (2, 1), (0, 1))),
+            *((LAYERS[1], (0, 0), 0), (LAYERS[4], (1, 3), 0), (LAYERS[5], (4, 2), 0)),
+            *((LAYERS[8], (0, 6), 0), (LAYERS[9], (7, 5), 0)),
+        ],
+        "Everywhere outside the city the map is `outside`, any number; zeros of the layer stay.": [
+            *((SMALL, (1, 0), 1), (SMALL, (1, 0), 7.0), (CORNER, (1, 0), 4.0))
+        ],
+        "Make a map of floats, np.full(shape, outside, float), or layer.astype(float) first: the "
+        "layer or `outside` may be a fraction, and the other a whole number or a Boolean.": [
+            *((FRACTIONS[2], (1, 0), 2), (FRACTIONS[6], (1, 4), 6), (LAYERS[2], (0, 1), 0.5)),
+            *((LAYERS[5], (4, 1), 2), (FRACTIONS[2] < 4, (1, 0), 0.5)),
+            (FRACTIONS[3] < 4, (2, 0), 3),
+        ],
+    },
+    mistakes={
+        "The shift goes the wrong way: where the UAV is further north, the city lies further "
+        "south.": lambda layer, uav, outside: centre.solution(
+            layer, [len(layer) - 1 - u for u in uav], outside
+        ),
+        "Rows and columns are swapped: the UAV is at (row, col).": (
+            lambda layer, uav, outside: centre.solution(layer, uav[::-1], outside)
+        ),
+    },
+)
+def centre(layer, uav, outside):
+    """`centre(layer, uav, outside)`: (2M − 1, 2M − 1), the UAV's cell in the middle."""
+    m = len(layer)
+    wide = np.full((7 * m, 7 * m), outside, float)
+    wide[3 * m : 4 * m, 3 * m : 4 * m] = layer
+    row, col = (3 * m + u - m + 1 for u in uav)
+    return wide[row : row + 2 * m - 1, col : col + 2 * m - 1]
+
+
+def windows(layer, kernel, bias, steps=1):
+    seen = np.lib.stride_tricks.sliding_window_view(layer, kernel.shape)[::steps, ::steps]
+    return (seen * kernel).sum((2, 3)) + bias
+
+
+def drawn(rows, cols, height, width, bias=0.0):
+    generator = stream(Use.EXERCISE, 10 * rows + cols)
+    return (*(generator.normal(0, 1, s).round(1) for s in ((rows, cols), (height, width))), bias)
+
+
+@exercise(
+    "4.2 · A kernel moves over a map (2 points, 12 minutes)",
+    rules={
+        "At each place the value is the sum of window times kernel, cell by cell. The kernel lies "
+        "wholly inside, so rows − k + 1 places fit.": [
+            *((np.ones((2, 2)), np.ones((1, 1)), 0.0), (np.ones((3, 3)), np.ones((2, 2)), 0.0)),
+            (np.arange(9.0).reshape(3, 3), np.array([[0.0, 1.0], [2.0, 0.0]]), 0.0),
+        ],
+        "The kernel is laid on as it is: neither turned nor mirrored.": [
+            (np.arange(9.0).reshape(3, 3), np.array([[0.0, 0.0], [1.0, 3.0]]), 0.0),
+        ],
+        "The bias is added once at every place, then ReLU: what is below 0 becomes 0.": [
+            *((np.ones((3, 3)), np.ones((2, 2)), 1.5), (np.ones((2, 2)), np.ones((1, 1)), -2.0)),
+            *((-np.ones((2, 2)), np.ones((1, 1)), 1.5), drawn(5, 5, 3, 3, 0.4)),
+        ],
+        "Layer and kernel need not be square.": [
+            *(drawn(3, 6, 2, 2, 0.3), drawn(6, 4, 2, 3, 0.9), drawn(4, 7, 4, 1, -0.2)),
+        ],
+    },
+    mistakes={
+        "ReLU is missing: what is below 0 becomes 0.": windows,
+        "ReLU comes after the bias, not before it.": (
+            lambda layer, kernel, bias: np.maximum(windows(layer, kernel, 0), 0) + bias
+        ),
+        "A kernel moves by one cell at a time, not by its own size.": (
+            lambda layer, kernel, bias: np.maximum(windows(layer, kernel, bias, len(kernel)), 0)
+        ),
+    },
+)
+def convolve(layer, kernel, bias):
+    """`convolve(layer, kernel, bias)`: one kernel's map after ReLU, without padding."""
+    return np.maximum(windows(layer, kernel, bias), 0)
+
+
+HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
+
+
+@exercise(
+    "4.3 · How many weights? (3 points, 15 minutes)",
+    rules={
+        "A kernel has a weight for each cell of its square and each layer that it sees, a neuron "
+        "one for each number that it is given. The list has the numbers of all kernels and the "
+        "flying time; the output has 6 values. Each kernel and each neuron, those of the output "
+        "too, has a bias of its own. Without padding, side − kernel_size + 1 places fit.": [
+            *((2, 2, 3, 2, (1,), (4,)), (1, 2, 1, 1, (1,), (1,)), (3, 3, 2, 3, (1,), (5,))),
+            *((4, 2, 7, 2, (1,), (3, 2)), (5, 5, 2, 9, (1,), (4,)), (1, 1, 6, 1, (1,), (2,))),
+        ],
+        "(side − kernel_size) // stride + 1 cells a side are left: kernels lie wholly inside. "
+        "Divide side − kernel_size by the stride and round down, and add the 1 after that.": [
+            *((2, 3, 4, 2, (2,), (6,)), (2, 3, 4, 2, (3,), (6,)), (2, 3, 4, 2, (4,), (6,))),
+            *((3, 12, 9, 3, (3,), (20,)), (2, 9, 3, 4, (6,), (8,))),
+        ],
+        "A second convolution sees as many layers as the first has kernels, and has its own "
+        "stride, and so on, for any number of convolutions and hidden layers. The paper's "
+        "network has 2,308,854.": [
+            *((5, 16, 16, 5, (1, 1), (256, 256, 256)), (4, 13, 8, 4, (3, 2), (64, 32))),
+            *((4, 16, 9, 3, s, h) for s in ((1,), (2, 1), (1, 2, 2)) for h in HIDDEN),
+        ],
+    },
+    mistakes={
+        "The flying time is missing: it is one more number in the list.": (
+            lambda *case: network_weights.solution(*case, time=0)
+        ),
+        "The map has 2M − 1 cells a side, not M.": (
+            lambda *case: network_weights.solution(*case, side_of=int)
+        ),
+    },
+)
+def network_weights(layers, size, kernels, kernel_size, strides, hidden, side_of=None, time=1):
+    """`weights(layers, size, kernels, kernel_size, strides, hidden)`: of the centred Q-network."""
+    side, total = side_of(size) if side_of else 2 * size - 1, 0
+    for stride in strides:
+        total += kernels * (layers * kernel_size**2 + 1)
+        side, layers = (side - kernel_size) // stride + 1, kernels
+    width = kernels * side**2 + time
+    for neurons in (*hidden, 6):
+        total += neurons * (width + 1)
+        width = neurons
+    return float(total)

@@ -1,0 +1,100 @@
+"""Exercises of notebook 10, four ways past the paper."""
+
+import numpy as np
+
+from uavdh_lite.city import City
+from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.environment import LAND, Environment
+from uavdh_lite.streams import Use, stream
+
+SMALL = "L . . B\n. N B .\n. . . N\n. . . ."  # no way home from cell 7
+
+
+def situation(name, cell, time_left):
+    """Arguments of `fits` for cells of a city; for a number, so many at random, with about that."""
+    city = City.load(name) if name == "village" else City.from_text("small", name)
+    distance = city.landing_distance.ravel()
+    if isinstance(cell, int):
+        generator = stream(Use.EXERCISE, cell)
+        cell = generator.choice(np.flatnonzero(~city.no_fly.ravel()), cell)
+        time_left = np.maximum(distance[cell] + generator.integers(-1, time_left, len(cell)), 1)
+    return distance, Environment(city).next_cell[0], np.array(cell), np.array(time_left)
+
+
+@exercise(
+    "10.1 · The failsafe's mask (2 points, 12 minutes)",
+    rules={
+        "An action fits if the units for itself, for the way home after it and for the landing are "
+        "at most time_left.": [
+            *((SMALL, [9], [time_left]) for time_left in (3, 4, 5, 6, 9)),
+            *((SMALL, [8], [3]), (SMALL, [4, 14, 2], [4, 6, 3])),
+        ],
+        "To land at once always fits, but in the zone only: elsewhere it is no landing, and costs "
+        "a unit as hovering does.": [
+            *((SMALL, [cell], [time_left]) for cell in (0, 1) for time_left in (1, 2, 3)),
+            (SMALL, [0, 1, 0], [1, 1, 2]),
+        ],
+        "Where there is no way home, distance −1, nothing fits: no number stands for that.": [
+            *((SMALL, [7], [3]), (SMALL, [7, 0], [10**6, 10**6])),
+        ],
+        "It must hold for all UAVs of a batch, each with its own time, in any city. A column of "
+        "times is time_left[:, None].": [
+            *((SMALL, 30, 4), ("village", 1, 4), ("village", 6, 4), ("village", 40, 4)),
+        ],
+    },
+    mistakes={
+        "Time is missing: action and landing take one unit each, besides the way home.": (
+            lambda *case: failsafe_mask.solution(*case, spare=1)
+        ),
+        "Ask for the distance from the cell that the action leads to, not from the cell where the "
+        "UAV is.": lambda distance, next_cell, *others: failsafe_mask.solution(
+            distance, np.arange(len(distance))[:, None].repeat(6, 1), *others
+        ),
+    },
+    case=situation,
+)
+def failsafe_mask(distance, next_cell, cell, time_left, spare=2):
+    """`fits(distance, next_cell, cell, time_left)`: the actions that leave time to land, (B, 6)."""
+    home = np.where(distance < 0, np.inf, distance)
+    fits = home[next_cell[cell]] + spare <= time_left[:, None]
+    fits[:, LAND] |= distance[cell] == 0
+    return fits
+
+
+def links(devices, size, *left):
+    """Mean rates of so many devices to every cell, and their data left."""
+    rate = stream(Use.EXERCISE, 10 * devices + size).uniform(0, 7, (devices, size, size)).round(2)
+    return rate, np.array(left)
+
+
+@exercise(
+    "10.2 · What a cell has to offer (2 points, 10 minutes)",
+    rules={
+        "A step has four communication slots: a device sends 4 times its mean rate.": [
+            *(links(1, 2, 100.0), links(1, 3, 1000)),
+        ],
+        "But no more than the device has left: one without data offers nothing.": [
+            *(links(1, 2, 5.0), links(1, 3, 0.0), links(1, 4, 9.5)),
+        ],
+        "A cell is worth the most that one device can send there: the maximum over the devices, "
+        "each with its own limit. It is not the sum.": [
+            *(links(2, 2, 100.0, 100.0), links(2, 2, 3.0, 100.0), links(3, 3, 4.0, 9.0, 30.0)),
+            *(links(4, 4, 0.0, 2.0, 11.0, 6.0), links(5, 5, 1, 20, 3, 14, 8)),
+            *(links(3, 2, 0, 0, 0), links(3, 3, 7.5, 30.0, 30.0)),
+        ],
+    },
+    mistakes={
+        "A step has four slots, not one: 4 times the rate.": (
+            lambda rate, left: expected_data.solution(rate, left, slots=1)
+        ),
+        "Only one device has a slot: take the maximum over the devices, not the sum.": (
+            lambda rate, left: np.minimum(4 * rate, left[:, None, None]).sum(0)
+        ),
+        "What a device has left limits what it sends: take the smaller of the two.": (
+            lambda rate, left: 4 * rate.max(0)
+        ),
+    },
+)
+def expected_data(rate, left, slots=4):
+    """`told(rate, left)`: the data units that the best device sends from each cell, (M, M)."""
+    return np.minimum(slots * rate, left[:, None, None]).max(0)
