@@ -52,7 +52,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Compare memories of four sizes, watch a small network forget, and wipe buildings out of a trained network's map |
 # | **What you'll learn** | Why a small memory forgets earlier missions and a large one is slow to change; how to ask a network what it looks at |
-# | **What you'll need** | Notebooks 1, 4, 5 and 7. 50 minutes to read, 40 seconds to run |
+# | **What you'll need** | Notebooks 1, 4, 5 and 7. 50 minutes to read, 40 seconds to run; 23 minutes of exercises |
 #
 # ## 9.1 Four sizes of memory
 #
@@ -194,7 +194,7 @@ figure
 # even at the end half of what the large one draws is the past. So a large memory keeps what is no longer flown, and it is
 # slow to follow when the world changes. *Combined* replay, which puts the newest step into every minibatch, softens that.
 #
-# In the village the missions do not change half way. But a memory of 250 steps holds little more than the flights in the air. As they
+# In the village the missions do not change half way. But a memory of 250 steps holds only parts of the flights in the air. As they
 # change, the network is pulled from one handful of missions to the next, and forgets. That is the likely reason for the failures in
 # 9.1.
 #
