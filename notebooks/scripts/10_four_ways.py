@@ -60,7 +60,7 @@ draw_ways()
 # | --- | --- |
 # | **What you'll do** | Watch a rule bring a random policy home, look at maps of what can be computed, follow a planner, and compare agents that know more and less |
 # | **What you'll learn** | How a guarantee, told layers, copied moves and reward each put knowledge into an agent, what each costs, and what it is worth |
-# | **What you'll need** | The course, notebooks 0 to 7. 40 minutes to read, 30 seconds to run; 20 minutes of exercises |
+# | **What you'll need** | The course, notebooks 0 to 7. 40 minutes to read, 30 seconds to run; 22 minutes of exercises |
 #
 # Each row is one recipe over `manhattan`, three seeds of each. The upper four learn from reward, the lower four copy a planner. Runs
 # of a group are equally long. The plain row *learn* is the recipe `lite` of notebook 6. Higher returns lie further
