@@ -7,7 +7,7 @@ import numpy as np
 from uavdh_lite.environment import State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Trajectory, evaluate, fly
-from uavdh_lite.labs.flights import Hangar, does, goal, numbers, title
+from uavdh_lite.labs.flights import Hangar, does, numbers, says, title
 from uavdh_lite.labs.state import YOU, Stage, random_mission, scenario_of
 from uavdh_lite.streams import Use, stream
 
@@ -50,16 +50,17 @@ def verdict(names: list[str], results: list[dict]) -> str:
     ahead, behind = (0, 1) if difference > 0 else (1, 0)
     first, second = results[ahead], results[behind]
     if first["landed"] and not second["landed"]:
-        reason = f"the {names[behind]} crashes: all that it collected is lost"
-        return _upper(f"{names[ahead]} wins: {reason}.").replace("the greedy", "greedy")
+        crash = says(names[behind], "crashes: all that was collected is lost")
+        return _upper(f"{says(names[ahead], 'wins')}, because {crash}.")
     gained = first["collected"] - second["collected"]
     sooner = second["steps"] - first["steps"]
     parts = []
     if abs(gained) >= 0.1:
         parts.append(f"{abs(gained):.1f} units {'more' if gained > 0 else 'less'}")
     if sooner:
-        parts.append(f"home {abs(sooner)} steps {'sooner' if sooner > 0 else 'later'}")
-    return _upper(f"{names[ahead]} wins: {', '.join(parts) or 'fewer refusals'}.")
+        parts.append(f"home {abs(sooner)} step{'s' * (abs(sooner) > 1)} {'sooner' if sooner > 0 else 'later'}")
+    told = ", ".join(parts) or "fewer refusals"
+    return _upper(f"{says(names[ahead], 'wins')}: {told}.")
 
 
 def _why(names: list[str], flights: list[Trajectory], part: int | None) -> str:
@@ -67,20 +68,37 @@ def _why(names: list[str], flights: list[Trajectory], part: int | None) -> str:
     if part is None:
         return "Both fly the same way."
     told = []
-    for name, flight in zip(names, flights, strict=True):
+    for name, flight, device in zip(names, flights, _next_devices(flights, part), strict=True):
         if part >= len(flight.action):
-            told.append(f"{name} has ended its flight")
+            told.append(says(name, "has ended its flight"))
             continue
-        device = goal(flight, part)
-        towards = "goes home" if device is None else f"collects from device {device}"
-        told.append(f"{name} {does(flight, part)} and {towards}")
+        towards = "goes home" if device is None else f"collects from device {device} next"
+        told.append(says(name, f"{does(flight, part)} and {towards}"))
     left = flights[0].data_left[-1] - flights[1].data_left[-1]
     device = int(np.abs(left).argmax())
     cost = ""
     if abs(left[device]) >= 0.5:
         loser = names[0] if left[device] > 0 else names[1]
-        cost = f" In the end {loser} leaves {abs(left[device]):.1f} units more at device {device}."
+        more = f"leaves {abs(left[device]):.1f} units more at device {device}"
+        cost = f" In the end {says(loser, more)}."
     return f"At step {part}, {told[0]}, while {told[1]}.{cost}"
+
+
+def _next_devices(flights: list[Trajectory], part: int) -> list[int | None]:
+    """The device that each collects from next, from the first on at which their orders differ."""
+    orders = [_order(flight, part) for flight in flights]
+    longest = max(map(len, orders))
+    padded = [order + [None] * (longest + 1 - len(order)) for order in orders]
+    differ = [k for k, pair in enumerate(zip(*padded, strict=True)) if pair[0] != pair[1]]
+    return [order[differ[0] if differ else 0] for order in padded]
+
+
+def _order(flight: Trajectory, step: int) -> list[int | None]:
+    """The devices in the order in which they have uploaded half of what they upload from a step."""
+    done = flight.data_left[min(step, len(flight.action))] - flight.data_left[step:]
+    total = done[-1] if len(done) else np.zeros(flight.data_left.shape[1])
+    reached = {int(k): int((done[:, k] >= total[k] / 2).argmax()) for k in np.flatnonzero(total > 0.1)}
+    return sorted(reached, key=reached.__getitem__)
 
 
 def _story(names: list[str], flights: list[Trajectory], part: int | None) -> list:

@@ -9,18 +9,29 @@ from uavdh_lite.labs.state import LETTERS, YOU, Stage
 from uavdh_lite.missions import HandFlight, Mission
 from uavdh_lite.policies import find_policy, policies_for
 
-NAMES = {
-    YOU: "you",
-    "any_city": "agent for any city",
-    "genie": "genie, which plans with hindsight",
-}
-TRAINED = "agent {}"  # every other policy that is no planner
-PLANNERS = ("greedy", "random")
+PLANNERS = ("greedy", "random", "genie")
+YOURS = {"flies": "fly", "hovers": "hover", "lands": "land", "wants": "want", "goes": "go"}
+YOURS |= {"collects": "collect", "leaves": "leave", "wins": "win", "crashes": "crash"}
+YOURS |= {"has ended its": "have ended your", "may not": "may not"}
 
 
 def title(policy: str) -> str:
     """The name of a policy for people."""
-    return NAMES.get(policy, policy if policy in PLANNERS else TRAINED.format(policy))
+    if policy in (YOU, *PLANNERS):
+        return policy
+    if policy == "any_city":
+        return "any-city agent"
+    if policy.endswith("_ddqn_early"):
+        return "half-trained agent"
+    return "DDQN agent" if policy.endswith("_ddqn") else "quantile agent"
+
+
+def says(name: str, text: str) -> str:
+    """A sentence's part about a policy, by its title: `greedy flies`, `you fly`."""
+    if name == YOU:
+        for theirs, yours in YOURS.items():
+            text = text.replace(theirs, yours)
+    return f"{'the ' if 'agent' in name else ''}{name} {text}"
 
 
 class Hangar:
@@ -56,7 +67,7 @@ class Hangar:
 
     def policy(self, name: str) -> Policy:
         """The policy of this name over the city; an agent sees a city only once."""
-        if name in PLANNERS:
+        if name == "random":
             return find_policy(name, self.environment, self.mission.seed)
         if name not in self.policies:
             self.policies[name] = find_policy(name, self.environment)

@@ -11,15 +11,15 @@ function page(tools) {
       <div role="tablist" aria-label="tools">${tools.map(tab).join("")}</div>${CONTROLS}
       <div class="actions">
         <select data-set="city" aria-label="city"></select>
-        ${button("New mission", { kind: "new" })}
+        ${button("New", { kind: "new" }, 'title="a new random mission"')}
         ${button("↶", { kind: "undo", by: -1 }, 'class="undo" aria-label="undo"')}
         ${button("↷", { kind: "undo", by: 1 }, 'class="redo" aria-label="redo"')}
         <button type="button" class="copy">Link</button>
         <button type="button" class="more" aria-expanded="false" title="${MORE}">More</button>
-        <button type="button" class="full" aria-label="full screen">⛶</button>
+        <button type="button" class="full" aria-label="full screen"><svg viewBox="0 0 16 16" width="16"
+          ><path d="M1 6V1h5M10 1h5v5M15 10v5h-5M6 15H1v-5"/></svg></button>
       </div></div>
-    <div class="refusal" role="alert"></div>
-    <div class="main"><div class="stages"></div>
+    <div class="main"><div class="refusal" role="alert"></div><div class="stages"></div>
       <div class="tool" id="panel" role="tabpanel" tabindex="-1"></div></div>
     <div class="caption" role="status" hidden></div>
     <div class="drawer" hidden></div>`;
@@ -35,6 +35,7 @@ function render({ model, el }) {
   let next = null; // what is asked when it has come
   let story = null; // the captions that are still to come
   let drag = null;
+  let hovered = null; // the cell under the pointer
   let toldStep = null;
   el.innerHTML = page(scene.tools);
   if (scene.tools.length === 1) find("[role=tablist]").hidden = true;
@@ -97,6 +98,7 @@ function render({ model, el }) {
       tab.tabIndex = on ? 0 : -1;
     }
     find(".main").dataset.shows = state.tool;
+    find(".main").classList.remove("layered");
     find("#panel").setAttribute("aria-labelledby", `tab-${state.tool}`);
     const changed = version !== scene.version || drawnTool !== state.tool;
     const held = heldFocus();
@@ -126,7 +128,8 @@ function render({ model, el }) {
       clock.load(last, flies ? last - 1 : begin, flies);
     } else clock.show(clock.now.time, clock.now.playing);
     [version, drawnTool] = [scene.version, state.tool];
-    tool.point?.(stage, scene, null);
+    if (hovered && !film.city[hovered[0]]?.[hovered[1]]) hovered = null;
+    tool.point?.(stage, scene, hovered);
     held();
   }
 
@@ -255,7 +258,10 @@ function render({ model, el }) {
   main.addEventListener("pointermove", (event) => {
     const cell = cellAt(event);
     if (!drag) {
-      if (event.target.closest?.(".map")) TOOLS[scene.state.tool].point?.(stage, scene, cell);
+      if (event.target.closest?.(".map")) {
+        hovered = cell;
+        TOOLS[scene.state.tool].point?.(stage, scene, cell);
+      }
       return;
     }
     if (!find(".map svg").isSameNode(drag.svg)) drag.svg = find(".map svg");
@@ -289,11 +295,13 @@ function render({ model, el }) {
     if (asked) {
       if (busy) find(".refusal").textContent = busy;
       ask(JSON.parse(asked));
-    } else if (tool) ask({ kind: "tool", tool });
-    else if (sign) {
+    } else if (tool) {
+      ask({ kind: "tool", tool });
+      if (tool === "fly") find("#panel").focus({ preventScroll: true }); // its arrow keys steer
+    } else if (sign) {
       brush.sign = sign;
       paint();
-    } else if (target.matches(".start")) {
+    } else if (target.matches(".begin")) {
       ask({ kind: "train", settings: chosen.train.filter((name) => name) });
     } else if (target.matches(".skip")) {
       const end = clock.now.time >= clock.now.last;

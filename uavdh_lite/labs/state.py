@@ -28,7 +28,7 @@ TOOLS = ("fly", "compare", "think", "channel", "paint", "train")
 LETTERS = "neswhl"  # of the actions, in their order
 YOU = "you"
 EMPTY = {"empty 8 × 8": 8, "empty 12 × 12": 12, "empty 16 × 16": 16}
-STORY = 4  # the mission that the stage begins with
+STORY = 114  # the mission that the stage begins with
 MOST_FLOWN = 400  # actions by hand
 
 

@@ -38,6 +38,7 @@ const chooser = (label, name, pairs, chosen) =>
   `<label>${label} <select data-set="${name}">${options(pairs, chosen)}</select></label>`;
 const percent = (share) => `${Math.round(100 * share)} %`;
 const units = (amount) => (amount >= 0.1 ? amount.toFixed(1) : amount.toPrecision(1));
+const signed = (value) => (value < 0 ? "−" : "") + Math.abs(value).toFixed(1);
 const upper = (text) => text[0].toUpperCase() + text.slice(1);
 const choosePolicy = ({ state }, which, label) =>
   chooser(label, `policy-${which}`, state.known, state.policies[which]);
@@ -233,12 +234,15 @@ const TOOLS = {
       if (name === "none") group.innerHTML = "";
       else if (SEEN.includes(name)) group.innerHTML = seenLayer(film, name, step);
       else if (panel.layer?.name === name) {
-        const [low, high] = range(panel.layer.values);
+        const [least, high] = range(panel.layer.values);
+        const low = Math.max(least, high - FAR);
         const colour = (value) => colourOf((value - low) / (high - low || 1));
         group.innerHTML = heat(panel.layer.values, colour, name === "value" ? 0.85 : 0.75);
-        const sign = ramp(low.toFixed(1), high.toFixed(1), `${name}: ${WORDS[name]}`);
+        const lowest = `${signed(low)}${low > least ? " or less" : ""}`;
+        const sign = ramp(lowest, signed(high), `${name}: ${WORDS[name]}`);
         stage.fill(".layer-scale", sign);
       }
+      if (centred) group.innerHTML += outside(film.city.length, name);
       if (!["value", "saliency"].includes(name)) stage.fill(".layer-scale", "");
       const asked = panel.layer?.name === name && panel.layer.step === step;
       const needed = ["value", "saliency"].includes(name) && !asked;
@@ -256,7 +260,7 @@ const TOOLS = {
       const [low, high] = dataRange(panel);
       return `<p class="sentence" role="status"></p><table class="ledger"></table>
         <div class="row">${state.devices.map(device).join("")}</div>
-        ${ramp(`${low.toFixed(0)} dB`, `${high.toFixed(0)} dB`, `${upper(term("SNR"))} from device
+        ${ramp(`${low} dB`.replace("-", "−"), `${high} dB`, `${upper(term("SNR"))} from device
           ${panel.device} over each cell, without ${term("fading")}. Outlined: the
           ${term("shadow", "shadows")} of buildings.`)}`;
     },
@@ -268,14 +272,14 @@ const TOOLS = {
       `${outline(panel.building, (each) => each > 0)}<path class="ray"/><path class="lost"/>`,
     point(stage, scene, cell) {
       const { panel, state, film } = scene;
-      const [row, col] = cell ?? farthest(panel);
+      const [row, col] = cell ?? dearest(panel, film.city);
       const [y, x] = state.devices[panel.device].cell;
       const cost = panel.building[row][col];
       stage.find(".ray")?.setAttribute("d", `M${x} ${y}L${col} ${row}`);
       stage.find(".ray")?.classList.toggle("blocked", cost > 0);
       const found = [panel.transmit, panel.path_loss[row][col], cost, panel.snr[row][col]];
       const rate = `${units(panel.rate[row][col])} units a ${term("slot")}`;
-      const free = 2 ** 0 * Math.log2(1 + 10 ** ((panel.snr[row][col] + cost) / 10));
+      const free = Math.log2(1 + 10 ** ((panel.snr[row][col] + cost) / 10));
       const where = `Row ${row}, column ${col}`;
       const there = KINDS[film.city[row][col]]?.name ?? "open ground";
       stage.fill(
@@ -286,7 +290,7 @@ const TOOLS = {
           : `<b>In sight.</b> ${where}, ${there}: ${rate}.`,
       );
       const line = (name, value, sign = "") =>
-        `<tr><th>${name}</th><td>${sign}${value.toFixed(1)} dB</td></tr>`;
+        `<tr><th>${name}</th><td>${sign}${signed(value)} dB</td></tr>`;
       stage.fill(
         ".ledger",
         `${line("signal at 1 m", found[0])}${line(
@@ -333,14 +337,14 @@ const TOOLS = {
       const go = running
         ? button("Pause", { kind: "pause" })
         : `${runs.length && !finished ? button("Go on", { kind: "train", settings: [] }) : ""}
-          <button type="button" class="start">${runs.length ? "New race" : "Start"}</button>`;
+          <button type="button" class="begin">${runs.length ? "New race" : "Start"}</button>`;
       const where =
         scene.film.city.length > largest
           ? `<p>A city of this size takes minutes to learn: the race is over the village.</p>`
           : "";
-      return `<div class="row"><span class="key blue"></span>${chooser("", "blue", known, own[0])}
+      return `<div class="row"><span class="key blue"></span>${chooser("blue", "blue", known, own[0])}
         <span class="key orange"></span>
-        ${chooser("", "orange", [["", "nobody"], ...known], own[1])}</div>
+        ${chooser("orange", "orange", [["", "nobody"], ...known], own[1])}</div>
         <p class="setting">${escaped(settings[own[0]][1])}${
           own[1] ? `<br>${escaped(settings[own[1]][1])}` : ""
         }</p>${where}
@@ -361,6 +365,7 @@ const CURVES = ["collected_and_landed", "collected", "landed", "return"];
 const brush = { sign: "B", cells: null }; // cells: those of the stroke that is being painted
 const chosen = { train: ["small", "no fear"], metric: "collected_and_landed" };
 const stage_layer = { name: "none", centred: false };
+const FAR = 15; // below the best value; the colours do not tell what is farther
 const SEEN = ["landing zone", "no-fly zone", "buildings", "data left", "data collected"];
 const CENTRED = "The network sees all layers shifted so that the UAV is in the middle.";
 const MEANINGS = {
@@ -397,19 +402,26 @@ function seenLayer({ city, devices, flights }, name, step) {
   return empty + full.join("");
 }
 
+// All around a city of this size lies a no-fly zone, as far as the network sees
+function outside(size, name) {
+  const around = `M${-size} ${-size}h${3 * size}v${3 * size}h${-3 * size}z`;
+  const d = `${around}M-.5 -.5v${size}h${size}v${-size}z`;
+  return `<path class="outside" d="${d}" fill="${name === "no-fly zone" ? "#0072b2" : "#d6333f"}"/>`;
+}
+
 // The SNRs between which the colours lie: steps of 10 dB
 function dataRange({ snr }) {
   const [low, high] = range(snr);
   return [Math.floor(low / 10) * 10, Math.ceil(high / 10) * 10];
 }
 
-// The cell in which a building costs most, to begin with
-function farthest({ building, rate }) {
-  let [best, found] = [-1, [0, 0]];
+// The cell over which the UAV may fly and a building costs most data, to begin with
+function dearest({ building, snr }, city) {
+  let [most, found] = [-1, [0, 0]];
   building.forEach((row, y) =>
     row.forEach((cost, x) => {
-      const worth = cost > 0 ? Math.log2(1 + 10 ** (cost / 10)) * rate[y][x] : 0;
-      if (worth > best) [best, found] = [worth, [y, x]];
+      const lost = Math.log2(1 + 10 ** ((snr[y][x] + cost) / 10)) - Math.log2(1 + 10 ** (snr[y][x] / 10));
+      if (lost > most && !"NB".includes(city[y][x])) [most, found] = [lost, [y, x]];
     }),
   );
   return found;
