@@ -58,7 +58,9 @@ def verdict(names: list[str], results: list[dict]) -> str:
     if abs(gained) >= 0.1:
         parts.append(f"{abs(gained):.1f} units {'more' if gained > 0 else 'less'}")
     if sooner:
-        parts.append(f"home {abs(sooner)} step{'s' * (abs(sooner) > 1)} {'sooner' if sooner > 0 else 'later'}")
+        parts.append(
+            f"home {abs(sooner)} step{'s' * (abs(sooner) > 1)} {'sooner' if sooner > 0 else 'later'}"
+        )
     told = ", ".join(parts) or "fewer refusals"
     return _upper(f"{says(names[ahead], 'wins')}: {told}.")
 
@@ -97,7 +99,9 @@ def _order(flight: Trajectory, step: int) -> list[int | None]:
     """The devices in the order in which they have uploaded half of what they upload from a step."""
     done = flight.data_left[min(step, len(flight.action))] - flight.data_left[step:]
     total = done[-1] if len(done) else np.zeros(flight.data_left.shape[1])
-    reached = {int(k): int((done[:, k] >= total[k] / 2).argmax()) for k in np.flatnonzero(total > 0.1)}
+    reached = {
+        int(k): int((done[:, k] >= total[k] / 2).argmax()) for k in np.flatnonzero(total > 0.1)
+    }
     return sorted(reached, key=reached.__getitem__)
 
 

@@ -64,7 +64,8 @@ class Lab(anywidget.AnyWidget):
         self._fresh = True
         self._lock = threading.Lock()
         self._asked = {
-            "undo": lambda by: self._undo(by),
+            "undo": self._undo,
+            "fly": self._fly,
             "duel": self._duel,
             "many": lambda: self._add("many", compare.many(self.stage, self._hangar)),
             "layer": self._layer,
@@ -196,10 +197,15 @@ class Lab(anywidget.AnyWidget):
                 self._at = len(self._history) - 1
             self._last = kind, time.monotonic()
             self._extra, self._point = {}, None
-        before, self.stage = self.stage, stage
+        self.stage = stage
         self._hangar = Hangar.of(stage.mission, self._hangar)
-        if len(stage.flown) > len(before.flown):
-            self._rank()
+
+    def _fly(self, action: str) -> None:
+        """Fly one action by hand."""
+        if numbers(self._hangar.flight(self.stage, YOU))["ended"]:
+            raise InputError("this flight is over: press Again")
+        self._take(changed(self.stage, "fly", {"action": action}), "fly")
+        self._rank()
 
     def _undo(self, by: int) -> None:
         at = self._at + (1 if by > 0 else -1)

@@ -18,8 +18,8 @@ import numpy as np
 from uavdh_lite.city import SIGNS, City, load_city, shipped_cities
 from uavdh_lite.environment import ACTIONS, Environment
 from uavdh_lite.errors import InputError
-from uavdh_lite.missions import LARGEST, Mission, as_json, mission_from_json
 from uavdh_lite.missions import FORMAT as MISSION_FORMAT
+from uavdh_lite.missions import LARGEST, Mission, as_json, mission_from_json
 from uavdh_lite.policies import agents_for, policies_for
 from uavdh_lite.scenario import Scenario, find_scenario
 
@@ -272,9 +272,7 @@ def _paint(stage: Stage, cells: list, sign: str) -> Stage:
         _require(free.any(), "no cell is left for the devices: leave some free")
         devices.append(_nearest(free, device))
     start = _nearest(city.landing, mission.start) if city.no_fly[mission.start] else mission.start
-    return stage.with_mission(
-        replace(mission, city=city, devices=tuple(devices), start=start)
-    )
+    return stage.with_mission(replace(mission, city=city, devices=tuple(devices), start=start))
 
 
 def _open(stage: Stage, text: str = "", link: str = "", picture: str = "") -> Stage:

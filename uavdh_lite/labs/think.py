@@ -81,7 +81,8 @@ def _because(hangar: Hangar, flight: Trajectory, values: np.ndarray, step: int) 
         return f"{name}, because nothing else is allowed in time."
     gap = best - second
     call = "a close call: only" if gap < CLOSE else "it expects"
-    return f"{name}, because {reason}; {call} {gap:.{1 if gap >= 1 else 2}f} more than from {ACTIONS[order[1]]}."
+    more = f"{gap:.1f}" if gap >= 1 else f"{gap:.2f}"
+    return f"{name}, because {reason}; {call} {more} more than from {ACTIONS[order[1]]}."
 
 
 def layer(stage: Stage, hangar: Hangar, name: str, step: int) -> dict[str, Any] | None:
