@@ -15,7 +15,9 @@ from serving import serving
 
 CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
 SCREENSHOTS = Path(__file__).parents[2] / "build" / "screenshots"
-WAIT = 180_000  # milliseconds; only a page that never answers takes so long
+WAIT = int(
+    os.environ.get("WAIT", 180_000)
+)  # milliseconds; only a page that never answers takes so long
 OWN = ("http://127.0.0.1", "ws://127.0.0.1", "data:", "blob:")
 TOOLS = ["Fly", "Compare", "Think", "Channel", "Paint", "Train"]
 PLACE = """(svg, [row, col]) => {
@@ -199,21 +201,17 @@ def test_a_refusal_says_why_and_a_number_that_cannot_be_is_put_back(page):
 
 def test_keys_move_a_device_and_delete_removes_it(page):
     press(page, "More")
-    press(page, "Add a device") if page.locator(".drawer table tr").count() < 2 else None
-    if page.locator(".uavdh-stage.adding").count():
-        page.mouse.click(*place(page, *free_cell(page)))
+    if page.locator(".drawer tr").count() == 2:
+        page.locator(".drawer button", has_text="remove").last.click()
+    press(page, "Add a device")
     press(page, "More")
+    page.mouse.click(*place(page, 7, 7))
     expect(page.locator(".map").first.locator("g.device")).to_have_count(2)
     device = page.locator(".map g[data-device='1']").first
-    row, col = cell_of(page, 1)
-    key, goal = ("ArrowLeft", [row, col - 1]) if col > 4 else ("ArrowRight", [row, col + 1])
+    key, goal = "ArrowLeft", [7, 6]
     device.focus()
     page.keyboard.press(key)
-    told = re.compile(rf"row {goal[0]}, column {goal[1]};")
-    refused = page.locator(".refusal:not(:empty)")
-    expect(device.and_(page.locator(f"[aria-label*='row {goal[0]}, column {goal[1]}']")).or_(refused)
-           ).to_have_count(1)  # fmt: skip
-    assert refused.count() or told.search(device.get_attribute("aria-label"))
+    expect(device).to_have_attribute("aria-label", re.compile(rf"row {goal[0]}, column {goal[1]};"))
     device.focus()
     page.keyboard.press("Delete")
     expect(page.locator(".map").first.locator("g.device")).to_have_count(1)
@@ -298,6 +296,7 @@ def test_the_channel_says_what_a_building_costs_under_the_pointer(page):
     expect(page.locator(".map svg .under path")).to_have_count(64)
     choose(page, "city", "manhattan")
     expect(page.locator(".map svg .under path")).to_have_count(256)
+    page.mouse.move(5, 5)
     expect(page.locator(".sentence")).to_contain_text("Behind a building")
     shoot(page, "channel")
 
@@ -318,10 +317,7 @@ def test_a_city_is_painted_and_a_hundred_missions_flown_over_it(page):
     expect(shadow).to_have_attribute("d", re.compile("M3.5 2.5"))  # behind the wall
     press(page, "100 missions")
     expect(page.locator(".many")).to_contain_text("95 % intervals")
-    assert page.locator(".many td").nth(1).inner_text().endswith("100") or True
-    page.mouse.move(*place(page, 6, 4))
-    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=SCREENSHOTS / "paint.png")
+    shoot(page, "paint")
 
 
 def test_a_flight_by_keys_and_buttons_ends_with_a_card_and_a_rank(page):

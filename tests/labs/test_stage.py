@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from uavdh_lite.channel import rate
+from uavdh_lite.city import City
 from uavdh_lite.environment import EAST, HOVER, NORTH
 from uavdh_lite.labs import Lab, train
 from uavdh_lite.labs.compare import parting
@@ -203,7 +204,7 @@ def test_files_are_sent_as_they_are_opened(lab, monkeypatch):
     tell(lab, "save", what="stage")
     tell(lab, "save", what="png")
     (about, (text,)), (_, (picture,)) = sent
-    assert about["name"] == "village.json" and json.loads(text) == lab.stage.as_json()
+    assert about["name"] == "village_stage.json" and json.loads(text) == lab.stage.as_json()
     assert picture.startswith(b"\x89PNG")
 
 
@@ -244,9 +245,7 @@ def test_a_race_of_unknown_settings_is_refused(settings):
 
 
 def test_equal_settings_race_with_other_seeds():
-    race = train.Race(
-        Hangar.of(Lab(city="village").stage.mission).mission.city, ["small"] * 2, print
-    )
+    race = train.Race(City.load("village"), ["small"] * 2, lambda: None)
     assert [run.trainer.seed for run in race.runs] == [0, 1]
 
 

@@ -58,9 +58,8 @@ def verdict(names: list[str], results: list[dict]) -> str:
     if abs(gained) >= 0.1:
         parts.append(f"{abs(gained):.1f} units {'more' if gained > 0 else 'less'}")
     if sooner:
-        parts.append(
-            f"home {abs(sooner)} step{'s' * (abs(sooner) > 1)} {'sooner' if sooner > 0 else 'later'}"
-        )
+        steps = "1 step" if abs(sooner) == 1 else f"{abs(sooner)} steps"
+        parts.append(f"home {steps} {'sooner' if sooner > 0 else 'later'}")
     told = ", ".join(parts) or "fewer refusals"
     return _upper(f"{says(names[ahead], 'wins')}: {told}.")
 

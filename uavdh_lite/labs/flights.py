@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from uavdh_lite.city import City
 from uavdh_lite.environment import ACTIONS, LAND, Environment
 from uavdh_lite.evaluation import Policy, Trajectory
 from uavdh_lite.labs.state import LETTERS, YOU, Stage
@@ -111,16 +110,6 @@ def does(flight: Trajectory, step: int) -> str:
     if flight.intervened[step]:
         return f"wants to {'land' if action == LAND else 'go ' + ACTIONS[action]} and may not"
     return ("flies north", "flies east", "flies south", "flies west", "hovers", "lands")[action]
-
-
-def home_distance(environment: Environment, cell: int) -> int:
-    """The time that the way home and the landing take from a cell."""
-    return int(environment.time_to_land[0, cell])
-
-
-def cell_of(city: City, number: int) -> tuple[int, int]:
-    """Row and column of a cell."""
-    return divmod(int(number), city.size)
 
 
 def grid(values: np.ndarray, digits: int = 2) -> list:

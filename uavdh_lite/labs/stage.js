@@ -177,9 +177,10 @@ function render({ model, el }) {
         ${field("col -1", "column", state.start[1])}</div>
       <div class="row"><button type="button" class="place">Add a device</button>
         ${button("Save", { kind: "save", what: "stage" })}
+        ${button("Save the mission alone", { kind: "save", what: "mission" })}
         <label class="file">Open <input type="file" accept=".json,.png"></label></div>
-      <p>Save keeps city, mission, rivals and step in a file; Open reads it, a mission's file, or a
-      city's PNG. On the map, drag devices and the start; or press Tab and move them with the arrow
+      <p>Save keeps city, mission, rivals and step in a file; Open reads it, a mission, or a city's
+      PNG. On the map, drag devices and the start; or press Tab and move them with the arrow
       keys; Delete removes one.</p>`,
     );
   }
@@ -269,6 +270,9 @@ function render({ model, el }) {
     drag.at = cell;
     if (brush.cells) stroke(cell);
     else stage.askWhenFree({ kind: "move", device: drag.thing, cell });
+  });
+  main.addEventListener("pointerleave", () => {
+    if (!drag) TOOLS[scene.state.tool].point?.(stage, scene, (hovered = null));
   });
   const release = () => {
     if (brush.cells) ask({ kind: "paint", cells: brush.cells, sign: brush.sign });

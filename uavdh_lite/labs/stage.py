@@ -13,6 +13,7 @@ from uavdh_lite.evaluation import Trajectory
 from uavdh_lite.labs import channel, compare, think, train
 from uavdh_lite.labs.flights import Hangar, numbers, title
 from uavdh_lite.labs.state import EMPTY, TOOLS, YOU, Stage, changed, random_mission
+from uavdh_lite.missions import as_json
 from uavdh_lite.player import film
 from uavdh_lite.plotting import png
 
@@ -239,7 +240,9 @@ class Lab(anywidget.AnyWidget):
 
     def _train(self, settings: list[str]) -> None:
         """Begin a race, or go on with it if the settings are those of the one there is."""
-        if self._race is None or not settings or self._race.finished:
+        if self._race is None or settings:
+            if self._race is not None:
+                self._race.pause()
             if self.stage.mission.city.size > train.LARGEST:
                 village = changed(self.stage, "city", {"name": "village"})
                 self._take(village, "city")
@@ -260,12 +263,13 @@ class Lab(anywidget.AnyWidget):
         self._point = (run, point)
 
     def _save(self, what: str) -> None:
-        """Send a file: the stage as JSON, or the city as a PNG."""
-        name = self.stage.mission.city.name
+        """Send a file: the stage or its mission as JSON, or the city as a PNG."""
+        mission = self.stage.mission
         if what == "png":
-            picture = png(COLOURS[self.stage.mission.city.kinds])
-            self.send({"kind": "file", "name": f"{name}.png", "type": "image/png"}, [picture])
+            picture = png(COLOURS[mission.city.kinds])
+            about = {"name": f"{mission.city.name}.png", "type": "image/png"}
+            self.send({"kind": "file", **about}, [picture])
         else:
-            text = json.dumps(self.stage.as_json(), indent=1).encode()
-            about = {"name": f"{name}.json", "type": "application/json"}
-            self.send({"kind": "file", **about}, [text])
+            values = as_json(mission) if what == "mission" else self.stage.as_json()
+            about = {"name": f"{mission.city.name}_{what}.json", "type": "application/json"}
+            self.send({"kind": "file", **about}, [json.dumps(values, indent=1).encode()])

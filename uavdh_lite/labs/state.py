@@ -78,8 +78,11 @@ class Stage:
         policies = self.policies
         if mission.city is not self.mission.city:
             known, usual = known_policies(mission.city), usual_policies(mission.city)
-            pairs = zip(policies, usual, strict=True)
-            policies = tuple(name if name in known else other for name, other in pairs)
+            before = usual_policies(self.mission.city)
+            policies = tuple(
+                name if name in known and name != old else new
+                for name, old, new in zip(policies, before, usual, strict=True)
+            )
         device = min(self.device, len(mission.devices) - 1)
         return replace(self, mission=mission, policies=policies, flown="", step=-1, device=device)
 
@@ -183,10 +186,6 @@ def changed(stage: Stage, kind: str, values: dict[str, Any]) -> Stage:
     return CHANGES[kind](stage, **values)
 
 
-def _tool(stage: Stage, tool: str) -> Stage:
-    return replace(stage, tool=_text(tool))
-
-
 def _city(stage: Stage, name: str) -> Stage:
     if name in EMPTY:
         size = EMPTY[name]
@@ -197,10 +196,6 @@ def _city(stage: Stage, name: str) -> Stage:
     return stage.with_mission(random_mission(load_city(name), 0))
 
 
-def _new(stage: Stage) -> Stage:
-    return stage.with_mission(random_mission(stage.mission.city, stage.mission.seed + 1))
-
-
 def _move(stage: Stage, device: int, cell: list) -> Stage:
     """Move a device, or with −1 the start."""
     mission, cell = stage.mission, _cell(cell)
@@ -209,27 +204,10 @@ def _move(stage: Stage, device: int, cell: list) -> Stage:
     return stage.with_mission(mission.move(_device(stage, device), cell))
 
 
-def _add(stage: Stage, cell: list) -> Stage:
-    return stage.with_mission(stage.mission.add(_cell(cell)))
-
-
-def _remove(stage: Stage, device: int) -> Stage:
-    return stage.with_mission(stage.mission.remove(_device(stage, device)))
-
-
 def _data(stage: Stage, device: int, value: float) -> Stage:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     _require(number and np.isfinite(value), f"data {value!r}: must be a number")
     return stage.with_mission(stage.mission.fill(_device(stage, device), float(value)))
-
-
-def _time(stage: Stage, value: int) -> Stage:
-    flying_time = _whole(value, "flying time")
-    return stage.with_mission(replace(stage.mission, flying_time=flying_time))
-
-
-def _fading(stage: Stage, value: int) -> Stage:
-    return stage.with_mission(replace(stage.mission, seed=_whole(value, "fading")))
 
 
 def _policy(stage: Stage, which: int, name: str) -> Stage:
@@ -242,18 +220,6 @@ def _policy(stage: Stage, which: int, name: str) -> Stage:
 def _fly(stage: Stage, action: str) -> Stage:
     _require(action in ACTIONS, f"no action {action!r}")
     return replace(stage, flown=stage.flown + LETTERS[ACTIONS.index(action)], step=-1)
-
-
-def _again(stage: Stage) -> Stage:
-    return replace(stage, flown="")
-
-
-def _show(stage: Stage, step: int) -> Stage:
-    return replace(stage, step=_whole(step, "step"))
-
-
-def _look(stage: Stage, device: int) -> Stage:
-    return replace(stage, device=_device(stage, device))
 
 
 def _paint(stage: Stage, cells: list, sign: str) -> Stage:
@@ -285,22 +251,30 @@ def _open(stage: Stage, text: str = "", link: str = "", picture: str = "") -> St
 
 
 CHANGES: dict[str, Callable[..., Stage]] = {
-    "tool": _tool,
     "city": _city,
-    "new": _new,
     "move": _move,
-    "add": _add,
-    "remove": _remove,
     "data": _data,
-    "time": _time,
-    "fading": _fading,
     "policy": _policy,
     "fly": _fly,
-    "again": _again,
-    "show": _show,
-    "look": _look,
     "paint": _paint,
     "open": _open,
+    "tool": lambda stage, tool: replace(stage, tool=_text(tool)),
+    "show": lambda stage, step: replace(stage, step=_whole(step, "step")),
+    "look": lambda stage, device: replace(stage, device=_device(stage, device)),
+    "again": lambda stage: replace(stage, flown=""),
+    "new": lambda stage: stage.with_mission(
+        random_mission(stage.mission.city, stage.mission.seed + 1)
+    ),
+    "add": lambda stage, cell: stage.with_mission(stage.mission.add(_cell(cell))),
+    "remove": lambda stage, device: stage.with_mission(
+        stage.mission.remove(_device(stage, device))
+    ),
+    "time": lambda stage, value: stage.with_mission(
+        replace(stage.mission, flying_time=_whole(value, "flying time"))
+    ),
+    "fading": lambda stage, value: stage.with_mission(
+        replace(stage.mission, seed=_whole(value, "fading"))
+    ),
 }
 
 

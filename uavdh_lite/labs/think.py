@@ -8,7 +8,7 @@ from uavdh_lite.agent import Agent
 from uavdh_lite.checkpoint import shipped_agents
 from uavdh_lite.environment import ACTIONS, HOVER, LAND, State
 from uavdh_lite.evaluation import Trajectory
-from uavdh_lite.labs.flights import Hangar, goal, grid, home_distance, title
+from uavdh_lite.labs.flights import Hangar, goal, grid, title
 from uavdh_lite.labs.insight import saliency, value_map
 from uavdh_lite.labs.state import Stage
 
@@ -62,7 +62,7 @@ def _because(hangar: Hangar, flight: Trajectory, values: np.ndarray, step: int) 
     """One sentence: what it does, what for, and how sure it is."""
     action = int(flight.action[step])
     left = int(flight.time_left[step])
-    home = home_distance(hangar.environment, flight.uav_cell[step])
+    home = int(hangar.environment.time_to_land[0, flight.uav_cell[step]])
     device = goal(flight, step)
     if action == LAND:
         units = flight.data_left[step].sum()
