@@ -148,15 +148,12 @@ def find_duel(stage: Stage, hangar: Hangar, wanted: int) -> Stage:
 def many(stage: Stage, hangar: Hangar) -> dict[str, Any]:
     """The means of both policies over 100 random missions, in per cent, with their intervals."""
     scenario, rows = scenario_of(stage.mission.city), []
-    for name in stage.policies:
-        policy = hangar.policy("greedy" if name == YOU else name)
+    for name in ["greedy" if policy == YOU else policy for policy in stage.policies]:
+        policy = hangar.policy(name)
         flights = evaluate(hangar.environment, policy, scenario, MISSIONS, 0, Use.LAB)
-        metrics = flights.metrics()
-        shown = {
-            metric: [round(100 * value) for value in metrics[metric]]
-            for metric in ("collected_and_landed", "landed", "collected", "time_used")
-        }
-        rows.append({"name": title("greedy" if name == YOU else name), **shown})
+        metrics = flights.metrics().items()
+        shown = {metric: [round(100 * value) for value in values] for metric, values in metrics}
+        rows.append({"name": title(name), **shown})
     return {"missions": MISSIONS, "rows": rows}
 
 

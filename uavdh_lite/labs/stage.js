@@ -39,6 +39,8 @@ function render({ model, el }) {
   let toldStep = null;
   el.innerHTML = page(scene.tools);
   if (scene.tools.length === 1) find("[role=tablist]").hidden = true;
+  const own = "labs" in document.documentElement.dataset; // the page is ours, with its address
+  find(".copy").hidden = !own;
 
   const ask = (told) => {
     if (told.show !== undefined) return clock.show(told.show);
@@ -103,22 +105,20 @@ function render({ model, el }) {
     const changed = version !== scene.version || drawnTool !== state.tool;
     const held = heldFocus();
     if (changed) drawMaps(film, state.tool);
-    find(".tool").innerHTML = tool.html(scene);
+    stage.fill(".tool", tool.html(scene));
     film.flights.forEach((_, k) => {
       const map = el.querySelectorAll(".map svg")[k];
       if (!map) return;
       map.querySelector(".under").innerHTML = tool.under?.(scene, k) ?? "";
       map.querySelector(".over").innerHTML = tool.over?.(scene, k) ?? "";
     });
-    find("[data-set=city]").innerHTML = options(
-      state.cities.map((each) => [each, each]),
-      state.city,
-    );
+    const cities = state.cities.map((each) => [each, each]);
+    find("[data-set=city]").innerHTML = options(cities, state.city);
     find(".undo").disabled = !state.undo;
     find(".redo").disabled = !state.redo;
     find(".refusal").textContent = scene.refused && `Not done: ${scene.refused}.`;
     paintDrawer();
-    if (!scene.fresh && scene.tools.length > 1) remember(state.link);
+    if (!scene.fresh && own) remember(state.link);
     const last = state.tool === "fly" ? film.flights[0].path.length - 1 : lastStep(film);
     if (changed) {
       const from = state.step < 0 ? last : state.step;
@@ -137,6 +137,7 @@ function render({ model, el }) {
     const shown = tool === "compare" ? film : { ...film, flights: film.flights.slice(0, 1) };
     find(".stages").innerHTML = flightPanels(shown);
     update = showing(find(".flights"), shown);
+    for (const map of el.querySelectorAll(".map svg")) map.setAttribute("role", "group");
     for (const device of el.querySelectorAll(".map g[data-device]")) {
       const k = Number(device.dataset.device);
       const [row, col] = film.devices[k].cell;
@@ -193,7 +194,7 @@ function render({ model, el }) {
 
   function beginStory() {
     const captions = scene.panel.story;
-    if (!scene.fresh || !captions || location.hash || scene.tools.length < 2) return;
+    if (!scene.fresh || !captions || !own) return;
     story = captions.map(([step, text]) => ({ step, text }));
     clock.show(0, true);
   }
@@ -426,14 +427,11 @@ function render({ model, el }) {
     URL.revokeObjectURL(link.href);
   });
 
-  const opened = location.hash.split(LINK)[1];
-  const openLink = () => {
-    const link = location.hash.split(LINK)[1];
-    if (link && link !== scene.state.link) ask({ kind: "open", link });
-  };
+  const linked = () => own && location.hash.split(LINK)[1];
+  const openLink = () => linked() && linked() !== scene.state.link && ask({ kind: "open", link: linked() });
   window.addEventListener("hashchange", openLink);
   paint();
-  if (opened && scene.tools.length > 1) openLink();
+  if (linked()) openLink();
   else beginStory();
   return () => window.removeEventListener("hashchange", openLink);
 }

@@ -106,17 +106,13 @@ class Stage:
         return base64.urlsafe_b64encode(zlib.compress(text.encode(), 9)).decode().rstrip("=")
 
 
-def known_policies(city: City) -> list[str]:
-    """Who can fly over a city."""
-    return [*policies_for(Environment(city)), YOU]
-
-
-def _checked_policies(city: City, *names: str) -> tuple[str, ...]:
-    known = known_policies(city)
+def known_policies(city: City, *names: str) -> list[str]:
+    """Who can fly over a city; raises `InputError` if one of these names cannot."""
+    known = [*policies_for(Environment(city)), YOU]
     for name in names:
         choices = ", ".join(known)
         _require(name in known, f"{name!r} does not fly over this city: take {choices}")
-    return names
+    return known
 
 
 def usual_policies(city: City) -> tuple[str, str]:
@@ -166,9 +162,10 @@ def read_file(text: str) -> Stage:
     pair = isinstance(policies, list) and len(policies) == 2
     _require(pair and all(isinstance(name, str) for name in policies), "policies: give two names")
     mission = mission_from_json(values.get("mission"))
+    known_policies(mission.city, *policies)
     return Stage(
         mission,
-        _checked_policies(mission.city, *policies),
+        tuple(policies),
         _text(values.get("tool")),
         _text(values.get("flown")),
         _whole(values.get("step"), "step"),
@@ -213,7 +210,8 @@ def _data(stage: Stage, device: int, value: float) -> Stage:
 def _policy(stage: Stage, which: int, name: str) -> Stage:
     _require(which in (0, 1), f"policy {which!r}: there are two")
     policies = list(stage.policies)
-    (policies[which],) = _checked_policies(stage.mission.city, _text(name))
+    policies[which] = _text(name)
+    known_policies(stage.mission.city, *policies)
     return replace(stage, policies=tuple(policies), step=-1)
 
 

@@ -16,15 +16,14 @@ const WORDS = {
   slot: "a quarter of a step; each goes to the device that is heard best",
   saliency: "how much the best Q-value depends on each cell that the network sees",
   value: "the best Q-value if the UAV were over that cell now",
-  step: "a unit of time of all missions together in which the agent tried an action",
   "collected and landed": "the share of the data that was brought home; 0 after a crash",
   collected: "the share of the data that was collected, landed or not",
-  failsafe: "actions after which the way home would be too long are not allowed",
   genie: "a planner that searches with full knowledge; no agent can know so much",
 };
 const term = (word, shown = word) =>
   `<span class="term" tabindex="0" role="note" aria-label="${shown}: ${WORDS[word]}"
     data-about="${escaped(WORDS[word])}">${shown}</span>`;
+const who = (name) => (WORDS[name] ? term(name) : escaped(name));
 const button = (name, about, more = "") =>
   `<button type="button" data-ask="${escaped(JSON.stringify(about))}" ${more}>${name}</button>`;
 const options = (pairs, chosen) =>
@@ -44,13 +43,9 @@ const choosePolicy = ({ state }, which, label) =>
   chooser(label, `policy-${which}`, state.known, state.policies[which]);
 
 // Colours of a scale from 0 to 1, which colour-blind readers can follow too (viridis)
-const SCALE = [
-  [68, 1, 84],
-  [59, 82, 139],
-  [33, 145, 140],
-  [94, 201, 98],
-  [253, 231, 37],
-];
+const SCALE = ["68 1 84", "59 82 139", "33 145 140", "94 201 98", "253 231 37"].map((rgb) =>
+  rgb.split(" ").map(Number),
+);
 function colourOf(share) {
   const place = Math.min(Math.max(share, 0), 1) * (SCALE.length - 1);
   const k = Math.min(Math.floor(place), SCALE.length - 2);
@@ -129,7 +124,7 @@ const TOOLS = {
     help: (you, rival) =>
       `<h2>${you.steps ? `${you.time_left} units of time left` : "Your flight"}</h2>
       <p>Collect the ${term("data units", "data")} and land in blue in time. Arrow keys move, space
-      hovers, L lands. The pale ${term("UAV")} is ${escaped(rival)}.</p>`,
+      hovers, L lands. The pale ${term("UAV")} is ${who(rival)}.</p>`,
     card(you, ghost, rival) {
       const ahead = you.return - ghost.return;
       const end = you.landed ? `You landed with ${you.collected.toFixed(1)} units.` : "You crashed.";
@@ -171,7 +166,7 @@ const TOOLS = {
         <h3>Find a duel</h3><div class="row">${duel(`${first} wins`, 1)}
         ${duel(`${second} wins`, -1)}${duel("nearly level", 0)}</div>
         <div class="row">${choosePolicy(scene, 0, "left")}${choosePolicy(scene, 1, "right")}</div>
-        <table><tr><td></td><th>${first}</th><th>${second}</th></tr>
+        <table><tr><td></td>${results.map(({ name }) => `<th>${who(name)}</th>`).join("")}</tr>
         ${line(`${term("data units", "data")} brought home`, brought)}
         ${line("time used", ({ steps }) => steps)}
         ${line(term("return"), (each) => each.return.toFixed(1))}</table>
@@ -277,29 +272,23 @@ const TOOLS = {
       const cost = panel.building[row][col];
       stage.find(".ray")?.setAttribute("d", `M${x} ${y}L${col} ${row}`);
       stage.find(".ray")?.classList.toggle("blocked", cost > 0);
-      const found = [panel.transmit, panel.path_loss[row][col], cost, panel.snr[row][col]];
       const rate = `${units(panel.rate[row][col])} units a ${term("slot")}`;
       const free = Math.log2(1 + 10 ** ((panel.snr[row][col] + cost) / 10));
       const where = `Row ${row}, column ${col}`;
       const there = KINDS[film.city[row][col]]?.name ?? "open ground";
-      stage.fill(
-        ".sentence",
-        cost > 0
-          ? `<b>Behind a building: it costs ${cost.toFixed(1)} ${term("dB")}.</b> ${where}, ${there}:
-            ${rate} instead of ${units(free)}.`
-          : `<b>In sight.</b> ${where}, ${there}: ${rate}.`,
-      );
-      const line = (name, value, sign = "") =>
-        `<tr><th>${name}</th><td>${sign}${signed(value)} dB</td></tr>`;
-      stage.fill(
-        ".ledger",
-        `${line("signal at 1 m", found[0])}${line(
-          `path loss over ${panel.distance[row][col].toFixed(0)} m`,
-          found[1],
-          "−",
-        )}${line("buildings in between", cost, "−")}${line(term("SNR"), found[3])}
-        <tr><th>${term("fading")}</th><td>± ${panel.fading[Number(cost > 0)]} dB</td></tr>`,
-      );
+      const costs = `Behind a building: it costs ${cost.toFixed(1)} ${term("dB")}.`;
+      const [head, instead] = cost > 0 ? [costs, ` instead of ${units(free)}`] : ["In sight.", ""];
+      stage.fill(".sentence", `<b>${head}</b> ${where}, ${there}: ${rate}${instead}.`);
+      const line = (name, value) => `<tr><th>${name}</th><td>${value} dB</td></tr>`;
+      const metres = panel.distance[row][col].toFixed(0);
+      const lines = [
+        ["signal at 1 m", signed(panel.transmit)],
+        [`path loss over ${metres} m`, `−${signed(panel.path_loss[row][col])}`],
+        ["buildings in between", `−${signed(cost)}`],
+        [term("SNR"), signed(panel.snr[row][col])],
+        [term("fading"), `± ${panel.fading[Number(cost > 0)]}`],
+      ];
+      stage.fill(".ledger", lines.map((each) => line(...each)).join(""));
     },
   },
 
@@ -338,24 +327,19 @@ const TOOLS = {
         ? button("Pause", { kind: "pause" })
         : `${runs.length && !finished ? button("Go on", { kind: "train", settings: [] }) : ""}
           <button type="button" class="begin">${runs.length ? "New race" : "Start"}</button>`;
-      const where =
-        scene.film.city.length > largest
-          ? `<p>A city of this size takes minutes to learn: the race is over the village.</p>`
-          : "";
+      const large = scene.film.city.length > largest;
+      const where = large ? "A city of this size takes minutes to learn: they race over the village." : "";
+      const rival = own[1] ? `<br>${escaped(settings[own[1]][1])}` : "";
+      const shown = CURVES.map((name) => [name, name.replaceAll("_", " ")]);
+      const metric = term(chosen.metric.replaceAll("_", " "));
       return `<div class="row"><span class="key blue"></span>${chooser("blue", "blue", known, own[0])}
         <span class="key orange"></span>
         ${chooser("orange", "orange", [["", "nobody"], ...known], own[1])}</div>
-        <p class="setting">${escaped(settings[own[0]][1])}${
-          own[1] ? `<br>${escaped(settings[own[1]][1])}` : ""
-        }</p>${where}
-        <div class="row">${go}${chooser(
-          "shown",
-          "metric",
-          CURVES.map((name) => [name, name.replaceAll("_", " ")]),
-          chosen.metric,
-        )}</div><p role="alert">${escaped(error ?? "")}</p>
+        <p class="setting">${escaped(settings[own[0]][1])}${rival}</p><p>${where}</p>
+        <div class="row">${go}${chooser("shown", "metric", shown, chosen.metric)}</div>
+        <p role="alert">${escaped(error ?? "")}</p>
         ${runs.length ? curves(scene.panel, chosen.metric) : ""}
-        <p>${term(chosen.metric.replaceAll("_", " "))} over 60 missions that it does not learn from.
+        <p>Shown: ${metric}, over 60 missions that it does not learn from.
         ${runs.length ? "Press a point to see that agent fly." : ""}</p>`;
     },
   },
@@ -378,28 +362,18 @@ const MEANINGS = {
 
 // What the network sees of the city in one of its layers
 function seenLayer({ city, devices, flights }, name, step) {
-  const signs = { "landing zone": "L", "no-fly zone": "NB", buildings: "bB" }[name];
-  if (signs) {
-    const on = (sign) => (signs.includes(sign) ? "#0072b2" : "#8883");
-    return heat(
-      city.map((row) => [...row]),
-      on,
-      1,
-    );
-  }
+  const signs = { "landing zone": "L", "no-fly zone": "NB", buildings: "bB" }[name] ?? "";
+  const rows = city.map((row) => [...row]);
+  const layer = heat(rows, (sign) => (signs.includes(sign) ? "#0072b2" : "#8883"), 1);
+  if (signs) return layer;
   const [now, first] = [flights[0].left[step], flights[0].left[0]];
   const most = Math.max(...first.slice(0, -1));
-  const amounts = devices.map((_, k) => (name === "data left" ? now[k] : first[k] - now[k]));
-  const empty = heat(
-    city.map((row) => [...row].map(() => 0)),
-    () => "#8883",
-    1,
-  );
   const full = devices.map(({ cell: [row, col] }, k) => {
+    const amount = name === "data left" ? now[k] : first[k] - now[k];
     const square = `M${col - 0.5} ${row - 0.5}${SQUARE}`;
-    return `<path d="${square}" fill="#0072b2" fill-opacity="${amounts[k] / most}"/>`;
+    return `<path d="${square}" fill="#0072b2" fill-opacity="${amount / most}"/>`;
   });
-  return empty + full.join("");
+  return layer + full.join("");
 }
 
 // All around a city of this size lies a no-fly zone, as far as the network sees

@@ -23,27 +23,15 @@ EPISODES = 60  # missions of a point
 TURN = 16  # steps of one run before the other has its turn
 EVERY = 1.0  # seconds between points
 METRICS = ("collected_and_landed", "collected", "landed", "return")
-SETTINGS: dict[str, tuple[str, str, dict[str, Any]]] = {
-    "small": (
-        "as it is",
-        "Crashing costs 5 at first and 20 at the end, so that it dares to explore.",
-        {},
-    ),
-    "no fear": (
-        "no fear of crashing",
-        "A crash costs nothing. Will it come home?",
-        {"crash_reward": 0.0, "crash_reward_end": None},
-    ),
-    "fear": (
-        "−150 from the start",
-        "A crash costs 150 from the first step on. Will it dare to leave?",
-        {"crash_reward": -150.0, "crash_reward_end": None},
-    ),
-    "failsafe": (
-        "failsafe",
-        "Actions after which the way home is too long are not allowed: it need not learn to land.",
-        {"failsafe": True, "exploring_starts": 0.0},
-    ),
+SMALL = "Crashing costs 5 at first and 20 at the end, so that it dares to explore."
+NO_FEAR = "A crash costs nothing. Will it come home?"
+FEAR = "A crash costs 150 from the first step on. Will it dare to leave?"
+SAFE = "Actions after which the way home is too long are not allowed: it need not learn to land."
+SETTINGS: dict[str, tuple[str, str, dict[str, Any]]] = {  # title, what it is, changes of the recipe
+    "small": ("as it is", SMALL, {}),
+    "no fear": ("no fear of crashing", NO_FEAR, {"crash_reward": 0.0, "crash_reward_end": None}),
+    "fear": ("−150 from the start", FEAR, {"crash_reward": -150.0, "crash_reward_end": None}),
+    "failsafe": ("failsafe", SAFE, {"failsafe": True, "exploring_starts": 0.0}),
 }
 
 
