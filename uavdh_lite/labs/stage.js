@@ -34,11 +34,14 @@ function render({ model, el }) {
   let waiting = false; // for an answer of Python
   let next = null; // what is asked when it has come
   let story = null; // the captions that are still to come
-  let drag = null;
   let hovered = null; // the cell under the pointer
-  let toldStep = null;
+  let [drag, toldStep] = [null, null];
   el.innerHTML = page(scene.tools);
   if (scene.tools.length === 1) find("[role=tablist]").hidden = true;
+  new ResizeObserver(() => {
+    el.style.setProperty("--wide", `${el.clientWidth}px`);
+    el.classList.toggle("narrow", el.clientWidth < 1000);
+  }).observe(el);
   const own = "labs" in document.documentElement.dataset; // the page is ours, with its address
   find(".copy").hidden = !own;
 
@@ -81,6 +84,7 @@ function render({ model, el }) {
 
   // The address and the saved file know the step, too
   let keeping = null;
+  window.addEventListener("beforeunload", () => clearTimeout(keeping)); // the session ends first
   function keepStep(time) {
     clearTimeout(keeping);
     const step = time === clock?.now.last ? -1 : Math.floor(time);

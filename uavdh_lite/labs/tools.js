@@ -99,6 +99,7 @@ const average = ({ panel }) => {
 };
 const manyButton = button("100 missions", { kind: "many" }, 'data-busy="flying 100 missions …"');
 
+const HERE = { " ": "hover", l: "land" };
 const TOOLS = {
   fly: {
     title: "Fly",
@@ -136,14 +137,7 @@ const TOOLS = {
     },
     // The ghost, as far as it has come at this time
     over: ({ film }) => ghostPath(film.flights[1]),
-    keys: {
-      ArrowUp: "north",
-      ArrowRight: "east",
-      ArrowDown: "south",
-      ArrowLeft: "west",
-      " ": "hover",
-      l: "land",
-    },
+    keys: { ArrowUp: "north", ArrowRight: "east", ArrowDown: "south", ArrowLeft: "west", ...HERE },
     moment(stage, { film }, time) {
       const { place } = momentAt(film.flights[1], time);
       stage.find(".ghost")?.setAttribute("transform", at(place));
@@ -356,8 +350,8 @@ const MEANINGS = {
   "landing zone": "One of five layers that the network sees: where it may land.",
   "no-fly zone": "One of five layers: where it may not fly. Outside of the city, too.",
   buildings: "One of five layers: what blocks the radio link.",
-  "data left": "One of five layers: data still to be collected, in the cell of each device.",
-  "data collected": "One of five layers: data that it has collected, in the cell of each device.",
+  "data left": "One of five layers: data still to be collected, in the cells of the devices.",
+  "data collected": "One of five layers: data that it has collected, in the same cells.",
 };
 
 // What the network sees of the city in one of its layers
