@@ -76,7 +76,7 @@ def _because(hangar: Hangar, flight: Trajectory, values: np.ndarray, step: int) 
         reason = f"this way it collects from device {device}, which has {amount:.1f} units left"
     order = np.argsort(-np.where(np.isnan(values[step]), -np.inf, values[step]))
     best, second = values[step][order[:2]]
-    name = ACTIONS[action].capitalize()
+    name = ACTIONS[action]
     if np.isnan(second):
         return f"{name}, because nothing else is allowed in time."
     gap = best - second

@@ -198,7 +198,7 @@ const TOOLS = {
     moment(stage, { panel, film, state }, time) {
       if (panel.agent === null) return;
       const step = Math.min(Math.floor(time + 1e-9), panel.q.length - 1);
-      stage.say(".says-why", panel.says[step]);
+      stage.say(".says-why", `Next: ${panel.says[step]}`);
       const values = panel.q[step];
       const best = Math.max(...values.filter((each) => each !== null));
       const most = Math.max(0.5, ...values.map((each) => (each === null ? 0 : best - each)));
@@ -407,7 +407,9 @@ function curves({ runs, steps, point }, metric) {
   const all = runs.flatMap(({ points }) => points.map((each) => each[metric]));
   const share = metric !== "return";
   const [low, high] = share ? [0, 1] : [Math.min(0, ...all), Math.max(1, ...all)];
-  const x = (at) => left + ((width - left - 12) * at) / steps;
+  const last = runs.flatMap(({ points }) => points.slice(-1)).map((each) => each.steps);
+  const most = Math.min(steps, 4000 + 1.2 * Math.max(0, ...last)); // the axis grows with the race
+  const x = (at) => left + ((width - left - 12) * at) / most;
   const y = (value) => 10 + ((height - bottom - 10) * (high - value)) / (high - low);
   const name = (value) => (share ? percent(value) : value.toFixed(0));
   const ticks = [low, (low + high) / 2, high].map(
@@ -429,6 +431,6 @@ function curves({ runs, steps, point }, metric) {
     return `<g class="${colour}"><path class="curve" d="${d}"/>${points.map(dot).join("")}</g>`;
   };
   return `<svg class="curves" viewBox="0 0 ${width} ${height}" role="group" aria-label="curves">
-    ${ticks.join("")}<text x="${width - 12}" y="${height - 8}" text-anchor="end">${steps} steps</text>
+    ${ticks.join("")}<text x="${width - 12}" y="${height - 8}" text-anchor="end">${Math.round(most)} steps</text>
     <text x="${left}" y="${height - 8}">0</text>${runs.map(line).join("")}</svg>`;
 }
