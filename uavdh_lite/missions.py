@@ -150,10 +150,6 @@ class Mission:
         """Fly a policy and keep every step; missions with equal seeds have equal fading."""
         return fly(environment, policy, self.state, self.fading)
 
-    def device_at(self, cell: Cell) -> int | None:
-        """The device in this cell, or None."""
-        return self.devices.index(cell) if cell in self.devices else None
-
     def add(self, cell: Cell, data: float = 10.0) -> "Mission":
         """The mission with one more device."""
         return replace(self, devices=(*self.devices, cell), data=(*self.data, data))
@@ -171,13 +167,6 @@ class Mission:
         devices, data = list(self.devices), list(self.data)
         del devices[device], data[device]
         return replace(self, devices=tuple(devices), data=tuple(data))
-
-    def drag(self, start: Cell, end: Cell) -> "Mission":
-        """The mission with the device, or else the start, that is in one cell in another one."""
-        device = self.device_at(start)
-        if device is not None:
-            return self.move(device, end)
-        return replace(self, start=end) if start == self.start else self
 
 
 def _put(values: tuple, index: int, value) -> tuple:
@@ -248,19 +237,17 @@ def load_mission(path: str | Path) -> Mission:
     if path.stat().st_size > LARGEST:
         raise InputError(f"{path}: {path.stat().st_size} bytes: no mission is that large")
     try:
-        return read_mission(path.read_text(encoding="utf-8"))
-    except UnicodeDecodeError as error:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a JSON file: {error}") from None
+    try:
+        return mission_from_json(values)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def read_mission(text: str) -> Mission:
-    """The mission that is written in a file; `InputError` names the entry that is wrong."""
-    try:
-        values = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"not a JSON file: {error}") from None
+def mission_from_json(values: object) -> Mission:
+    """The mission that a file holds; `InputError` names the entry that is wrong."""
     _check(values)
     return Mission(
         City.from_text(values["city"]["name"], "\n".join(values["city"]["rows"])),
@@ -273,7 +260,7 @@ def read_mission(text: str) -> Mission:
     )
 
 
-def _check(values) -> None:
+def _check(values: object) -> None:
     """Raise `InputError` with the entry and the reason unless the values are as the schema says.
 
     A JSON Schema takes 5.0 for a whole number; here it is none.

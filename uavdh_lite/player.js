@@ -24,38 +24,61 @@ function drawAll() {
   }
 }
 
-// Draws a film in place of what is in `root`, and returns what others may do with it: `show(step)`
-// shows a step, `show(step, true)` plays from it on. `shown(time)` is called for each moment that
-// is shown. Without `keyboard`, the keys are somebody else's.
-function draw(root, film, { keyboard = true, shown = () => {} } = {}) {
+// Draws a film in place of what is in `root`.
+function draw(root, film) {
   root.innerHTML = wholeStage(film);
-  const stage = root.firstChild;
-  const panels = stage.querySelectorAll(".flight");
+  const clock = playback(root.firstChild, showing(root.querySelector(".flights"), film));
+  clock.load(lastStep(film));
+}
+
+const lastStep = (film) => Math.max(...film.flights.map((flight) => flight.path.length - 1));
+
+// What shows a moment of all flights, whose panels are in `root`, and returns them in words.
+function showing(root, film) {
+  const panels = root.querySelectorAll(".flight");
   const flights = film.flights.map((flight, k) => shower(panels[k], film, flight));
-  const last = Math.max(...film.flights.map((flight) => flight.path.length - 1));
+  let pointed = null; // the index of a device
+  let shown = [0, false];
+  const update = (...now) => {
+    shown = now;
+    return flights.map((flight) => flight(now[0], pointed, now[1]));
+  };
+  const point = ({ type, target, relatedTarget }) => {
+    const device = (type === "focusout" ? relatedTarget : target)?.closest?.("[data-device]");
+    pointed = device ? Number(device.dataset.device) : null;
+    update(...shown);
+  };
+  for (const type of ["pointerover", "pointerleave", "focusin", "focusout"]) {
+    root.addEventListener(type, point);
+  }
+  return update;
+}
+
+// Connects the controls in `stage`. `update` shows a moment: the time, and whether it plays.
+// Returns `load(last, time, playing)`, for a film with so many steps, and `show(time, playing)`.
+function playback(stage, update) {
   const find = (selector) => stage.querySelector(`.controls ${selector}`);
   const [button, slider, counter, speed] = [".play", "input", "output", "select"].map(find);
   const calm = matchMedia("(prefers-reduced-motion: reduce)");
-  let time = last;
-  let pointed = null; // the index of a device
+  let [time, last] = [0, 0];
   let before = null; // when the last frame was drawn, ms; null while paused
-  [slider.max, speed.value] = [last, 1];
+  speed.value = 1;
 
-  function update() {
+  function draw() {
     const now = before !== null && calm.matches ? Math.floor(time) : time;
-    const texts = flights.map((flight) => flight(now, pointed, before !== null));
+    const texts = update(now, before !== null);
     slider.value = now;
     counter.textContent = `${Math.ceil(now)} of ${last}`;
     slider.setAttribute("aria-valuetext", `step ${counter.textContent}. ${texts.join(" ")}`);
     button.textContent = before === null ? "Play" : "Pause";
-    shown(now);
   }
 
   function show(step, playing = false) {
     time = Math.min(Math.max(step, 0), last);
+    const begins = playing && before === null;
     before = playing ? performance.now() : null;
-    update();
-    if (playing) requestAnimationFrame(frame);
+    draw();
+    if (begins) requestAnimationFrame(frame);
   }
 
   function frame(now) {
@@ -64,7 +87,7 @@ function draw(root, film, { keyboard = true, shown = () => {} } = {}) {
     before = now;
     time += SPEED * speed.value * seconds;
     if (time >= last) return show(last);
-    update();
+    draw();
     requestAnimationFrame(frame);
   }
 
@@ -78,7 +101,7 @@ function draw(root, film, { keyboard = true, shown = () => {} } = {}) {
   stage.addEventListener("keydown", (event) => {
     const own = event.target.matches(event.key === " " ? "button, select" : "select");
     const other = own || event.ctrlKey || event.metaKey || event.altKey;
-    if (!keyboard || !keys[event.key] || other) return;
+    if (!keys[event.key] || other || event.defaultPrevented) return;
     event.preventDefault();
     keys[event.key]();
   });
@@ -86,16 +109,16 @@ function draw(root, film, { keyboard = true, shown = () => {} } = {}) {
   find(".back").addEventListener("click", keys.ArrowLeft);
   find(".forward").addEventListener("click", keys.ArrowRight);
   slider.addEventListener("input", () => show(Number(slider.value)));
-  const point = ({ type, target, relatedTarget }) => {
-    const device = (type === "focusout" ? relatedTarget : target)?.closest("[data-device]");
-    pointed = device ? Number(device.dataset.device) : null;
-    update();
+  return {
+    show,
+    load(steps, at = steps, playing = false) {
+      slider.max = last = steps;
+      show(at, playing);
+    },
+    get now() {
+      return { time, last, playing: before !== null };
+    },
   };
-  for (const type of ["pointerover", "pointerleave", "focusin", "focusout"]) {
-    stage.addEventListener(type, point);
-  }
-  update();
-  return { show, last, speed };
 }
 
 // A flight at a moment: where the UAV is, what is left of each device's data and of the time, and
@@ -192,21 +215,22 @@ const at = ([row, col]) => `translate(${col} ${row})`;
 const coloured = (colour) => `style="--colour: ${colour}"`;
 
 const speedOption = (times) => `<option value="${times}">${times} ×</option>`;
+const CONTROLS = `<div class="controls">
+  <button type="button" class="back" aria-label="one step back">&lsaquo;</button>
+  <button type="button" class="play">Play</button>
+  <button type="button" class="forward" aria-label="one step forward">&rsaquo;</button>
+  <input type="range" min="0" aria-label="step"><output></output>
+  <select aria-label="speed">${[0.25, 0.5, 1, 2, 4].map(speedOption).join("")}</select>
+</div>`;
 
 // All that is on the stage; a click on it gives it the keys, which are not JupyterLab's then.
 const wholeStage = (film) => `
   <div role="group" aria-label="${escaped(film.title)}" tabindex="-1"
       data-lm-suppress-shortcuts="true">
-    <div class="flights">${film.flights.map((flight) => flightPanel(film, flight)).join("")}</div>
-    <div class="controls">
-      <button type="button" class="back" aria-label="one step back">&lsaquo;</button>
-      <button type="button" class="play">Play</button>
-      <button type="button" class="forward" aria-label="one step forward">&rsaquo;</button>
-      <input type="range" min="0" aria-label="step"><output></output>
-      <select aria-label="speed">${[0.25, 0.5, 1, 2, 4].map(speedOption).join("")}</select>
-    </div>
-    ${legend(film)}
+    ${flightPanels(film)}${CONTROLS}${legend(film)}
   </div>`.trim();
+const flightPanels = (film) =>
+  `<div class="flights">${film.flights.map((each) => flightPanel(film, each)).join("")}</div>`;
 
 // One flight: its name, map and bars, and what is said of a moment.
 function flightPanel(film, flight) {
@@ -237,9 +261,9 @@ function flightMap(film, flight) {
   return `<svg viewBox="${west} ${north} ${side} ${side}" role="img"
       aria-label="${escaped(`${flight.name || title}: ${flight.ending}`)}">
     <path class="paper" d="M-.5 -.5h${size}v${size}h${-size}z"/>
-    ${each(({ hidden }) => shadow(hidden))}
+    <g class="under"></g>${each(({ hidden }) => shadow(hidden))}
     ${Object.keys(KINDS).map((sign) => cells(city, sign)).join("")}
-    ${grid(size, scale)}${scaled(flight.path[0], START)}${flightPath(film, flight, scale)}
+    ${grid(size, scale)}<g class="over"></g>${scaled(flight.path[0], START)}${flightPath(film, flight, scale)}
     ${each(({ colour }) => `<path class="link" ${coloured(colour)}/>`)}
     ${each((device, k) => scaled(device.cell, deviceSign(device), `data-device="${k}"`))}
     ${scaled([0, 0], UAV + end, 'class="uav"')}</svg>`;

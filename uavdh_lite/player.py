@@ -102,7 +102,8 @@ def film(environment: Environment, flights: Mapping[str, Trajectory]) -> dict[st
         raise InputError("no flight to play: give one, or several with their names")
     _require_mission(environment, list(flights.values()))
     start = next(iter(flights.values())).start
-    here = environment.over(int(start.city[0]))
+    several = len(environment.cities) > 1  # of one, the shadows need not be found again
+    here = environment.over(int(start.city[0])) if several else environment
     city, own = here.cities[0], slice(here.cities[0].own_size)
     used = np.flatnonzero(start.data_initial[0] > 0)
     cells = start.device_cells[0, used]

@@ -84,10 +84,6 @@ def test_changes_leave_the_mission_as_it_was(mission):
     assert mission.move(0, (8, 8)).devices == ((8, 8), (7, 9))
     assert mission.fill(1, 3.5).data == (10.0, 3.5)
     assert mission.remove(0).devices == ((7, 9),) and mission.remove(0).data == (5.0,)
-    assert mission.device_at((7, 9)) == 1 and mission.device_at((0, 5)) is None
-    assert mission.drag((7, 9), (8, 8)).devices == ((4, 4), (8, 8))
-    assert mission.drag((0, 0), (0, 1)).start == (0, 1)
-    assert mission.drag((8, 8), (8, 7)) is mission  # nothing is there
     assert mission.devices == ((4, 4), (7, 9)) and mission.data == (10.0, 5.0)
     with pytest.raises(InputError, match="device 2"):
         mission.add((4, 4))

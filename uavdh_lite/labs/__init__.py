@@ -1,27 +1,14 @@
-"""Interactive labs for notebooks and the web page: thin views over the library.
+"""The labs: one stage with one mission, and six tools to look at it.
 
-Each lab is imported when it is first asked for, so `uavdh_lite.labs.widgets` needs only ipywidgets.
+`Lab` is imported when it is first asked for, so `uavdh_lite.labs.widgets` needs only ipywidgets.
 """
 
-from importlib import import_module
-
-_MODULES = {
-    "ChannelLab": "channel",
-    "CityLab": "city",
-    "FlyLab": "fly",
-    "Labs": "gallery",
-    "MissionLab": "mission",
-    "ThinkLab": "think",
-    "TrainingLab": "training",
-}
-__all__ = ["ChannelLab", "CityLab", "FlyLab", "Labs", "MissionLab", "ThinkLab", "TrainingLab"]
+__all__ = ["Lab"]
 
 
 def __getattr__(name: str):
-    if name not in _MODULES:
+    if name != "Lab":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    from uavdh_lite.labs.stage import Lab
 
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return Lab

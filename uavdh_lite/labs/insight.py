@@ -6,7 +6,6 @@ import numpy as np
 import torch
 
 from uavdh_lite.agent import Agent
-from uavdh_lite.beyond.quantile import QuantileNetwork
 from uavdh_lite.environment import State
 
 
@@ -39,11 +38,3 @@ def value_map(agent: Agent, state: State) -> np.ndarray:
     values = np.full(environment.size**2, np.nan)
     values[cells] = agent.q_values(elsewhere).max(dim=1).values
     return values.reshape(environment.size, environment.size)
-
-
-@torch.no_grad()
-def returns(agent: Agent, state: State) -> torch.Tensor | None:
-    """Quantiles of each action's return, (B, 6, N); None if the agent learned the mean alone."""
-    if not any(isinstance(part, QuantileNetwork) for part in agent.network.modules()):
-        return None
-    return agent.network.quantiles(*agent.observation(state)).cpu()

@@ -1,419 +1,445 @@
-// The stage of a lab. It plays what Python draws, tells Python which step it shows, and what is
-// dragged and pressed here. drawing.js, which stands before this text, has `start`,
-// and fullscreen.js `fullScreenButton`.
-const SVG = "http://www.w3.org/2000/svg";
-const FINEST = { data: 0.5, time: 1 }; // what an arrow key adds to a bar
-const MOVES = { ArrowUp: [-1, 0], ArrowRight: [0, 1], ArrowDown: [1, 0], ArrowLeft: [0, -1] };
+// The stage: one page with the map, the controls and the panel of a tool. `paint` draws what Python
+// sent, the scene; whatever is done is told to Python, which answers with the next scene.
+
+const MORE = "Cells, numbers and files";
+const LINK = "stage=";
+
+function page(tools) {
+  const tab = (tool) => `<button type="button" role="tab" id="tab-${tool}" data-tool="${tool}"
+    aria-controls="panel">${TOOLS[tool].title}</button>`;
+  return `<div class="top">
+      <div role="tablist" aria-label="tools">${tools.map(tab).join("")}</div>${CONTROLS}
+      <div class="actions">
+        <select data-set="city" aria-label="city"></select>
+        ${button("New", { kind: "new" }, 'title="a new random mission"')}
+        ${button("↶", { kind: "undo", by: -1 }, 'class="undo" aria-label="undo"')}
+        ${button("↷", { kind: "undo", by: 1 }, 'class="redo" aria-label="redo"')}
+        <button type="button" class="copy">Link</button>
+        <button type="button" class="more" aria-expanded="false" title="${MORE}">More</button>
+        <button type="button" class="full" aria-label="full screen"><svg viewBox="0 0 16 16" width="16"
+          ><path d="M1 6V1h5M10 1h5v5M15 10v5h-5M6 15H1v-5"/></svg></button>
+      </div></div>
+    <div class="main"><div class="refusal" role="alert"></div><div class="stages"></div>
+      <div class="tool" id="panel" role="tabpanel" tabindex="-1"></div></div>
+    <div class="caption" role="status" hidden></div>
+    <div class="drawer" hidden></div>`;
+}
 
 function render({ model, el }) {
-  el.classList.add("uavdh-stage");
-  let player = null;
-  let drawn = null; // the drawing that is shown
-  let held = null; // what is being dragged
-  let told = null; // the step that Python knows of
-  // What keys have set since Python last answered, by its name. Keys count on from there: what is
-  // drawn meanwhile is older.
-  let wanted = {};
-  let isAhead = false; // whether what is shown is not what Python drew
-  let sent = model.get("answered");
-  const steered = () => model.get("steering").length > 0; // then the step is always the last one
+  el.classList.add("uavdh-player", "uavdh-stage");
+  el.setAttribute("data-lm-suppress-shortcuts", "true");
+  const find = (selector) => el.querySelector(selector);
+  let scene = model.get("scene");
+  let [version, drawnTool, update] = [null, null, () => []];
+  let waiting = false; // for an answer of Python
+  let next = null; // what is asked when it has come
+  let story = null; // the captions that are still to come
+  let hovered = null; // the cell under the pointer
+  let [drag, toldStep] = [null, null];
+  el.innerHTML = page(scene.tools);
+  if (scene.tools.length === 1) find("[role=tablist]").hidden = true;
+  new ResizeObserver(() => {
+    el.style.setProperty("--wide", `${el.clientWidth}px`);
+    el.classList.toggle("narrow", el.clientWidth < 1000);
+  }).observe(el);
+  const own = "labs" in document.documentElement.dataset; // the page is ours, with its address
+  find(".copy").hidden = !own;
 
-  // The flights and what belongs to them
-  const fullScreen = fullScreenButton(() => el.closest(".uavdh-together") ?? el);
-
-  function draw() {
-    const speed = player?.speed.value;
-    const focused = nameOf(document.activeElement);
-    drawn = model.get("drawing");
-    el.innerHTML = drawn;
-    isAhead = false;
-    [player, held] = [null, null];
-    const root = el.querySelector(".uavdh-player");
-    if (!root) return;
-    const think = thoughts(root, model.get("q_values"));
-    const shown = (time) => {
-      think(Math.floor(time));
-      const step = Math.ceil(time);
-      if (step === told || player === null || steered()) return;
-      told = step;
-      model.set("step", step);
-      model.save_changes();
-    };
-    player = start(root, { keyboard: !steered(), shown });
-    const begin = model.get("begin");
-    told = begin < 0 ? model.get("step") : begin;
-    if (speed) player.speed.value = speed;
-    const controls = root.querySelector(".controls");
-    controls.append(fullScreen);
-    root.prepend(controls); // next to what a lab says of the step, and in sight on a low screen
-    if (model.get("editable")) makeEditable(root);
-    fit();
-    markRefusal(root);
-    if (steered()) {
-      root.removeAttribute("tabindex"); // a click on the map gives the focus to all around it
-      el.tabIndex = 0;
-      el.setAttribute("role", "application"); // screen readers leave it the keys
-      el.setAttribute("aria-label", "the map: arrow keys fly, space hovers, Enter lands");
-    }
-    if (focused) el.querySelector(focused)?.focus({ preventScroll: true });
-    if (begin >= 0) player.playFrom(Math.min(begin, player.last));
-    else if (told !== player.last) player.go(told);
-  }
-
-  // What fills the screen: maps as large as they can be with all that belongs to them in sight.
-  function fit() {
-    const whole = document.fullscreenElement;
-    const root = el.querySelector(".uavdh-player");
-    const isAlone = whole?.contains(el) && !el.closest(".uavdh-beside");
-    const panels = isAlone && root ? root.querySelectorAll(".flight") : [];
-    const isFlat = innerWidth > 1.2 * innerHeight; // else what is beside one map is below it
-    const shown = panels.length > 1 ? "several" : panels.length === 1 && isFlat ? "one" : "";
-    if (el.dataset.full !== shown) el.dataset.full = shown;
-    if (!shown) return;
-    const map = panels[0].querySelector(".map");
-    const [{ top }, { height }] = [whole, map].map((each) => each.getBoundingClientRect());
-    const lasts = [...panels].map((each) => (shown === "one" ? map : each.querySelector(".side")));
-    const end = () =>
-      Math.max(...lasts.map((last) => last.getBoundingClientRect().bottom)) - top + whole.scrollTop;
-    const room = innerHeight - (end() - height) - 8; // less what is above and below the map
-    el.style.setProperty("--map", `${Math.max(room, 0.4 * innerHeight)}px`);
-    const left = innerHeight - end();
-    const legend = root.querySelector(".legend").getBoundingClientRect().height;
-    el.style.setProperty("--below", `${legend + 10 > left ? Math.max(left, 6) : 6}px`);
-  }
-  const sizes = new ResizeObserver(fit);
-  function fill() {
-    sizes.disconnect();
-    const sentences = document.fullscreenElement?.querySelectorAll(".uavdh-sentence") ?? [];
-    for (const each of [el, ...sentences]) sizes.observe(each); // which also fits the maps now
-  }
-  fill();
-  document.addEventListener("fullscreenchange", fill);
-  window.addEventListener("resize", fit);
-
-  // A selector that finds the same control in the next drawing.
-  function nameOf(element) {
-    if (!element || element === el || !el.contains(element)) return null;
-    const label = element.getAttribute("aria-label");
-    const named = label && `[aria-label="${CSS.escape(label)}"]`;
-    if (element.dataset.device && element.closest("svg")) {
-      return `svg [data-device="${element.dataset.device}"]`;
-    }
-    return element.matches(".play") ? ".play" : named;
-  }
-
-  function send(kind, told) {
-    sent += 1;
-    model.send({ kind, ...told });
-  }
-
-  // Python has done what a message asked for, or has refused it.
-  function answered() {
-    if (model.get("answered") < sent) return;
-    sent = model.get("answered");
-    wanted = {};
-    if (isAhead) draw();
-  }
-
-  // A move that was refused: the border of the UAV's cell that it would have crossed is red.
-  function markRefusal(root) {
-    const refused = model.get("refused");
-    const uav = root.querySelector("[data-uav]");
-    if (!refused.length || !uav) return;
-    const [down, right] = refused;
-    const border = document.createElementNS(SVG, "path");
-    const [along, across] = [Math.abs(down), Math.abs(right)];
-    const side = `M${(right - along) / 2} ${(down - across) / 2}l${along} ${across}`;
-    border.setAttribute("d", along || across ? side : "M-.5 -.5h1v1h-1z");
-    border.setAttribute("class", "refused");
-    border.setAttribute("transform", uav.getAttribute("transform"));
-    uav.before(border);
-    uav.classList.add("shaken");
-  }
-
-  // Maps: a device or the start is dragged; the same cell twice is a click.
-  function placeOf(svg, event) {
-    const matrix = svg.getScreenCTM().inverse();
-    return new DOMPoint(event.clientX, event.clientY).matrixTransform(matrix);
-  }
-
-  // Up to half a cell outside of the map, the nearest cell is meant.
-  function cellOf({ x, y }) {
-    const last = model.get("size") - 1;
-    const nearest = (value) => Math.min(Math.max(value, 0), last);
-    return [y, x].map((value) => {
-      const near = nearest(value);
-      return Math.round(Math.abs(value - near) <= 1 ? near : value);
-    });
-  }
-
-  const isInside = (cell) => cell.every((each) => each >= 0 && each < model.get("size"));
-
-  function movedTo(selector, { x, y }) {
-    for (const each of el.querySelectorAll(selector)) {
-      each.setAttribute("transform", `translate(${x} ${y})`);
-    }
-  }
-
-  function makeEditable(root) {
-    for (const svg of root.querySelectorAll(".map svg")) {
-      svg.setAttribute("role", "group"); // devices in it take keys
-      for (const device of svg.querySelectorAll("[data-device]")) {
-        device.tabIndex = 0;
-        device.setAttribute("role", "button");
-        const about = `${device.querySelector("title").textContent}: arrow keys move it`;
-        device.setAttribute("aria-label", about);
-      }
-    }
-    for (const [name, cell] of Object.entries(wanted)) {
-      if (name.startsWith("place")) moveAhead(name.split(" ")[1], cell);
-    }
-    for (const bar of root.querySelectorAll(".bar")) makeSlider(bar);
-  }
-
-  // Show a device where keys have moved it.
-  function moveAhead(device, [y, x]) {
-    wanted[`place ${device}`] = [y, x];
-    isAhead = true;
-    movedTo(`.map [data-device="${device}"]`, { x, y });
-  }
-
-  // A device's line begins in its cell.
-  const cellOfLink = (line) => ["y1", "x1"].map((name) => Number(line.getAttribute(name)));
-  const same = (one, other) => one[0] === other[0] && one[1] === other[1];
-
-  function deviceAt(svg, cell) {
-    const here = (line) => same(cellOfLink(line), cell);
-    return [...svg.querySelectorAll("[data-link]")].find(here)?.dataset.link ?? null;
-  }
-
-  // The map under a mouse or a finger, the cell, and what can be dragged from there.
-  function grip(event) {
-    const svg = event.target.closest(".map svg");
-    if (!svg || !model.get("editable")) return null;
-    const from = cellOf(placeOf(svg, event));
-    const device = deviceAt(svg, from);
-    const isStart = svg.querySelector("[data-start]").dataset.start === from.join();
-    const what = device !== null ? `.map [data-device="${device}"]` : isStart && "[data-start]";
-    return { svg, from, what };
-  }
-
-  el.addEventListener("pointerdown", (event) => {
-    held = event.button === 0 ? grip(event) : null;
-    if (held?.what) event.preventDefault(); // no text is selected
-  });
-  const scrolls = (event) => {
-    const [finger] = event.changedTouches;
-    const { clientX, clientY } = finger;
-    if (grip({ target: finger.target, clientX, clientY })?.what) event.preventDefault();
+  const ask = (told) => {
+    if (told.show !== undefined) return clock.show(told.show);
+    waiting = true;
+    model.send(told);
   };
-  el.addEventListener("touchstart", scrolls, { passive: false }); // it drags, and does not scroll
-  el.addEventListener("pointermove", (event) => {
-    if (held?.what) movedTo(held.what, placeOf(held.svg, event));
+  const stage = {
+    find,
+    askWhenFree(told) {
+      if (waiting) next = told;
+      else ask(told);
+    },
+    say(selector, text) {
+      const place = find(selector);
+      if (place && place.textContent !== text) place.textContent = text;
+    },
+    fill(selector, html) {
+      const place = find(selector);
+      if (place && place.written !== html) [place.written, place.innerHTML] = [html, html];
+    },
+    // Shifts the map so that a place is in the middle of all that a network sees; null: as it is
+    centre(place) {
+      const svg = find(".map svg");
+      const size = scene.film.city.length;
+      svg.usual ??= svg.getAttribute("viewBox");
+      const box = place && `${place[1] - size + 0.5} ${place[0] - size + 0.5}`;
+      const view = place ? `${box} ${2 * size - 1} ${2 * size - 1}` : svg.usual;
+      svg.setAttribute("viewBox", view);
+    },
+  };
+  const clock = playback(el, (time, playing) => {
+    const texts = update(time, playing);
+    TOOLS[scene.state.tool].moment?.(stage, scene, time);
+    tellStory(time, playing);
+    if (!playing) keepStep(time);
+    return texts;
   });
-  window.addEventListener("pointerup", released);
-  window.addEventListener("pointercancel", cancel);
 
-  function released(event) {
-    if (!held) return;
-    const { svg, from, what } = held;
-    held = null;
-    const to = cellOf(placeOf(svg, event));
-    if (what && !same(from, to)) movedTo(what, { x: to[1], y: to[0] });
-    if (what || (same(from, to) && isInside(to))) send("drop", { from, to });
+  // The address and the saved file know the step, too
+  let keeping = null;
+  window.addEventListener("beforeunload", () => clearTimeout(keeping)); // the session ends first
+  function keepStep(time) {
+    clearTimeout(keeping);
+    const step = time === clock?.now.last ? -1 : Math.floor(time);
+    if (!clock || step === toldStep || scene.fresh) return;
+    keeping = setTimeout(() => {
+      toldStep = step;
+      if (!waiting) ask({ kind: "show", step });
+    }, 400);
   }
 
-  function cancel() {
-    if (held) draw();
+  function paint() {
+    const { state, film, panel } = scene;
+    const tool = TOOLS[state.tool];
+    for (const tab of el.querySelectorAll("[data-tool]")) {
+      const on = tab.dataset.tool === state.tool;
+      tab.setAttribute("aria-selected", on);
+      tab.tabIndex = on ? 0 : -1;
+    }
+    find(".main").dataset.shows = state.tool;
+    find(".main").classList.remove("layered");
+    find("#panel").setAttribute("aria-labelledby", `tab-${state.tool}`);
+    const changed = version !== scene.version || drawnTool !== state.tool;
+    const held = heldFocus();
+    if (changed) drawMaps(film, state.tool);
+    stage.fill(".tool", tool.html(scene));
+    film.flights.forEach((_, k) => {
+      const map = el.querySelectorAll(".map svg")[k];
+      if (!map) return;
+      map.querySelector(".under").innerHTML = tool.under?.(scene, k) ?? "";
+      map.querySelector(".over").innerHTML = tool.over?.(scene, k) ?? "";
+    });
+    const cities = state.cities.map((each) => [each, each]);
+    find("[data-set=city]").innerHTML = options(cities, state.city);
+    find(".undo").disabled = !state.undo;
+    find(".redo").disabled = !state.redo;
+    find(".refusal").textContent = scene.refused && `Not done: ${scene.refused}.`;
+    paintDrawer();
+    if (!scene.fresh && own) remember(state.link);
+    const last = state.tool === "fly" ? film.flights[0].path.length - 1 : lastStep(film);
+    if (changed) {
+      const from = state.step < 0 ? last : state.step;
+      const flies = state.tool === "fly" && drawnTool === "fly" && last > 0;
+      const same = drawnTool !== state.tool && version !== null && state.tool !== "fly";
+      const begin = same ? Math.min(clock.now.time, last) : from;
+      clock.load(last, flies ? last - 1 : begin, flies);
+    } else clock.show(clock.now.time, clock.now.playing);
+    [version, drawnTool] = [scene.version, state.tool];
+    if (hovered && !film.city[hovered[0]]?.[hovered[1]]) hovered = null;
+    tool.point?.(stage, scene, hovered);
+    held();
   }
 
-  // Bars: what there is at the start of the mission is set by dragging or by keys.
-  function makeSlider(bar) {
-    const device = bar.dataset.device ?? null;
-    const kind = device === null ? "time" : "data";
-    const [room, track] = [".room", ".track"].map((selector) => bar.querySelector(selector));
-    const number = bar.querySelector(".number");
-    const [most, least] = [model.get("most")[kind], FINEST[kind]];
-    const given = Number(number.textContent.split(" of ")[1]);
-    const digits = kind === "data" ? 1 : 0;
-    const longest = Math.max(most, given);
-    const within = (value) => Math.min(Math.max(value, least), longest);
-    const name = `${kind} ${device}`;
-    let now = wanted[name] ?? given;
-    if (now !== given) isAhead = true;
-    bar.tabIndex = -1;
-    room.classList.add("slider");
-    room.tabIndex = 0;
-    const about = {
-      role: "slider",
-      "aria-label": device === null ? "flying time" : `data of device ${device}`,
-      "aria-valuemin": least,
-      "aria-valuemax": longest,
-      title: "drag to change what there is at the start",
+  function drawMaps(film, tool) {
+    const shown = tool === "compare" ? film : { ...film, flights: film.flights.slice(0, 1) };
+    find(".stages").innerHTML = flightPanels(shown);
+    update = showing(find(".flights"), shown);
+    for (const map of el.querySelectorAll(".map svg")) map.setAttribute("role", "group");
+    for (const device of el.querySelectorAll(".map g[data-device]")) {
+      const k = Number(device.dataset.device);
+      const [row, col] = film.devices[k].cell;
+      device.setAttribute("tabindex", "0");
+      device.setAttribute("role", "button");
+      device.setAttribute("aria-label", `device ${k}, row ${row}, column ${col}; arrows move it`);
+    }
+  }
+
+  // A function that gives the focus back to what has taken its place
+  function heldFocus() {
+    const focused = el.contains(document.activeElement) ? document.activeElement : null;
+    const { device, ask: asks, set, sign, field } = focused?.dataset ?? {};
+    const named = { device, ask: asks, set, sign, field };
+    const [name, value] = Object.entries(named).find(([, each]) => each !== undefined) ?? [];
+    return () => {
+      if (!name || el.contains(document.activeElement)) return;
+      const inMap = focused.closest("svg") ? "svg " : "";
+      find(`${inMap}[data-${name}="${CSS.escape(value)}"]`)?.focus({ preventScroll: true });
     };
-    for (const [name, value] of Object.entries(about)) room.setAttribute(name, value);
-
-    function preview(value) {
-      track.style.width = `${(100 * value) / longest}%`;
-      room.setAttribute("aria-valuenow", value);
-      if (value !== given) number.textContent = `start: ${value.toFixed(digits)}`;
-    }
-
-    function set(value) {
-      preview(value);
-      if (value === now) return;
-      now = wanted[name] = value;
-      isAhead = true;
-      send(kind, { device: device && Number(device), value });
-    }
-
-    function under(event) {
-      const { left, width } = room.getBoundingClientRect();
-      const value = ((event.clientX - left) / width) * longest;
-      return within(Math.round(value / least) * least);
-    }
-
-    preview(now);
-    room.addEventListener("pointerdown", (event) => {
-      if (event.button !== 0) return;
-      event.preventDefault();
-      room.focus({ preventScroll: true });
-      room.setPointerCapture(event.pointerId);
-      preview(under(event));
-    });
-    room.addEventListener("pointermove", (event) => {
-      if (room.hasPointerCapture(event.pointerId)) preview(under(event));
-    });
-    room.addEventListener("pointerup", (event) => set(under(event)));
-    const steps = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -5, PageUp: 5 };
-    room.addEventListener("keydown", (event) => {
-      const to = { Home: least, End: longest }[event.key] ?? now + least * steps[event.key];
-      if (Number.isNaN(to)) return;
-      event.preventDefault();
-      event.stopPropagation(); // the keys are the slider's, not the player's
-      set(within(to));
-    });
   }
 
-  // Keys that steer the UAV do so wherever the focus is in the lab, or if nothing has it. What is
-  // typed into a field is the field's, and a button that was reached by Tab keeps space and Enter.
-  const lab = () => el.closest(".uavdh-fly") ?? el;
+  function paintDrawer() {
+    const { state } = scene;
+    const field = (name, label, value) =>
+      `<label>${label} <input type="number" data-field="${name}" value="${value}" step="any">
+      </label>`;
+    const row = ({ cell, data }, k) => `<tr><th>device ${k}</th>
+      <td>${field(`row ${k}`, "row", cell[0])}</td><td>${field(`col ${k}`, "column", cell[1])}</td>
+      <td>${field(`data ${k}`, "data", data)}</td>
+      <td>${button("remove", { kind: "remove", device: k })}</td></tr>`;
+    stage.fill(
+      ".drawer",
+      `<h2>${MORE}</h2><table>${state.devices.map(row).join("")}</table>
+      <div class="row">${field("time", "flying time", state.flying_time)}
+        ${field("fading", "fading number", state.seed)}
+        ${field("row -1", "start: row", state.start[0])}
+        ${field("col -1", "column", state.start[1])}</div>
+      <div class="row"><button type="button" class="place">Add a device</button>
+        ${button("Save", { kind: "save", what: "stage" })}
+        ${button("Save the mission alone", { kind: "save", what: "mission" })}
+        <label class="file">Open <input type="file" accept=".json,.png"></label></div>
+      <p>Save keeps city, mission, rivals and step in a file; Open reads it, a mission, or a city's
+      PNG. On the map, drag devices and the start; or press Tab and move them with the arrow
+      keys; Delete removes one.</p>`,
+    );
+  }
 
-  function steers(event) {
-    const { key, target } = event;
-    if (!model.get("steering").includes(key) || !el.checkVisibility()) return;
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const byMouse = target.matches("[role=tab]") && !target.matches(":focus-visible");
-    if (!(target === document.body || byMouse || lab().contains(target))) return;
-    if (target.matches("input, textarea, select, [contenteditable]")) return;
-    if ([" ", "Enter"].includes(key) && target.closest("button, a, summary")) return;
+  function remember(link) {
+    if (location.hash !== `#${LINK}${link}`) history.replaceState(null, "", `#${LINK}${link}`);
+  }
+
+  // The story: a duel plays, and captions say what to look at
+
+  function beginStory() {
+    const captions = scene.panel.story;
+    if (!scene.fresh || !captions || !own) return;
+    story = captions.map(([step, text]) => ({ step, text }));
+    clock.show(0, true);
+  }
+
+  function tellStory(time, playing) {
+    if (!story) return;
+    const due = story.filter(({ step }) => step <= time).at(-1);
+    const caption = find(".caption");
+    const end = time >= clock.now.last;
+    const text = due?.text ?? "";
+    if (caption.dataset.text !== text) {
+      caption.dataset.text = text;
+      const more = end ? "Your turn" : "Skip the story";
+      caption.innerHTML = `<p>${escaped(text)}</p><button type="button" class="skip">${more}</button>`;
+      if (due?.step > 0 && !end && playing) setTimeout(() => story && clock.show(time, true), 4500);
+      if (due?.step > 0 && !end && playing) setTimeout(() => clock.show(time, false), 0);
+    }
+    caption.hidden = !text;
+  }
+
+  function endStory() {
+    [story, find(".caption").hidden] = [null, true];
+  }
+
+  // What is done
+
+  const cellAt = (event) => {
+    const svg = event.target.closest?.(".map")?.querySelector("svg") ?? drag?.svg;
+    if (!svg) return null;
+    const pointer = new DOMPoint(event.clientX, event.clientY);
+    const { x, y } = pointer.matrixTransform(svg.getScreenCTM().inverse());
+    const [row, col] = [Math.round(y), Math.round(x)];
+    return scene.film.city[row]?.[col] === undefined ? null : [row, col];
+  };
+  const thingAt = (cell) => {
+    if (!cell) return null;
+    const here = ({ cell: [row, col] }) => row === cell[0] && col === cell[1];
+    const device = scene.state.devices.findIndex(here);
+    return device >= 0 ? device : here({ cell: scene.state.start }) ? -1 : null;
+  };
+  const main = find(".main");
+
+  main.addEventListener("pointerdown", (event) => {
+    const cell = event.target.closest(".map") && cellAt(event);
+    if (!cell || event.button) return;
+    const painting = scene.state.tool === "paint";
+    const adding = el.classList.contains("adding");
+    const thing = thingAt(cell);
+    if (adding) {
+      el.classList.remove("adding");
+      return ask({ kind: "add", cell });
+    }
+    if (!painting && (thing === null || scene.state.tool === "train")) return;
+    if (scene.state.tool === "channel" && thing >= 0) ask({ kind: "look", device: thing });
     event.preventDefault();
-    event.stopPropagation();
-    send("key", { key });
-  }
-  document.addEventListener("keydown", steers, { capture: true });
+    main.setPointerCapture(event.pointerId);
+    drag = { thing, from: cell, at: cell, svg: event.target.closest(".map").querySelector("svg") };
+    if (painting) {
+      brush.cells = [];
+      stroke(cell);
+    }
+  });
+  main.addEventListener("pointermove", (event) => {
+    const cell = cellAt(event);
+    if (!drag) {
+      if (event.target.closest?.(".map")) {
+        hovered = cell;
+        TOOLS[scene.state.tool].point?.(stage, scene, cell);
+      }
+      return;
+    }
+    if (!find(".map svg").isSameNode(drag.svg)) drag.svg = find(".map svg");
+    if (!cell || String(cell) === String(drag.at)) return;
+    drag.at = cell;
+    if (brush.cells) stroke(cell);
+    else stage.askWhenFree({ kind: "move", device: drag.thing, cell });
+  });
+  main.addEventListener("pointerleave", () => {
+    if (!drag) TOOLS[scene.state.tool].point?.(stage, scene, (hovered = null));
+  });
+  const release = () => {
+    if (brush.cells) ask({ kind: "paint", cells: brush.cells, sign: brush.sign });
+    [drag, brush.cells] = [null, null];
+  };
+  main.addEventListener("pointerup", release);
+  main.addEventListener("pointercancel", release);
 
-  // After a click on a button, the next keys are for the map; who plays by keys stays where they are.
-  function clicked(event) {
-    const button = event.target.closest?.("button");
-    if (!steered() || !button || !lab().contains(button)) return;
-    const plays = el.contains(button) && button !== fullScreen;
-    if (event.detail || !plays) el.focus({ preventScroll: true });
+  // Paints a cell in the browser until the stroke is over
+  function stroke(cell) {
+    if (brush.cells.some((each) => String(each) === String(cell))) return;
+    brush.cells.push(cell);
+    const squares = brush.cells.map(([row, col]) => `M${col - 0.5} ${row - 0.5}${SQUARE}`).join("");
+    const fresh = find(".fresh");
+    fresh.setAttribute("class", `fresh kind-${brush.sign === "." ? "free" : brush.sign}`);
+    fresh.setAttribute("d", squares);
   }
-  document.addEventListener("click", clicked);
 
-  // Keys that move the device that has the focus
-  function pressed(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const device = event.target.closest("svg [data-device]");
-    if (device && model.get("editable") && MOVES[event.key]) {
+  el.addEventListener("click", (event) => {
+    const target = event.target.closest("button, [data-ask], .term");
+    if (!target) return;
+    const { ask: asked, tool, sign, busy } = target.dataset;
+    if (!target.matches(".skip, .play, .forward, .back")) endStory();
+    if (asked) {
+      if (busy) find(".refusal").textContent = busy;
+      ask(JSON.parse(asked));
+    } else if (tool) {
+      ask({ kind: "tool", tool });
+      if (tool === "fly") find("#panel").focus({ preventScroll: true }); // its arrow keys steer
+    } else if (sign) {
+      brush.sign = sign;
+      paint();
+    } else if (target.matches(".begin")) {
+      ask({ kind: "train", settings: chosen.train.filter((name) => name) });
+    } else if (target.matches(".skip")) {
+      const end = clock.now.time >= clock.now.last;
+      endStory();
+      if (!end) clock.show(clock.now.last);
+    } else if (target.matches(".copy")) copyLink(target);
+    else if (target.matches(".more")) {
+      const drawer = find(".drawer");
+      drawer.hidden = !drawer.hidden;
+      target.setAttribute("aria-expanded", !drawer.hidden);
+      if (!drawer.hidden) drawer.scrollIntoView({ block: "nearest" });
+    } else if (target.matches(".full")) {
+      if (document.fullscreenElement) document.exitFullscreen();
+      else el.requestFullscreen();
+    } else if (target.matches(".place")) el.classList.add("adding");
+  });
+
+  async function copyLink(target) {
+    const link = `${location.href.split("#")[0]}#${LINK}${scene.state.link}`;
+    await navigator.clipboard?.writeText(link).catch(() => {});
+    remember(scene.state.link);
+    target.textContent = "Copied";
+    setTimeout(() => (target.textContent = "Link"), 1500);
+  }
+
+  el.addEventListener("change", async ({ target }) => {
+    const { set, field } = target.dataset;
+    const { value } = target;
+    if (set === "city") ask({ kind: "city", name: value });
+    else if (set?.startsWith("policy-")) ask({ kind: "policy", which: Number(set.at(-1)), name: value });
+    else if (set === "layer") [stage_layer.name, scene.panel.layer] = [value, null];
+    else if (set === "centred") stage_layer.centred = target.checked;
+    else if (set === "blue") chosen.train[0] = value;
+    else if (set === "orange") chosen.train[1] = value;
+    else if (set === "metric") chosen.metric = value;
+    if (["layer", "centred", "blue", "orange", "metric"].includes(set)) paint();
+    if (field) changeField(field, target.valueAsNumber);
+    if (target.files?.length) openFile(target.files[0]);
+  });
+
+  function changeField(field, value) {
+    const [name, place] = field.split(" ");
+    const device = Number(place);
+    if (name === "data") ask({ kind: "data", device, value });
+    else if (!place) ask({ kind: name, value });
+    else {
+      const { start, devices } = scene.state;
+      const cell = [...(device < 0 ? start : devices[device].cell)];
+      cell[name === "row" ? 0 : 1] = value;
+      ask({ kind: "move", device, cell });
+    }
+    find(".drawer").written = null; // so that a refused number is put back
+  }
+
+  async function openFile(file) {
+    if (file.size > 1_000_000) return void (find(".refusal").textContent = "Not done: too large.");
+    if (!file.name.endsWith(".png")) return ask({ kind: "open", text: await file.text() });
+    const bytes = new Uint8Array(await file.arrayBuffer());
+    ask({ kind: "open", picture: btoa(String.fromCharCode(...bytes)) });
+  }
+
+  // Before the playback hears of it: keys that steer, or move what has the focus
+  el.addEventListener(
+    "keydown",
+    (event) => {
+      if (event.ctrlKey || event.metaKey || event.altKey) return;
+      if (event.target.matches("input, select")) return;
+      const tab = event.target.closest("[role=tab]");
+      const side = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+      const device = event.target.closest("g[data-device]")?.dataset.device;
+      const steer = TOOLS[scene.state.tool].keys?.[event.key];
+      const [down, right] = MOVES[event.key] ?? [];
+      let told = null;
+      if (event.key === "Escape") {
+        el.classList.remove("adding");
+        endStory();
+      } else if (tab && side) {
+        const { tools } = scene;
+        const to = tools[(tools.indexOf(tab.dataset.tool) + side + tools.length) % tools.length];
+        find(`#tab-${to}`).focus();
+        told = { kind: "tool", tool: to };
+      } else if (device && down !== undefined) {
+        const [row, col] = scene.state.devices[device].cell;
+        told = { kind: "move", device: Number(device), cell: [row + down, col + right] };
+      } else if (device && ["Delete", "Backspace"].includes(event.key)) {
+        told = { kind: "remove", device: Number(device) };
+      } else if (event.target.matches("[role=button]") && event.key === "Enter") {
+        event.target.dispatchEvent(new MouseEvent("click", { bubbles: true }));
+      } else if (steer && !event.target.matches("button:not([role=tab])")) {
+        told = { kind: "fly", action: steer };
+      }
+      if (!told) return;
       event.preventDefault();
       event.stopPropagation();
-      const [svg, number] = [device.ownerSVGElement, device.dataset.device];
-      const line = svg.querySelector(`[data-link="${number}"]`);
-      const from = wanted[`place ${number}`] ?? cellOfLink(line);
-      const move = MOVES[event.key];
-      const to = [from[0] + move[0], from[1] + move[1]];
-      if (isInside(to) && deviceAt(svg, to) === null) moveAhead(number, to);
-      send("drop", { from, to });
+      endStory();
+      ask(told);
+    },
+    true,
+  );
+
+  model.on("change:scene", () => {
+    scene = model.get("scene");
+    waiting = false;
+    if (drag && brush.cells) return;
+    paint();
+    if (next) {
+      const told = next;
+      next = null;
+      stage.askWhenFree(told);
     }
-  }
-  el.addEventListener("keydown", pressed, { capture: true });
+  });
+  model.on("msg:custom", ({ kind, name, type }, buffers) => {
+    if (kind !== "file") return;
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob(buffers, { type }));
+    link.download = name;
+    link.click();
+    URL.revokeObjectURL(link.href);
+  });
 
-  // Undo and redo, while the mouse is over the stage or the focus in it
-  function undoes(event) {
-    const by = { z: -1, y: 1 }[event.key];
-    const writing = event.target.matches?.("input:not([type=range]), textarea, select");
-    if (!by || writing || event.ctrlKey || event.metaKey || event.altKey) return;
-    if (!model.get("editable") || !el.matches(":hover, :focus-within")) return;
-    send("undo", { by });
-  }
-  document.addEventListener("keydown", undoes);
-
-  // A step that comes with a new drawing is not one of this drawing's.
-  const follow = () => {
-    if (player === null || steered() || model.get("step") === told) return;
-    if (model.get("drawing") !== drawn) return;
-    told = model.get("step");
-    player.go(told);
-  };
-  model.on("change:answered", answered);
-  model.on("change:drawing", draw);
-  model.on("msg:custom", draw);
-  model.on("change:step", follow);
-  draw();
-  return () => {
-    sizes.disconnect();
-    document.removeEventListener("fullscreenchange", fill);
-    window.removeEventListener("resize", fit);
-    model.off("change:answered", answered);
-    model.off("change:drawing", draw);
-    model.off("msg:custom", draw);
-    model.off("change:step", follow);
-    document.removeEventListener("keydown", undoes);
-    document.removeEventListener("keydown", steers, { capture: true });
-    document.removeEventListener("click", clicked);
-    window.removeEventListener("pointerup", released);
-    window.removeEventListener("pointercancel", cancel);
-  };
+  const linked = () => own && location.hash.split(LINK)[1];
+  const openLink = () => linked() && linked() !== scene.state.link && ask({ kind: "open", link: linked() });
+  window.addEventListener("hashchange", openLink);
+  paint();
+  if (linked()) openLink();
+  else beginStory();
+  return () => window.removeEventListener("hashchange", openLink);
 }
 
-// What the agent of the first flight thinks, around its UAV: an arrow for each move, a ring for
-// hovering, a square for landing, the larger the better; the best one is blue. Returns a function
-// that shows the thoughts at a step.
-function thoughts(root, qValues) {
-  if (!qValues.length) return () => {};
-  const { flights } = JSON.parse(root.querySelector("script").textContent);
-  const [film] = flights;
-  const group = document.createElementNS(SVG, "g");
-  group.setAttribute("class", "thoughts");
-  return (step) => {
-    const drawn = root.querySelector(".map svg");
-    if (group.parentNode !== drawn) drawn.append(group);
-    group.replaceChildren();
-    const values = qValues[step];
-    if (!values) return;
-    const best = values.indexOf(Math.max(...values.filter((value) => value !== null)));
-    group.setAttribute("transform", `translate(${film.x[step]} ${film.y[step]})`);
-    values.forEach((value, action) => {
-      if (value === null) return;
-      const shape = document.createElementNS(SVG, action === 4 ? "circle" : "path");
-      if (action < 4) {
-        const [length, half] = [0.75 + 1.1 * value, 0.1 + 0.1 * value];
-        const neck = length - 0.3;
-        shape.setAttribute("d", `M${-half} -.45V${-neck}H${-half - 0.17}L0 ${-length}L${half + 0.17} ${-neck}H${half}V-.45z`);
-        shape.setAttribute("transform", `rotate(${90 * action})`);
-      } else if (action === 4) {
-        shape.setAttribute("r", 0.3 + 0.25 * value);
-      } else {
-        const side = 0.35 + 0.25 * value;
-        shape.setAttribute("d", `M${-side} ${-side}h${2 * side}v${2 * side}h${-2 * side}z`);
-      }
-      shape.setAttribute("class", action === best ? "best" : "other");
-      shape.classList.toggle("line", action >= 4);
-      group.append(shape);
-    });
-  };
-}
+const MOVES = { ArrowUp: [-1, 0], ArrowRight: [0, 1], ArrowDown: [1, 0], ArrowLeft: [0, -1] };
 
 export default { render };

@@ -1,132 +1,275 @@
-"""The stage of the labs: flights that play in the browser, where missions are set by hand."""
+"""The stage as a widget: it hears what is done in the browser, and sends what is to be drawn."""
 
-from collections.abc import Callable, Mapping, Sequence
+import json
+import threading
+import time
+import weakref
 from pathlib import Path
+from typing import Any
 
-from uavdh_lite.environment import Environment
-from uavdh_lite.errors import extra
-from uavdh_lite.evaluation import Flights
-from uavdh_lite.labs.drawing import draw, script
+from uavdh_lite.city import COLOURS, shipped_cities
+from uavdh_lite.errors import InputError, extra
+from uavdh_lite.evaluation import Trajectory
+from uavdh_lite.labs import channel, compare, think, train
+from uavdh_lite.labs.flights import Hangar, numbers, title
+from uavdh_lite.labs.state import EMPTY, TOOLS, YOU, Stage, changed, random_mission
+from uavdh_lite.missions import as_json
+from uavdh_lite.player import film
+from uavdh_lite.plotting import png
 
 with extra("notebooks"):
     import anywidget
-    import ipywidgets
     import traitlets
 
-Cell = tuple[int, int]
-BESIDE = {"flex": "1 1 600px", "min_width": "0"}  # the layout of a stage beside something else
+TOGETHER = 0.7  # seconds between changes of one kind that are undone as one
+KEPT = 100  # changes that can be undone
+RANKED = 6  # flights of a session's ranking
 
 
-def _read(name: str) -> str:
-    return Path(__file__).with_name(name).read_text(encoding="utf-8")
+def _read(*names: str) -> str:
+    package = Path(__file__).parents[1]
+    return "\n".join((package / name).read_text(encoding="utf-8") for name in names)
 
 
-class FullScreen(anywidget.AnyWidget):
-    """A button that lets the `together` around it fill the screen."""
+class Lab(anywidget.AnyWidget):
+    """One city, one mission, and six tools to look at it.
 
-    _esm = f"""{_read("fullscreen.js")}
-    function render({{ el }}) {{
-      el.classList.add("uavdh-full-screen");
-      el.append(fullScreenButton(() => el.closest(".uavdh-together")));
-    }}
-    export default {{ render }};
-    """
-    _css = _read("fullscreen.css")
-
-
-def together(children: Sequence[ipywidgets.Widget]) -> ipywidgets.VBox:
-    """Widgets below each other that fill the screen together."""
-    box = ipywidgets.VBox(children)
-    box.add_class("uavdh-together")
-    return box
-
-
-class Stage(anywidget.AnyWidget):
-    """Flights side by side, which play in the browser without asking Python.
-
-    With `dropped`, the mission is edited on the stage: devices and the start are dragged, and the
-    bars say how much data a device has at the start, and how much time there is.
+    The state is a `Stage` that never changes: a message from the browser makes the next one, and
+    `render` sends what it looks like. The browser draws it.
 
     Arguments:
-        dropped: called with the cell where the mouse went down and the cell where it was released,
-            (row, column); the same cell twice is a click.
-        filled: called with a device's number and its data at the start, data units.
-        timed: called with the flying time, units of time.
-        undone: called with -1 for the key z, and with 1 for y: undo a change, or redo it.
-        keys: for each key that steers, called with its name as in JavaScript.
-        pressed: what to call.
+        tool: one of `TOOLS`, to have it alone; all of them if None.
+        city: the name of a shipped city.
 
     | trait | meaning |
     | --- | --- |
-    | `step` | the step that is shown, at most that of the longest flight; set it to show another |
-    | `most` | the right end of the bars: `data` in data units, `time` in units of time |
-    | `answered` | how many messages from the browser have been done or refused |
+    | `scene` | all that the browser draws, as JSON values |
     """
 
-    _esm = f"{script()}\n{_read('fullscreen.js')}\n{_read('stage.js')}"
-    _css = f"{_read('stage.css')}\n{_read('fullscreen.css')}"
-    drawing = traitlets.Unicode().tag(sync=True)
-    begin = traitlets.Int(-1).tag(sync=True)
-    step = traitlets.Int(0).tag(sync=True)
-    q_values = traitlets.List().tag(sync=True)
-    most = traitlets.Dict({"data": 20.0, "time": 70}).tag(sync=True)
-    editable = traitlets.Bool(False).tag(sync=True)
-    steering = traitlets.List().tag(sync=True)
-    size = traitlets.Int(0).tag(sync=True)
-    refused = traitlets.List().tag(sync=True)
-    answered = traitlets.Int(0).tag(sync=True)
+    _esm = _read("player.js", "labs/tools.js", "labs/stage.js")
+    _css = _read("player.css", "labs/stage.css")
+    scene = traitlets.Dict().tag(sync=True)
 
-    def __init__(
-        self,
-        dropped: Callable[[Cell, Cell], None] | None = None,
-        filled: Callable[[int, float], None] | None = None,
-        timed: Callable[[int], None] | None = None,
-        undone: Callable[[int], None] | None = None,
-        keys: Sequence[str] = (),
-        pressed: Callable[[str], None] | None = None,
-    ):
-        super().__init__(editable=dropped is not None, steering=list(keys))
-        self._hear = {
-            "drop": lambda told: dropped(tuple(told["from"]), tuple(told["to"])),
-            "data": lambda told: filled(told["device"], float(told["value"])),
-            "time": lambda told: timed(int(told["value"])),
-            "undo": lambda told: undone and undone(int(told["by"])),
-            "key": lambda told: pressed(told["key"]),
+    def __init__(self, tool: str | None = None, city: str = "manhattan"):
+        super().__init__()
+        self.stage = Stage.first(city, tool or "compare")
+        self._alone = tool is not None
+        self._hangar = Hangar.of(self.stage.mission)
+        self._history, self._at = [self.stage], 0
+        self._last = ("", 0.0)  # the kind of the last change, and when it was
+        self._race: train.Race | None = None
+        self._point: tuple[int, int] | None = None
+        self._extra: dict[str, Any] = {}  # what was asked for, until the mission changes
+        self._ranking: list[dict] = []
+        self._refused, self._answered, self._version, self._film = "", 0, 0, ""
+        self._fresh = True
+        self._lock = threading.Lock()
+        self._asked = {
+            "undo": self._undo,
+            "fly": self._fly,
+            "duel": self._duel,
+            "many": lambda: self._add("many", compare.many(self.stage, self._hangar)),
+            "layer": self._layer,
+            "shadow": self._shadow,
+            "train": self._train,
+            "pause": lambda: self._race and self._race.pause(),
+            "point": self._see,
+            "save": self._save,
         }
-        self.on_msg(lambda _, told, buffers: self._answer(told))
+        self.on_msg(lambda _, told, buffers: self.hear(told))
+        self.render()
 
-    def _answer(self, told: dict) -> None:
+    def hear(self, told: dict[str, Any]) -> None:
+        """Do what a message says, or say why it was not done."""
+        values = dict(told)
+        kind = values.pop("kind", "")
+        self._refused = ""
         try:
-            self._hear[told["kind"]](told)
-        finally:
-            self.answered += 1  # after the drawing that it led to
+            if kind in self._asked:
+                self._asked[kind](**values)
+            else:
+                self._take(changed(self.stage, kind, values), kind)
+        except InputError as error:
+            self._refused = str(error)
+        except Exception as error:  # whatever it is, the reader must see it
+            self._refused = f"this did not work: {type(error).__name__}: {error}"
+        self._answered += 1
+        self._fresh = False
+        self.render()
 
-    def put_back(self) -> None:
-        """Draw the mission as it is: what was dragged or set on the stage was refused."""
-        self.send({"kind": "draw"})
+    def render(self) -> None:
+        """Send what the stage looks like now."""
+        with self._lock:
+            flights = self._flights()
+            drawn = film(self._hangar.environment, flights)
+            if (text := json.dumps(drawn)) != self._film:
+                self._film, self._version = text, self._version + 1
+            self.scene = {
+                "tools": [self.stage.tool] if self._alone else list(TOOLS),
+                "state": self._summary(),
+                "film": drawn,
+                "version": self._version,
+                "panel": self._panel(flights),
+                "refused": self._refused,
+                "answered": self._answered,
+                "fresh": self._fresh,
+            }
 
-    def show(
-        self,
-        environment: Environment,
-        flights: Mapping[str, Flights],
-        begin: int | None = None,
-        q_values: Sequence[Sequence[float | None]] = (),
-        refused: Sequence[int] = (),
-    ) -> None:
-        """Show the flights of one mission, by their names.
+    def close(self) -> None:
+        """Pause a training for good and take the stage off the page."""
+        if self._race is not None:
+            self._race.pause()
+        super().close()
 
-        Arguments:
-            begin: play from this step on; by default the whole flights are shown.
-            q_values: for each step of the first flight, how large the sign of each action is, from
-                0 to 1; None for none.
-            refused: the rows and columns of the last step's move, if it was refused; zeros for a
-                landing.
-        """
-        drawing = draw(environment, {name: each.trajectory(0) for name, each in flights.items()})
-        last = max(int(each.steps[0]) for each in flights.values())
-        with self.hold_sync():
-            self.begin = -1 if begin is None else begin
-            self.size, self.refused = environment.size, [int(each) for each in refused]
-            self.q_values = [list(each) for each in q_values]
-            self.step = last if begin is None else begin
-            self.drawing = drawing
+    def _summary(self) -> dict[str, Any]:
+        stage, mission = self.stage, self.stage.mission
+        policies = [*self._hangar.known, *[YOU] * bool(stage.flown)]
+        cities = [*shipped_cities(), *EMPTY]
+        pairs = zip(mission.devices, mission.data, strict=True)
+        return {
+            "tool": stage.tool,
+            "city": mission.city.name,
+            "cities": cities if mission.city.name in cities else [mission.city.name, *cities],
+            "start": list(mission.start),
+            "devices": [{"cell": list(cell), "data": data} for cell, data in pairs],
+            "flying_time": mission.flying_time,
+            "seed": mission.seed,
+            "policies": list(stage.policies),
+            "known": [[name, title(name)] for name in policies],
+            "step": stage.step,
+            "device": stage.device,
+            "flown": len(stage.flown),
+            "link": stage.link,
+            "undo": self._at > 0,
+            "redo": self._at < len(self._history) - 1,
+        }
+
+    def _flights(self) -> dict[str, Trajectory]:
+        """The flights that are drawn, by their names; the ghost is the second one."""
+        stage, hangar = self.stage, self._hangar
+        if stage.tool == "train" and self._race and self._point:
+            run, point = self._point
+            setting = train.SETTINGS[self._race.runs[run].setting][0]
+            steps = self._race.runs[run].points[point]["steps"]
+            flight = self._race.flight(run, point, stage.mission)
+            return {f"{setting}, after {steps:,} steps": flight}
+        if stage.tool == "fly":
+            names = [YOU, self._ghost]
+        elif stage.tool == "compare":
+            names = list(stage.policies)
+        elif stage.tool == "think":
+            names = [think.agent_of(stage, hangar) or stage.policies[0]]
+        else:
+            names = [stage.policies[0]]
+        flights = [(title(name), hangar.flight(stage, name)) for name in names]
+        again = len(flights) == 2 and flights[0][0] == flights[1][0]
+        return dict([flights[0], (f"{flights[1][0]} again", flights[1][1])] if again else flights)
+
+    @property
+    def _ghost(self) -> str:
+        return "greedy" if self.stage.policies[1] == YOU else self.stage.policies[1]
+
+    def _panel(self, flights: dict[str, Trajectory]) -> dict[str, Any]:
+        """What the tool shows next to the map."""
+        stage, hangar = self.stage, self._hangar
+        panel = dict(self._extra)
+        if stage.tool == "compare":
+            panel |= compare.scene(stage, hangar)
+        elif stage.tool == "think":
+            panel |= think.scene(stage, hangar)
+        elif stage.tool == "channel":
+            panel |= channel.scene(stage, hangar)
+        elif stage.tool == "train":
+            panel |= train.scene(self._race, self._point)
+        elif stage.tool == "fly":
+            you, ghost = flights.values()
+            panel |= {"you": numbers(you), "ghost": numbers(ghost), "rival": self._ghost}
+            panel |= {"ranking": self._ranking[:RANKED], "rival_name": title(self._ghost)}
+        return panel
+
+    def _take(self, stage: Stage, kind: str) -> None:
+        """Go on with another stage; a change of its mission can be undone."""
+        if stage.mission is not self.stage.mission:
+            soon = self._last[0] == kind and time.monotonic() - self._last[1] < TOGETHER
+            if soon and kind in ("move", "data", "time"):
+                self._history[self._at] = stage
+            else:
+                self._history = [*self._history[: self._at + 1], stage][-KEPT:]
+                self._at = len(self._history) - 1
+            self._last = kind, time.monotonic()
+            self._extra, self._point = {}, None
+        self.stage = stage
+        self._hangar = Hangar.of(stage.mission, self._hangar)
+
+    def _fly(self, action: str) -> None:
+        """Fly one action by hand."""
+        if numbers(self._hangar.flight(self.stage, YOU))["ended"]:
+            raise InputError("this flight is over: press Again")
+        self._take(changed(self.stage, "fly", {"action": action}), "fly")
+        self._rank()
+
+    def _undo(self, by: int) -> None:
+        at = self._at + (1 if by > 0 else -1)
+        if not 0 <= at < len(self._history):
+            raise InputError("there is nothing more to undo")
+        tool, self._at = self.stage.tool, at
+        self._extra, self._point = {}, None
+        self.stage = changed(self._history[at], "tool", {"tool": tool})
+        self._hangar = Hangar.of(self.stage.mission, self._hangar)
+
+    def _rank(self) -> None:
+        """Keep a flight by hand that has just ended, the best first."""
+        you = numbers(self._hangar.flight(self.stage, YOU))
+        if you["ended"]:
+            ghost = numbers(self._hangar.flight(self.stage, self._ghost))
+            told = {"mission": f"{self.stage.mission.city.name} {self.stage.mission.seed}", **you}
+            told["ahead"] = you["return"] - ghost["return"]
+            self._ranking = sorted([*self._ranking, told], key=lambda each: -each["ahead"])
+
+    def _duel(self, wanted: int) -> None:
+        self._take(compare.find_duel(self.stage, self._hangar, wanted), "duel")
+
+    def _add(self, name: str, value: Any) -> None:
+        self._extra = {**self._extra, name: value}
+
+    def _layer(self, name: str, step: int) -> None:
+        self._add("layer", think.layer(self.stage, self._hangar, name, step))
+
+    def _shadow(self, cell: list) -> None:
+        self._add("shadow", {"cell": cell, "rows": channel.shadow(self._hangar, tuple(cell))})
+
+    def _train(self, settings: list[str]) -> None:
+        """Begin a race, or go on with it if the settings are those of the one there is."""
+        if self._race is None or settings:
+            if self._race is not None:
+                self._race.pause()
+            if self.stage.mission.city.size > train.LARGEST:
+                village = changed(self.stage, "city", {"name": "village"})
+                self._take(village, "city")
+            self._point = None
+            me = weakref.WeakMethod(self.render)
+            told = lambda: (render := me()) and render()  # noqa: E731
+            self._race = train.Race(self.stage.mission.city, settings, told)
+        self._race.go_on()
+
+    def _see(self, run: int, point: int) -> None:
+        """Show the flight of the agent that got a point of the curves."""
+        if self._race is None:
+            raise InputError("nothing was trained yet: press start")
+        if self.stage.mission.city.size > self._race.city.size:
+            there = random_mission(self._race.city, self.stage.mission.seed)
+            self._take(self.stage.with_mission(there), "city")
+        self._race.flight(run, point, self.stage.mission)  # or say that there is none
+        self._point = (run, point)
+
+    def _save(self, what: str) -> None:
+        """Send a file: the stage or its mission as JSON, or the city as a PNG."""
+        mission = self.stage.mission
+        if what == "png":
+            picture = png(COLOURS[mission.city.kinds])
+            about = {"name": f"{mission.city.name}.png", "type": "image/png"}
+            self.send({"kind": "file", **about}, [picture])
+        else:
+            values = as_json(mission) if what == "mission" else self.stage.as_json()
+            about = {"name": f"{mission.city.name}_{what}.json", "type": "application/json"}
+            self.send({"kind": "file", **about}, [json.dumps(values, indent=1).encode()])

@@ -1,0 +1,425 @@
+"""The stage in a real browser, used as a person would; pictures in build/screenshots."""
+
+import json
+import os
+import re
+import shutil
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import expect, sync_playwright
+from serving import serving
+
+CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
+SCREENSHOTS = Path(__file__).parents[2] / "build" / "screenshots"
+WAIT = int(
+    os.environ.get("WAIT", 180_000)
+)  # milliseconds; only a page that never answers takes so long
+OWN = ("http://127.0.0.1", "ws://127.0.0.1", "data:", "blob:")
+TOOLS = ["Fly", "Compare", "Think", "Channel", "Paint", "Train"]
+PLACE = """(svg, [row, col]) => {
+    const { x, y } = new DOMPoint(col, row).matrixTransform(svg.getScreenCTM());
+    return [x, y];
+}"""
+
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="no Chromium: install it, or name one in CHROMIUM"
+)
+
+
+@pytest.fixture(scope="module")
+def server():
+    with serving() as (address, _):
+        yield address
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@contextmanager
+def visiting(browser, address, **options):
+    """A page with the stage; all that it loads comes from the server, and it has no errors."""
+    options = {"viewport": {"width": 1280, "height": 720}, **options}
+    page = browser.new_page(**options)
+    page.set_default_timeout(WAIT)
+    expect.set_options(timeout=WAIT)
+    outside, errors = [], []
+    page.on("request", lambda r: r.url.startswith(OWN) or outside.append(r.url))
+    page.on("console", lambda m: m.type == "error" and errors.append(m.text))
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(address)
+    page.locator(".uavdh-stage .map svg").first.wait_for()
+    yield page
+    page.goto("about:blank")  # ends the session; closing the page alone would not, here
+    page.close()
+    assert outside == [] and errors == []
+
+
+@pytest.fixture(scope="module")
+def shared(browser, server):
+    with visiting(browser, server) as page:
+        yield page
+
+
+@pytest.fixture
+def page(shared):
+    """A page for several tests, with the village's first mission: a page takes seconds to come."""
+    choose(shared, "city", "manhattan")
+    choose(shared, "city", "village")
+    open_tool(shared, "Compare")
+    return shared
+
+
+def choose(page, name, option):
+    """Choose in a list, and wait until Python has answered."""
+    page.locator(f"[data-set='{name}']").select_option(option)
+    if name == "city":
+        size = {"manhattan": 16, "village": 8, "empty 8 × 8": 8}[option]
+        grid = re.compile(rf"^M-?\.?\d* ?-?\.5h{size}")
+        expect(page.locator(".map .paper").first).to_have_attribute("d", grid)
+        expect(page.locator(".undo")).to_be_enabled()
+
+
+def open_tool(page, title):
+    page.get_by_role("tab", name=title, exact=True).click()
+    page.locator(f".main[data-shows='{title.lower()}']").wait_for()
+
+
+def press(page, name):
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def place(page, row, col, flight=0):
+    """Where the middle of a cell is on the page."""
+    return page.locator(".map svg").nth(flight).evaluate(PLACE, [row, col])
+
+
+def cell_of(page, device):
+    """Row and column of a device on the map."""
+    label = page.locator(f".map g[data-device='{device}']").first.get_attribute("aria-label")
+    return [int(number) for number in re.findall(r"(?:row|column) (\d+)", label)]
+
+
+def drag(page, start, end):
+    page.mouse.move(*place(page, *start))
+    page.mouse.down()
+    page.mouse.move(*place(page, *end), steps=6)
+    page.mouse.up()
+
+
+def free_cell(page):
+    """A cell with nothing in it, found on the map."""
+    taken = [
+        cell_of(page, k) for k in range(page.locator(".map").first.locator("g.device").count())
+    ]
+    return next([r, c] for r, c in ([7, 7], [7, 6], [6, 7], [7, 5]) if [r, c] not in taken)
+
+
+def shown_step(page):
+    return int(page.locator(".controls output").inner_text().split()[0])
+
+
+def shoot(page, name):
+    """Keep a small picture of the page."""
+    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    page.mouse.move(5, 5)
+    page.screenshot(path=SCREENSHOTS / f"{name}.png")
+
+
+def test_it_begins_with_a_story_that_ends_where_one_begins_oneself(browser, server):
+    with visiting(browser, server) as page:
+        caption = page.locator(".caption")
+        expect(caption).to_contain_text("Two drones, one mission")
+        expect(caption).to_contain_text("Here they part")
+        part = shown_step(page)
+        expect(caption).to_contain_text("your turn")
+        assert part < shown_step(page)
+        press(page, "Your turn")
+        expect(caption).to_be_hidden()
+        expect(page.locator("h2").first).to_contain_text("wins")
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (1920, 1080), (820, 1180)])
+def test_the_map_is_large_and_nothing_scrolls(browser, server, shared, size):
+    width, height = size
+    shared.set_viewport_size({"width": width, "height": height})
+    for title in TOOLS:
+        open_tool(shared, title)
+        box = shared.locator(".map svg").first.bounding_box()
+        wanted = 0.4 if title == "Compare" and width < 1000 else 0.6
+        assert box["height"] >= wanted * height or box["height"] >= 0.47 * width, title
+        assert shared.evaluate("document.documentElement.scrollWidth <= innerWidth"), title
+        assert shared.evaluate("document.documentElement.scrollHeight <= innerHeight + 8"), title
+    shared.set_viewport_size({"width": 1280, "height": 720})
+
+
+def test_one_mission_through_all_tools(page):
+    devices = page.locator(".map").first.locator("g.device").count()
+    where = [cell_of(page, k) for k in range(devices)]
+    for title in TOOLS:
+        open_tool(page, title)
+        assert [cell_of(page, k) for k in range(devices)] == where, title
+
+
+def test_a_device_is_dragged_and_undo_brings_it_back(page):
+    before, goal = cell_of(page, 0), free_cell(page)
+    drag(page, before, goal)
+    device = page.locator(".map g[data-device='0']").first
+    expect(device).to_have_attribute("aria-label", re.compile(rf"row {goal[0]}, column {goal[1]};"))
+    for _ in range(8):  # each cell on the way is a step back, unless they came fast
+        if cell_of(page, 0) == before:
+            break
+        press(page, "undo")
+        page.wait_for_timeout(300)
+    assert cell_of(page, 0) == before
+
+
+def test_a_refusal_says_why_and_a_number_that_cannot_be_is_put_back(page):
+    before = cell_of(page, 0)
+    drag(page, before, [0, 0])
+    expect(page.locator(".refusal")).to_contain_text(re.compile("Not done: .* stands"))
+    press(page, "More")
+    time_field = page.get_by_label("flying time")
+    given = time_field.input_value()
+    for number in ("-3", "2.5", ""):
+        time_field.fill(number)
+        time_field.press("Enter")
+        time_field.blur()
+        expect(page.locator(".refusal")).to_contain_text("flying time")
+        expect(time_field).to_have_value(given)
+    press(page, "More")
+    expect(page.locator(".drawer")).to_be_hidden()
+
+
+def test_keys_move_a_device_and_delete_removes_it(page):
+    press(page, "More")
+    if page.locator(".drawer tr").count() == 2:
+        page.locator(".drawer button", has_text="remove").last.click()
+    press(page, "Add a device")
+    press(page, "More")
+    page.mouse.click(*place(page, 7, 7))
+    expect(page.locator(".map").first.locator("g.device")).to_have_count(2)
+    device = page.locator(".map g[data-device='1']").first
+    key, goal = "ArrowLeft", [7, 6]
+    device.focus()
+    page.keyboard.press(key)
+    expect(device).to_have_attribute("aria-label", re.compile(rf"row {goal[0]}, column {goal[1]};"))
+    device.focus()
+    page.keyboard.press("Delete")
+    expect(page.locator(".map").first.locator("g.device")).to_have_count(1)
+
+
+def test_a_duel_shows_where_the_flights_part(page):
+    choose(page, "city", "manhattan")
+    press(page, "greedy wins")
+    expect(page.locator("#panel h2").first).to_contain_text("Greedy wins")
+    expect(page.locator(".parting")).to_have_count(2)
+    button = page.get_by_role("button", name=re.compile("Show step"))
+    step = int(button.inner_text().split()[-1])
+    button.click()
+    assert shown_step(page) == step
+    first, second = page.locator(".map .uav:not(.ghost)").all()
+    assert first.get_attribute("transform") == second.get_attribute("transform")
+    page.keyboard.press("ArrowRight")
+    assert shown_step(page) == step + 1
+    press(page, "Play")
+    expect(page.locator(".controls .play")).to_have_text("Pause")
+    expect(page.locator(".controls output")).to_have_text(re.compile(r"^(\d+) of \1$"))
+    shoot(page, "compare")
+
+
+def test_think_says_why_and_its_bars_are_as_long_as_their_numbers(page):
+    open_tool(page, "Think")
+    press(page, "Closest call")
+    told = page.locator("#panel small").first.inner_text()
+    step, gap = (
+        int(re.search(r"step (\d+)", told)[1]),
+        float(re.search(r"gap of ([\d.]+)", told)[1]),
+    )
+    assert shown_step(page) == step
+    expect(page.locator(".says-why")).to_contain_text("because")
+    bars = [
+        (float(bar.locator("b").inner_text().replace("−", "-")), bar.locator("u").bounding_box())
+        for bar in page.locator(".q > div:not(.best)").all()
+        if "not" not in bar.locator("b").inner_text()
+    ]
+    assert min(-value for value, _ in bars) == pytest.approx(gap, abs=0.006)
+    long, longest = max((-value, box["width"]) for value, box in bars)
+    for value, box in bars:
+        assert box["width"] == pytest.approx(-value / long * longest, abs=0.02 * longest)
+    for layer in ("buildings", "data left", "value", "saliency"):
+        choose(page, "layer", layer)
+        expect(page.locator(".layer path").first).to_be_attached()
+        assert page.locator(".layer path").count() >= 40, layer
+    expect(page.locator(".layer-scale")).to_contain_text("saliency")
+    page.get_by_label("centred").check()
+    width = 2 * 8 - 1
+    box = page.locator(".map svg").get_attribute("viewBox").split()
+    assert [float(side) for side in box[2:]] == [width, width]
+    uav = page.locator(".map .uav").get_attribute("transform")
+    col, row = map(float, re.findall(r"-?[\d.]+", uav))
+    assert [float(box[0]) + width / 2, float(box[1]) + width / 2] == [col, row]
+    page.get_by_label("centred").uncheck()
+    choose(page, "layer", "value")
+    page.wait_for_timeout(500)
+    shoot(page, "think")
+    choose(page, "layer", "none")
+
+
+def test_the_channel_says_what_a_building_costs_under_the_pointer(page):
+    open_tool(page, "Channel")
+    expect(page.locator(".sentence")).to_contain_text(re.compile(r"costs \d+\.\d dB|In sight"))
+    device = cell_of(page, 0)
+    page.mouse.move(*place(page, *device))
+    expect(page.locator(".sentence")).to_contain_text("In sight")
+    lines = page.locator(".ledger td").all_inner_texts()
+    signal, loss, building, snr = (float(line.split()[0].replace("−", "-")) for line in lines[:4])
+    assert signal + loss + building == pytest.approx(snr, abs=0.11) and building == 0
+    assert loss == pytest.approx(-22.7, abs=0.01)  # 10 · 2.27 · log10(10 m), straight above
+    expect(page.locator(".map svg .under path")).to_have_count(64)
+    choose(page, "city", "manhattan")
+    expect(page.locator(".map svg .under path")).to_have_count(256)
+    page.mouse.move(5, 5)
+    expect(page.locator(".sentence")).to_contain_text("Behind a building")
+    shoot(page, "channel")
+
+
+def test_a_city_is_painted_and_a_hundred_missions_flown_over_it(page):
+    open_tool(page, "Paint")
+    choose(page, "city", "empty 8 × 8")
+    expect(page.locator("[data-set='city']")).to_have_value("my_city")
+    page.get_by_role("button", name="tall building").click()
+    page.mouse.move(*place(page, 4, 3))
+    page.mouse.down()
+    page.mouse.move(*place(page, 4, 6), steps=9)
+    page.mouse.up()
+    squares = page.locator(".map .kind-B").first
+    expect(squares).to_have_attribute("d", re.compile("M2.5 3.5h1v1h-1zM3.5 3.5.*M5.5 3.5"))
+    page.mouse.move(*place(page, 6, 4))
+    shadow = page.locator(".map .shadow.live")
+    expect(shadow).to_have_attribute("d", re.compile("M3.5 2.5"))  # behind the wall
+    press(page, "100 missions")
+    expect(page.locator(".many")).to_contain_text("95 % intervals")
+    shoot(page, "paint")
+
+
+def test_a_flight_by_keys_and_buttons_ends_with_a_card_and_a_rank(page):
+    open_tool(page, "Fly")
+    expect(page.locator(".ghost")).to_have_count(1)
+    for key, count in (("ArrowRight", 1), ("ArrowDown", 2), (" ", 3)):
+        page.keyboard.press(key)
+        expect(page.locator(".controls output")).to_have_text(f"{count} of {count}")
+    shoot(page, "fly")
+    press(page, "Again")
+    expect(page.locator(".controls output")).to_have_text("0 of 0")
+    press(page, "land")
+    expect(page.locator(".card")).to_contain_text("You landed with 0.0 units")
+    expect(page.locator(".ranking tr")).to_have_count(2)
+    press(page, "hover")
+    expect(page.locator(".refusal")).to_contain_text("this flight is over")
+
+
+def test_a_race_has_points_that_show_their_agents(page):
+    open_tool(page, "Train")
+    press(page, "Start")
+    expect(page.locator(".dot")).not_to_have_count(0)
+    page.wait_for_function("document.querySelectorAll('.dot').length > 6")
+    press(page, "Pause")
+    expect(page.get_by_role("button", name="Go on")).to_be_visible()
+    page.locator(".dot").last.click()
+    expect(page.locator(".map svg")).to_have_attribute("aria-label", re.compile("no fear"))
+    assert page.locator(".curve").count() == 2
+    shoot(page, "train")
+
+
+def test_words_explain_themselves(page):
+    word = page.locator(".term", has_text="return").first
+    assert "sum of rewards" in word.get_attribute("aria-label")
+    word.focus()
+    content = word.evaluate("each => getComputedStyle(each, '::after').content")
+    assert "sum of rewards" in content
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("title", TOOLS)
+def test_no_serious_barriers(page, title, scheme):
+    page.emulate_media(color_scheme=scheme)
+    open_tool(page, title)
+    found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+    serious = [v for v in found if v["impact"] in ("serious", "critical")]
+    told = [(v["id"], [n["target"] for n in v["nodes"]][:5], v["help"]) for v in serious]
+    page.emulate_media(color_scheme="light")
+    assert told == []
+
+
+def test_a_file_and_a_link_open_the_same_elsewhere(browser, server, page, tmp_path):
+    open_tool(page, "Channel")
+    press(page, "More")
+    with page.expect_download() as saved:
+        press(page, "Save")
+    saved.value.save_as(tmp_path / "stage.json")
+    press(page, "More")
+    kept = json.loads((tmp_path / "stage.json").read_text())
+    assert kept["tool"] == "channel" and kept["mission"]["city"]["name"] == "village"
+    page.get_by_label("Open").set_input_files(tmp_path / "stage.json")
+    label = page.locator(".map g[data-device='0']").first.get_attribute("aria-label")
+    with visiting(browser, page.evaluate("location.href")) as other:
+        other.locator(".main[data-shows='channel']").wait_for()
+        expect(other.locator(".map g[data-device='0']")).to_have_attribute("aria-label", label)
+        other.reload()
+        other.locator(".main[data-shows='channel']").wait_for()
+        expect(other.locator(".caption")).to_be_hidden()
+        other.get_by_label("Open").set_input_files(
+            files=[{"name": "a.json", "mimeType": "application/json", "buffer": b"{"}]
+        )
+        expect(other.locator(".refusal")).to_contain_text("Not done: this file is no JSON")
+
+
+def test_a_connection_that_is_cut_comes_back_with_its_state(browser, server):
+    sockets = []
+
+    def through(socket):
+        socket.connect_to_server()
+        sockets.append(socket)
+
+    with visiting(browser, server) as page:
+        press(page, "Skip the story")
+        open_tool(page, "Think")
+        page.route_web_socket(re.compile("/channels"), through)
+        page.reload()  # begins a session of its own, with the state of the address
+        page.locator(".main[data-shows='think']").wait_for()
+        for socket in sockets[:]:
+            socket.close()
+        open_tool(page, "Channel")
+        assert len(sockets) >= 2
+
+
+def test_touch_flies_and_drags(browser, server):
+    tablet = {"viewport": {"width": 820, "height": 1180}, "has_touch": True}
+    with visiting(browser, server, **tablet) as page:
+        page.get_by_role("button", name="Skip the story").tap()
+        page.get_by_role("tab", name="Fly").tap()
+        page.locator(".main[data-shows='fly']").wait_for()
+        page.locator(".pad .hover").tap()
+        expect(page.locator(".controls output")).to_have_text("1 of 1")
+        word = page.locator(".term").first
+        word.tap()
+        expect(word).to_be_focused()
+
+
+def test_full_screen_is_the_same_page_with_larger_letters(page):
+    before = page.locator("h2").first.evaluate("each => getComputedStyle(each).fontSize")
+    press(page, "full screen")
+    page.wait_for_function("document.fullscreenElement")
+    after = page.locator("h2").first.evaluate("each => getComputedStyle(each).fontSize")
+    assert float(after[:-2]) > float(before[:-2])
+    expect(page.locator(".more")).to_be_hidden()
+    press(page, "full screen")
+    page.wait_for_function("!document.fullscreenElement")

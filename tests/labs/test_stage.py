@@ -1,0 +1,256 @@
+"""The widget without a browser: what it sends after what was done."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+from uavdh_lite.channel import rate
+from uavdh_lite.city import City
+from uavdh_lite.environment import EAST, HOVER, NORTH
+from uavdh_lite.labs import Lab, train
+from uavdh_lite.labs.compare import parting
+from uavdh_lite.labs.state import read_link
+
+PATIENCE = 120  # seconds; only a training that never comes takes so long
+
+
+@pytest.fixture(scope="module")
+def shared():
+    return Lab(city="village")
+
+
+@pytest.fixture
+def lab(shared):
+    """The stage with a mission over the village, as it comes."""
+    shared.hear({"kind": "city", "name": "village"})
+    shared.hear({"kind": "tool", "tool": "compare"})
+    return shared
+
+
+def tell(lab, kind, **values):
+    lab.hear({"kind": kind, **values})
+    assert lab.scene["refused"] == ""
+    json.dumps(lab.scene, allow_nan=False)  # else the browser cannot read it
+    return lab.scene["panel"]
+
+
+def flights(lab):
+    return [lab._hangar.flight(lab.stage, name) for name in lab.stage.policies]
+
+
+@pytest.mark.parametrize("tool", ["fly", "compare", "think", "channel", "paint", "train"])
+def test_a_tool_alone_has_no_others(tool):
+    scene = Lab(tool=tool, city="village").scene
+    assert scene["tools"] == [tool] and scene["state"]["tool"] == tool
+
+
+def test_the_mission_stays_from_tool_to_tool_and_the_film_is_that_of_the_policy(lab):
+    tell(lab, "add", cell=[5, 5]) if len(lab.stage.mission.devices) < 2 else None
+    mission = lab.stage.mission
+    for tool in ("fly", "think", "channel", "paint", "train", "compare"):
+        tell(lab, "tool", tool=tool)
+        assert lab.stage.mission is mission
+        assert len(lab.scene["film"]["devices"]) == len(mission.devices)
+    first, second = flights(lab)
+    paths = [each["path"] for each in lab.scene["film"]["flights"]]
+    size = mission.city.size
+    assert paths == [[divmod(int(cell), size) for cell in f.uav_cell] for f in (first, second)]
+
+
+def test_the_film_has_a_new_version_only_if_it_is_another(lab):
+    version = lab.scene["version"]
+    tell(lab, "show", step=2)
+    assert lab.scene["version"] == version
+    tell(lab, "time", value=lab.stage.mission.flying_time + 1)
+    assert lab.scene["version"] > version
+
+
+def test_flights_part_where_their_actions_differ(lab):
+    first, second = flights(lab)
+    part = tell(lab, "tool", tool="compare")["parting"]
+    assert part == parting(first, second)
+    if part is not None:
+        assert (first.action[:part] == second.action[:part]).all()
+    assert parting(first, first) is None
+
+
+@pytest.mark.parametrize("wanted", [1, -1, 0])
+def test_a_duel_is_what_was_asked_for_as_it_is_shown(wanted):
+    lab = Lab(city="manhattan")
+    panel = tell(lab, "duel", wanted=wanted)
+    ahead = panel["results"][0]["return"] - panel["results"][1]["return"]
+    assert abs(ahead) < 0.5 if wanted == 0 else wanted * ahead > 2
+    winner = {1: "agent wins", -1: "Greedy wins", 0: "level"}[wanted]
+    assert winner in panel["verdict"] and panel["parting"] is not None
+
+
+def test_the_means_of_a_hundred_missions_are_shares_in_per_cent(lab):
+    panel = tell(lab, "many")["many"]
+    assert panel["missions"] == 100
+    for row in panel["rows"]:
+        mean, low, high = row["landed"]
+        assert 0 <= low <= mean <= high <= 100
+    assert panel["rows"][1]["landed"][0] == 100  # greedy always comes home
+
+
+def test_q_values_are_those_of_the_agent_and_forbidden_actions_have_none(lab):
+    panel = tell(lab, "tool", tool="think")
+    name = lab.stage.policies[0]
+    flight, agent = lab._hangar.flight(lab.stage, name), lab._hangar.policy(name)
+    q = np.array(panel["q"], float)
+    assert q.shape == (len(flight.action), 6)
+    assert (np.nanargmax(q, axis=1) == flight.action).all()
+    first = agent.q_values(flight.start)[0].numpy()
+    known = np.isfinite(q[0])
+    assert np.allclose(q[0][known], first[known], atol=1e-3) and (first[~known] < -1e6).all()
+    assert panel["gaps"][panel["closest"]] == min(panel["gaps"])
+    assert len(panel["says"]) == len(q) and all("because" in each for each in panel["says"])
+
+
+@pytest.mark.parametrize("name", ["value", "saliency"])
+def test_a_layer_is_as_large_as_the_city(lab, name):
+    tell(lab, "tool", tool="think")
+    layer = tell(lab, "layer", name=name, step=2)["layer"]
+    assert (layer["name"], layer["step"]) == (name, 2)
+    assert np.shape(layer["values"]) == (8, 8)
+    if name == "value":  # None exactly where it may not fly
+        there = [[value is None for value in row] for row in layer["values"]]
+        assert (np.array(there) == lab.stage.mission.city.no_fly).all()
+
+
+def test_the_ledger_of_the_radio_link_adds_up(lab):
+    panel = tell(lab, "tool", tool="channel")
+    loss, building, snr = (np.array(panel[k]) for k in ("path_loss", "building", "snr"))
+    assert np.allclose(panel["transmit"] - loss - building, snr, atol=0.1)
+    row, col = lab.stage.mission.devices[panel["device"]]
+    sight = lab._hangar.environment.sight[0, row * 8 + col].reshape(8, 8)
+    assert ((building > 0) == ~sight).all()
+    assert panel["distance"][row][col] == 10  # the altitude
+    assert np.allclose(panel["rate"], rate(snr), rtol=0.02, atol=1e-4)
+
+
+def test_the_shadow_of_a_cell_is_what_a_device_there_cannot_see(lab):
+    shadow = tell(lab, "shadow", cell=[4, 0])["shadow"]
+    sight = lab._hangar.environment.sight[0, 32].reshape(8, 8)
+    assert [[sign == "." for sign in row] for row in shadow["rows"]] == sight.tolist()
+    assert tell(lab, "shadow", cell=[99, 0])["shadow"]["rows"] == []
+
+
+def test_a_flight_by_hand_is_the_mission_flown_so(lab):
+    tell(lab, "tool", tool="fly")
+    for action in ("east", "hover"):
+        tell(lab, "fly", action=action)
+    assert lab._hangar.flight(lab.stage, "you").action.tolist() == [EAST, HOVER]
+    you, ghost = lab.scene["film"]["flights"]
+    assert you["end"] == "in the air" and len(you["path"]) == 3 and ghost["name"] == "greedy"
+    panel = tell(lab, "fly", action="north")
+    assert panel["ranking"] == [] and panel["you"]["steps"] == 3
+    assert NORTH == 0
+
+
+def test_the_ranking_keeps_flights_that_ended_the_best_first(lab):
+    tell(lab, "tool", tool="fly")
+    tell(lab, "fly", action="land")
+    home = tell(lab, "again")["ranking"]
+    for _ in range(lab.stage.mission.flying_time):
+        panel = tell(lab, "fly", action="hover")
+    lab.hear({"kind": "fly", "action": "hover"})
+    assert "this flight is over" in lab.scene["refused"]
+    assert len(home) == 1 and len(panel["ranking"]) == 2
+    assert panel["ranking"][0]["landed"] and not panel["ranking"][1]["landed"]
+
+
+def test_undo_brings_a_mission_back_and_redo_takes_it_again(lab):
+    before, device = lab.stage.mission, lab.stage.mission.devices[0]
+    tell(lab, "add", cell=[7, 7]) if len(before.devices) < 2 else tell(lab, "remove", device=1)
+    after = lab.stage.mission
+    tell(lab, "tool", tool="think")
+    tell(lab, "undo", by=-1)
+    assert lab.stage.mission is before and lab.stage.tool == "think"
+    tell(lab, "undo", by=1)
+    assert lab.stage.mission is after and after.devices[0] == device
+    lab.hear({"kind": "undo", "by": 1})
+    assert "nothing more to undo" in lab.scene["refused"]
+
+
+def test_a_refusal_leaves_everything_as_it_is(lab):
+    before = lab.stage
+    for told in (
+        {"kind": "move", "device": 0, "cell": [99, 0]},
+        {"kind": "x"},
+        {},
+        {"kind": "duel"},
+    ):
+        lab.hear(told)
+        assert lab.scene["refused"] and lab.stage is before
+    tell(lab, "show", step=0)
+
+
+def test_the_link_opens_the_same_elsewhere(lab):
+    tell(lab, "city", name="empty 8 × 8")
+    tell(lab, "paint", cells=[[4, 4], [4, 5]], sign="b")
+    tell(lab, "policy", which=0, name="random")
+    other = Lab(city="village")
+    tell(other, "open", link=lab.scene["state"]["link"])
+    assert other.scene["film"] == lab.scene["film"]
+    assert read_link(other.stage.link).as_json() == lab.stage.as_json()
+
+
+def test_files_are_sent_as_they_are_opened(lab, monkeypatch):
+    sent = []
+    monkeypatch.setattr(Lab, "send", lambda self, *parts: sent.append(parts))
+    tell(lab, "save", what="stage")
+    tell(lab, "save", what="png")
+    (about, (text,)), (_, (picture,)) = sent
+    assert about["name"] == "village_stage.json" and json.loads(text) == lab.stage.as_json()
+    assert picture.startswith(b"\x89PNG")
+
+
+def wait_for(condition):
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.05)
+
+
+def test_a_race_takes_turns_and_a_point_shows_its_agent(lab, monkeypatch):
+    monkeypatch.setattr(train, "EVERY", 0.0)
+    monkeypatch.setattr(train, "EPISODES", 5)
+    tell(lab, "tool", tool="train")
+    tell(lab, "train", settings=["small", "failsafe"])
+    wait_for(lambda: len(lab.scene["panel"]["runs"][0]["points"]) > 2)
+    tell(lab, "pause")
+    first, second = lab.scene["panel"]["runs"]
+    assert not lab.scene["panel"]["running"] and lab.scene["panel"]["error"] == ""
+    steps = [[point["steps"] for point in run["points"]] for run in (first, second)]
+    assert steps[0] == steps[1] and steps[0][1] == train.TURN * 16
+    assert all(point["landed"] == 1 for point in second["points"])  # the failsafe
+    tell(lab, "point", run=1, point=0)
+    (flown,) = lab.scene["film"]["flights"]
+    assert flown["name"] == "failsafe, after 0 steps" and flown["end"] == "landed"
+    before = len(first["points"])
+    tell(lab, "train", settings=[])  # go on
+    wait_for(lambda: len(lab.scene["panel"]["runs"][0]["points"]) > before)
+    lab.close()
+    assert not lab._race.running
+
+
+@pytest.mark.parametrize("settings", [["none"], [], ["small", "small", "x"]])
+def test_a_race_of_unknown_settings_is_refused(settings):
+    lab = Lab(tool="train", city="village")
+    lab.hear({"kind": "train", "settings": settings})
+    assert "choose one or two" in lab.scene["refused"]
+
+
+def test_equal_settings_race_with_other_seeds():
+    race = train.Race(City.load("village"), ["small"] * 2, lambda: None)
+    assert [run.trainer.seed for run in race.runs] == [0, 1]
+
+
+def test_a_race_over_a_large_city_moves_to_the_village(monkeypatch):
+    monkeypatch.setattr(train.Race, "go_on", lambda self: None)
+    lab = Lab(tool="train", city="manhattan")
+    tell(lab, "train", settings=["small"])
+    assert lab.stage.mission.city.name == "village"

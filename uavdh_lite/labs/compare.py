@@ -1,0 +1,161 @@
+"""Two flights of one mission: where they part, who is ahead and why, and how to find a duel."""
+
+from typing import Any
+
+import numpy as np
+
+from uavdh_lite.environment import State
+from uavdh_lite.errors import InputError
+from uavdh_lite.evaluation import Trajectory, evaluate, fly
+from uavdh_lite.labs.flights import Hangar, does, numbers, says, title
+from uavdh_lite.labs.state import YOU, Stage, random_mission, scenario_of
+from uavdh_lite.streams import Use, stream
+
+AHEAD, LEVEL = 2.0, 0.5  # differences of the return
+TRIES = 40  # missions that are looked at for a duel, in a city of 16 × 16 cells
+MISSIONS = 100
+
+
+def parting(first: Trajectory, second: Trajectory) -> int | None:
+    """The first step in which the flights do different things; None if there is none."""
+    both = min(len(first.action), len(second.action))
+    differ = np.flatnonzero(first.action[:both] != second.action[:both])
+    if len(differ):
+        return int(differ[0])
+    return None if len(first.action) == len(second.action) else both
+
+
+def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
+    """What the panel says: the verdict, where they part and why, and the numbers."""
+    flights = [hangar.flight(stage, policy) for policy in stage.policies]
+    names = [title(policy) for policy in stage.policies]
+    part = parting(*flights)
+    results = [numbers(flight) for flight in flights]
+    return {
+        "parting": part,
+        "verdict": verdict(names, results),
+        "why": _why(names, flights, part),
+        "results": [{"name": n, **r} for n, r in zip(names, results, strict=True)],
+        "story": _story(names, flights, part),
+    }
+
+
+def verdict(names: list[str], results: list[dict]) -> str:
+    """Who is ahead, and by what."""
+    if not all(result["ended"] for result in results):
+        return "One flight is still in the air."
+    difference = results[0]["return"] - results[1]["return"]
+    if abs(difference) < LEVEL:
+        return "Nearly level."
+    ahead, behind = (0, 1) if difference > 0 else (1, 0)
+    first, second = results[ahead], results[behind]
+    if first["landed"] and not second["landed"]:
+        crash = says(names[behind], "crashes: all that was collected is lost")
+        return _upper(f"{says(names[ahead], 'wins')}, because {crash}.")
+    gained = first["collected"] - second["collected"]
+    sooner = second["steps"] - first["steps"]
+    parts = []
+    if abs(gained) >= 0.1:
+        parts.append(f"{abs(gained):.1f} units {'more' if gained > 0 else 'less'}")
+    if sooner:
+        steps = "1 step" if abs(sooner) == 1 else f"{abs(sooner)} steps"
+        parts.append(f"home {steps} {'sooner' if sooner > 0 else 'later'}")
+    told = ", ".join(parts) or "fewer refusals"
+    return _upper(f"{says(names[ahead], 'wins')}: {told}.")
+
+
+def _why(names: list[str], flights: list[Trajectory], part: int | None) -> str:
+    """One sentence: what each does where they part, and what comes of it."""
+    if part is None:
+        return "Both fly the same way."
+    told = []
+    for name, flight, device in zip(names, flights, _next_devices(flights, part), strict=True):
+        if part >= len(flight.action):
+            told.append(says(name, "has ended its flight"))
+            continue
+        towards = "goes home" if device is None else f"collects from device {device} next"
+        told.append(says(name, f"{does(flight, part)} and {towards}"))
+    left = flights[0].data_left[-1] - flights[1].data_left[-1]
+    device = int(np.abs(left).argmax())
+    cost = ""
+    if abs(left[device]) >= 0.5:
+        loser = names[0] if left[device] > 0 else names[1]
+        more = f"leaves {abs(left[device]):.1f} units more at device {device}"
+        cost = f" In the end {says(loser, more)}."
+    return f"At step {part}, {told[0]}, while {told[1]}.{cost}"
+
+
+def _next_devices(flights: list[Trajectory], part: int) -> list[int | None]:
+    """The device that each collects from next, from the first on at which their orders differ."""
+    orders = [_order(flight, part) for flight in flights]
+    longest = max(map(len, orders))
+    padded = [order + [None] * (longest + 1 - len(order)) for order in orders]
+    differ = [k for k, pair in enumerate(zip(*padded, strict=True)) if pair[0] != pair[1]]
+    return [order[differ[0] if differ else 0] for order in padded]
+
+
+def _order(flight: Trajectory, step: int) -> list[int | None]:
+    """The devices in the order in which they have uploaded half of what they upload from a step."""
+    done = flight.data_left[min(step, len(flight.action))] - flight.data_left[step:]
+    total = done[-1] if len(done) else np.zeros(flight.data_left.shape[1])
+    reached = {
+        int(k): int((done[:, k] >= total[k] / 2).argmax()) for k in np.flatnonzero(total > 0.1)
+    }
+    return sorted(reached, key=reached.__getitem__)
+
+
+def _story(names: list[str], flights: list[Trajectory], part: int | None) -> list:
+    """Three captions and the steps at which they are shown."""
+    last = max(len(flight.action) for flight in flights)
+    part = part or 0
+    return [
+        [0, "Two drones, one mission: collect the devices' data by radio, and land in blue in "
+         "time. A line is an upload; violet cells lie in a building's shadow."],
+        [part, f"Here they part. {_why(names, flights, part)}"],
+        [last, "Now it is your turn: drag a device, find another duel, or fly yourself."],
+    ]  # fmt: skip
+
+
+def find_duel(stage: Stage, hangar: Hangar, wanted: int) -> Stage:
+    """The next random mission in which the first policy wins (1), loses (−1), or is level (0).
+
+    Candidates fly at once, with other fading than their own; the most promising are then flown
+    as they will be shown. Raises `InputError` if there is none among them.
+    """
+    pair = stage.policies if YOU not in stage.policies else Stage.of(stage.mission).policies
+    city, environment = stage.mission.city, hangar.environment
+    count = max(8, int(TRIES * (16 / city.size) ** 2) if city.size > 16 else TRIES)
+    first = stage.mission.seed + 1
+    missions = [random_mission(city, first + k) for k in range(count)]
+    start = State.concatenate([mission.state for mission in missions])
+    returns = [
+        fly(environment, hangar.policy(name), start, stream(Use.LAB, first)).returns
+        for name in pair
+    ]
+    difference = returns[0] - returns[1]
+    hopeful = np.argsort(-wanted * difference if wanted else np.abs(difference), kind="stable")
+    for k in hopeful[:6]:
+        found = stage.with_mission(missions[k])
+        flown = Hangar.of(missions[k], hangar)
+        flights = [flown.flight(found, name) for name in pair]
+        ahead = float(flights[0].reward.sum() - flights[1].reward.sum())
+        level = abs(ahead) < LEVEL and parting(*flights) is not None
+        if level if wanted == 0 else wanted * ahead > AHEAD:
+            return Stage(missions[k], pair, stage.tool)
+    raise InputError(f"no such duel among the next {count} missions: press once more")
+
+
+def many(stage: Stage, hangar: Hangar) -> dict[str, Any]:
+    """The means of both policies over 100 random missions, in per cent, with their intervals."""
+    scenario, rows = scenario_of(stage.mission.city), []
+    for name in ["greedy" if policy == YOU else policy for policy in stage.policies]:
+        policy = hangar.policy(name)
+        flights = evaluate(hangar.environment, policy, scenario, MISSIONS, 0, Use.LAB)
+        metrics = flights.metrics().items()
+        shown = {metric: [round(100 * value) for value in values] for metric, values in metrics}
+        rows.append({"name": title(name), **shown})
+    return {"missions": MISSIONS, "rows": rows}
+
+
+def _upper(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,436 @@
+// The six tools. Each has what its panel says, as HTML, and what it adds to the map and to the panel
+// at a moment. `scene` is what Python sent, `stage` is where it is shown.
+
+const WORDS = {
+  UAV: "the drone: it flies 10 m above the ground, one cell in a step",
+  shadow: "cells that a building hides from a device: the radio link is much weaker there",
+  agent: "a neural network that learned to fly from its own trials",
+  greedy: "a simple rule: to the nearest device with data, and home in time",
+  "data units": "what the devices have for the UAV to collect",
+  return: "the sum of rewards: a unit of data is 1, a step −0.2, a refused action −1, a crash −150",
+  landed: "the share of missions that ended in the landing zone in time",
+  fading: "luck of the radio link: the same draws for all who fly a mission",
+  "Q-value": "the return that the agent expects from here on if it takes this action now",
+  SNR: "signal-to-noise ratio: how far the signal is above the noise, in decibels",
+  dB: "decibels, a logarithmic scale: 10 dB are ten times, 20 dB a hundred times",
+  slot: "a quarter of a step; each goes to the device that is heard best",
+  saliency: "how much the best Q-value depends on each cell that the network sees",
+  value: "the best Q-value if the UAV were over that cell now",
+  "collected and landed": "the share of the data that was brought home; 0 after a crash",
+  collected: "the share of the data that was collected, landed or not",
+  genie: "a planner that searches with full knowledge; no agent can know so much",
+};
+const term = (word, shown = word) =>
+  `<span class="term" tabindex="0" role="note" aria-label="${shown}: ${WORDS[word]}"
+    data-about="${escaped(WORDS[word])}">${shown}</span>`;
+const who = (name) => (WORDS[name] ? term(name) : escaped(name));
+const button = (name, about, more = "") =>
+  `<button type="button" data-ask="${escaped(JSON.stringify(about))}" ${more}>${name}</button>`;
+const options = (pairs, chosen) =>
+  pairs
+    .map(([value, name]) => {
+      const selected = value === chosen ? "selected" : "";
+      return `<option value="${escaped(value)}" ${selected}>${escaped(name)}</option>`;
+    })
+    .join("");
+const chooser = (label, name, pairs, chosen) =>
+  `<label>${label} <select data-set="${name}">${options(pairs, chosen)}</select></label>`;
+const percent = (share) => `${Math.round(100 * share)} %`;
+const units = (amount) => (amount >= 0.1 ? amount.toFixed(1) : amount.toPrecision(1));
+const signed = (value) => (value < 0 ? "−" : "") + Math.abs(value).toFixed(1);
+const upper = (text) => text[0].toUpperCase() + text.slice(1);
+const choosePolicy = ({ state }, which, label) =>
+  chooser(label, `policy-${which}`, state.known, state.policies[which]);
+
+// Colours of a scale from 0 to 1, which colour-blind readers can follow too (viridis)
+const SCALE = ["68 1 84", "59 82 139", "33 145 140", "94 201 98", "253 231 37"].map((rgb) =>
+  rgb.split(" ").map(Number),
+);
+function colourOf(share) {
+  const place = Math.min(Math.max(share, 0), 1) * (SCALE.length - 1);
+  const k = Math.min(Math.floor(place), SCALE.length - 2);
+  const mixed = SCALE[k].map((low, c) => Math.round(low + (place - k) * (SCALE[k + 1][c] - low)));
+  return `rgb(${mixed.join(" ")})`;
+}
+const GRADIENT = `linear-gradient(to right, ${[0, 0.25, 0.5, 0.75, 1].map(colourOf).join(", ")})`;
+
+// Squares in the colours of a map's values; null is left out.
+const heat = (values, colour, opacity = 0.85) =>
+  `<g fill-opacity="${opacity}" shape-rendering="crispEdges">${values
+    .flatMap((row, y) => row.map((each, x) => [each, x, y]))
+    .filter(([each]) => each !== null)
+    .map(([each, x, y]) => `<path d="M${x - 0.5} ${y - 0.5}${SQUARE}" fill="${colour(each)}"/>`)
+    .join("")}</g>`;
+const range = (values) => {
+  const known = values.flat().filter((each) => each !== null);
+  return [Math.min(...known), Math.max(...known)];
+};
+const ramp = (low, high, about) =>
+  `<div class="ramp"><span>${low}</span><i style="background: ${GRADIENT}"></i><span>${high}</span>
+    <small>${about}</small></div>`;
+
+// The outline of the cells of a map for which something holds
+function outline(rows, holds) {
+  const inside = (y, x) => rows[y]?.[x] !== undefined && holds(rows[y][x]);
+  let d = "";
+  rows.forEach((row, y) =>
+    [...row].forEach((_, x) => {
+      if (!inside(y, x)) return;
+      const [left, top] = [x - 0.5, y - 0.5];
+      if (!inside(y - 1, x)) d += `M${left} ${top}h1`;
+      if (!inside(y + 1, x)) d += `M${left} ${top + 1}h1`;
+      if (!inside(y, x - 1)) d += `M${left} ${top}v1`;
+      if (!inside(y, x + 1)) d += `M${left + 1} ${top}v1`;
+    }),
+  );
+  return `<path class="outline" d="${d}"/>`;
+}
+
+const average = ({ panel }) => {
+  if (!panel.many) return "";
+  const { missions, rows } = panel.many;
+  const cell = ([mean, low, high]) => `${mean} % <small>${low} to ${high}</small>`;
+  const line = ({ name, collected_and_landed: brought, landed, time_used: used }) =>
+    `<tr><th>${escaped(name)}</th><td>${cell(brought)}</td><td>${cell(landed)}</td>
+      <td>${used[0]} %</td></tr>`;
+  return `<table class="many"><caption>Means over ${missions} random missions, with 95 % intervals
+    </caption><tr><td></td><th>${term("collected and landed")}</th><th>${term("landed")}</th>
+    <th>time used</th></tr>${rows.map(line).join("")}</table>`;
+};
+const manyButton = button("100 missions", { kind: "many" }, 'data-busy="flying 100 missions …"');
+
+const HERE = { " ": "hover", l: "land" };
+const TOOLS = {
+  fly: {
+    title: "Fly",
+    html(scene) {
+      const { you, ghost, ranking, rival_name: rival } = scene.panel;
+      const key = (action, sign) =>
+        button(sign, { kind: "fly", action }, `class="${action}" aria-label="${action}"`);
+      const pad = `<div class="pad">${key("north", "↑")}${key("west", "←")}${key("hover", "hover")}
+        ${key("east", "→")}${key("south", "↓")}${key("land", "land")}</div>`;
+      const rank = (each, k) => `<tr><td>${k + 1}</td><td>${escaped(each.mission)}</td>
+        <td>${each.ahead >= 0 ? "+" : "−"}${Math.abs(each.ahead).toFixed(1)}</td>
+        <td>${each.landed ? each.collected.toFixed(1) : "crashed"}</td></tr>`;
+      const table = ranking.length
+        ? `<table class="ranking"><caption>Your flights in this session, the best first</caption>
+            <tr><th></th><th>mission</th><th>ahead by</th><th>data</th></tr>
+            ${ranking.map(rank).join("")}</table>`
+        : "";
+      const head = you.ended ? this.card(you, ghost, rival) : this.help(you, rival);
+      const known = scene.state.known.filter(([name]) => name !== "you");
+      return `${head}${pad}<div class="row">${button("Again", { kind: "again" })}
+        ${chooser("ghost", "policy-1", known, scene.panel.rival)}</div>${table}`;
+    },
+    help: (you, rival) =>
+      `<h2>${you.steps ? `${you.time_left} units of time left` : "Your flight"}</h2>
+      <p>Collect the ${term("data units", "data")} and land in blue in time. Arrow keys move, space
+      hovers, L lands. The pale ${term("UAV")} is ${who(rival)}.</p>`,
+    card(you, ghost, rival) {
+      const ahead = you.return - ghost.return;
+      const end = you.landed ? `You landed with ${you.collected.toFixed(1)} units.` : "You crashed.";
+      const other = ghost.landed ? `${ghost.collected.toFixed(1)} units` : "a crash";
+      const names = ahead > 0 ? "You win" : `${upper(escaped(rival))} wins`;
+      return `<div class="card" role="status"><h2>${Math.abs(ahead) < 0.05 ? "Level" : names}</h2>
+        <p>${end} ${upper(escaped(rival))}: ${other}. ${term("return", "Return")}:
+        ${you.return.toFixed(1)} against ${ghost.return.toFixed(1)}.</p></div>`;
+    },
+    // The ghost, as far as it has come at this time
+    over: ({ film }) => ghostPath(film.flights[1]),
+    keys: { ArrowUp: "north", ArrowRight: "east", ArrowDown: "south", ArrowLeft: "west", ...HERE },
+    moment(stage, { film }, time) {
+      const { place } = momentAt(film.flights[1], time);
+      stage.find(".ghost")?.setAttribute("transform", at(place));
+    },
+  },
+
+  compare: {
+    title: "Compare",
+    html(scene) {
+      const { verdict, why, parting, results } = scene.panel;
+      const duel = (name, wanted) =>
+        button(name, { kind: "duel", wanted }, 'data-busy="looking for a duel …"');
+      const [first, second] = results.map(({ name }) => escaped(name));
+      const line = (name, show) =>
+        `<tr><th>${name}</th>${results.map((each) => `<td>${show(each)}</td>`).join("")}</tr>`;
+      const brought = ({ landed, collected }) => (landed ? collected.toFixed(1) : "0, crashed");
+      const go = parting === null ? "" : button(`Show step ${parting}`, { show: parting });
+      return `<h2>${escaped(verdict)}</h2><p class="why">${escaped(why)}</p>
+        <div class="row">${go}</div>
+        <h3>Find a duel</h3><div class="row">${duel(`${first} wins`, 1)}
+        ${duel(`${second} wins`, -1)}${duel("nearly level", 0)}</div>
+        <div class="row">${choosePolicy(scene, 0, "left")}${choosePolicy(scene, 1, "right")}</div>
+        <table><tr><td></td>${results.map(({ name }) => `<th>${who(name)}</th>`).join("")}</tr>
+        ${line(`${term("data units", "data")} brought home`, brought)}
+        ${line("time used", ({ steps }) => steps)}
+        ${line(term("return"), (each) => each.return.toFixed(1))}</table>
+        <div class="row">${manyButton}</div>${average(scene)}`;
+    },
+    over({ film, panel }, k) {
+      if (panel.parting === null) return "";
+      const { path } = film.flights[k];
+      const [row, col] = path[Math.min(panel.parting, path.length - 1)];
+      return `<circle class="parting" cx="${col}" cy="${row}" r=".75"/>`;
+    },
+  },
+
+  think: {
+    title: "Think",
+    html(scene) {
+      const { panel } = scene;
+      if (panel.agent === null) {
+        return `<h2>No agent knows this city</h2><p>Choose another city, or paint one of at most 16
+          by 16 cells: the ${term("agent")} for any city flies there.</p>`;
+      }
+      const layers = ["none", ...SEEN, "value", "saliency"].map((name) => [name, name]);
+      const close = panel.gaps[panel.closest].toFixed(2);
+      return `<p class="says-why" role="status"></p><h3>${term("Q-value", "Q-values")}: less than the
+        best action</h3><div class="q"></div>
+        <div class="row">${button("Closest call", { show: panel.closest })}
+        <small>step ${panel.closest}: a gap of ${close}</small></div>
+        <div class="row">${chooser("layer", "layer", layers, stage_layer.name)}
+        <label><input type="checkbox" data-set="centred" ${stage_layer.centred ? "checked" : ""}>
+        centred, as it sees it</label></div><div class="layer-scale"></div>
+        <p class="meaning"></p>
+        <div class="row">${choosePolicy(scene, 0, "who thinks")}</div>`;
+    },
+    over: () => '<g class="layer"></g>',
+    moment(stage, { panel, film, state }, time) {
+      if (panel.agent === null) return;
+      const step = Math.min(Math.floor(time + 1e-9), panel.q.length - 1);
+      stage.say(".says-why", `Next: ${panel.says[step]}`);
+      const values = panel.q[step];
+      const best = Math.max(...values.filter((each) => each !== null));
+      const most = Math.max(0.5, ...values.map((each) => (each === null ? 0 : best - each)));
+      const bar = (value, k) => {
+        const name = panel.actions[k];
+        if (value === null) return `<div><span>${name}</span><i></i><b>not allowed</b></div>`;
+        const width = (100 * (best - value)) / most;
+        const text = value === best ? `best: ${best.toFixed(1)}` : `−${(best - value).toFixed(2)}`;
+        return `<div class="${value === best ? "best" : ""}"><span>${name}</span>
+          <i><u style="width: ${width}%"></u></i><b>${text}</b></div>`;
+      };
+      stage.fill(".q", values.map(bar).join(""));
+      this.layer(stage, { panel, film, state }, step, time);
+    },
+    layer(stage, { panel, film }, step, time) {
+      const { name, centred } = stage_layer;
+      const here = film.flights[0].path[step];
+      stage.centre(centred ? momentAt(film.flights[0], time).place : null);
+      const group = stage.find(".layer");
+      stage.find(".main").classList.toggle("layered", name !== "none");
+      if (!group) return;
+      if (name === "none") group.innerHTML = "";
+      else if (SEEN.includes(name)) group.innerHTML = seenLayer(film, name, step);
+      else if (panel.layer?.name === name) {
+        const [least, high] = range(panel.layer.values);
+        const low = Math.max(least, high - FAR);
+        const colour = (value) => colourOf((value - low) / (high - low || 1));
+        group.innerHTML = heat(panel.layer.values, colour, name === "value" ? 0.85 : 0.75);
+        const lowest = `${signed(low)}${low > least ? " or less" : ""}`;
+        const sign = ramp(lowest, signed(high), `${name}: ${WORDS[name]}`);
+        stage.fill(".layer-scale", sign);
+      }
+      if (centred) group.innerHTML += outside(film.city.length, name);
+      if (!["value", "saliency"].includes(name)) stage.fill(".layer-scale", "");
+      const asked = panel.layer?.name === name && panel.layer.step === step;
+      const needed = ["value", "saliency"].includes(name) && !asked;
+      if (needed && here) stage.askWhenFree({ kind: "layer", name, step });
+      stage.say(".meaning", MEANINGS[name] ?? (centred ? CENTRED : ""));
+    },
+  },
+
+  channel: {
+    title: "Channel",
+    html(scene) {
+      const { panel, state } = scene;
+      const device = (_, k) =>
+        button(`device ${k}`, { kind: "look", device: k }, `aria-pressed="${k === panel.device}"`);
+      const [low, high] = dataRange(panel);
+      return `<p class="sentence" role="status"></p><table class="ledger"></table>
+        <div class="row">${state.devices.map(device).join("")}</div>
+        ${ramp(`${low} dB`.replace("-", "−"), `${high} dB`, `${upper(term("SNR"))} from device
+          ${panel.device} over each cell, without ${term("fading")}. Outlined: the
+          ${term("shadow", "shadows")} of buildings.`)}`;
+    },
+    under({ panel }) {
+      const [low, high] = dataRange(panel);
+      return heat(panel.snr, (value) => colourOf((value - low) / (high - low)), 0.9);
+    },
+    over: ({ panel }) =>
+      `${outline(panel.building, (each) => each > 0)}<path class="ray"/><path class="lost"/>`,
+    point(stage, scene, cell) {
+      const { panel, state, film } = scene;
+      const [row, col] = cell ?? dearest(panel, film.city);
+      const [y, x] = state.devices[panel.device].cell;
+      const cost = panel.building[row][col];
+      stage.find(".ray")?.setAttribute("d", `M${x} ${y}L${col} ${row}`);
+      stage.find(".ray")?.classList.toggle("blocked", cost > 0);
+      const rate = `${units(panel.rate[row][col])} units a ${term("slot")}`;
+      const free = Math.log2(1 + 10 ** ((panel.snr[row][col] + cost) / 10));
+      const where = `Row ${row}, column ${col}`;
+      const there = KINDS[film.city[row][col]]?.name ?? "open ground";
+      const costs = `Behind a building: it costs ${cost.toFixed(1)} ${term("dB")}.`;
+      const [head, instead] = cost > 0 ? [costs, ` instead of ${units(free)}`] : ["In sight.", ""];
+      stage.fill(".sentence", `<b>${head}</b> ${where}, ${there}: ${rate}${instead}.`);
+      const line = (name, value) => `<tr><th>${name}</th><td>${value} dB</td></tr>`;
+      const metres = panel.distance[row][col].toFixed(0);
+      const lines = [
+        ["signal at 1 m", signed(panel.transmit)],
+        [`path loss over ${metres} m`, `−${signed(panel.path_loss[row][col])}`],
+        ["buildings in between", `−${signed(cost)}`],
+        [term("SNR"), signed(panel.snr[row][col])],
+        [term("fading"), `± ${panel.fading[Number(cost > 0)]}`],
+      ];
+      stage.fill(".ledger", lines.map((each) => line(...each)).join(""));
+    },
+  },
+
+  paint: {
+    title: "Paint",
+    html(scene) {
+      const swatch = ([sign, { name }]) => `<button type="button" class="swatch" data-sign="${sign}"
+        aria-pressed="${sign === brush.sign}"><svg viewBox="-.6 -.6 1.2 1.2"><path class="paper"
+        d="M-.5 -.5${SQUARE}"/>${sign === "." ? "" : cells([sign], sign)}</svg>
+        ${name.split(":")[0]}</button>`;
+      const all = [[".", { name: "open ground" }], ...Object.entries(KINDS)];
+      return `<h2>Paint the city</h2><p>Draw with the pointer. Violet: what a device under the pointer
+        could not be seen from, its ${term("shadow")}.</p>
+        <div class="swatches">${all.map(swatch).join("")}</div>
+        <div class="row">${manyButton}${button("Save as PNG", { kind: "save", what: "png" })}</div>
+        ${average(scene)}
+        <div class="row">${choosePolicy(scene, 0, "first")}${choosePolicy(scene, 1, "second")}</div>`;
+    },
+    over: () => '<path class="shadow live"/><path class="fresh"/>',
+    point(stage, scene, cell) {
+      if (!cell || brush.cells) return;
+      const { shadow: known } = scene.panel;
+      if (known && String(known.cell) === String(cell)) {
+        stage.find(".live")?.setAttribute("d", tiles(known.rows, "#", SQUARE));
+      } else stage.askWhenFree({ kind: "shadow", cell });
+    },
+  },
+
+  train: {
+    title: "Train",
+    html(scene) {
+      const { settings, runs, running, largest, finished, error } = scene.panel;
+      const known = Object.entries(settings).map(([name, [title]]) => [name, title]);
+      const own = chosen.train;
+      const go = running
+        ? button("Pause", { kind: "pause" })
+        : `${runs.length && !finished ? button("Go on", { kind: "train", settings: [] }) : ""}
+          <button type="button" class="begin">${runs.length ? "New race" : "Start"}</button>`;
+      const large = scene.film.city.length > largest;
+      const where = large ? "A city of this size takes minutes to learn: they race over the village." : "";
+      const rival = own[1] ? `<br>${escaped(settings[own[1]][1])}` : "";
+      const shown = CURVES.map((name) => [name, name.replaceAll("_", " ")]);
+      const metric = term(chosen.metric.replaceAll("_", " "));
+      return `<div class="row"><span class="key blue"></span>${chooser("blue", "blue", known, own[0])}
+        <span class="key orange"></span>
+        ${chooser("orange", "orange", [["", "nobody"], ...known], own[1])}</div>
+        <p class="setting">${escaped(settings[own[0]][1])}${rival}</p><p>${where}</p>
+        <div class="row">${go}${chooser("shown", "metric", shown, chosen.metric)}</div>
+        <p role="alert">${escaped(error ?? "")}</p>
+        ${runs.length ? curves(scene.panel, chosen.metric) : ""}
+        <p>Shown: ${metric}, over 60 missions that it does not learn from.
+        ${runs.length ? "Press a point to see that agent fly." : ""}</p>`;
+    },
+  },
+};
+
+const CURVES = ["collected_and_landed", "collected", "landed", "return"];
+const brush = { sign: "B", cells: null }; // cells: those of the stroke that is being painted
+const chosen = { train: ["small", "no fear"], metric: "collected_and_landed" };
+const stage_layer = { name: "none", centred: false };
+const FAR = 15; // below the best value; the colours do not tell what is farther
+const SEEN = ["landing zone", "no-fly zone", "buildings", "data left", "data collected"];
+const CENTRED = "The network sees all layers shifted so that the UAV is in the middle.";
+const MEANINGS = {
+  "landing zone": "One of five layers that the network sees: where it may land.",
+  "no-fly zone": "One of five layers: where it may not fly. Outside of the city, too.",
+  buildings: "One of five layers: what blocks the radio link.",
+  "data left": "One of five layers: data still to be collected, in the cells of the devices.",
+  "data collected": "One of five layers: data that it has collected, in the same cells.",
+};
+
+// What the network sees of the city in one of its layers
+function seenLayer({ city, devices, flights }, name, step) {
+  const signs = { "landing zone": "L", "no-fly zone": "NB", buildings: "bB" }[name] ?? "";
+  const rows = city.map((row) => [...row]);
+  const layer = heat(rows, (sign) => (signs.includes(sign) ? "#0072b2" : "#8883"), 1);
+  if (signs) return layer;
+  const [now, first] = [flights[0].left[step], flights[0].left[0]];
+  const most = Math.max(...first.slice(0, -1));
+  const full = devices.map(({ cell: [row, col] }, k) => {
+    const amount = name === "data left" ? now[k] : first[k] - now[k];
+    const square = `M${col - 0.5} ${row - 0.5}${SQUARE}`;
+    return `<path d="${square}" fill="#0072b2" fill-opacity="${amount / most}"/>`;
+  });
+  return layer + full.join("");
+}
+
+// All around a city of this size lies a no-fly zone, as far as the network sees
+function outside(size, name) {
+  const around = `M${-size} ${-size}h${3 * size}v${3 * size}h${-3 * size}z`;
+  const d = `${around}M-.5 -.5v${size}h${size}v${-size}z`;
+  return `<path class="outside" d="${d}" fill="${name === "no-fly zone" ? "#0072b2" : "#d6333f"}"/>`;
+}
+
+// The SNRs between which the colours lie: steps of 10 dB
+function dataRange({ snr }) {
+  const [low, high] = range(snr);
+  return [Math.floor(low / 10) * 10, Math.ceil(high / 10) * 10];
+}
+
+// The cell over which the UAV may fly and a building costs most data, to begin with
+function dearest({ building, snr }, city) {
+  let [most, found] = [-1, [0, 0]];
+  building.forEach((row, y) =>
+    row.forEach((cost, x) => {
+      const lost = Math.log2(1 + 10 ** ((snr[y][x] + cost) / 10)) - Math.log2(1 + 10 ** (snr[y][x] / 10));
+      if (lost > most && !"NB".includes(city[y][x])) [most, found] = [lost, [y, x]];
+    }),
+  );
+  return found;
+}
+
+// A faint line along the cells of a flight, and the UAV that flies it
+function ghostPath(flight) {
+  const d = flight.path.map(([row, col], k) => `${k ? "L" : "M"}${col} ${row}`).join("");
+  return `<path class="ghost-path" d="${d}"/><g class="uav ghost">${UAV}</g>`;
+}
+
+// The curves of a race: points by steps, each a button
+function curves({ runs, steps, point }, metric) {
+  const [width, height, left, bottom] = [420, 230, 44, 26];
+  const all = runs.flatMap(({ points }) => points.map((each) => each[metric]));
+  const share = metric !== "return";
+  const [low, high] = share ? [0, 1] : [Math.min(0, ...all), Math.max(1, ...all)];
+  const last = runs.flatMap(({ points }) => points.slice(-1)).map((each) => each.steps);
+  const most = Math.min(steps, 4000 + 1.2 * Math.max(0, ...last)); // the axis grows with the race
+  const x = (at) => left + ((width - left - 12) * at) / most;
+  const y = (value) => 10 + ((height - bottom - 10) * (high - value)) / (high - low);
+  const name = (value) => (share ? percent(value) : value.toFixed(0));
+  const ticks = [low, (low + high) / 2, high].map(
+    (tick) => `<path class="grid" d="M${left} ${y(tick)}H${width - 12}"/>
+      <text x="${left - 6}" y="${y(tick)}" text-anchor="end">${name(tick)}</text>`,
+  );
+  const line = ({ points, title }, k) => {
+    const colour = ["blue", "orange"][k];
+    const d = points.map((each, n) => `${n ? "L" : "M"}${x(each.steps)} ${y(each[metric])}`).join("");
+    const dot = (each, n) => {
+      const about = `${title}, after ${each.steps} steps: ${name(each[metric])}`;
+      const on = point?.[0] === k && point[1] === n;
+      const ask = escaped(JSON.stringify({ kind: "point", run: k, point: n }));
+      const [r, mark] = on ? [8, "on"] : [4.5, ""];
+      const place = `cx="${x(each.steps)}" cy="${y(each[metric])}" r="${r}"`;
+      return `<circle class="dot ${mark}" ${place} role="button" tabindex="0" data-ask="${ask}"
+        aria-label="${about}"><title>${about}</title></circle>`;
+    };
+    return `<g class="${colour}"><path class="curve" d="${d}"/>${points.map(dot).join("")}</g>`;
+  };
+  return `<svg class="curves" viewBox="0 0 ${width} ${height}" role="group" aria-label="curves">
+    ${ticks.join("")}<text x="${width - 12}" y="${height - 8}" text-anchor="end">${Math.round(most)} steps</text>
+    <text x="${left}" y="${height - 8}">0</text>${runs.map(line).join("")}</svg>`;
+}
