@@ -8,6 +8,7 @@ import json
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -246,7 +247,7 @@ def load_mission(path: str | Path) -> Mission:
         raise InputError(f"{path}: {error}") from None
 
 
-def mission_from_json(values: object) -> Mission:
+def mission_from_json(values: Any) -> Mission:
     """The mission that a file holds; `InputError` names the entry that is wrong."""
     _check(values)
     return Mission(

@@ -22,7 +22,7 @@ from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import load_city
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import FunctionPolicy, evaluate
+from uavdh_lite.evaluation import FunctionPolicy, Policy, evaluate
 from uavdh_lite.policies import find_policy, known_policies
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import write_json
@@ -100,7 +100,7 @@ def fly_submission(submission: str, challenge: str, answer: str) -> None:
         function = runpy.run_path(submission).get("policy")
         if not callable(function):
             raise InputError(f"{submission} has no function policy(environment, state)")
-        policy = FunctionPolicy(lambda state: function(environment, state))
+        policy: Policy = FunctionPolicy(lambda state: function(environment, state))
     elif submission in known_policies():
         policy = find_policy(submission, environment)
     else:
