@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from uavdh_lite.agent import Agent
+from uavdh_lite.beyond.recipes import ImitationRecipe
 from uavdh_lite.checkpoint import shipped_agents
 from uavdh_lite.environment import ACTIONS, HOVER, LAND, State
 from uavdh_lite.evaluation import Trajectory
@@ -38,7 +39,10 @@ def states_of(flight: Trajectory) -> State:
 
 
 def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
-    """The Q-values of each step, None where an action is not allowed, and sentences."""
+    """The values of each step, None where an action is not allowed, and sentences.
+
+    They are Q-values, or the scores of an agent that copies a planner.
+    """
     name = agent_of(stage, hangar)
     if name is None:
         return {"agent": None}
@@ -50,6 +54,7 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
     gaps = ordered[:, -1] - ordered[:, -2]
     return {
         "agent": title(name),
+        "number": "score" if isinstance(agent.recipe, ImitationRecipe) else "Q-value",
         "actions": list(ACTIONS),
         "q": grid(values, 3),
         "gaps": np.round(np.where(np.isfinite(gaps), gaps, 999), 3).tolist(),
@@ -80,9 +85,9 @@ def _because(hangar: Hangar, flight: Trajectory, values: np.ndarray, step: int) 
     if np.isnan(second):
         return f"{name}, because nothing else is allowed in time."
     gap = best - second
-    call = "a close call: only" if gap < CLOSE else "it expects"
+    call = "a close call, only " if gap < CLOSE else ""
     more = f"{gap:.1f}" if gap >= 1 else f"{gap:.2f}"
-    return f"{name}, because {reason}; {call} {more} more than from {ACTIONS[order[1]]}."
+    return f"{name}, because {reason}; {call}{more} ahead of {ACTIONS[order[1]]}."
 
 
 def layer(stage: Stage, hangar: Hangar, name: str, step: int) -> dict[str, Any] | None:

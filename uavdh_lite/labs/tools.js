@@ -11,11 +11,12 @@ const WORDS = {
   landed: "the share of missions that ended in the landing zone in time",
   fading: "luck of the radio link: the same draws for all who fly a mission",
   "Q-value": "the return that the agent expects from here on if it takes this action now",
+  score: "how surely the planner that the agent copied would take this action",
   SNR: "signal-to-noise ratio: how far the signal is above the noise, in decibels",
   dB: "decibels, a logarithmic scale: 10 dB are ten times, 20 dB a hundred times",
   slot: "a quarter of a step; each goes to the device that is heard best",
-  saliency: "how much the best Q-value depends on each cell that the network sees",
-  value: "the best Q-value if the UAV were over that cell now",
+  saliency: "how much the best value depends on each cell that the network sees",
+  value: "the best value if the UAV were over that cell now",
   "collected and landed": "the share of the data that was brought home; 0 after a crash",
   collected: "the share of the data that was collected, landed or not",
   genie: "a planner that searches with full knowledge; no agent can know so much",
@@ -184,7 +185,7 @@ const TOOLS = {
       }
       const layers = ["none", ...SEEN, "value", "saliency"].map((name) => [name, name]);
       const close = panel.gaps[panel.closest].toFixed(2);
-      return `<p class="says-why" role="status"></p><h3>${term("Q-value", "Q-values")}: less than the
+      return `<p class="says-why" role="status"></p><h3>${term(panel.number, `${panel.number}s`)}: less than the
         best action</h3><div class="q"></div>
         <div class="row">${button("Closest call", { show: panel.closest })}
         <small>step ${panel.closest}: a gap of ${close}</small></div>
