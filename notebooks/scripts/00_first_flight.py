@@ -76,8 +76,8 @@ trajectory_figure(environment, flights.trajectory(0))
 # - Each **cross** is a device. The number beside it is the data it holds at the start. In the player above, the number
 #   on a device is its name.
 # - Each **arrow** is one unit of time. Its colour names the device that sent most during that step. Black means that
-#   nobody sent. A **ring** marks hovering.
-# - A **thick** arrow means much data, a thin one little.
+#   no device sent. A **ring** marks hovering.
+# - A **thick** arrow means a lot of data, a thin one only a little.
 # - **Violet** cells lie in the radio shadow of buildings. The deeper the violet, the more devices are hidden there.
 #
 # Follow the arrows. The agent empties device 4, the red-orange one, in passing and from a distance. It never flies there.
@@ -150,7 +150,7 @@ trajectory_figure(environment, flights.trajectory(0))
 #
 # - **greedy** flies to the nearest device that still has data. When the time is just enough for the way home, it turns
 #   back. It does not learn. It was given a street map and this rule.
-# - **random** picks one of the six actions by chance, again and again.
+# - **random** picks one of the six actions at random, again and again.
 #
 # All three fly the hurried mission. Press play:
 
@@ -207,7 +207,7 @@ for metric in scores["random"]:
 # being near a device brings data, what the landing zones are for, and when to turn back.
 #
 # Nothing forces the agent to land, so now and then it fails. Here is the saddest of its flights, the crash with the
-# most data on board:
+# largest share of the data on board:
 
 # %%
 own = scores["manhattan_ddqn"]
@@ -216,7 +216,7 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(saddest))
 
 # %% [markdown]
 # The red star marks the crash. The caption says how much data the agent had, and still the score of this flight is 0.
-# What is learned from examples can be wrong in a situation that was rare among them.
+# An agent that learns from examples can go wrong in situations that it has rarely seen.
 #
 # ## 0.6 What the agent knows
 #

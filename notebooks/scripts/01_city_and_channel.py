@@ -4,7 +4,7 @@
 # **A device waits in the street. Where should the UAV hover to fetch its data?**
 #
 # The cell below draws the answer for one device, the white cross. Over a yellow cell the UAV gets data quickly, over a
-# dark one hardly any. In half an hour you will be able to compute every colour in it.
+# dark one hardly any. At the end you will be able to compute every colour in it.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -37,7 +37,7 @@ figure
 # | **What you'll learn** | Decibels, path loss with and without line of sight, the link budget, Shannon's rate, shadow fading |
 # | **What you'll need** | Notebook 0, logarithms, the normal distribution. 38 minutes to read, 10 seconds to run; 25 minutes of exercises |
 #
-# The bright part is no disc. It reaches far down two streets and stops at every corner. Buildings do that.
+# The bright area is not a disc. It reaches far down two streets and stops at every corner. Buildings do that.
 #
 # ## 1.1 Three layers
 #
@@ -173,8 +173,8 @@ for distance in (0, 10, 20, 30, 100):
 # number of decibels with mean 0, anew in every slot and for every device. Its variance is 2 dB² in sight and 5 dB² behind
 # a building.
 #
-# A random generator wants the *standard deviation*, the square root of the variance. Mixing them up is an
-# easy mistake. Here are many slots at 30 m in sight:
+# A random number generator expects the *standard deviation*, the square root of the variance. Mixing them up is an
+# easy mistake. Draw many slots at 30 m in sight:
 
 # %%
 fading_db = np.random.default_rng(0).normal(0, np.sqrt(2), 20_000)
@@ -244,7 +244,7 @@ for name, ground, exponent in (
 # - Three yes-or-no layers describe the city.
 # - The SNR in dB is the link budget, minus $10\,\alpha_l \log_{10} d$, plus luck.
 # - A slot carries $\log_2(1 + \mathrm{SNR})$ data units, and a step has four slots.
-# - From 10 m on, a building costs more than nine tenths of the data.
+# - At 10 m or more, a building costs more than nine tenths of the data.
 # - Fading is luck in decibels. On average it helps a little, because the rate is convex.
 #
 # ## Exercises

@@ -4,7 +4,7 @@
 # **Where must the UAV be to see a device, and how can a program know?**
 #
 # The cell below puts a device at the cross. Over a violet cell a building stands in the way. To colour this map, a program
-# follows one straight ray to each cell and asks what it crosses. The hard part is to ask without ever being wrong.
+# follows one straight ray to each cell and asks what it crosses. The hard part is to get the answer right every time.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -112,7 +112,7 @@ print(crossed.astype(int))
 assert (np.argwhere(crossed) == crossed_cells(R, C)).all()
 
 # %% [markdown]
-# A line goes on for ever, but a ray ends. So only cells in the rectangle between its ends are asked.
+# A line goes on for ever, but our ray ends at the UAV. So we test only the cells in the rectangle between its ends.
 #
 # All of these numbers are whole, and nothing is rounded. That matters. The ray to (7, 25) passes exactly through the point at
 # row 3.5 and column 12.5, the corner of four cells. In ordinary floating-point numbers `7 / 25 * 12.5` is
@@ -228,7 +228,7 @@ assert 0.05 < share < 0.2
 
 # %% [markdown]
 # Rounding is to blame. Seen from the other end, the same line is rounded to other cells, and may run into a building there.
-# Radio knows no such direction.
+# Radio works the same both ways.
 #
 # Does it matter to an agent? We do not know, because we trained none with Bresenham's shadows.
 #

@@ -249,7 +249,7 @@ assert all(flown["by hand"].returns > each.returns + 5 for each in list(flown.va
 # - A step is a pure function of state, action and fading. That is a Markov decision process.
 # - The reward pays for data and charges for steps, interventions and a crash.
 # - In each of four slots the loudest device with data left sends.
-# - The return is the sum of all rewards. Learning means to raise it.
+# - The return is the sum of all rewards. Learning means raising it.
 #
 # ## Exercises
 #

@@ -42,8 +42,8 @@ draw_maps(dict(zip(LAYERS, maps[0])))
 #
 # ## 4.1 The layers
 #
-# Each picture is a **layer** of the map. Three show the city. Two show the data: how much each device still has, and how
-# much the UAV has collected from it. The last one is empty because the flight has not begun.
+# Each picture is a **layer** of the map. Three show the city. Two show the data: what each device still has, and what
+# the UAV has collected. The last one is empty because the flight has not begun.
 #
 # The UAV is always in the middle of the picture. This is **map centring**, the paper's main idea.
 
@@ -107,7 +107,7 @@ figure.legend(loc="outside right upper", fontsize="small");
 
 # %% [markdown]
 # A clock that shows little sends most UAVs home with little data. A clock that shows much lets them collect it, and then
-# they crash. No stopped clock comes near the black line.
+# they crash. No green point comes near the black line.
 #
 # ## 4.3 Two frames
 #
@@ -159,7 +159,7 @@ result = (windows * weights).sum(axis=(2, 3))
 draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, numbers=True)
 
 # %% [markdown]
-# Blue marks western edges and red eastern ones. The window fits in at four places a side, so the picture has shrunk.
+# Blue marks western edges and red eastern ones. The window fits in only four positions a side, so the result is smaller.
 #
 # Several neurons with the same inputs are a **layer** of the network. It is **fully connected** if each has a weight for
 # every input. Two layers in a row could do no more than one, because a sum of sums is a sum. So something bends in
@@ -263,7 +263,7 @@ draw_maps({f"a neuron's weights, {frame}": neuron.weight[0, :961].detach().view(
 #
 # - The agent sees five layers and the time that is left. With a stopped clock it cannot plan its way home.
 # - Centring puts the UAV in the middle of a frame of $2M-1$ cells. Outside the city everything is no-fly zone.
-# - A neuron is a weighted sum. A convolution moves one neuron across a picture. A ReLU bends.
+# - A neuron is a weighted sum. A convolution moves one neuron across a picture. A ReLU puts a kink in the line.
 # - Gradient descent moves each weight a little against the slope of the loss.
 # - Centred weights mean relative places, so one weighted sum can tell what is near.
 #

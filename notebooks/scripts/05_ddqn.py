@@ -87,8 +87,8 @@ from uavdh_lite.plotting import draw_maps
 draw_maps({f"flights: {n}": fly(n)[0] for n in (1, 3, 100)}, numbers=True)
 
 # %% [markdown]
-# Each picture shows the largest Q-value of every cell. After one flight only the last cell before the device knows that
-# something good is near. Each further flight spreads the news. In the end, uphill leads to the device. So a number knows
+# Each picture shows every cell's largest Q-value. After one flight only the last cell before the device knows that
+# something good is near. Each further flight spreads the news. In the end, going uphill leads to the device. So a number knows
 # the far future because its neighbours do.
 #
 # ### The discount
@@ -99,10 +99,9 @@ draw_maps({f"flights: {n}": fly(n)[0] for n in (1, 3, 100)}, numbers=True)
 draw_maps({f"γ = {gamma}": fly(300, gamma)[0] for gamma in (0.5, 0.95, 1.0)}, numbers=True)
 
 # %% [markdown]
-# With $\gamma=0.5$ the far corner hardly sees the device. With $\gamma=1$ it counts in full, less the price of the
-# way. The agent has 0.95. So a crash that costs 150 and is 40 steps ahead counts $150\cdot0.95^{40}\approx19$.
+# With $\gamma=0.5$ the far corner hardly sees the device. With $\gamma=1$ it counts in full. The agent has 0.95. So a crash that costs 150 and is 40 steps ahead counts $150\cdot0.95^{40}\approx19$.
 #
-# After the end of an episode comes nothing, so the target is $y=r$ alone. In our table a mistake here would do no harm,
+# Nothing comes after the end of an episode, so the target is $y=r$ alone. In our table a mistake here would do no harm,
 # since the last cell keeps its zeros. But a network has *some* number for every state.
 #
 # ## 5.2 A network in the table's place
@@ -188,7 +187,7 @@ ax.set(xlabel="steps of learning", ylabel="value of the start cell", yscale="sym
 assert min(path[-1] for _, path in copies) > 100 > max(path[-1] for _, path in calm)
 
 # %% [markdown]
-# On this scale each mark is ten times the one before. With $\tau=1$ all three runs climb. With 0.05 all three settle. Do
+# On this scale each mark from 1 on is ten times the one before. With $\tau=1$ all three runs climb. With 0.05 all three settle. Do
 # they settle at the right values?
 
 # %%
@@ -197,7 +196,7 @@ values = calm[0][0](cells).detach().amax(1).view(4, 4).numpy()
 draw_maps({"the table": fly(300)[0], "the network": values}, numbers=True)
 
 # %% [markdown]
-# They do, even in cell (1, 1), which the network never saw. Only the device's own cell differs, where the episode is over.
+# They nearly do, even in cell (1, 1), which the network never saw. Only the device's own cell is far off, where the episode is over.
 #
 # ## 5.4 Exploring
 #

@@ -1,7 +1,7 @@
 # %% [markdown]
 # # 6 · Training
 #
-# Two agents fly the same mission below. Both were trained with the same recipe. The left one had 300,000 steps to learn,
+# Two agents fly the same mission below. Both were trained with the recipe `lite`. The left one had 300,000 steps to learn,
 # the right one four million. **What happens in all these steps, and how do you see that it goes well?**
 
 # %% tags=["remove-cell"]
@@ -77,7 +77,7 @@ for k, name in enumerate(("act", "step", "add", "sample", "update")):
     ax.annotate("", around[k + 1], around[k], arrowprops=arrow)
 
 # %% [markdown]
-# Two lines more are worth a look. `_restart_ended` replaces an episode that is over by a new random mission, so the agent
+# Two more lines are worth a look. `_restart_ended` replaces an episode that is over by a new random mission, so the agent
 # meets no mission twice and cannot learn one by heart. And until the memory holds `replay_prefill` steps, the agent
 # flies at random and learns nothing. Without that, the first minibatches would all be drawn from the same few steps.
 #
@@ -152,7 +152,7 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 
 # %% [markdown]
 # Early on the **return** dives while **collected** rises. The agent learns to fly far before it learns to be home in
-# time: look at **landed**. Each crash counts 150 in this curve. Later both come right.
+# time: look at **landed**. Each crash counts 150 in this curve. Later both recover.
 #
 # Everybody looks at the **loss** first, and it says least. It measures how far the Q-values are from their targets, and
 # the targets move. Here it rises for a while as the agent gets better. Perhaps an agent that dares more has more to
@@ -180,7 +180,7 @@ for variant in ("all", "without_crash_reward"):
 # The row `all` is `lite` as it is. With the large penalty all three agents land safely and leave most of the data where it
 # is. Landing early is the surest way not to crash, and an agent that lands early never sees what flying would bring.
 #
-# **The agent that never lands.** If a crash costs nothing, hardly anything speaks for the way home. Try it in the
+# **The agent that never lands.** If a crash costs nothing, there is hardly any reason to fly home. Try it in the
 # village:
 
 # %%
@@ -218,7 +218,7 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 #
 # If the episode ends within these steps, the sum ends there, without a $Q$.
 #
-# The **paper's own recipe** makes an update for every single step. A million of them take a day or more on two cores. The
+# The **paper's own recipe** makes an update for every single step, once 25,000 random steps have filled its memory. A million of them take a day or more on two cores. The
 # picture shows as much of such a run as is recorded. The curves are *training* flights again, and each recipe explores in
 # its own way.
 

@@ -178,8 +178,8 @@ for name, values in share.items():
     print("{:<15} {:6.1%}, from {:.1%} to {:.1%}".format(name, *bootstrap_interval(values)))
 
 # %% [markdown]
-# Now the 96 % look different. The agent is far better than chance, but a simple rule does as well. The intervals here are
-# over missions. The *bootstrap* makes them: it draws the missions again, many times, and looks how the mean varies.
+# Now the 96 % look different. The agent is far better than chance, but a simple rule does at least as well. The intervals here are
+# over missions. The *bootstrap* makes them: it draws the missions again, many times, and looks at how much the mean varies.
 #
 # ### Paired differences
 #

@@ -146,8 +146,8 @@ figure
 # $$\max_k \min(\delta \cdot R_k,\; \text{data left}_k)$$
 #
 # Around each device lies a bright spot with dark wedges: the shadows of notebook 2. *Way home* and *way there* count moves, from
-# the landing zones and from the UAV. Both flow around buildings. None of this is new knowledge. A patient reader could work it
-# out from the other layers, and so could a network, in time.
+# the landing zones and from the UAV. Both flow around buildings. Whoever knows the city and the constants of the channel can work
+# all of it out before the flight. A network has to find it out by flying.
 
 # %%
 Quiz("what_may_be_told")
@@ -167,7 +167,7 @@ arrows = np.array(list("↑→↓←○L"))
 print("".join(arrows[plan.actions[: (plan.actions != 5).sum() + 1]]))
 
 # %% [markdown]
-# That is a whole flight: arrows are moves, a ring is hovering, and L is the landing. Each state on the way, with the
+# That is a whole flight: arrows are moves, and L is the landing. Each state on the way, with the
 # genie's action, is a *labelled example*. The network gives a score to each action, and a softmax turns scores into probabilities $\pi(a \mid s)$. The loss is the
 # *cross-entropy*, the surprise about what the genie did:
 #
@@ -215,7 +215,8 @@ Quiz("why_own_starts")
 #
 # ## 10.5 What each way is worth
 #
-# Here are the validations of the recorded runs over the minutes that they took, all on the same machine:
+# Here are the validations of the recorded runs over their steps. For the upper four a step is one of the environment, for the
+# lower four it is a label, which takes about twice as long:
 
 # %%
 from uavdh_lite.evaluation import fly
@@ -234,9 +235,9 @@ for way, colour in WAYS.items():
     for seed in range(3):
         run = (study["variant"] == way) & (study["seed"] == seed)
         label = way.replace("_", " + ") if seed == 0 else None
-        ax.plot(study["seconds"][run] / 60, study["return"][run], style, color=colour, label=label)
+        ax.plot(study["steps"][run], study["return"][run], style, color=colour, label=label)
 ax.axhline(greedy, color="grey", lw=1, ls=":", label="greedy")
-ax.set(xlabel="minutes of training on one core", ylabel="return in validation")
+ax.set(xlabel="steps", ylabel="return in validation")
 ax.legend(fontsize="small", loc="lower right", ncols=2)
 figure
 
@@ -252,8 +253,8 @@ print(f"{'greedy':<24}{greedy:8.1f}")
 #   little. Even the copies still crash in about one mission of ten.
 # - **Tell** helps the copies. Learning from reward gains nothing from it here: in a single city a network can also
 #   learn by heart what it is not told.
-# - **Copy** is ahead of learning from reward under the guarantee. Both collect about as much. The copy needs two thirds of the flying time
-#   for it, and the learner nearly all of it.
+# - **Copy** is ahead of learning from reward under the guarantee. With the told layers both collect about as much. The copy needs two thirds of
+#   the flying time for it, and the learner nearly all of it.
 #
 # Look at the dashed and the solid lines of one colour to compare copying with learning, and at the colours to see what the
 # guarantee and the told layers add. None of these short runs is ahead of greedy yet.
@@ -267,7 +268,7 @@ print(f"{'greedy':<24}{greedy:8.1f}")
 # the shortest way to a good agent. Where the channel can only be measured by flying, reward is all there is, and that is the problem
 # of the paper. So compare agents only with others that were told as much.
 #
-# Here is the whole table once more, for agents that you can load, on 300 missions that neither of them has seen:
+# Here are two agents that you can load, on 300 missions that are new to both:
 
 # %%
 agents = {"manhattan_ddqn": "reward, no more", "manhattan": "guarantee, tell, copy"}
@@ -294,4 +295,4 @@ for name, knows in agents.items():
 #
 # - Ross, Gordon and Bagnell, [*A reduction of imitation learning and structured prediction to no-regret online
 #   learning*](https://arxiv.org/abs/1011.0686), AISTATS 2011: DAgger.
-# - The results page *Four ways to knowledge* of this site has commands, seeds and what else was tried.
+# - [Four ways to knowledge](../docs/results/four_ways.md), a results page, has commands, seeds and what else was tried.

@@ -95,7 +95,7 @@ print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in b
 #
 # ## 11.2 Is one network enough?
 #
-# What has to change in the network? Nothing. Its maps have always shown buildings, no-fly zones and landing
+# What has to change in the network? Nothing: it is that of the agent `manhattan`, which copies a planner (notebook 10). Its maps have always shown buildings, no-fly zones and landing
 # zones. An agent with a single city can learn by heart what to do in each place, and need not look at
 # the buildings. An agent that wakes up in another city each time has to look.
 #
@@ -124,7 +124,7 @@ for name, record in records.items():
 # of what it learned holds elsewhere, too. But it falls well behind the agent that has learned in many cities. The
 # unknown streets are one reason. Its missions had narrower ranges than these, which may be another.
 #
-# The greedy rule is a strong rival here. It knows the shortest way between any two cells of any city, while the network has to see it.
+# The greedy rule is a strong rival here. It knows the shortest way between any two cells of any city.
 # Whether the difference between the two is luck is a question for 11.5.
 #
 # What helps an agent in a new city? Think of the map in two frames, in place and centred:
@@ -270,8 +270,9 @@ mean, low, high = bootstrap_interval(lead, groups=cities)
 print(f"ahead by {mean:+.1f} points ({low:+.1f} to {high:+.1f})")
 
 # %% [markdown]
-# Read the interval, and not only the mean. It is several points wide, although there were a hundred cities. To find a lead of
-# half a point takes thousands of missions over hundreds of cities. The results page of the site has 3000 over 300.
+# Read the interval, and not only the mean. It is several points wide, although there were a hundred cities. In 3000 other missions over
+# 300 cities the lead was gone: the results page has them. To find a lead of
+# half a point takes thousands of missions over hundreds of cities.
 #
 # ## 11.6 Where it fails
 #
@@ -293,8 +294,7 @@ figure
 # - Most of the time is used, and few arrows are to be seen. Then the arrows lie on top of one another. The UAV went back and forth,
 #   because to the network several cells looked equally good.
 # - Much time was left when it landed. Then it gave up, though there was data and time enough.
-# - The data lies behind walls or a no-fly zone, with a long way round. The greedy rule has that way in a table. The network has
-#   to find it by looking.
+# - The data lies behind walls or a no-fly zone, with a long way round. The greedy rule has that way in a table.
 #
 # Change `lead.argsort()` to `(-lead).argsort()`, and you see the missions in which greedy is furthest behind.
 #

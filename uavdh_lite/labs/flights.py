@@ -22,7 +22,7 @@ def title(policy: str) -> str:
         return "any-city agent"
     if policy.endswith("_ddqn_early"):
         return "half-trained agent"
-    return "DDQN agent" if policy.endswith("_ddqn") else "quantile agent"
+    return "DDQN agent" if policy.endswith("_ddqn") else "imitation agent"
 
 
 def says(name: str, text: str) -> str:
