@@ -45,7 +45,7 @@ draw_maps(dict(zip(LAYERS, maps[0])))
 # Each picture is a **layer** of the map. Three show the city. Two show the data: what each device still has, and what
 # the UAV has collected. The last one is empty because the flight has not begun.
 #
-# The UAV is always in the middle of the picture. This is **map centring**, the paper's main idea.
+# The UAV is always in the middle. This is **map centring**, the paper's main idea.
 
 # %%
 from uavdh_lite.course.quiz import Quiz

@@ -196,7 +196,7 @@ values = calm[0][0](cells).detach().amax(1).view(4, 4).numpy()
 draw_maps({"the table": fly(300)[0], "the network": values}, numbers=True)
 
 # %% [markdown]
-# They nearly do, even in cell (1, 1), which the network never saw. Only the device's own cell is far off, where the episode is over.
+# They nearly do, even in cell (1, 1), which the network never saw. Only the device's own cell is far off.
 #
 # ## 5.4 Exploring
 #
