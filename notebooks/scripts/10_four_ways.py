@@ -295,4 +295,4 @@ for name, knows in agents.items():
 #
 # - Ross, Gordon and Bagnell, [*A reduction of imitation learning and structured prediction to no-regret online
 #   learning*](https://arxiv.org/abs/1011.0686), AISTATS 2011: DAgger.
-# - [Four ways to knowledge](../docs/results/four_ways.md), a results page, has commands, seeds and what else was tried.
+# - The page *Four ways to knowledge* on the site, under Results, has commands, seeds and what else was tried.
