@@ -27,7 +27,6 @@ EQUIVALENT = {  # by exercise: which faults change no result, and why
         "values[~first].mean() - values[first]": "the absolute value is the same",
         "difference > observed - 1e-09": "no difference is off by exactly 1e-9",
     },
-    "flight_score": {"return -1e-09": "within the tolerance of rounding"},
     "clustered_half_width": {
         "values.mean() - values": "the squares are the same",
         "city != one": "all differences add up to 0, so the others' sum has the same square",
