@@ -101,7 +101,8 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # | $r_\mathrm{sc}$ | −1 | the safety controller intervenes |
 # | $r_\mathrm{crash}$ | −150 | the time is over and the UAV has not landed |
 #
-# The paper prints no values. These are defaults of the authors' code. Here is the ledger of greedy's flight:
+# The paper prints no values. These are defaults of the authors' code. The agent learned with
+# −0.1 for a movement, as notebook 6 explains. Here is the ledger of greedy's flight:
 
 # %%
 from matplotlib.figure import Figure

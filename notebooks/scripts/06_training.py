@@ -2,7 +2,7 @@
 # # 6 · Training
 #
 # Two agents fly the same mission below. Both were trained with the recipe `lite`. The left one had 300,000 steps to learn,
-# the right one four million. **What happens in all these steps, and how do you see that it goes well?**
+# the right one is the best of a run of four million. **What happens in all these steps, and how do you see that it goes well?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -218,8 +218,8 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 #
 # If the episode ends within these steps, the sum ends there, without a $Q$.
 #
-# The **paper's own recipe** makes an update for every single step, once 25,000 random steps have filled its memory. A million of them take a day or more on two cores. The
-# picture shows as much of such a run as is recorded. The curves are *training* flights again, and each recipe explores in
+# `lite` also changes the price of a movement from 0.2 to 0.1. The **paper's own recipe** makes an update for every single step, once
+# 25,000 random steps have filled its memory. A million of them take a day or more on two cores. The picture shows as much of such a run as is recorded. The curves are *training* flights again, and each recipe explores in
 # its own way.
 
 # %%
