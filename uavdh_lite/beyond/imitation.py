@@ -32,7 +32,7 @@ from uavdh_lite.scenario import Scenario
 from uavdh_lite.training import Trainer
 
 TOGETHER = 32  # flights that are planned at a time
-TYPES = (np.int16, np.int16, np.int16, np.float32, np.float32, bool, np.int16)  # of a State
+EIGHTHS = [slice(first, None, len(SYMMETRIES)) for first in range(len(SYMMETRIES))]
 
 
 class Cloning(DDQN):
@@ -54,9 +54,6 @@ class Cloning(DDQN):
             action = turned_actions(*symmetry)
             masks = [mask[:, np.argsort(action)] for mask in masks]
             yield self.online(turned(map[rows], *symmetry), time, *masks)[:, action]
-
-
-EIGHTHS = [slice(first, None, len(SYMMETRIES)) for first in range(len(SYMMETRIES))]
 
 
 class Imitation(Trainer):
@@ -88,7 +85,8 @@ class Imitation(Trainer):
             self.ordinary[environment], self.plans[environment], row = self.waiting.pop(0)
             rows.append(row)
         self.returns[environments] = 0
-        return State(*map(np.array, zip(*rows, strict=True), TYPES))
+        types = [self.replay.states[f.name].dtype for f in fields(State)]
+        return State(*map(np.array, zip(*rows, strict=True), types))
 
     def _planned(self) -> list[tuple[bool, list[int], Sequence]]:
         """Draw starts of every kind and plan their flights: (ordinary, actions, start) each."""

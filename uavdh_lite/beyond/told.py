@@ -73,8 +73,8 @@ class ToldObservation(Observation):
         """δ · mean rate, `[city and device's cell, UAV's cell]`; (C·n, n) float32."""
         environment, cells = self.environment, self.environment.size**2
         data = np.zeros((len(environment.cities), cells, cells), np.float32)
+        row, col = np.divmod(np.arange(cells), environment.size)
         for number, city in enumerate(environment.cities):
-            row, col = np.divmod(np.arange(cells), environment.size)
             own = (row < city.own_size) & (col < city.own_size)
             for cell in city.device_cells:
                 device = divmod(int(cell), environment.size)
