@@ -80,17 +80,17 @@ class Recipe:
     def rewards_at(self, steps: int) -> Rewards:
         """The rewards that the agent learns from after this many environment steps."""
         over = self.crash_reward_growth * self.steps
-        crash = _ramp(self.crash_reward, self.crash_reward_end, steps, over)
+        crash = ramp(self.crash_reward, self.crash_reward_end, steps, over)
         return Rewards(crash=crash, movement=self.movement_reward)
 
     def temperature_at(self, steps: int) -> float:
         """β after this many environment steps."""
         over = self.temperature_decay * self.steps
-        return _ramp(self.temperature, self.temperature_end, steps, over)
+        return ramp(self.temperature, self.temperature_end, steps, over)
 
     def learning_rate_at(self, steps: int) -> float:
         """The learning rate after this many environment steps."""
-        return _ramp(self.learning_rate, self.learning_rate_end, steps, self.steps)
+        return ramp(self.learning_rate, self.learning_rate_end, steps, self.steps)
 
     def environment_for(self, city: City | tuple[City, ...]) -> Environment:
         """What the agent learns in and flies in."""
@@ -135,7 +135,7 @@ def recipe_from_json(values: dict) -> Recipe:
     return registry.find("recipe kind", values["kind"])(**fields)
 
 
-def _ramp(start: float, end: float | None, step: float, over: float) -> float:
+def ramp(start: float, end: float | None, step: float, over: float) -> float:
     """Linear from `start` at step 0 to `end` at step `over`, and `end` from then on."""
     if end is None:
         return start

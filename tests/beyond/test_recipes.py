@@ -23,7 +23,7 @@ IDEAS = {
     "failsafe": {"failsafe": True},
     "told": {"told": True},
     "global-local": {"pooling": 2, "local_size": 5},
-    "imitation": {"own_starts": 0.3, "exploring_starts": 0.3},
+    "imitation": {"own_starts": 0.3, "exploring_starts": 0.3, "labels": 64},
 }
 SETS = [*(pair for size in (0, 1, 2) for pair in combinations(IDEAS, size)), tuple(IDEAS)]
 

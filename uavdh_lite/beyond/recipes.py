@@ -9,7 +9,8 @@ from torch import nn
 from uavdh_lite import registry
 from uavdh_lite.beyond.failsafe import MaskedNetwork, SafeEnvironment, SafeObservation
 from uavdh_lite.beyond.global_local import GlobalLocalNetwork
-from uavdh_lite.beyond.imitation import Cloning, Imitation
+from uavdh_lite.beyond.imitation import Cloning
+from uavdh_lite.beyond.reinforce import Reinforced
 from uavdh_lite.beyond.told import ToldObservation
 from uavdh_lite.city import City
 from uavdh_lite.config import option
@@ -18,7 +19,7 @@ from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.network import QNetwork
 from uavdh_lite.observation import Observation
-from uavdh_lite.recipe import LITE, PAPER, Recipe
+from uavdh_lite.recipe import LITE, PAPER, Recipe, ramp
 from uavdh_lite.scenario import Scenario
 
 
@@ -71,11 +72,21 @@ class BeyondRecipe(Recipe):
 
 @dataclass(frozen=True)
 class ImitationRecipe(BeyondRecipe):
-    """A recipe that copies a planner: an environment step is a label, and no reward is used."""
+    """A recipe that copies a planner, an environment step a label, and may then learn by reward."""
 
     own_starts: float = option(
         0.0, "share of the planned flights that begin where the learner has flown", ge=0, le=1
     )
+    labels: int | None = option(
+        None, "environment steps that copy; those after them learn by reward; none: all", ge=1
+    )
+    reward_learning_rate: float = option(1e-4, "learning rate when that begins; 0 at the end", gt=0)
+
+    def learning_rate_at(self, steps: int) -> float:
+        labels = self.steps if self.labels is None else self.labels
+        if steps < labels:
+            return ramp(self.learning_rate, self.learning_rate_end, steps, labels)
+        return ramp(self.reward_learning_rate, 0.0, steps - labels, self.steps - labels)
 
     def algorithm(self) -> Callable[..., DDQN]:
         return Cloning
@@ -83,7 +94,7 @@ class ImitationRecipe(BeyondRecipe):
 
 registry.register("recipe kind", "BeyondRecipe", BeyondRecipe)
 registry.register("recipe kind", "ImitationRecipe", ImitationRecipe)
-registry.register("trainer", "ImitationRecipe", Imitation)
+registry.register("trainer", "ImitationRecipe", Reinforced)
 
 TOLD = replace(
     BeyondRecipe(**asdict(LITE)),
@@ -113,7 +124,8 @@ TOLD = replace(
 IMITATION = replace(
     ImitationRecipe(**asdict(TOLD)),
     name="imitation",
-    steps=600_000,
+    steps=2_000_000,
+    labels=600_000,
     kernels=32,
     huber_delta=None,
     learning_rate=1e-3,
@@ -121,10 +133,13 @@ IMITATION = replace(
     replay_capacity=700_000,
     exploring_starts=0.33,
     own_starts=0.33,
-    validation_interval=50_000,
+    validation_interval=100_000,
 )
-"""`TOLD`, but it copies the genie instead of learning from reward: a third of the genie's flights
-begin as missions do, a third in mid-flight, and a third where the learner has flown."""
+"""`TOLD`, but it copies the genie, and then learns by reward.
+
+Of the genie's flights a third begin as missions do, a third in mid-flight, and a third where the
+learner has flown.
+"""
 
 for recipe in (TOLD, IMITATION):
     registry.register("recipe", recipe.name, recipe)

@@ -32,21 +32,23 @@ class ToldObservation(Observation):
     Tables of all pairs of cells, 5·M⁴ bytes a city, are made at the first use.
     """
 
+    layers = TOLD
+
     @property
     def map_shape(self) -> tuple[int, int, int]:
         channels, rows, cols = super().map_shape
-        return channels + len(TOLD), rows, cols
+        return channels + len(self.layers), rows, cols
 
     def _window(self, state: State, top: np.ndarray, left: np.ndarray, channels: int) -> Tensor:
-        maps = super()._window(state, top, left, channels + len(TOLD))
+        maps = super()._window(state, top, left, channels + len(self.layers))
         cells = np.arange(self.environment.size**2)
         place = self._tensor(self._place(cells, top[:, None], left[:, None]))
         told = maps.flatten(2)[:, channels:]
-        told.scatter_(2, place[:, None].expand(-1, len(TOLD), -1), self.told(state))
+        told.scatter_(2, place[:, None].expand(-1, len(self.layers), -1), self.told(state))
         return maps
 
     def told(self, state: State) -> Tensor:
-        """The layers of `TOLD` for the cells of the city; (B, 3, n)."""
+        """The layers that are told, for the cells of the city; (B, 3, n)."""
         first = state.city.astype(int) * self.environment.size**2
         data = self.expected_data(state) / self.data_scale
         home = self._home[self._tensor(state.city.astype(int))]

@@ -1,0 +1,88 @@
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+import torch
+from torch.nn.functional import cross_entropy
+
+from uavdh_lite.beyond.recipes import ImitationRecipe
+from uavdh_lite.beyond.reinforce import FLIGHTS, SURE, Reinforced, advantages
+from uavdh_lite.evaluation import evaluate
+
+
+@pytest.fixture
+def recipe(quick):
+    """Hardly any labels, and then reward."""
+    return replace(
+        ImitationRecipe(**asdict(quick)),
+        failsafe=True,
+        told=True,
+        labels=960,
+        environments=16,
+        batch_size=32,
+        replay_prefill=320,
+        learning_rate=1e-3,
+        reward_learning_rate=1e-3,
+    )
+
+
+def trainer(corridor, corridor_scenario, recipe, steps):
+    run = Reinforced(corridor_scenario, replace(recipe, steps=steps), 0, corridor)
+    while not run.finished:
+        run.step()
+    return run
+
+
+def test_a_flight_is_compared_with_the_others_of_its_mission():
+    returns = np.array([8.0, *[1.0] * (FLIGHTS - 1), *[5.0] * FLIGHTS], np.float32)
+    gain = advantages(returns)
+    assert gain[0] == pytest.approx(-(FLIGHTS - 1) * gain[1])  # 7 above the others; -1 of them
+    assert (gain[FLIGHTS:] == 0).all()
+    assert gain.std() == pytest.approx(1, rel=1e-4)
+    assert advantages(1000 * returns) == pytest.approx(gain)
+    assert not advantages(np.zeros(2 * FLIGHTS, np.float32)).any()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_update_makes_actions_likelier_by_their_gain(corridor, corridor_scenario, recipe, sign):
+    run = trainer(corridor, corridor_scenario, recipe, 960)
+    state = run.replay.sample(32, np.random.default_rng(0)).state
+    action, gain = run.agent.act(state), np.full(32, sign, np.float32)
+    before = cross_entropy(run.learner.q_values(state), torch.tensor(action))
+    run.learner.set_learning_rate(1e-3)
+    loss = run._update(state, action, gain)
+    assert np.sign(loss) == sign
+    for _ in range(9):
+        run._update(state, action, gain)
+    after = cross_entropy(run.learner.q_values(state), torch.tensor(action))
+    assert sign * (before - after) > 0.02
+
+
+def test_flights_draw_actions_and_know_which_were_unsure(corridor, corridor_scenario, recipe):
+    run = trainer(corridor, corridor_scenario, recipe, 960)
+    start = corridor_scenario.sample(run.environment, 50, np.random.default_rng(0))
+    flights, unsure = run._drawn_flights(start)
+    states = [step.state[~step.state.ended] for step in flights.history]
+    assert len(unsure) == sum(map(len, states)) == flights.steps.sum()
+    shares = torch.cat([run.learner.q_values(state).softmax(1) for state in states])
+    assert (unsure == (shares.amax(1) < SURE).numpy()).all()
+    taken = np.concatenate([step.action[~step.state.ended] for step in flights.history])
+    assert 0 < (taken != shares.argmax(1).numpy()).mean() < 0.9
+
+
+def test_reward_makes_a_poor_copy_better(corridor, corridor_scenario, recipe):
+    returns = []
+    for steps in (960, 40_000):
+        run = trainer(corridor, corridor_scenario, recipe, steps)
+        returns.append(
+            evaluate(run.environment, run.agent, corridor_scenario, 200, seed=0).returns.mean()
+        )
+    assert returns[1] > returns[0] + 1
+
+
+def test_the_learning_rate_falls_twice(recipe):
+    two = replace(recipe, steps=2000, labels=1000, learning_rate=0.4, learning_rate_end=0.0)
+    two = replace(two, reward_learning_rate=0.1)
+    rates = [two.learning_rate_at(steps) for steps in (0, 500, 1000, 1500, 2000)]
+    assert rates == pytest.approx([0.4, 0.2, 0.1, 0.05, 0])
+    assert replace(two, labels=None).learning_rate_at(1000) == pytest.approx(0.2)
