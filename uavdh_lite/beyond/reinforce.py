@@ -27,8 +27,11 @@ class Reinforced(Imitation):
 
     def step(self) -> None:
         """A step of the imitation; after it, many flights at once, and updates from all of them."""
-        if self.recipe.labels is None or self.steps < self.recipe.labels:
+        labels = self.recipe.labels
+        if labels is None or self.steps < labels:
             super().step()
+            if labels is not None and self.steps >= labels:
+                self.learner.optimiser.state.clear()  # its moments are of much smaller gradients
         else:
             self._practise()
 
