@@ -48,26 +48,29 @@ def test_the_update_makes_actions_likelier_by_their_gain(corridor, corridor_scen
     run = trainer(corridor, corridor_scenario, recipe, 960)
     state = run.replay.sample(32, np.random.default_rng(0)).state
     action, gain = run.agent.act(state), np.full(32, sign, np.float32)
-    before = cross_entropy(run.learner.q_values(state), torch.tensor(action))
+    surprise = cross_entropy(run.learner.q_values(state), torch.tensor(action), reduction="none")
     run.learner.set_learning_rate(1e-3)
-    loss = run._update(state, action, gain)
-    assert np.sign(loss) == sign
-    for _ in range(9):
-        run._update(state, action, gain)
+    for _ in range(10):
+        run._update(state, action, gain, surprise.numpy())
     after = cross_entropy(run.learner.q_values(state), torch.tensor(action))
-    assert sign * (before - after) > 0.02
+    assert sign * (surprise.mean() - after) > 0.02
+    for _ in range(60):  # the ratio is clipped: it goes a little further, but not on and on
+        run._update(state, action, gain, surprise.numpy())
+    last = cross_entropy(run.learner.q_values(state), torch.tensor(action))
+    assert sign * (surprise.mean() - last) < 0.5
 
 
 def test_flights_draw_actions_and_know_which_were_unsure(corridor, corridor_scenario, recipe):
     run = trainer(corridor, corridor_scenario, recipe, 960)
     start = corridor_scenario.sample(run.environment, 50, np.random.default_rng(0))
-    flights, unsure = run._drawn_flights(start)
+    flights, unsure, surprise = run._drawn_flights(start)
     states = [step.state[~step.state.ended] for step in flights.history]
     assert len(unsure) == sum(map(len, states)) == flights.steps.sum()
     shares = torch.cat([run.learner.q_values(state).softmax(1) for state in states])
     assert (unsure == (shares.amax(1) < SURE).numpy()).all()
     taken = np.concatenate([step.action[~step.state.ended] for step in flights.history])
     assert 0 < (taken != shares.argmax(1).numpy()).mean() < 0.9
+    assert np.exp(-surprise) == pytest.approx(shares.numpy()[np.arange(len(taken)), taken])
 
 
 def test_reward_makes_a_poor_copy_better(corridor, corridor_scenario, recipe):

@@ -4,7 +4,8 @@ A copy makes errors that it does not know of, and its planner knows only mean ra
 flies each of some missions several times, and draws its actions from the softmax over its scores.
 What it did becomes likelier if the flight brought more than the others of its mission did, and less
 likely if it brought less: REINFORCE with a leave-one-out baseline (Kool et al., ICLR workshop
-2019). No network has to learn values for that.
+2019), and the clipped ratio of PPO (Schulman et al., 2017), since several updates are made from the
+same flights. No network has to learn values for that.
 """
 
 import numpy as np
@@ -19,6 +20,7 @@ from uavdh_lite.training import METRICS
 
 MISSIONS, FLIGHTS = 32, 8  # flown at a time, and how often each
 SURE = 0.98  # a choice with a likelier action than this has next to nothing to learn
+CLIP = 0.2  # an action that became likelier by more than this share is not pushed any further
 LONGEST = 1.0  # norm of the gradient
 
 
@@ -40,7 +42,9 @@ class Reinforced(Imitation):
         recipe, generator = self.recipe, self.generator
         self.learner.set_learning_rate(recipe.learning_rate_at(self.steps))
         start = self.scenario.sample(self.environment, MISSIONS, generator)
-        flights, unsure = self._drawn_flights(start[np.repeat(np.arange(MISSIONS), FLIGHTS)])
+        flights, unsure, surprise = self._drawn_flights(
+            start[np.repeat(np.arange(MISSIONS), FLIGHTS)]
+        )
         flown = [~step.state.ended for step in flights.history]
         pairs = list(zip(flights.history, flown, strict=True))
         state = State.concatenate([step.state[rows] for step, rows in pairs])
@@ -49,31 +53,40 @@ class Reinforced(Imitation):
         order = generator.permutation(np.flatnonzero(unsure))
         size = recipe.batch_size
         for rows in order[: len(order) // size * size].reshape(-1, size):
-            self.losses.append(self._update(state[rows], action[rows], gain[rows]))
+            self.losses.append(self._update(state[rows], action[rows], gain[rows], surprise[rows]))
             self.updates += 1
         records = flights.records()
         self.episodes += np.stack([records[name] for name in METRICS], axis=1).tolist()
         self.steps += len(state)
         self._add_row()
 
-    def _drawn_flights(self, start: State) -> tuple[Flights, np.ndarray]:
-        """Flights of the softmax policy, and for each of their choices whether it was unsure."""
-        agent, unsure = self.agent, []
+    def _drawn_flights(self, start: State) -> tuple[Flights, np.ndarray, np.ndarray]:
+        """Flights of the softmax policy; of each choice, whether it was unsure, and its surprise,
+        −log of the action's probability."""
+        agent, unsure, surprise = self.agent, [], []
 
         def draw(state: State) -> np.ndarray:
             shares = softmax_policy(agent.q_values(state), 1.0)
+            action = draw_actions(shares, self.generator)
             unsure.append((shares.amax(1) < SURE).numpy())
-            return draw_actions(shares, self.generator)
+            surprise.append(-np.log(shares.numpy()[np.arange(len(action)), action]))
+            return action
 
         flights = fly(self.environment, FunctionPolicy(draw), start, self.generator)
-        return flights, np.concatenate(unsure)
+        return flights, np.concatenate(unsure), np.concatenate(surprise)
 
-    def _update(self, state: State, action: np.ndarray, gain: np.ndarray) -> float:
+    def _update(
+        self, state: State, action: np.ndarray, gain: np.ndarray, surprise: np.ndarray
+    ) -> float:
         """One gradient step that makes actions likelier by their gain; returns the loss."""
         learner = self.learner
-        weight = learner.tensor(gain)
-        surprise = learner.surprise(state, learner.tensor(action))
-        loss = (torch.cat([weight[rows] for rows in EIGHTHS]) * surprise).mean()
+        now = learner.surprise(state, learner.tensor(action))
+        weight, before = (
+            torch.cat([learner.tensor(values)[rows] for rows in EIGHTHS])
+            for values in (gain, surprise)
+        )
+        ratio = (before - now).exp()
+        loss = -torch.minimum(ratio * weight, ratio.clamp(1 - CLIP, 1 + CLIP) * weight).mean()
         learner.optimiser.zero_grad()
         loss.backward()
         clip_grad_norm_(learner.online.parameters(), LONGEST)
