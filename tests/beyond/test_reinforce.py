@@ -88,4 +88,5 @@ def test_the_learning_rate_falls_twice(recipe):
     two = replace(two, reward_learning_rate=0.1)
     rates = [two.learning_rate_at(steps) for steps in (0, 500, 1000, 1500, 2000)]
     assert rates == pytest.approx([0.4, 0.2, 0.1, 0.05, 0])
-    assert replace(two, labels=None).learning_rate_at(1000) == pytest.approx(0.2)
+    for labels in (None, 5000):  # a run without a part for reward
+        assert replace(two, labels=labels).learning_rate_at(1000) == pytest.approx(0.2)

@@ -83,7 +83,7 @@ class ImitationRecipe(BeyondRecipe):
     reward_learning_rate: float = option(1e-4, "learning rate when that begins; 0 at the end", gt=0)
 
     def learning_rate_at(self, steps: int) -> float:
-        labels = self.steps if self.labels is None else self.labels
+        labels = self.steps if self.labels is None else min(self.labels, self.steps)
         if steps < labels:
             return ramp(self.learning_rate, self.learning_rate_end, steps, labels)
         return ramp(self.reward_learning_rate, 0.0, steps - labels, self.steps - labels)
