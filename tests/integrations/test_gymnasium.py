@@ -6,7 +6,6 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env, data_equivalence
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from uavdh_lite.beyond.cities import CityGenerator
 from uavdh_lite.beyond.failsafe import SafeEnvironment
@@ -25,11 +24,6 @@ def single(**options):
     return gymnasium.make(ID, scenario="village", **options)
 
 
-def vector(count, **options):
-    mode = "vector_entry_point"
-    return gymnasium.make_vec(ID, count, vectorization_mode=mode, scenario="village", **options)
-
-
 def in_the_corner(time_left):
     """Over the landing cell at the north-west corner, as the options of a reset."""
     start = SCENARIO.sample(Environment(VILLAGE), 1, np.random.default_rng(0))
@@ -45,13 +39,12 @@ def test_checker(observation, cities):
     check_env(env.unwrapped)
 
 
-@pytest.mark.parametrize("make", [single, lambda: vector(3)])
-def test_the_seed_says_what_is_drawn(make):
+def test_the_seed_says_what_is_drawn():
     def episode(seed):
-        env = make()
+        env = single()
         first = env.reset(seed=seed)
         assert env.np_random_seed == seed
-        return first, env.step(np.full(env.action_space.shape, HOVER)[()])
+        return first, env.step(HOVER)
 
     assert data_equivalence(episode(7), episode(7), exact=True)
     assert not data_equivalence(episode(7), episode(8), exact=True)
@@ -72,54 +65,34 @@ def test_an_episode_ends_with_a_landing_or_without_time():
     assert before.shape == (640, 600, 3) and (env.render() != before).any()
 
 
-def test_a_start_of_another_number_of_episodes_is_refused():
-    with pytest.raises(InputError, match="start of 1 episodes"):
-        vector(8).reset(options=in_the_corner(9))
+def test_a_start_of_several_episodes_is_refused():
+    start = SCENARIO.sample(Environment(VILLAGE), 9, np.random.default_rng(0))
+    with pytest.raises(InputError, match="start of 9 episodes"):
+        single().reset(options={"start": start})
 
 
 @pytest.mark.parametrize("kind", [Environment, SafeEnvironment])
-def test_vector_steps_are_those_of_the_single_environment(kind):
-    """The same starts in several cities, no fading: equal transitions, also where one ends."""
+def test_its_steps_are_those_of_the_library(kind):
+    """The same starts in several cities, no fading: equal transitions."""
     calm = Channel(fading_variance_los_db2=0.0, fading_variance_nlos_db2=0.0)
     environment, generator = kind(CityGenerator(8).draw(5, 0), calm), np.random.default_rng(2)
     starts = SCENARIO.sample(environment, 16, generator)
-    envs = vector(16, environment=environment)
-    envs.reset(seed=0, options={"start": starts})
-    singles = [single(environment=environment).unwrapped for _ in range(16)]
-    for k, env in enumerate(singles):
-        env.reset(options={"start": starts[[k]]})
-    over = np.zeros(16, bool)
-    for _ in range(36):
-        masks, actions = envs.action_masks(), generator.integers(0, 6, 16)
-        observation, reward, terminated, truncated, infos = envs.step(actions)
-        assert not truncated.any() and envs.observation_space.contains(observation)
-        for k in np.flatnonzero(~over):
-            assert (masks[k] == singles[k].action_masks()).all()
-            seen, own_reward, ended, _, info = singles[k].step(actions[k])
-            assert own_reward == pytest.approx(reward[k]) and ended == terminated[k]
-            told = infos["final_info"] if ended else infos
-            assert all(told[f"_{name}"][k] and told[name][k] == info[name] for name in info)
-            now = {name: array[k] for name, array in observation.items()}
-            assert data_equivalence(infos["final_obs"][k] if ended else now, seen)
-            assert not ended or (infos["time_left"][k] > 0 and not infos["landed"][k])
-        over |= terminated
-    assert over.all() and len({*starts.city}) == 5
-
-
-def test_the_vector_environment_promises_what_gymnasium_s_own_does():
-    theirs = SyncVectorEnv([single] * 4, autoreset_mode=AutoresetMode.SAME_STEP)
-    ours, infos = vector(4), []
-    for space in ("observation_space", "action_space"):
-        assert getattr(ours, space) == getattr(theirs, space)
-    for envs in (theirs, ours):
-        envs.reset(seed=0)
-        infos.append(envs.step(np.array([LAND, HOVER, LAND, HOVER]))[4])
-    assert infos[0].keys() == infos[1].keys()
-    assert infos[0]["final_info"].keys() == infos[1]["final_info"].keys()
-    for name in ("_final_obs", "_landed", "_safety_interventions"):
-        assert (infos[0][name] == infos[1][name]).all()
-    after = ours.step(np.full(4, HOVER))[4]  # no dummy: it takes time in the new episodes, too
-    assert (after["time_left"] == infos[1]["time_left"] - 1).all()
+    ends = set()
+    for k in range(16):
+        env, state = single(environment=environment).unwrapped, starts[[k]]
+        env.reset(options={"start": state})
+        ended = False
+        while not ended:
+            action = int(generator.integers(0, 6))
+            assert (env.action_masks() == environment.allowed_actions(state)[0]).all()
+            state, outcome = environment.step(state, np.array([action]), generator)
+            seen, reward, ended, truncated, info = env.step(action)
+            assert reward == pytest.approx(Rewards()(outcome)[0]) and not truncated
+            assert ended == state.ended[0] and env.observation_space.contains(seen)
+            assert info["landed"] == state.landed[0] and info["time_left"] == state.time_left[0]
+            assert info["collected"] == pytest.approx(state.collected[0])
+        ends.add(int(state.city[0]))
+    assert len(ends) == 5
 
 
 @pytest.mark.parametrize("masked", [False, True])

@@ -1,4 +1,4 @@
-"""The environment for Gymnasium, one episode or many at once; importing this registers it."""
+"""The environment for Gymnasium; importing this registers it."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,8 +16,6 @@ from uavdh_lite.streams import Use, stream
 with extra("gym"):
     import gymnasium
     from gymnasium import spaces
-    from gymnasium.vector import AutoresetMode, VectorEnv
-    from gymnasium.vector.utils import batch_space
 
 ID = "uavdh_lite/DataHarvesting-v0"
 
@@ -76,15 +74,6 @@ class DataHarvesting(gymnasium.Env):
         self.observation_space = spaces.Dict(boxes)
         self.action_space = spaces.Discrete(len(ACTIONS))
 
-    def begin(self, count: int, options: dict | None, generator: np.random.Generator) -> State:
-        """The start of `count` episodes that `options` holds, or a random one."""
-        start = (options or {}).get("start")
-        if start is None:
-            return self.scenario.sample(self.environment, count, generator)
-        if len(start) != count:
-            raise InputError(f"start of {len(start)} episodes: expected a State of {count}")
-        return start
-
     def observe(self, state: State) -> dict[str, np.ndarray]:
         """What is seen of B episodes, (B, ...) arrays by name."""
         map, time = self._observation(state)
@@ -98,7 +87,12 @@ class DataHarvesting(gymnasium.Env):
         super().reset(seed=seed)
         if seed is not None:
             self._np_random = stream(Use.GYMNASIUM, seed)  # the property would forget the seed
-        self.state = self._start = self.begin(1, options, self.np_random)
+        start = (options or {}).get("start")
+        if start is None:
+            start = self.scenario.sample(self.environment, 1, self.np_random)
+        elif len(start) != 1:
+            raise InputError(f"start of {len(start)} episodes: expected a State of one")
+        self.state = self._start = start
         self._history: list[Step] = []
         return _row(self.observe(self.state)), _row(_info(self.state))
 
@@ -124,50 +118,6 @@ class DataHarvesting(gymnasium.Env):
         return pixels(figure)
 
 
-class DataHarvestingVector(VectorEnv):
-    """N episodes of `DataHarvesting` at once, without a loop over them; takes its arguments, too.
-
-    An episode that ends is replaced in the same step: its last observation and info are in
-    `infos["final_obs"]` and `infos["final_info"]`, and the observation is the new episode's first.
-    So every step is a real transition of every episode. One generator draws for all of them.
-    """
-
-    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
-
-    def __init__(self, num_envs: int = 1, **arguments: Any):
-        self.num_envs, self.single = num_envs, DataHarvesting(**arguments)
-        self.single_observation_space = self.single.observation_space
-        self.single_action_space = self.single.action_space
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
-
-    def action_masks(self) -> np.ndarray:
-        """The actions that the safety controller would not replace; (N, 6) bool."""
-        return self.single.environment.allowed_actions(self.state)
-
-    def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
-        super().reset(seed=seed)
-        if seed is not None:
-            self._np_random = stream(Use.GYMNASIUM, seed)  # the property would forget the seed
-        self.state = self.single.begin(self.num_envs, options, self.np_random)
-        return self.single.observe(self.state), _valid(_info(self.state), ~self.state.ended)
-
-    def step(self, actions: np.ndarray) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray, dict]:
-        one, everywhere = self.single, np.ones(self.num_envs, bool)
-        state, outcome = one.environment.step(self.state, actions, self.np_random)
-        ended, infos = state.ended, _valid(outcome.counts(), ~state.ended)
-        if ended.any():
-            seen, final_info = one.observe(state), _info(state) | outcome.counts()
-            rows = [_row(seen, index) if over else None for index, over in enumerate(ended)]
-            final = {"final_obs": np.array(rows, object), "final_info": _valid(final_info, ended)}
-            infos |= _valid(final, ended)
-            state = state.with_rows(ended, one.begin(ended.sum(), None, self.np_random))
-        self.state = state
-        infos |= _valid(_info(state), everywhere)
-        reward = one.rewards(outcome).astype(float)
-        return one.observe(state), reward, ended, ~everywhere, infos
-
-
 def _info(state: State) -> dict[str, np.ndarray]:
     return {
         "landed": state.landed,
@@ -177,13 +127,8 @@ def _info(state: State) -> dict[str, np.ndarray]:
     }
 
 
-def _row(arrays: dict, index: int = 0) -> dict:
-    return {name: array[index] for name, array in arrays.items()}
-
-
-def _valid(infos: dict, where: np.ndarray) -> dict:
-    """With the mask that Gymnasium wants for each entry: the episodes for which it is valid."""
-    return infos | {f"_{name}": where.copy() for name in infos}
+def _row(arrays: dict) -> dict:
+    return {name: array[0] for name, array in arrays.items()}
 
 
 def as_policy(env: gymnasium.Env, predict: Callable, masked: bool = False) -> Policy:
@@ -210,8 +155,4 @@ def as_policy(env: gymnasium.Env, predict: Callable, masked: bool = False) -> Po
     return Predicted()
 
 
-gymnasium.register(
-    id=ID,
-    entry_point="uavdh_lite.bridges.gymnasium:DataHarvesting",
-    vector_entry_point="uavdh_lite.bridges.gymnasium:DataHarvestingVector",
-)
+gymnasium.register(id=ID, entry_point="uavdh_lite.bridges.gymnasium:DataHarvesting")
