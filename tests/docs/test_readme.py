@@ -1,5 +1,6 @@
 """The README is short, its code runs, its numbers are recorded ones."""
 
+import json
 import re
 from pathlib import Path
 
@@ -53,6 +54,14 @@ def test_the_results_are_those_of_the_recorded_comparison(name):
         shown = "100 %" if landed == 100 else f"{landed:.1f} %"
         expected += [shown, f"{collected:.1f} %", f"{total:.1f}"]
     assert row(name) == expected
+
+
+def test_the_row_of_the_papers_constants_is_the_recorded_run():
+    run = json.loads((ROOT / "data/runs/paper-manhattan.json").read_text())
+    steps, test = f"{1000 * round(run['steps'] / 1000):,}", run["test"]
+    shares = (f"{100 * test[name]:.1f} %" for name in ("landed", "collected_and_landed"))
+    cells = [*shares, f"{test['return']:.1f}", "", "", ""]
+    assert row(f"the paper's constants: {steps} of a million steps") == cells
 
 
 def test_the_papers_row_is_the_papers():
