@@ -106,10 +106,7 @@ def fly(
     elif out.suffix == ".html":
         play(environment, trajectory).save(out)
     else:
-        figure = Figure(figsize=(7, 9), layout="constrained")
-        plotting.draw_trajectory(figure.subplots(), environment, trajectory)
-        plotting.add_legend(figure, len(flown.devices))
-        plotting.save_figure(figure, out)
+        plotting.save_figure(plotting.trajectory_figure(environment, trajectory), out)
     landed = "landed" if trajectory.landed else "crashed"
     print(f"{landed}. {plotting.caption(trajectory)}. {out}")
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import joblib
+import numpy as np
 import torch
 from tqdm.auto import tqdm
 
@@ -151,9 +152,9 @@ def final_scores(validation: str | Path) -> dict[str, list[float]]:
     Arguments:
         validation: the table `validation.csv.gz` of `collect_curves`.
     """
-    table = read_table(validation)
-    last = table["steps"] == table["steps"].max()
-    return {
-        variant: table["collected_and_landed"][last & (table["variant"] == variant)].tolist()
-        for variant in dict.fromkeys(table["variant"].tolist())
-    }
+    table, scores = read_table(validation), {}
+    for variant in dict.fromkeys(table["variant"].tolist()):
+        own = table["variant"] == variant
+        runs = [np.flatnonzero(own & (table["seed"] == seed)) for seed in np.unique(table["seed"])]
+        scores[variant] = [float(table["collected_and_landed"][run[-1]]) for run in runs]
+    return scores
