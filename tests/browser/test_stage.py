@@ -225,10 +225,10 @@ def test_a_duel_shows_where_the_flights_part(page):
     step = int(button.inner_text().split()[-1])
     button.click()
     assert shown_step(page) == step
+    page.keyboard.press("ArrowLeft")  # here they are still together
+    assert shown_step(page) == step - 1
     first, second = page.locator(".map .uav:not(.ghost)").all()
     assert first.get_attribute("transform") == second.get_attribute("transform")
-    page.keyboard.press("ArrowRight")
-    assert shown_step(page) == step + 1
     press(page, "Play")
     expect(page.locator(".controls .play")).to_have_text("Pause")
     expect(page.locator(".controls output")).to_have_text(re.compile(r"^(\d+) of \1$"))
@@ -319,6 +319,8 @@ def test_a_flight_by_keys_and_buttons_ends_with_a_card_and_a_rank(page):
     shoot(page, "fly")
     press(page, "Again")
     expect(page.locator(".controls output")).to_have_text("0 of 0")
+    page.keyboard.press("ArrowUp")  # whatever has the focus
+    expect(page.locator("#panel")).to_contain_text("Refused: north")
     press(page, "land")
     expect(page.locator(".card")).to_contain_text("You landed with 0.0 units")
     expect(page.locator(".ranking tr")).to_have_count(2)

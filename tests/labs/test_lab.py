@@ -67,12 +67,15 @@ def test_the_film_has_a_new_version_only_if_it_is_another(lab):
     assert lab.scene["version"] > version
 
 
-def test_flights_part_where_their_actions_differ(lab):
+def test_flights_part_where_they_last_have_place_and_data_in_common(lab):
     first, second = flights(lab)
     part = tell(lab, "tool", tool="compare")["parting"]
     assert part == parting(first, second)
-    if part is not None:
-        assert (first.action[:part] == second.action[:part]).all()
+    last = min(len(first.action), len(second.action))
+    for step in range(last + 1):
+        same = first.uav_cell[step] == second.uav_cell[step]
+        same &= np.allclose(first.data_left[step], second.data_left[step])
+        assert same if step == part else not (same and part < step < last)
     assert parting(first, first) is None
 
 

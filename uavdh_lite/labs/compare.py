@@ -12,17 +12,22 @@ from uavdh_lite.labs.state import YOU, Stage, random_mission, scenario_of
 from uavdh_lite.streams import Use, stream
 
 AHEAD, LEVEL = 2.0, 0.5  # differences of the return
+ENOUGH = 1.0  # data units: less than this from a device is by the way
 TRIES = 40  # missions that are looked at for a duel, in a city of 16 × 16 cells
 MISSIONS = 100
 
 
 def parting(first: Trajectory, second: Trajectory) -> int | None:
-    """The first step in which the flights do different things; None if there is none."""
-    both = min(len(first.action), len(second.action))
-    differ = np.flatnonzero(first.action[:both] != second.action[:both])
-    if len(differ):
-        return int(differ[0])
-    return None if len(first.action) == len(second.action) else both
+    """The step in which the flights part for good, from their last common place and data.
+
+    None if they have both in common to the end.
+    """
+    both = min(len(first.action), len(second.action)) + 1
+    same = first.uav_cell[:both] == second.uav_cell[:both]
+    same &= np.isclose(first.data_left[:both], second.data_left[:both]).all(axis=1)
+    if same[-1] and len(first.action) == len(second.action):
+        return None
+    return int(np.flatnonzero(same[: both - 1])[-1])
 
 
 def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
@@ -67,14 +72,13 @@ def verdict(names: list[str], results: list[dict]) -> str:
 def _why(names: list[str], flights: list[Trajectory], part: int | None) -> str:
     """One sentence: what each does where they part, and what comes of it."""
     if part is None:
-        return "Both fly the same way."
+        return "Both come to the same end."
+    devices = [_next_device(flight, part) for flight in flights]
     told = []
-    for name, flight, device in zip(names, flights, _next_devices(flights, part), strict=True):
-        if part >= len(flight.action):
-            told.append(says(name, "has ended its flight"))
-            continue
+    for name, flight, device in zip(names, flights, devices, strict=True):
         towards = "goes home" if device is None else f"collects from device {device} next"
-        told.append(says(name, f"{does(flight, part)} and {towards}"))
+        also = f" and {towards}" if len({*devices}) > 1 else ""
+        told.append(says(name, f"{does(flight, part)}{also}"))
     left = flights[0].data_left[-1] - flights[1].data_left[-1]
     device = int(np.abs(left).argmax())
     cost = ""
@@ -82,26 +86,14 @@ def _why(names: list[str], flights: list[Trajectory], part: int | None) -> str:
         loser = names[0] if left[device] > 0 else names[1]
         more = f"leaves {abs(left[device]):.1f} units more at device {device}"
         cost = f" In the end {says(loser, more)}."
-    return f"At step {part}, {told[0]}, while {told[1]}.{cost}"
+    return f"At step {part + 1}, {told[0]}, while {told[1]}.{cost}"
 
 
-def _next_devices(flights: list[Trajectory], part: int) -> list[int | None]:
-    """The device that each collects from next, from the first on at which their orders differ."""
-    orders = [_order(flight, part) for flight in flights]
-    longest = max(map(len, orders))
-    padded = [order + [None] * (longest + 1 - len(order)) for order in orders]
-    differ = [k for k, pair in enumerate(zip(*padded, strict=True)) if pair[0] != pair[1]]
-    return [order[differ[0] if differ else 0] for order in padded]
-
-
-def _order(flight: Trajectory, step: int) -> list[int | None]:
-    """The devices in the order in which they have uploaded half of what they upload from a step."""
-    done = flight.data_left[min(step, len(flight.action))] - flight.data_left[step:]
-    total = done[-1] if len(done) else np.zeros(flight.data_left.shape[1])
-    reached = {
-        int(k): int((done[:, k] >= total[k] / 2).argmax()) for k in np.flatnonzero(total > 0.1)
-    }
-    return sorted(reached, key=reached.__getitem__)
+def _next_device(flight: Trajectory, step: int) -> int | None:
+    """The first device that uploads a good part from this step on; None if there is none."""
+    done = flight.data_left[step] - flight.data_left[step:]
+    enough = np.flatnonzero((done >= ENOUGH).any(axis=1))
+    return int(done[enough[0]].argmax()) if len(enough) else None
 
 
 def _story(names: list[str], flights: list[Trajectory], part: int | None) -> list:

@@ -244,9 +244,10 @@ function render({ model, el }) {
   main.addEventListener("pointerdown", (event) => {
     const cell = event.target.closest(".map") && cellAt(event);
     if (!cell || event.button) return;
-    const painting = scene.state.tool === "paint";
     const adding = el.classList.contains("adding");
     const thing = thingAt(cell);
+    const painting = scene.state.tool === "paint" && thing === null;
+    TOOLS[scene.state.tool].point?.(stage, scene, (hovered = cell)); // a finger does not hover
     if (adding) {
       el.classList.remove("adding");
       return ask({ kind: "add", cell });
@@ -276,8 +277,8 @@ function render({ model, el }) {
     if (brush.cells) stroke(cell);
     else stage.askWhenFree({ kind: "move", device: drag.thing, cell });
   });
-  main.addEventListener("pointerleave", () => {
-    if (!drag) TOOLS[scene.state.tool].point?.(stage, scene, (hovered = null));
+  main.addEventListener("pointerleave", ({ pointerType }) => {
+    if (!drag && pointerType !== "touch") TOOLS[scene.state.tool].point?.(stage, scene, (hovered = null));
   });
   const release = () => {
     if (brush.cells) ask({ kind: "paint", cells: brush.cells, sign: brush.sign });
@@ -339,6 +340,7 @@ function render({ model, el }) {
   el.addEventListener("change", async ({ target }) => {
     const { set, field } = target.dataset;
     const { value } = target;
+    if (scene.state.tool === "fly") target.blur(); // so that keys steer again
     if (set === "city") ask({ kind: "city", name: value });
     else if (set?.startsWith("policy-")) ask({ kind: "policy", which: Number(set.at(-1)), name: value });
     else if (set === "layer") [stage_layer.name, scene.panel.layer] = [value, null];
@@ -373,43 +375,41 @@ function render({ model, el }) {
   }
 
   // Before the playback hears of it: keys that steer, or move what has the focus
-  el.addEventListener(
-    "keydown",
-    (event) => {
-      if (event.ctrlKey || event.metaKey || event.altKey) return;
-      if (event.target.matches("input, select")) return;
-      const tab = event.target.closest("[role=tab]");
-      const side = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-      const device = event.target.closest("g[data-device]")?.dataset.device;
-      const steer = TOOLS[scene.state.tool].keys?.[event.key];
-      const [down, right] = MOVES[event.key] ?? [];
-      let told = null;
-      if (event.key === "Escape") {
-        el.classList.remove("adding");
-        endStory();
-      } else if (tab && side) {
-        const { tools } = scene;
-        const to = tools[(tools.indexOf(tab.dataset.tool) + side + tools.length) % tools.length];
-        find(`#tab-${to}`).focus();
-        told = { kind: "tool", tool: to };
-      } else if (device && down !== undefined) {
-        const [row, col] = scene.state.devices[device].cell;
-        told = { kind: "move", device: Number(device), cell: [row + down, col + right] };
-      } else if (device && ["Delete", "Backspace"].includes(event.key)) {
-        told = { kind: "remove", device: Number(device) };
-      } else if (event.target.matches("[role=button]") && event.key === "Enter") {
-        event.target.dispatchEvent(new MouseEvent("click", { bubbles: true }));
-      } else if (steer && !event.target.matches("button:not([role=tab])")) {
-        told = { kind: "fly", action: steer };
-      }
-      if (!told) return;
-      event.preventDefault();
-      event.stopPropagation();
+  const onKey = (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.target.matches("input, select")) return;
+    const tab = event.target.closest("[role=tab]");
+    const side = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    const device = event.target.closest("g[data-device]")?.dataset.device;
+    const steer = TOOLS[scene.state.tool].keys?.[event.key];
+    const [down, right] = MOVES[event.key] ?? [];
+    let told = null;
+    if (event.key === "Escape") {
+      el.classList.remove("adding");
       endStory();
-      ask(told);
-    },
-    true,
-  );
+    } else if (tab && side) {
+      const { tools } = scene;
+      const to = tools[(tools.indexOf(tab.dataset.tool) + side + tools.length) % tools.length];
+      find(`#tab-${to}`).focus();
+      told = { kind: "tool", tool: to };
+    } else if (device && down !== undefined) {
+      const [row, col] = scene.state.devices[device].cell;
+      told = { kind: "move", device: Number(device), cell: [row + down, col + right] };
+    } else if (device && ["Delete", "Backspace"].includes(event.key)) {
+      told = { kind: "remove", device: Number(device) };
+    } else if (event.target.matches("[role=button]") && event.key === "Enter") {
+      event.target.dispatchEvent(new MouseEvent("click", { bubbles: true }));
+    } else if (steer && !(event.key === " " && event.target.matches("button:not([role=tab])"))) {
+      told = { kind: "fly", action: steer };
+    }
+    if (!told) return;
+    event.preventDefault();
+    event.stopPropagation();
+    endStory();
+    ask(told);
+  };
+  const listens = own ? document : el; // on a page of our own, whatever has the focus
+  listens.addEventListener("keydown", onKey, true);
 
   model.on("change:scene", () => {
     scene = model.get("scene");
@@ -437,7 +437,10 @@ function render({ model, el }) {
   paint();
   if (linked()) openLink();
   else beginStory();
-  return () => window.removeEventListener("hashchange", openLink);
+  return () => {
+    window.removeEventListener("hashchange", openLink);
+    listens.removeEventListener("keydown", onKey, true);
+  };
 }
 
 const MOVES = { ArrowUp: [-1, 0], ArrowRight: [0, 1], ArrowDown: [1, 0], ArrowLeft: [0, -1] };

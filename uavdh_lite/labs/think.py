@@ -73,7 +73,10 @@ def _because(hangar: Hangar, flight: Trajectory, values: np.ndarray, step: int) 
         units = flight.data_left[step].sum()
         reason = "all data is collected" if units < 0.05 else "more data is not worth the time"
     elif device is None:
-        reason = f"home is {home} units of time away and {left} are left"
+        after = int(hangar.environment.time_to_land[0, flight.uav_cell[step + 1]])
+        reason = f"{left - home} units of time are to spare"
+        if after < home:
+            reason = f"home is {home} units of time away and {left} are left"
     elif action == HOVER:
         reason = f"device {device} uploads well from here"
     else:

@@ -38,7 +38,7 @@ const chooser = (label, name, pairs, chosen) =>
   `<label>${label} <select data-set="${name}">${options(pairs, chosen)}</select></label>`;
 const percent = (share) => `${Math.round(100 * share)} %`;
 const units = (amount) => (amount >= 0.1 ? amount.toFixed(1) : amount.toPrecision(1));
-const signed = (value) => (value < 0 ? "−" : "") + Math.abs(value).toFixed(1);
+const signed = (value) => (value <= -0.05 ? "−" : "") + Math.abs(value).toFixed(1);
 const upper = (text) => text[0].toUpperCase() + text.slice(1);
 const choosePolicy = ({ state }, which, label) =>
   chooser(label, `policy-${which}`, state.known, state.policies[which]);
@@ -106,21 +106,24 @@ const TOOLS = {
     title: "Fly",
     html(scene) {
       const { you, ghost, ranking, rival_name: rival } = scene.panel;
+      const refused = scene.film.flights[0].refused.at(-1);
+      const why = refused === "land" ? "you can only land in blue" : "no-fly, a building or the edge";
+      const no = refused && `<p role="status"><b>Refused: ${refused}</b>, ${why}. One unit of time is gone.</p>`;
       const key = (action, sign) =>
         button(sign, { kind: "fly", action }, `class="${action}" aria-label="${action}"`);
       const pad = `<div class="pad">${key("north", "↑")}${key("west", "←")}${key("hover", "hover")}
         ${key("east", "→")}${key("south", "↓")}${key("land", "land")}</div>`;
       const rank = (each, k) => `<tr><td>${k + 1}</td><td>${escaped(each.mission)}</td>
-        <td>${each.ahead >= 0 ? "+" : "−"}${Math.abs(each.ahead).toFixed(1)}</td>
+        <td>${signed(each.ahead)}</td>
         <td>${each.landed ? each.collected.toFixed(1) : "crashed"}</td></tr>`;
       const table = ranking.length
         ? `<table class="ranking"><caption>Your flights in this session, the best first</caption>
-            <tr><th></th><th>mission</th><th>ahead by</th><th>data</th></tr>
+            <tr><th></th><th>mission</th><th>return ahead by</th><th>data</th></tr>
             ${ranking.map(rank).join("")}</table>`
         : "";
       const head = you.ended ? this.card(you, ghost, rival) : this.help(you, rival);
       const known = scene.state.known.filter(([name]) => name !== "you");
-      return `${head}${pad}<div class="row">${button("Again", { kind: "again" })}
+      return `${head}${no || ""}${pad}<div class="row">${button("Again", { kind: "again" })}
         ${chooser("ghost", "policy-1", known, scene.panel.rival)}</div>${table}`;
     },
     help: (you, rival) =>
@@ -129,12 +132,13 @@ const TOOLS = {
       hovers, L lands. The pale ${term("UAV")} is ${who(rival)}.</p>`,
     card(you, ghost, rival) {
       const ahead = you.return - ghost.return;
-      const end = you.landed ? `You landed with ${you.collected.toFixed(1)} units.` : "You crashed.";
-      const other = ghost.landed ? `${ghost.collected.toFixed(1)} units` : "a crash";
+      const home = (each) => `${each.collected.toFixed(1)} units in ${each.steps} steps`;
+      const end = you.landed ? `You landed with ${home(you)}.` : "The time ran out before you landed.";
+      const other = ghost.landed ? home(ghost) : "a crash";
       const names = ahead > 0 ? "You win" : `${upper(escaped(rival))} wins`;
       return `<div class="card" role="status"><h2>${Math.abs(ahead) < 0.05 ? "Level" : names}</h2>
         <p>${end} ${upper(escaped(rival))}: ${other}. ${term("return", "Return")}:
-        ${you.return.toFixed(1)} against ${ghost.return.toFixed(1)}.</p></div>`;
+        ${signed(you.return)} against ${signed(ghost.return)}.</p></div>`;
     },
     // The ghost, as far as it has come at this time
     over: ({ film }) => ghostPath(film.flights[1]),
@@ -155,7 +159,7 @@ const TOOLS = {
       const line = (name, show) =>
         `<tr><th>${name}</th>${results.map((each) => `<td>${show(each)}</td>`).join("")}</tr>`;
       const brought = ({ landed, collected }) => (landed ? collected.toFixed(1) : "0, crashed");
-      const go = parting === null ? "" : button(`Show step ${parting}`, { show: parting });
+      const go = parting === null ? "" : button(`Show step ${parting + 1}`, { show: parting + 1 });
       return `<h2>${escaped(verdict)}</h2><p class="why">${escaped(why)}</p>
         <div class="row">${go}</div>
         <h3>Find a duel</h3><div class="row">${duel(`${first} wins`, 1)}
@@ -164,7 +168,7 @@ const TOOLS = {
         <table><tr><td></td>${results.map(({ name }) => `<th>${who(name)}</th>`).join("")}</tr>
         ${line(`${term("data units", "data")} brought home`, brought)}
         ${line("time used", ({ steps }) => steps)}
-        ${line(term("return"), (each) => each.return.toFixed(1))}</table>
+        ${line(term("return"), (each) => signed(each.return))}</table>
         <div class="row">${manyButton}</div>${average(scene)}`;
     },
     over({ film, panel }, k) {
