@@ -140,16 +140,6 @@ class OwnChance(_Base):
         return super().sample(size, np.random.default_rng())
 
 
-def _new_in_list(target, online, rate):
-    for k in range(len(target)):
-        target[k] = (1 - rate) * target[k] + rate * online[k]
-
-
-def _shrinks_online(target, online, rate):
-    for t, o in zip(target, online, strict=True):
-        t.mul_(1 - rate).add_(o.mul_(rate))
-
-
 def _value_after_the_end(rewards, terminals, values, n, discount):
     total = 0
     for k in range(min(n, len(rewards))):
@@ -348,7 +338,7 @@ MISTAKES = {
     ],
     "network_weights": [(lambda *case: 2_308_854, "gives 2308854, expected")],
     "q_update": [
-        (lambda q, s, a, r, after, terminal, alpha, discount: q, "y is the reward alone"),
+        (lambda q, s, a, r, after, terminal, alpha, discount: q, "table is as it was"),
     ],
     "stable_policy": [
         (lambda q, beta: _shifted(q, beta, 0), "it overflows"),
@@ -360,10 +350,6 @@ MISTAKES = {
         (lambda r, t, d, online, target: r + d * online, "the shape|one target for each"),
         (lambda r, t, d, online, target: r + d * ~t * online.argmax(1), "the entry in its row"),
     ],
-    "soft_update_in_place": [
-        (_new_in_list, "only gives a new tensor the name"),
-        (_shrinks_online, "online weights have changed"),
-    ],
     "diagnosis": [(lambda landed, collected, used: "good", "wanders")],
     "n_step_return": [
         (_value_after_the_end, "no value is added"),
@@ -374,7 +360,7 @@ MISTAKES = {
     ],
     "lead": [
         (lambda a, b: lead_of(a - b, len(a) - 1), "1.96 standard errors"),
-        (lambda a, b: lead_of(a - b)[:2], "expected are 3 values"),
+        (lambda a, b: lead_of(a - b)[:2], "3 values are expected"),
     ],
     "permutation_p": [
         (values_for_positions, "deal out positions"),

@@ -16,10 +16,6 @@ EQUIVALENT = {  # by exercise: which faults change no result, and why
     "tdma_slot": {
         "device = np.where(data_left > 0, snr_db, -np.inf).argmax()": "numpy's integer is as good",
     },
-    "soft_update_in_place": {
-        "zip(target, online):": "the lists are equally long",
-        "strict=False": "the lists are equally long",
-    },
     "steps_to": {"reached = step": "numpy's integer is as good as Python's"},
     "permutation_p": {
         "return np.mean(as_large)": "numpy's float is as good as Python's",

@@ -120,11 +120,6 @@ def by_search(successes, trials):
     return ends
 
 
-def blended(target, online, rate):
-    for t, o in zip(target, online, strict=True):
-        t[...] = torch.lerp(t, o, float(rate))
-
-
 def by_transposing(q_of, layers):
     """All eight maps in one stack; the cells next to the middle say which move is which."""
     w = layers.shape[1]
@@ -183,7 +178,6 @@ OTHERS = {
     "stable_policy": lambda q, beta: by_logarithms(q.double(), beta).float(),
     "permutation_p": by_sets,
     "wilson": by_search,
-    "soft_update_in_place": blended,
     "double_target": by_one_hot,
     "rate_from_snr": lambda snr_db: np.logaddexp2(0, np.asarray(snr_db) / 10 * np.log2(10)),
     "failsafe_mask": by_loop,

@@ -82,7 +82,7 @@ checks.same_path_loss(same_loss_m)
 #
 # Shadow fading adds a normal random number of decibels, with mean 0, to the SNR in every slot. Is the mean rate then
 # the rate at the mean SNR in dB, `snr_db`? Estimate it by simulation: `draws` slots, each with its own fading of
-# variance `variance_db2` in dB², drawn from `generator`, a `numpy.random.Generator`.
+# variance `variance_db2` in dB², drawn from `generator`, a `numpy.random.Generator`. The library has the rate of 1.1, too; take it from there.
 #
 # <details><summary>Hint</summary>
 #
@@ -96,8 +96,10 @@ checks.same_path_loss(same_loss_m)
 # </details>
 
 # %%
+from uavdh_lite.channel import rate
+
 def mean_rate(snr_db, variance_db2, draws, generator):
-    """The mean of the rate over the fading, data units a slot."""
+    """The mean of the rate over the fading, data units per slot."""
     ### BEGIN SOLUTION
     fading_db = generator.normal(0, np.sqrt(variance_db2), draws)
     return rate(snr_db + fading_db).mean()

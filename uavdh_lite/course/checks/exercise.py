@@ -18,7 +18,10 @@ EXERCISES: dict[str, "Exercise"] = {}
 
 LIBRARY = tuple(str(place) for place in (Path(__file__).parents[2], sys.prefix, sys.base_prefix))
 FUNCTION = "Hand over the function itself: its name, without brackets behind it."
-CHANGED = "changes what it is given. Work on a copy, and write `x = x + 1` instead of `x += 1`."
+CHANGED = (
+    "changes what it is given. Work on a copy, and write `x = x + 1` instead of `x += 1`, "
+    "`sorted(x)` instead of `x.sort()`."
+)
 
 
 class CheckFailed(AssertionError):
@@ -119,7 +122,8 @@ class Exercise:
                 return sentence
         wrong = [k for k, said in enumerate(told) if said]
         own = [k for k in wrong if cases[k][0] == cases[wrong[0]][0]]  # of the same rule
-        k = min(own, key=lambda k: len(repr(cases[k][1])))  # the smallest case
+        # The smallest case; one that gives a value says more than one that stops
+        k = min(own, key=lambda k: (isinstance(given[k], BaseException), len(repr(cases[k][1]))))
         said = told[k] if not isinstance(given[k], BaseException) else _stops(given[k])
         said = said.partition(", expected")[0] + ", which is not right" if self.secret else said
         return f"{self._called(answer, cases[k][1])} {said}. {cases[k][0]}"

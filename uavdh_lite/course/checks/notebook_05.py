@@ -3,8 +3,7 @@
 import numpy as np
 import torch
 
-from uavdh_lite.course.checks.exercise import CheckFailed, exercise
-from uavdh_lite.course.checks.values import unchanged
+from uavdh_lite.course.checks.exercise import exercise
 from uavdh_lite.streams import Use, stream
 
 
@@ -13,14 +12,15 @@ def experience(states, actions, terminal, rate, discount):
     generator = stream(Use.EXERCISE, 10 * states + actions)
     state, action, following = (int(generator.integers(n)) for n in (states, actions, states))
     q = generator.normal(0, 3, (states, actions)).round(1)
-    return q, state, action, q[0, 0] - 0.5, following, terminal, rate, discount
+    return q, state, action, round(q[0, 0] - 0.5, 1), following, terminal, rate, discount
 
 
 @exercise(
     "5.1 · One step of Q-learning (2 points, 10 minutes)",
     rules={
-        "After the end of an episode nothing follows: y is the reward alone.": [
-            *((2, 2, True, 1.0, 0.9), (3, 2, True, 1.0, 0.5), (4, 3, True, 0.5, 0.9)),
+        "In a copy of the table, only q[state, action] changes. With alpha = 1 it becomes y, which "
+        "after the end of an episode is the reward alone: nothing follows.": [
+            *((2, 2, True, 1.0, 0.9), (3, 2, True, 1.0, 0.5)),
         ],
         "Otherwise y is the reward plus discount times the largest Q-value of the next state.": [
             *((2, 3, False, 1.0, 0.5), (4, 2, False, 1.0, 0.9), (5, 4, False, 1.0, 1.0)),
@@ -28,7 +28,7 @@ def experience(states, actions, terminal, rate, discount):
         ],
         "The entry goes the share alpha of the way from its old value to y; all others stay.": [
             *((4, 2, False, 0.1, 0.9), (5, 4, False, 0.5, 0.9), (6, 6, False, 0.25, 0.99)),
-            *((3, 2, False, 0.0, 0.9), (7, 3, True, 0.3, 0.8)),
+            *((3, 2, False, 0.0, 0.9), (7, 3, True, 0.3, 0.8), (4, 3, True, 0.5, 0.9)),
         ],
     },
     mistakes={
@@ -36,6 +36,9 @@ def experience(states, actions, terminal, rate, discount):
             lambda q, s, a, r, after, terminal, *rates: q_update.solution(
                 q, s, a, r, after, 0, *rates
             )
+        ),
+        "The table is as it was: change q[state, action] in the copy, and return the copy.": (
+            lambda q, *rest: q
         ),
     },
     case=experience,
@@ -152,69 +155,3 @@ def transitions(size, discount, ends=0.4, at=5.0, kind=np.float32, apart=2.0):
 def double_target(reward, terminal, discount, online_next, target_next):
     """`target(reward, terminal, discount, online_next, target_next)`: y, (B,) (eq. 10)."""
     return reward + discount * value(online_next, target_next) * ~terminal
-
-
-def weights(rate, *shapes):
-    """Target and online weights of these shapes, and a rate."""
-    generator = stream(Use.EXERCISE, len(shapes))
-    sides = [[generator.normal(size=shape).round(2) for shape in shapes] for _ in "to"]
-    return *([torch.tensor(array) for array in side] for side in sides), rate
-
-
-def updated(answer, *case):
-    """The numbers in the target tensors' own memory after an update; the online ones only give."""
-    target, online = ([tensor.clone() for tensor in side] for side in case[:2])
-    memory = [tensor.detach() for tensor in target]
-    answer(target, online, case[2])
-    if not unchanged(online, case[1]):
-        raise CheckFailed("The online weights have changed. They only give.")
-    for tensor in online:
-        tensor += 0.37  # shows in a target that shares their memory
-    return torch.cat([tensor.reshape(-1) for tensor in memory])
-
-
-def blend(share, most=None):
-    """An update that goes this share of the way; perhaps that of the first tensors alone."""
-
-    def update(target, online, rate):
-        for slow, fast in list(zip(target, online, strict=True))[:most]:
-            slow.lerp_(fast, float(share(rate)))
-
-    return update
-
-
-@exercise(
-    "5.4 · The soft update, in place (2 points, 8 minutes)",
-    rules={
-        "Each target weight becomes 1 − τ of itself plus τ of the online weight: it goes only the "
-        "share τ of the way.": [
-            *((0.25, (2,)), (0.5, (2,)), (0.9, (2,)), (0.005, (2,))),
-        ],
-        "With τ = 0 nothing changes, with τ = 1 the target weights become the online ones.": [
-            *((0.0, (2,)), (1.0, (2,)), (0, (2,)), (1, (2,))),
-        ],
-        "All tensors of the lists take part, whatever their shapes.": [
-            *((0.25, (2, 2), (2,)), (0.25, (3,), (2, 3), (4, 1, 2)), (0.1, (3,), ())),
-            (0.2, (1, 1), (5, 0), (2,)),
-        ],
-    },
-    mistakes={
-        "The tensors of the network are as they were. Change each of them itself, in place: "
-        "`t = …` only gives a new tensor the name t, and nothing reads what you return.": (
-            blend(lambda rate: 0)
-        ),
-        "τ is the share that the online weights get, 1 − τ that of the target.": (
-            blend(lambda rate: 1 - rate)
-        ),
-        "All tensors of the lists take part: is there a `return` inside the loop?": (
-            blend(lambda rate: rate, most=1)
-        ),
-    },
-    ask=updated,
-    case=weights,
-    tolerance=1e-5,
-    smallest=1e-6,
-)
-def soft_update_in_place(target, online, rate):
-    """`soft_update(target, online, rate)`: the target weights move towards the online ones."""
-    blend(float)(target, online, rate)

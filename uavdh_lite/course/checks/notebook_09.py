@@ -19,9 +19,12 @@ def draws(ring: type, capacity: int, added: int, size: int, count: int = 1, seed
     for sample in samples:
         strange = [item for item in sample if id(item) not in numbers]
         if len(sample) != size or strange:
-            what = f"{len(sample)} items" if len(sample) != size else f"{show(strange[0])}"
-            said = f"{asked(capacity, added, size)} gives back {what}. Draw places, one of them "
-            raise CheckFailed(f"{said}the newest, and take the stored tuples from them, no copies.")
+            said = f"{asked(capacity, added, size)} gives back"
+            if len(sample) != size:
+                said = f"{said} {len(sample)} items, expected {size}. An item may come more than "
+                raise CheckFailed(f"{said}once: draw size − 1 places, and add the newest.")
+            said = f"{said} {show(strange[0])}, which was never added. Give back the very tuples"
+            raise CheckFailed(f"{said} that were added, not copies or parts of them.")
     return [[numbers[id(item)] for item in sample] for sample in samples]
 
 

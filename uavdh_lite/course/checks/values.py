@@ -18,19 +18,19 @@ def difference(given, right, tolerance: float = 1e-6, smallest: float = 1e-12) -
         tolerance: relative; smallest: absolute.
     """
     if given is None and right is not None:
-        return "gives back None: is there a `return`, and in every branch?"
+        return f"gives back None, expected {show(right)}: is there a `return` in every branch"
     if right is None or isinstance(right, str):
         same = given is right or (isinstance(given, str) and given == right)
         return "" if same else _two(given, right)
     if isinstance(right, tuple | list):
         parts = list(given) if isinstance(given, tuple | list) or _is_array(given) else []
         if len(parts) != len(right):
-            return f"gives {show(given)}; expected are {len(right)} values"
+            return f"gives {show(given)}, but {len(right)} values are expected"
         pairs = zip(parts, right, strict=True)
         return _two(given, right) if any(difference(*p, tolerance, smallest) for p in pairs) else ""
     one, other = _array(given), _array(right)
     if wanted := _wanted(given, right, one):
-        return f"gives {show(given)}; expected is {wanted}"
+        return f"gives {show(given)}, but {wanted} is expected"
     if one.shape != other.shape:
         return f"has the shape {one.shape}, expected {other.shape}"
     far = ~np.isclose(one.astype(float), other.astype(float), tolerance, smallest, equal_nan=True)
@@ -53,7 +53,7 @@ def _wanted(given, right, one: np.ndarray) -> str:
     if isinstance(right, bool | np.bool_):
         return "" if single and kind in "biu" and one in (0, 1) else "True or False"
     if isinstance(right, int | np.integer):
-        return "" if single and kind in "iu" else "a whole number, an int"
+        return "" if single and kind in "iu" else "a whole number"
     if hasattr(right, "detach"):
         return "" if hasattr(given, "detach") else "a torch tensor"
     if np.ndim(right) == 0:
