@@ -132,7 +132,7 @@ figure.supylabel("collected and landed");
 #
 # $$\text{error} = \sqrt{\frac{s_1^2}{n} + \frac{s_2^2}{n}}$$
 #
-# A **95 % interval** reaches a few errors to each side. With many runs it takes two. With few runs $s$ itself is
+# A **95 % interval** reaches a few errors to each side. With many runs it takes two, or 1.96 to be exact. With few runs $s$ itself is
 # uncertain, so it takes more. *Student's t distribution* says how many: 2.6 with six runs, 4.3 with three.
 
 # %%
@@ -155,10 +155,10 @@ ax.axvline(0, color="black")
 ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 
 # %% [markdown]
-# These are 95 % intervals. After 300,000 steps all of it lies on one side of 0: the centred agents learn **sooner**. At the end of the
-# long runs the interval contains 0, so these runs do not say which kind is **better in the end**. In the village it
-# contains 0, too, and it is wide. One caution: we chose the 300,000 steps after we had seen the curves, so the first gap
-# is a little less sure than it looks.
+# Each bar is a 95 % interval. After 300,000 steps the whole bar lies on one side of 0: the centred agents seem to learn
+# **sooner**. At the end of the long runs the interval contains 0, so these runs do not say which kind is **better in the
+# end**. In the village it contains 0, too, and it is wide. One caution: we chose the 300,000 steps after we had seen the
+# curves, so the first gap is a little less sure than it looks.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -166,9 +166,9 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("three_seeds")
 
 # %% [markdown]
-# That is the pattern after 300,000 steps, so ranks alone leave a chance of 10 %. The interval uses more than ranks: the gap
-# is over three times as large as the spread of either kind. In return it assumes that results have a normal distribution,
-# and three runs are too few to check that.
+# Every run above every other: that is what we saw after 300,000 steps. So ranks alone leave it at 10 %. The interval uses
+# more than ranks: the gap is over three times as large as the standard deviation of either kind. In return it assumes that
+# results have a normal distribution, and three runs are too few to check that.
 #
 # ### Baselines
 #
@@ -194,8 +194,8 @@ for name, values in share.items():
 # ### Paired differences
 #
 # Do the two differ at all? Their intervals overlap, but that is no answer: what counts is the interval of the difference.
-# It can be had in two ways. One adds the errors of both, as above, with 1.96 for the “two”. The other makes use of the
-# fact that both flew the *same* missions. A hard mission is hard for both, so subtract mission by mission, and much of
+# It can be had in two ways. One adds the errors of both, as above. The other makes use of the fact that both flew the
+# *same* missions. A hard mission is hard for both, so subtract mission by mission, and much of
 # that luck cancels.
 
 # %%
@@ -211,7 +211,7 @@ assert high < 0 and high - low < 1.6 * apart
 
 # %% [markdown]
 # Neither contains 0, so **overlapping intervals do not mean “no difference”**. Pairing only makes the interval narrower,
-# here as much as twice as many missions would.
+# here by as much as twice as many missions would.
 #
 # So `greedy` is ahead, by about one point. That is a result, too, and it belongs in the report. The rule was thought up by
 # people who knew the task. The agent found its way from rewards alone.
@@ -238,7 +238,7 @@ Quiz("more_missions")
 # - With one seed you can show anything. The runs are the sample, and their number is what counts.
 # - A gap comes with an interval. If it contains 0, the question is open.
 # - Put baselines next to every number, and compare on the same missions, pair by pair.
-# - Centred agents learn sooner here. Whether they are better in the end, these runs leave open.
+# - Centred agents very likely learn sooner here. Whether they are better in the end, these runs leave open.
 #
 # ## Exercises
 #
