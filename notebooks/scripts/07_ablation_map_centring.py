@@ -211,7 +211,7 @@ assert high < 0 and high - low < 1.6 * apart
 
 # %% [markdown]
 # Neither contains 0, so **overlapping intervals do not mean “no difference”**. Pairing only makes the interval narrower,
-# here by as much as twice as many missions would.
+# here by more than twice as many missions would.
 #
 # So `greedy` is ahead, by about one point. That is a result, too, and it belongs in the report. The rule was thought up by
 # people who knew the task. The agent found its way from rewards alone.
