@@ -3,8 +3,8 @@
 #
 # **Five devices have data to send. A drone has 64 moves to fetch it and be home again. Who decides where it flies?**
 #
-# Here a neural network does. Nobody told it a route. The cell below loads it, gives it a mission, and plays the flight.
-# Run the cell, then press play or drag the slider.
+# Here a neural network does. Nobody told it a route. The code below loads it, gives it a mission, and plays the flight.
+# Run it, then press play or drag the slider.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -38,7 +38,7 @@ play(environment, flights.trajectory(0))
 # | --- | --- |
 # | **What you'll do** | Watch a trained agent fly, set missions of your own, and race it against two simple pilots |
 # | **What you'll learn** | What the task is, how to read a flight, and six numbers that say how good a pilot is |
-# | **What you'll need** | Python. 36 minutes to read, 20 seconds to run; 25 minutes of exercises |
+# | **What you'll need** | Python. 37 minutes to read, 20 seconds to run; 25 minutes of exercises |
 #
 # ## 0.1 The task
 #
@@ -47,7 +47,7 @@ play(environment, flights.trajectory(0))
 #
 # The UAV starts in a landing zone with a limited *flying time*. It has six actions: fly one cell north, east, south or
 # west, hover, or land. Each takes one unit of time. The aim is to collect as much data as possible and to land before
-# the time runs out.
+# the time runs out. If it runs out in the air, the UAV *crashes*.
 #
 # Flying up to every device wastes time, because radio reaches far down an open street. Waiting at a distance wastes time
 # too, because a far link is slow. The best route lies in between, and it is different for every mission.
@@ -81,7 +81,7 @@ trajectory_figure(environment, flights.trajectory(0))
 # - **Violet** cells lie in the radio shadow of buildings. The deeper the violet, the more devices are hidden there.
 #
 # Follow the arrows. The agent empties device 4, the red-orange one, in passing and from a distance. It never flies there.
-# It lands in the other zone, because the last data leads that way.
+# It lands in the other zone, because the last of the data lies that way.
 #
 # The flight in numbers:
 
@@ -101,15 +101,17 @@ for name, values in flights.records().items():
 # | `time_used` | the share of the flying time that was used |
 # | `safety_interventions` | how often a forbidden action was refused |
 #
-# The score to watch is `collected_and_landed`. Data that goes down with the UAV counts for nothing.
+# The score to watch is `collected_and_landed`. Data that goes down with the UAV counts for nothing. The return would be no
+# fair score: it is large wherever a mission holds much data, and it depends on penalties that people chose.
 #
 # It is forbidden to leave the map, to enter a tall building or a no-fly zone, and to land outside the landing zones. The
 # *safety controller* then lets the UAV hover instead. Notebook 3 comes back to it, and to the rewards.
 #
 # ## 0.3 Set a mission yourself
 #
-# The agent was trained on missions with two to five devices, 5 to 20 data units each, and 35 to 70 units of time. It
-# flies any of them without more training.
+# The agent was trained on missions with two to five devices, 5 to 20 data units each, and 35 to 70 units of time. Each
+# mission is drawn anew: its data and its time, the places, and the start among the eight landing cells. The agent flies any
+# of them without more training.
 #
 # Put three devices where you like. A place is a pair, row and column, counted from the top left corner:
 
@@ -123,7 +125,7 @@ trajectory_figure(environment, flights.trajectory(0))
 # The agent collects everything and has time to spare. It serves the blue device first, and turns round as soon as that
 # device is empty, without ever flying over it.
 #
-# Now take half of the time away. Predict before you run the cell after this one:
+# Now halve the time. Predict before you run the cell after this one:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -166,11 +168,11 @@ for name, each in flown.items():
 assert flown["manhattan_ddqn"].end.collected > flown["greedy"].end.collected + 0.05
 
 # %% [markdown]
-# Greedy flies to the blue device, back, and on to the orange one. Then its rule sends it home, and the green device gets
-# no visit. The agent's route suits the time better. The random pilot lands almost at once.
+# Greedy flies to the blue device, back, and on to the orange one. Then its rule sends it home, and the green device is
+# never visited. The agent's route suits the time better. The random pilot lands almost at once.
 #
 # One flight proves nothing, though. We picked this mission, and in others greedy wins. A fair race needs many missions,
-# drawn at random and the same for all three.
+# drawn at random and the same for all three. Notebook 7 flies others, so its numbers differ a little.
 #
 # ## 0.5 Two thousand missions
 #
@@ -194,17 +196,18 @@ for metric in scores["random"]:
     print(f"{metric:<22}", *(f"{each[metric].mean():14.3f}" for each in scores.values()))
 
 # %% [markdown]
-# Read the columns from the right.
+# Read the columns from right to left.
 #
 # **Random** lands in most missions, and still it is useless: it lands with hardly any data. A high `landed` alone says
-# little. The product gives it away.
+# little. `collected_and_landed` gives it away.
 #
 # **Greedy** never crashes, because its rule forbids it, and it collects nearly everything. In this city it is a strong
 # rival. Good rules often are.
 #
 # **The agent** comes close to greedy. Think of what each of them was told. Greedy was given the street map, the shortest
 # ways home, and a rule. The agent started with random numbers in its network. It found out from rewards alone that
-# being near a device brings data, what the landing zones are for, and when to turn back.
+# being near a device brings data, what the landing zones are for, and when to turn back. So why a
+# network? It can also learn where nobody knows a good rule.
 #
 # Nothing forces the agent to land, so now and then it fails. Here is the saddest of its flights, the crash with the
 # largest share of the data on board:
@@ -232,7 +235,7 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(saddest))
 #
 # ## Recap
 #
-# - The task: collect as much data as possible, and land before the flying time is over.
+# - The task: collect as much data as possible, and land before the flying time runs out.
 # - An arrow has the colour of the device that sends. Violet cells are in the radio shadow.
 # - One network flies every mission on this map, and changes its route when the time is short.
 # - `collected_and_landed` is the score: data counts only if the UAV lands.

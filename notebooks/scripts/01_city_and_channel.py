@@ -3,8 +3,8 @@
 #
 # **A device waits in the street. Where should the UAV hover to fetch its data?**
 #
-# The cell below draws the answer for one device, the white cross. Over a yellow cell the UAV gets data quickly, over a
-# dark one hardly any. At the end you will be able to compute every colour in it.
+# The code below draws the answer for one device, the white cross. Over a yellow cell the UAV gets data quickly, over a
+# dark one hardly any. At the end you will be able to compute every colour, once you know which cells are in sight.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -35,7 +35,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Take the city apart, follow one signal from the transmitter to the data, and find good places to hover |
 # | **What you'll learn** | Decibels, path loss with and without line of sight, the link budget, Shannon's rate, shadow fading |
-# | **What you'll need** | Notebook 0, logarithms, the normal distribution. 38 minutes to read, 10 seconds to run; 25 minutes of exercises |
+# | **What you'll need** | Notebook 0, logarithms, the normal distribution. 39 minutes to read, 10 seconds to run; 25 minutes of exercises |
 #
 # The bright area is not a disc. It reaches far down two streets and stops at every corner. Buildings do that.
 #
@@ -57,20 +57,22 @@ figure
 #
 # Compare the second and the third layer. Most buildings are in both: they are tall, so the UAV cannot fly over
 # them. Two blocks are only in the third. They are low: the UAV can fly over them, but they block the radio too. The large
-# square in the second layer is a no-fly zone with buildings in it.
+# square in the second layer is a no-fly zone with buildings in it. A device may stand anywhere but on a building or in a
+# landing zone, so also in the no-fly zone.
 #
 # ## 1.2 Path loss
 #
 # A radio signal gets weaker on its way. The loss spans many powers of ten, so engineers use a logarithmic scale, the
 # *decibel*: $x_{\mathrm{dB}} = 10 \log_{10} x$. Then 10 dB is a factor of ten, 20 dB a factor of a hundred, and 3 dB
-# about a factor of two. Factors become sums.
+# about a factor of two. Negative numbers mean less than one: −10 dB is a tenth. Products become sums.
 #
 # What counts is the signal compared with the noise, the random hiss in every receiver. Their ratio is the *signal-to-noise
 # ratio*, SNR. It falls with a power of the distance $d$ (paper, eq. 3):
 #
 # $$\mathrm{SNR} = \frac{P}{\sigma^2} \cdot d^{-\alpha_l} \cdot 10^{\eta_l/10}$$
 #
-# $P$ is the power that is sent, $\sigma^2$ the power of the noise. $\eta_l$ is luck, and waits until section 1.5. In
+# $P$ is the power that is sent, $\sigma^2$ the power of the noise. $\eta_l$ is luck, and waits until section 1.5. The
+# paper also writes $\sigma_l^2$, with an index: that is another quantity, the variance of this luck. In
 # decibels the same equation is a sum:
 #
 # $$\mathrm{SNR_{dB}} = \Big(\frac{P}{\sigma^2}\Big)_{\mathrm{dB}} - 10\,\alpha_l \log_{10} d + \eta_l$$
@@ -114,8 +116,8 @@ assert np.isclose(budget_db, channel.transmit_snr_db(16))
 # That is the *link budget*, the SNR that a link could have at a distance of 1 m. The path loss spends it. The last line
 # checks our sum against the library.
 #
-# A link behind a building has the same budget, because the transmitter does not know what stands in the way. So now every
-# SNR without luck is one subtraction:
+# A link behind a building has the same budget, because the transmitter does not know what stands in the way. So without
+# luck, every SNR is now a single subtraction:
 
 # %%
 def snr_db(ground_m, exponent):
@@ -143,8 +145,8 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("behind_a_corner")
 
 # %%
-def rate(snr_db):
-    return np.log2(1 + 10 ** (snr_db / 10))
+def rate(decibels):
+    return np.log2(1 + 10 ** (decibels / 10))
 
 # %%
 ground_m = np.linspace(0, 120)
@@ -152,14 +154,14 @@ figure = Figure(figsize=(5.5, 3.4), layout="constrained")
 ax = figure.subplots()
 ax.plot(ground_m, rate(snr_db(ground_m, 2.27)), "-", label="LoS")
 ax.plot(ground_m, rate(snr_db(ground_m, 3.64)), "--", label="NLoS")
-ax.set(xlabel="distance on the ground, m", ylabel="data units a slot")
+ax.set(xlabel="distance on the ground, m", ylabel="data units per slot")
 ax.legend()
 figure
 
 # %%
 for distance in (0, 10, 20, 30, 100):
     los, nlos = rate(snr_db(distance, 2.27)), rate(snr_db(distance, 3.64))
-    print(f"{distance:>4} m: {los:.3f} data units a slot in sight, {nlos:.4f} behind a building")
+    print(f"{distance:>4} m: {los:.3f} data units per slot in sight, {nlos:.4f} behind a building")
 
 # %% [markdown]
 # - **Near is fast.** Three cells away, the UAV gets about a fifth of what it gets straight above the device.
@@ -173,8 +175,8 @@ for distance in (0, 10, 20, 30, 100):
 # number of decibels with mean 0, anew in every slot and for every device. Its variance is 2 dB² in sight and 5 dB² behind
 # a building.
 #
-# A random number generator expects the *standard deviation*, the square root of the variance. Mixing them up is an
-# easy mistake. Draw many slots at 30 m in sight:
+# A random number generator expects the *standard deviation*, the square root of the variance. They are easy to
+# mix up. Draw many slots at 30 m in sight:
 
 # %%
 fading_db = np.random.default_rng(0).normal(0, np.sqrt(2), 20_000)
@@ -188,7 +190,7 @@ lucky = rate(mean_db + fading_db).mean()
 Quiz("luck_on_average")
 
 # %%
-print(f"data units a slot: without fading {rate(mean_db):.3f}, with fading {lucky:.3f} on average")
+print(f"data units per slot: {rate(mean_db):.3f} without fading, {lucky:.3f} with it, on average")
 assert lucky > rate(mean_db)
 
 # %% [markdown]
@@ -203,7 +205,7 @@ ax.plot(axis_db, rate(axis_db))
 ax.plot(ends_db, rate(ends_db), "o--", label="6 dB of bad luck, 6 dB of good luck")
 ax.plot(mean_db, rate(ends_db).mean(), "D", label="their mean")
 ax.plot(mean_db, rate(mean_db), "ks", label="no luck")
-ax.set(xlabel="SNR, dB", ylabel="data units a slot")
+ax.set(xlabel="SNR, dB", ylabel="data units per slot")
 ax.legend()
 figure
 
@@ -216,7 +218,7 @@ figure
 # ## 1.6 Where to hover
 #
 # Now compare four places around the device of the first picture. It stands at (4, 7). The last column counts the steps
-# that it takes to fetch 15 data units, at four slots a step:
+# that it takes to fetch 15 data units, at four slots per step:
 
 # %%
 for name, ground, exponent in (
@@ -226,7 +228,7 @@ for name, ground, exponent in (
     ("32 m away, round a corner", 31.6, 3.64),
 ):
     here = rate(snr_db(ground, exponent))
-    print(f"{name:<32}{here:.4f} data units a slot, {np.ceil(15 / (4 * here)):>4.0f} steps")
+    print(f"{name:<32}{here:.4f} data units per slot, {np.ceil(15 / (4 * here)):>4.0f} steps")
 
 # %% [markdown]
 # - Straight above, two steps are enough.

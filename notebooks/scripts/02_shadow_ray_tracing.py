@@ -3,7 +3,7 @@
 #
 # **Where must the UAV be to see a device, and how can a program know?**
 #
-# The cell below puts a device at the cross. Over a violet cell a building stands in the way. To colour this map, a program
+# The code below puts a device at the cross. Over a violet cell a building stands in the way. To colour this map, a program
 # follows one straight ray to each cell and asks what it crosses. The hard part is to get the answer right every time.
 
 # %% tags=["remove-cell"]
@@ -26,8 +26,9 @@ from uavdh_lite.plotting import draw_city, shadow_sum
 
 environment, device = environment_of("manhattan"), (7, 9)
 figure = Figure(figsize=(5.5, 5.5), layout="constrained")
-hidden = shadow_sum(environment, [device[0] * 16 + device[1]])
-draw_city(figure.subplots(), environment.city, 4 * hidden).plot(*device[::-1], "X", ms=13)
+hidden = shadow_sum(environment, [device[0] * 16 + device[1]])  # the number of its cell
+ax = draw_city(figure.subplots(), environment.city, 4 * hidden)  # as violet as 4 hidden devices
+ax.plot(*device[::-1], "X", ms=13)
 figure
 
 # %% [markdown]
@@ -35,14 +36,15 @@ figure
 # | --- | --- |
 # | **What you'll do** | Follow one ray with a pencil, turn it into a test with whole numbers, and map the shadows of a whole city |
 # | **What you'll learn** | Exact geometry without rounding, what happens at a corner, and where a classic line algorithm goes wrong |
-# | **What you'll need** | Notebook 1, the equation of a line. 38 minutes to read, 10 seconds to run; 30 minutes of exercises |
+# | **What you'll need** | Notebook 1, the equation of a line. 39 minutes to read, 10 seconds to run; 30 minutes of exercises |
 #
 # Move the device: change `(7, 9)`, run the cell again, and watch the shadows turn.
 #
 # ## 2.1 One ray
 #
 # A link goes from the middle of the device's cell to the middle of the cell below the UAV. It is blocked if this straight
-# line crosses the inside of a building, seen from above. Then the link is NLoS, and notebook 1 says what that costs.
+# line crosses the inside of a building, seen from above. It is also blocked if it slips through the corner that two
+# diagonal buildings share. Then the link is NLoS, and notebook 1 says what that costs.
 #
 # The model is flat: it knows no heights. A UAV above a low building sees nobody, though from a real roof you could look
 # down into the street. That is a simplification.
@@ -93,8 +95,8 @@ for r, c in np.ndindex(R + 2, C + 2):
 figure
 
 # %% [markdown]
-# Look at one cell after the other. A crossed cell has corners on both sides of the line, plus and minus, blue and red. Any
-# other cell has four corners of one colour, so the line passes it by. **That is the whole test.**
+# Look at the cells one by one. A crossed cell has corners on both sides of the line, plus and minus, blue and red. Any
+# other cell has four corners of one colour, so the line misses it. **That is the whole test.**
 #
 # It needs only one number for each cell, the one in its middle. From there to a corner, row and column change by ½ each,
 # so $R\,c - C\,r$ changes by $(|R| + |C|)/2$ at most. If the number in the middle is closer to 0 than that, some corners are
@@ -152,16 +154,15 @@ figure
 # asks once for each such displacement, and shifts the whole layer of buildings under the ray. A few array operations
 # decide all pairs of cells with this displacement.
 #
-# The result is a table with four indices: `sight[r, c, R, C]` says whether the cells $(r, c)$ and $(R, C)$
-# see each other.
-# These are 65,536 pairs, and the table is made once for a city. Flying only looks things up.
+# The result is a table with four indices: two for the cell of the device, two for that of the UAV. It says whether
+# they see each other. These are 65,536 pairs, and the table is made once for a city. Flying only looks things up.
 
 # %%
 sight = line_of_sight(environment.city.buildings)
 assert (sight == sight.transpose(2, 3, 0, 1)).all()
 
 # %% [markdown]
-# The last line exchanges both ends of every ray, and nothing changes: if the device sees the UAV, the UAV sees the device.
+# The last line swaps the two ends of every ray, and nothing changes: if the device sees the UAV, the UAV sees the device.
 #
 # How much of the city can be seen from each cell?
 
@@ -185,7 +186,7 @@ figure
 devices = [(4, 4), (7, 9), (14, 11)]
 hidden = shadow_sum(environment, [row * 16 + col for row, col in devices])
 figure = Figure(figsize=(5.5, 5.5), layout="constrained")
-ax = draw_city(figure.subplots(), environment.city, 1.6 * hidden)
+ax = draw_city(figure.subplots(), environment.city, 1.6 * hidden)  # a deeper violet
 ax.plot([col for _, col in devices], [row for row, _ in devices], "X", ms=13)
 figure
 
@@ -200,7 +201,8 @@ print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 #
 # The authors of the paper trace their rays in another way. In 1962 Jack Bresenham wrote an algorithm that draws a line
 # as a row of pixels. Their variant walks from cell to cell, one row or one column at a time, and keeps a running error
-# that says which of the two comes next. It is quick, and it skips cells that the true ray only clips.
+# that says which of the two comes next. It is quick, and it errs both ways: it skips
+# cells that the true ray clips, and enters cells that it never crosses.
 #
 # Their code sends a fan of such lines from the device to every cell of the border. A cell is in sight if some line reaches
 # it before it meets a building. One question before you see the result:
@@ -218,16 +220,19 @@ for ax, name, table in zip(figure.subplots(1, 2), ("exact", "Bresenham's fan"), 
 figure
 
 # %% [markdown]
-# Bresenham's fan sees round several corners that block the exact ray. And from the other end?
+# Bresenham's fan sees round several corners that block the exact ray. How often is it wrong, and does it at least agree
+# with itself from the other end?
 
 # %%
+print(f"{(fan & ~sight).sum()} blocked pairs seen, {(sight & ~fan).sum()} of {sight.sum()} missed")
 one_way = fan & ~fan.transpose(2, 3, 0, 1)
 share = one_way.sum() / fan.sum()
 print(f"{share:.0%} of the links in Bresenham's table work in one direction only")
 assert 0.05 < share < 0.2
 
 # %% [markdown]
-# Rounding is to blame. Seen from the other end, the same line is rounded to other cells, and may run into a building there.
+# The fan sees too much more often than too little. Rounding is to blame. Seen from the other end, the same line is rounded
+# to other cells, and may run into a building there.
 # Radio works the same both ways.
 #
 # Does it matter to an agent? We do not know, because we trained none with Bresenham's shadows.

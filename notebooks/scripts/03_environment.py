@@ -33,12 +33,12 @@ trajectory_figure(environment, flights.trajectory(0))
 # | --- | --- |
 # | **What you'll do** | Step through an episode, keep its ledger, provoke the safety controller, follow four slots, fly by hand |
 # | **What you'll learn** | State, action, reward and end: the Markov decision process of the paper |
-# | **What you'll need** | Notebooks 1 and 2. 38 minutes to read, 10 seconds to run; 35 minutes of exercises |
+# | **What you'll need** | Notebooks 1 and 2. 39 minutes to read, 10 seconds to run; 35 minutes of exercises |
 #
 # ## 3.1 The state
 #
-# One flight from start to end is an *episode*. One action is one *step*, and takes one unit of flying time. In every step
-# the same loop turns:
+# One flight from start to end is an *episode*. One action is one *step*, and takes one unit of flying time. Every step
+# goes once round this loop:
 #
 # ```text
 #              action
@@ -65,14 +65,15 @@ for name, value in vars(state).items():
 #
 # There are six actions: four moves, hovering and landing. A rule that picks an action from a state is a *policy*.
 #
-# A step has two parts. First the luck: the fading of notebook 1 is drawn. Then a pure function, `transition`, computes the
-# rest. State, action and fading go in, the next state and the outcome come out.
+# A step has two parts. First the luck: the fading of notebook 1 is drawn. Then a *pure function*, one without luck or
+# memory, computes the rest. State, action and fading go in, the next state and the outcome come out.
 
 # %%
 import numpy as np
 
 from uavdh_lite.environment import ACTIONS, EAST, HOVER, NORTH, Rewards
 
+# mission.fading is a random generator: a new one each time, which draws the same numbers again
 fading = environment.draw_fading(state, mission.fading)
 after, outcome = environment.transition(state, np.array([EAST]), fading)
 print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
@@ -89,7 +90,7 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 #
 # ## 3.3 What a step earns
 #
-# Nobody tells an agent which action is right. It gets a *reward* for each step. It learns when it changes its policy so that
+# Nobody tells an agent which action is right. It gets a *reward* for each step. Learning means changing the policy so that
 # the sum of the rewards, the *return*, becomes larger. The reward has four parts (paper, eq. 9):
 #
 # $$r_t = \text{data uploaded} + r_\mathrm{mov} + r_\mathrm{sc} + r_\mathrm{crash}$$
@@ -99,10 +100,11 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # | data | 1 for each data unit | data is uploaded |
 # | $r_\mathrm{mov}$ | −0.2 | in every step but the landing |
 # | $r_\mathrm{sc}$ | −1 | the safety controller intervenes |
-# | $r_\mathrm{crash}$ | −150 | the time is over and the UAV has not landed |
+# | $r_\mathrm{crash}$ | −150 | time is up and the UAV has not landed |
 #
 # The paper prints no values. These are defaults of the authors' code. The agent learned with
-# −0.1 for a movement, as notebook 6 explains. Here is the ledger of greedy's flight:
+# two other prices: −0.1 per move, and a crash that cost little at first and 150 later. Notebook 6 says why. Here is the
+# ledger of greedy's flight:
 
 # %%
 from matplotlib.figure import Figure
@@ -158,11 +160,13 @@ outcome = HandFlight(environment, late).step(HOVER)
 print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# Nothing is uploaded in the step that ends an episode, be it a crash or a landing.
+# Nothing is uploaded in the step that ends an episode, be it a crash or a landing. The paper leaves this open, so it is a
+# decision of this library.
 #
-# ## 3.5 Who may send: four slots a step
+# ## 3.5 Who may send: four slots per step
 #
-# Each step has four communication slots. In each slot *one* device sends: the loudest, with the best SNR, of those that have
+# Each step has four communication slots, because much can change within a move of 10 m: the UAV may come round a corner, and
+# the fading is another. In each slot *one* device sends: the loudest, with the best SNR, of those that have
 # data left. Sharing a channel by taking turns is called *time division multiple access*, TDMA.
 #
 # In the next figure the UAV hovers between three devices, all two cells away. Device 2 has only 1.5 units of data. Fading
@@ -194,7 +198,8 @@ figure
 # Why is "serve device 2" not an action of the agent? It would have to learn what a simple rule does well. And it still has
 # its say: where it flies decides who is loudest.
 #
-# The UAV is a little further on in every slot. Here it flies east, round the corner of a building, without fading:
+# In each slot the UAV has moved on a little: in slot $i$ it has flown $i$ quarters of the way. Here it flies east, round the
+# corner of a building, without fading:
 
 # %%
 corner = Mission(environment.city, (4, 2), ((5, 4),), (50,), 30).state
@@ -247,7 +252,8 @@ assert all(flown["by hand"].returns > each.returns + 5 for each in list(flown.va
 # ## Recap
 #
 # - The state holds the places, the data and the time left.
-# - A step is a pure function of state, action and fading. That is a Markov decision process.
+# - A step is a pure function of state, action and fading. What comes next depends on the present state and the action, not
+#   on the past: a Markov decision process.
 # - The reward pays for data and charges for steps, interventions and a crash.
 # - In each of four slots the loudest device with data left sends.
 # - The return is the sum of all rewards. Learning means raising it.

@@ -45,7 +45,7 @@ draw_maps(dict(zip(LAYERS, maps[0])))
 # Each picture is a **layer** of the map. Three show the city. Two show the data: what each device still has, and what
 # the UAV has collected. The last one is empty because the flight has not begun.
 #
-# The UAV is always in the middle. This is **map centring**, the paper's main idea.
+# The UAV is always in the middle. This is **map centring**, the paper's main idea, in its section III-C.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -53,12 +53,12 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("frame_size")
 
 # %% [markdown]
-# A city of $M$ cells a side needs a frame of $2M-1$. Most of it lies outside the city, where nobody may fly. So the layer
-# "no-fly zone" is 1 there and all others are 0.
+# A city with $M$ cells on each side needs a frame of $2M-1$. Outside the city the layer "no-fly zone" is 1 and all others
+# are 0.
 #
 # ## 4.2 The stopped clock
 #
-# Why does the network need the time as well? Keep the picture, change the time, and ask the agent what it would do.
+# Why does it need the time as well? Keep the picture and change the time:
 
 # %%
 from dataclasses import replace
@@ -76,12 +76,12 @@ for units in (50, 14, 10):
     print(units, "units left:", ACTIONS[agent.act(at_time(street, units))[0]])
 
 # %% [markdown]
-# One device is far in the north, the other near in the east, and home is in the south-east. With much time the agent goes
-# for the far device, with less for the near one, and with just enough it goes home. Anyone who saw only the picture would
-# have to do the same all three times.
+# One device is far in the north, the other near in the east, and home is in the south-east. With plenty of time the agent
+# goes for the far device, with less for the near one, and with just enough it goes home. Anyone who saw only the picture
+# would have to do the same all three times.
 #
-# Now let the agent fly 200 missions with a **stopped clock**. It sees the true picture, but always the same time. The
-# true time runs out all the same.
+# Now the agent flies 200 missions with a **stopped clock**. It sees the true picture, but always the same time. The true
+# time runs out all the same.
 
 # %%
 from uavdh_lite.evaluation import FunctionPolicy, evaluate
@@ -106,40 +106,40 @@ ax.set(xlabel="units of time on the stopped clock", ylabel="share of 200 mission
 figure.legend(loc="outside right upper", fontsize="small");
 
 # %% [markdown]
-# A clock that shows little sends most UAVs home with little data. A clock that shows much lets them collect it, and then
-# they crash. No green point comes near the black line.
+# A clock that shows little time sends most UAVs home with little data. The others wait, most of them at home, because by
+# this clock there is always a moment left. In the middle, UAVs collect nearly everything before they go home, and many are
+# late. A clock that shows a lot of time lets them collect for ever, and they crash. No green point comes near the black line.
 #
 # ## 4.3 Two frames
 #
-# Centring takes three lines. Put a wide border around a layer, then cut out the window with the UAV in its middle. It
-# begins at the UAV's own row and column, because the border has moved everything.
+# Centring takes three lines. Put a wide border around a layer, then cut out the window with the UAV in its middle.
 
 # %%
 def centre(layer, row, col, outside):
     wide = np.pad(layer.astype(float), len(layer) - 1, constant_values=outside)
     size = 2 * len(layer) - 1
+    # the border has moved everything, so the window begins at the UAV's own row and column
     return wide[row : row + size, col : col + size]
 
 # %% [markdown]
-# Now the UAV flies through the city. Buildings are dark and the no-fly zone is pale. The UAV is in the middle of each
-# picture.
+# Now the UAV flies through the city. Buildings are dark and the no-fly zone is pale.
 
 # %%
 world = 0.3 * city.no_fly + 0.7 * city.buildings
 draw_maps({f"UAV at {uav}": centre(world, *uav, 0.3) for uav in ((0, 0), (8, 7), (15, 15))})
 
 # %% [markdown]
-# The world moves around the UAV. Without centring, the city would stay **in place**, and the UAV would need a layer of its
-# own with a single 1 that moves. Both frames hold the same facts.
+# The world moves around the UAV. Without centring, the city stays **in place**, and the UAV needs a layer of its own with a
+# single 1 that moves. Both frames hold the same facts.
 #
-# ## 4.4 A network in twenty lines
+# ## 4.4 What a network computes
 #
 # The paper's network has two million numbers but only a few ideas. The first is the **neuron**. It multiplies each of its
-# inputs by a **weight** and adds up the products and a constant:
+# inputs by a **weight** and adds up the products and a constant, the *bias*:
 #
 # $$\text{output}=w_1x_1+w_2x_2+\dots+w_nx_n+w_0$$
 #
-# Here are nine inputs, the nine weights of a neuron whose constant is 0, and the products.
+# Here are nine inputs, nine weights and their products. The bias is 0.
 
 # %%
 inputs = np.array([[0, 1, 1], [0, 1, 1], [0, 0, 1]])
@@ -159,21 +159,27 @@ result = (windows * weights).sum(axis=(2, 3))
 draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, numbers=True)
 
 # %% [markdown]
-# Blue marks western edges and red eastern ones. The window fits in only four positions a side, so the result is smaller.
+# Blue marks western edges and red eastern ones. The window fits in only four positions along each side, so the result is smaller.
 #
-# Several neurons with the same inputs are a **layer** of the network. It is **fully connected** if each has a weight for
-# every input. Two layers in a row could do no more than one, because a sum of sums is a sum. So something bends in
-# between: a **ReLU** replaces each negative number by 0.
+# The agent's kernels read all five pictures at once. Each has 5 × 5 weights for every picture and adds up all the products.
+# So one kernel makes one new picture, and 16 kernels make 16.
+#
+# Neurons with the same inputs are a **layer** of the network. Mind the word: a layer of the *map* is a picture. A layer is
+# **fully connected** if each neuron has a weight for every input. Two such layers in a row could do no more than one, because
+# a sum of sums is a sum. So something that bends the line goes in between: a **ReLU** replaces each negative number by 0.
+# Sums of bent lines can follow any curve.
+#
+# ## 4.5 How it learns
 #
 # At first all weights are random. A **loss** measures how wrong the output is. Its *slope* says which way is down, and the
-# weight takes a small step there. That is **gradient descent**. Here the input is 3 and the output should be 6, so the
-# weight should become 2.
+# weight takes a step that way: the slope times a small number, the **learning rate**. This is **gradient descent**. Here
+# the input is 3 and the output should be 6, so the weight should become 2.
 
 # %%
 w = [0.0]
 for _ in range(8):
     slope = 2 * 3 * (3 * w[-1] - 6)  # of the loss (3w − 6)²
-    w.append(w[-1] - 0.02 * slope)
+    w.append(w[-1] - 0.02 * slope)  # 0.02 is the learning rate
 line = np.linspace(-0.2, 4.2)
 figure, ax = plt.subplots(figsize=(5, 2.6), layout="constrained")
 ax.plot(line, (3 * line - 6) ** 2, "-", w, (3 * np.array(w) - 6) ** 2, "o")
@@ -181,57 +187,61 @@ ax.set(xlabel="weight", ylabel="loss");
 
 # %% [markdown]
 # The steps get shorter as the slope gets flatter, and the weight settles at the bottom. A million weights learn in the
-# same way. PyTorch computes the slopes.
+# same way. The library PyTorch computes their slopes. Its **Adam** is gradient descent that fits the step to each weight.
 
 # %%
 from torch import nn
 
 def network(inputs):
+    # 32 neurons, a ReLU behind each, and one neuron that adds up what they give
     return nn.Sequential(nn.Linear(inputs, 32), nn.ReLU(), nn.Linear(32, 1))
 
 def train(model, x, y, steps=100):
-    optimiser = torch.optim.Adam(model.parameters(), lr=0.02)  # a kind of gradient descent
+    # it changes the model's weights; lr is the learning rate
+    optimiser = torch.optim.Adam(model.parameters(), lr=0.02)
     for _ in range(steps):
+        # how far the outputs are from y: squared, then the mean over all examples
         loss = ((model(x)[:, 0] - y) ** 2).mean()
-        optimiser.zero_grad()
-        loss.backward()  # the slopes
-        optimiser.step()  # a step downhill
+        optimiser.zero_grad()  # forget the last slopes: PyTorch adds new ones to the old
+        loss.backward()  # the slope of the loss for every weight
+        optimiser.step()  # a step downhill with every weight
 
 # %% [markdown]
-# ## 4.5 The square of weights
+# ## 4.6 The square of weights
 #
-# Which frame makes it easier to know something useful? Take a simple question: **is a device near?** Near means within
-# three rows and three columns. The answer should be +1 if so and −1 if not.
+# Which frame makes this question easier: **is a device near?** Near means within three rows and three columns. The answer should be +1 if so and −1 if not.
 
 # %%
 Quiz("linear_model")
 
 # %% [markdown]
-# Of the pairs of places that we draw, half are near, so a guess is right half of the time. The centred frame has a 1 at
-# the device's place *as seen from the UAV*. The other frame has two pictures, with a 1 at the device's place in the city
+# Half of our pairs of places are near. The centred frame has a 1 at
+# the device's place *as seen from the UAV*. The other frame has two pictures: a 1 at the device's place in the city,
 # and a 1 at the UAV's.
 
 # %%
 def one_at(cells):
+    # a picture of 31 × 31 cells, written as a list: cell (r, c) is number 31 r + c of it
     return nn.functional.one_hot(torch.tensor(cells @ (31, 1)), 31 * 31).float()
 
 uav, device = np.random.default_rng(0).integers(16, size=(2, 40_000, 2))
 near = abs(uav - device).max(axis=1) <= 3
+# 4000 pairs of each kind, the near ones first
 pairs = np.r_[np.flatnonzero(near)[:4000], np.flatnonzero(~near)[:4000]]
 uav, device, y = uav[pairs], device[pairs], torch.tensor(2 * near[pairs] - 1)
 
 # %% [markdown]
-# A single neuron learns from each frame, then a network of 33 neurons. Half of the pairs are for training, the others for
-# a test.
+# A single neuron learns from each frame, then a network of 33 neurons.
 
 # %%
 torch.manual_seed(0)
 neurons = {}
+# centred: the UAV is in the middle, at (15, 15); in place: the city's cell (0, 0) is at (7, 7)
 for frame, x in (("centred", one_at(device - uav + 15)),
                  ("in place", torch.cat([one_at(device + 7), one_at(uav + 7)], 1))):
     neurons[frame] = nn.Linear(x.shape[1], 1)
     for model in (neurons[frame], network(x.shape[1])):
-        train(model, x[::2], y[::2])
+        train(model, x[::2], y[::2])  # every other pair; the rest is for the test
         right = (torch.sign(model(x)[:, 0]) == y).float()
         print(f"{frame}: {right[::2].mean():.0%} in training, {right[1::2].mean():.0%} in the test")
 
@@ -241,34 +251,28 @@ for frame, x in (("centred", one_at(device - uav + 15)),
 # neurons show why.
 
 # %%
+# [0, :961]: of the only neuron, the first 31 × 31 weights, which belong to the device's picture
 draw_maps({f"a neuron's weights, {frame}": neuron.weight[0, :961].detach().view(31, 31)
            for frame, neuron in neurons.items()})
 
 # %% [markdown]
-# The left picture is the answer itself: **a square of weights**, three cells to each side of the UAV. A weight of the
-# centred frame belongs to a *relative* place, such as "three cells to the north". It means the same wherever the UAV is.
+# The left picture is the answer itself: **a square of weights**, three cells to each side of the UAV. White places never
+# occurred in training. A weight of the centred frame belongs to a *relative* place, such as "three cells to the north". It
+# means the same wherever the UAV is.
 #
 # A weight of the other frame belongs to an *absolute* place, such as "cell (4, 7)". Whether a device there is near depends
 # on the UAV's place, and a sum of one weight for each cannot ask about both together. A network can, but has to learn it
-# for many pairs of places.
-#
-# Whether this helps an agent to *fly*, only training can show. Notebook 7 has that experiment.
-#
-# ## 4.6 What it costs
-#
-# The centred map is almost four times as large as the city. A kernel does not mind, but a fully connected layer behind the
-# convolutions has a weight for every cell that is left, in every neuron.
+# for many pairs of places. Notebook 7 asks whether this helps an agent to *fly*.
 #
 # ## Recap
 #
-# - The agent sees five layers and the time that is left. With a stopped clock it cannot plan its way home.
-# - Centring puts the UAV in the middle of a frame of $2M-1$ cells. Outside the city everything is no-fly zone.
-# - A neuron is a weighted sum. A convolution moves one neuron across a picture. A ReLU puts a kink in the line.
-# - Gradient descent moves each weight a little against the slope of the loss.
+# - The agent sees five layers and the time that is left. With a stopped clock it does not know when to go
+#   home.
+# - Centring puts the UAV in the middle of a frame of $2M-1$ cells.
+# - A neuron is a weighted sum. A convolution moves it across pictures. A ReLU puts a kink in the line.
+# - Gradient descent moves each weight downhill, by the learning rate times the slope of the loss.
 # - Centred weights mean relative places, so one weighted sum can tell what is near.
 #
 # ## Exercises
 #
 # The [exercises of this notebook](exercises/04_map_centring/04_map_centring.ipynb) come with checks and hints.
-#
-# Further reading: section III-C of the paper.
