@@ -180,6 +180,8 @@ w = [0.0]
 for _ in range(8):
     slope = 2 * 3 * (3 * w[-1] - 6)  # of the loss (3w − 6)²
     w.append(w[-1] - 0.02 * slope)  # 0.02 is the learning rate
+
+# %%
 line = np.linspace(-0.2, 4.2)
 figure, ax = plt.subplots(figsize=(5, 2.6), layout="constrained")
 ax.plot(line, (3 * line - 6) ** 2, "-", w, (3 * np.array(w) - 6) ** 2, "o")

@@ -20,13 +20,11 @@ if not any(distributions(name="uavdh_lite")):
 # %% tags=["remove-cell"]
 # %matplotlib inline
 import numpy as np
-import torch
 from matplotlib.figure import Figure
 
 from uavdh_lite.plotting import BLUE, GREEN, ORANGE, PINK, VERMILION
 from uavdh_lite.storage import read_table
 
-torch.set_num_threads(1)
 WAYS = {
     "learn": ORANGE,
     "guarantee_learn": VERMILION,
@@ -40,7 +38,6 @@ WAYS = {
 }
 
 def last_returns(study, way):
-    """The return at the end of each of the three runs."""
     runs = [(study["variant"] == way) & (study["seed"] == seed) for seed in range(3)]
     return [study["return"][run][-1] for run in runs]
 
@@ -183,7 +180,11 @@ print("".join(arrows[plan.actions[: (plan.actions != 5).sum() + 1]]))
 # How often does the trained copy agree with its teacher? Fly the genie's plans of 100 missions, and ask the agent at each step:
 
 # %%
+import torch
+
 from uavdh_lite.checkpoint import load_agent
+
+torch.set_num_threads(1)  # the network is small
 
 copy = load_agent("manhattan")
 start = scenario.sample(environment, 100, np.random.default_rng(3))
