@@ -35,7 +35,7 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Learn a table, put a network in its place, watch it explode, and mend it |
+# | **What you'll do** | Learn a table, put a network in its place, watch it explode, and fix it |
 # | **What you'll learn** | Q-learning, discount, replay, target networks, the softmax policy, double Q-learning |
 # | **What you'll need** | Notebooks 3 and 4. 40 minutes to read, 30 seconds to run; 38 minutes of exercises |
 #
@@ -60,7 +60,7 @@ def step(cell, action):
 #
 # $$y=r+\gamma\max_{a'}Q(s',a')$$
 #
-# The old number moves a part $\alpha$ of the way there:
+# The old number moves a fraction $\alpha$ of the way there:
 #
 # $$Q(s,a)\leftarrow Q(s,a)+\alpha\,\big(y-Q(s,a)\big)$$
 #
@@ -99,10 +99,9 @@ draw_maps({f"flights: {n}": fly(n)[0] for n in (1, 3, 100)}, numbers=True)
 draw_maps({f"γ = {gamma}": fly(300, gamma)[0] for gamma in (0.5, 0.95, 1.0)}, numbers=True)
 
 # %% [markdown]
-# With $\gamma=0.5$ the far corner hardly sees the device. With $\gamma=1$ it counts in full. The agent has 0.95. So a crash that costs 150 and is 40 steps ahead counts $150\cdot0.95^{40}\approx19$.
+# With $\gamma=0.5$ the far corner hardly sees the device. With $\gamma=1$ it counts in full. The agent uses 0.95. So a crash that costs 150 and is 40 steps ahead counts $150\cdot0.95^{40}\approx19$.
 #
-# Nothing comes after the end of an episode, so the target is $y=r$ alone. In our table a mistake here would do no harm,
-# since the last cell keeps its zeros. But a network has *some* number for every state.
+# Nothing comes after the end of an episode, so the target is $y=r$ alone.
 #
 # ## 5.2 A network in the table's place
 #
@@ -130,12 +129,13 @@ def network():
     return nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
 
 # %% [markdown]
-# A minibatch gives the targets and the loss. The rest is as in notebook 4.
+# One cell, (1, 1), was left out of the memory, to see later what the network says about it. A minibatch gives the targets and the
+# loss. `detach` makes $y$ a goal: no slope flows through it. `gather` picks the Q-value of the action that was taken.
 
 # %%
 def loss_of(online, target):
     batch = memory[torch.randint(len(memory), (32,))]
-    cell, action, reward, after, ended = batch.split([2, 1, 1, 2, 1], dim=1)
+    cell, action, reward, after, ended = batch.split([2, 1, 1, 2, 1], dim=1)  # its columns
     y = reward + 0.95 * (1 - ended) * target(after).amax(1, keepdim=True).detach()
     return ((y - online(cell).gather(1, action.long())) ** 2).mean()
 
@@ -143,7 +143,7 @@ def loss_of(online, target):
 def learn(tau, seed):
     torch.manual_seed(seed)
     online, target, path = network(), network(), []
-    target.load_state_dict(online.state_dict())
+    target.load_state_dict(online.state_dict())  # equal weights at the start
     optimiser = torch.optim.Adam(online.parameters(), lr=0.01)
     for _ in range(1500):
         loss = loss_of(online, target)
@@ -156,7 +156,7 @@ def learn(tau, seed):
 
 # %% [markdown]
 # For now read `target` as a second name for the same network: with $\tau=1$ it is a copy. Three networks learn, each
-# from other random weights. The value of the start cell should become 6.7, as in the table.
+# starting from different random weights. The value of the start cell should become 6.7, as in the table.
 
 # %%
 copies = [learn(tau=1.0, seed=seed) for seed in range(3)]
@@ -168,7 +168,7 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 # ## 5.3 The target network
 #
 # What went wrong? A step that raises $Q(s,a)$ also raises the Q-values of cells that look alike, and $s'$ is one of them.
-# So the target rises, the next step follows it, and the network chases its own tail. In a table the rows do not touch.
+# So the target rises, the next step follows it, and the network chases its own tail. In a table, changing one entry leaves the others alone.
 #
 # The cure is a calm target. A second network, the **target network** $\bar\theta$, computes $y$. It follows the **online
 # network** $\theta$ slowly, after each step by a part $\tau$ of the way:
@@ -182,12 +182,12 @@ calm = [learn(tau=0.05, seed=seed) for seed in range(3)]
 figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
 for runs, style in ((copies, "C1"), (calm, "C0")):
     ax.plot(np.transpose([path for _, path in runs]), style, lw=1)
-ax.set(xlabel="steps of learning", ylabel="value of the start cell", yscale="symlog",
+ax.set(xlabel="updates", ylabel="value of the start cell", yscale="symlog",
        title="orange: τ = 1; blue: τ = 0.05; three runs each")
 assert min(path[-1] for _, path in copies) > 100 > max(path[-1] for _, path in calm)
 
 # %% [markdown]
-# On this scale each mark from 1 on is ten times the one before. With $\tau=1$ all three runs climb. With 0.05 all three settle. Do
+# The scale is logarithmic above 1. With $\tau=1$ all three runs climb. With 0.05 all three settle. Do
 # they settle at the right values?
 
 # %%
@@ -196,7 +196,7 @@ values = calm[0][0](cells).detach().amax(1).view(4, 4).numpy()
 draw_maps({"the table": fly(300)[0], "the network": values}, numbers=True)
 
 # %% [markdown]
-# They nearly do, even in cell (1, 1), which the network never saw. Only the device's own cell is far off.
+# They nearly do, even in cell (1, 1), which the network never saw. Only the device's own cell is far off: no step starts there, so no target asks for it.
 #
 # ## 5.4 Exploring
 #
@@ -204,6 +204,8 @@ draw_maps({"the table": fly(300)[0], "the network": values}, numbers=True)
 # action that seems best, it never finds out that another is better. The paper draws from a **softmax policy**:
 #
 # $$\pi(a\mid s)=\frac{\exp(Q(s,a)/\beta)}{\sum_{a'}\exp(Q(s,a')/\beta)}$$
+#
+# Here $\beta$ is the **temperature**.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -211,7 +213,7 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("cold_policy")
 
 # %% [markdown]
-# What counts is the gap between two Q-values compared with the **temperature** $\beta$. Here is the policy for the six
+# What counts is the gap between two Q-values compared with $\beta$. Here is the policy for the six
 # Q-values at the top:
 
 # %%
@@ -248,7 +250,7 @@ from uavdh_lite.ddqn import ddqn_target
 print("".join(inspect.getsource(ddqn_target).splitlines(True)[-2:]))
 
 # %% [markdown]
-# These two lines of the library are the equation. Let six actions all be worth 0, and give the estimates random errors.
+# Let six actions all be worth 0, and give the estimates random errors.
 # Who judges?
 
 # %%
@@ -277,13 +279,13 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 # | three fully connected layers, ReLU | 256 each |
 # | a fully connected layer | 6 |
 #
-# That makes 2,308,854 weights, nearly all in the first fully connected layer: 256 neurons with 8465 inputs each.
+# That makes 2,308,854 weights, nearly all in the first fully connected layer: 256 neurons with 8465 inputs each. The agent has a smaller
+# network of the same kind, with 246,006.
 #
 # ## Recap
 #
 # - Q-learning moves $Q(s,a)$ towards $r+\gamma\max Q(s',a')$, so the news of a reward spreads backwards.
 # - At the end of an episode the target is the reward alone.
-# - A network answers for states that it never saw. It learns from a memory of steps.
 # - The softmax policy explores where Q-values lie close together compared with $\beta$.
 # - A slow target network keeps learning calm. In DDQN it judges what the online network chooses.
 #

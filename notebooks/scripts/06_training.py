@@ -59,7 +59,7 @@ print(inspect.getsource(Trainer.step))
 # | `self._act` | **act**: draw an action from the softmax policy | 5.4 |
 # | `environment.step` | **step**: fly it, and see what happens | notebook 3 |
 # | `replay.add` | **add** the step to the memory | 5.2 |
-# | `replay.sample` | **sample** a minibatch, the newest steps among it | 5.2 |
+# | `replay.sample` | **sample** a minibatch that includes the newest steps | 5.2 |
 # | `learner.update` | **update**: DDQN targets, a step downhill, the soft update | 5.3, 5.5 |
 #
 # It is a circle: the agent makes the data that it learns from.
@@ -79,7 +79,8 @@ for k, name in enumerate(("act", "step", "add", "sample", "update")):
 # %% [markdown]
 # Two more lines are worth a look. `_restart_ended` replaces an episode that is over by a new random mission, so the agent
 # meets no mission twice and cannot learn one by heart. And until the memory holds `replay_prefill` steps, the agent
-# flies at random and learns nothing. Without that, the first minibatches would all be drawn from the same few steps.
+# flies at random and learns nothing. Without that, the first minibatches would all be drawn from the same few steps. Several UAVs fly side by
+# side, one step each for every update.
 #
 # ## 6.2 Train one now
 #
@@ -108,7 +109,8 @@ print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
 
 # %% [markdown]
 # Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions that are always the same
-# and that training never sees. It always takes the best action, without exploring.
+# and that training never sees. It always takes the best action, without exploring. The library keeps the agent with the best validation. Luck
+# helped to choose it, so its final score comes from a third set of missions, the *test*.
 
 # %%
 def draw(ax, rows, title):
@@ -151,12 +153,14 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
     ax.set(ylabel=name, xlabel="million steps")
 
 # %% [markdown]
-# Early on the **return** dives while **collected** rises. The agent learns to fly far before it learns to be home in
-# time: look at **landed**. Each crash counts 150 in this curve. Later both recover.
+# In this run the agent learned with a small price of a crash, 10 at first, which grew to 150. The curve of the return has 150 throughout.
 #
-# Everybody looks at the **loss** first, and it says least. It measures how far the Q-values are from their targets, and
-# the targets move. Here it rises for a while as the agent gets better. Perhaps an agent that dares more has more to
-# predict.
+# Early on the **return** dives while **collected** rises. The agent learns to fly far before it learns to be home in
+# time: look at **landed**. Later both recover, as crashing gets dearer.
+#
+# Everybody looks at the **loss** first, and it tells you least. It measures how far the Q-values are from their targets, and
+# the targets move. Here it rises for a while as the agent gets better: an agent that dares more has more to predict, and each crash
+# counts for more.
 #
 # ## 6.4 Two ways to fail
 
@@ -166,18 +170,18 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("huge_penalty")
 
 # %% [markdown]
-# **The lazy agent.** The agent's own recipe, `lite`, lets a crash cost 10 at first and raises that to 150. What if it
-# costs 150 from the start? This was recorded on Manhattan in runs of 300,000 steps, with three seeds each.
+# **The lazy agent.** What if a crash costs 150 from the start? This was recorded on Manhattan in runs of 300,000 steps, with three seeds each.
 
 # %%
 study = read_table("../data/runs/deviations-manhattan.csv.gz")
-for variant in ("all", "without_crash_reward"):
+names = {"all": "10, later 150", "without_crash_reward": "150 from the start"}
+for variant, crash in names.items():
     rows = (study["variant"] == variant) & (study["steps"] == study["steps"].max())
     for name in ("landed", "collected_and_landed"):
-        print(f"{variant:<21}{name:<21}", *(f"{share:4.0%}" for share in study[name][rows]))
+        print(f"{crash:<20}{name:<21}", *(f"{share:4.0%}" for share in study[name][rows]))
 
 # %% [markdown]
-# The row `all` is `lite` as it is. With the large penalty all three agents land safely and leave most of the data where it
+# With the large penalty all three agents land safely and leave most of the data where it
 # is. Landing early is the surest way not to crash, and an agent that lands early never sees what flying would bring.
 #
 # **The agent that never lands.** If a crash costs nothing, there is hardly any reason to fly home. Try it in the
@@ -198,14 +202,12 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 #
 # ## 6.5 Two recipes
 #
-# The library has the paper's method with two sets of constants. `paper` takes those of the authors' code. `lite` is ours
-# and trained the agent. It is made for a computer without a graphics card. These are its main departures:
+# Two recipes share centred maps, the DDQN target, the soft update with τ = 0.005, combined replay and γ = 0.95. `paper` has the constants of the
+# authors' code. `lite` is ours and trained the agent on a computer without a graphics card. Its main departures:
 #
 # | in `lite` | what it is for |
 # | --- | --- |
 # | 32 UAVs fly side by side | more flights for each update |
-# | strides: kernels skip cells | a smaller network, so faster steps |
-# | inputs scaled, layer norm, leaky ReLU | numbers of one size, so a larger learning rate works |
 # | three rewards before the Q-value in the target | news spreads faster |
 # | Huber loss: large errors count linearly | one crash does not outweigh all else |
 # | $\beta$ from 2 to 0.1 | explore first, then get it right |
@@ -218,9 +220,8 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 #
 # If the episode ends within these steps, the sum ends there, without a $Q$.
 #
-# `lite` also changes the price of a movement from 0.2 to 0.1. The **paper's own recipe** makes an update for every single step, once
-# 25,000 random steps have filled its memory. A million of them take a day or more on two cores. The picture shows as much of such a run as is recorded. The curves are *training* flights again, and each recipe explores in
-# its own way.
+# `lite` also lowers the price of a move from 0.2 to 0.1: with 0.2 its agents left distant devices alone on another map. The **paper's own recipe** makes an update for every single step, once
+# 25,000 random steps have filled its memory. The picture shows *training* flights of such a run, as far as it was recorded.
 
 # %%
 paper = read_table("../data/runs/paper-manhattan-training.csv.gz")
@@ -246,9 +247,9 @@ for name, table in (("paper", paper), ("lite", lite)):
 #
 # - Training is a loop: act, step, add, sample, update. The agent makes its own data.
 # - A validation flies missions that training never sees, always with the best action.
-# - Look at landed and collected together. The loss says least.
+# - Look at landed and collected together. The loss tells you least.
 # - With a large penalty from the start an agent gets lazy, and without one it never comes home.
-# - A recipe holds all constants. Every departure from the paper's needs a purpose.
+# - A recipe holds all constants. Every departure from the paper's recipe needs a purpose.
 #
 # ## Exercises
 #
