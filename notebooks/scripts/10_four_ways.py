@@ -215,7 +215,7 @@ Quiz("why_own_starts")
 # ## 10.4 Learn: what only reward can say
 #
 # The genie plans with mean rates, so it does not know luck. And a copy makes errors that it does not know of. Reward needs neither
-# teacher nor formula: it asks only how good a flight was. So the agents of the library go on to learn from it. They draw their actions from
+# teacher nor formula: it asks only how good a flight was. So the agents of single cities go on to learn from it. They draw their actions from
 # $\pi$, and fly each mission eight times:
 
 # %%
@@ -245,7 +245,7 @@ print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 # ## 10.5 What each way is worth
 #
 # Here are the validations of the recorded runs over the minutes that they took on one core. Other programs ran beside some of
-# them, so all three runs of a way are drawn as long as the quickest of them:
+# them, so all three runs of a way are drawn as long as the quickest of them. Returns below 10 are left out here:
 
 # %%
 from uavdh_lite.planners import Greedy
@@ -267,7 +267,7 @@ for way, colour in WAYS.items():
         label = way.replace("_", " + ") if run is runs[0] else None
         ax.plot(minutes, study["return"][run], style, color=colour, label=label)
 ax.axhline(greedy, color="grey", lw=1, ls=":", label="greedy")
-ax.set(xlabel="minutes", ylabel="return in validation")
+ax.set(xlabel="minutes", ylabel="return in validation", ylim=(10, 37))
 ax.legend(fontsize="small", loc="lower right", ncols=2)
 figure
 

@@ -46,7 +46,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Draw cities by the hundred, fly over one that you type yourself, compare seen with unseen cities, and look at the flights that go wrong |
 # | **What you'll learn** | Why a centred map carries over to a new city; what "unseen" proves; why missions in one city are worth less than missions in many |
-# | **What you'll need** | Notebooks 4, 7 and 8. 45 minutes to read, 50 seconds to run; 27 minutes of exercises |
+# | **What you'll need** | Notebooks 4, 7 and 8. 45 minutes to read, 50 seconds to run; 22 minutes of exercises |
 #
 # ## 11.1 Cities by the thousand
 #

@@ -192,22 +192,6 @@ def landing_everywhere(distance, next_cell, cell, time_left):
     return in_time
 
 
-TURNS = {0: [0, 1, 2, 3], 1: [3, 0, 1, 2], 2: [2, 3, 0, 1], 3: [1, 2, 3, 0]}
-
-
-def mean_q(q_of, layers, sign=1, flip=2, swap=(0, 3, 2, 1), last=False, views=(0, 1)):
-    rows = []
-    for mirrored in views:
-        for k in range(4):
-            one = np.flip(layers, flip) if mirrored and not last else layers
-            one = np.rot90(one, k, axes=(1, 2))
-            one = np.flip(one, flip) if mirrored and last else one
-            back = np.array(TURNS[sign * k % 4])
-            back = back[list(swap)] if mirrored else back
-            rows.append(q_of(one[None])[0][[*back, 4, 5]])
-    return np.mean(rows, axis=0)
-
-
 def half_width(values, city, power=0.5, per=None, correct=True):
     off = values - values.mean()
     sums = np.array([off[city == one].sum() for one in set(city.tolist())])
@@ -390,9 +374,9 @@ MISTAKES = {
     "expected_data": [
         (lambda rate, left: np.minimum(4 * rate.max(0), left.max()), "each with its own limit"),
     ],
-    "symmetric_q": [
-        (lambda *case: mean_q(*case, flip=1), "treats all directions alike"),
-        (lambda q_of, layers: q_of(layers[None])[0], "all four get their mean"),
+    "view": [
+        (lambda m, a, k, f: (np.rot90(m, k, (1, 2)), (a - k) % 4), "Hover and land|swaps left"),
+        (lambda m, a, k, f: (m, a), "takes 1 from the number"),
     ],
     "clustered_half_width": [
         (lambda *case: half_width(*case, correct=False), r"total by C/\(C − 1\)"),

@@ -120,23 +120,16 @@ def by_search(successes, trials):
     return ends
 
 
-def by_transposing(q_of, layers):
-    """All eight maps in one stack; the cells next to the middle say which move is which."""
-    w = layers.shape[1]
-    names, middle = np.arange(w * w).reshape(1, w, w), w // 2
-
-    def eight(one):
-        four = [one, one[:, ::-1], one[:, :, ::-1], one[:, ::-1, ::-1]]
-        return np.stack([*four, *(np.swapaxes(x, 1, 2) for x in four)])
-
-    def moves(one):
-        return [one[0, middle + r, middle + c] for r, c in ((-1, 0), (0, 1), (1, 0), (0, -1))]
-
-    wanted, rows = moves(names), []
-    for named, q in zip(eight(names), q_of(eight(layers)), strict=True):
-        found = moves(named)
-        rows.append([*(q[found.index(name)] for name in wanted), *q[4:]])
-    return np.mean(rows, axis=0)
+def by_steps(layers, action, turns, mirrored):
+    """One quarter turn after the other, and the moves by their names."""
+    seen, names = layers, ["north", "east", "south", "west", "hover", "land"]
+    own = list(names)
+    if mirrored:
+        seen, own[1], own[3] = seen[..., ::-1], "west", "east"
+    for _ in range(turns):
+        seen = np.rot90(seen, axes=(1, 2))
+        own = [dict(north="west", west="south", south="east", east="north").get(o, o) for o in own]
+    return seen, names.index(own[action])
 
 
 def by_matrix(values, city):
@@ -173,7 +166,7 @@ def correlated(layer, kernel, bias):
 
 
 OTHERS = {
-    "symmetric_q": by_transposing,
+    "view": by_steps,
     "clustered_half_width": by_matrix,
     "stable_policy": lambda q, beta: by_logarithms(q.double(), beta).float(),
     "permutation_p": by_sets,

@@ -14,58 +14,47 @@ import numpy as np
 from uavdh_lite.course import checks
 
 # %% [markdown]
-# ## 11.1 · Turn the map, turn the actions back (3 points, 15 minutes)
+# ## 11.1 · Turn the map, turn the action (2 points, 10 minutes)
 #
-# A square has eight symmetries: four turns (by 0, 90, 180 and 270 degrees), and the same four after swapping left and right. If a
-# whole city is turned, the best flight turns with it. A network knows this only roughly. So ask it about all eight maps,
-# and average what it says. You are given
+# Every city is eight cities at no cost: four turns, and the same four of its mirror image. If the map is turned, the best action
+# turns with it. You are given
 #
-# - `q_of`: a function that takes a stack of maps, $(n, C, W, W)$ with any $n$, and returns their Q-values, $(n, 6)$,
-# - `layers`: one map, $(C, W, W)$, north at the top, the UAV in the middle.
+# - `layers`: a map, $(C, W, W)$, north at the top,
+# - `action`: the number of an action: north 0, east 1, south 2, west 3, hover 4, land 5,
+# - `turns`: how many quarter turns to the left, 0 to 3,
+# - `mirrored`: whether left and right are swapped before that.
 #
-# The actions are, in this order, north, east, south, west, hover, land. Return the mean Q-values of the six actions, $(6,)$. Each
-# Q-value must count for the right action: the one that, in the map *as it was given*, leads to the same cell.
+# Return the other map and the number that the action has on it.
 #
-# An example: `np.rot90(layers, 1, axes=(1, 2))` is the map turned to the left by 90 degrees. What was north of the UAV is now west
-# of it. So the Q-value of *west* in the turned map counts for *north*. Hover and land stay what they are.
-#
-# | in the given map | north | east | south | west | hover | land |
-# | --- | --- | --- | --- | --- | --- | --- |
-# | in the map turned to the left | west | north | east | south | hover | land |
-# | number of that action | 3 | 0 | 1 | 2 | 4 | 5 |
+# An example: `np.rot90(layers, 1, axes=(1, 2))` is the map turned to the left once. What was north of the UAV is now west of it. So
+# the action 0, north, becomes 3, west.
 #
 # <details><summary>Hint</summary>
 #
-# Take one turn only, np.rot90(layers, 1, axes=(1, 2)). What was north of the UAV: where is it now? Which of the
-# six Q-values of that map belongs to north?
+# Write down for each of the four moves where it points after one turn, and where in a mirror. Which two actions never change?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# After one turn to the left, the Q-values of north, east, south, west are found at [3, 0, 1, 2]; after k turns
-# at np.roll([0, 1, 2, 3], k). If the map is mirrored before that, layers[:, :, ::-1], swap what is found for
-# east and for west.
+# layers[:, :, ::-1] is the mirror image. A turn takes 1 from the number of a move, and % 4 brings −1 back to 3. The mirror swaps
+# 1 and 3.
 # </details>
 
 # %%
-def mean_q(q_of, layers):
-    """The Q-values averaged over the eight symmetries of the square, (6,)."""
+def view(layers, action, turns, mirrored):
+    """The map, mirrored and turned, and the action's number on it."""
     ### BEGIN SOLUTION
-    total = np.zeros(6)
-    for turns in range(4):
-        north, east, south, west = np.roll([0, 1, 2, 3], turns)
-        (q,) = q_of(np.rot90(layers, turns, axes=(1, 2))[None])
-        total += q[[north, east, south, west, 4, 5]]
-        (q,) = q_of(np.rot90(layers[:, :, ::-1], turns, axes=(1, 2))[None])
-        total += q[[north, west, south, east, 4, 5]]
-    return total / 8
+    if mirrored:
+        layers = layers[:, :, ::-1]
+    seen = np.rot90(layers, turns, axes=(1, 2))
+    if action < 4:
+        move = [0, 3, 2, 1][action] if mirrored else action
+        action = (move - turns) % 4
+    return seen, action
     ### END SOLUTION
 
 # %%
-checks.symmetric_q(mean_q)
-
-# %% [markdown]
-# Now it is exact: turn the map, and the mean Q-values of the four moves change places, and nothing else happens.
+checks.view(view)
 
 # %% [markdown]
 # ## 11.2 · How sure, if missions share a city? (2 points, 12 minutes)

@@ -111,15 +111,6 @@ def shadow_map(buildings, device):
     return shadow(buildings, device)
 
 
-def draw_asymmetric(ax, asymmetric_share):
-    densities = np.linspace(0, 0.6, 9)
-    cities = [stream(Use.EXERCISE, 0).random((12, 12)) < density for density in densities]
-    for method, style in (("exact", "o-"), ("bresenham", "s-")):
-        share = [asymmetric_share(line_of_sight(city, method)) for city in cities]
-        ax.plot(densities, share, style, label=method)
-    ax.set(xlabel="share of buildings in a random city", ylabel="asymmetric share of the pairs")
-
-
 def table(size, *blocked):
     """A table in which all cells see each other, but for these places; or the one that is given."""
     if isinstance(size, np.ndarray):
@@ -164,7 +155,6 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
         "Yours is twice the share: the matrix shows each asymmetric pair twice, at [i, j] and at "
         "[j, i].": lambda sight: 2 * asymmetric_share.solution(sight),
     },
-    figure=draw_asymmetric,
     case=table,
     call=lambda sight: f"asymmetric_share(sight), False at {np.argwhere(~sight).tolist()[:2]},",
 )

@@ -70,17 +70,6 @@ def unpaired(a, b):
     return interval(a - b, np.sqrt((a.var(ddof=1) + b.var(ddof=1)) / len(a)))
 
 
-def draw_lead(ax, lead):
-    common, own, other = stream(Use.EXERCISE, 0).standard_normal((3, 100))
-    pairs = [(own + weight * common, other + weight * common) for weight in np.linspace(0, 4, 20)]
-    correlation = [np.corrcoef(a, b)[0, 1] for a, b in pairs]
-    for name, function in (("in pairs", lead), ("as if unpaired", unpaired)):
-        half = [np.ptp(function(a, b)) / 2 / a.std() for a, b in pairs]
-        ax.plot(correlation, half, "o-", markersize=3, label=name)
-    ax.set(xlabel="correlation of the two policies' results", ylabel="half width, each σ ≈ 1")
-    ax.set(title="100 missions", ylim=(0, None))
-
-
 def results(count, together, ahead=0.3, scale=1.0):
     """Random results of two policies that have this much in common; or those that are given."""
     if isinstance(count, list):
@@ -93,7 +82,6 @@ def results(count, together, ahead=0.3, scale=1.0):
 
 @exercise(
     "7.2 · Paired or not (2 points, 8 minutes)",
-    figure=draw_lead,
     rules={
         "With d = a − b of each pair: the mean of d, and 1.96 standard errors, "
         "d.std(ddof=1) / sqrt(n), to either side, in the order (mean, low, high).": [

@@ -1,101 +1,59 @@
 """Exercises of notebook 11, any city."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 
 from uavdh_lite.course.checks.exercise import exercise
 from uavdh_lite.streams import Use, stream
 
 
-@dataclass(frozen=True)
-class Pilot:
-    """A network made by hand: Q-values of a stack of maps, by a rule with a name."""
-
-    name: str
-    rule: Callable[[np.ndarray], list]
-
-    def __call__(self, maps):
-        maps = np.asarray(maps, float)
-        if maps.ndim != 4 or maps.shape[2] != maps.shape[3]:
-            said = (
-                f"q_of takes a stack of maps, (n, C, W, W), not {maps.shape}: layers[None] is one"
-            )
-            raise ValueError(said)
-        return np.array([self.rule(one) for one in maps], float).reshape(-1, 6)
-
-    def __repr__(self):
-        return self.name
-
-
-def near(one: np.ndarray, down: int, right: int) -> float:
-    """The first layer's value so many cells from the middle."""
-    middle = one.shape[1] // 2
-    return one[0, middle + down, middle + right]
-
-
-def weighted(one: np.ndarray) -> np.ndarray:
-    """Some smooth function of all values, not a linear one."""
-    weights = np.sin(1.7 * np.arange(6 * one.size)).reshape(6, one.size)
-    return np.tanh(weights @ one.ravel())
-
-
-STEPS = ((-1, 0), (0, 1), (1, 0), (0, -1), (0, 0))
-SAME_FOR_ALL = Pilot("q_same_for_all_maps", lambda one: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-SEES_NEXT = Pilot("q_sees_next_cell", lambda one: [*(near(one, *s) for s in STEPS), one.mean()])
-SEES_NORTH_EAST = Pilot(
-    "q_north_sees_north_east", lambda one: [near(one, -1, 1), 0, 0, 0, near(one, 0, 0), 0]
-)
-NETWORK = Pilot("q_network", weighted)
-
-
-def one_map(q_of, channels, side):
-    return q_of, stream(Use.EXERCISE, 10 * channels + side).normal(0, 1, (channels, side, side))
+def numbered(channels, side, *asked):
+    """A map in which no two cells are alike, and what is asked."""
+    return np.arange(channels * side**2).reshape(channels, side, side), *asked
 
 
 @exercise(
-    "11.1 · Turn the map, turn the actions back (3 points, 15 minutes)",
+    "11.1 · Turn the map, turn the action (2 points, 10 minutes)",
     rules={
-        "Here the Q-values are 1 to 6 whatever the map. Over the eight symmetries each move takes "
-        "the place of each of the four moves twice, so all four get their mean, 2.5. Hover and "
-        "land keep 5 and 6.": [(SAME_FOR_ALL, 1, 3), (SAME_FOR_ALL, 2, 5)],
-        "A network that treats all directions alike already gets its own Q-values back. Here the "
-        "value of a move is that of the cell to which it leads.": [
-            *((SEES_NEXT, 1, 3), (SEES_NEXT, 3, 7)),
+        "Without a turn and a mirror, map and action stay as they are.": [
+            (1, 2, action, 0, False) for action in (0, 3)
         ],
-        "If q_of[north] is the value of the cell north-east of the middle, north gets a quarter of "
-        "the mean of the cells north-east and north-west of it. The other moves likewise.": [
-            *((SEES_NORTH_EAST, 1, 3), (SEES_NORTH_EAST, 2, 3), (SEES_NORTH_EAST, 1, 7)),
+        "A quarter turn to the left brings what was north to the west, and west to the south: it "
+        "takes 1 from the number of a move, and below 0 comes 3.": [
+            (1, 2, action, turns, False) for turns in (1, 2, 3) for action in range(4)
         ],
-        "Average the Q-values of all eight maps, each with its moves turned and mirrored back; any "
-        "q_of, any number of layers.": [
-            *((NETWORK, 1, 3), (NETWORK, 3, 3), (NETWORK, 5, 5), (NETWORK, 2, 9)),
+        "A mirror image swaps left and right: east and west change places, north and south stay.": [
+            (2, 3, action, 0, True) for action in range(4)
+        ],
+        "The map is mirrored first, and then turned. So is the action.": [
+            (3, 3, action, turns, True) for turns in (1, 2, 3) for action in range(4)
+        ],
+        "Hover and land are the same on every map.": [
+            (1, 3, action, turns, mirrored)
+            for action in (4, 5)
+            for turns, mirrored in ((1, False), (0, True), (3, True))
         ],
     },
     mistakes={
-        "The moves are turned the wrong way in yours: a quarter turn to the left brings north to "
-        "west, so north's Q-value is found at west, not at east.": (
-            lambda q_of, layers: symmetric_q.solution(q_of, layers, sign=-1)
+        "You turn to the right: a turn to the left brings north to the west.": (
+            lambda layers, action, turns, mirrored: view.solution(layers, action, -turns, mirrored)
         ),
-        "You mirror the map, but do not swap the moves: where left and right change places, so do "
-        "east and west.": lambda q_of, layers: symmetric_q.solution(
-            q_of, layers, swap=(0, 1, 2, 3)
+        "The map is right, but the action is that of the old map.": (
+            lambda layers, action, *how: (view.solution(layers, action, *how)[0], action)
         ),
-        "There are eight maps, four turns of the map and four of its mirror image: yours are the "
-        "first four.": lambda q_of, layers: symmetric_q.solution(q_of, layers, mirrored=(False,)),
+        "You turn first and mirror then; it is the other way round.": (
+            lambda layers, action, turns, mirrored: view.solution(
+                layers, action, -turns if mirrored else turns, mirrored
+            )
+        ),
     },
-    case=one_map,
+    case=numbered,
 )
-def symmetric_q(q_of, layers, sign=1, swap=(0, 3, 2, 1), mirrored=(False, True)):
-    """`mean_q(q_of, layers)`: the six Q-values, averaged over the eight symmetries."""
-    rows = []
-    for flip in mirrored:
-        for k in range(4):
-            one = np.rot90(layers[:, :, ::-1] if flip else layers, k, axes=(1, 2))
-            back = np.roll(np.arange(4), sign * k)
-            rows.append(q_of(one[None])[0][[*(back[list(swap)] if flip else back), 4, 5]])
-    return np.mean(rows, 0)
+def view(layers, action, turns, mirrored):
+    """`view(layers, action, turns, mirrored)`: the other map, and the action's number on it."""
+    seen = np.rot90(layers[:, :, ::-1] if mirrored else layers, turns, axes=(1, 2))
+    if action > 3:
+        return seen, action
+    return seen, ((0, 3, 2, 1)[action] - turns if mirrored else action - turns) % 4
 
 
 def usual(values, city):
@@ -113,18 +71,8 @@ def missions(values, city):
     return drawn[order], np.repeat(city, values)[order]
 
 
-def draw_half_width(ax, half_width):
-    generator, counts = stream(Use.EXERCISE, 19), (1, 2, 5, 10, 20, 50, 100)
-    values = generator.normal(0, 1, (100, 1)) + generator.normal(0, 2, (100, counts[-1]))
-    some = [(values[:, :count].ravel(), np.repeat(range(100), count)) for count in counts]
-    ax.loglog(counts, [half_width(*one) for one in some], "o-", label="cities drawn at random")
-    ax.loglog(counts, [usual(*one) for one in some], "s--", label="as if all were independent")
-    ax.set(xlabel="missions in each of 100 cities", ylabel="half-width")
-
-
 @exercise(
     "11.2 · How sure, if missions share a city? (2 points, 12 minutes)",
-    figure=draw_half_width,
     rules={
         "Subtract the mean from the values, add up the differences in each city, and square these "
         "sums. Multiply their total by C/(C − 1), take the root, and multiply it by 1.96 / N.": [
