@@ -36,39 +36,11 @@ class Question:
 
 @cache
 def questions() -> dict[str, Question]:
-    """The questions of all quizzes, by name."""
-    return read_questions(FILE)
-
-
-def read_questions(path: Path) -> dict[str, Question]:
-    """Read a file like `quizzes.toml`.
-
-    Raises `InputError` with the file and the question unless every question has a text and at least
-    two choices, every choice a text and a reason, and exactly one choice is right.
-    """
-    try:
-        entries = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: {error}") from None
-    return {name: _question(f"{path}: {name}", entry) for name, entry in entries.items()}
-
-
-def _question(where: str, entry) -> Question:
-    match entry:
-        case {"question": str(text), "choices": [_, _, *_] as entries} if len(entry) == 2:
-            choices = tuple(_choice(f"{where}, choice {k}", each) for k, each in enumerate(entries))
-        case _:
-            raise InputError(f"{where}: expected a text, question, and two choices or more")
-    if (right := sum(choice.right for choice in choices)) != 1:
-        raise InputError(f"{where}: {right} choices are right, expected exactly one")
-    return Question(text, choices)
-
-
-def _choice(where: str, entry) -> Choice:
-    match entry:
-        case {"text": str(), "why": str(), **rest} if rest in ({}, {"right": True}):
-            return Choice(**entry)
-    raise InputError(f"{where}: expected text, why and, where it is so, right = true")
+    """The questions of all quizzes in `quizzes.toml`, by name."""
+    return {
+        name: Question(entry["question"], tuple(Choice(**choice) for choice in entry["choices"]))
+        for name, entry in tomllib.loads(FILE.read_text(encoding="utf-8")).items()
+    }
 
 
 class Quiz(ipywidgets.VBox):

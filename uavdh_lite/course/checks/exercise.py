@@ -18,10 +18,7 @@ EXERCISES: dict[str, "Exercise"] = {}
 
 LIBRARY = tuple(str(place) for place in (Path(__file__).parents[2], sys.prefix, sys.base_prefix))
 FUNCTION = "Hand over the function itself: its name, without brackets behind it."
-CHANGED = (
-    "changes what it is given. Work on a copy, and write `x = x + 1` instead of `x += 1`, "
-    "`sorted(x)` instead of `x.sort()`."
-)
+CHANGED = "changes what it is given. Work on a copy: `x = x + 1`, not `x += 1` or `x.sort()`."
 
 
 class CheckFailed(AssertionError):

@@ -28,9 +28,7 @@ def numbered(channels, side, *asked):
             (3, 3, action, turns, True) for turns in (1, 2, 3) for action in range(4)
         ],
         "Hover and land are the same on every map.": [
-            (1, 3, action, turns, mirrored)
-            for action in (4, 5)
-            for turns, mirrored in ((1, False), (0, True), (3, True))
+            *((1, 3, 4, 1, False), (1, 3, 5, 0, True), (1, 3, 4, 3, True), (1, 3, 5, 3, False)),
         ],
     },
     mistakes={
