@@ -110,7 +110,9 @@ def cell_of(page, device):
 def drag(page, start, end):
     page.mouse.move(*place(page, *start))
     page.mouse.down()
-    page.mouse.move(*place(page, *end), steps=6)
+    page.mouse.move(*place(page, end[0], end[1] - 1), steps=6)
+    page.wait_for_timeout(200)  # the map is drawn anew under the pointer
+    page.mouse.move(*place(page, *end))
     page.mouse.up()
 
 

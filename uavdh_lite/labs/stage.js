@@ -225,8 +225,9 @@ function render({ model, el }) {
 
   // What is done
 
+  const maps = () => [...el.querySelectorAll(".map svg")]; // each answer may draw them anew
   const cellAt = (event) => {
-    const svg = event.target.closest?.(".map")?.querySelector("svg") ?? drag?.svg;
+    const svg = event.target.closest?.(".map")?.querySelector("svg") ?? (drag && maps()[drag.map]);
     if (!svg) return null;
     const pointer = new DOMPoint(event.clientX, event.clientY);
     const { x, y } = pointer.matrixTransform(svg.getScreenCTM().inverse());
@@ -256,7 +257,8 @@ function render({ model, el }) {
     if (scene.state.tool === "channel" && thing >= 0) ask({ kind: "look", device: thing });
     event.preventDefault();
     main.setPointerCapture(event.pointerId);
-    drag = { thing, from: cell, at: cell, svg: event.target.closest(".map").querySelector("svg") };
+    const map = maps().indexOf(event.target.closest(".map").querySelector("svg"));
+    drag = { thing, at: cell, map };
     if (painting) {
       brush.cells = [];
       stroke(cell);
@@ -271,7 +273,6 @@ function render({ model, el }) {
       }
       return;
     }
-    if (!find(".map svg").isSameNode(drag.svg)) drag.svg = find(".map svg");
     if (!cell || String(cell) === String(drag.at)) return;
     drag.at = cell;
     if (brush.cells) stroke(cell);
