@@ -56,20 +56,31 @@ def test_a_seed_names_its_cities_for_good_and_more_of_them_begin_with_the_same()
     assert fingerprint_of(load_cities("random:20:1:24")).startswith("93f7c7dbe50ef283")
 
 
+def test_every_other_city_may_be_smaller():
+    sizes = [city.size for city in load_cities("random:200:4:8-12")]
+    assert min(sizes) == 8 and max(sizes) == 12 and 90 < sizes.count(12) < 150
+
+
 @pytest.mark.parametrize("kinds", [(), ("blocks", "castle")])
 def test_unknown_kinds_are_refused_with_the_known_ones(kinds):
     with pytest.raises(InputError, match="blocks, scattered, courtyards, old_town"):
         CityGenerator(kinds=kinds)
 
 
-@pytest.mark.parametrize("name", ["", "3", "3:x", "-1:0", "1:2:8-9", "1:2:8:9"])
+@pytest.mark.parametrize("name", ["", "3", "3:x", "-1:0", "1:2:8-", "1:2:8:9"])
 def test_a_wrong_name_of_random_cities_says_how_to_write_it(name):
     with pytest.raises(CityError, match=f"random:{name}: write random:COUNT:SEED"):
         load_cities(f"random:{name}")
 
 
 @pytest.mark.parametrize(
-    "name, wrong", [("0:1", "0 cities"), ("1:2:3", "size is 3"), ("1:2:101", "size is 101")]
+    "name, wrong",
+    [
+        ("0:1", "0 cities"),
+        ("1:2:3", "size is 3"),
+        ("1:2:101", "size is 101"),
+        ("1:2:12-9", "12 to 9"),
+    ],
 )
 def test_no_cities_and_an_impossible_size_are_refused(name, wrong):
     with pytest.raises(InputError, match=wrong):

@@ -266,9 +266,16 @@ class CityGenerator:
 
     size: int = option(16, "cells on a side", ge=8, le=100)
     kinds: tuple[str, ...] = option(tuple(BUILDERS), "kinds of city, equally likely")
+    smallest: int | None = option(
+        None,
+        "every other city has from this to `size` cells on a side; none: all have `size`",
+        ge=8,
+    )
 
     def __post_init__(self):
         require_bounds(self, "cities")
+        if self.smallest is not None and self.smallest > self.size:
+            raise InputError(f"cities of {self.smallest} to {self.size} cells: write 8-16, say")
         if not self.kinds or not set(self.kinds) <= set(BUILDERS):
             raise InputError(f"kinds of city {self.kinds}: choose from {', '.join(BUILDERS)}")
 
@@ -280,21 +287,28 @@ class CityGenerator:
         cities = []
         for number in range(count):
             kind = self.kinds[generator.integers(len(self.kinds))]
-            cells = _draw_city(kind, self.size, generator)
+            size = self.size
+            if self.smallest is not None and generator.random() < 0.5:
+                size = _whole(generator, self.smallest, size)
+            cells = _draw_city(kind, size, generator)
             cities.append(City.from_kinds(f"{kind}_{seed}_{number}", cells))
         return tuple(cities)
 
 
 def random_cities(name: str) -> tuple[City, ...]:
-    """The cities of `COUNT:SEED`, or of `COUNT:SEED:SIZE` with this many cells on a side.
+    """The cities of `COUNT:SEED`, or of `COUNT:SEED:SIZE` or `COUNT:SEED:SMALLEST-SIZE` with this
+    many cells on a side.
 
     Raises `CityError` for anything else.
     """
-    found = re.fullmatch(r"(\d+):(\d+)(?::(\d+))?", name)
+    found = re.fullmatch(r"(\d+):(\d+)(?::(?:(\d+)-)?(\d+))?", name)
     if found is None:
-        raise CityError(f"random:{name}: write random:COUNT:SEED or random:COUNT:SEED:SIZE")
-    count, seed, size = found.groups()
-    return CityGenerator(int(size or CityGenerator.size)).draw(int(count), int(seed))
+        raise CityError(f"random:{name}: write random:COUNT:SEED, random:COUNT:SEED:SIZE or 8-SIZE")
+    count, seed, smallest, size = found.groups()
+    generator = CityGenerator(
+        int(size or CityGenerator.size), smallest=int(smallest) if smallest else None
+    )
+    return generator.draw(int(count), int(seed))
 
 
 registry.register("cities", "random", random_cities)
