@@ -1,6 +1,5 @@
 """An agent: a trained network, and everything needed to fly with it."""
 
-import hashlib
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -84,10 +83,3 @@ class Agent(Policy):
             )
         observation = self.recipe.observation_for(environment, size)
         return replace(self, observation=observation.to(next(self.network.parameters()).device))
-
-    def digest(self) -> str:
-        """SHA-256 of the weights: equal for agents that decide alike."""
-        digest = hashlib.sha256()
-        for name, tensor in sorted(self.network.state_dict().items()):
-            digest.update(name.encode() + tensor.cpu().contiguous().numpy().tobytes())
-        return digest.hexdigest()
