@@ -38,7 +38,7 @@ for ax, name in zip(axes, ("manhattan_ddqn_early", "manhattan_ddqn")):
 # | --- | --- |
 # | **What you'll do** | Train an agent for a village, read its curves, and make training fail |
 # | **What you'll learn** | The training loop, what each curve says, two ways to fail, what a recipe is |
-# | **What you'll need** | Notebooks 3 and 5. 38 minutes to read, 45 seconds to run; 32 minutes of exercises |
+# | **What you'll need** | Notebooks 3 and 5. 40 minutes to read, 45 seconds to run; 32 minutes of exercises |
 #
 # The lines under the maps say what each flight used and collected. The early agent leaves a good part of the data behind.
 # The late one, `manhattan_ddqn`, is the agent of this course.
@@ -63,10 +63,10 @@ print(inspect.getsource(Trainer.step))
 # | `replay.sample` | **sample** a minibatch that includes the newest steps | 5.2 |
 # | `learner.update` | **update**: DDQN targets, a step downhill, the soft update | 5.3, 5.5 |
 #
-# And then again from the top: act → step → add → sample → update → act. It is a circle, because the agent makes the data
-# that it learns from.
+# And then again from the top: act → step → add → sample → update → act. It is a circle: the agent makes the data that
+# it learns from.
 #
-# More is worth a look:
+# Six more things are worth knowing:
 #
 # - Several UAVs fly side by side, one step each for every update.
 # - `_restart_ended` replaces an episode that has ended with a new random mission, so the agent cannot learn one by heart.
@@ -222,8 +222,8 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 #
 # `lite` also lowers the price of a move from 0.2 to 0.1: with 0.2 its agents left distant devices alone on another map.
 #
-# The **paper's own recipe** makes an update for every single step, once its memory holds 25,000 random steps. How soon
-# does it learn? The picture shows *training* flights of such a run, as far as it was recorded, and of three runs of `lite`.
+# The **paper's own recipe** makes an update for every single step, once its memory holds 25,000 random steps. The
+# picture shows *training* flights of such a run, as far as it was recorded, and of three runs of `lite`.
 
 # %%
 paper = read_table("../data/runs/paper-manhattan-training.csv.gz")
@@ -242,8 +242,8 @@ for name, table in (("paper", paper), ("lite", lite)):
     print(f"{name}: {steps:,.0f} steps with {updates:,.0f} updates")
 
 # %% [markdown]
-# At equal steps the paper's recipe has made many more updates, so the picture compares steps and not work. And one run
-# does not decide which recipe is better.
+# The paper's run starts to learn after fewer steps, but with many more updates. So the picture compares steps and not
+# work. And one run does not decide which recipe is better.
 #
 # ## Recap
 #
