@@ -1,8 +1,8 @@
 # %% [markdown]
 # # 6 · Training
 #
-# Two agents fly the same mission below. Both were trained by the **recipe** `lite`: the set of constants and choices that
-# define a training. The left one had 300,000 steps to learn, the right one is the best of a run of four million. **What
+# Two agents fly the same mission below. Both were trained by the **recipe** `lite`: all constants and choices that
+# define a training run. The left one had 300,000 steps to learn, the right one is the best of a run of four million. **What
 # happens in all these steps, and how can you tell that it is going well?**
 
 # %% tags=["remove-cell"]
@@ -105,8 +105,8 @@ print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
 # In `small` 16 UAVs fly side by side, so after the 2000 steps of the prefill there is one update for every 16 steps.
 #
 # Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions that are always the
-# same, and always takes the best action, without exploring. Validation also chooses: a run keeps its best agent, at
-# the top that of step 3.6 million. Luck helps to choose it, so its final score comes from a third set of missions, the
+# same, and always takes the best action, without exploring. Validation also chooses: a run keeps its best agent. The
+# one at the top comes from step 3.6 million. Luck helps to choose it, so its final score comes from a third set of missions, the
 # *test*. Training, validation and test have separate streams of random numbers.
 
 # %%
@@ -150,8 +150,7 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
     ax.set(ylabel=name, xlabel="million steps")
 
 # %% [markdown]
-# In this run the agent learned with a price of a crash that grew from 10 to 150. The curve of the return has 150
-# throughout.
+# During this run the price of a crash grew from 10 to 150. The curve of the return has 150 throughout.
 #
 # Early on the **return** dives while **collected** rises. The agent learns to fly far before it learns to be home in
 # time: look at **landed**. Later both recover, as crashes cost more.
@@ -251,7 +250,7 @@ for name, table in (("paper", paper), ("lite", lite)):
 # - A validation flies missions that training never sees, always with the best action.
 # - Look at landed and collected together. The loss tells you least.
 # - With a large penalty from the start an agent gets lazy, and without one it never comes home.
-# - A recipe defines a training. Every departure from the paper's recipe needs a purpose.
+# - A recipe defines a training run. Every departure from the paper's recipe needs a purpose.
 #
 # ## Exercises
 #
