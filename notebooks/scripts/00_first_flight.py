@@ -101,8 +101,8 @@ for name, values in flights.records().items():
 # | `time_used` | the share of the flying time that was used |
 # | `safety_interventions` | how often a forbidden action was refused |
 #
-# The score to watch is `collected_and_landed`. Data that goes down with the UAV counts for nothing. The return would be no
-# fair score: it is large wherever a mission holds much data, and it depends on penalties that people chose.
+# The score to watch is `collected_and_landed`. Data that goes down with the UAV counts for nothing. The return would not be
+# a fair score: it is large wherever a mission holds much data, and it depends on penalties that people chose.
 #
 # It is forbidden to leave the map, to enter a tall building or a no-fly zone, and to land outside the landing zones. The
 # *safety controller* then lets the UAV hover instead. Notebook 3 comes back to it, and to the rewards.

@@ -58,7 +58,7 @@ figure
 # Compare the second and the third layer. Most buildings are in both: they are tall, so the UAV cannot fly over
 # them. Two blocks are only in the third. They are low: the UAV can fly over them, but they block the radio too. The large
 # square in the second layer is a no-fly zone with buildings in it. A device may stand anywhere but on a building or in a
-# landing zone, so also in the no-fly zone.
+# landing zone, even in the no-fly zone.
 #
 # ## 1.2 Path loss
 #

@@ -155,7 +155,7 @@ figure
 # decide all pairs of cells with this displacement.
 #
 # The result is a table with four indices: two for the cell of the device, two for that of the UAV. It says whether
-# they see each other. These are 65,536 pairs, and the table is made once for a city. Flying only looks things up.
+# they see each other. There are 65,536 pairs, and the table is made once for a city. Flying only looks things up.
 
 # %%
 sight = line_of_sight(environment.city.buildings)

@@ -166,7 +166,7 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 # ## 3.5 Who may send: four slots per step
 #
 # Each step has four communication slots, because much can change within a move of 10 m: the UAV may come round a corner, and
-# the fading is another. In each slot *one* device sends: the loudest, with the best SNR, of those that have
+# the fading changes. In each slot *one* device sends: the loudest, with the best SNR, of those that have
 # data left. Sharing a channel by taking turns is called *time division multiple access*, TDMA.
 #
 # In the next figure the UAV hovers between three devices, all two cells away. Device 2 has only 1.5 units of data. Fading

@@ -3,7 +3,7 @@
 #
 # The agent is over cell (11, 8) and must choose. The six numbers below are what it goes by. Each is a **Q-value**: the
 # reward that it expects from now on if it takes this action and acts well afterwards. It takes the action with the
-# largest one. **How can one number know about a landing forty steps away?**
+# largest one. **How can one number know about a landing twenty steps away?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -88,8 +88,8 @@ draw_maps({f"flights: {n}": fly(n)[0] for n in (1, 3, 100)}, numbers=True)
 
 # %% [markdown]
 # Each picture shows every cell's largest Q-value. After one flight only the last cell before the device knows that
-# something good is near. Each further flight spreads the news. In the end, going uphill leads to the device. So a number knows
-# the far future because its neighbours do.
+# something good is near. Each further flight spreads the news. In the end, going uphill leads to the device. So a number
+# knows the far future because its neighbours do.
 #
 # ### The discount
 #
@@ -99,22 +99,23 @@ draw_maps({f"flights: {n}": fly(n)[0] for n in (1, 3, 100)}, numbers=True)
 draw_maps({f"γ = {gamma}": fly(300, gamma)[0] for gamma in (0.5, 0.95, 1.0)}, numbers=True)
 
 # %% [markdown]
-# With $\gamma=0.5$ the far corner hardly sees the device. With $\gamma=1$ it counts in full. The agent uses 0.95. So a crash that costs 150 and is 40 steps ahead counts $150\cdot0.95^{40}\approx19$.
+# With $\gamma=0.5$ the far corner hardly sees the device. With $\gamma=1$ it counts in full. The agent uses 0.95. So a
+# crash that costs 150 and is 40 steps ahead counts $150\cdot0.95^{40}\approx19$.
 #
 # Nothing comes after the end of an episode, so the target is $y=r$ alone.
 #
 # ## 5.2 A network in the table's place
 #
 # A table for the paper's city would need a row for every mix of places, times and amounts of data. Nobody could visit
-# them all. A network computes the Q-values from its inputs, here the row and the column, so it has an answer even for
-# cells that it never saw. The loss is $(y-Q)^2$, and instead of $\alpha$ a step of gradient descent moves the weights
+# them all. A network computes the Q-values from its inputs, here the row and the column, so it answers even for cells
+# that it never saw. The loss is $(y-Q)^2$, and instead of $\alpha$ a step of gradient descent moves the weights
 # $\theta$.
 #
 # The steps of one flight are much alike, and a network that learns from them in order forgets the rest of the city. So
-# all steps go into a **replay memory**, and the network learns from a *minibatch* drawn at random. The paper's **combined
-# replay** always adds the newest step, so that it is used at once.
+# all steps go into a **replay memory**, and the network learns from a *minibatch* drawn at random. Each step can be used
+# more than once. The paper's **combined replay** always adds the newest step, so that it is used at once.
 #
-# Our memory holds 100 random flights, without any step that touches cell (1, 1).
+# Our memory holds 100 random flights. We leave out cell (1, 1), to see later what the network says about it.
 
 # %%
 from torch import nn
@@ -129,8 +130,8 @@ def network():
     return nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
 
 # %% [markdown]
-# One cell, (1, 1), was left out of the memory, to see later what the network says about it. A minibatch gives the targets and the
-# loss. `detach` makes $y$ a goal: no slope flows through it. `gather` picks the Q-value of the action that was taken.
+# A minibatch gives the targets and the loss. `amax` takes the largest Q-value of each row. `detach` makes $y$ a goal: no
+# slope flows through it. `gather` picks the Q-value of the action that was taken.
 
 # %%
 def loss_of(online, target):
@@ -155,8 +156,8 @@ def learn(tau, seed):
     return online, path
 
 # %% [markdown]
-# For now read `target` as a second name for the same network: with $\tau=1$ it is a copy. Three networks learn, each
-# starting from different random weights. The value of the start cell should become 6.7, as in the table.
+# For now read `target` as a second name for the same network: with $\tau=1$ it is a copy. Three networks learn, from
+# different random weights. The value of the start cell should become 6.7, as in the table.
 
 # %%
 copies = [learn(tau=1.0, seed=seed) for seed in range(3)]
@@ -168,14 +169,15 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 # ## 5.3 The target network
 #
 # What went wrong? A step that raises $Q(s,a)$ also raises the Q-values of cells that look alike, and $s'$ is one of them.
-# So the target rises, the next step follows it, and the network chases its own tail. In a table, changing one entry leaves the others alone.
+# So the target rises, the next step follows it, and the network chases its own tail. In a table, changing one entry
+# leaves the others alone.
 #
 # The cure is a calm target. A second network, the **target network** $\bar\theta$, computes $y$. It follows the **online
-# network** $\theta$ slowly, after each step by a part $\tau$ of the way:
+# network** $\theta$ slowly, after each step by a fraction $\tau$ of the way:
 #
 # $$\bar\theta\leftarrow(1-\tau)\,\bar\theta+\tau\,\theta$$
 #
-# This is `soft_update` in the cell above. Now with $\tau=0.05$:
+# This is `soft_update`. Now with $\tau=0.05$:
 
 # %%
 calm = [learn(tau=0.05, seed=seed) for seed in range(3)]
@@ -187,8 +189,7 @@ ax.set(xlabel="updates", ylabel="value of the start cell", yscale="symlog",
 assert min(path[-1] for _, path in copies) > 100 > max(path[-1] for _, path in calm)
 
 # %% [markdown]
-# The scale is logarithmic above 1. With $\tau=1$ all three runs climb. With 0.05 all three settle. Do
-# they settle at the right values?
+# The scale is logarithmic above 1. With $\tau=1$ all three runs climb. With 0.05 all three settle. At the right values?
 
 # %%
 cells = torch.cartesian_prod(torch.arange(4.0), torch.arange(4.0))
@@ -196,16 +197,16 @@ values = calm[0][0](cells).detach().amax(1).view(4, 4).numpy()
 draw_maps({"the table": fly(300)[0], "the network": values}, numbers=True)
 
 # %% [markdown]
-# They nearly do, even in cell (1, 1), which the network never saw. Only the device's own cell is far off: no step starts there, so no target asks for it.
+# Nearly, even in cell (1, 1), which the network never saw. Only the device's own cell is far off: no step starts there,
+# so no target asks for it.
 #
 # ## 5.4 Exploring
 #
 # In a large city random flights rarely get far, so the agent should use what it has learned. But if it always takes the
-# action that seems best, it never finds out that another is better. The paper draws from a **softmax policy**:
+# action that seems best, it never finds out that another is better. The paper draws from a **softmax policy** with the
+# **temperature** $\beta$:
 #
 # $$\pi(a\mid s)=\frac{\exp(Q(s,a)/\beta)}{\sum_{a'}\exp(Q(s,a')/\beta)}$$
-#
-# Here $\beta$ is the **temperature**.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -213,8 +214,7 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("cold_policy")
 
 # %% [markdown]
-# What counts is the gap between two Q-values compared with $\beta$. Here is the policy for the six
-# Q-values at the top:
+# What counts is the gap between two Q-values compared with $\beta$. Here is the policy for the Q-values at the top:
 
 # %%
 from uavdh_lite.ddqn import softmax_policy
@@ -230,7 +230,8 @@ for ax, beta in zip(axes, (0.1, 1, 10)):
 #
 # ## 5.5 Double Q-learning
 #
-# One flaw is left. Q-values are estimates, so each has some error. What does that do to the largest of them?
+# One flaw is left. Q-values are estimates, so each has some error. At the top, a landing is refused and costs 1, so its
+# bar should be 1 below that of hovering, not 7. What do errors do to the largest Q-value?
 
 # %%
 Quiz("whose_maximum")
@@ -250,13 +251,12 @@ from uavdh_lite.ddqn import ddqn_target
 print("".join(inspect.getsource(ddqn_target).splitlines(True)[-2:]))
 
 # %% [markdown]
-# Let six actions all be worth 0, and give the estimates random errors.
-# Who judges?
+# Where the episode ended, `discount` is 0. Let six actions all be worth 0, and give the estimates random errors:
 
 # %%
 chooser, own = torch.randn(2, 20_000, 6)
 for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a stranger", 0.0)):
-    judge = share * chooser + (1 - share**2) ** 0.5 * own
+    judge = share * chooser + (1 - share**2) ** 0.5 * own  # correlation share, still variance 1
     y = ddqn_target(torch.zeros(20_000), torch.ones(20_000), chooser, judge)
     print(f"{name:<19} mean target {y.mean():5.2f}")
 
@@ -268,7 +268,7 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 #
 # ## 5.6 The paper's network
 #
-# All that is left is a larger network, from the map and the time of notebook 4 to six Q-values.
+# What is left is a larger network, from the map and the time of notebook 4 to six Q-values.
 #
 # | layer | what comes out |
 # | --- | --- |
@@ -279,13 +279,12 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 # | three fully connected layers, ReLU | 256 each |
 # | a fully connected layer | 6 |
 #
-# That makes 2,308,854 weights, nearly all in the first fully connected layer: 256 neurons with 8465 inputs each. The agent has a smaller
-# network of the same kind, with 246,006.
+# That makes 2,308,854 weights, nearly all in the first fully connected layer: 256 neurons with 8465 inputs each. The
+# agent has a smaller network of the same kind, with 246,006.
 #
 # ## Recap
 #
 # - Q-learning moves $Q(s,a)$ towards $r+\gamma\max Q(s',a')$, so the news of a reward spreads backwards.
-# - At the end of an episode the target is the reward alone.
 # - The softmax policy explores where Q-values lie close together compared with $\beta$.
 # - A slow target network keeps learning calm. In DDQN it judges what the online network chooses.
 #

@@ -1,8 +1,9 @@
 # %% [markdown]
 # # 6 · Training
 #
-# Two agents fly the same mission below. Both were trained with the recipe `lite`. The left one had 300,000 steps to learn,
-# the right one is the best of a run of four million. **What happens in all these steps, and how do you see that it goes well?**
+# Two agents fly the same mission below. Both were trained by the **recipe** `lite`: all constants and choices that
+# define a training run. The left one had 300,000 steps to learn, the right one is the best of a run of four million. **What
+# happens in all these steps, and how can you tell that it is going well?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -37,7 +38,7 @@ for ax, name in zip(axes, ("manhattan_ddqn_early", "manhattan_ddqn")):
 # | --- | --- |
 # | **What you'll do** | Train an agent for a village, read its curves, and make training fail |
 # | **What you'll learn** | The training loop, what each curve says, two ways to fail, what a recipe is |
-# | **What you'll need** | Notebooks 3 and 5. 38 minutes to read, 45 seconds to run; 32 minutes of exercises |
+# | **What you'll need** | Notebooks 3 and 5. 40 minutes to read, 45 seconds to run; 32 minutes of exercises |
 #
 # The lines under the maps say what each flight used and collected. The early agent leaves a good part of the data behind.
 # The late one, `manhattan_ddqn`, is the agent of this course.
@@ -62,30 +63,23 @@ print(inspect.getsource(Trainer.step))
 # | `replay.sample` | **sample** a minibatch that includes the newest steps | 5.2 |
 # | `learner.update` | **update**: DDQN targets, a step downhill, the soft update | 5.3, 5.5 |
 #
-# It is a circle: the agent makes the data that it learns from.
-
-# %%
-import numpy as np
-
-figure, ax = plt.subplots(figsize=(4, 3), layout="constrained")
-ax.set(xlim=(-1.4, 1.4), ylim=(-1, 1.2))
-ax.axis("off")
-around = [(np.sin(k * 2 * np.pi / 5), np.cos(k * 2 * np.pi / 5)) for k in range(6)]
-for k, name in enumerate(("act", "step", "add", "sample", "update")):
-    ax.text(*around[k], name, ha="center", va="center", bbox={"boxstyle": "round", "fc": "#cfe3f5"})
-    arrow = {"arrowstyle": "->", "shrinkA": 25, "shrinkB": 25}
-    ax.annotate("", around[k + 1], around[k], arrowprops=arrow)
-
-# %% [markdown]
-# Two more lines are worth a look. `_restart_ended` replaces an episode that is over by a new random mission, so the agent
-# meets no mission twice and cannot learn one by heart. And until the memory holds `replay_prefill` steps, the agent
-# flies at random and learns nothing. Without that, the first minibatches would all be drawn from the same few steps. Several UAVs fly side by
-# side, one step each for every update.
+# And then again from the top: act → step → add → sample → update → act. It is a circle: the agent makes the data that
+# it learns from.
+#
+# Six more things are worth knowing:
+#
+# - Several UAVs fly side by side, one step each for every update.
+# - `_restart_ended` replaces an episode that has ended with a new random mission, so the agent cannot learn one by heart.
+# - Until the memory holds `replay_prefill` steps, the agent flies at random and learns nothing. Otherwise the first
+#   minibatches would all come from the same few steps.
+# - The memory holds states, not maps: over Manhattan 19 numbers instead of 4805.
+# - The agent learns from `rewards_at`, where the price of a crash may grow, and is measured by `Rewards()`, which is fixed.
+# - `_add_row` adds a point to the curves after each `BIN` of 5000 steps.
 #
 # ## 6.2 Train one now
 #
-# A village of 8 × 8 cells with one or two devices is small enough to train while you wait. The **recipe** `small` holds
-# all constants: the network, the learning rate, $\gamma$, $\tau$, $\beta$, the rewards.
+# A village of 8 × 8 cells with one or two devices is small enough to train while you wait. The recipe `small` sets the
+# network, the learning rate, $\gamma$, $\tau$, $\beta$ and the rewards.
 
 # %%
 from dataclasses import replace
@@ -108,13 +102,16 @@ trainer = train()
 print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
 
 # %% [markdown]
-# Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions that are always the same
-# and that training never sees. It always takes the best action, without exploring. The library keeps the agent with the best validation. Luck
-# helped to choose it, so its final score comes from a third set of missions, the *test*.
+# In `small` 16 UAVs fly side by side, so after the 2000 steps of the prefill there is one update for every 16 steps.
+#
+# Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions that are always the
+# same, and always takes the best action, without exploring. Validation also chooses: a run keeps its best agent. The
+# one at the top comes from step 3.6 million. Luck helps to choose it, so its final score comes from a third set of missions, the
+# *test*. Training, validation and test have separate streams of random numbers.
 
 # %%
 def draw(ax, rows, title):
-    for name, style in (("landed", ":"), ("collected", "--"), ("collected_and_landed", "-")):
+    for name, style in (("collected", "C0--"), ("collected_and_landed", "C1-"), ("landed", "C2^:")):
         shares = [row[name] for row in rows]
         ax.plot([row["steps"] for row in rows], shares, style, label=name.replace("_", " "))
     ax.set(title=title, xlabel="steps", ylabel="share", ylim=(-0.03, 1.03))
@@ -153,14 +150,14 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
     ax.set(ylabel=name, xlabel="million steps")
 
 # %% [markdown]
-# In this run the agent learned with a small price of a crash, 10 at first, which grew to 150. The curve of the return has 150 throughout.
+# During this run the price of a crash grew from 10 to 150. The curve of the return has 150 throughout.
 #
 # Early on the **return** dives while **collected** rises. The agent learns to fly far before it learns to be home in
-# time: look at **landed**. Later both recover, as crashing gets dearer.
+# time: look at **landed**. Later both recover, as crashes cost more.
 #
-# Everybody looks at the **loss** first, and it tells you least. It measures how far the Q-values are from their targets, and
-# the targets move. Here it rises for a while as the agent gets better: an agent that dares more has more to predict, and each crash
-# counts for more.
+# Everybody looks at the **loss** first, and it tells you least. It measures how far the Q-values are from their targets,
+# and the targets move. Here it rises for a while as the agent gets better. Two possible reasons: an agent that dares more
+# has more to predict, and each crash counts for more.
 #
 # ## 6.4 Two ways to fail
 
@@ -170,7 +167,8 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("huge_penalty")
 
 # %% [markdown]
-# **The lazy agent.** What if a crash costs 150 from the start? This was recorded on Manhattan in runs of 300,000 steps, with three seeds each.
+# **The lazy agent.** What if a crash costs 150 from the start? This was recorded over Manhattan, with three seeds each. The
+# runs have 300,000 steps, and all schedules are squeezed into them, so they are ahead of longer runs at that step.
 
 # %%
 study = read_table("../data/runs/deviations-manhattan.csv.gz")
@@ -181,11 +179,10 @@ for variant, crash in names.items():
         print(f"{crash:<20}{name:<21}", *(f"{share:4.0%}" for share in study[name][rows]))
 
 # %% [markdown]
-# With the large penalty all three agents land safely and leave most of the data where it
-# is. Landing early is the surest way not to crash, and an agent that lands early never sees what flying would bring.
+# With the large penalty all three agents land safely and leave most of the data where it is. Landing early is the surest
+# way not to crash, and an agent that lands early never sees what flying would bring.
 #
-# **The agent that never lands.** If a crash costs nothing, there is hardly any reason to fly home. Try it in the
-# village:
+# **The agent that never lands.** If a crash costs nothing, there is hardly any reason to fly home. Try it in the village:
 
 # %%
 crashing = train(crash_reward=0.0, crash_reward_end=0.0, steps=16_000, validation_interval=4000)
@@ -202,12 +199,14 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 #
 # ## 6.5 Two recipes
 #
-# Two recipes share centred maps, the DDQN target, the soft update with τ = 0.005, combined replay and γ = 0.95. `paper` has the constants of the
-# authors' code. `lite` is ours and trained the agent on a computer without a graphics card. Its main departures:
+# Two recipes share centred maps, the softmax policy, the DDQN target, the soft update with τ = 0.005, combined replay and
+# γ = 0.95. `paper` has the constants of the authors' code. `lite` is ours and trained the agent on a computer without a
+# graphics card. It changes more than constants: the network, the target, the loss and the starts. Its main departures:
 #
 # | in `lite` | what it is for |
 # | --- | --- |
 # | 32 UAVs fly side by side | more flights for each update |
+# | longer strides, normalised layers, leaky ReLUs | a small network that keeps learning |
 # | three rewards before the Q-value in the target | news spreads faster |
 # | Huber loss: large errors count linearly | one crash does not outweigh all else |
 # | $\beta$ from 2 to 0.1 | explore first, then get it right |
@@ -220,19 +219,21 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 #
 # If the episode ends within these steps, the sum ends there, without a $Q$.
 #
-# `lite` also lowers the price of a move from 0.2 to 0.1: with 0.2 its agents left distant devices alone on another map. The **paper's own recipe** makes an update for every single step, once
-# 25,000 random steps have filled its memory. The picture shows *training* flights of such a run, as far as it was recorded.
+# `lite` also lowers the price of a move from 0.2 to 0.1: with 0.2 its agents left distant devices alone on another map.
+#
+# The **paper's own recipe** makes an update for every single step, once its memory holds 25,000 random steps. The
+# picture shows *training* flights of such a run, as far as it was recorded, and of three runs of `lite`.
 
 # %%
 paper = read_table("../data/runs/paper-manhattan-training.csv.gz")
 lite = read_table("../data/runs/centring-manhattan-training.csv.gz")
-figure, ax = plt.subplots(figsize=(6, 3.2), layout="constrained")
+figure, ax = plt.subplots(figsize=(5.5, 2.6), layout="constrained")
 for seed in range(3):
     rows = (lite["variant"] == "centred") & (lite["seed"] == seed)
     ax.semilogx(lite["steps"][rows], lite["collected_and_landed"][rows], "C0", lw=0.7)
 ax.semilogx(paper["steps"], paper["collected_and_landed"], "C1o-", ms=3)
 ax.set(title="orange: paper, one run; blue: lite, three runs",
-       xlabel="steps, each mark ten times more", ylabel="collected and landed");
+       xlabel="steps, logarithmic", ylabel="collected and landed");
 
 # %%
 for name, table in (("paper", paper), ("lite", lite)):
@@ -240,8 +241,8 @@ for name, table in (("paper", paper), ("lite", lite)):
     print(f"{name}: {steps:,.0f} steps with {updates:,.0f} updates")
 
 # %% [markdown]
-# At equal steps the paper's recipe has made many more updates, so the picture compares steps and not work. And it is one
-# run. It does not decide which recipe is better.
+# The paper's run starts to learn after fewer steps, but with many more updates. So the picture compares steps and not
+# work. And one run does not decide which recipe is better.
 #
 # ## Recap
 #
@@ -249,7 +250,7 @@ for name, table in (("paper", paper), ("lite", lite)):
 # - A validation flies missions that training never sees, always with the best action.
 # - Look at landed and collected together. The loss tells you least.
 # - With a large penalty from the start an agent gets lazy, and without one it never comes home.
-# - A recipe holds all constants. Every departure from the paper's recipe needs a purpose.
+# - A recipe defines a training run. Every departure from the paper's recipe needs a purpose.
 #
 # ## Exercises
 #

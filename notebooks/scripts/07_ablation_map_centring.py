@@ -158,7 +158,7 @@ ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 # Each bar is a 95 % interval. After 300,000 steps the whole bar lies on one side of 0: the centred agents seem to learn
 # **sooner**. At the end of the long runs the interval contains 0, so these runs do not say which kind is **better in the
 # end**. In the village it contains 0, too, and it is wide. One caution: we chose the 300,000 steps after we had seen the
-# curves, so the first gap is a little less sure than it looks.
+# curves, so the first gap is a little less certain than it looks.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -194,7 +194,7 @@ for name, values in share.items():
 # ### Paired differences
 #
 # Do the two differ at all? Their intervals overlap, but that is no answer: what counts is the interval of the difference.
-# It can be had in two ways. One adds the errors of both, as above. The other makes use of the fact that both flew the
+# There are two ways to get it. One adds the errors of both, as above. The other makes use of the fact that both flew the
 # *same* missions. A hard mission is hard for both, so subtract mission by mission, and much of
 # that luck cancels.
 

@@ -203,7 +203,7 @@ for city, results in cities.items():
 
 # %% [markdown]
 # Over Manhattan, greedy is ahead in both scores, and no interval contains 0. Over the open field, the two collect
-# equally much as far as these missions can tell, but the agent's return is higher. It wastes less time. Greedy flies
+# the same amount as far as these missions can tell, but the agent's return is higher. It wastes less time. Greedy flies
 # to the last unit of data, whatever that costs. So which of them is better depends on the question that you ask.
 #
 # All of this is about two agents. Another training seed would have made others.
@@ -253,7 +253,7 @@ figure
 # %% [markdown]
 # On the left, the agent is furthest behind the genie where flying time is short, and it catches up as time grows. Greedy has the
 # same trouble with short flights, so the orange points do not follow. A likely reason: when time is short, a detour to the wrong
-# device cannot be made good, and only the genie knows beforehand what a device will yield.
+# device cannot be made up for, and only the genie knows beforehand what a device will yield.
 #
 # On the right, the agent is behind greedy mainly in missions with two devices. Those are the easy ones, where greedy brings
 # home 99 %. So what is hard is hard for both, and in easy missions the agent could do better. With eight groups

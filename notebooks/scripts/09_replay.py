@@ -3,7 +3,7 @@
 #
 # The agent learns from a memory of steps that it flew long ago. What if it remembered only the last few flights? And
 # when the flights are forgotten, what is left of them in the network? The picture shows twelve training runs in the village that
-# differ in the size of the memory only.
+# differ only in the size of the memory.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.

@@ -121,7 +121,7 @@ assert flights["landed"].all()
 #
 # ## 10.2 Tell: maps of what can be computed
 #
-# The network of notebook 4 sees buildings. Where data can be heard, and which way leads around a block, it must find out from
+# The network of notebook 4 sees buildings. Where data can be heard, and which way goes around a block, it must find out from
 # reward. But the environment knows the channel and the city, so both can be computed and laid over the map as three more layers:
 
 # %%
@@ -147,7 +147,7 @@ figure
 # $$\max_k \min(\delta \cdot R_k,\; \text{data left}_k)$$
 #
 # Around each device lies a bright spot with dark wedges: the shadows of notebook 2. *Way home* and *way there* count moves, from
-# the landing zones and from the UAV. Both flow around buildings. Whoever knows the city and the constants of the channel can work
+# the landing zones and from the UAV. Both flow around buildings. Anyone who knows the city and the constants of the channel can work
 # all of it out before the flight. A network has to find it out by flying.
 
 # %%

@@ -291,7 +291,7 @@ figure
 # %% [markdown]
 # Sort them by what the captions and the arrows say:
 #
-# - Most of the time is used, and few arrows are to be seen. Then the arrows lie on top of one another. The UAV went back and forth,
+# - Most of the time is used, and few arrows can be seen. Then the arrows lie on top of one another. The UAV went back and forth,
 #   because to the network several cells looked equally good.
 # - Much time was left when it landed. Then it gave up, though there was data and time enough.
 # - The data lies behind walls or a no-fly zone, with a long way round. The greedy rule has that way in a table.
