@@ -224,7 +224,8 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(saddest))
 # ## 0.6 What the agent knows
 #
 # It sees the map of the city, its own place, the places of the devices, how much data each still has and has already
-# sent, and the time left. It does not see the violet shadows. It does not know the formulas of the radio channel. It
+# sent, and the time left. It does not see the violet shadows. It found out about them in training, because little
+# reward comes in behind a building. It does not know the formulas of the radio channel. It
 # makes no plan: in every step it looks afresh and asks which of the six actions promises most.
 #
 # The course follows from this. Notebooks 1 and 2 show what the radio channel does. Notebook 3 says what a step is and

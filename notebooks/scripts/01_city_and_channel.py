@@ -57,8 +57,8 @@ figure
 #
 # Compare the second and the third layer. Most buildings are in both: they are tall, so the UAV cannot fly over
 # them. Two blocks are only in the third. They are low: the UAV can fly over them, but they block the radio too. The large
-# square in the second layer is a no-fly zone with buildings in it. A device may stand anywhere but on a building or in a
-# landing zone, even in the no-fly zone.
+# rectangle in the second layer is a no-fly zone with buildings in it. A device may stand anywhere but on a building or in a
+# landing zone, even in the no-fly zone. No two devices share a cell.
 #
 # ## 1.2 Path loss
 #

@@ -72,7 +72,7 @@ print(inspect.getsource(Trainer.step))
 # - `_restart_ended` replaces an episode that has ended with a new random mission, so the agent cannot learn one by heart.
 # - Until the memory holds `replay_prefill` steps, the agent flies at random and learns nothing. Otherwise the first
 #   minibatches would all come from the same few steps.
-# - The memory holds states, not maps: over Manhattan 19 numbers instead of 4805.
+# - The memory holds states, 19 numbers over Manhattan. Their maps, 4805 numbers, are made just before the network reads them.
 # - The agent learns from `rewards_at`, where the price of a crash may grow, and is measured by `Rewards()`, which is fixed.
 # - `_add_row` adds a point to the curves after each `BIN` of 5000 steps.
 #
@@ -107,7 +107,7 @@ print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
 # Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions that are always the
 # same, and always takes the best action, without exploring. Validation also chooses: a run keeps its best agent. The
 # one at the top comes from step 3.6 million. Luck helps to choose it, so its final score comes from a third set of missions, the
-# *test*. Training, validation and test have separate streams of random numbers.
+# *test*. Each set has a stream of random numbers of its own: no mission is seen twice, and a seed gives every agent the same ones.
 
 # %%
 def draw(ax, rows, title):
@@ -134,7 +134,7 @@ print(f"landed {last['landed']:.0%}, collected and landed {last['collected_and_l
 # %% [markdown]
 # ## 6.3 Reading the curves of a real run
 #
-# This is the run that made the agent, in bins of 5000 steps. It shows the *training* flights, which explore.
+# This is the run that made the agent, in bins of 5000 steps. It shows *training* flights, which explore, from ordinary starts.
 
 # %%
 from uavdh_lite.storage import read_table
@@ -195,13 +195,13 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # reward was wrong. Look at *landed* and *collected* together and you see both ways to fail.
 #
 # How large must the penalty be? The agent sees it through the discount. Ten steps before the end, a penalty of 20 counts
-# $20 \cdot 0.95^{10} \approx 12$. A device may hold 20 units, so crashing would pay.
+# $20 \cdot 0.95^{10} \approx 12$. A device may hold 20 units, so a crash can pay.
 #
 # ## 6.5 Two recipes
 #
-# Two recipes share centred maps, the softmax policy, the DDQN target, the soft update with τ = 0.005, combined replay and
+# Two recipes share centred maps, the softmax policy, double Q-learning, the soft update with τ = 0.005, combined replay and
 # γ = 0.95. `paper` has the constants of the authors' code. `lite` is ours and trained the agent on a computer without a
-# graphics card. It changes more than constants: the network, the target, the loss and the starts. Its main departures:
+# graphics card. It changes more than constants: the network, what the target sums, the loss and the starts. Its main departures:
 #
 # | in `lite` | what it is for |
 # | --- | --- |
