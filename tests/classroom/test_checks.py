@@ -1,5 +1,6 @@
 """The exercises' checks: what they refuse, what they say of it, and that nothing breaks them."""
 
+import ast
 import itertools
 import re
 import sys
@@ -190,6 +191,16 @@ def test_the_notebooks_have_every_exercise_in_order():
         assert places == sorted(places)
         assert text.count("<details><summary>Hint") == len(own)
     assert len(SCRIPTS) == 12
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_no_import_takes_the_name_of_an_answer(script):
+    """Finding: after 1.3, check 1.1 was handed the library's `rate`."""
+    text = script.read_text()
+    nodes = [n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.Import | ast.ImportFrom)]
+    imported = {alias.asname or alias.name for node in nodes for alias in node.names}
+    answers = set(re.findall(r"^checks\.\w+\((\w+)\)$", text, re.M))
+    assert answers and not answers & imported
 
 
 @pytest.mark.parametrize("name", [n for n, one in checks.EXERCISES.items() if one.figure])
