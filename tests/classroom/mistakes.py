@@ -192,6 +192,12 @@ def landing_everywhere(distance, next_cell, cell, time_left):
     return in_time
 
 
+def landing_in_the_zone(distance, next_cell, cell, time_left):
+    in_time = moves_home(distance)[next_cell[cell]] + 2 <= time_left[:, None]
+    in_time[:, 5] = distance[cell] == 0
+    return in_time
+
+
 def half_width(values, city, power=0.5, per=None, correct=True):
     off = values - values.mean()
     sums = np.array([off[city == one].sum() for one in set(city.tolist())])
@@ -206,9 +212,6 @@ def by_counting(values, city):
 
 
 FLIGHTS = [-0.2, -0.7, 2.3, 0.8, 0.3, 0.0], [1.6, -0.2, -151.2]
-
-
-turned = checks.convolve.solution
 
 
 def by_hand(flight, step, reward):
@@ -250,13 +253,17 @@ MISTAKES = {
         (["east"] + ["south"] * 4, "intervened at step 4"),
         (["east"] * 3 + ["land"], "outside the landing zone"),
         (OUT_AND_BACK, "last action must be `land`"),
-        ([*OUT_AND_BACK, "land"], "12.6 and 0.0 of 15"),
+        (
+            [*OUT_AND_BACK, "land"],
+            "12.6 and 0.0 of 15.*no more than 3 may be left.*units of time: 5",
+        ),
         ([*OUT_AND_BACK, *["south"] * 4, *["hover"] * 8], "flying time ran out"),
         ([*OUT_AND_BACK, "land", "south"], "put it last"),
     ],
     "rate_from_snr": [
         (lambda snr_db: np.log2(1 + 10 ** (float(snr_db) / 10)), "stops with TypeError.*An array"),
-        (lambda snr_db: np.log2(10 ** (snr_db / 10)), "0 dB is a ratio of 1"),
+        (lambda snr_db: np.log2(10 ** (snr_db / 10)), "The 1 is missing"),
+        (lambda snr_db: np.log2(2 + 10 ** (snr_db / 10)), "0 dB is a ratio of 1"),
     ],
     "same_path_loss": [(lambda d: d ** (2.27 / 3.64), "in sight is the longer")],
     "mean_rate": [
@@ -317,7 +324,7 @@ MISTAKES = {
         (lambda layer, kernel, bias: layer * kernel[0, 0], "the shape"),
         (
             lambda layer, kernel, bias: checks.convolve.solution(layer, kernel[::-1, ::-1], bias),
-            "cell by cell",
+            "neither turned nor mirrored",
         ),
     ],
     "network_weights": [(lambda *case: 2_308_854, "gives 2308854, expected")],
@@ -362,14 +369,15 @@ MISTAKES = {
     "ring_buffer": [
         (NewestAtTheEnd, "no longer at the end"),
         (Grows, "the ring does not grow"),
-        (WithoutReplacement, "gives back 2 items"),
+        (WithoutReplacement, "a list of length 2, expected 3"),
         (LastPlaceNever, "upper end|all stored ones"),
         (OwnChance, "earlier calls|passed in"),
     ],
     "old_share": [(lambda capacity, before, after: 0.5, "all items are there")],
     "failsafe_mask": [
         (minus_one_is_near, "no way home, distance −1"),
-        (landing_everywhere, "An action fits if"),
+        (landing_everywhere, "in the zone only"),
+        (landing_in_the_zone, "outside the zone for a landing, too"),
     ],
     "expected_data": [
         (lambda rate, left: np.minimum(4 * rate.max(0), left.max()), "each with its own limit"),

@@ -19,7 +19,7 @@ FILE = f"{ASSIGNMENT}/{ASSIGNMENT}.ipynb"
 SOLVED = {
     "1.1": "return np.log2(1 + 10 ** (snr_db / 10))",
     "1.2": "return nlos_distance_m ** (3.64 / 2.27)",
-    "1.3": "return rate(snr_db + generator.normal(0, variance_db2**0.5, draws)).mean()",
+    "1.3": "return library_rate(snr_db + generator.normal(0, variance_db2**0.5, draws)).mean()",
 }
 STUDENTS = {  # what each wrote, and the points for it
     "all": (SOLVED, [1, 2, 2]),

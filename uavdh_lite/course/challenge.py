@@ -45,13 +45,7 @@ class Challenge:
     @classmethod
     def hidden(cls, scenario: str, episodes: int) -> "Challenge":
         """A challenge whose seed is drawn by the system; keep its file to yourself."""
-        find_scenario(scenario)
-        return cls(scenario, episodes, 1 + secrets.randbelow(2**63 - 1))
-
-    @property
-    def fingerprint(self) -> str:
-        """Says which set of missions it is, without giving the seed away."""
-        return sha256(json.dumps([*asdict(self).values()]).encode()).hexdigest()[:16]
+        return cls(find_scenario(scenario).name, episodes, 1 + secrets.randbelow(2**63 - 1))
 
     def save(self, path: Path) -> None:
         """Write it as JSON; `InputError` if the file exists, for its missions would be lost."""
@@ -86,8 +80,7 @@ def score(challenge: Challenge, submission: str, seconds: float = 300) -> dict:
         else:
             late = time.time() - started > seconds
             last = told.read_text(errors="replace").strip().split("\n")[-1][:300]
-            failed = f"took more than {seconds:g} s" if late else last
-            result["failed"] = failed or "ended without an answer"
+            result["failed"] = f"took more than {seconds:g} s" if late else last or "gave no answer"
     return {**result, "when": time.ctime(started), "seconds": round(time.time() - started, 1)}
 
 
@@ -114,13 +107,13 @@ def enter(path: Path, challenge: Challenge, score: dict) -> None:
 
     A failure replaces no score. `InputError` if the file is the board of another challenge.
     """
-    board = asdict(challenge) | {"scores": {}, "failures": []}
-    board["fingerprint"] = challenge.fingerprint
-    del board["seed"]  # it stays hidden
+    fingerprint = sha256(json.dumps([*asdict(challenge).values()]).encode()).hexdigest()[:16]
+    board = asdict(challenge) | {"fingerprint": fingerprint, "scores": {}, "failures": []}
+    del board["seed"]  # it stays hidden: the fingerprint says which missions it is
     with FileLock(f"{path}.lock"):  # processes that write at once wait for each other
         if path.exists():
             board = _read(path, [*board])
-        if board["fingerprint"] != challenge.fingerprint:
+        if board["fingerprint"] != fingerprint:
             raise InputError(f"{path} is the board of another challenge: take another")
         if score["failed"]:
             board["failures"].append(score)
@@ -145,10 +138,9 @@ def leaderboard(path: Path) -> str:
 
 def _read(path: Path, expected: list[str]) -> dict:
     """A JSON object with exactly these keys; `InputError` that names the file otherwise."""
-    try:
+    values = None
+    with suppress(OSError, ValueError):
         values = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        values = None
     if not isinstance(values, dict) or set(values) != set(expected):
         raise InputError(f"{path}: expected a JSON object with {', '.join(expected)}")
     return values

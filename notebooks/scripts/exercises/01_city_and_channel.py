@@ -82,7 +82,8 @@ checks.same_path_loss(same_loss_m)
 #
 # Shadow fading adds a normal random number of decibels, with mean 0, to the SNR in every slot. Is the mean rate then
 # the rate at the mean SNR in dB, `snr_db`? Estimate it by simulation: `draws` slots, each with its own fading of
-# variance `variance_db2` in dB², drawn from `generator`, a `numpy.random.Generator`. The library has the rate of 1.1, too; take it from there.
+# variance `variance_db2` in dB², drawn from `generator`, a `numpy.random.Generator`. Turn SNRs into rates
+# with the library's function, `library_rate`.
 #
 # <details><summary>Hint</summary>
 #
@@ -96,13 +97,13 @@ checks.same_path_loss(same_loss_m)
 # </details>
 
 # %%
-from uavdh_lite.channel import rate
+from uavdh_lite.channel import rate as library_rate
 
 def mean_rate(snr_db, variance_db2, draws, generator):
     """The mean of the rate over the fading, data units per slot."""
     ### BEGIN SOLUTION
     fading_db = generator.normal(0, np.sqrt(variance_db2), draws)
-    return rate(snr_db + fading_db).mean()
+    return library_rate(snr_db + fading_db).mean()
     ### END SOLUTION
 
 # %%

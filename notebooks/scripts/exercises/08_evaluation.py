@@ -128,24 +128,10 @@ trial(home)
 # %%
 # Replace the line below by your city: text = """..."""
 ### BEGIN SOLUTION
-text = """
-..............LL
-..............LL
-..BB.BB..BB.BB..
-..BB.BB..BB.BB..
-................
-..BB.bb..BB.BB..
-..BB.bb..BB.BB..
-................
-................
-..BB.BB..bb.BB..
-.NNNNBB..bb.BB..
-.NNNN...........
-.NBBNBB..BB.BB..
-.NBBNBB..BB.BB..
-.NNNN...........
-LL..............
-"""
+rows = home.split()
+rows[:2] = ["..............LL"] * 2
+rows[14:] = [".NNNN...........", "LL.............."]
+text = "\n".join(rows)
 ### END SOLUTION
 
 # %%

@@ -6,9 +6,7 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from uavdh_lite.course.checks.values import copied, difference, show, unchanged
@@ -17,7 +15,6 @@ EXERCISES: dict[str, "Exercise"] = {}
 """All exercises by the name of their check, in the order of the notebooks."""
 
 LIBRARY = tuple(str(place) for place in (Path(__file__).parents[2], sys.prefix, sys.base_prefix))
-FUNCTION = "Hand over the function itself: its name, without brackets behind it."
 CHANGED = "changes what it is given. Work on a copy: `x = x + 1`, not `x += 1` or `x.sort()`."
 
 
@@ -53,10 +50,10 @@ class Exercise:
     solution: Callable
     rules: dict[str, list] = field(default_factory=dict)
     mistakes: dict[str, Callable] = field(default_factory=dict)
-    figure: Callable[[Axes, Callable], Any] | None = None
-    also: Callable[[Any], str] = lambda answer: ""
+    figure: Callable | None = None
+    also: Callable[..., str] = lambda answer: ""
     case: Callable[..., tuple] = lambda *row: row
-    ask: Callable[..., Any] = lambda answer, *case: answer(*case)
+    ask: Callable = lambda answer, *case: answer(*case)
     call: Callable[..., str] | None = None
     takes: type = Callable  # type: ignore[assignment]
     secret: bool = False
@@ -83,16 +80,15 @@ class Exercise:
         """What is to be said of an answer; "" if it is right."""
         if answer is None or answer is ...:
             return f"Exercise {self.number} has no answer yet."
-        if self.takes is Callable and (isinstance(answer, type) or not callable(answer)):
-            return f"{FUNCTION} You hand over {show(answer)}."
         if not isinstance(answer, self.takes):
-            return f"Hand over a {self.takes.__name__}. You hand over {show(answer)}."
+            kind = "function, without brackets" if self.takes is Callable else self.takes.__name__
+            return f"Hand over a {kind}. You hand over {show(answer)}."
         try:
             return self._wrong_case(answer) or self.also(answer)
         except CheckFailed as failed:
             return str(failed)
         except NotImplementedError:
-            return f"{_name(answer)} is not written yet."
+            return f"Exercise {self.number} is not written yet."
         except KeyboardInterrupt as stopped:
             return f"Interrupted{_line(stopped)}. Is there a loop that never ends?"
         except Exception as error:
@@ -107,23 +103,24 @@ class Exercise:
         """The mistake that an answer makes, or the rule whose case fails first."""
         cases = self.cases()
         given = [self._asked(answer, case) for _, case in cases]
-        told = [
-            self._told(one, self._outcome(self.solution, case))
-            for one, (_, case) in zip(given, cases, strict=True)
-        ]
+        right = [self.ask(self.solution, *case) for _, case in cases]
+        told = list(map(self._told, given, right))
         if not any(told):
             return self._asked_again(answer, cases, given)
         for sentence, mistake in self.mistakes.items():
-            pairs = zip(given, cases, strict=True)
-            if not any(self._told(one, self._outcome(mistake, case)) for one, (_, case) in pairs):
+            if not any(map(self._told, given, (self._asked(mistake, case) for _, case in cases))):
                 return sentence
         wrong = [k for k, said in enumerate(told) if said]
         own = [k for k in wrong if cases[k][0] == cases[wrong[0]][0]]  # of the same rule
         # The smallest case; one that gives a value says more than one that stops
         k = min(own, key=lambda k: (isinstance(given[k], BaseException), len(repr(cases[k][1]))))
-        said = told[k] if not isinstance(given[k], BaseException) else _stops(given[k])
-        said = said.partition(", expected")[0] + ", which is not right" if self.secret else said
-        return f"{self._called(answer, cases[k][1])} {said}. {cases[k][0]}"
+        said = re.sub(", expected .*", ", which is not right", told[k]) if self.secret else told[k]
+        said = f"{self._called(answer, cases[k][1])} {said}."
+        if isinstance(given[k], IndexError | ValueError | ZeroDivisionError):
+            return said  # a slip in the code, which no rule explains
+        if given[k] is None and not any(value is None for value in right):
+            return f"{said} Is there a `return` in every branch?"
+        return f"{said} {cases[k][0]}"
 
     def _asked_again(self, answer, cases, given) -> str:
         """Ask all once more, in another order and with read-only arrays: it must give the same."""
@@ -134,27 +131,23 @@ class Exercise:
                 return f"{said} A result may not depend on earlier calls or on other chance."
         return ""
 
-    def _asked(self, answer, case: tuple, read_only: bool = False) -> Any:
-        """What a student's answer gives in a case; it must leave the arguments as they are."""
+    def _asked(self, answer, case: tuple, read_only: bool = False):
+        """What an answer gives in a case, or the error that it raises; it must change nothing."""
         own = copied(case, read_only)
-        result = self._outcome(answer, own)
+        try:
+            result = self.ask(answer, *own)
+        except (CheckFailed, NotImplementedError):
+            raise
+        except (Exception, SystemExit) as error:
+            result = error
         if (type(result) is ValueError and "read-only" in str(result)) or not unchanged(own, case):
             raise CheckFailed(f"{self._called(answer, case)} {CHANGED}")
         return result
 
-    def _outcome(self, answer, case: tuple) -> Any:
-        """What a call gives, or the error that it raises."""
-        try:
-            return self.ask(answer, *case)
-        except (CheckFailed, NotImplementedError):
-            raise
-        except (Exception, SystemExit) as error:
-            return error
-
     def _told(self, given, right) -> str:
         """What is said of an outcome, next to the right one or to that of a mistake."""
-        if isinstance(given, BaseException) or isinstance(right, BaseException):
-            return "" if type(given) is type(right) else "stops with an error"
+        if isinstance(given, BaseException):
+            return _stops(given)
         try:
             return difference(given, right, self.tolerance, self.smallest)
         except Exception:  # a value of the student's own that refuses to be looked at
@@ -163,7 +156,9 @@ class Exercise:
     def _called(self, answer, case: tuple) -> str:
         if self.call:
             return self.call(*case)
-        return f"{_name(answer)}({', '.join(show(argument, None) for argument in case)})"
+        name = getattr(answer, "__name__", None)
+        name = name if isinstance(name, str) and name.isidentifier() else "your function"
+        return f"{name}({', '.join(show(argument, None) for argument in case)})"
 
     def picture(self) -> Figure:
         """The figure of the solution."""
@@ -180,11 +175,6 @@ def exercise(heading: str, **options) -> Callable[[Callable], Exercise]:
     return lambda solution: EXERCISES.setdefault(
         solution.__name__, Exercise(heading, solution, **options)
     )
-
-
-def _name(answer) -> str:
-    name = getattr(answer, "__name__", "")
-    return name if isinstance(name, str) and name.isidentifier() else "your function"
 
 
 def _stops(error: BaseException) -> str:

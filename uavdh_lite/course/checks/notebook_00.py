@@ -115,7 +115,8 @@ def wrong_flight(actions: list[str]) -> str:
     left = flight.data_left[-1, :2]
     if 1 - left.sum() / sum(DATA) < LEAST_SHARE:
         said = f"It lands, but {left[0]:.1f} and {left[1]:.1f} of 15 units are left at the devices."
-        return f"{said} {FLYING_TIME - len(actions)} units of time are not used."
+        said += " At least 90 % of the 30 must be collected: no more than 3 may be left."
+        return f"{said} Unused units of time: {FLYING_TIME - len(actions)}."
     return ""
 
 

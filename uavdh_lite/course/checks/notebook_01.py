@@ -5,6 +5,7 @@ import numpy as np
 from uavdh_lite.channel import Channel
 from uavdh_lite.channel import rate as library_rate
 from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.course.checks.values import show
 from uavdh_lite.streams import Use, stream
 
 
@@ -29,6 +30,7 @@ from uavdh_lite.streams import Use, stream
         "The SNR is given in decibels. Make a ratio of powers of it before you add 1.": (
             lambda snr_db: np.log2(1 + snr_db)
         ),
+        "The 1 is missing: log2(1 + SNR).": lambda snr_db: np.log2(10 ** (snr_db / 10)),
     },
     smallest=1e-15,
 )
@@ -91,8 +93,8 @@ def scatters_wrongly(answer) -> str:
         few = [answer(12.0, 2.0, draws, stream(Use.EXERCISE, seed)) for seed in range(1000)]
         used = (exact(12.0, 2.0)[1] / (np.std(few) + 1e-12)) ** 2
         if not draws / 1.6 < used < 1.6 * draws:
-            said = f"mean_rate(12, 2, {draws}, generator) has the right mean, but scatters as that "
-            return f"{said}of {used:.3g} draws: simulate `draws` slots, each with its own fading."
+            said = f"mean_rate(12, 2, {draws}, generator) has the right mean, but scatters as with "
+            return f"{said}{show(used)} draws: simulate `draws` slots, each with its own fading."
     return ""
 
 

@@ -25,8 +25,9 @@ APART = [case for case in DRAWN if case not in TOUCHING]
 @exercise(
     "2.1 · Does the ray cross the cell? (1 point, 10 minutes)",
     rules={
-        "The segment begins and ends in the middle of a cell, so it crosses these two, too. If "
-        "both ends are the same point, it crosses that cell and no other.": [
+        "The segment begins and ends in the middle of a cell, so it crosses these two, too. There "
+        "R·c − C·r is 0, less than (|R| + |C|) / 2. If both ends are the same point, it crosses "
+        "that cell and no other.": [
             *(((2, 3), (4, 8), (2, 3)), ((2, 3), (4, 8), (4, 8)), ((4, 6), (4, 6), (4, 6))),
             ((4, 6), (4, 6), (4, 7)),
         ],

@@ -13,10 +13,9 @@ FRACTIONS = {n: stream(Use.EXERCISE, n).uniform(0, 9, (n, n)).round(3) for n in 
 @exercise(
     "4.1 · Centre a layer (2 points, 12 minutes)",
     rules={
-        "The map has (2M − 1)×(2M − 1) cells, the UAV's in the middle, at (M − 1, M − 1); M may be "
-        "any number.": [
+        "The map has (2M − 1)×(2M − 1) cells, the UAV's in the middle, at (M − 1, M − 1).": [
             *((SMALL, uav, 0.0) for uav in ((1, 1), (0, 2), (2, 0), (2, 1), (0, 1))),
-            *((LAYERS[1], (0, 0), 0), (LAYERS[4], (1, 3), 0), (LAYERS[5], (4, 2), 0)),
+            *((LAYERS[4], (1, 3), 0), (LAYERS[5], (4, 2), 0)),
             *((LAYERS[8], (0, 6), 0), (LAYERS[9], (7, 5), 0)),
         ],
         "Everywhere outside the city the map is `outside`, any number; zeros of the layer stay.": [
@@ -28,6 +27,7 @@ FRACTIONS = {n: stream(Use.EXERCISE, n).uniform(0, 9, (n, n)).round(3) for n in 
             *((LAYERS[5], (4, 1), 2), (FRACTIONS[2] < 4, (1, 0), 0.5)),
             (FRACTIONS[3] < 4, (2, 0), 3),
         ],
+        "M may be any number. With M = 1 the map is the layer.": [(LAYERS[1], (0, 0), 0)],
     },
     mistakes={
         "The shift goes the wrong way: where the UAV is further north, the city lies further "
@@ -64,10 +64,12 @@ def drawn(rows, cols, height, width, bias=0.0):
         "At each place the value is the sum of window times kernel, cell by cell. The kernel lies "
         "wholly inside, so rows − k + 1 places fit.": [
             *((np.ones((2, 2)), np.ones((1, 1)), 0.0), (np.ones((3, 3)), np.ones((2, 2)), 0.0)),
-            (np.arange(9.0).reshape(3, 3), np.array([[0.0, 1.0], [2.0, 0.0]]), 0.0),
+            (np.arange(9.0).reshape(3, 3), np.full((2, 2), 3.0), 0.0),
+            (np.arange(16.0).reshape(4, 4), np.array([[1.0, 1, 1], [1, 5, 1], [1, 1, 1]]), 0.0),
         ],
         "The kernel is laid on as it is: neither turned nor mirrored.": [
-            (np.arange(9.0).reshape(3, 3), np.array([[0.0, 0.0], [1.0, 3.0]]), 0.0),
+            (np.arange(9.0).reshape(3, 3), np.array(kernel), 0.0)
+            for kernel in ([[0.0, 1.0], [2.0, 0.0]], [[0.0, 0.0], [1.0, 3.0]])
         ],
         "The bias is added once at every place, then ReLU: what is below 0 becomes 0.": [
             *((np.ones((3, 3)), np.ones((2, 2)), 1.5), (np.ones((2, 2)), np.ones((1, 1)), -2.0)),
@@ -98,10 +100,11 @@ HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
 @exercise(
     "4.3 · How many weights? (3 points, 15 minutes)",
     rules={
-        "A kernel has a weight for each cell of its square and each layer that it sees, a neuron "
-        "one for each number that it is given. The list has the numbers of all kernels and the "
-        "flying time; the output has 6 values. Each kernel and each neuron, those of the output "
-        "too, has a bias of its own. Without padding, side − kernel_size + 1 places fit.": [
+        "The map has 2M − 1 cells a side. A kernel has a weight for each cell of its square and "
+        "each layer that it sees, a neuron one for each number that it is given. The list has the "
+        "numbers of all kernels and the flying time; the output has 6 values. Each kernel and each "
+        "neuron, those of the output too, has a bias of its own. Without padding, side − "
+        "kernel_size + 1 places fit.": [
             *((2, 2, 3, 2, (1,), (4,)), (1, 2, 1, 1, (1,), (1,)), (3, 3, 2, 3, (1,), (5,))),
             *((4, 2, 7, 2, (1,), (3, 2)), (5, 5, 2, 9, (1,), (4,)), (1, 1, 6, 1, (1,), (2,))),
         ],

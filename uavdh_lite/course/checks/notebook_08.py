@@ -81,13 +81,14 @@ def wrong_city(text: str) -> str:
     except InputError as error:
         return f"That is no valid city: {error}."
     if city.size != SIZE:
-        return f"Your city has {city.size} rows and columns; it must have {SIZE}."
+        return f"Your city has {city.size}×{city.size} cells; it must have {SIZE}×{SIZE}."
     changed = int((city.kinds != load_agent("manhattan_ddqn").city.kinds).sum())
     if changed > CHANGED:
         return f"It differs from `home` in {changed} of its {SIZE**2} cells; at most {CHANGED} may."
     cut_off = np.argwhere(~city.no_fly & (city.landing_distance < 0)).tolist()
     if cut_off:
-        return f"There is no way to the landing zone from {len(cut_off)} cells, as {cut_off[0]}."
+        said = f"There is no way to the landing zone from {cut_off[0]}"
+        return f"{said}; number of such cells: {len(cut_off)}."
     greedy, agent = scores(city)
     said = f"Collected and landed: greedy {greedy:.1%}, the agent {agent:.1%}"
     print(said)

@@ -21,8 +21,8 @@ def draws(ring: type, capacity: int, added: int, size: int, count: int = 1, seed
         if len(sample) != size or strange:
             said = f"{asked(capacity, added, size)} gives back"
             if len(sample) != size:
-                said = f"{said} {len(sample)} items, expected {size}. An item may come more than "
-                raise CheckFailed(f"{said}once: draw size − 1 places, and add the newest.")
+                said = f"{said} a list of length {len(sample)}, expected {size}. An item may come "
+                raise CheckFailed(f"{said}more than once: draw size − 1 places, add the newest.")
             said = f"{said} {show(strange[0])}, which was never added. Give back the very tuples"
             raise CheckFailed(f"{said} that were added, not copies or parts of them.")
     return [[numbers[id(item)] for item in sample] for sample in samples]
@@ -104,9 +104,8 @@ def draw_old_share(ax, old_share):
     "9.2 · What a memory still holds (1 point, 8 minutes)",
     figure=draw_old_share,
     rules={
-        "As long as nothing is overwritten, all items are there: before of before + after.": [
-            *((100, 30, 10), (100, 50, 50), (7, 1, 2)),
-        ],
+        "As long as nothing is overwritten, all items are there: the share is before / (before + "
+        "after).": [(100, 30, 10), (100, 50, 50), (7, 1, 2)],
         "A full memory holds `capacity` items, and each new item overwrites the oldest.": [
             *((100, 100, 10), (50, 80, 20), (10, 1000, 3), (20, 15, 8)),
         ],

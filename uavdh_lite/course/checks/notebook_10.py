@@ -25,7 +25,7 @@ def situation(name, cell, time_left):
     "10.1 · The failsafe's mask (2 points, 12 minutes)",
     rules={
         "An action fits if the units for itself, for the way home after it and for the landing are "
-        "at most time_left.": [
+        "at most time_left. That holds outside the zone for a landing, too: the UAV hovers.": [
             *((SMALL, [9], [time_left]) for time_left in (3, 4, 5, 6, 9)),
             *((SMALL, [8], [3]), (SMALL, [4, 14, 2], [4, 6, 3])),
         ],
@@ -43,12 +43,16 @@ def situation(name, cell, time_left):
         ],
     },
     mistakes={
-        "Time is missing: action and landing take one unit each, besides the way home.": (
+        "You leave too little time: action and landing take one unit each, besides the way home.": (
             lambda *case: failsafe_mask.solution(*case, spare=1)
         ),
         "Ask for the distance from the cell that the action leads to, not from the cell where the "
         "UAV is.": lambda distance, next_cell, *others: failsafe_mask.solution(
             distance, np.arange(len(distance))[:, None].repeat(6, 1), *others
+        ),
+        "A landing is sure to fit in the zone only. Elsewhere it is refused, and takes its unit of "
+        "time as hovering does.": lambda distance, next_cell, *others: (
+            failsafe_mask.solution(distance, next_cell, *others) | (np.arange(6) == LAND)
         ),
     },
     case=situation,

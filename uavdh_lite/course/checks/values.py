@@ -6,7 +6,6 @@ any type, for a tuple or list as many values in any sequence, for an array or te
 
 import copy
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
 
@@ -17,11 +16,10 @@ def difference(given, right, tolerance: float = 1e-6, smallest: float = 1e-12) -
     Arguments:
         tolerance: relative; smallest: absolute.
     """
-    if given is None and right is not None:
-        return f"gives back None, expected {show(right)}: is there a `return` in every branch"
-    if right is None or isinstance(right, str):
-        same = given is right or (isinstance(given, str) and given == right)
-        return "" if same else _two(given, right)
+    if given is None or right is None:
+        return "" if given is right else _two(given, right)
+    if isinstance(right, str):
+        return "" if isinstance(given, str) and given == right else _two(given, right)
     if isinstance(right, tuple | list):
         parts = list(given) if isinstance(given, tuple | list) or _is_array(given) else []
         if len(parts) != len(right):
@@ -89,10 +87,12 @@ def unchanged(value, case) -> bool:
     return not isinstance(case, float | int) or value == case
 
 
-def show(value, digits: int | None = 4) -> Any:
+def show(value, digits: int | None = 4) -> str:
     """A value in a message: floats to so many digits, or all; large arrays by their shape."""
     if isinstance(value, float):
-        return f"{value:.{digits}g}" if digits else repr(float(value)).removesuffix(".0")
+        whole = len(f"{abs(value):.0f}") if abs(value) < 1e15 else 0  # 100000, not 1e+05
+        text = f"{value:.{max(digits, whole)}g}" if digits else repr(float(value))
+        return text.removesuffix(".0")
     if isinstance(value, np.random.Generator):
         return "generator"
     if _is_array(value):
@@ -104,6 +104,7 @@ def show(value, digits: int | None = 4) -> Any:
     with suppress(Exception):  # lists that contain themselves, values without a text
         if isinstance(value, tuple | list) and len(value) <= 30:
             inside = ", ".join(show(part, digits) for part in value)[:400]
-            return f"[{inside}]" if isinstance(value, list) else f"({inside})"
+            comma = "," * (len(value) == 1)
+            return f"[{inside}]" if isinstance(value, list) else f"({inside}{comma})"
         return " ".join(repr(value).split())[:80]
     return f"a {type(value).__name__}"
