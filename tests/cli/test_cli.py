@@ -48,6 +48,7 @@ def test_demo_prints_the_table_beside_the_papers_and_draws(tmp_path, capsys):
     assert main(["demo", "--episodes", "3", "--out", str(tmp_path / "d.png")]) == 0
     output = capsys.readouterr().out
     assert "94.6 %" in output and all(name in output for name in RESULTS)
+    assert output.count("the paper's constants") == 2  # its row, and how long it has learned
     with Image.open(tmp_path / "d.png") as image:
         assert min(image.size) > 1000 and np.asarray(image).std() > 20
 

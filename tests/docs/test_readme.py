@@ -58,10 +58,11 @@ def test_the_results_are_those_of_the_recorded_comparison(name):
 
 def test_the_row_of_the_papers_constants_is_the_recorded_run():
     run = json.loads((ROOT / "data/runs/paper-manhattan.json").read_text())
-    steps, test = f"{1000 * round(run['steps'] / 1000):,}", run["test"]
+    steps, test = f"{1000 * round(run['agent']['steps'] / 1000):,}", run["test"]
     shares = (f"{100 * test[name]:.1f} %" for name in ("landed", "collected_and_landed"))
     cells = [*shares, f"{test['return']:.1f}", "", "", ""]
     assert row(f"the paper's constants: {steps} of a million steps") == cells
+    assert load_agent("manhattan_paper").training["steps"] == run["agent"]["steps"]
 
 
 def test_the_papers_row_is_the_papers():

@@ -21,7 +21,12 @@ from uavdh_lite.policies import find_policy, policies_for
 from uavdh_lite.provenance import provenance
 from uavdh_lite.storage import write_json
 
-AGENTS = {"beyond it: copies a planner": "", "the paper's method: DDQN": "_ddqn"}
+FLOWN = {  # in `demo`, where there is such a policy for the city
+    "beyond it: copies a planner": "{}",
+    "the paper's method: DDQN": "{}_ddqn",
+    "DDQN, the paper's constants": "{}_paper",
+    "greedy rule": "greedy",
+}
 
 
 def open_agent(checkpoint: str | None, city: str | City | None) -> Agent:
@@ -57,11 +62,12 @@ def demo(
     for (name, paper), row in zip(RESULTS.items(), axes, strict=True):
         agent = open_agent(name, None)
         environment = Environment(agent.city)
-        policies = {label: name + suffix for label, suffix in AGENTS.items()}
         flown = {
-            label: evaluation.evaluate(environment, policy, agent.scenario, episodes, seed)
-            for label, known in {**policies, "greedy rule": "greedy"}.items()
-            for policy in [find_policy(known, environment)]
+            label: evaluation.evaluate(
+                environment, find_policy(policy, environment), agent.scenario, episodes, seed
+            )
+            for label, policy in ((label, known.format(name)) for label, known in FLOWN.items())
+            if policy in policies_for(environment)
         }
         metrics = {label: flights.metrics() for label, flights in flown.items()}
         print(f"{name}: {episodes} random missions, seed {seed}")
@@ -73,6 +79,9 @@ def demo(
     plotting.add_legend(figure, devices=5)
     plotting.save_figure(figure, out)
     print(f"The first flights over each map are drawn in {out}.")
+    paper = load_agent("manhattan_paper")
+    done, all_steps = paper.training["steps"], paper.recipe.steps
+    print(f"The agent with the paper's constants comes from step {done:,} of {all_steps:,}.")
     print("The paper's maps were never published. Ours are redrawn from its text, so the agents")
     print("solve the same task, but in other streets.")
 
