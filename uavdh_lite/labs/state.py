@@ -217,7 +217,7 @@ def _policy(stage: Stage, which: int, name: str) -> Stage:
 
 def _fly(stage: Stage, action: str) -> Stage:
     _require(action in ACTIONS, f"no action {action!r}")
-    return replace(stage, flown=stage.flown + LETTERS[ACTIONS.index(action)], step=-1)
+    return replace(stage, flown=stage.flown + LETTERS[ACTIONS.index(action)])
 
 
 def _paint(stage: Stage, cells: list, sign: str) -> Stage:
