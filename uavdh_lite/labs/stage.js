@@ -35,7 +35,7 @@ function render({ model, el }) {
   let next = null; // what is asked when it has come
   let story = null; // the captions that are still to come
   let hovered = null; // the cell under the pointer
-  let drag = null;
+  let [drag, remembering] = [null, null];
   el.innerHTML = page(scene.tools);
   if (scene.tools.length === 1) find("[role=tablist]").hidden = true;
   new ResizeObserver(() => {
@@ -119,7 +119,8 @@ function render({ model, el }) {
     find(".redo").disabled = !state.redo;
     find(".refusal").textContent = scene.refused && `Not done: ${scene.refused}.`;
     paintDrawer();
-    if (!scene.fresh && OWN) remember(state.link);
+    clearTimeout(remembering); // a new address costs more than a new picture: it comes after it
+    if (!scene.fresh && OWN) remembering = setTimeout(remember, 100, state.link);
     const fly = state.tool === "fly"; // shows the last step, and flies it; the others know their step
     const last = fly ? film.flights[0].path.length - 1 : lastStep(film);
     if (changed) {
