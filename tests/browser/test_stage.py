@@ -328,6 +328,7 @@ def test_a_city_is_painted_and_a_hundred_missions_flown_over_it(page):
 
 def test_a_flight_by_keys_and_buttons_ends_with_a_card_and_a_rank(page):
     page.locator(".controls input").fill("3")
+    page.wait_for_timeout(600)  # the step is told when it stays
     open_tool(page, "Fly")
     for key, count in (("ArrowRight", 1), ("ArrowDown", 2), (" ", 3)):
         page.keyboard.press(key)

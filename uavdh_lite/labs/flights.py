@@ -11,7 +11,6 @@ from uavdh_lite.policies import find_policy, policies_for
 PLANNERS = ("greedy", "random", "genie")
 YOURS = {"flies": "fly", "hovers": "hover", "lands": "land", "wants": "want", "goes": "go"}
 YOURS |= {"collects": "collect", "leaves": "leave", "wins": "win", "crashes": "crash"}
-YOURS |= {"has ended its": "have ended your", "may not": "may not"}
 
 
 def title(policy: str) -> str:

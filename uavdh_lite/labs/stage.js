@@ -56,10 +56,6 @@ function render({ model, el }) {
       if (waiting) next = told;
       else ask(told);
     },
-    say(selector, text) {
-      const place = find(selector);
-      if (place && place.textContent !== text) place.textContent = text;
-    },
     fill(selector, html) {
       const place = find(selector);
       if (place && place.written !== html) [place.written, place.innerHTML] = [html, html];
@@ -195,26 +191,25 @@ function render({ model, el }) {
 
   function beginStory() {
     if (!scene.fresh || !scene.panel.story) return;
-    story = scene.panel.story.map(([step, text]) => ({ step, text }));
+    ({ story } = scene.panel);
     el.classList.add("telling");
     clock.show(0, true);
   }
 
   function tellStory(time, playing) {
     if (!story) return;
-    const due = story.filter(({ step }) => step <= time).at(-1);
+    const [step, text] = story.filter(([from]) => from <= time).at(-1);
     const caption = find(".caption");
     const end = time >= clock.now.last;
     if (end) el.classList.remove("telling");
-    const text = due?.text ?? "";
     if (caption.dataset.text !== text) {
       caption.dataset.text = text;
       const more = end ? "Your turn" : "Skip the story";
       caption.innerHTML = `<p>${escaped(text)}</p><button type="button" class="skip">${more}</button>`;
-      if (due?.step > 0 && !end && playing) setTimeout(() => story && clock.show(time, true), 4500);
-      if (due?.step > 0 && !end && playing) setTimeout(() => clock.show(time, false), 0);
+      if (step > 0 && !end && playing) setTimeout(() => story && clock.show(time, true), 4500);
+      if (step > 0 && !end && playing) setTimeout(() => clock.show(time, false), 0);
     }
-    caption.hidden = !text;
+    caption.hidden = false;
   }
 
   function endStory() {

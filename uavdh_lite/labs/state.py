@@ -91,12 +91,9 @@ class Stage:
         return {
             "format": FORMAT,
             "version": VERSION,
-            "tool": self.tool,
             "mission": as_json(self.mission),
             "policies": list(self.policies),
-            "flown": self.flown,
-            "step": self.step,
-            "device": self.device,
+            **{name: getattr(self, name) for name in ("tool", "flown", "step", "device")},
         }
 
     @property

@@ -102,10 +102,8 @@ const line = (name, results, show) =>
   `<tr><th>${name}</th>${results.map((each) => `<td>${show(each)}</td>`).join("")}</tr>`;
 const average = ({ panel: { many } }) => {
   if (!many) return "";
-  const mean = (metric) => (row) => {
-    const [middle, low, high] = row[metric];
-    return `${middle} % <small>${low}–${high}</small>`;
-  };
+  const mean = (metric) => ({ [metric]: [middle, low, high] }) =>
+    `${middle} % <small>${low}–${high}</small>`;
   return `<tbody class="many">${line("mean of 100, 95 % interval", many, ({ name }) => explained(name))}
     ${line(term("collected and landed"), many, mean("collected_and_landed"))}
     ${line(term("landed"), many, mean("landed"))}${line("time used", many, (row) => `${row.time_used[0]} %`)}</tbody>`;
@@ -217,7 +215,7 @@ const TOOLS = {
       const step = Math.min(Math.floor(time + 1e-9), panel.q.length - 1);
       const [{ path, end }] = film.flights;
       const over = `It has ${end}. Below: what it thought before its last step.`;
-      stage.say(".says-why", time >= path.length - 1 ? over : `Next: ${panel.says[step]}`);
+      stage.fill(".says-why", time >= path.length - 1 ? over : `Next: ${panel.says[step]}`);
       const values = panel.q[step];
       const best = Math.max(...values.filter((each) => each !== null));
       const most = Math.max(0.5, ...values.map((each) => (each === null ? 0 : best - each)));
@@ -255,7 +253,7 @@ const TOOLS = {
       const asked = panel.layer?.name === name && panel.layer.step === step;
       const needed = ["value", "saliency"].includes(name) && !asked;
       if (needed && here) stage.askWhenFree({ kind: "layer", name, step });
-      stage.say(".meaning", MEANINGS[name] ?? (centred ? CENTRED : ""));
+      stage.fill(".meaning", MEANINGS[name] ?? (centred ? CENTRED : ""));
     },
   },
 
@@ -280,7 +278,7 @@ const TOOLS = {
       `${outline(panel.building, (each) => each > 0)}<path class="ray"/><path class="lost"/>`,
     point(stage, scene, cell) {
       const { panel, state, film } = scene;
-      const [row, col] = cell ?? dearest(panel, film.city);
+      const [row, col] = cell ?? panel.dearest;
       const [y, x] = state.devices[panel.device].cell;
       const cost = panel.building[row][col];
       stage.find(".ray")?.setAttribute("d", `M${x} ${y}L${col} ${row}`);
@@ -369,7 +367,6 @@ const brush = { sign: "B", cells: null }; // cells: those of the stroke that is 
 const chosen = { train: ["small", "no fear"], metric: "collected_and_landed" };
 const stage_layer = { name: "none", centred: false };
 const FAR = 15; // below the best value; the colours do not tell what is farther
-const SEEN = ["landing zone", "no-fly zone", "buildings", "data left", "data collected"];
 const CENTRED = "The network sees all layers shifted so that the UAV is in the middle.";
 const MEANINGS = {
   "landing zone": "One of five layers that the network sees: where it may land.",
@@ -378,6 +375,8 @@ const MEANINGS = {
   "data left": "One of five layers: data still to be collected, in the cells of the devices.",
   "data collected": "One of five layers: data that it has collected, in the same cells.",
 };
+
+const SEEN = Object.keys(MEANINGS);
 
 // What the network sees of the city in one of its layers
 function seenLayer({ city, devices, flights }, name, step) {
@@ -406,18 +405,6 @@ function outside(size, name) {
 function dataRange({ snr }) {
   const [low, high] = range(snr);
   return [Math.floor(low / 10) * 10, Math.ceil(high / 10) * 10];
-}
-
-// The cell over which the UAV may fly and a building costs most data, to begin with
-function dearest({ building, snr }, city) {
-  let [most, found] = [-1, [0, 0]];
-  building.forEach((row, y) =>
-    row.forEach((cost, x) => {
-      const lost = Math.log2(1 + 10 ** ((snr[y][x] + cost) / 10)) - Math.log2(1 + 10 ** (snr[y][x] / 10));
-      if (lost > most && !"NB".includes(city[y][x])) [most, found] = [lost, [y, x]];
-    }),
-  );
-  return found;
 }
 
 // The curves of a race: points by steps, each a button; blue lies on a wider orange

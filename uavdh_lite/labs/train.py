@@ -147,37 +147,36 @@ def sentences(runs: list[Run], finished: bool) -> list[str]:
     """What the kink of each curve means, and after the race how both did."""
     told, ends = [], []
     for colour, run in zip(COLOURS, runs, strict=False):
+        landed = [f"{EPISODES * point['landed']:.0f} of {EPISODES}" for point in run.points]
         if run.kink is not None:
-            before, now = (_missions(run.points[k]) for k in (run.kink - 1, run.kink))
+            before, now = landed[run.kink - 1 : run.kink + 1]
             steps = f"{run.points[run.kink]['steps']:,} steps"
             told.append(f"{colour} learns to land here, after {steps}: {before} before, {now} now.")
         if finished:
             home = f"{100 * run.points[-1]['collected_and_landed']:.0f}\N{NO-BREAK SPACE}%"
-            ends.append(f"{colour} {_missions(run.points[-1])}, with {home} of the data")
+            ends.append(f"{colour} {landed[-1]}, with {home} of the data")
     verdict = [f"landed in the end: {'; '.join(ends)}."] * finished
     return [sentence.capitalize() for sentence in [*told, *verdict]]
-
-
-def _missions(point: dict) -> str:
-    return f"{EPISODES * point['landed']:.0f} of {EPISODES}"
 
 
 def scene(race: Race | None, point: tuple[int, int] | None) -> dict[str, Any]:
     """The settings, the curves so far, and the point whose agent flies."""
     about = {name: [title, text] for name, (title, text, _) in SETTINGS.items()}
-    if race is None:
-        return {"settings": about, "runs": [], "running": False, "largest": LARGEST}
-    return {
-        "settings": about,
-        "largest": LARGEST,
-        "runs": [
-            {"title": SETTINGS[run.setting][0], "points": run.points[:], "kink": run.kink}
-            for run in race.runs
-        ],
-        "sentences": sentences(race.runs, race.finished),
-        "steps": race.steps,
-        "running": race.running,
-        "finished": race.finished,
-        "error": race.error,
-        "point": point,
-    }
+    shown = {"settings": about, "largest": LARGEST, "runs": []}
+    return (
+        shown
+        if race is None
+        else shown
+        | {
+            "runs": [
+                {"title": SETTINGS[run.setting][0], "points": run.points[:], "kink": run.kink}
+                for run in race.runs
+            ],
+            "sentences": sentences(race.runs, race.finished),
+            "steps": race.steps,
+            "running": race.running,
+            "finished": race.finished,
+            "error": race.error,
+            "point": point,
+        }
+    )
