@@ -81,6 +81,7 @@ function render({ model, el }) {
   // The address and the saved file know the step, too
   let keeping = null;
   window.addEventListener("beforeunload", () => clearTimeout(keeping)); // the session ends first
+  window.addEventListener("beforeunload", () => remembering && remember());
   function keepStep(time) {
     clearTimeout(keeping);
     const step = time === clock.now.last ? -1 : Math.floor(time);
@@ -116,7 +117,7 @@ function render({ model, el }) {
     find(".refusal").textContent = scene.refused && `Not done: ${scene.refused}.`;
     paintDrawer();
     clearTimeout(remembering); // a new address costs more than a new picture: it comes after it
-    if (!scene.fresh && OWN) remembering = setTimeout(remember, 100, state.link);
+    if (!scene.fresh && OWN) remembering = setTimeout(remember, 100);
     const fly = state.tool === "fly"; // shows the last step, and flies it; the others know their step
     const last = fly ? film.flights[0].path.length - 1 : lastStep(film);
     if (changed) {
@@ -183,8 +184,9 @@ function render({ model, el }) {
     );
   }
 
-  function remember(link) {
-    if (location.hash !== `#${LINK}${link}`) history.replaceState(null, "", `#${LINK}${link}`);
+  function remember() {
+    const address = `#${LINK}${scene.state.link}`;
+    if (location.hash !== address) history.replaceState(null, "", address);
   }
 
   // The story: a duel plays, and captions say what to look at
@@ -336,7 +338,7 @@ function render({ model, el }) {
   async function copyLink(target) {
     const link = `${location.href.split("#")[0]}#${LINK}${scene.state.link}`;
     await navigator.clipboard?.writeText(link).catch(() => {});
-    remember(scene.state.link);
+    remember();
     target.textContent = "Copied";
     setTimeout(() => (target.textContent = "Link"), 1500);
   }
