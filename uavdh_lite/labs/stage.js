@@ -117,7 +117,7 @@ function render({ model, el }) {
     find(".refusal").textContent = scene.refused && `Not done: ${scene.refused}.`;
     paintDrawer();
     clearTimeout(remembering); // a new address costs more than a new picture: it comes after it
-    if (!scene.fresh && OWN) remembering = setTimeout(remember, 100);
+    if (!scene.fresh && OWN) remembering = setTimeout(remember);
     const fly = state.tool === "fly"; // shows the last step, and flies it; the others know their step
     const last = fly ? film.flights[0].path.length - 1 : lastStep(film);
     if (changed) {
