@@ -19,6 +19,9 @@ WAIT = int(
 )  # milliseconds; only a page that never answers takes so long
 OWN = ("http://127.0.0.1", "ws://127.0.0.1", "data:", "blob:")
 TOOLS = ["Fly", "Compare", "Think", "Channel", "Paint", "Train"]
+FIRST = """new MutationObserver(() => {
+    window.first ??= document.querySelector(".stages")?.textContent || null;
+}).observe(document, { childList: true, subtree: true })"""  # what the stage shows first
 PLACE = """(svg, [row, col]) => {
     const { x, y } = new DOMPoint(col, row).matrixTransform(svg.getScreenCTM());
     return [x, y];
@@ -54,6 +57,7 @@ def visiting(browser, address, **options):
     page.on("request", lambda r: r.url.startswith(OWN) or outside.append(r.url))
     page.on("console", lambda m: m.type == "error" and errors.append(m.text))
     page.on("pageerror", lambda error: errors.append(str(error)))
+    page.add_init_script(FIRST)
     page.goto(address)
     page.locator(".uavdh-stage .map svg").first.wait_for()
     yield page
@@ -141,6 +145,7 @@ def test_it_begins_with_a_story_that_ends_where_one_begins_oneself(browser, serv
         expect(caption).to_contain_text("Two drones, one mission")
         expect(caption).to_contain_text("Here they part")
         part = shown_step(page)
+        expect(page.locator("h2").first).to_be_hidden()  # the verdict
         expect(caption).to_contain_text("your turn")
         assert part < shown_step(page)
         press(page, "Your turn")
@@ -159,7 +164,16 @@ def test_the_map_is_large_and_nothing_scrolls(browser, server, shared, size):
         assert box["height"] >= wanted * height or box["height"] >= 0.47 * width, title
         assert shared.evaluate("document.documentElement.scrollWidth <= innerWidth"), title
         assert shared.evaluate("document.documentElement.scrollHeight <= innerHeight + 8"), title
+        if title in ("Compare", "Paint"):
+            press(shared, "100 missions")
+            expect(shared.locator(".many")).to_contain_text("95 % interval")
+            assert lowest(shared, ".many") <= height, title
     shared.set_viewport_size({"width": 1280, "height": 720})
+
+
+def lowest(page, selector):
+    box = page.locator(selector).bounding_box()
+    return box["y"] + box["height"]
 
 
 def test_one_mission_through_all_tools(page):
@@ -262,6 +276,8 @@ def test_think_says_why_and_its_bars_are_as_long_as_their_numbers(page):
         assert page.locator(".layer path").count() >= 40, layer
     expect(page.locator(".layer-scale")).to_contain_text("saliency")
     page.get_by_label("centred").check()
+    page.keyboard.press("End")
+    expect(page.locator(".says-why")).to_contain_text("It has landed.")
     width = 2 * 8 - 1
     box = page.locator(".map svg").get_attribute("viewBox").split()
     assert [float(side) for side in box[2:]] == [width, width]
@@ -307,18 +323,22 @@ def test_a_city_is_painted_and_a_hundred_missions_flown_over_it(page):
     page.mouse.move(*place(page, 6, 4))
     shadow = page.locator(".map .shadow.live")
     expect(shadow).to_have_attribute("d", re.compile("M3.5 2.5"))  # behind the wall
-    press(page, "100 missions")
-    expect(page.locator(".many")).to_contain_text("95 % intervals")
     shoot(page, "paint")
 
 
 def test_a_flight_by_keys_and_buttons_ends_with_a_card_and_a_rank(page):
+    page.locator(".controls input").fill("3")
+    page.wait_for_timeout(600)  # the step is told when it stays
     open_tool(page, "Fly")
-    expect(page.locator(".ghost")).to_have_count(1)
     for key, count in (("ArrowRight", 1), ("ArrowDown", 2), (" ", 3)):
         page.keyboard.press(key)
         expect(page.locator(".controls output")).to_have_text(f"{count} of {count}")
+    trail = page.locator(".ghost-path").get_attribute("d")
+    assert len(set(trail[1:].split("L"))) <= 4  # the start and what it has flown
     shoot(page, "fly")
+    open_tool(page, "Think")
+    assert shown_step(page) == 3  # as before
+    open_tool(page, "Fly")
     press(page, "Again")
     expect(page.locator(".controls output")).to_have_text("0 of 0")
     page.keyboard.press(" ")  # Again has the focus: it begins once more
@@ -339,10 +359,20 @@ def test_a_race_has_points_that_show_their_agents(page):
     page.wait_for_function("document.querySelectorAll('.dot').length > 6")
     press(page, "Pause")
     expect(page.get_by_role("button", name="Go on")).to_be_visible()
-    page.locator(".dot").last.click()
-    expect(page.locator(".map svg")).to_have_attribute("aria-label", re.compile("no fear"))
-    assert page.locator(".curve").count() == 2
+    dot = page.locator(".blue .dot").nth(1)
+    about, box = dot.get_attribute("aria-label"), dot.bounding_box()
+    page.mouse.click(box["x"] + 12, box["y"] - 12)  # near it
+    steps = re.search(r"after (\d+) steps", about)[1]
+    expect(page.locator(".flies")).to_contain_text(f"blue's agent after {int(steps):,} steps")
+    lines = page.locator(".curves > g").evaluate_all("all => all.map((e) => e.className.baseVal)")
+    assert lines == ["orange", "blue"]  # blue lies above
+    assert "48000 steps" in page.locator(".curves").text_content()  # the axis, from the beginning
     shoot(page, "train")
+    page.set_viewport_size({"width": 820, "height": 1180})
+    assert lowest(page, ".curves") <= 1180
+    page.set_viewport_size({"width": 1280, "height": 720})
+    page.reload()
+    expect(page.locator(".verdict")).to_contain_text("The race ended when the page was loaded")
 
 
 def test_words_explain_themselves(page):
@@ -377,6 +407,7 @@ def test_a_file_and_a_link_open_the_same_elsewhere(browser, server, page, tmp_pa
     page.get_by_label("Open").set_input_files(tmp_path / "stage.json")
     label = page.locator(".map g[data-device='0']").first.get_attribute("aria-label")
     with visiting(browser, page.evaluate("location.href")) as other:
+        assert other.evaluate("window.first") == "Opening your mission …"
         other.locator(".main[data-shows='channel']").wait_for()
         expect(other.locator(".map g[data-device='0']")).to_have_attribute("aria-label", label)
         other.reload()

@@ -90,12 +90,11 @@ def test_a_duel_is_what_was_asked_for_as_it_is_shown(wanted):
 
 
 def test_the_means_of_a_hundred_missions_are_shares_in_per_cent(lab):
-    panel = tell(lab, "many")["many"]
-    assert panel["missions"] == 100
-    for row in panel["rows"]:
+    rows = tell(lab, "many")["many"]
+    for row in rows:
         mean, low, high = row["landed"]
         assert 0 <= low <= mean <= high <= 100
-    assert panel["rows"][1]["landed"][0] == 100  # greedy always comes home
+    assert rows[1]["landed"][0] == 100  # greedy always comes home
 
 
 def test_q_values_are_those_of_the_agent_and_forbidden_actions_have_none(lab):
@@ -232,12 +231,29 @@ def test_a_race_takes_turns_and_a_point_shows_its_agent(lab, monkeypatch):
     assert all(point["landed"] == 1 for point in second["points"])  # the failsafe
     tell(lab, "point", run=1, point=0)
     (flown,) = lab.scene["film"]["flights"]
-    assert flown["name"] == "failsafe, after 0 steps" and flown["end"] == "landed"
+    assert flown["name"] == "orange's agent after 0 steps" and flown["end"] == "landed"
     before = len(first["points"])
     tell(lab, "train", settings=[])  # go on
     wait_for(lambda: len(lab.scene["panel"]["runs"][0]["points"]) > before)
     lab.close()
     assert not lab._race.running
+
+
+def run_of(*shares):
+    points = enumerate(shares)
+    keys = ("landed", "collected_and_landed")
+    points = [{"steps": 5000 * k, **dict.fromkeys(keys, share)} for k, share in points]
+    return train.Run("small", None, points)
+
+
+def test_a_race_says_where_they_learned_to_land_and_how_they_ended():
+    blue, orange = run_of(0, 0.1, 0.3, 0.92), run_of(0, 0.2, 0.1, 0.2)
+    assert (blue.kink, orange.kink, run_of().kink) == (3, None, None)
+    first = "Blue learns to land here, after 15,000 steps: 30 of 100 before, 92 of 100 now."
+    assert train.sentences([blue, orange], False) == [first]
+    said = train.sentences([blue, orange], True)
+    assert said[0] == first and "blue 92 of 100, with 92\N{NO-BREAK SPACE}% of the data" in said[1]
+    assert "orange 20 of 100, with 20" in said[1]
 
 
 @pytest.mark.parametrize("settings", [["none"], [], ["small", "small", "x"]])

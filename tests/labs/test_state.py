@@ -48,7 +48,8 @@ def test_an_event_changes_what_it_names_and_nothing_else(stage):
 
 
 def test_what_was_flown_by_hand_stays_until_the_mission_changes(stage):
-    flown = after(after(stage, "fly", action="east"), "fly", action="land")
+    flown = after(after(replace(stage, step=3), "fly", action="east"), "fly", action="land")
+    assert flown.step == 3  # of the other tools
     assert flown.flown == "el" and after(flown, "tool", tool="think").flown == "el"
     assert after(flown, "again").flown == "" == after(flown, "time", value=9).flown
 

@@ -19,6 +19,7 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
     | `path_loss` | with a line of sight, dB |
     | `building` | what the buildings in between cost, dB; 0 with a line of sight |
     | `snr` | what is left, dB |
+    | `dearest` | the cell over which a building costs most data |
     | `rate` | data units a slot |
     | `fading` | its standard deviation with a line of sight and without one, dB |
     """
@@ -33,8 +34,11 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
     free = channel.path_loss_db(squared, np.ones_like(sight))
     loss = channel.path_loss_db(squared, sight)
     transmit = channel.transmit_snr_db(city.own_size)
+    with_and_without = (rate(np.float32(transmit) - each) for each in (free, loss))
+    lost = np.where(city.no_fly, -1, np.subtract(*with_and_without))
     return {
         "device": stage.device,
+        "dearest": divmod(int(lost.argmax()), size),
         "transmit": round(transmit, 1),
         "distance": grid(np.sqrt(squared), 1),
         "path_loss": grid(free, 2),
@@ -45,7 +49,6 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
             round(float(np.sqrt(variance)), 1)
             for variance in (channel.fading_variance_los_db2, channel.fading_variance_nlos_db2)
         ],
-        "altitude": channel.altitude_m,
     }
 
 

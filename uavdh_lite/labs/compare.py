@@ -39,7 +39,7 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
     return {
         "parting": part,
         "verdict": verdict(names, results),
-        "why": _why(names, flights, part),
+        "why": " ".join(_why(names, flights, part)),
         "results": [{"name": n, **r} for n, r in zip(names, results, strict=True)],
         "story": _story(names, flights, part),
     }
@@ -69,10 +69,10 @@ def verdict(names: list[str], results: list[dict]) -> str:
     return _upper(f"{says(names[ahead], 'wins')}: {told}.")
 
 
-def _why(names: list[str], flights: list[Trajectory], part: int | None) -> str:
-    """One sentence: what each does where they part, and what comes of it."""
+def _why(names: list[str], flights: list[Trajectory], part: int | None) -> list[str]:
+    """Sentences: what each does where they part, and what comes of it in the end."""
     if part is None:
-        return "Both come to the same end."
+        return ["Both come to the same end."]
     devices = [_next_device(flight, part) for flight in flights]
     told = []
     for name, flight, device in zip(names, flights, devices, strict=True):
@@ -81,12 +81,12 @@ def _why(names: list[str], flights: list[Trajectory], part: int | None) -> str:
         told.append(says(name, f"{does(flight, part)}{also}"))
     left = flights[0].data_left[-1] - flights[1].data_left[-1]
     device = int(np.abs(left).argmax())
-    cost = ""
+    sentences = [f"At step {part + 1}, {told[0]}, while {told[1]}."]
     if abs(left[device]) >= 0.5:
         loser = names[0] if left[device] > 0 else names[1]
         more = f"leaves {abs(left[device]):.1f} units more at device {device}"
-        cost = f" In the end {says(loser, more)}."
-    return f"At step {part + 1}, {told[0]}, while {told[1]}.{cost}"
+        sentences.append(f"In the end {says(loser, more)}.")
+    return sentences
 
 
 def _next_device(flight: Trajectory, step: int) -> int | None:
@@ -99,11 +99,10 @@ def _next_device(flight: Trajectory, step: int) -> int | None:
 def _story(names: list[str], flights: list[Trajectory], part: int | None) -> list:
     """Three captions and the steps at which they are shown."""
     last = max(len(flight.action) for flight in flights)
-    part = part or 0
     return [
         [0, "Two drones, one mission: collect the devices' data by radio, and land in blue in "
          "time. A line is an upload; violet cells lie in a building's shadow."],
-        [part, f"Here they part. {_why(names, flights, part)}"],
+        [part or 0, f"Here they part. {_why(names, flights, part)[0]}"],
         [last, "Now it is your turn: drag a device, find another duel, or fly yourself."],
     ]  # fmt: skip
 
@@ -137,7 +136,7 @@ def find_duel(stage: Stage, hangar: Hangar, wanted: int) -> Stage:
     raise InputError(f"no such duel among the next {count} missions: press once more")
 
 
-def many(stage: Stage, hangar: Hangar) -> dict[str, Any]:
+def many(stage: Stage, hangar: Hangar) -> list[dict]:
     """The means of both policies over 100 random missions, in per cent, with their intervals."""
     scenario, rows = scenario_of(stage.mission.city), []
     for name in ["greedy" if policy == YOU else policy for policy in stage.policies]:
@@ -146,7 +145,7 @@ def many(stage: Stage, hangar: Hangar) -> dict[str, Any]:
         metrics = flights.metrics().items()
         shown = {metric: [round(100 * value) for value in values] for metric, values in metrics}
         rows.append({"name": title(name), **shown})
-    return {"missions": MISSIONS, "rows": rows}
+    return rows
 
 
 def _upper(text: str) -> str:

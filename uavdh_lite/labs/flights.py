@@ -3,7 +3,7 @@
 import numpy as np
 
 from uavdh_lite.environment import ACTIONS, LAND, Environment
-from uavdh_lite.evaluation import Policy, Trajectory
+from uavdh_lite.evaluation import Flights, Policy, Trajectory
 from uavdh_lite.labs.state import LETTERS, YOU, Stage
 from uavdh_lite.missions import HandFlight, Mission
 from uavdh_lite.policies import find_policy, policies_for
@@ -11,7 +11,6 @@ from uavdh_lite.policies import find_policy, policies_for
 PLANNERS = ("greedy", "random", "genie")
 YOURS = {"flies": "fly", "hovers": "hover", "lands": "land", "wants": "want", "goes": "go"}
 YOURS |= {"collects": "collect", "leaves": "leave", "wins": "win", "crashes": "crash"}
-YOURS |= {"has ended its": "have ended your", "may not": "may not"}
 
 
 def title(policy: str) -> str:
@@ -40,7 +39,7 @@ class Hangar:
         self.environment, self.mission = environment, mission
         self.policies: dict[str, Policy] = {}
         self.known: list[str] = []  # who can fly over the city
-        self._flown: dict[str, Trajectory] = {}
+        self._flown: dict[tuple[str, str], Trajectory] = {}  # by policy and actions
 
     @classmethod
     def of(cls, mission: Mission, before: "Hangar | None" = None) -> "Hangar":
@@ -57,12 +56,14 @@ class Hangar:
 
     def flight(self, stage: Stage, policy: str) -> Trajectory:
         """The flight of a policy, or that by hand."""
-        if policy == YOU:
-            return self._by_hand(stage.flown)
-        if policy not in self._flown:
-            flights = self.mission.fly(self.environment, self.policy(policy))
-            self._flown[policy] = flights.trajectory(0)
-        return self._flown[policy]
+        flown = stage.flown if policy == YOU else ""
+        if (policy, flown) not in self._flown:
+            if policy == YOU:
+                flights = self._by_hand(flown)
+            else:
+                flights = self.mission.fly(self.environment, self.policy(policy))
+            self._flown[policy, flown] = flights.trajectory(0)
+        return self._flown[policy, flown]
 
     def policy(self, name: str) -> Policy:
         """The policy of this name over the city; an agent sees a city only once."""
@@ -72,12 +73,12 @@ class Hangar:
             self.policies[name] = find_policy(name, self.environment)
         return self.policies[name]
 
-    def _by_hand(self, flown: str) -> Trajectory:
+    def _by_hand(self, flown: str) -> Flights:
         flight = HandFlight(self.environment, self.mission)
         for letter in flown:
             if not flight.ended:
                 flight.step(LETTERS.index(letter))
-        return flight.flights().trajectory(0)
+        return flight.flights()
 
 
 def numbers(flight: Trajectory) -> dict:

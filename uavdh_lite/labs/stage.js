@@ -35,18 +35,18 @@ function render({ model, el }) {
   let next = null; // what is asked when it has come
   let story = null; // the captions that are still to come
   let hovered = null; // the cell under the pointer
-  let [drag, toldStep] = [null, null];
+  let [drag, remembering] = [null, null];
   el.innerHTML = page(scene.tools);
   if (scene.tools.length === 1) find("[role=tablist]").hidden = true;
   new ResizeObserver(() => {
     el.style.setProperty("--wide", `${el.clientWidth}px`);
     el.classList.toggle("narrow", el.clientWidth < 1000);
   }).observe(el);
-  const own = "labs" in document.documentElement.dataset; // the page is ours, with its address
-  find(".copy").hidden = !own;
+  find(".copy").hidden = !OWN;
 
   const ask = (told) => {
     if (told.show !== undefined) return clock.show(told.show);
+    if (told.kind === "tool") clock.show(clock.now.time); // pauses, so that the step is kept
     waiting = true;
     model.send(told);
   };
@@ -55,10 +55,6 @@ function render({ model, el }) {
     askWhenFree(told) {
       if (waiting) next = told;
       else ask(told);
-    },
-    say(selector, text) {
-      const place = find(selector);
-      if (place && place.textContent !== text) place.textContent = text;
     },
     fill(selector, html) {
       const place = find(selector);
@@ -78,21 +74,19 @@ function render({ model, el }) {
     const texts = update(time, playing);
     TOOLS[scene.state.tool].moment?.(stage, scene, time);
     tellStory(time, playing);
-    if (!playing) keepStep(time);
+    if (!playing && scene.state.tool !== "fly") keepStep(time);
     return texts;
   });
 
   // The address and the saved file know the step, too
   let keeping = null;
   window.addEventListener("beforeunload", () => clearTimeout(keeping)); // the session ends first
+  window.addEventListener("beforeunload", () => remembering && remember());
   function keepStep(time) {
     clearTimeout(keeping);
-    const step = time === clock?.now.last ? -1 : Math.floor(time);
-    if (!clock || step === toldStep || scene.fresh) return;
-    keeping = setTimeout(() => {
-      toldStep = step;
-      if (!waiting) ask({ kind: "show", step });
-    }, 400);
+    const step = time === clock.now.last ? -1 : Math.floor(time);
+    if (step === scene.state.step || scene.fresh) return;
+    keeping = setTimeout(() => stage.askWhenFree({ kind: "show", step }), 400);
   }
 
   function paint() {
@@ -122,14 +116,14 @@ function render({ model, el }) {
     find(".redo").disabled = !state.redo;
     find(".refusal").textContent = scene.refused && `Not done: ${scene.refused}.`;
     paintDrawer();
-    if (!scene.fresh && own) remember(state.link);
-    const last = state.tool === "fly" ? film.flights[0].path.length - 1 : lastStep(film);
+    clearTimeout(remembering); // a new address costs more than a new picture: it comes after it
+    if (!scene.fresh && OWN) remembering = setTimeout(remember);
+    const fly = state.tool === "fly"; // shows the last step, and flies it; the others know their step
+    const last = fly ? film.flights[0].path.length - 1 : lastStep(film);
     if (changed) {
-      const from = state.step < 0 ? last : state.step;
-      const flies = state.tool === "fly" && drawnTool === "fly" && last > 0;
-      const same = drawnTool !== state.tool && version !== null && state.tool !== "fly";
-      const begin = same ? Math.min(clock.now.time, last) : from;
-      clock.load(last, flies ? last - 1 : begin, flies);
+      const flies = fly && drawnTool === "fly" && last > 0;
+      const known = [null, "fly", state.tool].includes(drawnTool) ? state.step : clock.now.time;
+      clock.load(last, flies ? last - 1 : fly || known < 0 ? last : known, flies);
     } else clock.show(clock.now.time, clock.now.playing);
     [version, drawnTool] = [scene.version, state.tool];
     if (hovered && !film.city[hovered[0]]?.[hovered[1]]) hovered = null;
@@ -190,37 +184,39 @@ function render({ model, el }) {
     );
   }
 
-  function remember(link) {
-    if (location.hash !== `#${LINK}${link}`) history.replaceState(null, "", `#${LINK}${link}`);
+  function remember() {
+    const address = `#${LINK}${scene.state.link}`;
+    if (location.hash !== address) history.replaceState(null, "", address);
   }
 
   // The story: a duel plays, and captions say what to look at
 
   function beginStory() {
-    const captions = scene.panel.story;
-    if (!scene.fresh || !captions || !own) return;
-    story = captions.map(([step, text]) => ({ step, text }));
+    if (!scene.fresh || !scene.panel.story) return;
+    ({ story } = scene.panel);
+    el.classList.add("telling");
     clock.show(0, true);
   }
 
   function tellStory(time, playing) {
     if (!story) return;
-    const due = story.filter(({ step }) => step <= time).at(-1);
+    const [step, text] = story.filter(([from]) => from <= time).at(-1);
     const caption = find(".caption");
     const end = time >= clock.now.last;
-    const text = due?.text ?? "";
+    if (end) el.classList.remove("telling");
     if (caption.dataset.text !== text) {
       caption.dataset.text = text;
       const more = end ? "Your turn" : "Skip the story";
       caption.innerHTML = `<p>${escaped(text)}</p><button type="button" class="skip">${more}</button>`;
-      if (due?.step > 0 && !end && playing) setTimeout(() => story && clock.show(time, true), 4500);
-      if (due?.step > 0 && !end && playing) setTimeout(() => clock.show(time, false), 0);
+      if (step > 0 && !end && playing) setTimeout(() => story && clock.show(time, true), 4500);
+      if (step > 0 && !end && playing) setTimeout(() => clock.show(time, false), 0);
     }
-    caption.hidden = !text;
+    caption.hidden = false;
   }
 
   function endStory() {
     [story, find(".caption").hidden] = [null, true];
+    el.classList.remove("telling");
   }
 
   // What is done
@@ -298,8 +294,17 @@ function render({ model, el }) {
     fresh.setAttribute("d", squares);
   }
 
+  // Where the pointer presses curves, their nearest point is meant
+  const pressed = ({ target, detail, clientX, clientY }) => {
+    const dots = detail ? [...(target.closest(".curves")?.querySelectorAll(".dot") ?? [])] : [];
+    const far = (dot) => {
+      const { x, y, width } = dot.getBoundingClientRect();
+      return Math.hypot(x + width / 2 - clientX, y + width / 2 - clientY);
+    };
+    return dots.sort((one, other) => far(one) - far(other))[0] ?? target;
+  };
   el.addEventListener("click", (event) => {
-    const target = event.target.closest("button, [data-ask], .term");
+    const target = pressed(event).closest("button, [data-ask], .term");
     if (!target) return;
     const { ask: asked, tool, sign, busy } = target.dataset;
     if (!target.matches(".skip, .play, .forward, .back")) endStory();
@@ -333,7 +338,7 @@ function render({ model, el }) {
   async function copyLink(target) {
     const link = `${location.href.split("#")[0]}#${LINK}${scene.state.link}`;
     await navigator.clipboard?.writeText(link).catch(() => {});
-    remember(scene.state.link);
+    remember();
     target.textContent = "Copied";
     setTimeout(() => (target.textContent = "Link"), 1500);
   }
@@ -409,7 +414,7 @@ function render({ model, el }) {
     endStory();
     ask(told);
   };
-  const listens = own ? document : el; // on a page of our own, whatever has the focus
+  const listens = OWN ? document : el; // on a page of our own, whatever has the focus
   listens.addEventListener("keydown", onKey, true);
 
   model.on("change:scene", () => {
@@ -432,12 +437,12 @@ function render({ model, el }) {
     URL.revokeObjectURL(link.href);
   });
 
-  const linked = () => own && location.hash.split(LINK)[1];
-  const openLink = () => linked() && linked() !== scene.state.link && ask({ kind: "open", link: linked() });
+  const linked = () => OWN && location.hash.split(LINK)[1];
+  const openLink = () => linked() && linked() !== scene.state.link && !ask({ kind: "open", link: linked() });
   window.addEventListener("hashchange", openLink);
-  paint();
-  if (linked()) openLink();
-  else beginStory();
+  if (openLink()) find(".stages").textContent = "Opening your mission …";
+  else paint();
+  if (OWN && !linked()) beginStory();
   return () => {
     window.removeEventListener("hashchange", openLink);
     listens.removeEventListener("keydown", onKey, true);

@@ -149,10 +149,9 @@ class Lab(anywidget.AnyWidget):
         stage, hangar = self.stage, self._hangar
         if stage.tool == "train" and self._race and self._point:
             run, point = self._point
-            setting = train.SETTINGS[self._race.runs[run].setting][0]
             steps = self._race.runs[run].points[point]["steps"]
             flight = self._race.flight(run, point, stage.mission)
-            return {f"{setting}, after {steps:,} steps": flight}
+            return {f"{train.COLOURS[run]}'s agent after {steps:,} steps": flight}
         if stage.tool == "fly":
             names = [YOU, self._ghost]
         elif stage.tool == "compare":

@@ -91,12 +91,9 @@ class Stage:
         return {
             "format": FORMAT,
             "version": VERSION,
-            "tool": self.tool,
             "mission": as_json(self.mission),
             "policies": list(self.policies),
-            "flown": self.flown,
-            "step": self.step,
-            "device": self.device,
+            **{name: getattr(self, name) for name in ("tool", "flown", "step", "device")},
         }
 
     @property
@@ -217,7 +214,7 @@ def _policy(stage: Stage, which: int, name: str) -> Stage:
 
 def _fly(stage: Stage, action: str) -> Stage:
     _require(action in ACTIONS, f"no action {action!r}")
-    return replace(stage, flown=stage.flown + LETTERS[ACTIONS.index(action)], step=-1)
+    return replace(stage, flown=stage.flown + LETTERS[ACTIONS.index(action)])
 
 
 def _paint(stage: Stage, cells: list, sign: str) -> Stage:

@@ -19,12 +19,18 @@ const WORDS = {
   value: "the best value if the UAV were over that cell now",
   "collected and landed": "the share of the data that was brought home; 0 after a crash",
   collected: "the share of the data that was collected, landed or not",
+  ghost: "the flight of your rival in the same mission, with the same fading, as far as you are",
+  "path loss": "what the signal loses on its way, where nothing hides it: 22.7 dB each time the distance is ten times as long",
+  layer: "a map laid over the city: five that the network sees, and two that show what it makes of them",
+  failsafe: "a rule that refuses what would leave too little time to fly home",
   genie: "a planner that searches with full knowledge; no agent can know so much",
 };
 const term = (word, shown = word) =>
-  `<span class="term" tabindex="0" role="note" aria-label="${shown}: ${WORDS[word]}"
+  `<span class="term" tabindex="0" role="note" aria-label="${word}: ${WORDS[word]}"
     data-about="${escaped(WORDS[word])}">${shown}</span>`;
-const who = (name) => (WORDS[name] ? term(name) : escaped(name));
+// A text in which names explain themselves
+const explained = (text) =>
+  escaped(text).replace(/\b(greedy|genie|agent|failsafe)\b/gi, (word) => term(word.toLowerCase(), word));
 const button = (name, about, more = "") =>
   `<button type="button" data-ask="${escaped(JSON.stringify(about))}" ${more}>${name}</button>`;
 const options = (pairs, chosen) =>
@@ -34,8 +40,12 @@ const options = (pairs, chosen) =>
       return `<option value="${escaped(value)}" ${selected}>${escaped(name)}</option>`;
     })
     .join("");
-const chooser = (label, name, pairs, chosen) =>
-  `<label>${label} <select data-set="${name}">${options(pairs, chosen)}</select></label>`;
+// A list with its label; a question mark explains what was chosen
+function chooser(label, name, pairs, chosen) {
+  const [, shown] = pairs.find(([value]) => value === chosen) ?? [];
+  return `<span class="chooser">${WORDS[label] ? term(label) : label} <select data-set="${name}"
+    aria-label="${label}">${options(pairs, chosen)}</select>${WORDS[shown] ? term(shown, "?") : ""}</span>`;
+}
 const percent = (share) => `${Math.round(100 * share)} %`;
 const units = (amount) => (amount >= 0.1 ? amount.toFixed(1) : amount.toPrecision(1));
 const signed = (value) => (value <= -0.05 ? "−" : "") + Math.abs(value).toFixed(1);
@@ -87,16 +97,16 @@ function outline(rows, holds) {
   return `<path class="outline" d="${d}"/>`;
 }
 
-const average = ({ panel }) => {
-  if (!panel.many) return "";
-  const { missions, rows } = panel.many;
-  const cell = ([mean, low, high]) => `${mean} % <small>${low} to ${high}</small>`;
-  const line = ({ name, collected_and_landed: brought, landed, time_used: used }) =>
-    `<tr><th>${escaped(name)}</th><td>${cell(brought)}</td><td>${cell(landed)}</td>
-      <td>${used[0]} %</td></tr>`;
-  return `<table class="many"><caption>Means over ${missions} random missions, with 95 % intervals
-    </caption><tr><td></td><th>${term("collected and landed")}</th><th>${term("landed")}</th>
-    <th>time used</th></tr>${rows.map(line).join("")}</table>`;
+// Rows of a table with a column for each policy
+const line = (name, results, show) =>
+  `<tr><th>${name}</th>${results.map((each) => `<td>${show(each)}</td>`).join("")}</tr>`;
+const average = ({ panel: { many } }) => {
+  if (!many) return "";
+  const mean = (metric) => ({ [metric]: [middle, low, high] }) =>
+    `${middle} % <small>${low}–${high}</small>`;
+  return `<tbody class="many">${line("mean of 100, 95 % interval", many, ({ name }) => explained(name))}
+    ${line(term("collected and landed"), many, mean("collected_and_landed"))}
+    ${line(term("landed"), many, mean("landed"))}${line("time used", many, (row) => `${row.time_used[0]} %`)}</tbody>`;
 };
 const manyButton = button("100 missions", { kind: "many" }, 'data-busy="flying 100 missions …"');
 
@@ -118,7 +128,7 @@ const TOOLS = {
         <td>${each.landed ? each.collected.toFixed(1) : "crashed"}</td></tr>`;
       const table = ranking.length
         ? `<table class="ranking"><caption>Your flights in this session, the best first</caption>
-            <tr><th></th><th>mission</th><th>return ahead by</th><th>data</th></tr>
+            <tr><th></th><th>mission</th><th>${term("return")} ahead by</th><th>data</th></tr>
             ${ranking.map(rank).join("")}</table>`
         : "";
       const head = you.ended ? this.card(you, ghost, rival) : this.help(you, rival);
@@ -129,7 +139,7 @@ const TOOLS = {
     help: (you, rival) =>
       `<h2>${you.steps ? `${you.time_left} units of time left` : "Your flight"}</h2>
       <p>Collect the ${term("data units", "data")} and land in blue in time. Arrow keys move, space
-      hovers, L lands. The pale ${term("UAV")} is ${who(rival)}.</p>`,
+      hovers, L lands. The pale ${term("UAV")} is the ${term("ghost")}, flown by ${explained(rival)}.</p>`,
     card(you, ghost, rival) {
       const ahead = you.return - ghost.return;
       const home = (each) => `${each.collected.toFixed(1)} units in ${each.steps} steps`;
@@ -137,15 +147,18 @@ const TOOLS = {
       const other = ghost.landed ? home(ghost) : "a crash";
       const names = ahead > 0 ? "You win" : `${upper(escaped(rival))} wins`;
       return `<div class="card" role="status"><h2>${Math.abs(ahead) < 0.05 ? "Level" : names}</h2>
-        <p>${end} ${upper(escaped(rival))}: ${other}. ${term("return", "Return")}:
+        <p>${end} ${explained(upper(rival))}: ${other}. ${term("return", "Return")}:
         ${signed(you.return)} against ${signed(ghost.return)}.</p></div>`;
     },
-    // The ghost, as far as it has come at this time
-    over: ({ film }) => ghostPath(film.flights[1]),
+    over: () => `<path class="ghost-path"/><g class="uav ghost">${UAV}</g>`,
     keys: { ArrowUp: "north", ArrowRight: "east", ArrowDown: "south", ArrowLeft: "west", ...HERE },
+    // The ghost and its trail, as far as it has come at this time
     moment(stage, { film }, time) {
+      const { path } = film.flights[1];
       const { place } = momentAt(film.flights[1], time);
+      const trail = [...path.slice(0, Math.floor(time) + 1), place].map(([row, col]) => `${col} ${row}`);
       stage.find(".ghost")?.setAttribute("transform", at(place));
+      stage.find(".ghost-path")?.setAttribute("d", `M${trail.join("L")}`);
     },
   },
 
@@ -156,20 +169,17 @@ const TOOLS = {
       const duel = (name, wanted) =>
         button(name, { kind: "duel", wanted }, 'data-busy="looking for a duel …"');
       const [first, second] = results.map(({ name }) => escaped(name));
-      const line = (name, show) =>
-        `<tr><th>${name}</th>${results.map((each) => `<td>${show(each)}</td>`).join("")}</tr>`;
       const brought = ({ landed, collected }) => (landed ? collected.toFixed(1) : "0, crashed");
       const go = parting === null ? "" : button(`Show step ${parting + 1}`, { show: parting + 1 });
-      return `<h2>${escaped(verdict)}</h2><p class="why">${escaped(why)}</p>
-        <div class="row">${go}</div>
-        <h3>Find a duel</h3><div class="row">${duel(`${first} wins`, 1)}
+      return `<h2>${explained(verdict)}</h2><p class="why">${explained(why)}</p>
+        <div class="row">${go}${manyButton}</div>
+        <div class="row">Find a duel: ${duel(`${first} wins`, 1)}
         ${duel(`${second} wins`, -1)}${duel("nearly level", 0)}</div>
         <div class="row">${choosePolicy(scene, 0, "left")}${choosePolicy(scene, 1, "right")}</div>
-        <table><tr><td></td>${results.map(({ name }) => `<th>${who(name)}</th>`).join("")}</tr>
-        ${line(`${term("data units", "data")} brought home`, brought)}
-        ${line("time used", ({ steps }) => steps)}
-        ${line(term("return"), (each) => signed(each.return))}</table>
-        <div class="row">${manyButton}</div>${average(scene)}`;
+        <table><tbody>${line("", results, ({ name }) => explained(name))}
+        ${line(`${term("data units", "data")} brought home`, results, brought)}
+        ${line("time used", results, ({ steps }) => steps)}
+        ${line(term("return"), results, (each) => signed(each.return))}</tbody>${average(scene)}</table>`;
     },
     over({ film, panel }, k) {
       if (panel.parting === null) return "";
@@ -203,7 +213,9 @@ const TOOLS = {
     moment(stage, { panel, film, state }, time) {
       if (panel.agent === null) return;
       const step = Math.min(Math.floor(time + 1e-9), panel.q.length - 1);
-      stage.say(".says-why", `Next: ${panel.says[step]}`);
+      const [{ path, end }] = film.flights;
+      const over = `It has ${end}. Below: what it thought before its last step.`;
+      stage.fill(".says-why", time >= path.length - 1 ? over : `Next: ${panel.says[step]}`);
       const values = panel.q[step];
       const best = Math.max(...values.filter((each) => each !== null));
       const most = Math.max(0.5, ...values.map((each) => (each === null ? 0 : best - each)));
@@ -241,7 +253,7 @@ const TOOLS = {
       const asked = panel.layer?.name === name && panel.layer.step === step;
       const needed = ["value", "saliency"].includes(name) && !asked;
       if (needed && here) stage.askWhenFree({ kind: "layer", name, step });
-      stage.say(".meaning", MEANINGS[name] ?? (centred ? CENTRED : ""));
+      stage.fill(".meaning", MEANINGS[name] ?? (centred ? CENTRED : ""));
     },
   },
 
@@ -266,7 +278,7 @@ const TOOLS = {
       `${outline(panel.building, (each) => each > 0)}<path class="ray"/><path class="lost"/>`,
     point(stage, scene, cell) {
       const { panel, state, film } = scene;
-      const [row, col] = cell ?? dearest(panel, film.city);
+      const [row, col] = cell ?? panel.dearest;
       const [y, x] = state.devices[panel.device].cell;
       const cost = panel.building[row][col];
       stage.find(".ray")?.setAttribute("d", `M${x} ${y}L${col} ${row}`);
@@ -282,7 +294,7 @@ const TOOLS = {
       const metres = panel.distance[row][col].toFixed(0);
       const lines = [
         ["signal at 1 m", signed(panel.transmit)],
-        [`path loss over ${metres} m`, `−${signed(panel.path_loss[row][col])}`],
+        [`${term("path loss")} over ${metres} m`, `−${signed(panel.path_loss[row][col])}`],
         ["buildings in between", `−${signed(cost)}`],
         [term("SNR"), signed(panel.snr[row][col])],
         [term("fading"), `± ${panel.fading[Number(cost > 0)]}`],
@@ -303,7 +315,7 @@ const TOOLS = {
         could not be seen from, its ${term("shadow")}.</p>
         <div class="swatches">${all.map(swatch).join("")}</div>
         <div class="row">${manyButton}${button("Save as PNG", { kind: "save", what: "png" })}</div>
-        ${average(scene)}
+        <table>${average(scene)}</table>
         <div class="row">${choosePolicy(scene, 0, "first")}${choosePolicy(scene, 1, "second")}</div>`;
     },
     over: () => '<path class="shadow live"/><path class="fresh"/>',
@@ -319,7 +331,7 @@ const TOOLS = {
   train: {
     title: "Train",
     html(scene) {
-      const { settings, runs, running, largest, finished, error } = scene.panel;
+      const { settings, runs, sentences, running, largest, finished, error } = scene.panel;
       const known = Object.entries(settings).map(([name, [title]]) => [name, title]);
       const own = chosen.train;
       const go = running
@@ -330,26 +342,31 @@ const TOOLS = {
       const where = large ? "A city of this size takes minutes to learn: they race over the village." : "";
       const rival = own[1] ? `<br>${escaped(settings[own[1]][1])}` : "";
       const shown = CURVES.map((name) => [name, name.replaceAll("_", " ")]);
-      const metric = term(chosen.metric.replaceAll("_", " "));
+      const [flight] = scene.film.flights;
+      if (runs.length) sessionStorage.raced = "yes";
+      const told = runs.length ? sentences : OWN && sessionStorage.raced ? [LOST] : [];
       return `<div class="row"><span class="key blue"></span>${chooser("blue", "blue", known, own[0])}
         <span class="key orange"></span>
         ${chooser("orange", "orange", [["", "nobody"], ...known], own[1])}</div>
         <p class="setting">${escaped(settings[own[0]][1])}${rival}</p><p>${where}</p>
         <div class="row">${go}${chooser("shown", "metric", shown, chosen.metric)}</div>
         <p role="alert">${escaped(error ?? "")}</p>
+        <p class="verdict" role="status">${told.map(escaped).join("<br>")}</p>
         ${runs.length ? curves(scene.panel, chosen.metric) : ""}
-        <p>Shown: ${metric}, over 60 missions that it does not learn from.
-        ${runs.length ? "Press a point to see that agent fly." : ""}</p>`;
+        <p>A point: 100 missions that it does not learn from.
+        ${runs.length ? "Press near one to see its agent fly." : ""}</p>
+        <p class="flies">This flight: ${explained(flight.name)}. ${flight.ending}</p>`;
     },
   },
 };
 
+const OWN = "labs" in document.documentElement.dataset; // the page is ours, with its address
+const LOST = "The race ended when the page was loaded again: press Start.";
 const CURVES = ["collected_and_landed", "collected", "landed", "return"];
 const brush = { sign: "B", cells: null }; // cells: those of the stroke that is being painted
 const chosen = { train: ["small", "no fear"], metric: "collected_and_landed" };
 const stage_layer = { name: "none", centred: false };
 const FAR = 15; // below the best value; the colours do not tell what is farther
-const SEEN = ["landing zone", "no-fly zone", "buildings", "data left", "data collected"];
 const CENTRED = "The network sees all layers shifted so that the UAV is in the middle.";
 const MEANINGS = {
   "landing zone": "One of five layers that the network sees: where it may land.",
@@ -358,6 +375,8 @@ const MEANINGS = {
   "data left": "One of five layers: data still to be collected, in the cells of the devices.",
   "data collected": "One of five layers: data that it has collected, in the same cells.",
 };
+
+const SEEN = Object.keys(MEANINGS);
 
 // What the network sees of the city in one of its layers
 function seenLayer({ city, devices, flights }, name, step) {
@@ -388,54 +407,34 @@ function dataRange({ snr }) {
   return [Math.floor(low / 10) * 10, Math.ceil(high / 10) * 10];
 }
 
-// The cell over which the UAV may fly and a building costs most data, to begin with
-function dearest({ building, snr }, city) {
-  let [most, found] = [-1, [0, 0]];
-  building.forEach((row, y) =>
-    row.forEach((cost, x) => {
-      const lost = Math.log2(1 + 10 ** ((snr[y][x] + cost) / 10)) - Math.log2(1 + 10 ** (snr[y][x] / 10));
-      if (lost > most && !"NB".includes(city[y][x])) [most, found] = [lost, [y, x]];
-    }),
-  );
-  return found;
-}
-
-// A faint line along the cells of a flight, and the UAV that flies it
-function ghostPath(flight) {
-  const d = flight.path.map(([row, col], k) => `${k ? "L" : "M"}${col} ${row}`).join("");
-  return `<path class="ghost-path" d="${d}"/><g class="uav ghost">${UAV}</g>`;
-}
-
-// The curves of a race: points by steps, each a button
+// The curves of a race: points by steps, each a button; blue lies on a wider orange
 function curves({ runs, steps, point }, metric) {
-  const [width, height, left, bottom] = [420, 230, 44, 26];
-  const all = runs.flatMap(({ points }) => points.map((each) => each[metric]));
+  const [width, height, left, bottom] = [420, 195, 44, 26];
   const share = metric !== "return";
-  const [low, high] = share ? [0, 1] : [Math.min(0, ...all), Math.max(1, ...all)];
-  const last = runs.flatMap(({ points }) => points.slice(-1)).map((each) => each.steps);
-  const most = Math.min(steps, 4000 + 1.2 * Math.max(0, ...last)); // the axis grows with the race
-  const x = (at) => left + ((width - left - 12) * at) / most;
-  const y = (value) => 10 + ((height - bottom - 10) * (high - value)) / (high - low);
+  const [low, high] = share ? [0, 1] : [-200, 40]; // a crash costs 150
+  const x = (at) => left + ((width - left - 12) * at) / steps;
+  const y = (value) => 10 + ((height - bottom - 10) * (high - Math.max(value, low))) / (high - low);
   const name = (value) => (share ? percent(value) : value.toFixed(0));
   const ticks = [low, (low + high) / 2, high].map(
     (tick) => `<path class="grid" d="M${left} ${y(tick)}H${width - 12}"/>
       <text x="${left - 6}" y="${y(tick)}" text-anchor="end">${name(tick)}</text>`,
   );
-  const line = ({ points, title }, k) => {
+  const line = ({ points, title, kink }, k) => {
     const colour = ["blue", "orange"][k];
+    const here = kink === null ? "" : `<path class="kink" d="M${x(points[kink].steps)} 4V${height - bottom}"/>`;
     const d = points.map((each, n) => `${n ? "L" : "M"}${x(each.steps)} ${y(each[metric])}`).join("");
     const dot = (each, n) => {
       const about = `${title}, after ${each.steps} steps: ${name(each[metric])}`;
       const on = point?.[0] === k && point[1] === n;
       const ask = escaped(JSON.stringify({ kind: "point", run: k, point: n }));
-      const [r, mark] = on ? [8, "on"] : [4.5, ""];
+      const [r, mark] = [3.5 + 2 * k, on ? "on" : ""];
       const place = `cx="${x(each.steps)}" cy="${y(each[metric])}" r="${r}"`;
       return `<circle class="dot ${mark}" ${place} role="button" tabindex="0" data-ask="${ask}"
         aria-label="${about}"><title>${about}</title></circle>`;
     };
-    return `<g class="${colour}"><path class="curve" d="${d}"/>${points.map(dot).join("")}</g>`;
+    return `<g class="${colour}">${here}<path class="curve" d="${d}"/>${points.map(dot).join("")}</g>`;
   };
   return `<svg class="curves" viewBox="0 0 ${width} ${height}" role="group" aria-label="curves">
-    ${ticks.join("")}<text x="${width - 12}" y="${height - 8}" text-anchor="end">${Math.round(most)} steps</text>
-    <text x="${left}" y="${height - 8}">0</text>${runs.map(line).join("")}</svg>`;
+    ${ticks.join("")}<text x="${width - 12}" y="${height - 8}" text-anchor="end">${steps} steps</text>
+    <text x="${left}" y="${height - 8}">0</text>${runs.map(line).reverse().join("")}</svg>`;
 }

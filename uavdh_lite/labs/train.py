@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 from uavdh_lite.agent import Agent
@@ -19,9 +20,11 @@ from uavdh_lite.streams import Use
 from uavdh_lite.training import Trainer
 
 LARGEST = 10  # cells on a side of a city in which half a minute is enough
-EPISODES = 60  # missions of a point
+EPISODES = 100  # missions of a point
 TURN = 16  # steps of one run before the other has its turn
 EVERY = 1.0  # seconds between points
+JUMP = 0.25  # of the share that landed, from one point to the next; a smaller one may be luck
+COLOURS = ("blue", "orange")  # of the runs
 METRICS = ("collected_and_landed", "collected", "landed", "return")
 SMALL = "Crashing costs 5 at first and 20 at the end, so that it dares to explore."
 NO_FEAR = "A crash costs nothing. Will it come home?"
@@ -55,6 +58,12 @@ class Run:
         point = {metric: round(float(records[metric].mean()), 4) for metric in METRICS}
         self.points.append({"steps": trainer.steps, **point})
         self.agents.append(frozen)
+
+    @property
+    def kink(self) -> int | None:
+        """The point at which it learned to land: after the largest jump of `landed`, if any."""
+        jumps = [now["landed"] - before["landed"] for before, now in pairwise(self.points)]
+        return jumps.index(max(jumps)) + 1 if max(jumps, default=0) >= JUMP else None
 
 
 class Race:
@@ -134,21 +143,40 @@ class Race:
         self._told()
 
 
+def sentences(runs: list[Run], finished: bool) -> list[str]:
+    """What the kink of each curve means, and after the race how both did."""
+    told, ends = [], []
+    for colour, run in zip(COLOURS, runs, strict=False):
+        landed = [f"{EPISODES * point['landed']:.0f} of {EPISODES}" for point in run.points]
+        if run.kink is not None:
+            before, now = landed[run.kink - 1 : run.kink + 1]
+            steps = f"{run.points[run.kink]['steps']:,} steps"
+            told.append(f"{colour} learns to land here, after {steps}: {before} before, {now} now.")
+        if finished:
+            home = f"{100 * run.points[-1]['collected_and_landed']:.0f}\N{NO-BREAK SPACE}%"
+            ends.append(f"{colour} {landed[-1]}, with {home} of the data")
+    verdict = [f"landed in the end: {'; '.join(ends)}."] * finished
+    return [sentence.capitalize() for sentence in [*told, *verdict]]
+
+
 def scene(race: Race | None, point: tuple[int, int] | None) -> dict[str, Any]:
     """The settings, the curves so far, and the point whose agent flies."""
     about = {name: [title, text] for name, (title, text, _) in SETTINGS.items()}
-    if race is None:
-        return {"settings": about, "runs": [], "running": False, "largest": LARGEST}
-    return {
-        "settings": about,
-        "largest": LARGEST,
-        "runs": [
-            {"setting": run.setting, "title": SETTINGS[run.setting][0], "points": run.points[:]}
-            for run in race.runs
-        ],
-        "steps": race.steps,
-        "running": race.running,
-        "finished": race.finished,
-        "error": race.error,
-        "point": point,
-    }
+    shown = {"settings": about, "largest": LARGEST, "runs": []}
+    return (
+        shown
+        if race is None
+        else shown
+        | {
+            "runs": [
+                {"title": SETTINGS[run.setting][0], "points": run.points[:], "kink": run.kink}
+                for run in race.runs
+            ],
+            "sentences": sentences(race.runs, race.finished),
+            "steps": race.steps,
+            "running": race.running,
+            "finished": race.finished,
+            "error": race.error,
+            "point": point,
+        }
+    )

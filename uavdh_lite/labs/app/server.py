@@ -123,9 +123,7 @@ def serve(port: int, idle_seconds: int, open_browser: bool) -> None:
         cull_connected=True,
     )
     if os.name == "posix" and len(tempfile.gettempdir()) <= LONGEST_FOLDER:
-        server.config.KernelManager.transport = (
-            "ipc"  # files that only this user can open, no ports
-        )
+        server.config.KernelManager.transport = "ipc"  # files only this user can open, no ports
     server.initialize([])
     IOLoop.current().add_callback(
         lambda: print(f"labs: {server.connection_url} (Ctrl-C ends it)", file=sys.stderr)
