@@ -38,7 +38,7 @@ play(environment, flights.trajectory(0))
 # | --- | --- |
 # | **What you'll do** | Watch a trained agent fly, set missions of your own, and race it against two simple pilots |
 # | **What you'll learn** | What the task is, how to read a flight, and six numbers that say how good a pilot is |
-# | **What you'll need** | Python. 37 minutes to read, 20 seconds to run; 25 minutes of exercises |
+# | **What you'll need** | Python. 38 minutes to read, 20 seconds to run; 25 minutes of exercises |
 #
 # ## 0.1 The task
 #
@@ -50,15 +50,16 @@ play(environment, flights.trajectory(0))
 # the time runs out. If it runs out in the air, the UAV *crashes*.
 #
 # Flying up to every device wastes time, because radio reaches far down an open street. Waiting at a distance wastes time
-# too, because a far link is slow. The best route lies in between, and it is different for every mission.
+# too, because a distant link is slow. The best route lies in between, and it is different for every mission.
 #
 # A program that chooses one action after another is called an *agent*. The one above chooses with a neural network, a
-# formula with very many adjustable numbers. These numbers were *trained*: the agent flew random missions, 3.6 million
-# steps in all, and the numbers were adjusted until they predicted what each action brings in the end. That took
-# less than an hour on one processor core.
+# formula with hundreds of thousands of adjustable numbers. These numbers were *trained*: the agent flew random missions,
+# 3.6 million steps in all, and the numbers were adjusted until they predicted what each action brings in the end. That
+# took less than an hour on one processor core.
 #
 # Its full name is `manhattan_ddqn`. In this course it is simply **the agent**. The library has others. We use this one
-# because it is made by what the course teaches: the method of Bayerlein and others, 2020, which we call *the paper*.
+# because it was trained with the method that the course teaches, from an article by Bayerlein and others, 2020, which we
+# call *the paper*.
 #
 # ## 0.2 Reading a flight
 #
@@ -101,17 +102,17 @@ for name, values in flights.records().items():
 # | `time_used` | the share of the flying time that was used |
 # | `safety_interventions` | how often a forbidden action was refused |
 #
-# The score to watch is `collected_and_landed`. Data that goes down with the UAV counts for nothing. The return would not be
-# a fair score: it is large wherever a mission holds much data, and it depends on penalties that people chose.
+# The score to watch is `collected_and_landed`. Data that goes down with the UAV counts for nothing. The return would not
+# be a fair score: it is large whenever a mission offers a lot of data, and it depends on penalties that people chose.
 #
-# It is forbidden to leave the map, to enter a tall building or a no-fly zone, and to land outside the landing zones. The
-# *safety controller* then lets the UAV hover instead. Notebook 3 comes back to it, and to the rewards.
+# The UAV may not leave the map, enter a tall building or a no-fly zone, or land outside the landing zones. If it tries,
+# the *safety controller* lets it hover instead. Notebook 3 comes back to it, and to the rewards.
 #
 # ## 0.3 Set a mission yourself
 #
-# The agent was trained on missions with two to five devices, 5 to 20 data units each, and 35 to 70 units of time. Each
-# mission is drawn anew: its data and its time, the places, and the start among the eight landing cells. The agent flies any
-# of them without more training.
+# A mission over this city has two to five devices and 35 to 70 units of time. Each device holds 5 to 20 data units. All
+# of this is drawn at random, and so are the places of the devices and the start, one of the eight landing cells. The
+# agent flies any such mission without more training.
 #
 # Put three devices where you like. A place is a pair, row and column, counted from the top left corner:
 
@@ -125,7 +126,7 @@ trajectory_figure(environment, flights.trajectory(0))
 # The agent collects everything and has time to spare. It serves the blue device first, and turns round as soon as that
 # device is empty, without ever flying over it.
 #
-# Now halve the time. Predict before you run the cell after this one:
+# Now halve the time. Make your prediction before you run the next cell:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -140,9 +141,10 @@ flights = hurried.fly(environment, agent)
 trajectory_figure(environment, flights.trajectory(0))
 
 # %% [markdown]
-# This is a new route, not the old one cut short. The agent empties the blue and the green device, gives up on the orange
-# one, and lands in the far corner in time. Nobody wrote a rule for that. The time left is one of the things it sees, and
-# training has taught it what to do when there is little.
+# This is a new route, not the old one cut short. The agent empties the blue and the green device and lands in the far
+# corner in time. It gives up on the orange one: the few orange arrows are thin, and hardly any data comes in there.
+# Nobody wrote a rule for that. The time left is one of the things it sees, and training has taught it what to do when
+# there is little.
 #
 # Change the devices, the data or the time in the cells above and run them again.
 #
@@ -150,8 +152,8 @@ trajectory_figure(environment, flights.trajectory(0))
 #
 # Is that good? A number alone means little. So two simple pilots fly beside the agent throughout the course.
 #
-# - **greedy** flies to the nearest device that still has data. When the time is just enough for the way home, it turns
-#   back. It does not learn. It was given a street map and this rule.
+# - **greedy** flies to the nearest device that still has data. When it has just enough time to get home, it turns back.
+#   It does not learn. It was given a street map and this rule.
 # - **random** picks one of the six actions at random, again and again.
 #
 # All three fly the hurried mission. Press play:
@@ -172,7 +174,7 @@ assert flown["manhattan_ddqn"].end.collected > flown["greedy"].end.collected + 0
 # never visited. The agent's route suits the time better. The random pilot lands almost at once.
 #
 # One flight proves nothing, though. We picked this mission, and in others greedy wins. A fair race needs many missions,
-# drawn at random and the same for all three. Notebook 7 flies others, so its numbers differ a little.
+# drawn at random and the same for all three.
 #
 # ## 0.5 Two thousand missions
 #
@@ -196,18 +198,19 @@ for metric in scores["random"]:
     print(f"{metric:<22}", *(f"{each[metric].mean():14.3f}" for each in scores.values()))
 
 # %% [markdown]
-# Read the columns from right to left.
+# Notebook 7 flies other missions, so its numbers differ a little. Read the columns from right to left.
 #
-# **Random** lands in most missions, and still it is useless: it lands with hardly any data. A high `landed` alone says
+# **Random** lands in most missions, and yet it is useless: it lands with hardly any data. A high `landed` alone says
 # little. `collected_and_landed` gives it away.
 #
 # **Greedy** never crashes, because its rule forbids it, and it collects nearly everything. In this city it is a strong
 # rival. Good rules often are.
 #
 # **The agent** comes close to greedy. Think of what each of them was told. Greedy was given the street map, the shortest
-# ways home, and a rule. The agent started with random numbers in its network. It found out from rewards alone that
-# being near a device brings data, what the landing zones are for, and when to turn back. So why a
-# network? It can also learn where nobody knows a good rule.
+# routes home, and a rule. The agent started with random numbers in its network. It found out from rewards alone that
+# being near a device brings data, what the landing zones are for, and when to turn back.
+#
+# If greedy is this good, why train a network? Because a network can also learn where nobody knows a good rule.
 #
 # Nothing forces the agent to land, so now and then it fails. Here is the saddest of its flights, the crash with the
 # largest share of the data on board:
@@ -219,20 +222,20 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(saddest))
 
 # %% [markdown]
 # The red star marks the crash. The caption says how much data the agent had, and still the score of this flight is 0.
-# An agent that learns from examples can go wrong in situations that it has rarely seen.
+# Perhaps the agent had rarely been in such a situation before.
 #
 # ## 0.6 What the agent knows
 #
 # It sees the map of the city, its own place, the places of the devices, how much data each still has and has already
-# sent, and the time left. It does not see the violet shadows. It found out about them in training, because little
-# reward comes in behind a building. It does not know the formulas of the radio channel. It
-# makes no plan: in every step it looks afresh and asks which of the six actions promises most.
+# sent, and the time left. It does not see the violet shadows. It found out about them in training, because little reward
+# comes in behind a building. It does not know the formulas of the radio channel. It makes no plan: in every step it asks
+# afresh which of the six actions looks most promising.
 #
 # The course follows from this. Notebooks 1 and 2 show what the radio channel does. Notebook 3 says what a step is and
 # what it earns. Notebooks 4 to 7 show how a network looks at a map, how it learns, and what can go wrong.
 #
-# You can also fly yourself, with the arrow keys and against the agent: start the labs (`python -m uavdh_lite app`) and
-# choose the tool *Fly*.
+# You can also take the controls, with the arrow keys and against the agent: start the labs (`python -m uavdh_lite app`)
+# and choose the tool *Fly*.
 #
 # ## Recap
 #

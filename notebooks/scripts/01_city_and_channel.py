@@ -4,7 +4,8 @@
 # **A device waits in the street. Where should the UAV hover to fetch its data?**
 #
 # The code below draws the answer for one device, the white cross. Over a yellow cell the UAV gets data quickly, over a
-# dark one hardly any. At the end you will be able to compute every colour, once you know which cells are in sight.
+# dark one hardly any. It may not fly over the grey buildings or the hatched zone. By the end you will be able to compute
+# every colour, given the cells in sight.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -35,7 +36,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Take the city apart, follow one signal from the transmitter to the data, and find good places to hover |
 # | **What you'll learn** | Decibels, path loss with and without line of sight, the link budget, Shannon's rate, shadow fading |
-# | **What you'll need** | Notebook 0, logarithms, the normal distribution. 39 minutes to read, 10 seconds to run; 25 minutes of exercises |
+# | **What you'll need** | Notebook 0, logarithms, the normal distribution. 40 minutes to read, 10 seconds to run; 25 minutes of exercises |
 #
 # The bright area is not a disc. It reaches far down two streets and stops at every corner. Buildings do that.
 #
@@ -55,10 +56,10 @@ figure
 # %% [markdown]
 # Black means yes. May the UAV start and land here? May it *not* fly here? Does a building block the radio here?
 #
-# Compare the second and the third layer. Most buildings are in both: they are tall, so the UAV cannot fly over
-# them. Two blocks are only in the third. They are low: the UAV can fly over them, but they block the radio too. The large
-# rectangle in the second layer is a no-fly zone with buildings in it. A device may stand anywhere but on a building or in a
-# landing zone, even in the no-fly zone. No two devices share a cell.
+# Compare the second and the third layer. Most buildings are in both: they are tall, so the UAV cannot fly over them. Two
+# blocks are only in the third. They are low: the UAV can fly over them, but they block the radio too. The large rectangle
+# in the second layer is a no-fly zone with a building in it. A device may stand anywhere, even in the no-fly zone, except
+# on a building or in a landing zone. No two devices share a cell.
 #
 # ## 1.2 Path loss
 #
@@ -71,14 +72,14 @@ figure
 #
 # $$\mathrm{SNR} = \frac{P}{\sigma^2} \cdot d^{-\alpha_l} \cdot 10^{\eta_l/10}$$
 #
-# $P$ is the power that is sent, $\sigma^2$ the power of the noise. $\eta_l$ is luck, and waits until section 1.5. The
-# paper also writes $\sigma_l^2$, with an index: that is another quantity, the variance of this luck. In
+# $P$ is the transmitted power, $\sigma^2$ the power of the noise. $\eta_l$ is luck, and waits until section 1.5. In
 # decibels the same equation is a sum:
 #
 # $$\mathrm{SNR_{dB}} = \Big(\frac{P}{\sigma^2}\Big)_{\mathrm{dB}} - 10\,\alpha_l \log_{10} d + \eta_l$$
 #
 # The term in the middle is the *path loss*. The index $l$ says which kind of link it is. With *line of sight*, LoS,
-# nothing is in the way, and the path-loss exponent is 2.27. Without it, NLoS, a building is in the way, and the exponent is 3.64:
+# nothing is in the way, and the path-loss exponent is 2.27. Without it, NLoS, a building is in the way, and the exponent
+# is 3.64:
 
 # %%
 import numpy as np
@@ -97,13 +98,14 @@ figure
 # building. The gap between the lines is what the building costs. At 100 m that is 27.4 dB: the signal is some 550 times
 # weaker.
 #
-# The distance is the way through the air. The UAV flies 10 m high, so 30 m on the ground are
-# $\sqrt{30^2 + 10^2} = 31.6$ m, and even straight above a device $d$ is 10 m.
+# $d$ is measured through the air. The UAV flies 10 m high, so 30 m on the ground are $\sqrt{30^2 + 10^2} = 31.6$ m, and
+# even directly above a device $d$ is 10 m.
 #
 # ## 1.3 The link budget
 #
-# How strong is the transmitter? The paper does not give $P/\sigma^2$. It gives the *cell-edge SNR*: between the middle of
-# the map and a device in its corner, at ground level and in sight, the SNR is −15 dB. The rest follows. Take the distance,
+# How strong is the transmitter? The paper does not give $P/\sigma^2$. It gives the *cell-edge SNR*. Here a cell is not
+# one of our grid, but the area that one station of a phone network serves: the whole map. Between the middle of the map
+# and a device in its corner, at ground level and in sight, the SNR is −15 dB. The rest follows. Take the distance,
 # compute the loss, and add it to what arrives:
 
 # %%
@@ -113,8 +115,8 @@ print(f"to the corner: {edge_m:.1f} m, budget: {budget_db:.1f} dB")
 assert np.isclose(budget_db, channel.transmit_snr_db(16))
 
 # %% [markdown]
-# That is the *link budget*, the SNR that a link could have at a distance of 1 m. The path loss spends it. The last line
-# checks our sum against the library.
+# We call this the *link budget*: the SNR that a link would have at a distance of 1 m. The path loss spends it. Elsewhere
+# the name often means the whole sum, with the losses. The last line checks our sum against the library.
 #
 # A link behind a building has the same budget, because the transmitter does not know what stands in the way. So without
 # luck, every SNR is now a single subtraction:
@@ -164,16 +166,17 @@ for distance in (0, 10, 20, 30, 100):
     print(f"{distance:>4} m: {los:.3f} data units per slot in sight, {nlos:.4f} behind a building")
 
 # %% [markdown]
-# - **Near is fast.** Three cells away, the UAV gets about a fifth of what it gets straight above the device.
-# - **Far still counts.** A hundred metres down a street little arrives, but it arrives in slot after slot, on the way.
+# - **Near is fast.** Three cells away, the UAV gets about a fifth of what it gets directly above the device.
+# - **Far still counts.** A hundred metres down a street little arrives, but it adds up slot by slot while the UAV flies
+#   on.
 # - **A building all but ends the link.** Even 10 m away it takes more than nine tenths of the data.
 #
 # ## 1.5 Shadow fading
 #
 # Trees, signs and reflections make a signal stronger or weaker than its distance says. This is called *shadow fading*.
-# Despite its name it has nothing to do with the violet shadows of buildings. The model adds $\eta_l$, a normal random
-# number of decibels with mean 0, anew in every slot and for every device. Its variance is 2 dB² in sight and 5 dB² behind
-# a building.
+# Despite its name it has nothing to do with the violet shadows of buildings. The model adds $\eta_l$, a normally
+# distributed number of decibels with mean 0, anew in every slot and for every device. Its variance is 2 dB² in sight and
+# 5 dB² behind a building. The paper calls it $\sigma_l^2$. Do not confuse it with $\sigma^2$, the power of the noise.
 #
 # A random number generator expects the *standard deviation*, the square root of the variance. They are easy to
 # mix up. Draw many slots at 30 m in sight:
@@ -195,7 +198,7 @@ assert lucky > rate(mean_db)
 
 # %% [markdown]
 # Fading helps a little. A drawing shows why. The curve is the rate, and the dashed line joins a slot with bad luck to one
-# with good luck:
+# with good luck. Luck of 6 dB is very rare, and is shown only to make the bend visible:
 
 # %%
 axis_db, ends_db = np.linspace(-12, 8), mean_db + np.array([-6, 6])
@@ -217,22 +220,22 @@ figure
 #
 # ## 1.6 Where to hover
 #
-# Now compare four places around the device of the first picture. It stands at (4, 7). The last column counts the steps
-# that it takes to fetch 15 data units, at four slots per step:
+# Now compare four places around the device of the first picture. It stands at (4, 7), and the distances are on the
+# ground. The last column counts the steps that it takes to fetch 15 data units, at four slots per step:
 
 # %%
 for name, ground, exponent in (
     ("above the device", 0, 2.27),
     ("30 m down the street", 30, 2.27),
     ("14 m away, over a low building", 14.1, 3.64),
-    ("32 m away, round a corner", 31.6, 3.64),
+    ("36 m away, round a corner", 36.1, 3.64),
 ):
     here = rate(snr_db(ground, exponent))
     print(f"{name:<32}{here:.4f} data units per slot, {np.ceil(15 / (4 * here)):>4.0f} steps")
 
 # %% [markdown]
-# - Straight above, two steps are enough.
-# - Down the street, six steps do. If that saves a detour of six moves, it is the better place.
+# - Directly above, two steps are enough.
+# - Down the street it takes six. If that saves a detour of six moves, it is the better place.
 # - Over the low building the UAV is only half as far away, and gets a tenth. The building below it blocks the view in this
 #   flat model, as notebook 2 explains.
 # - Round the corner it takes longer than any flight lasts.

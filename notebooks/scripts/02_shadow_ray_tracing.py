@@ -3,7 +3,7 @@
 #
 # **Where must the UAV be to see a device, and how can a program know?**
 #
-# The code below puts a device at the cross. Over a violet cell a building stands in the way. To colour this map, a program
+# The code below puts a device at the cross. In violet cells a building blocks the view. To colour this map, a program
 # follows one straight ray to each cell and asks what it crosses. The hard part is to get the answer right every time.
 
 # %% tags=["remove-cell"]
@@ -95,7 +95,7 @@ for r, c in np.ndindex(R + 2, C + 2):
 figure
 
 # %% [markdown]
-# Look at the cells one by one. A crossed cell has corners on both sides of the line, plus and minus, blue and red. Any
+# Look at the cells one by one. A crossed cell has corners on both sides of the line, plus and minus, blue and orange. Any
 # other cell has four corners of one colour, so the line misses it. **That is the whole test.**
 #
 # It needs only one number for each cell, the one in its middle. From there to a corner, row and column change by ½ each,
@@ -154,8 +154,8 @@ figure
 # asks once for each such displacement, and shifts the whole layer of buildings under the ray. A few array operations
 # decide all pairs of cells with this displacement.
 #
-# The result is a table with four indices: two for the cell of the device, two for that of the UAV. It says whether
-# they see each other. There are 65,536 pairs, and the table is made once for a city. Flying only looks things up.
+# The result is a table with four indices: two for the cell of the device, two for that of the UAV. It says whether they
+# see each other. There are 65,536 pairs, and the table is computed once per city. Flying only looks things up.
 
 # %%
 sight = line_of_sight(environment.city.buildings)
@@ -174,8 +174,8 @@ figure.colorbar(picture, label="cells in sight, %")
 figure
 
 # %% [markdown]
-# Buildings see nothing. Streets see far along themselves, and a crossing sees along two streets at once, so it is brighter
-# than the street between two crossings. For a UAV the bright cells are good places: more devices are in sight from there.
+# Buildings see nothing. Along a street you see far, and from a crossing along two streets at once, so it is brighter than
+# the street between two crossings. For a UAV the bright cells are good places: more devices are in sight from there.
 #
 # ## 2.4 Several devices
 #
@@ -199,10 +199,10 @@ print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 #
 # ## 2.5 Bresenham's lines
 #
-# The authors of the paper trace their rays in another way. In 1962 Jack Bresenham wrote an algorithm that draws a line
-# as a row of pixels. Their variant walks from cell to cell, one row or one column at a time, and keeps a running error
-# that says which of the two comes next. It is quick, and it errs both ways: it skips
-# cells that the true ray clips, and enters cells that it never crosses.
+# The authors of the paper trace their rays in another way. In 1962 Jack Bresenham wrote an algorithm that draws a line as
+# a row of pixels. Their variant walks from cell to cell, one row or one column at a time, and keeps a running error: how
+# far the centre of the cell is off the straight line. This error decides which of the two comes next. It is quick, and it
+# errs in both directions: it skips cells that the true ray clips, and enters cells that it never crosses.
 #
 # Their code sends a fan of such lines from the device to every cell of the border. A cell is in sight if some line reaches
 # it before it meets a building. One question before you see the result:
@@ -231,9 +231,8 @@ print(f"{share:.0%} of the links in Bresenham's table work in one direction only
 assert 0.05 < share < 0.2
 
 # %% [markdown]
-# The fan sees too much more often than too little. Rounding is to blame. Seen from the other end, the same line is rounded
-# to other cells, and may run into a building there.
-# Radio works the same both ways.
+# The fan usually errs by seeing too much. Rounding is to blame. Seen from the other end, the same line is rounded to
+# other cells, and may run into a building there. Radio works the same both ways.
 #
 # Does it matter to an agent? We do not know, because we trained none with Bresenham's shadows.
 #

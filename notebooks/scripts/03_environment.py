@@ -33,7 +33,7 @@ trajectory_figure(environment, flights.trajectory(0))
 # | --- | --- |
 # | **What you'll do** | Step through an episode, keep its ledger, provoke the safety controller, follow four slots, fly by hand |
 # | **What you'll learn** | State, action, reward and end: the Markov decision process of the paper |
-# | **What you'll need** | Notebooks 1 and 2. 39 minutes to read, 10 seconds to run; 35 minutes of exercises |
+# | **What you'll need** | Notebooks 1 and 2. 40 minutes to read, 10 seconds to run; 35 minutes of exercises |
 #
 # ## 3.1 The state
 #
@@ -56,10 +56,11 @@ for name, value in vars(state).items():
     print(f"{name:<13} {value.tolist()}")
 
 # %% [markdown]
-# A cell is one number here, row · 16 + column, so 17 is row 1, column 1. There is room for five devices, and this episode uses
-# two. The outer brackets are there because the library flies many episodes at once, a *batch*.
+# A cell is one number here, row · 16 + column, so 17 is row 1, column 1. There is room for five devices, and this episode
+# uses two. The outer brackets are there because the library flies many episodes at once, a *batch*. They could fly over
+# several cities. Here there is only one, `city` 0.
 #
-# Why is the time left in the state? With 40 units left, flying on may be best. In the same place with 5 left, it is not.
+# Why is the time left in the state? With 40 units left, flying on may be best. In the same place with only 5, it is not.
 #
 # ## 3.2 Actions and one step
 #
@@ -84,9 +85,10 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 #
 # $$s_{t+1} \sim p(\,\cdot \mid s_t, a_t)$$
 #
-# that depends on the present state $s_t$ and the action $a_t$ alone. A world with this property is a *Markov decision
-# process*. Ours has it because fading is drawn anew in every slot. If good luck came in runs, the luck of the past would say
-# something about the future, and the state would have to hold it.
+# The sign ~ means “is drawn from”, and the dot stands for whatever comes. The distribution depends on the present state
+# $s_t$ and the action $a_t$ alone. A world with this property is a *Markov decision process*. Ours has it because fading
+# is drawn anew in every slot. If good luck came in runs, the luck of the past would say something about the future, and
+# the state would have to hold it.
 #
 # ## 3.3 What a step earns
 #
@@ -143,8 +145,9 @@ for action in (NORTH, NORTH):
     print(f"in cell {flight.state.uav_cell[0]}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# The first move is a normal one. The second would leave the map, so the UAV hovers in its cell and pays 1 more. A
-# little data comes in both times. The same happens at a tall building, at a no-fly zone, and when it tries to land outside the landing zones.
+# The first move is a normal one. The second would leave the map, so the UAV hovers in its cell and pays 1 more. A little
+# data comes in both times. The same happens at a tall building, at a no-fly zone, and when it tries to land outside the
+# landing zones.
 #
 # Why does a wrong move not end the episode? A beginner makes one every few steps, and would hardly ever get far enough to
 # see a device. This way a mistake costs a little, and the flight goes on.
@@ -160,8 +163,8 @@ outcome = HandFlight(environment, late).step(HOVER)
 print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# Nothing is uploaded in the step that ends an episode, be it a crash or a landing. The paper leaves this open, so it is a
-# decision of this library.
+# Nothing is uploaded in the step that ends an episode, whether a crash or a landing. The paper leaves this open, so this
+# library had to choose.
 #
 # ## 3.5 Who may send: four slots per step
 #
@@ -220,8 +223,8 @@ figure
 #
 # ## 3.6 Fly it yourself
 #
-# Now to the mission of the first picture. Look for the white cells there: from them the UAV sees both devices. The
-# device in the middle need not be visited, because its street is in sight from the west.
+# Back to the mission in the first picture. Look for the white cells there: from them the UAV sees both devices. The
+# device in the middle need not be visited, because you can see it along its street from the west.
 #
 # Here is a plan. Change it, run the cell, and try to do better:
 

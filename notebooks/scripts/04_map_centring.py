@@ -1,8 +1,8 @@
 # %% [markdown]
 # # 4 · What the network sees
 #
-# The agent looks at its mission and picks one of six actions. **What does it look at?** It gets no route and no rule. It
-# gets one number, the flying time that is left, and five pictures.
+# The agent looks at its mission and picks one of six actions. **What does it look at?** It gets one number, the flying
+# time that is left, and five pictures.
 #
 # Here they are for a UAV over cell (8, 4) and devices at (4, 7) and (11, 11). Dark blue is large and white is zero.
 
@@ -45,7 +45,7 @@ draw_maps(dict(zip(LAYERS, maps[0])))
 # Each picture is a **layer** of the map. Three show the city. Two show the data: what each device still has, and what
 # the UAV has collected. The last one is empty because the flight has not begun.
 #
-# The UAV is always in the middle. This is **map centring**, the paper's main idea, in its section III-C.
+# The UAV is always in the middle. This is **map centring**, the paper's main idea.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -53,12 +53,12 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("frame_size")
 
 # %% [markdown]
-# A city with $M$ cells on each side needs a frame of $2M-1$. Outside the city the layer "no-fly zone" is 1 and all others
-# are 0.
+# A city with $M$ cells on each side needs a frame of $2M-1$. Outside the city the layer "no-fly zone" is 1, because
+# leaving the city is refused just as entering a no-fly zone is. All others are 0 there.
 #
 # ## 4.2 The stopped clock
 #
-# Why does it need the time as well? Keep the picture and change the time:
+# Why does it need the time? Keep the picture and change the time:
 
 # %%
 from dataclasses import replace
@@ -77,8 +77,8 @@ for units in (50, 14, 10):
 
 # %% [markdown]
 # One device is far in the north, the other near in the east, and home is in the south-east. With plenty of time the agent
-# goes for the far device, with less for the near one, and with just enough it goes home. Anyone who saw only the picture
-# would have to do the same all three times.
+# goes for the far device. With less time it goes for the near one, and with just enough it goes home. From the picture
+# alone it would have to do the same each time.
 #
 # Now the agent flies 200 missions with a **stopped clock**. It sees the true picture, but always the same time. The true
 # time runs out all the same.
@@ -99,20 +99,21 @@ stopped, running = [fly_with_clock_at(units) for units in times], fly(agent)
 from matplotlib import pyplot as plt
 
 figure, ax = plt.subplots(figsize=(6, 3.4), layout="constrained")
-for name, style in (("landed", "o:"), ("collected", "s--"), ("collected_and_landed", "^-")):
+for name, style in (("landed", "C2o:"), ("collected", "C0s--"), ("collected_and_landed", "C1^-")):
     ax.plot(times, [flights[name].mean for flights in stopped], style, label=name.replace("_", " "))
-ax.axhline(running["collected_and_landed"].mean, color="black", label="the same, true time")
-ax.set(xlabel="units of time on the stopped clock", ylabel="share of 200 missions")
+ax.axhline(running["collected_and_landed"].mean, c="k", label="collected and landed,\ntrue time")
+ax.set(xlabel="units of time on the stopped clock", ylabel="share")
 figure.legend(loc="outside right upper", fontsize="small");
 
 # %% [markdown]
-# A clock that shows little time sends most UAVs home with little data. The others wait, most of them at home, because by
-# this clock there is always a moment left. In the middle, UAVs collect nearly everything before they go home, and many are
-# late. A clock that shows a lot of time lets them collect for ever, and they crash. No green point comes near the black line.
+# A clock that shows little time sends most UAVs home with little data. The others wait, with a clock at 5 most of them
+# over a landing zone, because by this clock there is always a moment left. In the middle, UAVs collect nearly everything,
+# but many are late. A clock that shows a lot of time lets them collect for ever, and they crash. No orange point comes
+# near the black line.
 #
 # ## 4.3 Two frames
 #
-# Centring takes three lines. Put a wide border around a layer, then cut out the window with the UAV in its middle.
+# To centre a layer, put a wide border around it, then cut out the window with the UAV in its middle.
 
 # %%
 def centre(layer, row, col, outside):
@@ -122,7 +123,7 @@ def centre(layer, row, col, outside):
     return wide[row : row + size, col : col + size]
 
 # %% [markdown]
-# Now the UAV flies through the city. Buildings are dark and the no-fly zone is pale.
+# Tall buildings are dark, low ones mid-blue, and the no-fly zone is pale.
 
 # %%
 world = 0.3 * city.no_fly + 0.7 * city.buildings
@@ -134,12 +135,12 @@ draw_maps({f"UAV at {uav}": centre(world, *uav, 0.3) for uav in ((0, 0), (8, 7),
 #
 # ## 4.4 What a network computes
 #
-# The paper's network has two million numbers but only a few ideas. The first is the **neuron**. It multiplies each of its
-# inputs by a **weight** and adds up the products and a constant, the *bias*:
+# A network is made of **neurons**. Each multiplies its inputs by **weights** and adds up the products and a constant, the
+# *bias*:
 #
 # $$\text{output}=w_1x_1+w_2x_2+\dots+w_nx_n+w_0$$
 #
-# Here are nine inputs, nine weights and their products. The bias is 0.
+# Here the bias is 0.
 
 # %%
 inputs = np.array([[0, 1, 1], [0, 1, 1], [0, 0, 1]])
@@ -159,15 +160,16 @@ result = (windows * weights).sum(axis=(2, 3))
 draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, numbers=True)
 
 # %% [markdown]
-# Blue marks western edges and red eastern ones. The window fits in only four positions along each side, so the result is smaller.
+# Blue marks western edges and red eastern ones. The window fits in only four positions along each side, so the result is
+# smaller.
 #
 # The agent's kernels read all five pictures at once. Each has 5 × 5 weights for every picture and adds up all the products.
 # So one kernel makes one new picture, and 16 kernels make 16.
 #
-# Neurons with the same inputs are a **layer** of the network. Mind the word: a layer of the *map* is a picture. A layer is
-# **fully connected** if each neuron has a weight for every input. Two such layers in a row could do no more than one, because
-# a sum of sums is a sum. So something that bends the line goes in between: a **ReLU** replaces each negative number by 0.
-# Sums of bent lines can follow any curve.
+# Neurons with the same inputs are a **layer** of the network. Careful: a layer of the *map* is a picture. A layer is
+# **fully connected** if each neuron has a weight for every input. Plotted against an input, a neuron's output is a
+# straight line, and sums of straight lines are straight. So two such layers in a row could do no more than one. A
+# **ReLU** between them bends the line: it replaces each negative number by 0. Sums of bent lines can follow any curve.
 #
 # ## 4.5 How it learns
 #
@@ -189,7 +191,7 @@ ax.set(xlabel="weight", ylabel="loss");
 
 # %% [markdown]
 # The steps get shorter as the slope gets flatter, and the weight settles at the bottom. A million weights learn in the
-# same way. The library PyTorch computes their slopes. Its **Adam** is gradient descent that fits the step to each weight.
+# same way. The library PyTorch computes their slopes. Its optimiser **Adam** adapts the step size to each weight.
 
 # %%
 from torch import nn
@@ -211,7 +213,8 @@ def train(model, x, y, steps=100):
 # %% [markdown]
 # ## 4.6 The square of weights
 #
-# Which frame makes this question easier: **is a device near?** Near means within three rows and three columns. The answer should be +1 if so and −1 if not.
+# Which frame makes this question easier: **is a device near?** Near means within three rows and three columns. The answer
+# should be +1 if so and −1 if not.
 
 # %%
 Quiz("linear_model")
@@ -233,7 +236,7 @@ pairs = np.r_[np.flatnonzero(near)[:4000], np.flatnonzero(~near)[:4000]]
 uav, device, y = uav[pairs], device[pairs], torch.tensor(2 * near[pairs] - 1)
 
 # %% [markdown]
-# A single neuron learns from each frame, then a network of 33 neurons.
+# We train first a single neuron on each frame, then a network of 33.
 
 # %%
 torch.manual_seed(0)
@@ -248,23 +251,24 @@ for frame, x in (("centred", one_at(device - uav + 15)),
         print(f"{frame}: {right[::2].mean():.0%} in training, {right[1::2].mean():.0%} in the test")
 
 # %% [markdown]
-# In the centred frame even the single neuron, printed first, is nearly always right. In place it is hardly better than a
-# guess. The network has learned its training pairs by heart there, and fails on many new ones. The weights of the two
-# neurons show why.
+# Centred, even the single neuron, printed first, is nearly always right. In place it is hardly better than a guess. The
+# network has learned its training pairs by heart there, and fails on many new ones. The weights of the two neurons show
+# why.
 
 # %%
-# [0, :961]: of the only neuron, the first 31 × 31 weights, which belong to the device's picture
-draw_maps({f"a neuron's weights, {frame}": neuron.weight[0, :961].detach().view(31, 31)
-           for frame, neuron in neurons.items()})
+# a picture of 31 × 31 weights for each picture that the neuron sees
+relative, absolute = (neuron.weight.detach().view(-1, 31, 31) for neuron in neurons.values())
+draw_maps({"centred": relative[0], "device in place": absolute[0], "UAV in place": absolute[1]})
 
 # %% [markdown]
 # The left picture is the answer itself: **a square of weights**, three cells to each side of the UAV. White places never
-# occurred in training. A weight of the centred frame belongs to a *relative* place, such as "three cells to the north". It
-# means the same wherever the UAV is.
+# occurred in training. The others show no square, only more blue in the middle of the city, where more pairs are near. A
+# weight of the centred frame belongs to a *relative* place, such as "three cells to the north". It means the same
+# wherever the UAV is.
 #
-# A weight of the other frame belongs to an *absolute* place, such as "cell (4, 7)". Whether a device there is near depends
-# on the UAV's place, and a sum of one weight for each cannot ask about both together. A network can, but has to learn it
-# for many pairs of places. Notebook 7 asks whether this helps an agent to *fly*.
+# A weight of the other frame belongs to an *absolute* place, such as "cell (4, 7)". Whether a device there is near
+# depends on the UAV's place, and a sum of one weight for each cannot ask about both together. A network can, but has to
+# learn it pair by pair. Notebook 7 asks whether this helps an agent to *fly*.
 #
 # ## Recap
 #

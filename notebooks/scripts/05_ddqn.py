@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 5 · From Q-learning to DDQN
 #
-# The agent is over cell (11, 8) and must choose. The six numbers below are what it goes by. Each is a **Q-value**: the
-# reward that it expects from now on if it takes this action and acts well afterwards. It takes the action with the
-# largest one. **How can one number know about a landing twenty steps away?**
+# The agent is over cell (11, 8) and goes by the six numbers below. Each is a **Q-value**: the reward that it expects from
+# now on if it takes this action and acts well afterwards. It takes the action with the largest one. **How can one number
+# know about a landing twenty steps away?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -55,8 +55,9 @@ def step(cell, action):
     return after, 10 * at_device - 0.2, at_device
 
 # %% [markdown]
-# We keep a table $Q$ with a number for each cell $s$ and action $a$, all 0 at first. A step earns the reward $r$ and leads
-# to the cell $s'$. Together they give a better idea of what the action was worth, the **target**
+# We keep a table $Q$ with a number for each cell $s$ and action $a$, all 0 at first. A step earns the reward $r$ and
+# leads to the cell $s'$. Together they give a better idea of what the action was worth, the **target**, with the discount
+# $\gamma=0.95$ that is explained below:
 #
 # $$y=r+\gamma\max_{a'}Q(s',a')$$
 #
@@ -88,34 +89,34 @@ draw_maps({f"flights: {n}": fly(n)[0] for n in (1, 3, 100)}, numbers=True)
 
 # %% [markdown]
 # Each picture shows every cell's largest Q-value. After one flight only the last cell before the device knows that
-# something good is near. Each further flight spreads the news. In the end, going uphill leads to the device. So a number
-# knows the far future because its neighbours do.
+# something good is near. Each further flight spreads the news. So a number knows the far future because its neighbours
+# do.
 #
 # ### The discount
 #
-# The factor $\gamma$ is the **discount**. A reward $k$ steps ahead counts $\gamma^k$ of what it would count now.
+# A reward $k$ steps ahead counts $\gamma^k$ of what it would count now.
 
 # %%
 draw_maps({f"γ = {gamma}": fly(300, gamma)[0] for gamma in (0.5, 0.95, 1.0)}, numbers=True)
 
 # %% [markdown]
-# With $\gamma=0.5$ the far corner hardly sees the device. With $\gamma=1$ it counts in full. The agent uses 0.95. So a
-# crash that costs 150 and is 40 steps ahead counts $150\cdot0.95^{40}\approx19$.
+# With $\gamma=0.5$ the far corner hardly sees the device. With $\gamma=1$ it counts in full. The agent uses 0.95: it
+# looks about $1/(1-\gamma)=20$ steps ahead. A crash that costs 150 and is 60 steps ahead counts only
+# $150\cdot0.95^{60}\approx7$.
 #
 # Nothing comes after the end of an episode, so the target is $y=r$ alone.
 #
-# ## 5.2 A network in the table's place
+# ## 5.2 A network instead of the table
 #
-# A table for the paper's city would need a row for every mix of places, times and amounts of data. Nobody could visit
-# them all. A network computes the Q-values from its inputs, here the row and the column, so it answers even for cells
-# that it never saw. The loss is $(y-Q)^2$, and instead of $\alpha$ a step of gradient descent moves the weights
-# $\theta$.
+# A table for the paper's city would need a row for every combination of places, times and amounts of data. A network
+# computes the Q-values from its inputs, here the row and the column, so it answers even for cells that it never saw. The
+# loss is $(y-Q)^2$, and instead of $\alpha$ a step of gradient descent moves the weights $\theta$.
 #
-# The steps of one flight are much alike, and a network that learns from them in order forgets the rest of the city. So
-# all steps go into a **replay memory**, and the network learns from a *minibatch* drawn at random. Each step can be used
-# more than once. The paper's **combined replay** always adds the newest step, so that it is used at once.
+# The steps of one flight look much the same, and a network that learns from them in order forgets the rest of the city.
+# So all steps go into a **replay memory**, and the network learns from a *minibatch* drawn at random. Each step can be
+# used more than once. The paper's **combined replay** always adds the newest step, so that it is used at once.
 #
-# Our memory holds 100 random flights. We leave out cell (1, 1), to see later what the network says about it.
+# Our memory holds 100 random flights. Cell (1, 1) is left out, as a test for later.
 
 # %%
 from torch import nn
@@ -130,8 +131,8 @@ def network():
     return nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
 
 # %% [markdown]
-# A minibatch gives the targets and the loss. `amax` takes the largest Q-value of each row. `detach` makes $y$ a goal: no
-# slope flows through it. `gather` picks the Q-value of the action that was taken.
+# `amax` takes the largest Q-value of each row. `detach` makes $y$ a fixed number: $Q$ moves towards $y$, and not $y$
+# towards $Q$. `gather` picks the Q-value of the action that was taken.
 
 # %%
 def loss_of(online, target):
@@ -156,8 +157,8 @@ def learn(tau, seed):
     return online, path
 
 # %% [markdown]
-# For now read `target` as a second name for the same network: with $\tau=1$ it is a copy. Three networks learn, from
-# different random weights. The value of the start cell should become 6.7, as in the table.
+# For now `target` is a copy of the same network: $\tau=1$. Three networks learn, from different random weights. The value
+# of the start cell should become 6.7.
 
 # %%
 copies = [learn(tau=1.0, seed=seed) for seed in range(3)]
@@ -168,12 +169,12 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 #
 # ## 5.3 The target network
 #
-# What went wrong? A step that raises $Q(s,a)$ also raises the Q-values of cells that look alike, and $s'$ is one of them.
-# So the target rises, the next step follows it, and the network chases its own tail. In a table, changing one entry
-# leaves the others alone.
+# A step that raises $Q(s,a)$ also raises the Q-values of cells that look alike, and $s'$ is one of them. So the target
+# rises, the next step follows it, and the network chases its own tail. In a table, changing one entry leaves the others
+# alone.
 #
-# The cure is a calm target. A second network, the **target network** $\bar\theta$, computes $y$. It follows the **online
-# network** $\theta$ slowly, after each step by a fraction $\tau$ of the way:
+# So a second network, the **target network** $\bar\theta$, computes $y$. It follows the **online network** $\theta$
+# slowly, after each step by a fraction $\tau$ of the way:
 #
 # $$\bar\theta\leftarrow(1-\tau)\,\bar\theta+\tau\,\theta$$
 #
@@ -189,15 +190,16 @@ ax.set(xlabel="updates", ylabel="value of the start cell", yscale="symlog",
 assert min(path[-1] for _, path in copies) > 100 > max(path[-1] for _, path in calm)
 
 # %% [markdown]
-# The scale is logarithmic above 1. With $\tau=1$ all three runs climb. With 0.05 all three settle. At the right values?
+# The scale is linear up to 2 and logarithmic above. With $\tau=1$ all three runs climb. With 0.05 all three settle. At
+# the right values?
 
 # %%
 cells = torch.cartesian_prod(torch.arange(4.0), torch.arange(4.0))
-values = calm[0][0](cells).detach().amax(1).view(4, 4).numpy()
-draw_maps({"the table": fly(300)[0], "the network": values}, numbers=True)
+values = [online(cells).detach().amax(1).view(4, 4) for online, _ in calm]
+draw_maps({"table": fly(300)[0], "network": values[0], "another": values[1]}, numbers=True)
 
 # %% [markdown]
-# Nearly, even in cell (1, 1), which the network never saw. Only the device's own cell is far off: no step starts there,
+# Nearly, even in cell (1, 1), which the networks never saw. Only the device's own cell is far off: no step starts there,
 # so no target asks for it.
 #
 # ## 5.4 Exploring
@@ -225,13 +227,12 @@ for ax, beta in zip(axes, (0.1, 1, 10)):
     ax.set(title=f"probabilities, β = {beta}", ylim=(0, 1))
 
 # %% [markdown]
-# Cold, the agent takes the best action. Warm, it often tries others that seem almost as good. Hot, it flies nearly at
-# random.
+# Warm, it often tries actions that seem almost as good as the best. Hot, it flies nearly at random.
 #
 # ## 5.5 Double Q-learning
 #
-# One flaw is left. Q-values are estimates, so each has some error. At the top, a landing is refused and costs 1, so its
-# bar should be 1 below that of hovering, not 7. What do errors do to the largest Q-value?
+# Q-values are estimates, so each has some error. At the top, landing is refused and costs 1, so its bar should be 1 below
+# that of hovering, not 7. What do errors do to the largest Q-value?
 
 # %%
 Quiz("whose_maximum")
@@ -256,28 +257,32 @@ print("".join(inspect.getsource(ddqn_target).splitlines(True)[-2:]))
 # %%
 chooser, own = torch.randn(2, 20_000, 6)
 for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a stranger", 0.0)):
-    judge = share * chooser + (1 - share**2) ** 0.5 * own  # correlation share, still variance 1
+    # share is the correlation with the chooser's errors: 1 for equal ones, 0 for unrelated ones
+    judge = share * chooser + (1 - share**2) ** 0.5 * own
     y = ddqn_target(torch.zeros(20_000), torch.ones(20_000), chooser, judge)
     print(f"{name:<19} mean target {y.mean():5.2f}")
 
 # %% [markdown]
-# The right target is 0. The chooser flatters itself, and a stranger does not. The target network, an older copy, is a
-# related judge: it reduces the bias and does not remove it.
+# The right target is 0. The chooser flatters itself; a stranger does not flatter it. The target network, an older copy,
+# is a related judge: it reduces the bias and does not remove it.
 #
-# **DDQN** means *double deep Q-network*: a deep network in the table's place, and a chooser and a judge.
+# **DDQN** means *double deep Q-network*: a deep network instead of the table, a chooser and a judge.
 #
 # ## 5.6 The paper's network
 #
-# What is left is a larger network, from the map and the time of notebook 4 to six Q-values.
+# All that is missing is a larger network, from the map and the time of notebook 4 to six Q-values.
 #
 # | layer | what comes out |
 # | --- | --- |
 # | the map | 5×31×31 |
-# | convolution with 16 kernels 5×5, ReLU | 16×27×27 |
+# | convolution with 16 kernels 5×5, ReLU: two cells are lost on each side | 16×27×27 |
 # | the same again | 16×23×23 |
 # | written as a list, and the time | 8465 |
 # | three fully connected layers, ReLU | 256 each |
 # | a fully connected layer | 6 |
+#
+# A convolution treats all places alike. The list behind it does not: each of its weights belongs to one place. So the
+# square of weights of notebook 4 matters here, too.
 #
 # That makes 2,308,854 weights, nearly all in the first fully connected layer: 256 neurons with 8465 inputs each. The
 # agent has a smaller network of the same kind, with 246,006.

@@ -45,7 +45,7 @@ for ax, name in zip(axes, ("manhattan_ddqn_early", "manhattan_ddqn")):
 #
 # ## 6.1 One step of the loop
 #
-# All that you have met so far comes together in one method of the library:
+# Everything you have met so far comes together in one method of the library:
 
 # %%
 import inspect
@@ -72,7 +72,8 @@ print(inspect.getsource(Trainer.step))
 # - `_restart_ended` replaces an episode that has ended with a new random mission, so the agent cannot learn one by heart.
 # - Until the memory holds `replay_prefill` steps, the agent flies at random and learns nothing. Otherwise the first
 #   minibatches would all come from the same few steps.
-# - The memory holds states, 19 numbers over Manhattan. Their maps, 4805 numbers, are made just before the network reads them.
+# - The memory holds states, 19 numbers over Manhattan. Their maps, 4805 numbers, are made just before the network reads
+#   them.
 # - The agent learns from `rewards_at`, where the price of a crash may grow, and is measured by `Rewards()`, which is fixed.
 # - `_add_row` adds a point to the curves after each `BIN` of 5000 steps.
 #
@@ -105,9 +106,10 @@ print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
 # In `small` 16 UAVs fly side by side, so after the 2000 steps of the prefill there is one update for every 16 steps.
 #
 # Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions that are always the
-# same, and always takes the best action, without exploring. Validation also chooses: a run keeps its best agent. The
-# one at the top comes from step 3.6 million. Luck helps to choose it, so its final score comes from a third set of missions, the
-# *test*. Each set has a stream of random numbers of its own: no mission is seen twice, and a seed gives every agent the same ones.
+# same, and always takes the best action, without exploring. Validation also chooses: a run keeps its best agent. The one
+# at the top comes from step 3.6 million. It was chosen partly by luck, so its final score comes from a third set of
+# missions, the *test*. Each set has a stream of random numbers of its own: no mission is seen twice, and a seed gives
+# every agent the same ones.
 
 # %%
 def draw(ax, rows, title):
@@ -123,8 +125,8 @@ draw(ax, trainer.validation_rows, "the village")
 # %% [markdown]
 # At step 0 the weights are random, and yet such an agent may *collect* half of the data: the village is so small that the
 # radio reaches most of it from anywhere. But a UAV that crashes brings nothing home. So look at **collected and landed**,
-# the data of the flights that also landed. At the end that is most of the data. To watch such a training live, open the
-# labs with `python -m uavdh_lite app` and take the tool *Train*.
+# the data of the flights that also landed. At the end that is most of the data. To watch a training run live, open the
+# labs with `python -m uavdh_lite app` and pick the tool *Train*.
 
 # %%
 last = trainer.validation_rows[-1]
@@ -134,7 +136,8 @@ print(f"landed {last['landed']:.0%}, collected and landed {last['collected_and_l
 # %% [markdown]
 # ## 6.3 Reading the curves of a real run
 #
-# This is the run that made the agent, in bins of 5000 steps. It shows *training* flights, which explore, from ordinary starts.
+# This is the run that made the agent, in bins of 5000 steps. It shows *training* flights, which explore, without those
+# that the recipe starts under way.
 
 # %%
 from uavdh_lite.storage import read_table
@@ -156,8 +159,8 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 # time: look at **landed**. Later both recover, as crashes cost more.
 #
 # Everybody looks at the **loss** first, and it tells you least. It measures how far the Q-values are from their targets,
-# and the targets move. Here it rises for a while as the agent gets better. Two possible reasons: an agent that dares more
-# has more to predict, and each crash counts for more.
+# and the targets move. Here it rises for a while as the agent gets better. Two possible reasons: a bolder agent has more
+# to predict, and each crash counts for more.
 #
 # ## 6.4 Two ways to fail
 
@@ -167,8 +170,9 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("huge_penalty")
 
 # %% [markdown]
-# **The lazy agent.** What if a crash costs 150 from the start? This was recorded over Manhattan, with three seeds each. The
-# runs have 300,000 steps, and all schedules are squeezed into them, so they are ahead of longer runs at that step.
+# **The lazy agent.** What if a crash costs 150 from the start? This was recorded over Manhattan, with three seeds each.
+# The runs have 300,000 steps. What changes over a run is squeezed into them: $\beta$, the price of a crash and the
+# learning rate. So they are ahead of longer runs at that step.
 
 # %%
 study = read_table("../data/runs/deviations-manhattan.csv.gz")
@@ -179,8 +183,7 @@ for variant, crash in names.items():
         print(f"{crash:<20}{name:<21}", *(f"{share:4.0%}" for share in study[name][rows]))
 
 # %% [markdown]
-# With the large penalty all three agents land safely and leave most of the data where it is. Landing early is the surest
-# way not to crash, and an agent that lands early never sees what flying would bring.
+# With the large penalty all three agents land safely and leave most of the data where it is.
 #
 # **The agent that never lands.** If a crash costs nothing, there is hardly any reason to fly home. Try it in the village:
 
@@ -199,19 +202,17 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 #
 # ## 6.5 Two recipes
 #
-# Two recipes share centred maps, the softmax policy, double Q-learning, the soft update with τ = 0.005, combined replay and
-# γ = 0.95. `paper` has the constants of the authors' code. `lite` is ours and trained the agent on a computer without a
-# graphics card. It changes more than constants: the network, what the target sums, the loss and the starts. Its main departures:
+# Two recipes share centred maps, the softmax policy, double Q-learning, the soft update with τ = 0.005, combined replay
+# and γ = 0.95. `paper` has the constants of the authors' code. `lite` is ours and trained the agent without a graphics
+# card. It changes the network, the loss and the starts, too: `docs/project/differences_from_the_paper.md` lists
+# everything. Four departures show the idea:
 #
 # | in `lite` | what it is for |
 # | --- | --- |
 # | 32 UAVs fly side by side | more flights for each update |
-# | longer strides, normalised layers, leaky ReLUs | a small network that keeps learning |
 # | three rewards before the Q-value in the target | news spreads faster |
-# | Huber loss: large errors count linearly | one crash does not outweigh all else |
 # | $\beta$ from 2 to 0.1 | explore first, then get it right |
 # | crash from −10 to −150 | first fly far, then land in time |
-# | half of the episodes start anywhere | late situations are met early |
 #
 # With three rewards before the Q-value the target is
 #
@@ -240,9 +241,13 @@ for name, table in (("paper", paper), ("lite", lite)):
     steps, updates = table["steps"].max(), table["updates"].max()
     print(f"{name}: {steps:,.0f} steps with {updates:,.0f} updates")
 
+ends = (lite["variant"] == "centred") & (lite["steps"] == lite["steps"].max())
+print("minutes of the blue runs:", *(f"{seconds / 60:.0f}" for seconds in lite["seconds"][ends]))
+
 # %% [markdown]
 # The paper's run starts to learn after fewer steps, but with many more updates. So the picture compares steps and not
-# work. And one run does not decide which recipe is better.
+# work. The paper's million steps would take more than a day on one core, as `docs/results/paper_recipe.md` says. One run
+# does not decide which recipe is better.
 #
 # ## Recap
 #
@@ -250,7 +255,7 @@ for name, table in (("paper", paper), ("lite", lite)):
 # - A validation flies missions that training never sees, always with the best action.
 # - Look at landed and collected together. The loss tells you least.
 # - With a large penalty from the start an agent gets lazy, and without one it never comes home.
-# - A recipe defines a training run. Every departure from the paper's recipe needs a purpose.
+# - A recipe defines a training run. Every departure from the paper's recipe needs a reason.
 #
 # ## Exercises
 #

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 7 · Ablation: map centring
 #
-# The centred map is the paper's main idea. **Does it help?** To find out, take it away and train again. Such an
-# experiment is called an **ablation**. Here are the first 600,000 steps of six training runs: three with the centred map,
-# and three with the city in place.
+# Notebook 4 put the UAV in the middle of its map. **Does that help an agent to fly?** To find out, take it away and train
+# again. Such an experiment is called an **ablation**. Here are the first 600,000 steps of six training runs: three with
+# the centred map, and three with the city in place.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -34,7 +34,7 @@ for ax in figure.axes:
 # | --- | --- |
 # | **What you'll do** | Read the paper's main figure, look at single runs, and compute what they prove |
 # | **What you'll learn** | Ablations, baselines, paired differences, intervals over runs, and why one seed proves nothing |
-# | **What you'll need** | Notebooks 4 and 6. 38 minutes to read, 10 seconds to run; 31 minutes of exercises |
+# | **What you'll need** | Notebooks 4 and 6. 39 minutes to read, 10 seconds to run; 31 minutes of exercises |
 #
 # ## 7.1 One thing changed
 #
@@ -59,11 +59,11 @@ for name, recipe in centring(LITE).items():
 #
 # The figure at the top has the form of the paper's. On the left is the return, on the right what is collected and landed.
 # Each point is a bin of 5000 steps of training flights. The line is the mean of three runs, and the pale band around it
-# has the 99 % quantiles as its edges.
+# holds 99 % of the values.
 #
-# Be careful with that band. Of three values, these are almost exactly the smallest and the largest. Imagine a fourth run.
-# It is the lowest of the four with a chance of one in four, and the highest with the same chance. So it falls outside
-# the band half of the time.
+# Be careful with that band. With three values, it reaches almost exactly from the smallest to the largest. Imagine a
+# fourth run. It is the lowest of the four with a chance of one in four, and the highest with the same chance. So it falls
+# outside the band half of the time.
 #
 # On the left the centred agents do worse for a while, on the right they do better. They fly farther, collect more and crash
 # more often, and each crash costs 150. Two measures tell two stories, so always say which one you mean.
@@ -96,7 +96,8 @@ ax.legend();
 #
 # ## 7.3 One seed, and six
 #
-# Let us repeat the ablation in the village, with short runs of 16,000 steps. One seed of each kind:
+# Let us repeat the ablation in the village, with short runs of 16,000 steps. What changes over a run is squeezed into
+# them, so their curves are not those of notebook 6. One seed of each kind:
 
 # %%
 village = read_table("../data/runs/centring-village.csv.gz")
@@ -127,14 +128,16 @@ figure.supylabel("collected and landed");
 #
 # ### Intervals over runs
 #
-# Six other runs would have another mean. How far away? The **standard error** gives an idea: it is the standard deviation
-# $s$ of the results, divided by the square root of their number $n$. The gap between two kinds has the errors of both:
+# Six other runs would give a different mean. How different? The **standard error** gives an idea: it is the standard
+# deviation $s$ of the results, divided by the square root of their number $n$. The gap between two kinds combines the
+# errors of both:
 #
 # $$\text{error} = \sqrt{\frac{s_1^2}{n} + \frac{s_2^2}{n}}$$
 #
-# A **95 % interval** reaches a few errors to each side. With many runs it takes two, or 1.96 to be exact. With few runs $s$ itself is
-# uncertain, so it takes more. *Student's t distribution* says how many: 2.6 with six runs, 4.3 with three. That counts the
-# runs of one variant only, to be on the safe side.
+# A **95 % interval** extends a few standard errors to either side. With many runs it takes two, or 1.96 to be exact. With
+# few runs $s$ itself is uncertain, so it takes more. *Student's t distribution* says how many: 2.6 with six runs, 4.3
+# with three. That counts the runs of one variant only, to be on the safe side. If all runs were made again and again,
+# about 95 % of such intervals would hold the true gap.
 
 # %%
 import numpy as np
@@ -158,7 +161,7 @@ ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 # %% [markdown]
 # Each bar is a 95 % interval. After 300,000 steps the whole bar lies on one side of 0: the centred agents seem to learn
 # **sooner**. At the end of the long runs the interval contains 0, so these runs do not say which kind is **better in the
-# end**. In the village it contains 0, too, and it is wide. One caution: we chose the 300,000 steps after we had seen the
+# end**. In the village it also contains 0, and is wide. One caution: we chose the 300,000 steps after we had seen the
 # curves, so the first gap is a little less certain than it looks.
 
 # %%
@@ -173,9 +176,9 @@ Quiz("three_seeds")
 #
 # ### Baselines
 #
-# Is an agent that brings home 96 % a good one? A number alone cannot tell. The paper's agent collected 94.8 %, landed in
-# 99.5 % of its missions, and had 94.6 % of both, but over another map. A baseline flies the same missions. Here are `random` and `greedy`, the
-# pilots of notebook 0, and the agent in 1000 missions:
+# Is an agent that brings home 96 % a good one? The paper's agent collected 94.8 % and landed in 99.5 % of its missions.
+# It reached 94.6 % of both together, but over another map. A baseline flies the same missions. Here are `random` and
+# `greedy`, the pilots of notebook 0, and the agent in 1000 missions:
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -187,10 +190,10 @@ for name, values in share.items():
     print("{:<15} {:6.1%}, from {:.1%} to {:.1%}".format(name, *bootstrap_interval(values)))
 
 # %% [markdown]
-# Now the 96 % looks different. The agent is far better than chance, but a simple rule does at least as well.
+# The agent is far better than chance, but a simple rule does at least as well.
 #
 # These intervals are over missions. The *bootstrap* makes them: it draws 1000 of these 1000 results, some of them twice,
-# some not at all, and takes the mean. It does so many times, and looks at how much the mean varies.
+# some not at all, and takes the mean. It does so many times, and records how much the mean varies.
 #
 # ### Paired differences
 #
@@ -205,17 +208,17 @@ apart = 1.96 * np.sqrt((agent.var() + greedy.var()) / len(agent))
 mean, low, high = bootstrap_interval(agent - greedy)
 
 # %%
-print(f"agent minus greedy: {mean:+.2%}")
-print(f"not paired: from {mean - apart:+.2%} to {mean + apart:+.2%}")
-print(f"paired:     from {low:+.2%} to {high:+.2%}")
-assert high < 0 and high - low < 1.6 * apart
+print(f"agent minus greedy: {100 * mean:+.2f} percentage points")
+print(f"not paired: from {100 * (mean - apart):+.2f} to {100 * (mean + apart):+.2f}")
+print(f"paired:     from {100 * low:+.2f} to {100 * high:+.2f}")
+assert high < 0 and high - low < 1.4 * apart
 
 # %% [markdown]
-# Neither contains 0, so **overlapping intervals do not mean “no difference”**. Pairing only makes the interval narrower,
-# here by more than twice as many missions would.
+# Neither contains 0, so **overlapping intervals do not mean “no difference”**. Pairing makes the interval narrower. Here
+# it gains more than doubling the number of missions would.
 #
-# So `greedy` is ahead, by about one point. That is a result, too, and it belongs in the report. The rule was thought up by
-# people who knew the task. The agent found its way from rewards alone.
+# So `greedy` is ahead, by about one point. That is a result, too, and it belongs in the report. The rule was thought up
+# by people who knew the task. The agent had nothing but its rewards.
 
 # %%
 Quiz("more_missions")
