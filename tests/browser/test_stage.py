@@ -361,7 +361,7 @@ def test_a_race_has_points_that_show_their_agents(page):
     expect(page.get_by_role("button", name="Go on")).to_be_visible()
     dot = page.locator(".blue .dot").nth(1)
     about, box = dot.get_attribute("aria-label"), dot.bounding_box()
-    page.mouse.click(box["x"] + 12, box["y"] - 12)  # near it
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] - 3)  # just above it
     steps = re.search(r"after (\d+) steps", about)[1]
     expect(page.locator(".flies")).to_contain_text(f"blue's agent after {int(steps):,} steps")
     lines = page.locator(".curves > g").evaluate_all("all => all.map((e) => e.className.baseVal)")
