@@ -239,14 +239,15 @@ OUT_AND_BACK = ["east"] * 6 + ["hover"] * 3 + ["west"] * 6
 ROWS = "LL.............. " * 2 + "................ " * 14
 MISTAKES = {
     "flight_score": [
-        (mean_ratio, "sum of all that was collected"),
+        (mean_ratio, "do not average the devices' own ratios"),
+        (lambda c, i, landed: max(c) / max(i) * landed, "sum of all that was collected"),
         (lambda c, i, landed: sum(c) / sum(i), "has not landed scores 0"),
         (lambda c, i, landed: (c.sort(), sum(c) / sum(i) * landed)[1], "changes what it is given"),
     ],
     "pilots": [
         ({"A": "greedy", "B": "random", "C": "ddqn"}, "nearest device"),
         ({"A": "ddqn", "B": "greedy", "C": "random"}, "no plan at all"),
-        ({"A": "ddqn", "B": "random"}, "each of them once"),
+        ({"A": "ddqn", "B": "random"}, "using each once"),
     ],
     "flown_by_hand": [
         (["south", "up"], "Step 2 is 'up'"),
@@ -258,7 +259,7 @@ MISTAKES = {
             "12.6 and 0.0 of 15.*no more than 3 may be left.*units of time: 5",
         ),
         ([*OUT_AND_BACK, *["south"] * 4, *["hover"] * 8], "flying time ran out"),
-        ([*OUT_AND_BACK, "land", "south"], "put it last"),
+        ([*OUT_AND_BACK, "land", "south"], "make `land` the last"),
     ],
     "rate_from_snr": [
         (lambda snr_db: np.log2(1 + 10 ** (float(snr_db) / 10)), "stops with TypeError.*An array"),
@@ -292,10 +293,11 @@ MISTAKES = {
     ],
     "shadow_map": [
         (lambda b, d: b.copy(), "hides all behind it"),
-        (lambda b, d: np.zeros(b.shape), "array of Booleans"),
+        (lambda b, d: np.zeros(b.shape), "False, in an array of Booleans"),
     ],
     "asymmetric_share": [
-        (lambda s: (s != s.T).mean(), r"\[i, j, i, j\], are no pair"),
+        (lambda s: (s != s.T).mean(), r"not a pair with itself, \[i, j, i, j\]"),
+        (lambda s: 0.5, "sight\\), True everywhere, gives 0.5"),
         (lambda s: s.mean(), "whether they are seen or blocked"),
     ],
     "tdma_slot": [
@@ -339,7 +341,16 @@ MISTAKES = {
     ],
     "double_target": [
         (lambda r, t, d, online, target: r + d * online, "the shape|one target for each"),
-        (lambda r, t, d, online, target: r + d * ~t * online.argmax(1), "the entry in its row"),
+        (
+            lambda r, t, d, online, target: r + d * ~t * online.argmax(1),
+            "the entry of target_next, in the same row",
+        ),
+        (
+            lambda r, t, d, online, target: (
+                r + d * target.gather(1, online.argmax(0)[:, None])[:, 0]
+            ),
+            r"4\.63, 7\.45.*in the same row",
+        ),
     ],
     "diagnosis": [(lambda landed, collected, used: "good", "wanders")],
     "n_step_return": [
@@ -360,14 +371,14 @@ MISTAKES = {
             "p is the share|stops",
         ),
     ],
-    "wilson": [(lambda k, n: (k / n, 1.0), "not exact enough")],
+    "wilson": [(lambda k, n: (k / n, 1.0), "solve for q exactly")],
     "defeat": [
         ("L .\n. .", "it must have 16"),
         (ROWS.strip().replace(" ", "\n"), "at most 16 may"),
         ("...", "no valid city"),
     ],
     "ring_buffer": [
-        (NewestAtTheEnd, "no longer at the end"),
+        (NewestAtTheEnd, "gives item 5, expected item 6.*no longer at the end"),
         (Grows, "the ring does not grow"),
         (WithoutReplacement, "a list of length 2, expected 3"),
         (LastPlaceNever, "upper end|all stored ones"),
@@ -376,8 +387,8 @@ MISTAKES = {
     "old_share": [(lambda capacity, before, after: 0.5, "all items are there")],
     "failsafe_mask": [
         (minus_one_is_near, "no way home, distance −1"),
-        (landing_everywhere, "in the zone only"),
-        (landing_in_the_zone, "outside the zone for a landing, too"),
+        (landing_everywhere, "Only in the zone"),
+        (landing_in_the_zone, "`land` outside the zone"),
     ],
     "expected_data": [
         (lambda rate, left: np.minimum(4 * rate.max(0), left.max()), "each with its own limit"),

@@ -80,6 +80,9 @@ def test_the_rule_that_fails_first_is_told_with_its_smallest_case_and_the_digits
         (lambda x: {}[x]): r"stops with KeyError: 1, in line \d+, `\(lambda x: {}\[x\]\)",
         (lambda x: sys.exit()): "stops with SystemExit.*One more",
         (lambda x: [][x]): r"\(1\) stops with IndexError: .*,`\.$",
+        (lambda x: eval("y")): r"\(1\) stops with NameError: name 'y' is not defined\.$",
+        (lambda: 1): r"\(1\) stops with TypeError: .* 1 was given\.$",
+        (lambda x: x + 1 if x < 99 else x + "1"): r"stops with TypeError: .*\. Also for",
     }.items():
         assert re.search(told, one.wrong_with(answer))
 

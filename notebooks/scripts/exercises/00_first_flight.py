@@ -86,7 +86,7 @@ checks.pilots(who)
 # The next exercise takes place in the *village*, a city of 8×8 cells. The cell below draws its mission.
 # `picture(actions)` draws it again after a list of actions, to try things out: arrows, and rings where the UAV hovers,
 # have the colour of the device that sent most in that step, and are black if none did. When the list is used up, the UAV
-# hovers until its time is over.
+# hovers until time is up.
 
 # %%
 print("start", mission().start, "devices", mission().devices, "data", mission().data, "time", mission().flying_time)

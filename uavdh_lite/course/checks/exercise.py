@@ -33,8 +33,7 @@ class Exercise:
     Arguments:
         heading: as in the notebook, "1.2 · Title (2 points, 10 minutes)".
         solution: the function that is right.
-        rules: for each sentence the cases that it explains, plain ones first; a case is a tuple of
-            arguments.
+        rules: for each sentence the cases, tuples of arguments, that it explains; plain ones first.
         mistakes: for each sentence a function that makes this mistake; three at most.
         figure: draws what the solution does, for an answer that is right: `figure(ax, solution)`.
         also: what is wrong with an answer that gives the right values, or "".
@@ -82,7 +81,7 @@ class Exercise:
             return f"Exercise {self.number} has no answer yet."
         if not isinstance(answer, self.takes):
             kind = "function, without brackets" if self.takes is Callable else self.takes.__name__
-            return f"Hand over a {kind}. You hand over {show(answer)}."
+            return f"Hand over a {kind}. You handed over {show(answer)}."
         try:
             return self._wrong_case(answer) or self.also(answer)
         except CheckFailed as failed:
@@ -116,8 +115,9 @@ class Exercise:
         k = min(own, key=lambda k: (isinstance(given[k], BaseException), len(repr(cases[k][1]))))
         said = re.sub(", expected .*", ", which is not right", told[k]) if self.secret else told[k]
         said = f"{self._called(answer, cases[k][1])} {said}."
-        if isinstance(given[k], IndexError | ValueError | ZeroDivisionError):
-            return said  # a slip in the code, which no rule explains
+        early = TypeError if cases[k][0] == cases[0][0] else NameError
+        if isinstance(given[k], IndexError | ValueError | ZeroDivisionError | NameError | early):
+            return said  # a slip that no rule explains, unless it is a TypeError in a later rule
         if given[k] is None and not any(value is None for value in right):
             return f"{said} Is there a `return` in every branch?"
         return f"{said} {cases[k][0]}"

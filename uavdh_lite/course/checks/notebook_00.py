@@ -30,7 +30,10 @@ from uavdh_lite.scenario import find_scenario
     },
     mistakes={
         "Every data unit counts the same: do not average the devices' own ratios.": (
-            lambda collected, initial, landed: landed * np.mean(np.divide(collected, initial))
+            lambda c, i, landed: landed * np.mean([x / y for x, y in zip(c, i, strict=True) if y])
+        ),
+        "Every data unit counts the same: do not average ratios. An empty device has none.": (
+            lambda c, i, landed: landed * np.mean(np.divide(c, i))
         ),
         "That is what is left. What was collected counts.": (
             lambda collected, initial, landed: landed * (1 - sum(collected) / sum(initial))
@@ -60,7 +63,7 @@ def flights_to_tell_apart() -> Figure:
 def wrong_pilots(answer: dict) -> str:
     names = ["ddqn", "greedy", "random"]
     if sorted(answer) != [*PILOTS] or sorted(map(str, answer.values())) != names:
-        return 'Give each of A, B and C one of "ddqn", "greedy" and "random", each of them once.'
+        return 'Give each of A, B and C one of "ddqn", "greedy" and "random", using each once.'
     if answer["B"] != "random":
         return "Random has no plan at all: its steps have no aim, and reach no device."
     if answer["C"] != "greedy":
@@ -103,15 +106,17 @@ def wrong_flight(actions: list[str]) -> str:
     for step, (name, refused) in enumerate(zip(actions, flight.intervened, strict=False), 1):
         if refused:
             at = divmod(int(flight.uav_cell[step - 1]), 8)
-            why = "that is no-fly, a tall building or off the map. All later steps are displaced."
-            why = "that is outside the landing zone, the blue cells." if name == "land" else why
-            return f"The safety controller intervened at step {step}, {name!r} from {at}: {why}"
+            said = f"The safety controller intervened at step {step}, {name!r} from {at}: that is "
+            if name == "land":
+                return f"{said}outside the landing zone, the blue cells."
+            said = f"{said}no-fly, a tall building or off the map, so every later step starts from "
+            return f"{said}the wrong cell."
     if not flight.landed and len(actions) < FLYING_TIME:
         return "The list ends with the UAV in the air: its last action must be `land`."
     if not flight.landed:
         return f"The flying time ran out after {FLYING_TIME} units. The landing takes one, too."
     if len(actions) > len(flight.action):
-        return f"The UAV lands at step {len(flight.action)}, which ends the flight: put it last."
+        return f"Landing at step {len(flight.action)} ends the flight: make `land` the last action."
     left = flight.data_left[-1, :2]
     if 1 - left.sum() / sum(DATA) < LEAST_SHARE:
         said = f"It lands, but {left[0]:.1f} and {left[1]:.1f} of 15 units are left at the devices."

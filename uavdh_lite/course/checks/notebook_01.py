@@ -12,8 +12,8 @@ from uavdh_lite.streams import Use, stream
 @exercise(
     "1.1 · Rate from SNR (1 point, 5 minutes)",
     rules={
-        "The rate is log2(1 + SNR) of a ratio of powers, and 0 dB is a ratio of 1: convert the "
-        "decibels first.": [0.0],
+        "The rate is log2(1 + SNR), with the SNR as a ratio of powers: 0 dB is a ratio of 1, so "
+        "the rate there is log2(2) = 1.": [0.0],
         "10 dB more are ten times the power, so the ratio is 10 ** (snr_db / 10), near 0 dB and "
         "far from it. Nothing is rounded.": [
             *(10.0, -10.0, 3.0, 20, -15.0, 25.5, -30.0, -60.0, 55.25, 150.0, 0.001)
@@ -53,8 +53,8 @@ LOS, NLOS = Channel().path_loss_exponent_los, Channel().path_loss_exponent_nlos
         ],
     },
     mistakes={
-        "The loss is a power of the distance, so the ratio of the exponents belongs in the "
-        "exponent, not in front.": lambda d: d * NLOS / LOS,
+        "As a ratio, the loss is d ** α, so the ratio of the exponents belongs in the exponent, "
+        "not in front.": lambda d: d * NLOS / LOS,
         "You add the altitude of 10 m, but d is the length of the whole link already.": (
             lambda d: np.hypot(d, 10) ** (NLOS / LOS)
         ),
@@ -105,17 +105,17 @@ def scatters_wrongly(answer) -> str:
         "their mean.": [(3.0, 0.0, 5), (-11, 0, 1)],
         "Simulate `draws` slots, each with a fading of its own: normal, mean 0, standard deviation "
         "√variance. It belongs to the SNR, in dB. Turn each SNR into a rate, then average the "
-        "rates. Chance explains no more than 1.5 %.": [
-            *((0.0, 5.0, MANY), (-8, 30, MANY), (12.0, 2.0, MANY), (-20.0, 9.0, MANY)),
-            (0.0, 60.0, MANY),
+        "rates. Chance accounts for at most 1.5 %.": [
+            *((-8, 30, MANY), (0.0, 5, MANY), (12, 2.0, MANY), (-20, 9.0, MANY), (0.0, 60.0, MANY)),
         ],
     },
     mistakes={
         "The fading is far too strong: generator.normal wants the root of the variance.": (
             lambda snr_db, variance, *_: exact(snr_db, variance**2)[0]
         ),
-        "On average that is the rate at the mean SNR. Average the rates, not the SNRs: the rate "
-        "at a mean is not the mean of the rates.": lambda snr_db, *_: library_rate(snr_db),
+        "On average that is the rate at the mean SNR. Either the fading is not added, or the SNRs "
+        "are averaged before they become rates. Add a fading to the SNR in each slot, turn each "
+        "SNR into a rate, then average the rates.": lambda snr_db, *_: library_rate(snr_db),
     },
     figure=draw_mean_rate,
     case=lambda *case: (*case, stream(Use.EXERCISE, 1)),

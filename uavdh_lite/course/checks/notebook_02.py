@@ -25,7 +25,7 @@ APART = [case for case in DRAWN if case not in TOUCHING]
 @exercise(
     "2.1 · Does the ray cross the cell? (1 point, 10 minutes)",
     rules={
-        "The segment begins and ends in the middle of a cell, so it crosses these two, too. There "
+        "The segment begins and ends in the middle of a cell, so it crosses both of these. There "
         "R·c − C·r is 0, less than (|R| + |C|) / 2. If both ends are the same point, it crosses "
         "that cell and no other.": [
             *(((2, 3), (4, 8), (2, 3)), ((2, 3), (4, 8), (4, 8)), ((4, 6), (4, 6), (4, 6))),
@@ -81,7 +81,8 @@ def blocked(buildings, device, cell):
 @exercise(
     "2.2 · A shadow map (2 points, 10 minutes)",
     rules={
-        "Without buildings nothing is hidden, nor is the device's own cell: all is False.": [
+        "Without buildings nothing is hidden, not even the device's own cell: everything is False, "
+        "in an array of Booleans such as np.zeros(shape, bool).": [
             *((1, (0, 0)), (2, (1, 0)), (5, (2, 2))),
         ],
         "A building that the ray crosses hides all behind it, and a UAV over a building is hidden, "
@@ -135,9 +136,8 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
     "2.3 · How asymmetric is a table? (2 points, 10 minutes)",
     rules={
         "If in every pair both directions agree, the share is 0, whether they are seen or blocked. "
-        "A cell and itself, [i, j, i, j], are no pair. .T reverses all four axes: reshape first.": [
-            *(2, (2, (0, 1, 1, 0), (1, 0, 0, 1)), line_of_sight(BUILDINGS)),
-            *((2, (0, 1, 0, 1)), 3),
+        "A cell is not a pair with itself, [i, j, i, j]. .T reverses all 4 axes: reshape first.": [
+            *(2, 3, (2, (0, 1, 1, 0), (1, 0, 0, 1)), (2, (0, 1, 0, 1)), line_of_sight(BUILDINGS)),
         ],
         "There are n (n − 1) / 2 unordered pairs of different cells, n = M². A pair is asymmetric "
         "if exactly one of its two directions is blocked. Divide the number of these by the number "
@@ -157,7 +157,10 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
         "[j, i].": lambda sight: 2 * asymmetric_share.solution(sight),
     },
     case=table,
-    call=lambda sight: f"asymmetric_share(sight), False at {np.argwhere(~sight).tolist()[:2]},",
+    call=lambda sight: (
+        "asymmetric_share(sight), "
+        + ("True everywhere," if sight.all() else f"False at {np.argwhere(~sight).tolist()[:2]},")
+    ),
 )
 def asymmetric_share(sight):
     """`asymmetric_share(sight)`: share of unordered pairs of cells that depend on direction."""

@@ -61,7 +61,7 @@ def step_of(answer, flight, step):
         "Each data unit that is uploaded counts 1, and each step costs 0.2 unless it lands.": [
             *(("A", 1), ("A", 3), ("A", 5), ("B", 1)),
         ],
-        "The controller replaced the action: its penalty of 1 comes besides the 0.2.": [
+        "The controller replaced the action: its penalty of 1 comes on top of the 0.2.": [
             *(("A", 2), ("B", 2)),
         ],
         "A step uploads no more than the device has left: keep an account of it.": [("A", 4)],
@@ -100,7 +100,7 @@ SENTENCES = {
     "closed": "The target is a no-fly zone or a tall building, one that is in city.no_fly[row, "
     "col]: the UAV hovers instead, in its cell, and the controller intervenes.",
     "outside": "That leaves the grid: the UAV hovers instead, in its cell, and the controller "
-    "intervenes. To numpy, row or column −1 is the last one: no error warns you.",
+    "intervenes. In numpy, index −1 means the last row or column, so no error warns you.",
     "hover": "Hovering stays in the cell and is always allowed: the controller does not intervene.",
     "zone": "A UAV that lands stays in its cell; in the zone the controller does not intervene.",
     "elsewhere": "That cell is not in the landing zone, city.landing[row, col]: the UAV hovers "

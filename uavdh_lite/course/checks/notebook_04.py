@@ -61,13 +61,13 @@ def drawn(rows, cols, height, width, bias=0.0):
 @exercise(
     "4.2 · A kernel moves over a map (2 points, 12 minutes)",
     rules={
-        "At each place the value is the sum of window times kernel, cell by cell. The kernel lies "
-        "wholly inside, so rows − k + 1 places fit.": [
+        "The window at (i, j) is as large as the kernel. The value is the sum of window times "
+        "kernel, cell by cell. The kernel lies wholly inside, so rows − k + 1 places fit.": [
             *((np.ones((2, 2)), np.ones((1, 1)), 0.0), (np.ones((3, 3)), np.ones((2, 2)), 0.0)),
             (np.arange(9.0).reshape(3, 3), np.full((2, 2), 3.0), 0.0),
             (np.arange(16.0).reshape(4, 4), np.array([[1.0, 1, 1], [1, 5, 1], [1, 1, 1]]), 0.0),
         ],
-        "The kernel is laid on as it is: neither turned nor mirrored.": [
+        "The kernel is applied as it is: neither turned nor mirrored.": [
             (np.arange(9.0).reshape(3, 3), np.array(kernel), 0.0)
             for kernel in ([[0.0, 1.0], [2.0, 0.0]], [[0.0, 0.0], [1.0, 3.0]])
         ],
@@ -100,11 +100,11 @@ HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
 @exercise(
     "4.3 · How many weights? (3 points, 15 minutes)",
     rules={
-        "The map has 2M − 1 cells a side. A kernel has a weight for each cell of its square and "
-        "each layer that it sees, a neuron one for each number that it is given. The list has the "
-        "numbers of all kernels and the flying time; the output has 6 values. Each kernel and each "
-        "neuron, those of the output too, has a bias of its own. Without padding, side − "
-        "kernel_size + 1 places fit.": [
+        "The map has 2M − 1 cells a side; without padding, side − kernel_size + 1 places fit. A "
+        "kernel has a weight for each cell of its square and each layer that it sees, a neuron one "
+        "for each number that it is given. Each kernel and each neuron, the output's 6 too, has a "
+        "bias of its own. The first fully connected layer reads kernels · side² numbers, and the "
+        "flying time.": [
             *((2, 2, 3, 2, (1,), (4,)), (1, 2, 1, 1, (1,), (1,)), (3, 3, 2, 3, (1,), (5,))),
             *((4, 2, 7, 2, (1,), (3, 2)), (5, 5, 2, 9, (1,), (4,)), (1, 1, 6, 1, (1,), (2,))),
         ],

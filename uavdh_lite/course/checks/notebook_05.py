@@ -124,13 +124,13 @@ def transitions(size, discount, ends=0.4, at=5.0, kind=np.float32, apart=2.0):
 @exercise(
     "5.3 · The double-DQN target (2 points, 10 minutes)",
     rules={
-        "There is one target for each transition, (B,): the reward, plus γ times the entry in its "
-        "row of target_next at the number of the best action by online_next.": [
-            *((1, 1.0, 0), (8, 1.0, 0), (6, 1.0, 0), (3, 1, 0, 5.0, np.float64)),
+        "There is one target for each transition, (B,): the reward, plus γ times the entry of "
+        "target_next, in the same row, for the action that online_next rates highest.": [
+            *((1, 1.0, 0), (2, 1.0, 0), (8, 1.0, 0), (3, 1, 0, 5.0, np.float64)),
             *((4, 1.0, 0, -50.0), (2, 1.0, 0, 1.0, np.float32, 1e-4)),
         ],
-        "The value of the next state counts γ times, with the γ that is handed in, the reward in "
-        "full.": [(2, 0.5, 0), (2, 0.99, 0), (2, 0.0, 0), (2, 1, 0)],
+        "The value of the next state is multiplied by γ, the one that is handed in; the reward "
+        "counts in full.": [(2, 0.5, 0), (2, 0.99, 0), (2, 0.0, 0), (2, 1, 0)],
         "At a terminal transition the target is the reward alone. Elsewhere the next state "
         "counts.": [
             *((1, 0.9, 2), (1, 1.0, 2), (2, 0.8), (6, 0.8), (32, 0.8), (7, 0.8)),

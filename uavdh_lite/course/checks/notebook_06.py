@@ -29,8 +29,8 @@ RUNS = {
 NEAR = [(0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1) for limit in (0.9, 0.8, 0.25)]
 AGENTS = [*RUNS.values(), *itertools.product(*NEAR)]
 SENTENCES = {
-    "wanders": "It uses 25 % of its time or more and 90 % or more land, so it neither is lazy nor "
-    "crashes: if it collects less than 80 %, 0.8, it wanders.",
+    "wanders": "It uses 25 % of its time or more and 90 % or more land, so it is neither lazy "
+    "nor crashing: if it collects less than 80 %, 0.8, it wanders.",
     "good": "It uses 25 % of its time or more and 90 % or more land: if it collects at least 80 %, "
     "it is good.",
     "crashes": "It uses 25 % of its time or more, so it is not lazy: if fewer than 90 % of its "
@@ -80,7 +80,7 @@ def stored(length, ends, n, discount):
         "With n = 1 it is rewards[0] plus γ times values[1], the value of the next state.": [
             *((3, (), 1, 0.5), (2, (), 1, 0.9), (2, (), 1, 1.0), (2, (), 1, 0.0)),
         ],
-        "Reward k counts γ^k times. After m rewards γ^m values[m] comes, of state m.": [
+        "Reward k is multiplied by γ^k. After m rewards γ^m values[m] comes, of state m.": [
             *((3, (), 2, 0.5), (3, (), 2, 1), (6, (), 2, 0.9), (6, (), 3, 0.8), (6, (), 5, 0.3)),
         ],
         "A terminal step among the m ends the sum with its own reward, and no value is added.": [
@@ -157,10 +157,6 @@ def wrong_recipe(recipe: Recipe) -> str:
     return f"{said}, and {LEAST_SCORE:.0%} collected and landed are asked for. {why}"
 
 
-@exercise(
-    "6.3 · Mend a lazy agent (4 points, 15 minutes)",
-    takes=Recipe,
-    also=wrong_recipe,
-)
+@exercise("6.3 · Mend a lazy agent (4 points, 15 minutes)", takes=Recipe, also=wrong_recipe)
 def mended_recipe():
     """A recipe that differs from `LAZY` in `MAY_CHANGE` and trains a useful agent."""

@@ -39,8 +39,9 @@ def score_interval(successes, trials):
     figure=draw_wilson,
     rules={
         "At both ends of the interval |p − q| equals z sqrt(q (1 − q) / n), with z = 1.96: solve "
-        "for q, a grid is not exact enough. The interval is not centred on p; its low end is the "
-        "first.": [(7, 10), (5, 20), (33, 40), (11, 271)],
+        "for q exactly. The interval is not centred on p; its low end is the first.": [
+            *((7, 10), (5, 20), (33, 40), (11, 271)),
+        ],
         "It must hold for few and for many trials, and if none or all succeed. Do not round.": [
             *((1, 2), (2, 3), (0, 12), (20, 20), (0, 1), (1, 1), (0, 500)),
             *((997, 1000), (1, 50_000), (31_000, 50_000)),
@@ -99,10 +100,6 @@ def wrong_city(text: str) -> str:
     return ""
 
 
-@exercise(
-    "8.2 · A city that defeats the agent (3 points, 12 minutes)",
-    takes=str,
-    also=wrong_city,
-)
+@exercise("8.2 · A city that defeats the agent (3 points, 12 minutes)", takes=str, also=wrong_city)
 def defeat():
     """The text of a 16×16 city in which greedy does well and the shipped agent does not."""

@@ -28,6 +28,14 @@ def draws(ring: type, capacity: int, added: int, size: int, count: int = 1, seed
     return [[numbers[id(item)] for item in sample] for sample in samples]
 
 
+Unquoted = type("Unquoted", (str,), {"__repr__": str.__str__})  # as it stands in a message
+
+
+def items_drawn(ring, *case):
+    numbers = sorted(set(*draws(ring, *case)))
+    return Unquoted(f"item{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
+
+
 def asked(capacity, added, size):
     return f"Ring({capacity}), after {added} × add(item), sample({size}, generator)"
 
@@ -72,7 +80,7 @@ def wrong_chance(ring: type) -> str:
         ],
     },
     takes=type,
-    ask=lambda ring, *case: str(sorted(set(*draws(ring, *case)))),
+    ask=items_drawn,
     call=asked,
     also=wrong_chance,
 )
@@ -112,9 +120,7 @@ def draw_old_share(ax, old_share):
         "Once `capacity` items came after the change, nothing old is left, and it stays so.": [
             *((10, 30, 10), (10, 30, 11), (10, 5, 400)),
         ],
-        "Before anything is added after the change, all that is there is old.": [
-            *((10, 30, 0), (10, 3, 0)),
-        ],
+        "With nothing added after the change, all is old.": [(10, 30, 0), (10, 3, 0)],
     },
     mistakes={
         "That is the share of all that was added. The memory holds `capacity` items at most.": (

@@ -24,17 +24,17 @@ def situation(name, cell, time_left):
 @exercise(
     "10.1 · The failsafe's mask (2 points, 12 minutes)",
     rules={
-        "An action fits if the units for itself, for the way home after it and for the landing are "
-        "at most time_left. That holds outside the zone for a landing, too: the UAV hovers.": [
+        "An action fits if it, the way home after it and the landing take at most time_left units. "
+        "That also goes for `land` outside the zone, which is the same as hovering.": [
             *((SMALL, [9], [time_left]) for time_left in (3, 4, 5, 6, 9)),
             *((SMALL, [8], [3]), (SMALL, [4, 14, 2], [4, 6, 3])),
         ],
         "To land at once always fits, but in the zone only: elsewhere it is no landing, and costs "
-        "a unit as hovering does.": [
+        "a unit of time, as hovering does.": [
             *((SMALL, [cell], [time_left]) for cell in (0, 1) for time_left in (1, 2, 3)),
             (SMALL, [0, 1, 0], [1, 1, 2]),
         ],
-        "Where there is no way home, distance −1, nothing fits: no number stands for that.": [
+        "Where there is no way home, distance −1, nothing fits: −1 is a marker, not a distance.": [
             *((SMALL, [7], [3]), (SMALL, [7, 0], [10**6, 10**6])),
         ],
         "It must hold for all UAVs of a batch, each with its own time, in any city. A column of "
@@ -50,8 +50,8 @@ def situation(name, cell, time_left):
         "UAV is.": lambda distance, next_cell, *others: failsafe_mask.solution(
             distance, np.arange(len(distance))[:, None].repeat(6, 1), *others
         ),
-        "A landing is sure to fit in the zone only. Elsewhere it is refused, and takes its unit of "
-        "time as hovering does.": lambda distance, next_cell, *others: (
+        "Only in the zone is a landing sure to fit. Elsewhere it is refused, and costs a unit of "
+        "time, as hovering does.": lambda distance, next_cell, *others: (
             failsafe_mask.solution(distance, next_cell, *others) | (np.arange(6) == LAND)
         ),
     },

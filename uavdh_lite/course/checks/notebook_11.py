@@ -17,8 +17,8 @@ def numbered(channels, side, *asked):
         "Without a turn and a mirror, map and action stay as they are.": [
             (1, 2, action, 0, False) for action in (0, 3)
         ],
-        "A quarter turn to the left brings what was north to the west, and west to the south: it "
-        "takes 1 from the number of a move, and below 0 comes 3.": [
+        "Turn the last two axes to the left: what was north comes to the west, and west to the "
+        "south. A turn takes 1 from the number of a move; below 0 it wraps round to 3.": [
             (1, 2, action, turns, False) for turns in (1, 2, 3) for action in range(4)
         ],
         "A mirror image swaps left and right: east and west change places, north and south stay.": [
