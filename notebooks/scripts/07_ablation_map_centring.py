@@ -34,7 +34,7 @@ for ax in figure.axes:
 # | --- | --- |
 # | **What you'll do** | Read the paper's main figure, look at single runs, and compute what they prove |
 # | **What you'll learn** | Ablations, baselines, paired differences, intervals over runs, and why one seed proves nothing |
-# | **What you'll need** | Notebooks 4 and 6. 40 minutes to read, 10 seconds to run; 31 minutes of exercises |
+# | **What you'll need** | Notebooks 4 and 6. 39 minutes to read, 10 seconds to run; 31 minutes of exercises |
 #
 # ## 7.1 One thing changed
 #
@@ -219,9 +219,8 @@ assert high < 0 and high - low < 1.4 * apart
 # Here neither contains 0, so **overlapping intervals do not mean “no difference”**. Pairing makes the interval narrower.
 # Here it gains more than doubling the number of missions would.
 #
-# So `greedy` is ahead, here by about one point, and in other missions by about half a point to one point. That is a
-# result, too, and it belongs in the report. The rule was thought up by people who knew the task. The agent found its way
-# from rewards.
+# So `greedy` is ahead, by about one point here. That is a result, too, and it belongs in the report. The rule was thought
+# up by people who knew the task. The agent found its way from rewards.
 
 # %%
 Quiz("more_missions")
