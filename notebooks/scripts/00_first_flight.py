@@ -1,7 +1,8 @@
 # %% [markdown]
 # # 0 · First flight
 #
-# **Five devices have data to send. A drone has 64 moves to fetch it and be home again. Who decides where it flies?**
+# **Five devices have data to send. A drone has 64 units of time to fetch it and be home again. Who decides where it
+# flies?**
 #
 # Here a neural network does. Nobody told it a route. The code below loads it, gives it a mission, and plays the flight.
 # Run it, then press play or drag the slider.
@@ -54,8 +55,8 @@ play(environment, flights.trajectory(0))
 #
 # A program that chooses one action after another is called an *agent*. The one above chooses with a neural network, a
 # formula with hundreds of thousands of adjustable numbers. These numbers were *trained*: the agent flew random missions,
-# 3.6 million steps in all, and the numbers were adjusted until they predicted what each action brings in the end. That
-# took less than an hour on one processor core.
+# 3.6 million steps in all, and the numbers were adjusted to predict what each action will bring, with later rewards
+# counting less. That took less than an hour on one processor core.
 #
 # Its full name is `manhattan_ddqn`. In this course it is simply **the agent**. The library has others. We use this one
 # because it was trained with the method that the course teaches, from an article by Bayerlein and others, 2020, which we
@@ -207,13 +208,13 @@ for metric in scores["random"]:
 # rival. Good rules often are.
 #
 # **The agent** comes close to greedy. Think of what each of them was told. Greedy was given the street map, the shortest
-# routes home, and a rule. The agent started with random numbers in its network. It found out from rewards alone that
-# being near a device brings data, what the landing zones are for, and when to turn back.
+# routes home, and a rule. The agent started with random numbers in its network. It found out from rewards that being near
+# a device brings data, what the landing zones are for, and when to turn back.
 #
 # If greedy is this good, why train a network? Because a network can also learn where nobody knows a good rule.
 #
-# Nothing forces the agent to land, so now and then it fails. Here is the saddest of its flights, the crash with the
-# largest share of the data on board:
+# Nothing forces the agent to land. About one flight in a thousand crashes, here a few more. This is the saddest of them,
+# the crash with the largest share of the data on board:
 
 # %%
 own = scores["manhattan_ddqn"]
@@ -221,8 +222,9 @@ saddest = (own["collected"] - own["collected_and_landed"]).argmax()
 trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(saddest))
 
 # %% [markdown]
-# The red star marks the crash. The caption says how much data the agent had, and still the score of this flight is 0.
-# Perhaps the agent had rarely been in such a situation before.
+# The red star marks the crash. The caption says how much data the agent had, and still the score of this flight is 0. The
+# agent turned back to a device until it could no longer get home in time. Then it tried to land outside the zone, and
+# hovered. We do not know why.
 #
 # ## 0.6 What the agent knows
 #

@@ -38,7 +38,7 @@ figure
 # | **What you'll learn** | Decibels, path loss with and without line of sight, the link budget, Shannon's rate, shadow fading |
 # | **What you'll need** | Notebook 0, logarithms, the normal distribution. 40 minutes to read, 10 seconds to run; 25 minutes of exercises |
 #
-# The bright area is not a disc. It reaches far down two streets and stops at every corner. Buildings do that.
+# The bright area is not a disc. It reaches far down two streets and hardly bends round any corner. Buildings do that.
 #
 # ## 1.1 Three layers
 #
@@ -57,9 +57,9 @@ figure
 # Black means yes. May the UAV start and land here? May it *not* fly here? Does a building block the radio here?
 #
 # Compare the second and the third layer. Most buildings are in both: they are tall, so the UAV cannot fly over them. Two
-# blocks are only in the third. They are low: the UAV can fly over them, but they block the radio too. The large rectangle
-# in the second layer is a no-fly zone with a building in it. A device may stand anywhere, even in the no-fly zone, except
-# on a building or in a landing zone. No two devices share a cell.
+# blocks are only in the third. They are low: the UAV can fly over them, but they block the radio too. The 5 × 4 cells at
+# the lower left of the second layer are a no-fly zone with one building in it and three at its edge. A device may stand
+# anywhere, even in the no-fly zone, except on a building or in a landing zone. No two devices share a cell.
 #
 # ## 1.2 Path loss
 #
@@ -197,8 +197,9 @@ print(f"data units per slot: {rate(mean_db):.3f} without fading, {lucky:.3f} wit
 assert lucky > rate(mean_db)
 
 # %% [markdown]
-# Fading helps a little. A drawing shows why. The curve is the rate, and the dashed line joins a slot with bad luck to one
-# with good luck. Luck of 6 dB is very rare, and is shown only to make the bend visible:
+# In sight fading helps a little, behind a building by about a tenth. A drawing shows why. The curve is the rate, and the
+# dashed line joins a slot with bad luck to one with good luck. Luck of 6 dB is very rare, and shown only to make the bend
+# visible:
 
 # %%
 axis_db, ends_db = np.linspace(-12, 8), mean_db + np.array([-6, 6])
@@ -214,7 +215,7 @@ figure
 
 # %% [markdown]
 # The curve bends upwards: it is *convex*. So the mean of two slots, on the dashed line, lies above the curve. Good luck
-# gains more than bad luck loses. Mathematicians call this Jensen's inequality.
+# gains more than bad luck loses. This is Jensen's inequality.
 #
 # The UAV cannot foresee luck. It can only choose places that are good on average.
 #
@@ -235,7 +236,7 @@ for name, ground, exponent in (
 
 # %% [markdown]
 # - Directly above, two steps are enough.
-# - Down the street it takes six. If that saves a detour of six moves, it is the better place.
+# - Down the street it takes six. Flying two cells nearer and back takes four, because data comes in on the way.
 # - Over the low building the UAV is only half as far away, and gets a tenth. The building below it blocks the view in this
 #   flat model, as notebook 2 explains.
 # - Round the corner it takes longer than any flight lasts.
@@ -250,7 +251,7 @@ for name, ground, exponent in (
 # - The SNR in dB is the link budget, minus $10\,\alpha_l \log_{10} d$, plus luck.
 # - A slot carries $\log_2(1 + \mathrm{SNR})$ data units, and a step has four slots.
 # - At 10 m or more, a building costs more than nine tenths of the data.
-# - Fading is luck in decibels. On average it helps a little, because the rate is convex.
+# - Fading is luck in decibels. On average it helps, because the rate is convex.
 #
 # ## Exercises
 #

@@ -174,8 +174,9 @@ figure.colorbar(picture, label="cells in sight, %")
 figure
 
 # %% [markdown]
-# Buildings see nothing. Along a street you see far, and from a crossing along two streets at once, so it is brighter than
-# the street between two crossings. For a UAV the bright cells are good places: more devices are in sight from there.
+# Buildings see nothing. Along a street you see far, and from a crossing along two streets at once, so it is mostly
+# brighter than the street between two crossings. For a UAV the bright cells are good places: more devices are in sight
+# from there.
 #
 # ## 2.4 Several devices
 #

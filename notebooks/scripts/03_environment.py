@@ -123,8 +123,8 @@ figure
 
 # %% [markdown]
 # Follow the black line. It falls on the way to a device and rises near it. Where it ends is the return. An agent that
-# looked no further than the next reward would never set out. It has to learn that a step which costs now may earn much
-# later. Notebook 5 is about that.
+# looked no further than the next reward would not set out in this mission. It has to learn that a step which costs now
+# may earn much later. Notebook 5 is about that.
 #
 # Is 0.2 a good price? At 0 there would be no reason to land before the last moment. At 5, most flights would cost more than
 # they bring. At 0.2, a detour of ten steps pays if it brings more than two data units.
@@ -149,8 +149,8 @@ for action in (NORTH, NORTH):
 # data comes in both times. The same happens at a tall building, at a no-fly zone, and when it tries to land outside the
 # landing zones.
 #
-# Why does a wrong move not end the episode? A beginner makes one every few steps, and would hardly ever get far enough to
-# see a device. This way a mistake costs a little, and the flight goes on.
+# Why does a wrong move not end the episode? A beginner makes one every few steps, and would hardly ever collect much.
+# This way a mistake costs a little, and the flight goes on.
 #
 # One disaster remains: no time left, and still in the air.
 
@@ -245,8 +245,9 @@ for name, each in flown.items():
 assert all(flown["by hand"].returns > each.returns + 5 for each in list(flown.values())[1:])
 
 # %% [markdown]
-# The plan brings everything home, and neither greedy nor the agent does. Greedy flies up to the first device and then takes
-# the long way to the second. The agent had to choose without a map of shadows. You had one.
+# The plan brings everything home, and neither greedy nor the agent does. Greedy flies towards the first device until it
+# is empty, and from there it is a long way to the second. You had a map of shadows, the agent has none. Whether that is
+# why, one flight does not show.
 #
 # One mission says little about a pilot. But this one shows that there is something left to learn.
 #

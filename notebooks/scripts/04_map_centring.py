@@ -77,8 +77,8 @@ for units in (50, 14, 10):
 
 # %% [markdown]
 # One device is far in the north, the other near in the east, and home is in the south-east. With plenty of time the agent
-# goes for the far device. With less time it goes for the near one, and with just enough it goes home. From the picture
-# alone it would have to do the same each time.
+# goes for the far device. With less time it goes for the near one, and with just enough it takes another way home and
+# leaves data in both. From the picture alone it would have to do the same each time.
 #
 # Now the agent flies 200 missions with a **stopped clock**. It sees the true picture, but always the same time. The true
 # time runs out all the same.
@@ -106,10 +106,9 @@ ax.set(xlabel="units of time on the stopped clock", ylabel="share")
 figure.legend(loc="outside right upper", fontsize="small");
 
 # %% [markdown]
-# A clock that shows little time sends most UAVs home with little data. The others wait, with a clock at 5 most of them
-# over a landing zone, because by this clock there is always a moment left. In the middle, UAVs collect nearly everything,
-# but many are late. A clock that shows a lot of time lets them collect for ever, and they crash. No orange point comes
-# near the black line.
+# A clock that shows little time sends most UAVs home with little data. The others wait, most of them at home or near it.
+# In the middle, UAVs collect nearly everything, but many are late. With a clock that shows a lot of time they do not land
+# even when nothing is left to collect. No orange point comes near the black line.
 #
 # ## 4.3 Two frames
 #
@@ -251,7 +250,7 @@ for frame, x in (("centred", one_at(device - uav + 15)),
         print(f"{frame}: {right[::2].mean():.0%} in training, {right[1::2].mean():.0%} in the test")
 
 # %% [markdown]
-# Centred, even the single neuron, printed first, is nearly always right. In place it is hardly better than a guess. The
+# Centred, even the single neuron, printed first, is nearly always right. In place it is little better than a guess. The
 # network has learned its training pairs by heart there, and fails on many new ones. The weights of the two neurons show
 # why.
 

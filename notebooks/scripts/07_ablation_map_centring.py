@@ -39,7 +39,8 @@ for ax in figure.axes:
 # ## 7.1 One thing changed
 #
 # An ablation says something only if all else is equal. Both kinds of run have the same recipe, the same number of steps,
-# missions drawn in the same way, and the same missions for validation. What differs is one field of the recipe:
+# missions drawn in the same way, and the same missions for validation. What differs is the number of threads, which only
+# changes rounding, and one field of the recipe:
 
 # %%
 from uavdh_lite.experiments.study import centring
@@ -65,8 +66,8 @@ for name, recipe in centring(LITE).items():
 # fourth run. It is the lowest of the four with a chance of one in four, and the highest with the same chance. So it falls
 # outside the band half of the time.
 #
-# On the left the centred agents do worse for a while, on the right they do better. They fly farther, collect more and crash
-# more often, and each crash costs 150. Two measures tell two stories, so always say which one you mean.
+# On the left the centred agents do worse for a while, on the right they do better. They collect more and crash more
+# often, and each crash costs 150. Two measures tell two stories, so always say which one you mean.
 #
 # Training flights explore, and that hides what an agent can do. Here are the validations of the same six runs, without
 # exploring, each run with a line of its own.
@@ -90,9 +91,9 @@ ax.set(xlabel="thousand steps", ylabel="collected and landed")
 ax.legend();
 
 # %% [markdown]
-# After 200,000 and 300,000 steps all centred runs are far ahead of all others. Later the two kinds come together. In the
-# paper's figure the gap is larger. The paper has another recipe and other maps, so the two figures do not contradict each
-# other.
+# After 200,000 and 300,000 steps all centred runs are far ahead of all others. Later the gap shrinks to about one point.
+# At the end every centred run is still above every other, by a hair. In the paper's figure the gap is larger. The paper
+# has another recipe and other maps, so the two figures do not contradict each other.
 #
 # ## 7.3 One seed, and six
 #
@@ -136,8 +137,8 @@ figure.supylabel("collected and landed");
 #
 # A **95 % interval** extends a few standard errors to either side. With many runs it takes two, or 1.96 to be exact. With
 # few runs $s$ itself is uncertain, so it takes more. *Student's t distribution* says how many: 2.6 with six runs, 4.3
-# with three. That counts the runs of one variant only, to be on the safe side. If all runs were made again and again,
-# about 95 % of such intervals would hold the true gap.
+# with three. That counts the runs of one variant only, to be on the safe side. If all runs were made again and again, at
+# least 95 % of such intervals would hold the true gap.
 
 # %%
 import numpy as np
@@ -159,10 +160,10 @@ ax.axvline(0, color="black")
 ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 
 # %% [markdown]
-# Each bar is a 95 % interval. After 300,000 steps the whole bar lies on one side of 0: the centred agents seem to learn
-# **sooner**. At the end of the long runs the interval contains 0, so these runs do not say which kind is **better in the
-# end**. In the village it also contains 0, and is wide. One caution: we chose the 300,000 steps after we had seen the
-# curves, so the first gap is a little less certain than it looks.
+# Each bar is such an interval, of at least 95 %. After 300,000 steps the whole bar lies on one side of 0: the centred
+# agents seem to learn **sooner**. At the end of the long runs the interval contains 0, so these runs do not say which
+# kind is **better in the end**. In the village it also contains 0, and is wide. One caution: we chose the 300,000 steps
+# after we had seen the curves, so the first gap is a little less certain than it looks.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -170,9 +171,10 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("three_seeds")
 
 # %% [markdown]
-# Every run above every other: that is what we saw after 300,000 steps. So ranks alone leave it at 10 %. The interval uses
-# more than ranks: the gap is over three times as large as the standard deviation of either kind. In return it assumes that
-# results have a normal distribution, and three runs are too few to check that.
+# Every run above every other: we saw that after 300,000 steps, and by a hair at the end. So both times ranks alone leave
+# it at 10 %. The interval uses more than ranks: after 300,000 steps the gap is over three times as large as the standard
+# deviation of either kind. In return it assumes that results have a normal distribution, and three runs are too few to
+# check that.
 #
 # ### Baselines
 #
@@ -214,11 +216,11 @@ print(f"paired:     from {100 * low:+.2f} to {100 * high:+.2f}")
 assert high < 0 and high - low < 1.4 * apart
 
 # %% [markdown]
-# Neither contains 0, so **overlapping intervals do not mean “no difference”**. Pairing makes the interval narrower. Here
-# it gains more than doubling the number of missions would.
+# Here neither contains 0, so **overlapping intervals do not mean “no difference”**. Pairing makes the interval narrower.
+# Here it gains more than doubling the number of missions would.
 #
-# So `greedy` is ahead, by about one point. That is a result, too, and it belongs in the report. The rule was thought up
-# by people who knew the task. The agent had nothing but its rewards.
+# So `greedy` is ahead, by about one point here. That is a result, too, and it belongs in the report. The rule was thought
+# up by people who knew the task. The agent found its way from rewards.
 
 # %%
 Quiz("more_missions")
@@ -229,9 +231,9 @@ Quiz("more_missions")
 # | question | what these runs say |
 # | --- | --- |
 # | Does an agent learn sooner with the centred map? | Very likely, in this city and with this recipe |
-# | Is it better in the end? | Open: three runs of each kind cannot tell |
+# | Is it better in the end? | Open: every centred run ended higher, by a hair, and three of each kind cannot settle it |
 # | Is the paper's larger gap wrong? | They cannot say: it comes from another recipe and other maps |
-# | Is the recipe fair to both? | Not quite: it was tuned with the centred map |
+# | Is the recipe fair to both? | Not quite: we tuned it with the centred map |
 # | Is it the centring alone? | Open: the other frame also gives the position differently, as a single 1 |
 #
 # An ablation answers one question. Write it down beforehand, and also which result would mean *no*.
