@@ -302,7 +302,7 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 
 # %% [markdown]
 # The untrained networks hardly notice. Both trained ones expect more when any building disappears, and clearly more when it is one
-# that was in the way. So they have learned, from rewards alone, that buildings *between* them and a device cost something, and
+# that was in the way. So they have learned from rewards that buildings *between* them and a device cost something, and
 # they look at them.
 #
 # Neither has become a ray tracer. The difference is small next to what these states are worth, and in three of ten

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.paper import RESULTS
 from uavdh_lite.storage import read_table
 
