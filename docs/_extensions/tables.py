@@ -344,16 +344,16 @@ def sb3() -> str:
 
 
 def paper_run() -> str:
-    """The recorded run of `paper` in bins of 10,000 steps, next to an agent of `lite`."""
+    """The recorded run of `paper` in bins of 20,000 steps, next to an agent of `lite`."""
     curves = [
         read_table(RUNS / "paper-manhattan-training.csv.gz"),
         _parts(read_table(RUNS / "agents-training.csv.gz"), "agent")["manhattan_ddqn"],
     ]
     rows = []
-    for step in range(10_000, int(curves[0]["steps"].max()) + 1, 10_000):
+    for step in range(20_000, int(curves[0]["steps"].max()) + 1, 20_000):
         row = [f"{step:,}"]
         for one in curves:
-            inside = (one["steps"] > step - 9_900) & (one["steps"] < step + 100)
+            inside = (one["steps"] > step - 19_900) & (one["steps"] < step + 100)
             means = [
                 np.average(one[name][inside], weights=one["episodes"][inside])
                 for name in ("landed", "collected", BOTH, "return")
