@@ -259,8 +259,10 @@ def test_think_says_why_and_its_bars_are_as_long_as_their_numbers(page):
         int(re.search(r"step (\d+)", told)[1]),
         float(re.search(r"gap of ([\d.]+)", told)[1]),
     )
-    assert shown_step(page) == step
-    expect(page.locator(".says-why")).to_contain_text("because")
+    assert shown_step(page) == step - 1  # as in Compare: what comes next is this step
+    expect(page.locator(".says-why")).to_contain_text(
+        re.compile(f"^Next, step {step}: .* ahead of")
+    )
     bars = [
         (float(bar.locator("b").inner_text().replace("−", "-")), bar.locator("u").bounding_box())
         for bar in page.locator(".q > div:not(.best)").all()

@@ -1,6 +1,7 @@
 """The widget without a browser: what it sends after what was done."""
 
 import json
+import re
 import time
 
 import numpy as np
@@ -108,7 +109,55 @@ def test_q_values_are_those_of_the_agent_and_forbidden_actions_have_none(lab):
     known = np.isfinite(q[0])
     assert np.allclose(q[0][known], first[known], atol=1e-3) and (first[~known] < -1e6).all()
     assert panel["gaps"][panel["closest"]] == min(panel["gaps"])
-    assert len(panel["says"]) == len(q) and all("because" in each for each in panel["says"])
+    assert panel["note"] == "" and panel["chosen"] == name
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_reasons_are_what_the_flight_does_next(lab, number):
+    tell(lab, "tool", tool="think")
+    for _ in range(number):
+        tell(lab, "new")
+    said, left = tell(lab, "show", step=0)["says"], flights(lab)[0].data_left
+    assert any("because device" in each for each in said)
+    for step, text in enumerate(said):
+        found = re.search(r"device (\d).* gives ([\d.]+) units (in this|within (\d+)) step", text)
+        enough = [k for k in range(step + 1, len(left)) if (left[step] - left[k]).max() >= 0.5]
+        if not found:
+            assert not enough or "hover" in text[:5] or "land" in text[:4]
+            continue
+        device, steps = int(found[1]), int(found[4] or 1)
+        given = left[step] - left[step + steps]
+        assert step + steps == enough[0] and device == given.argmax()
+        assert given[device] == pytest.approx(float(found[2]), abs=0.051)
+        assert ("because" in text) == (steps <= 3) != ("on the way to" in text)
+
+
+@pytest.mark.parametrize("planner, does", [("greedy", "follows a rule"), ("random", "acts by")])
+def test_who_thinks_is_an_agent_and_never_a_planner_under_its_name(lab, planner, does):
+    agent = lab.stage.policies[0]
+    tell(lab, "policy", which=0, name=planner)
+    panel = tell(lab, "tool", tool="think")
+    assert f"{planner} {does}" in panel["note"] and panel["chosen"] == ""
+    assert {name for name, _ in panel["agents"]} & {"greedy", "genie", "random"} == set()
+    assert [each["name"] for each in lab.scene["film"]["flights"]] == [panel["agent"]]
+    tell(lab, "policy", which=1, name=agent)
+    tell(lab, "policy", which=0, name=agent)
+    assert lab.stage.policies == (agent, planner)  # not the same one twice
+    tell(lab, "policy", which=1, name="greedy")
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_compare_names_the_device_that_uploads_most_in_three_steps(lab, number):
+    for _ in range(number):
+        tell(lab, "new")
+    panel = tell(lab, "show", step=0)
+    clauses = re.findall(r"from device (\d) in the next 3|(goes home)", panel["why"])
+    part, soon = panel["parting"], []
+    for flight in flights(lab):
+        given = flight.data_left[part] - flight.data_left[part : part + 4][-1]
+        soon.append(str(given.argmax()) if given.max() >= 0.05 else "")
+    assert [device for device, _ in clauses if device] == [k for k in soon if k] or not clauses
+    assert clauses or soon[0] == soon[1]
 
 
 @pytest.mark.parametrize("name", ["value", "saliency"])

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from uavdh_lite.environment import State
+from uavdh_lite.environment import LAND, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Trajectory, evaluate, fly
 from uavdh_lite.labs.flights import Hangar, does, numbers, says, title
@@ -12,7 +12,6 @@ from uavdh_lite.labs.state import YOU, Stage, random_mission, scenario_of
 from uavdh_lite.streams import Use, stream
 
 AHEAD, LEVEL = 2.0, 0.5  # differences of the return
-ENOUGH = 1.0  # data units: less than this from a device is by the way
 TRIES = 40  # missions that are looked at for a duel, in a city of 16 × 16 cells
 MISSIONS = 100
 
@@ -73,12 +72,10 @@ def _why(names: list[str], flights: list[Trajectory], part: int | None) -> list[
     """Sentences: what each does where they part, and what comes of it in the end."""
     if part is None:
         return ["Both come to the same end."]
-    devices = [_next_device(flight, part) for flight in flights]
-    told = []
-    for name, flight, device in zip(names, flights, devices, strict=True):
-        towards = "goes home" if device is None else f"collects from device {device} next"
-        also = f" and {towards}" if len({*devices}) > 1 else ""
-        told.append(says(name, f"{does(flight, part)}{also}"))
+    towards = [_towards(flight, part) for flight in flights]
+    also = towards if towards[0] != towards[1] else ["", ""]
+    each = zip(names, flights, also, strict=True)
+    told = [says(name, does(flight, part) + more) for name, flight, more in each]
     left = flights[0].data_left[-1] - flights[1].data_left[-1]
     device = int(np.abs(left).argmax())
     sentences = [f"At step {part + 1}, {told[0]}, while {told[1]}."]
@@ -89,11 +86,14 @@ def _why(names: list[str], flights: list[Trajectory], part: int | None) -> list[
     return sentences
 
 
-def _next_device(flight: Trajectory, step: int) -> int | None:
-    """The first device that uploads a good part from this step on; None if there is none."""
-    done = flight.data_left[step] - flight.data_left[step:]
-    enough = np.flatnonzero((done >= ENOUGH).any(axis=1))
-    return int(done[enough[0]].argmax()) if len(enough) else None
+def _towards(flight: Trajectory, step: int) -> str:
+    """What comes next: the device that uploads most in three steps, or home, or nothing."""
+    given = flight.data_left[step] - flight.data_left[step:]
+    soon = given[:4][-1]
+    if soon.max() >= 0.05:
+        return f" and collects most from device {soon.argmax()} in the next 3 steps"
+    home = flight.landed and given[-1].max() < 0.05 and flight.action[step] != LAND
+    return " and goes home" if home else ""
 
 
 def _story(names: list[str], flights: list[Trajectory], part: int | None) -> list:

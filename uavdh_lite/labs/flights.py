@@ -95,16 +95,6 @@ def numbers(flight: Trajectory) -> dict:
     }
 
 
-def goal(flight: Trajectory, step: int) -> int | None:
-    """The device from which a flight collects most next, from this step on; None if from none."""
-    for steps in (8, 16, len(flight.action)):
-        end = min(step + steps, len(flight.action))
-        uploads = flight.data_left[step] - flight.data_left[end]
-        if uploads.max() > 0.05:
-            return int(uploads.argmax())
-    return None
-
-
 def does(flight: Trajectory, step: int) -> str:
     """What a flight does in a step, in words."""
     action = int(flight.action[step])

@@ -208,6 +208,8 @@ def _policy(stage: Stage, which: int, name: str) -> Stage:
     _require(which in (0, 1), f"policy {which!r}: there are two")
     policies = list(stage.policies)
     policies[which] = _text(name)
+    if stage.tool == "think" and policies[0] == policies[1]:  # who thinks does not fly twice
+        policies[1 - which] = stage.policies[which]
     known_policies(stage.mission.city, *policies)
     return replace(stage, policies=tuple(policies), step=-1)
 

@@ -9,12 +9,14 @@ from uavdh_lite.beyond.recipes import ImitationRecipe
 from uavdh_lite.checkpoint import shipped_agents
 from uavdh_lite.environment import ACTIONS, HOVER, LAND, State
 from uavdh_lite.evaluation import Trajectory
-from uavdh_lite.labs.flights import Hangar, goal, grid, title
+from uavdh_lite.labs.flights import Hangar, grid, title
 from uavdh_lite.labs.insight import saliency, value_map
-from uavdh_lite.labs.state import Stage
+from uavdh_lite.labs.state import YOU, Stage
 
 LAYERS = ("saliency", "value")  # what needs the network; the browser draws the others
 CLOSE = 0.5  # a gap between Q-values below which a decision is called close
+ENOUGH, SOON = 0.5, 3  # data units of a device that are worth a reason, and the steps until then
+OTHERS = {"random": "acts by chance", YOU: "fly by hand"}  # who is no agent and follows no rule
 
 
 def agent_of(stage: Stage, hangar: Hangar) -> str | None:
@@ -46,14 +48,18 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
     name = agent_of(stage, hangar)
     if name is None:
         return {"agent": None}
-    flight = hangar.flight(stage, name)
-    agent = hangar.policy(name)
+    flight, agent, left = hangar.flight(stage, name), hangar.policy(name), stage.policies[0]
+    agents = [[each, title(each)] for each in hangar.known if each in shipped_agents()]
+    note = f"{title(left)} {OTHERS.get(left, 'follows a rule')}: choose an agent"
     values = agent.q_values(states_of(flight)).numpy().astype(float)
     values = np.where(np.isfinite(values) & (values > -1e6), values, np.nan)
     ordered = np.sort(np.where(np.isnan(values), -np.inf, values), axis=1)
     gaps = ordered[:, -1] - ordered[:, -2]
     return {
         "agent": title(name),
+        "note": "" if left == name else note,
+        "agents": agents if left == name else [["", "choose an agent"], *agents],
+        "chosen": name if left == name else "",
         "number": "score" if isinstance(agent.recipe, ImitationRecipe) else "Q-value",
         "actions": list(ACTIONS),
         "q": grid(values, 3),
@@ -64,24 +70,24 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
 
 
 def _because(hangar: Hangar, flight: Trajectory, values: np.ndarray, step: int) -> str:
-    """One sentence: what it does, what for, and how sure it is."""
-    action = int(flight.action[step])
-    left = int(flight.time_left[step])
-    home = int(hangar.environment.time_to_land[0, flight.uav_cell[step]])
-    device = goal(flight, step)
+    """One sentence: what it does, what for where its flight shows it, and how sure it is."""
+    action, left = int(flight.action[step]), int(flight.time_left[step])
+    home, after = hangar.environment.time_to_land[0, flight.uav_cell[step : step + 2]]
+    given = flight.data_left[step] - flight.data_left[step + 1 :]  # by each device, from here on
+    enough = np.flatnonzero((given >= ENOUGH).any(axis=1)) + 1
+    reason = ""
     if action == LAND:
-        units = flight.data_left[step].sum()
-        reason = "all data is collected" if units < 0.05 else "more data is not worth the time"
-    elif device is None:
-        after = int(hangar.environment.time_to_land[0, flight.uav_cell[step + 1]])
-        reason = f"{left - home} units of time are to spare"
-        if after < home:
-            reason = f"home is {home} units of time away and {left} are left"
-    elif action == HOVER:
-        reason = f"device {device} uploads well from here"
-    else:
-        amount = flight.data_left[step][device]
-        reason = f"this way it collects from device {device}, which has {amount:.1f} units left"
+        reason = ", because all data is collected" if flight.data_left[step].sum() < 0.05 else ""
+    elif len(enough) and not flight.intervened[step]:
+        steps, device = int(enough[0]), int(given[enough[0] - 1].argmax())
+        gives = f"gives {given[steps - 1][device]:.1f} units within {steps} steps"
+        if steps <= SOON:
+            gives = gives.replace("within 1 steps", "in this step")
+            reason = f", because device {device} {gives}"
+        elif action != HOVER:
+            reason = f", on the way to device {device}, which {gives}"
+    elif flight.landed and after < home:
+        reason = f", on the way home, which is {home} units of time away; {left} are left"
     order = np.argsort(-np.where(np.isnan(values[step]), -np.inf, values[step]))
     best, second = values[step][order[:2]]
     name = ACTIONS[action]
@@ -90,7 +96,7 @@ def _because(hangar: Hangar, flight: Trajectory, values: np.ndarray, step: int) 
     gap = best - second
     call = "a close call, only " if gap < CLOSE else ""
     more = f"{gap:.1f}" if gap >= 1 else f"{gap:.2f}"
-    return f"{name}, because {reason}; {call}{more} ahead of {ACTIONS[order[1]]}."
+    return f"{name}{reason}; {call}{more} ahead of {ACTIONS[order[1]]}."
 
 
 def layer(stage: Stage, hangar: Hangar, name: str, step: int) -> dict[str, Any] | None:

@@ -199,15 +199,16 @@ const TOOLS = {
       }
       const layers = ["none", ...SEEN, "value", "saliency"].map((name) => [name, name]);
       const close = panel.gaps[panel.closest].toFixed(2);
-      return `<p class="says-why" role="status"></p><h3>${term(panel.number, `${panel.number}s`)}: less than the
+      const note = panel.note && `<p><b>${explained(upper(panel.note))}.</b> Here flies the ${panel.agent}.</p>`;
+      return `${note}<p class="says-why" role="status"></p><h3>${term(panel.number, `${panel.number}s`)}: less than the
         best action</h3><div class="q"></div>
         <div class="row">${button("Closest call", { show: panel.closest })}
-        <small>step ${panel.closest}: a gap of ${close}</small></div>
+        <small>step ${panel.closest + 1}: a gap of ${close}</small></div>
         <div class="row">${chooser("layer", "layer", layers, stage_layer.name)}
         <label><input type="checkbox" data-set="centred" ${stage_layer.centred ? "checked" : ""}>
         centred, as it sees it</label></div><div class="layer-scale"></div>
         <p class="meaning"></p>
-        <div class="row">${choosePolicy(scene, 0, "who thinks")}</div>`;
+        <div class="row">${chooser("who thinks", "policy-0", panel.agents, panel.chosen)}</div>`;
     },
     over: () => '<g class="layer"></g>',
     moment(stage, { panel, film, state }, time) {
@@ -215,7 +216,7 @@ const TOOLS = {
       const step = Math.min(Math.floor(time + 1e-9), panel.q.length - 1);
       const [{ path, end }] = film.flights;
       const over = `It has ${end}. Below: what it thought before its last step.`;
-      stage.fill(".says-why", time >= path.length - 1 ? over : `Next: ${panel.says[step]}`);
+      stage.fill(".says-why", time >= path.length - 1 ? over : `Next, step ${step + 1}: ${panel.says[step]}`);
       const values = panel.q[step];
       const best = Math.max(...values.filter((each) => each !== null));
       const most = Math.max(0.5, ...values.map((each) => (each === null ? 0 : best - each)));
