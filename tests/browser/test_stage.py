@@ -364,11 +364,17 @@ def test_a_race_has_points_that_show_their_agents(page):
     dot = page.locator(".blue .dot").nth(1)
     about, box = dot.get_attribute("aria-label"), dot.bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] - 3)  # just above it
-    steps = re.search(r"after (\d+) steps", about)[1]
-    expect(page.locator(".flies")).to_contain_text(f"blue's agent after {int(steps):,} steps")
+    steps = re.search(r"after ([\d,]+) steps", about)[1]
+    expect(page.locator(".flies")).to_contain_text(f"blue's agent after {steps} steps")
     lines = page.locator(".curves > g").evaluate_all("all => all.map((e) => e.className.baseVal)")
-    assert lines == ["orange", "blue"]  # blue lies above
-    assert "48000 steps" in page.locator(".curves").text_content()  # the axis, from the beginning
+    assert lines == ["orange", "blue"]  # blue lies above, and its dots are smaller
+    radius = [page.locator(f".{colour} .dot").first.get_attribute("r") for colour in lines]
+    assert radius == ["5.5", "3.5"]
+    assert page.locator(".verdict").bounding_box()["y"] >= lowest(page, ".curves")
+    below = page.locator(".flies").bounding_box()["y"]
+    page.locator(".verdict").evaluate("each => (each.textContent = 'Blue has learned.')")
+    assert page.locator(".flies").bounding_box()["y"] == below  # its room is kept
+    assert "48,000 steps" in page.locator(".curves").text_content()  # the axis, from the beginning
     shoot(page, "train")
     page.set_viewport_size({"width": 820, "height": 1180})
     assert lowest(page, ".curves") <= 1180

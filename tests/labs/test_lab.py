@@ -296,13 +296,16 @@ def run_of(*shares):
 
 
 def test_a_race_says_where_they_learned_to_land_and_how_they_ended():
-    blue, orange = run_of(0, 0.1, 0.3, 0.92), run_of(0, 0.2, 0.1, 0.2)
-    assert (blue.kink, orange.kink, run_of().kink) == (3, None, None)
-    first = "Blue learns to land here, after 15,000 steps: 30 of 100 before, 92 of 100 now."
-    assert train.sentences([blue, orange], False) == [first]
+    blue, orange = run_of(0, 0.93, 0.3, 0.92), run_of(0, 0.9, 0, 0, 0)
+    assert (blue.kink, orange.kink, run_of().kink, run_of(1, 1).kink) == (3, None, None, None)
+    assert run_of(0.2, 0.5, 0.5).kink == 1 and train.sentences([run_of()], False) == []
+    first = "Blue learns to land here, after 15,000 steps: 30 of 100 before, 92 of 100 then."
+    never = "Orange has not learned to land for good."
+    assert train.sentences([blue, orange], False) == [first, never]
+    assert train.sentences([run_of(1, 0.5)], False) == ["Blue lands from the start."]
     said = train.sentences([blue, orange], True)
-    assert said[0] == first and "blue 92 of 100, with 92\N{NO-BREAK SPACE}% of the data" in said[1]
-    assert "orange 20 of 100, with 20" in said[1]
+    assert said[0] == first and "blue 92 of 100, with 92\N{NO-BREAK SPACE}% of the data" in said[2]
+    assert "orange 0 of 100, with 0" in said[2]
 
 
 @pytest.mark.parametrize("settings", [["none"], [], ["small", "small", "x"]])

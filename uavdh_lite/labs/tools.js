@@ -49,6 +49,7 @@ function chooser(label, name, pairs, chosen) {
 const percent = (share) => `${Math.round(100 * share)} %`;
 const units = (amount) => (amount >= 0.1 ? amount.toFixed(1) : amount.toPrecision(1));
 const signed = (value) => (value <= -0.05 ? "−" : "") + Math.abs(value).toFixed(1);
+const grouped = (number) => number.toLocaleString("en");
 const upper = (text) => text[0].toUpperCase() + text.slice(1);
 const choosePolicy = ({ state }, which, label) =>
   chooser(label, `policy-${which}`, state.known, state.policies[which]);
@@ -351,9 +352,8 @@ const TOOLS = {
         ${chooser("orange", "orange", [["", "nobody"], ...known], own[1])}</div>
         <p class="setting">${escaped(settings[own[0]][1])}${rival}</p><p>${where}</p>
         <div class="row">${go}${chooser("shown", "metric", shown, chosen.metric)}</div>
-        <p role="alert">${escaped(error ?? "")}</p>
-        <p class="verdict" role="status">${told.map(escaped).join("<br>")}</p>
         ${runs.length ? curves(scene.panel, chosen.metric) : ""}
+        <p class="verdict" role="status">${told.map(escaped).join("<br>")}</p><p role="alert">${escaped(error ?? "")}</p>
         <p>A point: 100 missions that it does not learn from.
         ${runs.length ? "Press near one to see its agent fly." : ""}</p>
         <p class="flies">This flight: ${explained(flight.name)}. ${flight.ending}</p>`;
@@ -408,7 +408,7 @@ function dataRange({ snr }) {
   return [Math.floor(low / 10) * 10, Math.ceil(high / 10) * 10];
 }
 
-// The curves of a race: points by steps, each a button; blue lies on a wider orange
+// The curves of a race: points by steps, each a button; full blue lies on a wider, open orange
 function curves({ runs, steps, point }, metric) {
   const [width, height, left, bottom] = [420, 195, 44, 26];
   const share = metric !== "return";
@@ -425,7 +425,7 @@ function curves({ runs, steps, point }, metric) {
     const here = kink === null ? "" : `<path class="kink" d="M${x(points[kink].steps)} 4V${height - bottom}"/>`;
     const d = points.map((each, n) => `${n ? "L" : "M"}${x(each.steps)} ${y(each[metric])}`).join("");
     const dot = (each, n) => {
-      const about = `${title}, after ${each.steps} steps: ${name(each[metric])}`;
+      const about = `${title}, after ${grouped(each.steps)} steps: ${name(each[metric])}`;
       const on = point?.[0] === k && point[1] === n;
       const ask = escaped(JSON.stringify({ kind: "point", run: k, point: n }));
       const [r, mark] = [3.5 + 2 * k, on ? "on" : ""];
@@ -436,6 +436,6 @@ function curves({ runs, steps, point }, metric) {
     return `<g class="${colour}">${here}<path class="curve" d="${d}"/>${points.map(dot).join("")}</g>`;
   };
   return `<svg class="curves" viewBox="0 0 ${width} ${height}" role="group" aria-label="curves">
-    ${ticks.join("")}<text x="${width - 12}" y="${height - 8}" text-anchor="end">${steps} steps</text>
+    ${ticks.join("")}<text x="${width - 12}" y="${height - 8}" text-anchor="end">${grouped(steps)} steps</text>
     <text x="${left}" y="${height - 8}">0</text>${runs.map(line).reverse().join("")}</svg>`;
 }

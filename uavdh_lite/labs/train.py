@@ -5,7 +5,6 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from itertools import pairwise
 from typing import Any
 
 from uavdh_lite.agent import Agent
@@ -23,13 +22,14 @@ LARGEST = 10  # cells on a side of a city in which half a minute is enough
 EPISODES = 100  # missions of a point
 TURN = 16  # steps of one run before the other has its turn
 EVERY = 1.0  # seconds between points
-JUMP = 0.25  # of the share that landed, from one point to the next; a smaller one may be luck
+FOR_GOOD = 0.5  # of the missions of a point and of all later ones: it has learned to land
 COLOURS = ("blue", "orange")  # of the runs
 METRICS = ("collected_and_landed", "collected", "landed", "return")
 SMALL = "Crashing costs 5 at first and 20 at the end, so that it dares to explore."
 NO_FEAR = "A crash costs nothing. Will it come home?"
 FEAR = "A crash costs 150 from the first step on. Will it dare to leave?"
 SAFE = "Actions after which the way home is too long are not allowed: it need not learn to land."
+NOT_YET = "has not learned to land for good"
 SETTINGS: dict[str, tuple[str, str, dict[str, Any]]] = {  # title, what it is, changes of the recipe
     "small": ("as it is", SMALL, {}),
     "no fear": ("no fear of crashing", NO_FEAR, {"crash_reward": 0.0, "crash_reward_end": None}),
@@ -61,9 +61,9 @@ class Run:
 
     @property
     def kink(self) -> int | None:
-        """The point at which it learned to land: after the largest jump of `landed`, if any."""
-        jumps = [now["landed"] - before["landed"] for before, now in pairwise(self.points)]
-        return jumps.index(max(jumps)) + 1 if max(jumps, default=0) >= JUMP else None
+        """The point at which it learned to land: from there to the last one, half or more land."""
+        fails = [k for k, point in enumerate(self.points) if point["landed"] < FOR_GOOD]
+        return fails[-1] + 1 if fails and fails[-1] + 1 < len(self.points) else None
 
 
 class Race:
@@ -151,7 +151,12 @@ def sentences(runs: list[Run], finished: bool) -> list[str]:
         if run.kink is not None:
             before, now = landed[run.kink - 1 : run.kink + 1]
             steps = f"{run.points[run.kink]['steps']:,} steps"
-            told.append(f"{colour} learns to land here, after {steps}: {before} before, {now} now.")
+            told.append(
+                f"{colour} learns to land here, after {steps}: {before} before, {now} then."
+            )
+        elif run.points:
+            ever = run.points[-1]["landed"] >= FOR_GOOD
+            told.append(f"{colour} {'lands from the start' if ever else NOT_YET}.")
         if finished:
             home = f"{100 * run.points[-1]['collected_and_landed']:.0f}\N{NO-BREAK SPACE}%"
             ends.append(f"{colour} {landed[-1]}, with {home} of the data")
@@ -163,20 +168,12 @@ def scene(race: Race | None, point: tuple[int, int] | None) -> dict[str, Any]:
     """The settings, the curves so far, and the point whose agent flies."""
     about = {name: [title, text] for name, (title, text, _) in SETTINGS.items()}
     shown = {"settings": about, "largest": LARGEST, "runs": []}
-    return (
-        shown
-        if race is None
-        else shown
-        | {
-            "runs": [
-                {"title": SETTINGS[run.setting][0], "points": run.points[:], "kink": run.kink}
-                for run in race.runs
-            ],
-            "sentences": sentences(race.runs, race.finished),
-            "steps": race.steps,
-            "running": race.running,
-            "finished": race.finished,
-            "error": race.error,
-            "point": point,
-        }
-    )
+    if race is None:
+        return shown
+    runs = [  # the kink first: the thread may add a point meanwhile
+        {"kink": run.kink, "title": SETTINGS[run.setting][0], "points": run.points[:]}
+        for run in race.runs
+    ]
+    told = {name: getattr(race, name) for name in ("steps", "running", "finished", "error")}
+    said = sentences(race.runs, race.finished)
+    return shown | told | {"runs": runs, "sentences": said, "point": point}
