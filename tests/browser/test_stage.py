@@ -4,6 +4,7 @@ import json
 import os
 import re
 import shutil
+import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -143,11 +144,14 @@ def test_it_begins_with_a_story_that_ends_where_one_begins_oneself(browser, serv
     with visiting(browser, server) as page:
         caption = page.locator(".caption")
         expect(caption).to_contain_text("Two drones, one mission")
+        assert len(caption.locator("p").inner_text().split()) <= 16
+        begun = time.monotonic()
         expect(caption).to_contain_text("Here they part")
+        assert time.monotonic() - begun > 6
         part = shown_step(page)
         expect(page.locator("h2").first).to_be_hidden()  # the verdict
-        expect(caption).to_contain_text("your turn")
-        assert part < shown_step(page)
+        expect(caption).to_contain_text(re.compile("wins: .* your turn"))
+        assert part < shown_step(page) and time.monotonic() - begun > 12
         press(page, "Your turn")
         expect(caption).to_be_hidden()
         expect(page.locator("h2").first).to_contain_text("wins")
@@ -199,8 +203,14 @@ def test_a_device_is_dragged_and_undo_brings_it_back(page):
 
 def test_a_refusal_says_why_and_a_number_that_cannot_be_is_put_back(page):
     before = cell_of(page, 0)
-    drag(page, before, [0, 0])
-    expect(page.locator(".refusal")).to_contain_text(re.compile("Not done: .* stands"))
+    for goes in (lambda: page.wait_for_timeout(8500), lambda: press(page, "undo")):
+        drag(page, before, [0, 0])
+        expect(page.locator(".refusal")).to_contain_text(re.compile("Not done: .* stands"))
+        page.wait_for_timeout(1000)
+        expect(page.locator(".refusal")).not_to_be_empty()
+        goes()
+        expect(page.locator(".refusal")).to_be_empty(timeout=4000)
+        before = cell_of(page, 0)
     press(page, "More")
     time_field = page.get_by_label("flying time")
     given = time_field.input_value()
@@ -218,16 +228,26 @@ def test_keys_move_a_device_and_delete_removes_it(page):
     press(page, "More")
     if page.locator(".drawer tr").count() == 2:
         page.locator(".drawer button", has_text="remove").last.click()
-    press(page, "Add a device")
-    press(page, "More")
+    add = page.get_by_role("button", name="Add a device")
+    add.click()
+    expect(add).to_have_attribute("aria-pressed", "true")
+    expect(page.locator(".drawer")).to_contain_text("Press a free cell on the map.")
     page.mouse.click(*place(page, 7, 7))
+    expect(page.locator(".drawer")).to_contain_text("at most 2 devices here")
+    expect(add).to_be_disabled()
+    press(page, "More")
     expect(page.locator(".map").first.locator("g.device")).to_have_count(2)
     device = page.locator(".map g[data-device='1']").first
-    key, goal = "ArrowLeft", [7, 6]
+    page.locator(".side .bar[data-device='0']").first.click()
+    drag(page, [7, 7], [6, 7])
+    expect(device).to_have_attribute("aria-label", re.compile("row 6, column 7;"))
+    assert page.evaluate("document.activeElement.closest('svg')") is None  # no ring on the map
+    key, goal = "ArrowLeft", [6, 6]
     device.focus()
     page.keyboard.press(key)
     expect(device).to_have_attribute("aria-label", re.compile(rf"row {goal[0]}, column {goal[1]};"))
     device.focus()
+    assert device.evaluate("each => getComputedStyle(each).outlineStyle") == "none"
     page.keyboard.press("Delete")
     expect(page.locator(".map").first.locator("g.device")).to_have_count(1)
 
@@ -343,9 +363,12 @@ def test_a_flight_by_keys_and_buttons_ends_with_a_card_and_a_rank(page):
     open_tool(page, "Fly")
     press(page, "Again")
     expect(page.locator(".controls output")).to_have_text("0 of 0")
-    page.keyboard.press(" ")  # Again has the focus: it begins once more
-    page.keyboard.press("ArrowUp")  # steers, whatever has the focus
-    expect(page.locator(".controls output")).to_have_text("1 of 1")
+    pad = page.locator(".pad").bounding_box()
+    for key, count in ((" ", 1), ("ArrowLeft", 2)):  # steer, though Again was pressed
+        page.keyboard.press(key)
+        expect(page.locator(".controls output")).to_have_text(f"{count} of {count}")
+    expect(page.locator(".no")).to_contain_text("Refused: west")
+    assert page.locator(".pad").bounding_box()["y"] == pad["y"]  # it does not jump
     press(page, "Again")
     press(page, "land")
     expect(page.locator(".card")).to_contain_text("You landed with 0.0 units")
@@ -465,6 +488,9 @@ def test_full_screen_is_the_same_page_with_larger_letters(page):
     page.wait_for_function("document.fullscreenElement")
     after = page.locator("h2").first.evaluate("each => getComputedStyle(each).fontSize")
     assert float(after[:-2]) > float(before[:-2])
+    narrow = """each => { each.style.width = "max-content"; const wide = each.offsetWidth;
+        each.style.width = ""; return each.offsetWidth - wide; }"""
+    assert page.locator("[data-set='city']").evaluate(narrow) >= 0  # no name is cut
     expect(page.locator(".more")).to_be_hidden()
     press(page, "full screen")
     page.wait_for_function("!document.fullscreenElement")

@@ -35,12 +35,13 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
     names = [title(policy) for policy in stage.policies]
     part = parting(*flights)
     results = [numbers(flight) for flight in flights]
+    told = verdict(names, results)
     return {
         "parting": part,
-        "verdict": verdict(names, results),
+        "verdict": told,
         "why": " ".join(_why(names, flights, part)),
         "results": [{"name": n, **r} for n, r in zip(names, results, strict=True)],
-        "story": _story(names, flights, part),
+        "story": _story(names, flights, part, told),
     }
 
 
@@ -96,14 +97,13 @@ def _towards(flight: Trajectory, step: int) -> str:
     return " and goes home" if home else ""
 
 
-def _story(names: list[str], flights: list[Trajectory], part: int | None) -> list:
+def _story(names: list[str], flights: list[Trajectory], part: int | None, told: str) -> list:
     """Three captions and the steps at which they are shown."""
     last = max(len(flight.action) for flight in flights)
     return [
-        [0, "Two drones, one mission: collect the devices' data by radio, and land in blue in "
-         "time. A line is an upload; violet cells lie in a building's shadow."],
+        [0, "Two drones, one mission: collect the devices' data, and land in blue in time."],
         [part or 0, f"Here they part. {_why(names, flights, part)[0]}"],
-        [last, "Now it is your turn: drag a device, find another duel, or fly yourself."],
+        [last, f"{told} Now it is your turn: drag a device, or fly yourself."],
     ]  # fmt: skip
 
 

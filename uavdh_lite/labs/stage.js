@@ -36,6 +36,7 @@ function render({ model, el }) {
   let story = null; // the captions that are still to come
   let hovered = null; // the cell under the pointer
   let [drag, remembering] = [null, null];
+  let [answered, quiet, refusing] = [0, false, null]; // quiet: what was asked is no action of the reader
   el.innerHTML = page(scene.tools);
   if (scene.tools.length === 1) find("[role=tablist]").hidden = true;
   new ResizeObserver(() => {
@@ -47,8 +48,14 @@ function render({ model, el }) {
   const ask = (told) => {
     if (told.show !== undefined) return clock.show(told.show);
     if (told.kind === "tool") clock.show(clock.now.time); // pauses, so that the step is kept
-    waiting = true;
+    [waiting, quiet] = [true, ["show", "layer", "shadow"].includes(told.kind)];
     model.send(told);
+  };
+  // A refusal stays until the answer to the next action, or 8 seconds
+  const refuse = (text, wait = 8000) => {
+    clearTimeout(refusing);
+    find(".refusal").textContent = text;
+    refusing = setTimeout(() => (find(".refusal").textContent = ""), wait);
   };
   const stage = {
     find,
@@ -114,7 +121,6 @@ function render({ model, el }) {
     find("[data-set=city]").innerHTML = options(cities, state.city);
     find(".undo").disabled = !state.undo;
     find(".redo").disabled = !state.redo;
-    find(".refusal").textContent = scene.refused && `Not done: ${scene.refused}.`;
     paintDrawer();
     clearTimeout(remembering); // a new address costs more than a new picture: it comes after it
     if (!scene.fresh && OWN) remembering = setTimeout(remember);
@@ -153,13 +159,16 @@ function render({ model, el }) {
     const [name, value] = Object.entries(named).find(([, each]) => each !== undefined) ?? [];
     return () => {
       if (!name || el.contains(document.activeElement)) return;
-      const inMap = focused.closest("svg") ? "svg " : "";
-      find(`${inMap}[data-${name}="${CSS.escape(value)}"]`)?.focus({ preventScroll: true });
+      const where = focused.closest("svg") ? "svg " : device ? ".side " : "";
+      find(`${where}[data-${name}="${CSS.escape(value)}"]`)?.focus({ preventScroll: true });
     };
   }
 
   function paintDrawer() {
     const { state } = scene;
+    const full = state.devices.length >= state.most;
+    const adding = el.classList.contains("adding") && !full;
+    const hint = full ? `at most ${state.most} devices here` : adding ? "Press a free cell on the map." : "";
     const field = (name, label, value) =>
       `<label>${label} <input type="number" data-field="${name}" value="${value}" step="any">
       </label>`;
@@ -174,7 +183,8 @@ function render({ model, el }) {
         ${field("fading", "fading number", state.seed)}
         ${field("row -1", "start: row", state.start[0])}
         ${field("col -1", "column", state.start[1])}</div>
-      <div class="row"><button type="button" class="place">Add a device</button>
+      <div class="row"><button type="button" data-set="place" aria-pressed="${adding}"
+        ${full ? "disabled" : ""}>Add a device</button><span role="status">${hint}</span>
         ${button("Save", { kind: "save", what: "stage" })}
         ${button("Save the mission alone", { kind: "save", what: "mission" })}
         <label class="file">Open <input type="file" accept=".json,.png"></label></div>
@@ -200,18 +210,20 @@ function render({ model, el }) {
 
   function tellStory(time, playing) {
     if (!story) return;
-    const [step, text] = story.filter(([from]) => from <= time).at(-1);
+    const [, text] = story.filter(([from]) => from <= time).at(-1);
     const caption = find(".caption");
     const end = time >= clock.now.last;
     if (end) el.classList.remove("telling");
+    caption.hidden = false;
     if (caption.dataset.text !== text) {
       caption.dataset.text = text;
       const more = end ? "Your turn" : "Skip the story";
       caption.innerHTML = `<p>${escaped(text)}</p><button type="button" class="skip">${more}</button>`;
-      if (step > 0 && !end && playing) setTimeout(() => story && clock.show(time, true), 4500);
-      if (step > 0 && !end && playing) setTimeout(() => clock.show(time, false), 0);
+      if (end || !playing) return;
+      const go = () => story && caption.dataset.text === text && clock.show(clock.now.time, true);
+      setTimeout(() => clock.show(time, false));
+      setTimeout(go, Math.max(6500, 70 * text.length)); // time to read it
     }
-    caption.hidden = false;
   }
 
   function endStory() {
@@ -309,8 +321,9 @@ function render({ model, el }) {
     const { ask: asked, tool, sign, busy } = target.dataset;
     if (!target.matches(".skip, .play, .forward, .back")) endStory();
     if (asked) {
-      if (busy) find(".refusal").textContent = busy;
+      if (busy) refuse(busy, 600_000);
       ask(JSON.parse(asked));
+      if (scene.state.tool === "fly" && event.detail) find("#panel").focus({ preventScroll: true });
     } else if (tool) {
       ask({ kind: "tool", tool });
       if (tool === "fly") find("#panel").focus({ preventScroll: true }); // its arrow keys steer
@@ -332,7 +345,10 @@ function render({ model, el }) {
     } else if (target.matches(".full")) {
       if (document.fullscreenElement) document.exitFullscreen();
       else el.requestFullscreen();
-    } else if (target.matches(".place")) el.classList.add("adding");
+    } else if (target.dataset.set === "place") {
+      el.classList.toggle("adding");
+      paint();
+    }
   });
 
   async function copyLink(target) {
@@ -351,8 +367,7 @@ function render({ model, el }) {
     else if (set?.startsWith("policy-")) ask({ kind: "policy", which: Number(set.at(-1)), name: value });
     else if (set === "layer") [stage_layer.name, scene.panel.layer] = [value, null];
     else if (set === "centred") stage_layer.centred = target.checked;
-    else if (set === "blue") chosen.train[0] = value;
-    else if (set === "orange") chosen.train[1] = value;
+    else if (set === "blue" || set === "orange") chosen.train[set === "blue" ? 0 : 1] = value;
     else if (set === "metric") chosen.metric = value;
     if (["layer", "centred", "blue", "orange", "metric"].includes(set)) paint();
     if (field) changeField(field, target.valueAsNumber);
@@ -374,7 +389,7 @@ function render({ model, el }) {
   }
 
   async function openFile(file) {
-    if (file.size > 1_000_000) return void (find(".refusal").textContent = "Not done: too large.");
+    if (file.size > 1_000_000) return refuse("Not done: too large.");
     if (!file.name.endsWith(".png")) return ask({ kind: "open", text: await file.text() });
     const bytes = new Uint8Array(await file.arrayBuffer());
     ask({ kind: "open", picture: btoa(String.fromCharCode(...bytes)) });
@@ -392,6 +407,7 @@ function render({ model, el }) {
     let told = null;
     if (event.key === "Escape") {
       el.classList.remove("adding");
+      paint();
       endStory();
     } else if (tab && side) {
       const { tools } = scene;
@@ -420,13 +436,14 @@ function render({ model, el }) {
   model.on("change:scene", () => {
     scene = model.get("scene");
     waiting = false;
+    const fresh = scene.answered !== answered && (!quiet || scene.refused);
+    if (fresh) refuse(scene.refused && `Not done: ${scene.refused}.`);
+    answered = scene.answered;
     if (drag && brush.cells) return;
     paint();
-    if (next) {
-      const told = next;
-      next = null;
-      stage.askWhenFree(told);
-    }
+    const told = next;
+    next = null;
+    if (told) stage.askWhenFree(told);
   });
   model.on("msg:custom", ({ kind, name, type }, buffers) => {
     if (kind !== "file") return;

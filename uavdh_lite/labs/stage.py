@@ -132,6 +132,7 @@ class Lab(anywidget.AnyWidget):
             "cities": cities if mission.city.name in cities else [mission.city.name, *cities],
             "start": list(mission.start),
             "devices": [{"cell": list(cell), "data": data} for cell, data in pairs],
+            "most": mission.max_devices,
             "flying_time": mission.flying_time,
             "seed": mission.seed,
             "policies": list(stage.policies),

@@ -119,7 +119,7 @@ const TOOLS = {
       const { you, ghost, ranking, rival_name: rival } = scene.panel;
       const refused = scene.film.flights[0].refused.at(-1);
       const why = refused === "land" ? "you can only land in blue" : "no-fly, a building or the edge";
-      const no = refused && `<p role="status"><b>Refused: ${refused}</b>, ${why}. One unit of time is gone.</p>`;
+      const no = refused ? `<b>Refused: ${refused}</b>, ${why}. One unit of time is gone.` : "";
       const key = (action, sign) =>
         button(sign, { kind: "fly", action }, `class="${action}" aria-label="${action}"`);
       const pad = `<div class="pad">${key("north", "↑")}${key("west", "←")}${key("hover", "hover")}
@@ -134,7 +134,7 @@ const TOOLS = {
         : "";
       const head = you.ended ? this.card(you, ghost, rival) : this.help(you, rival);
       const known = scene.state.known.filter(([name]) => name !== "you");
-      return `${head}${no || ""}${pad}<div class="row">${button("Again", { kind: "again" })}
+      return `${head}<p class="no" role="status">${no}</p>${pad}<div class="row">${button("Again", { kind: "again" })}
         ${chooser("ghost", "policy-1", known, scene.panel.rival)}</div>${table}`;
     },
     help: (you, rival) =>
@@ -192,8 +192,7 @@ const TOOLS = {
 
   think: {
     title: "Think",
-    html(scene) {
-      const { panel } = scene;
+    html({ panel }) {
       if (panel.agent === null) {
         return `<h2>No agent knows this city</h2><p>Choose another city, or paint one of at most 16
           by 16 cells: the ${term("agent")} for any city flies there.</p>`;
@@ -253,8 +252,7 @@ const TOOLS = {
       if (centred) group.innerHTML += outside(film.city.length, name);
       if (!["value", "saliency"].includes(name)) stage.fill(".layer-scale", "");
       const asked = panel.layer?.name === name && panel.layer.step === step;
-      const needed = ["value", "saliency"].includes(name) && !asked;
-      if (needed && here) stage.askWhenFree({ kind: "layer", name, step });
+      if (["value", "saliency"].includes(name) && !asked && here) stage.askWhenFree({ kind: "layer", name, step });
       stage.fill(".meaning", MEANINGS[name] ?? (centred ? CENTRED : ""));
     },
   },
