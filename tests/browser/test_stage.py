@@ -491,6 +491,11 @@ def test_full_screen_is_the_same_page_with_larger_letters(page):
     narrow = """each => { each.style.width = "max-content"; const wide = each.offsetWidth;
         each.style.width = ""; return each.offsetWidth - wide; }"""
     assert page.locator("[data-set='city']").evaluate(narrow) >= 0  # no name is cut
+    city = page.locator(".actions").bounding_box()
+    assert (
+        page.get_by_label("speed").evaluate("each => each.getBoundingClientRect().right")
+        <= city["x"]
+    )
     expect(page.locator(".more")).to_be_hidden()
     press(page, "full screen")
     page.wait_for_function("!document.fullscreenElement")
