@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from uavdh_lite.channel import rate
-from uavdh_lite.city import City
-from uavdh_lite.environment import EAST, HOVER, NORTH
+from uavdh_lite.environment import EAST, HOVER
 from uavdh_lite.labs import Lab, train
 from uavdh_lite.labs.compare import parting
 from uavdh_lite.labs.state import read_link
@@ -58,10 +57,7 @@ def test_the_mission_stays_from_tool_to_tool_and_the_film_is_that_of_the_policy(
     paths = [each["path"] for each in lab.scene["film"]["flights"]]
     size = mission.city.size
     assert paths == [[divmod(int(cell), size) for cell in f.uav_cell] for f in (first, second)]
-
-
-def test_the_film_has_a_new_version_only_if_it_is_another(lab):
-    version = lab.scene["version"]
+    version = lab.scene["version"]  # a new one only for another film
     tell(lab, "show", step=2)
     assert lab.scene["version"] == version
     tell(lab, "time", value=lab.stage.mission.flying_time + 1)
@@ -198,7 +194,6 @@ def test_a_flight_by_hand_is_the_mission_flown_so(lab):
     assert you["end"] == "in the air" and len(you["path"]) == 3 and ghost["name"] == "greedy"
     panel = tell(lab, "fly", action="north")
     assert panel["ranking"] == [] and panel["you"]["steps"] == 3
-    assert NORTH == 0
 
 
 def test_the_ranking_keeps_flights_that_ended_the_best_first(lab):
@@ -315,13 +310,9 @@ def test_a_race_of_unknown_settings_is_refused(settings):
     assert "choose one or two" in lab.scene["refused"]
 
 
-def test_equal_settings_race_with_other_seeds():
-    race = train.Race(City.load("village"), ["small"] * 2, lambda: None)
-    assert [run.trainer.seed for run in race.runs] == [0, 1]
-
-
-def test_a_race_over_a_large_city_moves_to_the_village(monkeypatch):
+def test_a_race_over_a_large_city_moves_to_the_village_and_equal_runs_have_other_seeds(monkeypatch):
     monkeypatch.setattr(train.Race, "go_on", lambda self: None)
     lab = Lab(tool="train", city="manhattan")
-    tell(lab, "train", settings=["small"])
+    tell(lab, "train", settings=["small", "small"])
     assert lab.stage.mission.city.name == "village"
+    assert [run.trainer.seed for run in lab._race.runs] == [0, 1]
