@@ -105,6 +105,7 @@ def load_agent(path: str | Path) -> Agent:
         observation = recipe.observation_for(recipe.environment_for(cities), about["size"])
         with torch.device("meta"):  # without weights: they are in the file
             network = recipe.network_for(observation)
+        # Some files hold half-precision weights, to be small
         weights = {k.removeprefix("network."): v.float() for k, v in tensors.items()}
         network.load_state_dict(weights, assign=True)
     except (ValueError, LookupError, RuntimeError, TypeError) as error:

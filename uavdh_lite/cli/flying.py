@@ -17,11 +17,11 @@ from uavdh_lite.experiments import comparison
 from uavdh_lite.experiments.report import METRICS, policies_table
 from uavdh_lite.paper import RESULTS
 from uavdh_lite.player import play
-from uavdh_lite.policies import find_policy, policies_for
+from uavdh_lite.policies import find_policy, known_policies, policies_for
 from uavdh_lite.provenance import provenance
 from uavdh_lite.storage import write_json
 
-FLOWN = {  # in `demo`, where there is such a policy for the city
+FLOWN = {  # in `demo`, where there is such a policy: its name, from that of the city
     "beyond it: copies a planner": "{}",
     "the paper's method: DDQN": "{}_ddqn",
     "DDQN, the paper's constants": "{}_paper",
@@ -66,8 +66,8 @@ def demo(
             label: evaluation.evaluate(
                 environment, find_policy(policy, environment), agent.scenario, episodes, seed
             )
-            for label, policy in ((label, known.format(name)) for label, known in FLOWN.items())
-            if policy in policies_for(environment)
+            for label, pattern in FLOWN.items()
+            if (policy := pattern.format(name)) in known_policies()
         }
         metrics = {label: flights.metrics() for label, flights in flown.items()}
         print(f"{name}: {episodes} random missions, seed {seed}")
@@ -79,9 +79,9 @@ def demo(
     plotting.add_legend(figure, devices=5)
     plotting.save_figure(figure, out)
     print(f"The first flights over each map are drawn in {out}.")
-    paper = load_agent("manhattan_paper")
-    done, all_steps = paper.training["steps"], paper.recipe.steps
-    print(f"The agent with the paper's constants comes from step {done:,} of {all_steps:,}.")
+    agent = load_agent("manhattan_paper")
+    done, planned = agent.training["steps"], agent.recipe.steps
+    print(f"The agent with the paper's constants comes from step {done:,} of {planned:,}.")
     print("The paper's maps were never published. Ours are redrawn from its text, so the agents")
     print("solve the same task, but in other streets.")
 

@@ -7,7 +7,6 @@ from functools import cache
 from pathlib import Path
 
 from uavdh_lite.errors import InputError, extra
-from uavdh_lite.labs.widgets import status
 from uavdh_lite.plotting import RED
 
 with extra("notebooks"):
@@ -67,7 +66,9 @@ class Quiz(ipywidgets.VBox):
     def _explain(self, change) -> None:
         choice = change["new"]
         word, colour = ("Right.", RIGHT) if choice.right else ("No.", RED)
-        self.answer.value = status(f"{word} {choice.why}", colour)
+        style = f"color:color-mix(in srgb, {colour} 65%, currentColor)"  # for dark pages, too
+        said = html.escape(f"{word} {choice.why}")
+        self.answer.value = f'<span role="status" style="{style}">{said}</span>'
 
     def _repr_mimebundle_(self, **options) -> dict:
         bundle = super()._repr_mimebundle_(**options)
@@ -80,8 +81,7 @@ class Quiz(ipywidgets.VBox):
             f"<li>{'<b>Right.</b>' if c.right else 'No.'} {html.escape(c.why)}</li>"
             for c in self.question.choices
         )
-        kind = 'type="a"'
         return (
-            f"<p><b>{html.escape(self.question.text)}</b></p><ol {kind}>{choices}</ol>"
-            f"<details><summary>Answer</summary><ol {kind}>{answers}</ol></details>"
+            f'<p><b>{html.escape(self.question.text)}</b></p><ol type="a">{choices}</ol>'
+            f'<details><summary>Answer</summary><ol type="a">{answers}</ol></details>'
         )

@@ -1,6 +1,6 @@
 """The labs: one stage with one mission, and six tools to look at it.
 
-`Lab` is imported when it is first asked for, so `uavdh_lite.labs.widgets` needs little.
+`Lab` is imported when it is first asked for, so the server of the page starts without it.
 """
 
 __all__ = ["Lab"]

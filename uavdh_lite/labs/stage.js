@@ -87,8 +87,10 @@ function render({ model, el }) {
 
   // The address and the saved file know the step, too
   let keeping = null;
-  window.addEventListener("beforeunload", () => clearTimeout(keeping)); // the session ends first
-  window.addEventListener("beforeunload", () => remembering && remember());
+  window.addEventListener("beforeunload", () => {
+    clearTimeout(keeping); // the session ends first
+    if (remembering) remember();
+  });
   function keepStep(time) {
     clearTimeout(keeping);
     const step = time === clock.now.last ? -1 : Math.floor(time);
@@ -367,7 +369,8 @@ function render({ model, el }) {
     else if (set?.startsWith("policy-")) ask({ kind: "policy", which: Number(set.at(-1)), name: value });
     else if (set === "layer") [stage_layer.name, scene.panel.layer] = [value, null];
     else if (set === "centred") stage_layer.centred = target.checked;
-    else if (set === "blue" || set === "orange") chosen.train[set === "blue" ? 0 : 1] = value;
+    else if (set === "blue") chosen.train[0] = value;
+    else if (set === "orange") chosen.train[1] = value;
     else if (set === "metric") chosen.metric = value;
     if (["layer", "centred", "blue", "orange", "metric"].includes(set)) paint();
     if (field) changeField(field, target.valueAsNumber);
@@ -455,10 +458,12 @@ function render({ model, el }) {
   });
 
   const linked = () => OWN && location.hash.split(LINK)[1];
-  const openLink = () => linked() && linked() !== scene.state.link && !ask({ kind: "open", link: linked() });
+  const another = () => linked() && linked() !== scene.state.link;
+  const openLink = () => another() && ask({ kind: "open", link: linked() });
   window.addEventListener("hashchange", openLink);
-  if (openLink()) find(".stages").textContent = "Opening your mission …";
+  if (another()) find(".stages").textContent = "Opening your mission …";
   else paint();
+  openLink();
   if (OWN && !linked()) beginStory();
   return () => {
     window.removeEventListener("hashchange", openLink);

@@ -91,9 +91,12 @@ class Stage:
         return {
             "format": FORMAT,
             "version": VERSION,
+            "tool": self.tool,
             "mission": as_json(self.mission),
             "policies": list(self.policies),
-            **{name: getattr(self, name) for name in ("tool", "flown", "step", "device")},
+            "flown": self.flown,
+            "step": self.step,
+            "device": self.device,
         }
 
     @property

@@ -80,9 +80,9 @@ def _because(hangar: Hangar, flight: Trajectory, values: np.ndarray, step: int) 
         reason = ", because all data is collected" if flight.data_left[step].sum() < 0.05 else ""
     elif len(enough) and not flight.intervened[step]:
         steps, device = int(enough[0]), int(given[enough[0] - 1].argmax())
-        gives = f"gives {given[steps - 1][device]:.1f} units within {steps} steps"
+        when = "in this step" if steps == 1 else f"within {steps} steps"
+        gives = f"gives {given[steps - 1][device]:.1f} units {when}"
         if steps <= SOON:
-            gives = gives.replace("within 1 steps", "in this step")
             reason = f", because device {device} {gives}"
         elif action != HOVER:
             reason = f", on the way to device {device}, which {gives}"

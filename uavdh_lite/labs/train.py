@@ -167,13 +167,19 @@ def sentences(runs: list[Run], finished: bool) -> list[str]:
 def scene(race: Race | None, point: tuple[int, int] | None) -> dict[str, Any]:
     """The settings, the curves so far, and the point whose agent flies."""
     about = {name: [title, text] for name, (title, text, _) in SETTINGS.items()}
-    shown = {"settings": about, "largest": LARGEST, "runs": []}
+    shown = {"settings": about, "largest": LARGEST}
     if race is None:
-        return shown
-    runs = [  # the kink first: the thread may add a point meanwhile
-        {"kink": run.kink, "title": SETTINGS[run.setting][0], "points": run.points[:]}
-        for run in race.runs
-    ]
-    told = {name: getattr(race, name) for name in ("steps", "running", "finished", "error")}
-    said = sentences(race.runs, race.finished)
-    return shown | told | {"runs": runs, "sentences": said, "point": point}
+        return {**shown, "runs": [], "running": False}
+    return {
+        **shown,
+        "runs": [  # the kink first: the thread may add a point meanwhile
+            {"kink": run.kink, "title": SETTINGS[run.setting][0], "points": run.points[:]}
+            for run in race.runs
+        ],
+        "sentences": sentences(race.runs, race.finished),
+        "steps": race.steps,
+        "running": race.running,
+        "finished": race.finished,
+        "error": race.error,
+        "point": point,
+    }
