@@ -135,6 +135,7 @@ def test_what_is_not_written_or_interrupted():
         rate: "Exercise 1.1 is not written yet",
         endless: r"Interrupted, in line \d+, `raise KeyboardInterrupt`",
         1.5: "without brackets",
+        Exercise: "without brackets",
     }.items():
         with pytest.raises(checks.CheckFailed, match=told):
             checks.rate_from_snr(answer)

@@ -79,7 +79,7 @@ class Exercise:
         """What is to be said of an answer; "" if it is right."""
         if answer is None or answer is ...:
             return f"Exercise {self.number} has no answer yet."
-        if not isinstance(answer, self.takes):
+        if not isinstance(answer, self.takes) or isinstance(answer, type) != (self.takes is type):
             kind = "function, without brackets" if self.takes is Callable else self.takes.__name__
             return f"Hand over a {kind}. You handed over {show(answer)}."
         try:
