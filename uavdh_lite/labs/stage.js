@@ -308,9 +308,10 @@ function render({ model, el }) {
     fresh.setAttribute("d", squares);
   }
 
-  // Where the pointer presses curves, their nearest point is meant
+  // Where the pointer presses curves beside their points, the nearest point is meant
   const pressed = ({ target, detail, clientX, clientY }) => {
-    const dots = detail ? [...(target.closest(".curves")?.querySelectorAll(".dot") ?? [])] : [];
+    if (!detail || target.matches(".dot")) return target;
+    const dots = [...(target.closest(".curves")?.querySelectorAll(".dot") ?? [])];
     const far = (dot) => {
       const { x, y, width } = dot.getBoundingClientRect();
       return Math.hypot(x + width / 2 - clientX, y + width / 2 - clientY);
