@@ -177,8 +177,11 @@ def lowest(page, selector):
 
 
 def test_a_device_is_dragged_and_undo_brings_it_back(page):
+    open_tool(page, "Channel")
     before, goal = cell_of(page, 0), free_cell(page)
     drag(page, before, goal)
+    there = f"Row {goal[0]}, column {goal[1]}"  # the cell under the pointer, which has not moved
+    expect(page.locator(".sentence")).to_contain_text(there)
     device = page.locator(".map g[data-device='0']").first
     expect(device).to_have_attribute("aria-label", re.compile(rf"row {goal[0]}, column {goal[1]};"))
     for _ in range(8):  # each cell on the way is a step back, unless they came fast
@@ -349,10 +352,10 @@ def test_a_flight_by_keys_and_buttons_ends_with_a_card_and_a_rank(page):
     for key, count in ((" ", 1), ("ArrowLeft", 2)):  # steer, though Again was pressed
         page.keyboard.press(key)
         expect(page.locator(".controls output")).to_have_text(f"{count} of {count}")
-    expect(page.locator(".no")).to_contain_text("Refused: west")
+    expect(page.locator(".no")).to_contain_text("Refused: west, the edge of the city")
     assert page.locator(".pad").bounding_box()["y"] == pad["y"]  # it does not jump
     press(page, "Again")
-    press(page, "land")
+    page.keyboard.press("L")
     expect(page.locator(".card")).to_contain_text("You landed with 0.0 units")
     expect(page.locator(".ranking tr")).to_have_count(2)
     press(page, "hover")

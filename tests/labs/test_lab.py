@@ -10,9 +10,10 @@ import pytest
 from uavdh_lite.channel import rate
 from uavdh_lite.environment import EAST, HOVER
 from uavdh_lite.labs import Lab, train
-from uavdh_lite.labs.compare import parting
+from uavdh_lite.labs.compare import parting, verdict
 from uavdh_lite.labs.state import read_link
 
+FEWER = [(8.0, 12.0, 20), (9.5, 11.5, 10)]  # return, collected, steps
 PATIENCE = 120  # seconds; only a training that never comes takes so long
 
 
@@ -84,6 +85,15 @@ def test_a_duel_is_what_was_asked_for_as_it_is_shown(wanted):
     assert abs(ahead) < 0.5 if wanted == 0 else wanted * ahead > 2
     winner = {1: "agent wins", -1: "Greedy wins", 0: "level"}[wanted]
     assert winner in panel["verdict"] and panel["parting"] is not None
+
+
+def test_who_wins_with_less_data_wins_by_the_return():
+    both = {"landed": True, "ended": True}
+    result = [
+        both | dict(zip(("return", "collected", "steps"), each, strict=True)) for each in FEWER
+    ]
+    told = "Greedy wins by 1.5 in return: 0.5 units less, home 10 steps sooner."
+    assert verdict(["genie", "greedy"], result) == told
 
 
 def test_the_means_of_a_hundred_missions_are_shares_in_per_cent(lab):
@@ -182,7 +192,9 @@ def test_the_shadow_of_a_cell_is_what_a_device_there_cannot_see(lab):
     shadow = tell(lab, "shadow", cell=[4, 0])["shadow"]
     sight = lab._hangar.environment.sight[0, 32].reshape(8, 8)
     assert [[sign == "." for sign in row] for row in shadow["rows"]] == sight.tolist()
-    assert tell(lab, "shadow", cell=[99, 0])["shadow"]["rows"] == []
+    building = np.argwhere(lab._hangar.environment.cities[0].buildings)[0].tolist()
+    for nowhere in ([99, 0], building):
+        assert tell(lab, "shadow", cell=nowhere)["shadow"]["rows"] == []
 
 
 def test_a_flight_by_hand_is_the_mission_flown_so(lab):

@@ -53,9 +53,12 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
 
 
 def shadow(hangar: Hangar, cell: tuple[int, int]) -> list[str]:
-    """For each row of the city, `#` where a device in this cell would be out of sight."""
-    size = hangar.environment.size
-    if not all(0 <= axis < size for axis in cell):
+    """For each row of the city, `#` where a device in this cell would be out of sight.
+
+    No row for a cell that is a building, or outside.
+    """
+    city, size = hangar.environment.cities[0], hangar.environment.size
+    if not all(0 <= axis < size for axis in cell) or city.buildings[cell]:
         return []
     hidden = ~hangar.environment.sight[0, cell[0] * size + cell[1]].reshape(size, size)
     return ["".join(".#"[int(each)] for each in row) for row in hidden]

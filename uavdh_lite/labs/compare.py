@@ -66,7 +66,8 @@ def verdict(names: list[str], results: list[dict]) -> str:
         steps = "1 step" if abs(sooner) == 1 else f"{abs(sooner)} steps"
         parts.append(f"home {steps} {'sooner' if sooner > 0 else 'later'}")
     told = ", ".join(parts) or "fewer refusals"
-    return _upper(f"{says(names[ahead], 'wins')}: {told}.")
+    by = f" by {abs(difference):.1f} in return" if gained < 0 else ""  # else the data says it
+    return _upper(f"{says(names[ahead], 'wins')}{by}: {told}.")
 
 
 def _why(names: list[str], flights: list[Trajectory], part: int | None) -> list[str]:

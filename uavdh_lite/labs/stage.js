@@ -19,7 +19,8 @@ function page(tools) {
         <button type="button" class="full" aria-label="full screen"><svg viewBox="0 0 16 16" width="16"
           ><path d="M1 6V1h5M10 1h5v5M15 10v5h-5M6 15H1v-5"/></svg></button>
       </div></div>
-    <div class="main"><div class="refusal" role="alert"></div><div class="stages"></div>
+    <div class="notices"><div class="refusal" role="alert"></div></div>
+    <div class="main"><div class="stages"></div>
       <div class="tool" id="panel" role="tabpanel" tabindex="-1"></div></div>
     <div class="caption" role="status" hidden></div>
     <div class="drawer" hidden></div>`;
@@ -51,11 +52,12 @@ function render({ model, el }) {
     [waiting, quiet] = [true, ["show", "layer", "shadow"].includes(told.kind)];
     model.send(told);
   };
-  // A refusal stays until the answer to the next action, or 8 seconds
-  const refuse = (text, wait = 8000) => {
+  // Stays until the answer to what was done; a refusal 8 seconds at most
+  const refuse = (text, busy = false) => {
     clearTimeout(refusing);
     find(".refusal").textContent = text;
-    refusing = setTimeout(() => (find(".refusal").textContent = ""), wait);
+    find(".refusal").classList.toggle("busy", busy);
+    if (!busy) refusing = setTimeout(() => (find(".refusal").textContent = ""), 8000);
   };
   const stage = {
     find,
@@ -284,7 +286,7 @@ function render({ model, el }) {
       return;
     }
     if (!cell || String(cell) === String(drag.at)) return;
-    drag.at = cell;
+    hovered = drag.at = cell;
     if (brush.cells) stroke(cell);
     else stage.askWhenFree({ kind: "move", device: drag.thing, cell });
   });
@@ -324,7 +326,7 @@ function render({ model, el }) {
     const { ask: asked, tool, sign, busy } = target.dataset;
     if (!target.matches(".skip, .play, .forward, .back")) endStory();
     if (asked) {
-      if (busy) refuse(busy, 600_000);
+      if (busy) refuse(busy, true);
       ask(JSON.parse(asked));
       if (scene.state.tool === "fly" && event.detail) find("#panel").focus({ preventScroll: true });
     } else if (tool) {
@@ -407,7 +409,7 @@ function render({ model, el }) {
     const side = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
     const device = event.target.closest("g[data-device]")?.dataset.device;
     const steer = TOOLS[scene.state.tool].keys?.[event.key];
-    const [down, right] = MOVES[event.key] ?? [];
+    const [down, right] = WAYS[ARROWS[event.key]] ?? [];
     let told = null;
     if (event.key === "Escape") {
       el.classList.remove("adding");
@@ -471,7 +473,5 @@ function render({ model, el }) {
     listens.removeEventListener("keydown", onKey, true);
   };
 }
-
-const MOVES = { ArrowUp: [-1, 0], ArrowRight: [0, 1], ArrowDown: [1, 0], ArrowLeft: [0, -1] };
 
 export default { render };

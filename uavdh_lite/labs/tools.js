@@ -111,15 +111,15 @@ const average = ({ panel: { many } }) => {
 };
 const manyButton = button("100 missions", { kind: "many" }, 'data-busy="flying 100 missions …"');
 
-const HERE = { " ": "hover", l: "land" };
+const ARROWS = { ArrowUp: "north", ArrowRight: "east", ArrowDown: "south", ArrowLeft: "west" };
+const WAYS = { north: [-1, 0], east: [0, 1], south: [1, 0], west: [0, -1] };
 const TOOLS = {
   fly: {
     title: "Fly",
     html(scene) {
       const { you, ghost, ranking, rival_name: rival } = scene.panel;
       const refused = scene.film.flights[0].refused.at(-1);
-      const why = refused === "land" ? "you can only land in blue" : "no-fly, a building or the edge";
-      const no = refused ? `<b>Refused: ${refused}</b>, ${why}. One unit of time is gone.` : "";
+      const no = refused ? this.refusal(scene.film, refused) : "";
       const key = (action, sign) =>
         button(sign, { kind: "fly", action }, `class="${action}" aria-label="${action}"`);
       const pad = `<div class="pad">${key("north", "↑")}${key("west", "←")}${key("hover", "hover")}
@@ -137,6 +137,13 @@ const TOOLS = {
       return `${head}<p class="no" role="status">${no}</p>${pad}<div class="row">${button("Again", { kind: "again" })}
         ${chooser("ghost", "policy-1", known, scene.panel.rival)}</div>${table}`;
     },
+    refusal({ city, flights: [{ path }] }, action) {
+      const [[row, col], [down, right]] = [path.at(-1), WAYS[action] ?? [0, 0]];
+      const there = KINDS[city[row + down]?.[col + right]];
+      const inTheWay = there ? `a ${there.name}` : "the edge of the city";
+      const why = action === "land" ? "you can only land in blue" : inTheWay;
+      return `<b>Refused: ${action}</b>, ${why}. One unit of time is gone.`;
+    },
     help: (you, rival) =>
       `<h2>${you.steps ? `${you.time_left} units of time left` : "Your flight"}</h2>
       <p>Collect the ${term("data units", "data")} and land in blue in time. Arrow keys move, space
@@ -152,7 +159,7 @@ const TOOLS = {
         ${signed(you.return)} against ${signed(ghost.return)}.</p></div>`;
     },
     over: () => `<path class="ghost-path"/><g class="uav ghost">${UAV}</g>`,
-    keys: { ArrowUp: "north", ArrowRight: "east", ArrowDown: "south", ArrowLeft: "west", ...HERE },
+    keys: { ...ARROWS, " ": "hover", l: "land", L: "land" },
     // The ghost and its trail, as far as it has come at this time
     moment(stage, { film }, time) {
       const { path } = film.flights[1];
