@@ -129,7 +129,7 @@ def draw_rates(ax: Axes, environment: Environment, device: tuple[int, int]) -> A
     rates = np.where(city.no_fly, np.nan, rates)
     picture = draw_city(ax, city).imshow(rates, norm="log", zorder=1.5)
     ax.plot(device[1], device[0], "X", color="white", mec="black", ms=12, zorder=6)
-    ax.figure.colorbar(picture, label="data units a slot")
+    ax.figure.colorbar(picture, label="data units per slot, logarithmic scale")
     return ax
 
 

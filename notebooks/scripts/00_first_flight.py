@@ -1,7 +1,7 @@
 # %% [markdown]
 # # 0 · First flight
 #
-# **Five devices have data to send. A drone has 64 units of time to fetch it and be home again. Who decides where it
+# **Five devices have data to send. A drone has 64 units of time to collect it and get home. Who decides where it
 # flies?**
 #
 # Here a neural network does. Nobody told it a route. The code below loads it, gives it a mission, and plays the flight.
@@ -107,7 +107,7 @@ for name, values in flights.records().items():
 # be a fair score: it is large whenever a mission offers a lot of data, and it depends on penalties that people chose.
 #
 # The UAV may not leave the map, enter a tall building or a no-fly zone, or land outside the landing zones. If it tries,
-# the *safety controller* lets it hover instead. Notebook 3 comes back to it, and to the rewards.
+# the *safety controller* makes it hover instead. Notebook 3 comes back to it, and to the rewards.
 #
 # ## 0.3 Set a mission yourself
 #
@@ -149,7 +149,7 @@ trajectory_figure(environment, flights.trajectory(0))
 #
 # Change the devices, the data or the time in the cells above and run them again.
 #
-# ## 0.4 Two pilots to compare with
+# ## 0.4 Two pilots for comparison
 #
 # Is that good? A number alone means little. So two simple pilots fly beside the agent throughout the course.
 #
@@ -202,7 +202,7 @@ for metric in scores["random"]:
 # Notebook 7 flies other missions, so its numbers differ a little. Read the columns from right to left.
 #
 # **Random** lands in most missions, and yet it is useless: it lands with hardly any data. A high `landed` alone says
-# little. `collected_and_landed` gives it away.
+# little. `collected_and_landed` shows it.
 #
 # **Greedy** never crashes, because its rule forbids it, and it collects nearly everything. In this city it is a strong
 # rival. Good rules often are.
@@ -213,7 +213,7 @@ for metric in scores["random"]:
 #
 # If greedy is this good, why train a network? Because a network can also learn where nobody knows a good rule.
 #
-# Nothing forces the agent to land. About one flight in a thousand crashes, here a few more. This is the saddest of them,
+# Nothing forces the agent to land. A few of these two thousand flights crash. This is the saddest of them,
 # the crash with the largest share of the data on board:
 
 # %%
@@ -222,22 +222,22 @@ saddest = (own["collected"] - own["collected_and_landed"]).argmax()
 trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(saddest))
 
 # %% [markdown]
-# The red star marks the crash. The caption says how much data the agent had, and still the score of this flight is 0. The
-# agent turned back to a device until it could no longer get home in time. Then it tried to land outside the zone, and
+# The red star marks the crash. The caption says how much data the agent had, and still the score of this flight is 0.
+# The agent flew back for more data and stayed too long to get home in time. Then it tried to land outside the zone, and
 # hovered. We do not know why.
 #
 # ## 0.6 What the agent knows
 #
 # It sees the map of the city, its own place, the places of the devices, how much data each still has and has already
-# sent, and the time left. It does not see the violet shadows. It found out about them in training, because little reward
-# comes in behind a building. It does not know the formulas of the radio channel. It makes no plan: in every step it asks
-# afresh which of the six actions looks most promising.
+# sent, and the time left. It does not see the violet shadows. It found out about them in training, because little
+# reward comes in behind a building. It does not know the formulas of the radio channel. It makes no plan: at every step
+# it asks again which of the six actions looks most promising.
 #
 # The course follows from this. Notebooks 1 and 2 show what the radio channel does. Notebook 3 says what a step is and
 # what it earns. Notebooks 4 to 7 show how a network looks at a map, how it learns, and what can go wrong.
 #
-# You can also take the controls, with the arrow keys and against the agent: start the labs (`python -m uavdh_lite app`)
-# and choose the tool *Fly*.
+# You can also fly against the agent yourself, with the arrow keys: start the labs (`python -m uavdh_lite app`) and choose
+# the tool *Fly*.
 #
 # ## Recap
 #

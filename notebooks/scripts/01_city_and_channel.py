@@ -67,8 +67,8 @@ figure
 # *decibel*: $x_{\mathrm{dB}} = 10 \log_{10} x$. Then 10 dB is a factor of ten, 20 dB a factor of a hundred, and 3 dB
 # about a factor of two. Negative numbers mean less than one: −10 dB is a tenth. Products become sums.
 #
-# What counts is the signal compared with the noise, the random hiss in every receiver. Their ratio is the *signal-to-noise
-# ratio*, SNR. It falls with a power of the distance $d$ (paper, eq. 3):
+# What counts is the signal compared with the noise, the random hiss in every receiver. Their ratio is the
+# *signal-to-noise ratio*, SNR. It falls with a power of the distance $d$ in metres (paper, eq. 3):
 #
 # $$\mathrm{SNR} = \frac{P}{\sigma^2} \cdot d^{-\alpha_l} \cdot 10^{\eta_l/10}$$
 #
@@ -104,9 +104,9 @@ figure
 # ## 1.3 The link budget
 #
 # How strong is the transmitter? The paper does not give $P/\sigma^2$. It gives the *cell-edge SNR*. Here a cell is not
-# one of our grid, but the area that one station of a phone network serves: the whole map. Between the middle of the map
-# and a device in its corner, at ground level and in sight, the SNR is −15 dB. The rest follows. Take the distance,
-# compute the loss, and add it to what arrives:
+# one of our grid cells, but the area that one station of a phone network serves: the whole map. Between the middle of
+# the map and a device in its corner, at ground level and in sight, the SNR is −15 dB. The rest follows. Take the
+# distance, compute the loss, and add it to what arrives:
 
 # %%
 edge_m = np.sqrt(2) * 16 * 10 / 2
@@ -116,7 +116,7 @@ assert np.isclose(budget_db, channel.transmit_snr_db(16))
 
 # %% [markdown]
 # We call this the *link budget*: the SNR that a link would have at a distance of 1 m. The path loss spends it. Elsewhere
-# the name often means the whole sum, with the losses. The last line checks our sum against the library.
+# the name often means the whole sum, with the losses.
 #
 # A link behind a building has the same budget, because the transmitter does not know what stands in the way. So without
 # luck, every SNR is now a single subtraction:
@@ -139,7 +139,7 @@ print(f"above the device {snr_db(0, 2.27):.1f} dB, 30 m away {snr_db(30, 2.27):.
 # data units. While the UAV makes one move there are four slots. When signal and noise are equally strong, the SNR is 1,
 # and a slot carries $\log_2 2 = 1$ unit. That defines the data unit of this course.
 #
-# Before you see the curves, predict:
+# First predict:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -175,8 +175,9 @@ for distance in (0, 10, 20, 30, 100):
 #
 # Trees, signs and reflections make a signal stronger or weaker than its distance says. This is called *shadow fading*.
 # Despite its name it has nothing to do with the violet shadows of buildings. The model adds $\eta_l$, a normally
-# distributed number of decibels with mean 0, anew in every slot and for every device. Its variance is 2 dB² in sight and
-# 5 dB² behind a building. The paper calls it $\sigma_l^2$. Do not confuse it with $\sigma^2$, the power of the noise.
+# distributed number of decibels with mean 0, drawn again for every slot and every device. Its variance is 2 dB² in
+# sight and 5 dB² behind a building. The paper calls it $\sigma_l^2$. Do not confuse it with $\sigma^2$, the power of
+# the noise.
 #
 # A random number generator expects the *standard deviation*, the square root of the variance. They are easy to
 # mix up. Draw many slots at 30 m in sight:
@@ -197,9 +198,9 @@ print(f"data units per slot: {rate(mean_db):.3f} without fading, {lucky:.3f} wit
 assert lucky > rate(mean_db)
 
 # %% [markdown]
-# In sight fading helps a little, behind a building by about a tenth. A drawing shows why. The curve is the rate, and the
-# dashed line joins a slot with bad luck to one with good luck. Luck of 6 dB is very rare, and shown only to make the bend
-# visible:
+# In sight fading helps a little; behind a building it adds a tenth or so. A drawing shows why. The curve is the rate,
+# and the dashed line joins a slot with bad luck to one with good luck. 6 dB of luck are very rare, and shown only to
+# make the bend visible:
 
 # %%
 axis_db, ends_db = np.linspace(-12, 8), mean_db + np.array([-6, 6])
@@ -237,13 +238,13 @@ for name, ground, exponent in (
 # %% [markdown]
 # - Directly above, two steps are enough.
 # - Down the street it takes six. Flying two cells nearer and back takes four, because data comes in on the way.
-# - Over the low building the UAV is only half as far away, and gets a tenth. The building below it blocks the view in this
+# - Over the low building, in cell (5, 6), the UAV is only half as far away, and gets a tenth. The building below it blocks the view in this
 #   flat model, as notebook 2 explains.
 # - Round the corner it takes longer than any flight lasts.
 #
-# So the answer to the first question is: anywhere *in sight* and not too far. Where that is depends on the buildings, and
-# the agent is never told. You can drag a device about and watch its map change in the labs
-# (`python -m uavdh_lite app`), tool *Channel*.
+# So the answer to the first question is: anywhere *in sight* and not too far. Where that is depends on the buildings,
+# and the agent is never told. In the labs (`python -m uavdh_lite app`) you can drag a device around and watch its map
+# change, with the tool *Channel*.
 #
 # ## Recap
 #

@@ -4,7 +4,7 @@
 # **Where must the UAV be to see a device, and how can a program know?**
 #
 # The code below puts a device at the cross. In violet cells a building blocks the view. To colour this map, a program
-# follows one straight ray to each cell and asks what it crosses. The hard part is to get the answer right every time.
+# follows one straight ray to each cell and asks what it crosses. The hard part is getting the answer right every time.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -98,14 +98,14 @@ figure
 # Look at the cells one by one. A crossed cell has corners on both sides of the line, plus and minus, blue and orange. Any
 # other cell has four corners of one colour, so the line misses it. **That is the whole test.**
 #
-# It needs only one number for each cell, the one in its middle. From there to a corner, row and column change by ½ each,
-# so $R\,c - C\,r$ changes by $(|R| + |C|)/2$ at most. If the number in the middle is closer to 0 than that, some corners are
-# plus and some are minus:
+# It needs only one number for each cell, the one in its middle. In the middle of cell (1, 1) it is $2 - 5 = -3$. From
+# there to a corner, row and column change by ½ each, so the number changes by $(2 + 5)/2 = 3.5$ at most, and for the
+# right corners by exactly that. So some corners are plus and some are minus, and the ray crosses the cell. In the
+# middle of (0, 2) the number is 4, so the ray passes by. In general:
 #
 # $$\text{crossed} \quad\Longleftrightarrow\quad |R\,c - C\,r| < \frac{|R| + |C|}{2}.$$
 #
-# Try it by hand. In the middle of cell (1, 1) the number is $2 - 5 = -3$. That is closer to 0 than 3.5, so the ray
-# crosses the cell. In the middle of (0, 2) it is 4, so the ray passes by. Now all cells at once, again doubled:
+# Now all cells at once, again doubled:
 
 # %%
 r, c = np.indices((R + 1, C + 1))
@@ -116,13 +116,14 @@ assert (np.argwhere(crossed) == crossed_cells(R, C)).all()
 # %% [markdown]
 # A line goes on for ever, but our ray ends at the UAV. So we test only the cells in the rectangle between its ends.
 #
-# All of these numbers are whole, and nothing is rounded. That matters. The ray to (7, 25) passes exactly through the point at
-# row 3.5 and column 12.5, the corner of four cells. In ordinary floating-point numbers `7 / 25 * 12.5` is
-# 3.5000000000000004, and the ray seems to pass beside it. In a city made of squares, rays meet corners all the time.
+# All of these numbers are whole, and nothing is rounded. That matters. In a larger city, the ray to (7, 25) passes
+# exactly through the point at row 3.5 and column 12.5, the corner of four cells. In ordinary floating-point numbers `7
+# / 25 * 12.5` is 3.5000000000000004, and the ray seems to pass beside it. In a city made of squares, rays meet corners
+# all the time.
 #
 # ## 2.2 At a corner
 #
-# So what happens there? Say what you would expect:
+# What would you expect there?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -130,8 +131,8 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("touching_a_corner")
 
 # %% [markdown]
-# A diagonal ray passes exactly through corners, and at each of them it touches two more cells, one on either side. Grey cells
-# are buildings:
+# A diagonal ray passes exactly through corners, and at each of them it touches two more cells, one on either side. Grey
+# cells are buildings:
 
 # %%
 figure = Figure(figsize=(7, 2.7), layout="constrained")
@@ -155,7 +156,8 @@ figure
 # decide all pairs of cells with this displacement.
 #
 # The result is a table with four indices: two for the cell of the device, two for that of the UAV. It says whether they
-# see each other. There are 65,536 pairs, and the table is computed once per city. Flying only looks things up.
+# see each other. There are 65,536 pairs, and the table is computed once per city, because buildings do not move. Flying
+# only looks things up.
 
 # %%
 sight = line_of_sight(environment.city.buildings)
@@ -174,9 +176,8 @@ figure.colorbar(picture, label="cells in sight, %")
 figure
 
 # %% [markdown]
-# Buildings see nothing. Along a street you see far, and from a crossing along two streets at once, so it is mostly
-# brighter than the street between two crossings. For a UAV the bright cells are good places: more devices are in sight
-# from there.
+# Buildings see nothing. Along a street you see far, and from a crossing along two, so crossings are mostly brighter
+# than the street between them. For a UAV the bright cells are good places: more devices are in sight from there.
 #
 # ## 2.4 Several devices
 #
@@ -195,18 +196,20 @@ figure
 print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 
 # %% [markdown]
-# There is no cell from which the UAV sees all three. The palest ones see two. Hovering in one good place is not enough here,
-# so the UAV has to travel, and the question becomes which places to visit, and in which order. That is the agent's task.
+# There is no cell from which the UAV sees all three. The palest ones see two. Hovering in one good place is not enough
+# here, so the UAV has to travel, and the question becomes which places to visit, and in which order. That is the
+# agent's task.
 #
 # ## 2.5 Bresenham's lines
 #
-# The authors of the paper trace their rays in another way. In 1962 Jack Bresenham wrote an algorithm that draws a line as
-# a row of pixels. Their variant walks from cell to cell, one row or one column at a time, and keeps a running error: how
-# far the centre of the cell is off the straight line. This error decides which of the two comes next. It is quick, and it
-# errs in both directions: it skips cells that the true ray clips, and enters cells that it never crosses.
+# The authors of the paper trace their rays in another way. In 1962 Jack Bresenham wrote an algorithm that draws a line
+# as a row of pixels. Their variant walks from cell to cell, one row or one column at a time, and keeps a running error:
+# how far the centre of the cell is off the straight line. This error decides whether the next step goes along the row
+# or the column. It is quick, and it errs in both directions: it skips cells that the true ray clips, and enters cells
+# that it never crosses.
 #
-# Their code sends a fan of such lines from the device to every cell of the border. A cell is in sight if some line reaches
-# it before it meets a building. One question before you see the result:
+# Their code sends a fan of such lines from the device to every cell of the border. A cell is in sight if some line
+# reaches it before it meets a building. One question before you see the result:
 
 # %%
 Quiz("both_ways")

@@ -3,8 +3,8 @@
 #
 # **How does a flight become numbers that a program can learn from?**
 #
-# Below, the greedy pilot of notebook 0 flies a mission with two devices. It leaves a third of the data behind. At the end
-# of this notebook you fly the same mission by hand, and beat both greedy and the agent.
+# Below, the greedy pilot of notebook 0 flies a mission with two devices. It leaves a third of the data behind. At the
+# end of this notebook you will fly the same mission by hand, and beat both greedy and the agent.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -31,7 +31,7 @@ trajectory_figure(environment, flights.trajectory(0))
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Step through an episode, keep its ledger, provoke the safety controller, follow four slots, fly by hand |
+# | **What you'll do** | Step through an episode, keep its ledger, trigger the safety controller, follow four slots, fly by hand |
 # | **What you'll learn** | State, action, reward and end: the Markov decision process of the paper |
 # | **What you'll need** | Notebooks 1 and 2. 40 minutes to read, 10 seconds to run; 35 minutes of exercises |
 #
@@ -57,8 +57,7 @@ for name, value in vars(state).items():
 
 # %% [markdown]
 # A cell is one number here, row · 16 + column, so 17 is row 1, column 1. There is room for five devices, and this episode
-# uses two. The outer brackets are there because the library flies many episodes at once, a *batch*. They could fly over
-# several cities. Here there is only one, `city` 0.
+# uses two. The outer brackets are there because the library flies many episodes at once, a *batch*. `city` is 0, because there is only one.
 #
 # Why is the time left in the state? With 40 units left, flying on may be best. In the same place with only 5, it is not.
 #
@@ -67,33 +66,35 @@ for name, value in vars(state).items():
 # There are six actions: four moves, hovering and landing. A rule that picks an action from a state is a *policy*.
 #
 # A step has two parts. First the luck: the fading of notebook 1 is drawn. Then a *pure function*, one without luck or
-# memory, computes the rest. State, action and fading go in, the next state and the outcome come out.
+# memory, computes the rest. State, action and fading go in, the next state and the outcome come out. So where the UAV
+# goes is certain, and only how much data comes in is luck.
 
 # %%
 import numpy as np
 
 from uavdh_lite.environment import ACTIONS, EAST, HOVER, NORTH, Rewards
 
-# mission.fading is a random generator: a new one each time, which draws the same numbers again
+# mission.fading is a random generator, always a new one that draws the same numbers
 fading = environment.draw_fading(state, mission.fading)
 after, outcome = environment.transition(state, np.array([EAST]), fading)
 print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 
 # %% [markdown]
-# The old state is still what it was, and the same fading gives the same step again. In symbols, the next state is drawn
+# In symbols, the next state is drawn
 # from a distribution
 #
 # $$s_{t+1} \sim p(\,\cdot \mid s_t, a_t)$$
 #
-# The sign ~ means “is drawn from”, and the dot stands for whatever comes. The distribution depends on the present state
-# $s_t$ and the action $a_t$ alone. A world with this property is a *Markov decision process*. Ours has it because fading
-# is drawn anew in every slot. If good luck came in runs, the luck of the past would say something about the future, and
-# the state would have to hold it.
+# The sign ~ means “is drawn from”, and the dot stands for the next state. The distribution depends on the present state
+# $s_t$ and the action $a_t$ alone. A world with this property is a *Markov decision process*. Ours has it because
+# fading is drawn anew in every slot. If good luck came in runs, the luck of the past would say something about the
+# future, and the state would have to hold it. The time left is there for the same reason: it decides when the episode
+# ends.
 #
 # ## 3.3 What a step earns
 #
-# Nobody tells an agent which action is right. It gets a *reward* for each step. Learning means changing the policy so that
-# the sum of the rewards, the *return*, becomes larger. The reward has four parts (paper, eq. 9):
+# Nobody tells an agent which action is right. It gets a *reward* for each step. Learning means changing the policy so
+# that the sum of the rewards, the *return*, becomes larger. The reward has four parts (paper, eq. 9):
 #
 # $$r_t = \text{data uploaded} + r_\mathrm{mov} + r_\mathrm{sc} + r_\mathrm{crash}$$
 #
@@ -105,7 +106,7 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # | $r_\mathrm{crash}$ | −150 | time is up and the UAV has not landed |
 #
 # The paper prints no values. These are defaults of the authors' code. The agent learned with
-# two other prices: −0.1 per move, and a crash that cost little at first and 150 later. Notebook 6 says why. Here is the
+# two other prices: −0.1 per step, and a crash that cost little at first and 150 later. Notebook 6 says why. Here is the
 # ledger of greedy's flight:
 
 # %%
@@ -122,16 +123,16 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Follow the black line. It falls on the way to a device and rises near it. Where it ends is the return. An agent that
-# looked no further than the next reward would not set out in this mission. It has to learn that a step which costs now
-# may earn much later. Notebook 5 is about that.
+# Follow the black line. It falls on the way to a device and rises near it. Its last value is the return. An agent that
+# looked no further than the next reward would land at once in this mission, because that costs nothing. It has to learn
+# that a step which costs now may earn much later. Notebook 5 is about that.
 #
-# Is 0.2 a good price? At 0 there would be no reason to land before the last moment. At 5, most flights would cost more than
-# they bring. At 0.2, a detour of ten steps pays if it brings more than two data units.
+# Is 0.2 a good price? At 0 there would be no reason to land before the last moment. At 5, most flights would cost more
+# than they bring. At 0.2, a detour of ten steps pays if it brings more than two data units.
 #
 # ## 3.4 The safety controller
 #
-# What does the world do with an action that it does not allow?
+# What happens if the agent picks a forbidden action?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -150,7 +151,6 @@ for action in (NORTH, NORTH):
 # landing zones.
 #
 # Why does a wrong move not end the episode? A beginner makes one every few steps, and would hardly ever collect much.
-# This way a mistake costs a little, and the flight goes on.
 #
 # One disaster remains: no time left, and still in the air.
 
@@ -168,8 +168,8 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 #
 # ## 3.5 Who may send: four slots per step
 #
-# Each step has four communication slots, because much can change within a move of 10 m: the UAV may come round a corner, and
-# the fading changes. In each slot *one* device sends: the loudest, with the best SNR, of those that have
+# Each step has four communication slots, because much can change within a move of 10 m: the UAV may come round a
+# corner, and the fading changes. In each slot *one* device sends: the loudest, with the best SNR, of those that have
 # data left. Sharing a channel by taking turns is called *time division multiple access*, TDMA.
 #
 # In the next figure the UAV hovers between three devices, all two cells away. Device 2 has only 1.5 units of data. Fading
@@ -196,13 +196,13 @@ figure
 
 # %% [markdown]
 # Each column is a slot, and its coloured box is the device that sends. In the first two slots device 2 is the loudest, by
-# luck. In the second it can send only what it has left. Then it is empty and makes way.
+# luck. In the second it can send only what it has left. Then it is empty, and another one sends.
 #
-# Why is "serve device 2" not an action of the agent? It would have to learn what a simple rule does well. And it still has
-# its say: where it flies decides who is loudest.
+# Why is "serve device 2" not an action of the agent? It would have to learn what a simple rule does well. And it still
+# has a say: where it flies decides who is loudest.
 #
-# In each slot the UAV has moved on a little: in slot $i$ it has flown $i$ quarters of the way. Here it flies east, round the
-# corner of a building, without fading:
+# In each slot the UAV has moved on a little: in slot $i$ it has flown $i$ quarters of the way. Here it flies east,
+# round the corner of a building, without fading:
 
 # %%
 corner = Mission(environment.city, (4, 2), ((5, 4),), (50,), 30).state
@@ -217,9 +217,9 @@ right.set(xlabel="communication slot", ylabel="data units uploaded", xticks=rang
 figure
 
 # %% [markdown]
-# The dots are the UAV in the four slots, the cross is the device. In slot 1 the building is in the way. From slot 2 on the
-# device is in sight, and each slot carries a little more. The line of sight is that of the nearest cell. Half-way, in
-# slot 2, that is the cell it enters.
+# The dots are the UAV in the four slots, the cross is the device. In slot 1 the building is in the way. From slot 2 on
+# the device is in sight, and each slot carries a little more. The line of sight is that of the nearest cell. Half-way,
+# in slot 2, that is the cell it enters.
 #
 # ## 3.6 Fly it yourself
 #
@@ -246,12 +246,12 @@ assert all(flown["by hand"].returns > each.returns + 5 for each in list(flown.va
 
 # %% [markdown]
 # The plan brings everything home, and neither greedy nor the agent does. Greedy flies towards the first device until it
-# is empty, and from there it is a long way to the second. You had a map of shadows, the agent has none. Whether that is
-# why, one flight does not show.
+# is empty, and from there it is a long way to the second. You had a map of shadows, the agent has none. One flight
+# cannot show whether that is why.
 #
 # One mission says little about a pilot. But this one shows that there is something left to learn.
 #
-# Typing plans is slow. In the labs (`python -m uavdh_lite app`), tool *Fly*, you fly with the arrow keys.
+# With the tool *Fly* of the labs (`python -m uavdh_lite app`) you fly with the arrow keys.
 #
 # ## Recap
 #

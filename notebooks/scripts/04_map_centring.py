@@ -76,11 +76,12 @@ for units in (50, 14, 10):
     print(units, "units left:", ACTIONS[agent.act(at_time(street, units))[0]])
 
 # %% [markdown]
-# One device is far in the north, the other near in the east, and home is in the south-east. With plenty of time the agent
-# goes for the far device. With less time it goes for the near one, and with just enough it takes another way home and
-# leaves data in both. From the picture alone it would have to do the same each time.
+# One device is far in the north, the other near in the east, and home is in the south-east. With plenty of time the
+# agent goes for the far device. With less time it goes for the near one. With just enough it flies home another way,
+# and not well: the way past the near device is as short and brings more. From the picture alone it would have to do the
+# same each time.
 #
-# Now the agent flies 200 missions with a **stopped clock**. It sees the true picture, but always the same time. The true
+# The agent flies 200 missions with a **stopped clock**. It sees the true picture, but always the same time. The true
 # time runs out all the same.
 
 # %%
@@ -106,9 +107,8 @@ ax.set(xlabel="units of time on the stopped clock", ylabel="share")
 figure.legend(loc="outside right upper", fontsize="small");
 
 # %% [markdown]
-# A clock that shows little time sends most UAVs home with little data. The others wait, most of them at home or near it.
-# In the middle, UAVs collect nearly everything, but many are late. With a clock that shows a lot of time they do not land
-# even when nothing is left to collect. No orange point comes near the black line.
+# A clock that shows little time sends most UAVs home with little data. The others wait in the air. In the middle, UAVs collect nearly everything, but many are late. With a clock that shows a lot of time they do
+# not land even when nothing is left to collect. No orange point comes near the black line.
 #
 # ## 4.3 Two frames
 #
@@ -129,8 +129,8 @@ world = 0.3 * city.no_fly + 0.7 * city.buildings
 draw_maps({f"UAV at {uav}": centre(world, *uav, 0.3) for uav in ((0, 0), (8, 7), (15, 15))})
 
 # %% [markdown]
-# The world moves around the UAV. Without centring, the city stays **in place**, and the UAV needs a layer of its own with a
-# single 1 that moves. Both frames hold the same facts.
+# The world moves around the UAV. Without centring, the city stays **in place**, and the UAV needs a layer of its own
+# with a single 1 that moves. Both frames hold the same facts.
 #
 # ## 4.4 What a network computes
 #
@@ -162,19 +162,19 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 # Blue marks western edges and red eastern ones. The window fits in only four positions along each side, so the result is
 # smaller.
 #
-# The agent's kernels read all five pictures at once. Each has 5 × 5 weights for every picture and adds up all the products.
-# So one kernel makes one new picture, and 16 kernels make 16.
+# The agent's kernels read all five pictures at once. Each has 5 × 5 weights for every picture and adds up all the
+# products. So one kernel makes one new picture, and 16 kernels make 16.
 #
-# Neurons with the same inputs are a **layer** of the network. Careful: a layer of the *map* is a picture. A layer is
+# Neurons with the same inputs are a **layer** of the network. A layer of the *map* is a picture. A layer is
 # **fully connected** if each neuron has a weight for every input. Plotted against an input, a neuron's output is a
 # straight line, and sums of straight lines are straight. So two such layers in a row could do no more than one. A
 # **ReLU** between them bends the line: it replaces each negative number by 0. Sums of bent lines can follow any curve.
 #
 # ## 4.5 How it learns
 #
-# At first all weights are random. A **loss** measures how wrong the output is. Its *slope* says which way is down, and the
-# weight takes a step that way: the slope times a small number, the **learning rate**. This is **gradient descent**. Here
-# the input is 3 and the output should be 6, so the weight should become 2.
+# At first all weights are random. A **loss** measures how wrong the output is. Its *slope* says which way is down, and
+# the weight takes a step that way: the slope times a small number, the **learning rate**. This is **gradient descent**.
+# Here the input is 3 and the output should be 6, so the weight should become 2.
 
 # %%
 w = [0.0]
@@ -235,7 +235,7 @@ pairs = np.r_[np.flatnonzero(near)[:4000], np.flatnonzero(~near)[:4000]]
 uav, device, y = uav[pairs], device[pairs], torch.tensor(2 * near[pairs] - 1)
 
 # %% [markdown]
-# We train first a single neuron on each frame, then a network of 33.
+# On each frame we first train a single neuron, then a network of 33 neurons.
 
 # %%
 torch.manual_seed(0)
@@ -250,8 +250,8 @@ for frame, x in (("centred", one_at(device - uav + 15)),
         print(f"{frame}: {right[::2].mean():.0%} in training, {right[1::2].mean():.0%} in the test")
 
 # %% [markdown]
-# Centred, even the single neuron, printed first, is nearly always right. In place it is little better than a guess. The
-# network has learned its training pairs by heart there, and fails on many new ones. The weights of the two neurons show
+# Centred, even the single neuron, printed first, is nearly always right. In place it is little better than a guess.
+# There the network has memorised its training pairs, and fails on many new ones. The weights of the two neurons show
 # why.
 
 # %%
@@ -276,7 +276,7 @@ draw_maps({"centred": relative[0], "device in place": absolute[0], "UAV in place
 # - Centring puts the UAV in the middle of a frame of $2M-1$ cells.
 # - A neuron is a weighted sum. A convolution moves it across pictures. A ReLU puts a kink in the line.
 # - Gradient descent moves each weight downhill, by the learning rate times the slope of the loss.
-# - Centred weights mean relative places, so one weighted sum can tell what is near.
+# - Weights of the centred frame stand for relative places, so one weighted sum can tell what is near.
 #
 # ## Exercises
 #

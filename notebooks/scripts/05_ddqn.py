@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 5 · From Q-learning to DDQN
 #
-# The agent is over cell (11, 8) and goes by the six numbers below. Each is a **Q-value**: the reward that it expects from
-# now on if it takes this action and acts well afterwards. It takes the action with the largest one. **How can one number
-# know about a landing twenty steps away?**
+# The agent is over cell (11, 8) and decides by the six numbers below. Each is a **Q-value**: the reward that it expects
+# from now on if it takes this action and acts well afterwards. It takes the action with the largest one. **How can one
+# number know about the rewards of the next twenty steps?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -89,8 +89,8 @@ draw_maps({f"flights: {n}": fly(n)[0] for n in (1, 3, 100)}, numbers=True)
 
 # %% [markdown]
 # Each picture shows every cell's largest Q-value. After one flight only the last cell before the device knows that
-# something good is near. Each further flight spreads the news. So a number knows the far future because its neighbours
-# do.
+# something good is near; actions not yet tried are still at 0. Each further flight spreads the news. So a number knows
+# the far future because its neighbours do.
 #
 # ### The discount
 #
@@ -108,13 +108,13 @@ draw_maps({f"γ = {gamma}": fly(300, gamma)[0] for gamma in (0.5, 0.95, 1.0)}, n
 #
 # ## 5.2 A network instead of the table
 #
-# A table for the paper's city would need a row for every combination of places, times and amounts of data. A network
-# computes the Q-values from its inputs, here the row and the column, so it answers even for cells that it never saw. The
-# loss is $(y-Q)^2$, and instead of $\alpha$ a step of gradient descent moves the weights $\theta$.
+# A table for the paper's city would need a row for every combination of places, times and amounts of data: for five
+# devices more than $10^{13}$, even without the amounts. A network computes the Q-values from its inputs, here the row
+# and the column, so it answers even for cells that it never saw. The loss is $(y-Q)^2$, and instead of $\alpha$ a step
+# of gradient descent moves the weights $\theta$.
 #
-# The steps of one flight look much the same, and a network that learns from them in order forgets the rest of the city.
-# So all steps go into a **replay memory**, and the network learns from a *minibatch* drawn at random. Each step can be
-# used more than once. The paper's **combined replay** always adds the newest step, so that it is used at once.
+# The steps of one flight look much the same, and a network that learns from them in order learns worse: it forgets.
+# So all steps go into a **replay memory**, and the network learns from a *minibatch* drawn at random. The paper's **combined replay** always adds the newest step.
 #
 # Our memory holds 100 random flights. Cell (1, 1) is left out, as a test for later.
 
@@ -169,9 +169,9 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 #
 # ## 5.3 The target network
 #
-# A step that raises $Q(s,a)$ also raises the Q-values of cells that look alike, and $s'$ is one of them. So the target
-# rises, the next step follows it, and the network chases its own tail. In a table, changing one entry leaves the others
-# alone.
+# An update that raises $Q(s,a)$ also raises the Q-values of cells that look alike, and $s'$ is one of them. If the
+# largest of those rises by more than $1/\gamma$ times as much, the target runs ahead of $Q$, and the network chases its
+# own tail. In a table, changing one entry leaves the others alone.
 #
 # So a second network, the **target network** $\bar\theta$, computes $y$. It follows the **online network** $\theta$
 # slowly, after each step by a fraction $\tau$ of the way:
@@ -205,8 +205,8 @@ draw_maps({"table": fly(300)[0], "network": values[0], "another": values[1]}, nu
 # ## 5.4 Exploring
 #
 # In a large city random flights rarely get far, so the agent should use what it has learned. But if it always takes the
-# action that seems best, it never finds out that another is better. The paper draws from a **softmax policy** with the
-# **temperature** $\beta$:
+# action that seems best, it may never find out that another is better. The paper draws from a **softmax policy** with
+# the **temperature** $\beta$:
 #
 # $$\pi(a\mid s)=\frac{\exp(Q(s,a)/\beta)}{\sum_{a'}\exp(Q(s,a')/\beta)}$$
 
@@ -216,7 +216,7 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("cold_policy")
 
 # %% [markdown]
-# What counts is the gap between two Q-values compared with $\beta$. Here is the policy for the Q-values at the top:
+# Here is the policy for the Q-values at the top:
 
 # %%
 from uavdh_lite.ddqn import softmax_policy
@@ -227,12 +227,12 @@ for ax, beta in zip(axes, (0.1, 1, 10)):
     ax.set(title=f"probabilities, β = {beta}", ylim=(0, 1))
 
 # %% [markdown]
-# Warm, it often tries actions that seem almost as good as the best. Hot, it flies nearly at random.
+# At β = 1 it often tries actions that seem almost as good as the best. At β = 10 it flies nearly at random.
 #
 # ## 5.5 Double Q-learning
 #
-# Q-values are estimates, so each has some error. At the top, landing is refused and costs 1, so its bar should be 1 below
-# that of hovering, not 7. What do errors do to the largest Q-value?
+# Q-values are estimates, so each has some error. In the first picture, landing is refused and costs 1, so its bar
+# should be 1 below that of hovering, not 7. What do errors do to the largest Q-value?
 
 # %%
 Quiz("whose_maximum")
@@ -264,13 +264,13 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 
 # %% [markdown]
 # The right target is 0. The chooser flatters itself; a stranger does not flatter it. The target network, an older copy,
-# is a related judge: it reduces the bias and does not remove it.
+# is a closely related judge: it reduces the bias a little.
 #
 # **DDQN** means *double deep Q-network*: a deep network instead of the table, a chooser and a judge.
 #
 # ## 5.6 The paper's network
 #
-# All that is missing is a larger network, from the map and the time of notebook 4 to six Q-values.
+# All that is missing is a larger network that turns the map and the time of notebook 4 into six Q-values.
 #
 # | layer | what comes out |
 # | --- | --- |
@@ -281,11 +281,10 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 # | three fully connected layers, ReLU | 256 each |
 # | a fully connected layer | 6 |
 #
-# A convolution treats all places alike. The list behind it does not: each of its weights belongs to one place. So the
-# square of weights of notebook 4 matters here, too.
+# A convolution treats all places alike. The list behind it does not: each of its weights belongs to one place.
 #
 # That makes 2,308,854 weights, nearly all in the first fully connected layer: 256 neurons with 8465 inputs each. The
-# agent has a smaller network of the same kind, with 246,006.
+# agent's first convolution moves three cells at a time, so its network has only 246,006.
 #
 # ## Recap
 #

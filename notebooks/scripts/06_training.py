@@ -2,8 +2,8 @@
 # # 6 · Training
 #
 # Two agents fly the same mission below. Both were trained by the **recipe** `lite`: all constants and choices that
-# define a training run. The left one had 300,000 steps to learn, the right one is the best of a run of four million. **What
-# happens in all these steps, and how can you tell that it is going well?**
+# define a training run. The left one had 300,000 steps to learn, the right one is the best agent of a run of four
+# million. **What happens in all these steps, and how can you tell that it is going well?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
@@ -40,12 +40,12 @@ for ax, name in zip(axes, ("manhattan_ddqn_early", "manhattan_ddqn")):
 # | **What you'll learn** | The training loop, what each curve says, two ways to fail, what a recipe is |
 # | **What you'll need** | Notebooks 3 and 5. 40 minutes to read, 45 seconds to run; 32 minutes of exercises |
 #
-# The lines under the maps say what each flight used and collected. The early agent leaves a good part of the data behind.
+# The captions give the time used and the data collected. The early agent leaves a good part of the data behind.
 # The late one, `manhattan_ddqn`, is the agent of this course.
 #
 # ## 6.1 One step of the loop
 #
-# Everything you have met so far comes together in one method of the library:
+# Everything so far comes together in one method of the library:
 
 # %%
 import inspect
@@ -63,19 +63,16 @@ print(inspect.getsource(Trainer.step))
 # | `replay.sample` | **sample** a minibatch that includes the newest steps | 5.2 |
 # | `learner.update` | **update**: DDQN targets, a step downhill, the soft update | 5.3, 5.5 |
 #
-# And then again from the top: act → step → add → sample → update → act. It is a circle: the agent makes the data that
-# it learns from.
+# Then again from the top. It is a circle: the agent makes the data that it learns from.
 #
-# Six more things are worth knowing:
+# Five more things are worth knowing:
 #
 # - Several UAVs fly side by side, one step each for every update.
-# - `_restart_ended` replaces an episode that has ended with a new random mission, so the agent cannot learn one by heart.
-# - Until the memory holds `replay_prefill` steps, the agent flies at random and learns nothing. Otherwise the first
-#   minibatches would all come from the same few steps.
+# - `_restart_ended` replaces an episode that has ended with a new random mission, so the agent cannot memorise one.
+# - Until the memory holds `replay_prefill` steps, the agent flies at random and learns nothing.
 # - The memory holds states, 19 numbers over Manhattan. Their maps, 4805 numbers, are made just before the network reads
-#   them.
+#   them, which saves memory.
 # - The agent learns from `rewards_at`, where the price of a crash may grow, and is measured by `Rewards()`, which is fixed.
-# - `_add_row` adds a point to the curves after each `BIN` of 5000 steps.
 #
 # ## 6.2 Train one now
 #
@@ -106,10 +103,10 @@ print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
 # In `small` 16 UAVs fly side by side, so after the 2000 steps of the prefill there is one update for every 16 steps.
 #
 # Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions that are always the
-# same, and always takes the best action, without exploring. Validation also chooses: a run keeps its best agent. The one
-# at the top comes from step 3.6 million. It was chosen partly by luck, so its final score comes from a third set of
-# missions, the *test*. Each set has a stream of random numbers of its own: no mission is seen twice, and a seed gives
-# every agent the same ones.
+# same, and always takes the best action, without exploring. Validation also chooses: a run keeps its best agent. The
+# one at the top comes from step 3.6 million. It was chosen partly by luck, so its final score comes from a third set of
+# missions, the *test*. The sets share no mission, and a *seed*, the number that starts the random numbers, gives every
+# agent the same ones.
 
 # %%
 def draw(ax, rows, title):
@@ -123,10 +120,10 @@ figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
 draw(ax, trainer.validation_rows, "the village")
 
 # %% [markdown]
-# At step 0 the weights are random, and yet such an agent may *collect* half of the data: the village is so small that the
-# radio reaches most of it from anywhere. But a UAV that crashes brings nothing home. So look at **collected and landed**,
-# the data of the flights that also landed. At the end that is most of the data. To watch a training run live, open the
-# labs with `python -m uavdh_lite app` and pick the tool *Train*.
+# At step 0 the weights are random, and yet such an agent may *collect* half of the data: the village is so small that
+# even hovering in the start zone brings that much. But a UAV that crashes brings nothing home. So look at **collected
+# and landed**, the data of the flights that also landed. To watch a training run live, open the labs with
+# `python -m uavdh_lite app` and pick the tool *Train*.
 
 # %%
 last = trainer.validation_rows[-1]
@@ -136,8 +133,8 @@ print(f"landed {last['landed']:.0%}, collected and landed {last['collected_and_l
 # %% [markdown]
 # ## 6.3 Reading the curves of a real run
 #
-# This is the run that made the agent, in bins of 5000 steps. It shows *training* flights, which explore, without those
-# that the recipe starts under way.
+# This is the run that made the agent, in bins of 5000 steps. It shows *training* flights, which explore. Half of the
+# flights begin in mid-air, to practise the way home. They are left out.
 
 # %%
 from uavdh_lite.storage import read_table
@@ -155,12 +152,13 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 # %% [markdown]
 # During this run the price of a crash grew from 10 to 150. The curve of the return has 150 throughout.
 #
-# Early on the **return** dives while **collected** rises. The agent learns to fly far before it learns to be home in
-# time: look at **landed**. Later both recover, as crashes cost more.
+# At first the agent learns to land. Then **collected** rises while **landed** and the **return** dive: it flies
+# farther, and exploring makes it late. Later they recover. It explores less by then, and crashes cost more; this run
+# cannot tell the two apart.
 #
-# Everybody looks at the **loss** first, and it tells you least. It measures how far the Q-values are from their targets,
-# and the targets move. Here it rises for a while as the agent gets better. Two possible reasons: a bolder agent has more
-# to predict, and each crash counts for more.
+# Everybody looks at the **loss** first, and it tells you least. It measures how far the Q-values are from their
+# targets, and the targets move. Here it rises for a while as the agent collects more. Two possible reasons: a bolder
+# agent has more to predict, and each crash counts for more.
 #
 # ## 6.4 Two ways to fail
 
@@ -171,19 +169,20 @@ Quiz("huge_penalty")
 
 # %% [markdown]
 # **The lazy agent.** What if a crash costs 150 from the start? This was recorded over Manhattan, with three seeds each.
-# The runs have 300,000 steps. What changes over a run is squeezed into them: $\beta$, the price of a crash and the
-# learning rate. So they are ahead of longer runs at that step.
+# The runs have 300,000 steps. $\beta$, the price of a crash and the learning rate change within them as they do in longer
+# runs, only faster. So these agents are ahead of longer runs at that step.
 
 # %%
 study = read_table("../data/runs/deviations-manhattan.csv.gz")
-names = {"all": "10, later 150", "without_crash_reward": "150 from the start"}
+names = {"all": "10, later 150", "without_crash_reward": "150 from the start"}  # lite, paper
 for variant, crash in names.items():
     rows = (study["variant"] == variant) & (study["steps"] == study["steps"].max())
     for name in ("landed", "collected_and_landed"):
         print(f"{crash:<20}{name:<21}", *(f"{share:4.0%}" for share in study[name][rows]))
 
 # %% [markdown]
-# With the large penalty all three agents land safely and leave most of the data where it is.
+# With the large penalty all three agents land safely and leave most of the data where it is. The paper's recipe
+# has the same penalty and gets past that, as 6.5 shows.
 #
 # **The agent that never lands.** If a crash costs nothing, there is hardly any reason to fly home. Try it in the village:
 
@@ -195,10 +194,11 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 
 # %% [markdown]
 # It collects, but little or nothing comes home. Nothing is wrong with the learning: the agent did what we asked for. The
-# reward was wrong. Look at *landed* and *collected* together and you see both ways to fail.
+# reward was wrong.
 #
 # How large must the penalty be? The agent sees it through the discount. Ten steps before the end, a penalty of 20 counts
-# $20 \cdot 0.95^{10} \approx 12$. A device may hold 20 units, so a crash can pay.
+# $20 \cdot 0.95^{10} \approx 12$. Even in the village a device may hold 15 units, so a crash can pay. A penalty of 150
+# counts 90.
 #
 # ## 6.5 Two recipes
 #
@@ -214,13 +214,14 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # | $\beta$ from 2 to 0.1 | explore first, then get it right |
 # | crash from −10 to −150 | first fly far, then land in time |
 #
-# With three rewards before the Q-value the target is
+# The target of such a *three-step return* is
 #
 # $$y=r_t+\gamma r_{t+1}+\gamma^2r_{t+2}+\gamma^3\,Q_{\bar\theta}\big(s_{t+3},\arg\max_{a'}Q_\theta(s_{t+3},a')\big)$$
 #
 # If the episode ends within these steps, the sum ends there, without a $Q$.
 #
-# `lite` also lowers the price of a move from 0.2 to 0.1: with 0.2 its agents left distant devices alone on another map.
+# `lite` also lowers the price of a step from 0.2 to 0.1: with 0.2 its agents collected two points less on another map,
+# hardly more than the seeds differ.
 #
 # The **paper's own recipe** makes an update for every single step, once its memory holds 25,000 random steps. The
 # picture shows *training* flights of such a run, as far as it was recorded, and of three runs of `lite`.
@@ -245,16 +246,16 @@ ends = (lite["variant"] == "centred") & (lite["steps"] == lite["steps"].max())
 print("minutes of the blue runs:", *(f"{seconds / 60:.0f}" for seconds in lite["seconds"][ends]))
 
 # %% [markdown]
-# The paper's run starts to learn after fewer steps, but with many more updates. So the picture compares steps and not
-# work. The paper's million steps would take more than a day on one core, as `docs/results/paper_recipe.md` says. One run
-# does not decide which recipe is better.
+# In the picture the paper's run rises after fewer steps. It makes many more updates, and explores less: β is 0.1
+# throughout. So the picture compares steps and not work. The paper's million steps would take about a day on one core,
+# as `docs/results/paper_recipe.md` says. One run does not decide which recipe is better.
 #
 # ## Recap
 #
 # - Training is a loop: act, step, add, sample, update. The agent makes its own data.
 # - A validation flies missions that training never sees, always with the best action.
 # - Look at landed and collected together. The loss tells you least.
-# - With a large penalty from the start an agent gets lazy, and without one it never comes home.
+# - With a large penalty from the start an agent may get lazy, and without one it has hardly a reason to come home.
 # - A recipe defines a training run. Every departure from the paper's recipe needs a reason.
 #
 # ## Exercises

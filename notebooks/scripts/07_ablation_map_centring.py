@@ -38,9 +38,9 @@ for ax in figure.axes:
 #
 # ## 7.1 One thing changed
 #
-# An ablation says something only if all else is equal. Both kinds of run have the same recipe, the same number of steps,
-# missions drawn in the same way, and the same missions for validation. What differs is the number of threads, which only
-# changes rounding, and one field of the recipe:
+# An ablation says something only if all else is equal. Both kinds of run have the same number of steps, missions drawn
+# in the same way, and the same missions for validation. What differs is one field of the recipe, and the number of
+# threads, which only changes rounding:
 
 # %%
 from uavdh_lite.experiments.study import centring
@@ -50,8 +50,8 @@ for name, recipe in centring(LITE).items():
     print(name, {k: v for k, v in recipe.as_json().items() if v != LITE.as_json()[k]})
 
 # %% [markdown]
-# Both networks see 31 × 31 cells, because the city in place gets a rim of no-fly cells. So they are equally large, but for
-# the layer that shows the position: 246,006 weights with the centred map, 246,406 without.
+# Both networks see 31 × 31 cells, because the city in place gets a rim of no-fly cells. So they are equally large,
+# except for the layer that shows the position: 246,006 weights with the centred map, 246,406 without.
 #
 # Chance differs, too. A **seed** sets it: the first weights, the missions, the fading, and every action that is drawn.
 # There are three seeds of each kind.
@@ -91,14 +91,15 @@ ax.set(xlabel="thousand steps", ylabel="collected and landed")
 ax.legend();
 
 # %% [markdown]
-# After 200,000 and 300,000 steps all centred runs are far ahead of all others. Later the gap shrinks to about one point.
-# At the end every centred run is still above every other, by a hair. In the paper's figure the gap is larger. The paper
-# has another recipe and other maps, so the two figures do not contradict each other.
+# After 200,000 and 300,000 steps all centred runs are far ahead of all others. Later the gap shrinks to about one
+# point. At the end every centred run is still above every other one, by less than the figure shows. In the paper's
+# figure the gap is larger. The paper has another recipe and other maps, so the two figures do not contradict each
+# other.
 #
 # ## 7.3 One seed, and six
 #
-# Let us repeat the ablation in the village, with short runs of 16,000 steps. What changes over a run is squeezed into
-# them, so their curves are not those of notebook 6. One seed of each kind:
+# Let us repeat the ablation in the village, with short runs of 16,000 steps. All that changes over a run changes faster
+# in them, so their curves are not those of notebook 6. One seed of each kind:
 
 # %%
 village = read_table("../data/runs/centring-village.csv.gz")
@@ -108,8 +109,8 @@ ax.set(xlabel="thousand steps", ylabel="collected and landed", ylim=(-0.02, 0.62
 ax.legend();
 
 # %% [markdown]
-# A clear result: at the end, the centred map wins by far. Would you publish it? Here is the same comparison with six seeds.
-# The one above is seed 4.
+# A clear result: at the end, the centred map wins by far. Would you publish it? Here is the same comparison with six
+# seeds. The one above is seed 4.
 
 # %%
 figure, axes = plt.subplots(2, 3, figsize=(8, 4.4), sharex=True, sharey=True,
@@ -122,8 +123,8 @@ figure.supylabel("collected and landed");
 
 # %% [markdown]
 # **With one seed you could have shown anything**: that the centred map is far better, as with seed 4, that it makes no
-# difference, as with seed 3, or that it is far worse, as with seed 5. No one would have lied. Each of these figures comes
-# from a correct experiment that was done only once.
+# difference, as with seed 3, or that it is far worse, as with seed 5. Nobody would have been lying. Each of these
+# figures comes from a correct experiment that was done only once.
 #
 # ## 7.4 How sure can you be?
 #
@@ -135,10 +136,10 @@ figure.supylabel("collected and landed");
 #
 # $$\text{error} = \sqrt{\frac{s_1^2}{n} + \frac{s_2^2}{n}}$$
 #
-# A **95 % interval** extends a few standard errors to either side. With many runs it takes two, or 1.96 to be exact. With
-# few runs $s$ itself is uncertain, so it takes more. *Student's t distribution* says how many: 2.6 with six runs, 4.3
-# with three. That counts the runs of one variant only, to be on the safe side. If all runs were made again and again, at
-# least 95 % of such intervals would hold the true gap.
+# A **95 % interval** extends a few standard errors to either side. With many runs it takes two, or 1.96 to be exact.
+# With few runs $s$ itself is uncertain, so it takes more. *Student's t distribution* says how many: 2.6 with six runs,
+# 4.3 with three. For two kinds together the number is a little smaller; we take this one, to be safe. If all runs were
+# made again and again, at least 95 % of such intervals would hold the true gap.
 
 # %%
 import numpy as np
@@ -171,15 +172,15 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("three_seeds")
 
 # %% [markdown]
-# Every run above every other: we saw that after 300,000 steps, and by a hair at the end. So both times ranks alone leave
-# it at 10 %. The interval uses more than ranks: after 300,000 steps the gap is over three times as large as the standard
-# deviation of either kind. In return it assumes that results have a normal distribution, and three runs are too few to
-# check that.
+# Every run above every other: we saw that after 300,000 steps, and by a hair at the end. So by the order alone, equal
+# methods would do this in 10 % of cases, both times. The interval uses more than ranks: after 300,000 steps the gap is
+# over three times as large as the standard deviation of either kind. In return it assumes that results have a normal
+# distribution, and three runs are too few to check that.
 #
 # ### Baselines
 #
 # Is an agent that brings home 96 % a good one? The paper's agent collected 94.8 % and landed in 99.5 % of its missions.
-# It reached 94.6 % of both together, but over another map. A baseline flies the same missions. Here are `random` and
+# Its collected and landed was 94.6 %, but over another map. A baseline flies the same missions. Here are `random` and
 # `greedy`, the pilots of notebook 0, and the agent in 1000 missions:
 
 # %%
@@ -220,7 +221,7 @@ assert high < 0 and high - low < 1.4 * apart
 # Here it gains more than doubling the number of missions would.
 #
 # So `greedy` is ahead, by about one point here. That is a result, too, and it belongs in the report. The rule was thought
-# up by people who knew the task. The agent found its way from rewards.
+# up by people who knew the task. The agent learned from rewards alone.
 
 # %%
 Quiz("more_missions")
@@ -231,7 +232,7 @@ Quiz("more_missions")
 # | question | what these runs say |
 # | --- | --- |
 # | Does an agent learn sooner with the centred map? | Very likely, in this city and with this recipe |
-# | Is it better in the end? | Open: every centred run ended higher, by a hair, and three of each kind cannot settle it |
+# | Is it better in the end? | Open: every centred run ended higher, but three of each kind cannot settle it |
 # | Is the paper's larger gap wrong? | They cannot say: it comes from another recipe and other maps |
 # | Is the recipe fair to both? | Not quite: we tuned it with the centred map |
 # | Is it the centring alone? | Open: the other frame also gives the position differently, as a single 1 |
