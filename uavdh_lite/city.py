@@ -107,11 +107,6 @@ class City:
         return read_only(~self.buildings & ~self.landing & own[:, None] & own)
 
     @cached_property
-    def device_cells(self) -> np.ndarray:
-        """The cells on which a device may stand; (n,) ints."""
-        return read_only(np.flatnonzero(self.open_to_devices))
-
-    @cached_property
     def landing_distance(self) -> np.ndarray:
         """Moves from each cell to the nearest landing cell; (M, M) ints, −1 if none is reachable.
 

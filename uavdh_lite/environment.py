@@ -174,7 +174,6 @@ class Environment:
 
     city: City | tuple[City, ...]
     channel: Channel = Channel()  # noqa: RUF009 (frozen)
-    shadow_method: str = "exact"
 
     @cached_property
     def cities(self) -> tuple[City, ...]:
@@ -225,14 +224,9 @@ class Environment:
     @cached_property
     def sight(self) -> np.ndarray:
         """Line of sight, `[city, device cell, UAV cell]`; (C, n, n) bool."""
-        if self.shadow_method != "exact" and any(c.own_size < self.size for c in self.cities):
-            raise InputError(
-                f"{self.shadow_method} shadows of cities of different sizes: their rays end at the "
-                "map's border; take exact shadows, or one size"
-            )
-        maps = np.stack([city.buildings for city in self.cities])
-        sight = line_of_sight(maps, self.shadow_method)
-        return read_only(sight.reshape(len(maps), self.size**2, self.size**2))
+        cells = self.size**2
+        sight = line_of_sight(self.buildings.reshape(-1, self.size, self.size))
+        return read_only(sight.reshape(-1, cells, cells))
 
     @cached_property
     def transmit_snr_db(self) -> np.ndarray:

@@ -165,16 +165,15 @@ def fly(
     policy: Policy,
     start: State,
     generator: np.random.Generator,
-    rewards: Rewards = Rewards(),  # noqa: B008 (frozen)
 ) -> Flights:
-    """Fly all episodes of `start` to their end.
+    """Fly all episodes of `start` to their end; rewards have the constants of `Rewards()`.
 
     Fading is drawn for all episodes in every step, so it does not depend on what the policy does:
     two policies with the same start and equal generators have the same fading.
 
     Raises `InputError` if the policy gives anything that is not an action.
     """
-    policy, state = policy.begin(start), start
+    policy, state, rewards = policy.begin(start), start, Rewards()
     history: list[Step] = []
     while not state.ended.all():
         action = policy.act(state)

@@ -31,63 +31,6 @@ def environment_of(city: str) -> Environment:
     return Environment(load_city(city))
 
 
-def place(
-    city: City,
-    uav: Cell,
-    devices: list[Cell],
-    data: list[float],
-    flying_time: int,
-    max_devices: int,
-) -> State:
-    """The start of an episode that you set yourself; a batch of one.
-
-    Arguments:
-        uav, devices: cells as (row, column).
-        data: data units of each device.
-        flying_time: units of time.
-        max_devices: K, the number of places for devices.
-
-    Raises `InputError`, naming the device or cell, for anything that cannot be flown.
-    """
-    count = len(devices)
-    if not 1 <= count <= max_devices:
-        change = "take some away" if devices else "add one"
-        raise InputError(f"{count} devices: this scenario takes 1 to {max_devices}; {change}")
-    if len(data) != count:
-        raise InputError(f"{count} devices but {len(data)} amounts of data: give one each")
-    if not 1 <= flying_time < LIMIT:
-        raise InputError(f"flying time {flying_time}: must be at least 1 and below {LIMIT}")
-    _require_inside(city, uav, "the UAV")
-    if city.no_fly[tuple(uav)]:
-        raise InputError(f"the UAV cannot start at {tuple(uav)}, a no-fly cell: move it")
-    for k, cell in enumerate(devices):
-        _require_inside(city, cell, f"device {k}")
-        for where, there in {
-            "on a building": city.buildings[tuple(cell)],
-            "in the landing zone": city.landing[tuple(cell)],
-            "where another device stands": cell in devices[:k],
-        }.items():
-            if there:
-                raise InputError(f"device {k} at {tuple(cell)} stands {where}: move it")
-        if not 0 <= data[k] < LIMIT:
-            raise InputError(f"device {k} has {data[k]} data units: must be 0 to below {LIMIT}")
-    if not any(data):
-        raise InputError("no device has data: give at least one a positive amount")
-    device_cells = np.zeros((1, max_devices), np.int16)
-    data_initial = np.zeros((1, max_devices), np.float32)
-    device_cells[0, :count] = [row * city.size + col for row, col in devices]
-    data_initial[0, :count] = data
-    return State(
-        uav_cell=np.array([uav[0] * city.size + uav[1]], np.int16),
-        time_left=np.array([flying_time], np.int16),
-        device_cells=device_cells,
-        data_initial=data_initial,
-        data_left=data_initial.copy(),
-        landed=np.array([False]),
-        city=np.array([0], np.int16),
-    )
-
-
 def _require_inside(city: City, cell: Cell, what: str) -> None:
     if not all(0 <= axis < city.size for axis in cell):
         raise InputError(
@@ -139,8 +82,46 @@ class Mission:
     @cached_property
     def state(self) -> State:
         """The first state, a batch of one."""
-        parts = self.start, list(self.devices), list(self.data), self.flying_time
-        return place(self.city, *parts, self.max_devices)
+        city, devices, data, places = self.city, self.devices, self.data, self.max_devices
+        count = len(devices)
+        if not 1 <= count <= places:
+            change = "take some away" if devices else "add one"
+            raise InputError(f"{count} devices: this scenario takes 1 to {places}; {change}")
+        if len(data) != count:
+            raise InputError(f"{count} devices but {len(data)} amounts of data: give one each")
+        if not 1 <= self.flying_time < LIMIT:
+            raise InputError(
+                f"flying time {self.flying_time}: must be at least 1 and below {LIMIT}"
+            )
+        _require_inside(city, self.start, "the UAV")
+        if city.no_fly[tuple(self.start)]:
+            raise InputError(f"the UAV cannot start at {tuple(self.start)}, a no-fly cell: move it")
+        for k, cell in enumerate(devices):
+            _require_inside(city, cell, f"device {k}")
+            for where, there in {
+                "on a building": city.buildings[tuple(cell)],
+                "in the landing zone": city.landing[tuple(cell)],
+                "where another device stands": cell in devices[:k],
+            }.items():
+                if there:
+                    raise InputError(f"device {k} at {tuple(cell)} stands {where}: move it")
+            if not 0 <= data[k] < LIMIT:
+                raise InputError(f"device {k} has {data[k]} data units: must be 0 to below {LIMIT}")
+        if not any(data):
+            raise InputError("no device has data: give at least one a positive amount")
+        device_cells = np.zeros((1, places), np.int16)
+        data_initial = np.zeros((1, places), np.float32)
+        device_cells[0, :count] = [row * city.size + col for row, col in devices]
+        data_initial[0, :count] = data
+        return State(
+            uav_cell=np.array([self.start[0] * city.size + self.start[1]], np.int16),
+            time_left=np.array([self.flying_time], np.int16),
+            device_cells=device_cells,
+            data_initial=data_initial,
+            data_left=data_initial.copy(),
+            landed=np.array([False]),
+            city=np.array([0], np.int16),
+        )
 
     @property
     def fading(self) -> np.random.Generator:

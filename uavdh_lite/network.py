@@ -23,7 +23,6 @@ class QNetwork(nn.Module):
         strides: one stride for each convolution.
         layer_norm: normalise each hidden layer before its ReLU.
         leak: slope of the ReLUs below 0; 0 for plain ones.
-        outputs: units of the linear output.
     """
 
     def __init__(
@@ -35,11 +34,10 @@ class QNetwork(nn.Module):
         hidden: tuple[int, ...] = (256, 256, 256),
         layer_norm: bool = False,
         leak: float = 0.0,
-        outputs: int = len(ACTIONS),
     ):
         super().__init__()
         self.convolutions, features = convolutions(map_shape, kernels, kernel_size, strides, leak)
-        self.head = fully_connected(features + 1, hidden, layer_norm, leak, outputs)
+        self.head = fully_connected(features + 1, hidden, layer_norm, leak)
 
     def forward(self, map: Tensor, time: Tensor) -> Tensor:
         return self.head(torch.cat([self.convolutions(map), time], dim=1))
@@ -64,26 +62,21 @@ def convolutions(
                 f"a map of {rows}×{cols} cells is too small for a convolution of "
                 f"{kernel_size}×{kernel_size}: take smaller kernels or strides"
             )
-        layers += [nn.Conv2d(channels, kernels, kernel_size, stride), relu(leak)]
+        layers += [nn.Conv2d(channels, kernels, kernel_size, stride), nn.LeakyReLU(leak)]
         channels = kernels
         rows, cols = ((side - kernel_size) // stride + 1 for side in (rows, cols))
     return nn.Sequential(*layers, nn.Flatten()), channels * rows * cols
 
 
 def fully_connected(
-    inputs: int, hidden: tuple[int, ...], layer_norm: bool, leak: float, outputs: int
+    inputs: int, hidden: tuple[int, ...], layer_norm: bool, leak: float
 ) -> nn.Sequential:
-    """Hidden layers with their ReLUs, and a linear output."""
+    """Hidden layers with their ReLUs, and a linear output for each action."""
     layers: list[nn.Module] = []
     for units in hidden:
         layers.append(nn.Linear(inputs, units))
         if layer_norm:
             layers.append(nn.LayerNorm(units))
-        layers.append(relu(leak))
+        layers.append(nn.LeakyReLU(leak))
         inputs = units
-    return nn.Sequential(*layers, nn.Linear(inputs, outputs))
-
-
-def relu(leak: float) -> nn.Module:
-    """A ReLU with this slope below 0; 0 for the plain one."""
-    return nn.LeakyReLU(leak) if leak else nn.ReLU()
+    return nn.Sequential(*layers, nn.Linear(inputs, len(ACTIONS)))

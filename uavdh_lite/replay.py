@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavdh_lite.environment import State
-from uavdh_lite.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -42,8 +41,6 @@ class Replay:
         max_devices: K of the states.
         discount: γ.
         return_steps: n; fewer steps are summed if the episode ends or the memory has no more.
-
-    Raises `InputError` if the capacity is too small.
     """
 
     def __init__(
@@ -54,11 +51,6 @@ class Replay:
         discount: float,
         return_steps: int = 1,
     ):
-        if capacity < environments:
-            raise InputError(
-                f"replay of {capacity} transitions for {environments} environments: "
-                "each needs at least one"
-            )
         self.discount, self.return_steps = np.float32(discount), return_steps
         steps = -(-capacity // environments) + 1  # one more: the newest state has no action yet
         lead, devices = (steps, environments), (steps, environments, max_devices)
@@ -119,17 +111,8 @@ class Replay:
         return State(**{name: array[step, stream] for name, array in self.states.items()})
 
     def sample(self, size: int, generator: np.random.Generator) -> Batch:
-        """Draw `size` transitions: the newest of each environment first, the others uniformly.
-
-        Raises `InputError` if the memory is empty, or the minibatch cannot hold the newest.
-        """
+        """Draw `size` transitions: the newest of each environment first, the others uniformly."""
         environments = self.action.shape[1]
-        if size < environments:
-            raise InputError(
-                f"a minibatch of {size} cannot hold the newest {environments}: make it larger"
-            )
-        if not self.filled:
-            raise InputError("the replay memory is empty: add transitions before sampling")
         age = generator.integers(0, self.filled, size)
         stream = generator.integers(0, environments, size)
         age[:environments] = 0

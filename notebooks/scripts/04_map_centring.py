@@ -23,14 +23,14 @@ if not any(distributions(name="uavdh_lite")):
 import torch
 
 from uavdh_lite.checkpoint import load_agent
-from uavdh_lite.missions import place
+from uavdh_lite.missions import Mission
 from uavdh_lite.observation import LAYERS, Observation
 from uavdh_lite.plotting import draw_maps
 
 torch.set_num_threads(1)  # small networks
 agent = load_agent("manhattan_ddqn")
 city, centred = agent.city, Observation(agent.environment)
-maps, time = centred(place(city, (8, 4), [(4, 7), (11, 11)], [15, 10], 50, max_devices=5))
+maps, time = centred(Mission(city, (8, 4), [(4, 7), (11, 11)], [15, 10], 50).state)
 draw_maps(dict(zip(LAYERS, maps[0])))
 
 # %% [markdown]
@@ -71,7 +71,7 @@ def at_time(state, units):
     return replace(state, time_left=np.full_like(state.time_left, units))
 
 # %%
-street = place(city, (11, 8), [(4, 7), (11, 11)], [15, 10], 50, max_devices=5)
+street = Mission(city, (11, 8), [(4, 7), (11, 11)], [15, 10], 50).state
 for units in (50, 14, 10):
     print(units, "units left:", ACTIONS[agent.act(at_time(street, units))[0]])
 

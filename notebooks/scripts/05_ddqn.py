@@ -23,11 +23,11 @@ import torch
 from matplotlib import pyplot as plt
 
 from uavdh_lite.checkpoint import load_agent
-from uavdh_lite.missions import place
+from uavdh_lite.missions import Mission
 
 torch.set_num_threads(1)  # small networks
 agent = load_agent("manhattan_ddqn")
-q_now = agent.q_values(place(agent.city, (11, 8), [(4, 7), (11, 11)], [15, 10], 50, max_devices=5))
+q_now = agent.q_values(Mission(agent.city, (11, 8), [(4, 7), (11, 11)], [15, 10], 50).state)
 figure, ax = plt.subplots(figsize=(6, 2.4), layout="constrained")
 ax.set(ylabel="Q-value")
 ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);

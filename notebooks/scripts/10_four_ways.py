@@ -126,9 +126,9 @@ assert flights["landed"].all()
 
 # %%
 from uavdh_lite.beyond.told import TOLD, ToldObservation
-from uavdh_lite.missions import place
+from uavdh_lite.missions import Mission
 
-state = place(city, (8, 4), [(4, 7), (11, 11)], [15, 6], flying_time=50, max_devices=5)
+state = Mission(city, (8, 4), [(4, 7), (11, 11)], [15, 6], flying_time=50).state
 told = ToldObservation(environment).told(state)[0].reshape(3, 16, 16)
 
 # %%

@@ -10,7 +10,7 @@ from uavdh_lite.beyond.genie import Genie, _best, _Problem
 from uavdh_lite.city import City, load_city
 from uavdh_lite.environment import HOVER, LAND, Environment, State
 from uavdh_lite.evaluation import evaluate, fly
-from uavdh_lite.missions import place
+from uavdh_lite.missions import Mission
 from uavdh_lite.planners import Greedy
 from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.streams import Use, stream
@@ -38,7 +38,10 @@ def small():
 def starts(small):
     """Two missions that differ in what they start from alone: opposite corners."""
     return State.concatenate(
-        [place(CITY, start, [(2, 3)], [20.0], 14, 2) for start in ((0, 0), (3, 0))]
+        [
+            Mission(CITY, start, [(2, 3)], [20.0], 14, max_devices=2).state
+            for start in ((0, 0), (3, 0))
+        ]
     )
 
 
@@ -79,7 +82,7 @@ def test_a_plan_does_not_depend_on_the_others_of_the_batch(together, monkeypatch
 
 
 def test_without_a_way_home_in_time_it_hovers(small):
-    start = place(CITY, (3, 3), [(2, 0)], [5.0], 3, 2)
+    start = Mission(CITY, (3, 3), [(2, 0)], [5.0], 3, max_devices=2).state
     (plan,) = Genie(small).plans(start)
     assert plan.actions.tolist() == [HOVER] * 3 and plan.value == -np.inf
     assert fly(small, Genie(small, replan=1), start, Quiet()).steps == 3
@@ -101,7 +104,7 @@ def test_without_fading_it_keeps_to_its_plan_and_gets_what_it_expects(small, sta
 
 def test_it_plans_again_for_what_is_left(small):
     """A device is empty sooner than planned: only who plans again comes home sooner."""
-    start = place(CITY, (0, 0), [(3, 3)], [60.0], 14, 2)
+    start = Mission(CITY, (0, 0), [(3, 3)], [60.0], 14, max_devices=2).state
     soon, once = Genie(small, replan=2).begin(start), Genie(small, replan=100).begin(start)
     lucky = replace(start, data_left=np.zeros_like(start.data_left), time_left=start.time_left - 2)
     for policy in (soon, once):

@@ -82,14 +82,6 @@ def exact_sight(buildings):
     return cache(lambda device, uav: reference_line_of_sight(buildings, device, uav))
 
 
-def bresenham_sight(buildings):
-    seen = cache(lambda device: reference_bresenham(buildings, device))
-    return lambda device, uav: uav in seen(device)
-
-
-SIGHTS = {"exact": exact_sight, "bresenham": bresenham_sight}
-
-
 class ReferenceEpisode:
     """One episode. `channel` only holds the constants; `sight(device, uav)` says LoS or not."""
 

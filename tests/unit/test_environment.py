@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference import SIGHTS, ReferenceEpisode
+from reference import ReferenceEpisode, exact_sight
 from strategies import cities
 
 from uavdh_lite.channel import Channel
@@ -25,7 +25,6 @@ from uavdh_lite.environment import (
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Policy, fly
 from uavdh_lite.scenario import Scenario
-from uavdh_lite.shadowing import METHODS
 
 CITY = City.from_text(
     "by hand",
@@ -69,19 +68,17 @@ def compare(state, outcome, episodes, results, size):
     st.lists(cities(2), min_size=1, max_size=3),
     st.integers(1, 5),
     st.floats(1, 50),
-    st.sampled_from(METHODS),
     st.integers(0, 2**32),
 )
 @settings(derandomize=True, deadline=None, max_examples=40)
-def test_batched_steps_equal_the_scalar_reference(drawn, slots, altitude, method, seed):
+def test_batched_steps_equal_the_scalar_reference(drawn, slots, altitude, seed):
     """Each episode of the reference knows its own city alone."""
-    drawn = drawn if method == "exact" else drawn[:1]  # the fan's rays end at the grid's border
     generator, channel = np.random.default_rng(seed), Channel(slots=slots, altitude_m=altitude)
-    environment = Environment(tuple(drawn), channel, method)
-    devices = min(4, *(len(city.device_cells) for city in drawn))
+    environment = Environment(tuple(drawn), channel)
+    devices = min(4, *(city.open_to_devices.sum() for city in drawn))
     scenario = replace(SCENARIO, devices=(1, devices))
     state = scenario.sample(environment, 12, generator)
-    sights = [SIGHTS[method](city.buildings) for city in drawn]
+    sights = [exact_sight(city.buildings) for city in drawn]
     episodes = [
         ReferenceEpisode(
             drawn[one.city[0]],
@@ -105,11 +102,6 @@ def test_batched_steps_equal_the_scalar_reference(drawn, slots, altitude, method
         for name in ("device_cells", "data_initial", "city"):
             assert np.array_equal(getattr(after, name), getattr(state, name))
         state = after
-
-
-def test_the_fan_of_rays_is_refused_where_the_border_is_not_the_citys():
-    with pytest.raises(InputError, match=r"bresenham.*sizes"):
-        _ = Environment((CORNER, CITY), shadow_method="bresenham").sight
 
 
 def test_fading_draws_are_standard_normal_for_every_slot_and_device(generator):

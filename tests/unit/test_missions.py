@@ -17,7 +17,6 @@ from uavdh_lite.missions import (
     Mission,
     environment_of,
     load_mission,
-    place,
     save_mission,
 )
 from uavdh_lite.policies import find_policy
@@ -34,7 +33,7 @@ def mission():
 
 
 def test_a_state_that_is_placed_by_hand():
-    state = place(MANHATTAN.city, (0, 1), [(4, 4), (7, 9)], [10.0, 5.0], 40, max_devices=3)
+    state = Mission(MANHATTAN.city, (0, 1), [(4, 4), (7, 9)], [10.0, 5.0], 40, max_devices=3).state
     assert state.uav_cell.tolist() == [1] and state.time_left.tolist() == [40]
     assert state.device_cells.tolist() == [[4 * 16 + 4, 7 * 16 + 9, 0]]
     assert state.data_initial.tolist() == state.data_left.tolist() == [[10, 5, 0]]
@@ -44,9 +43,9 @@ def test_a_state_that_is_placed_by_hand():
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
-        ({"uav": (0, 16)}, r"UAV .*\(0, 16\)"),
-        ({"uav": (-1, 0)}, r"UAV .*\(-1, 0\)"),
-        ({"uav": (2, 2)}, r"UAV .*\(2, 2\).*no-fly"),
+        ({"start": (0, 16)}, r"UAV .*\(0, 16\)"),
+        ({"start": (-1, 0)}, r"UAV .*\(-1, 0\)"),
+        ({"start": (2, 2)}, r"UAV .*\(2, 2\).*no-fly"),
         ({"devices": [(4, 4), (16, 0)]}, r"device 1 .*\(16, 0\)"),
         ({"devices": [(4, 4), (2, 2)]}, r"device 1 .*\(2, 2\).*building"),
         ({"devices": [(0, 1), (4, 4)]}, r"device 0 .*\(0, 1\).*landing zone"),
@@ -62,9 +61,9 @@ def test_a_state_that_is_placed_by_hand():
     ],
 )
 def test_what_cannot_be_flown_is_named(changes, named):
-    given = {"uav": (0, 0), "devices": [(4, 4), (7, 9)], "data": [10.0, 5.0]}
+    given = {"start": (0, 0), "devices": [(4, 4), (7, 9)], "data": [10.0, 5.0]}
     with pytest.raises(InputError, match=named):
-        place(MANHATTAN.city, **given | {"flying_time": 40, "max_devices": 5} | changes)
+        Mission(MANHATTAN.city, **given | {"flying_time": 40} | changes)
 
 
 def test_a_drawn_mission_is_the_scenarios():

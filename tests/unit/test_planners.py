@@ -6,7 +6,7 @@ import pytest
 from uavdh_lite.city import City, load_city
 from uavdh_lite.environment import HOVER, LAND, Environment
 from uavdh_lite.evaluation import evaluate
-from uavdh_lite.missions import place
+from uavdh_lite.missions import Mission
 from uavdh_lite.planners import NO_PATH, Greedy, Random, shortest_paths
 from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.streams import Use, stream
@@ -74,7 +74,7 @@ def test_greedy_takes_shortest_ways_in_every_city(small):
 
 
 def test_greedy_goes_to_the_nearest_device_and_home_when_all_is_collected(small):
-    state = place(small.city, (3, 0), [(3, 3), (0, 1)], [5, 5], 30, 2)
+    state = Mission(small.city, (3, 0), [(3, 3), (0, 1)], [5, 5], 30, max_devices=2).state
     assert Greedy(small).act(state) == 1  # east: (3, 3) is 3 moves away, (0, 1) is 4
     empty = replace(state, data_left=np.zeros_like(state.data_left))
     assert Greedy(small).act(empty) == 0  # north, to the landing zone
@@ -83,13 +83,16 @@ def test_greedy_goes_to_the_nearest_device_and_home_when_all_is_collected(small)
 def test_greedy_turns_back_when_the_time_just_suffices(small):
     """From (0, 1) one more move east needs 1 + 2 moves home, and the landing."""
     for time, action in ((4, 1), (3, 3), (2, 3)):
-        state = place(small.city, (0, 1), [(0, 3)], [90], time, 2)
+        state = Mission(small.city, (0, 1), [(0, 3)], [90], time, max_devices=2).state
         assert Greedy(small).act(state) == action
-    assert Greedy(small).act(place(small.city, (0, 0), [(0, 3)], [90], 2, 2)) == LAND
+    assert (
+        Greedy(small).act(Mission(small.city, (0, 0), [(0, 3)], [90], 2, max_devices=2).state)
+        == LAND
+    )
 
 
 def test_greedy_goes_next_to_a_device_where_it_may_not_fly(small):
     """The device in the no-fly cell (1, 1): its first neighbour is (0, 1)."""
     assert Greedy(small).approach[0, 5] == 1
-    state = place(small.city, (0, 1), [(1, 1)], [90], 30, 2)
+    state = Mission(small.city, (0, 1), [(1, 1)], [90], 30, max_devices=2).state
     assert Greedy(small).act(state) == HOVER

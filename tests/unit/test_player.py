@@ -12,7 +12,7 @@ from uavdh_lite.city import City
 from uavdh_lite.environment import EAST, HOVER, LAND, NORTH, WEST, Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import FunctionPolicy, evaluate, fly
-from uavdh_lite.missions import place
+from uavdh_lite.missions import Mission
 from uavdh_lite.planners import Greedy
 from uavdh_lite.player import film, play
 from uavdh_lite.plotting import device_colour
@@ -26,7 +26,9 @@ def flight(cities, actions=FLIGHT, city=0, device=(2, 3), data=1.5, flying_time=
     """A flight with two devices; of three places, the first is empty."""
     environment = Environment(cities)
     places = [device, (2, 4)]
-    start = place(environment.cities[city], (2, 0), places, [data, 2.5], flying_time, max_devices=3)
+    start = Mission(
+        environment.cities[city], (2, 0), places, [data, 2.5], flying_time, max_devices=3
+    ).state
     turned = {
         name: np.roll(getattr(start, name), 1, axis=1)
         for name in ("device_cells", "data_initial", "data_left")

@@ -14,7 +14,7 @@ from uavdh_lite.city import City
 from uavdh_lite.environment import EAST, HOVER, LAND, WEST, Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import FunctionPolicy, fly
-from uavdh_lite.missions import place
+from uavdh_lite.missions import Mission
 from uavdh_lite.streams import Use, stream
 
 DRAWN = City.from_text("drawn", "L.N\n.bB\n..B")
@@ -28,7 +28,7 @@ def ax():
 def flight(cities, actions, uav=(2, 0), device=(2, 2), data=1.5, city=0):
     """A flight with one device; a second place is empty."""
     environment = Environment(cities)
-    start = place(environment.cities[city], uav, [device], [data], 9, max_devices=2)
+    start = Mission(environment.cities[city], uav, [device], [data], 9, max_devices=2).state
     start = replace(start, city=np.array([city], np.int16))
     actions = iter(actions)
     policy = FunctionPolicy(lambda state: np.array([next(actions)]))

@@ -22,6 +22,7 @@ from uavdh_lite.observation import Observation
 from uavdh_lite.recipe import find_recipe
 from uavdh_lite.replay import Replay
 from uavdh_lite.scenario import find_scenario
+from uavdh_lite.shadowing import line_of_sight
 from uavdh_lite.streams import Use, stream, torch_seed
 
 FILE = Path(__file__).parent / "data" / "reference.npz"
@@ -29,8 +30,13 @@ FILE = Path(__file__).parent / "data" / "reference.npz"
 
 def environment_of(names: str, kind: str = "exact") -> Environment:
     cities = sum((load_cities(name) for name in names.split("+")), ())
-    safe = kind == "failsafe"
-    return SafeEnvironment(cities) if safe else Environment(cities, shadow_method=kind)
+    environment = SafeEnvironment(cities) if kind == "failsafe" else Environment(cities)
+    if kind == "bresenham":
+        maps = np.stack([city.buildings for city in environment.cities])
+        cells = environment.size**2
+        sight = line_of_sight(maps, "bresenham").reshape(-1, cells, cells)
+        vars(environment)["sight"] = sight  # in the place of the cached one
+    return environment
 
 
 def state_of(recorded: dict, prefix: str, row=...) -> State:

@@ -9,7 +9,6 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d
 
-from uavdh_lite.environment import ACTIONS
 from uavdh_lite.errors import InputError
 from uavdh_lite.network import convolutions, fully_connected
 
@@ -36,7 +35,6 @@ class GlobalLocalNetwork(nn.Module):
         hidden: tuple[int, ...] = (256, 256, 256),
         layer_norm: bool = False,
         leak: float = 0.0,
-        outputs: int = len(ACTIONS),
     ):
         super().__init__()
         channels, width, _ = map_shape
@@ -52,7 +50,7 @@ class GlobalLocalNetwork(nn.Module):
             layers, found = convolutions(shape, kernels, kernel_size, strides, leak)
             self.convolutions.append(layers)
             features += found
-        self.head = fully_connected(features, hidden, layer_norm, leak, outputs)
+        self.head = fully_connected(features, hidden, layer_norm, leak)
 
     def forward(self, map: Tensor, time: Tensor) -> Tensor:
         margin = (map.shape[-1] - self.local_size) // 2

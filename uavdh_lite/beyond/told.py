@@ -78,7 +78,7 @@ class ToldObservation(Observation):
         row, col = np.divmod(np.arange(cells), environment.size)
         for number, city in enumerate(environment.cities):
             own = (row < city.own_size) & (col < city.own_size)
-            for cell in city.device_cells:
+            for cell in np.flatnonzero(city.open_to_devices):
                 device = divmod(int(cell), environment.size)
                 sight = environment.sight[number]
                 rates = rate_map(city, environment.channel, sight, device)

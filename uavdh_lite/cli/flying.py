@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from uavdh_lite import evaluation, missions, plotting
 from uavdh_lite.agent import Agent
+from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.bridges.onnx import export_onnx
 from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import City, load_cities
@@ -169,7 +170,9 @@ def compare(
     """
     agent = open_agent(checkpoint, city)
     environment, name = Environment(agent.cities), agent.scenario.name
-    policies = comparison.entrants(environment, agent, others, seed)
+    named = {each: find_policy(each, environment, seed) for each in (*others, "random", "greedy")}
+    genies = {"genie": Genie(environment), "genie_data": Genie(environment, time_cost=0.01)}
+    policies = {"agent": agent, **named, **genies}
     results = comparison.compare(environment, agent.scenario, policies, episodes, seed, jobs)
     out = out or Path(f"comparison-{name}.csv.gz")
     about = {"command": command_line, "seed": seed, **provenance(), "agent": agent.training}

@@ -4,6 +4,7 @@ Every `option(...)` field of a dataclass becomes an option. Its default is the v
 or recipe that the command names: `train --recipe small --help` shows those of `small`.
 """
 
+from argparse import ArgumentParser
 from collections.abc import Sequence
 from dataclasses import field, fields, make_dataclass, replace
 from typing import Annotated, Any, TypeVar, get_type_hints
@@ -35,19 +36,11 @@ Cities = Annotated[
 
 def presets(arguments: Sequence[str]) -> tuple[Scenario, Recipe]:
     """The scenario and the recipe that the arguments name, or the default ones."""
-    scenario = _given(arguments, "--scenario") or "manhattan"
-    recipe = _given(arguments, "--recipe") or "lite"
-    return find_scenario(scenario), find_recipe(recipe)
-
-
-def _given(arguments: Sequence[str], option: str) -> str | None:
-    """What follows an option, the last time that it is there; None if it is not."""
-    value = None
-    for word, following in zip(arguments, [*arguments[1:], None], strict=True):
-        name, equals, behind = word.partition("=")
-        if name == option:
-            value = behind if equals else following
-    return value
+    parser = ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--scenario", nargs="?", default="manhattan", const="manhattan")
+    parser.add_argument("--recipe", nargs="?", default="lite", const="lite")
+    named, _ = parser.parse_known_args(list(arguments))
+    return find_scenario(named.scenario), find_recipe(named.recipe)
 
 
 def options_of(preset: Scenario | Recipe, title: str) -> Any:

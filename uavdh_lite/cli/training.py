@@ -93,7 +93,6 @@ def study(arguments: list[str]) -> Callable[..., None]:
         recipe: str = named_recipe.name,
         seeds: PositiveInt = 3,
         jobs: PositiveInt = 1,
-        scheduler: str | None = None,
         out: Path = Path("runs", "study"),
         recipe_values: recipe_options = None,  # type: ignore[valid-type]
         command_line: CommandLine,
@@ -111,14 +110,11 @@ def study(arguments: list[str]) -> Callable[..., None]:
             recipe: how to train, as in train.
             seeds: number of runs of each variant, with the seeds 0, 1, and so on.
             jobs: number of runs at a time.
-            scheduler: address of a Dask cluster to run on, such as tcp://node1:8786.
             out: folder of the runs.
         """
         changed = with_values(named_recipe, recipe_values)
         trained = studies.variants_of(changed, variants) if variants else studies.centring(changed)
-        folders = studies.run_study(
-            named_scenario, trained, seeds, out, jobs, scheduler, command_line
-        )
+        folders = studies.run_study(named_scenario, trained, seeds, out, jobs, command_line)
         training, validation = studies.collect_curves(folders, out, command_line)
         print("collected and landed at the end, validation missions, by seed:")
         scores = studies.final_scores(validation)

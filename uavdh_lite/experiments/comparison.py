@@ -1,37 +1,17 @@
 """Policies side by side: the same missions with the same fading."""
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import joblib
 import numpy as np
 from tqdm.auto import tqdm
 
-from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import Flights, Interval, Policy, drawn_again, evaluate, mean_interval
-from uavdh_lite.policies import find_policy
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import write_json, write_table
 
 Columns = dict[str, np.ndarray]
-
-
-def entrants(
-    environment: Environment, agent: Policy, others: Iterable[str] = (), seed: int = 0
-) -> dict[str, Policy]:
-    """The agent and what it is compared with, for `compare`.
-
-    These are `random`, `greedy`, `genie`, which plans for the return, and `genie_data`, which plans
-    for the data.
-
-    Arguments:
-        others: names of more policies, such as shipped agents.
-        seed: of the random policy.
-    """
-    named = {name: find_policy(name, environment, seed) for name in (*others, "random", "greedy")}
-    genies = {"genie": Genie(environment), "genie_data": Genie(environment, time_cost=0.01)}
-    return {"agent": agent, **named, **genies}
 
 
 def compare(

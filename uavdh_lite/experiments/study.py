@@ -5,7 +5,6 @@ import json
 import re
 import sys
 from collections.abc import Iterable
-from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ import numpy as np
 import torch
 from tqdm.auto import tqdm
 
-from uavdh_lite.errors import InputError, extra
+from uavdh_lite.errors import InputError
 from uavdh_lite.experiments.runs import SAVED, train
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
@@ -72,7 +71,6 @@ def run_study(
     seeds: int,
     out: str | Path,
     jobs: int = 1,
-    scheduler: str | None = None,
     command: str = "",
 ) -> dict[str, list[Path]]:
     """Train every variant with the seeds 0, 1, …; returns the folders of the runs by variant.
@@ -81,25 +79,21 @@ def run_study(
     killed, the same call continues: finished runs are kept, others resume where they were saved.
 
     Arguments:
-        jobs: runs at a time on this machine.
-        scheduler: the address of a Dask cluster's scheduler, such as `tcp://node1:8786`, to run on
-            its workers instead; they must see the folder `out` under the same path.
+        jobs: runs at a time.
 
-    Raises `InputError` if no scheduler answers there, and for runs that are too short for a curve.
+    Raises `InputError` for runs that are too short for a curve.
     """
     for recipe in variants.values():
         if recipe.steps < BIN:
             raise InputError(f"runs of {recipe.steps} steps: a study's curves need at least {BIN}")
     out = Path(out).absolute()
     grid = [(name, seed) for seed in range(seeds) for name in variants]
-    backend, n_jobs = ("dask", -1) if scheduler else ("loky", jobs)
-    with _client(scheduler), joblib.parallel_config(backend=backend, n_jobs=n_jobs):
-        done = joblib.Parallel(return_as="generator_unordered")(
-            joblib.delayed(_run)(scenario, variants[name], seed, out / f"{name}-{seed}", command)
-            for name, seed in grid
-        )
-        for folder in tqdm(done, total=len(grid), unit="run"):
-            tqdm.write(f"finished: {folder}", file=sys.stderr)
+    done = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(
+        joblib.delayed(_run)(scenario, variants[name], seed, out / f"{name}-{seed}", command)
+        for name, seed in grid
+    )
+    for folder in tqdm(done, total=len(grid), unit="run"):
+        tqdm.write(f"finished: {folder}", file=sys.stderr)
     return {name: [out / f"{name}-{seed}" for seed in range(seeds)] for name in variants}
 
 
@@ -109,18 +103,6 @@ def _run(scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: s
     resume = (folder / SAVED).exists()
     train(trainer_of(recipe)(scenario, recipe, seed), folder, resume, command, show_progress=False)
     return folder
-
-
-def _client(scheduler: str | None):
-    """A context in which joblib finds the Dask cluster, if there is one."""
-    if scheduler is None:
-        return nullcontext()
-    with extra("dask"):
-        from distributed import Client
-    try:
-        return Client(scheduler, timeout=10)
-    except (OSError, ValueError) as error:
-        raise InputError(f"no Dask scheduler answers at {scheduler}: {error}") from None
 
 
 def collect_curves(folders: dict[str, list[Path]], out: Path, command: str) -> tuple[Path, Path]:

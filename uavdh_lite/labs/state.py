@@ -126,7 +126,7 @@ def scenario_of(city: City) -> Scenario:
     """What missions over a city are drawn from; over a painted one, time to cross it twice."""
     if city.name in shipped_cities() and load_city(city.name).fingerprint == city.fingerprint:
         return find_scenario(city.name)
-    most, time = min(3, len(city.device_cells)), (2 * city.size, 4 * city.size)
+    most, time = min(3, city.open_to_devices.sum()), (2 * city.size, 4 * city.size)
     return Scenario(city.name, devices=(1, most), flying_time=time)
 
 
