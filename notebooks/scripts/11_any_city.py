@@ -95,7 +95,8 @@ print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in b
 #
 # ## 11.2 Is one network enough?
 #
-# What has to change in the network? Nothing: it is that of the agent `manhattan`, which copies a planner (notebook 10). Its maps have always shown buildings, no-fly zones and landing
+# What has to change in the network? Hardly anything. It is that of the agent `manhattan`, which copies a planner (notebook 10),
+# but its first fully connected layer is twice as wide. Its maps have always shown buildings, no-fly zones and landing
 # zones. An agent with a single city can learn by heart what to do in each place, and need not look at
 # the buildings. An agent that wakes up in another city each time has to look.
 #
@@ -166,7 +167,7 @@ play(own.environment, flight.trajectory(0))
 
 # %% [markdown]
 # The network was made for 16 cells on a side. How does it take ten? A city that is too small is surrounded by no-fly cells, as every
-# city is at its border. They say what is true: the UAV cannot get there. A city that is too large does not fit, because the first
+# city is at its border. They say what is true: the UAV cannot get there. The agent learned in cities of eight to sixteen cells on a side, so it has seen such. A city that is too large does not fit, because the first
 # fully connected layer has a weight for every place of the map.
 #
 # The labs do the same with the mouse. In `python -m uavdh_lite app`, tool *Paint*, paint a city and let the agent fly.

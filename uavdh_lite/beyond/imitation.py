@@ -73,6 +73,7 @@ class Imitation(Trainer):
 
     PROGRESS = (*Trainer.PROGRESS, "plans", "waiting")
     recipe: Any
+    learner: Cloning
 
     def __init__(self, scenario: Scenario, recipe: Recipe, *arguments, **options):
         # The planned actions of each environment, and the planned flights that have not begun

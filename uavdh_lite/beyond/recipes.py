@@ -145,6 +145,6 @@ for recipe in (TOLD, IMITATION):
     registry.register("recipe", recipe.name, recipe)
 
 ANY_CITY = Scenario(
-    "any_city", "random:2000:0", devices=(1, 6), data=(1.0, 25.0), flying_time=(20, 70)
+    "any_city", "random:3000:0:8-16", devices=(1, 6), data=(1.0, 25.0), flying_time=(20, 70)
 )
 registry.register("scenario", ANY_CITY.name, ANY_CITY)

@@ -50,7 +50,7 @@ def train(arguments: list[str]) -> Callable[..., None]:
 
         Arguments:
             scenario: what to train for: manhattan, open_field, village, harbour, metropolis, or
-                any_city, 2000 random cities.
+                any_city, 3000 random cities.
             recipe: how to train: lite, paper, small, told or imitation.
             seed: seed of the weights, the episodes and the exploration.
             out: folder of the run, by default runs/SCENARIO-RECIPE-SEED.
