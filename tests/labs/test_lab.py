@@ -129,7 +129,9 @@ def test_reasons_are_what_the_flight_does_next(lab, number):
         found = re.search(r"device (\d).* gives ([\d.]+) units (in this|within (\d+)) step", text)
         enough = [k for k in range(step + 1, len(left)) if (left[step] - left[k]).max() >= 0.5]
         if not found:
-            assert not enough or "hover" in text[:5] or "land" in text[:4]
+            home = re.search(r"because home is (\d+) units of time away and (\d+) are left", text)
+            assert not enough or "hover" in text[:5] or "land" in text[:4] or home
+            assert not home or int(home[2]) <= int(home[1]) + 1
             continue
         device, steps = int(found[1]), int(found[4] or 1)
         given = left[step] - left[step + steps]

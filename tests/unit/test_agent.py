@@ -8,7 +8,7 @@ from uavdh_lite.agent import CHUNK
 from uavdh_lite.city import City
 from uavdh_lite.environment import HOVER
 from uavdh_lite.errors import InputError
-from uavdh_lite.labs.insight import value_map
+from uavdh_lite.labs.think import value_map
 
 TINY = City.from_text("tiny", "L . b \n . . . \n . B .")
 

@@ -21,6 +21,8 @@ def title(policy: str) -> str:
         return "any-city agent"
     if policy.endswith("_ddqn_early"):
         return "half-trained agent"
+    if policy.endswith("_paper"):
+        return "paper's own agent"
     return "DDQN agent" if policy.endswith("_ddqn") else "imitation agent"
 
 

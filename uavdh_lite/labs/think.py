@@ -1,8 +1,10 @@
 """What an agent expects at each step of its flight, and what it looks at."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import torch
 
 from uavdh_lite.agent import Agent
 from uavdh_lite.beyond.recipes import ImitationRecipe
@@ -10,12 +12,12 @@ from uavdh_lite.checkpoint import shipped_agents
 from uavdh_lite.environment import ACTIONS, HOVER, LAND, State
 from uavdh_lite.evaluation import Trajectory
 from uavdh_lite.labs.flights import Hangar, grid, title
-from uavdh_lite.labs.insight import saliency, value_map
 from uavdh_lite.labs.state import YOU, Stage
 
 LAYERS = ("saliency", "value")  # what needs the network; the browser draws the others
 CLOSE = 0.5  # a gap between Q-values below which a decision is called close
 ENOUGH, SOON = 0.5, 3  # data units of a device that are worth a reason, and the steps until then
+SPARE = 1  # units of time more than the way home takes, with which it has to fly home
 OTHERS = {"random": "acts by chance", YOU: "fly by hand"}  # who is no agent and follows no rule
 
 
@@ -78,6 +80,8 @@ def _because(hangar: Hangar, flight: Trajectory, values: np.ndarray, step: int) 
     reason = ""
     if action == LAND:
         reason = ", because all data is collected" if flight.data_left[step].sum() < 0.05 else ""
+    elif flight.landed and after < home and left <= home + SPARE:
+        reason = f", because home is {home} units of time away and {left} are left"
     elif len(enough) and not flight.intervened[step]:
         steps, device = int(enough[0]), int(given[enough[0] - 1].argmax())
         when = "in this step" if steps == 1 else f"within {steps} steps"
@@ -122,3 +126,34 @@ def layer(stage: Stage, hangar: Hangar, name: str, step: int) -> dict[str, Any] 
         values = around[corner - row : corner - row + size, corner - col : corner - col + size]
     own = hangar.environment.cities[0].own_size
     return {"name": name, "step": step, "values": grid(values[:own, :own], 3)}
+
+
+def saliency(agent: Agent, state: State) -> np.ndarray:
+    """How much the largest Q-value depends on each cell of what the network sees; (W, W).
+
+    This is the magnitude of gradient times input, summed over the layers of the map: to first
+    order, how much the Q-value would change if the cell were empty.
+
+    Arguments:
+        state: a batch of one.
+    """
+    layers, *others = agent.observation(state)
+    layers = layers.requires_grad_()
+    (gradient,) = torch.autograd.grad(agent.network(layers, *others).max(), layers)
+    return (gradient * layers.detach())[0].abs().sum(0).cpu().numpy()
+
+
+def value_map(agent: Agent, state: State) -> np.ndarray:
+    """The largest Q-value if the UAV were over each cell, all else equal; (M, M).
+
+    It is NaN in cells over which the UAV may not fly.
+
+    Arguments:
+        state: a batch of one.
+    """
+    environment = agent.environment
+    cells = np.flatnonzero(~environment.no_fly[state.city[0]])
+    elsewhere = replace(state[np.zeros(len(cells), int)], uav_cell=cells.astype(np.int16))
+    values = np.full(environment.size**2, np.nan)
+    values[cells] = agent.q_values(elsewhere).max(dim=1).values
+    return values.reshape(environment.size, environment.size)

@@ -187,7 +187,8 @@ const TOOLS = {
         <table><tbody>${line("", results, ({ name }) => explained(name))}
         ${line(`${term("data units", "data")} brought home`, results, brought)}
         ${line("time used", results, ({ steps }) => steps)}
-        ${line(term("return"), results, (each) => signed(each.return))}</tbody>${average(scene)}</table>`;
+        ${line(term("return"), results, (each) => signed(each.return))}</tbody>${average(scene)}</table>
+        <p><small>Orange ring: where they part. Violet: out of sight of the device that sends.</small></p>`;
     },
     over({ film, panel }, k) {
       if (panel.parting === null) return "";
@@ -231,7 +232,7 @@ const TOOLS = {
         const name = panel.actions[k];
         if (value === null) return `<div><span>${name}</span><i></i><b>not allowed</b></div>`;
         const width = (100 * (best - value)) / most;
-        const text = value === best ? `best: ${best.toFixed(1)}` : `−${(best - value).toFixed(2)}`;
+        const text = value === best ? `best: ${signed(best)}` : `−${(best - value).toFixed(2)}`;
         return `<div class="${value === best ? "best" : ""}"><span>${name}</span>
           <i><u style="width: ${width}%"></u></i><b>${text}</b></div>`;
       };
@@ -350,6 +351,7 @@ const TOOLS = {
       const rival = own[1] ? `<br>${escaped(settings[own[1]][1])}` : "";
       const shown = CURVES.map((name) => [name, name.replaceAll("_", " ")]);
       const [flight] = scene.film.flights;
+      const ran = ({ title }, k) => `${["blue", "orange"][k]}: ${title}`; // others may be chosen since
       if (runs.length) sessionStorage.raced = "yes";
       const told = runs.length ? sentences : OWN && sessionStorage.raced ? [LOST] : [];
       return `<div class="row"><span class="key blue"></span>${chooser("blue", "blue", known, own[0])}
@@ -357,7 +359,7 @@ const TOOLS = {
         ${chooser("orange", "orange", [["", "nobody"], ...known], own[1])}</div>
         <p class="setting">${escaped(settings[own[0]][1])}${rival}</p><p>${where}</p>
         <div class="row">${go}${chooser("shown", "metric", shown, chosen.metric)}</div>
-        ${runs.length ? curves(scene.panel, chosen.metric) : ""}
+        ${runs.length ? `${curves(scene.panel, chosen.metric)}<small>${runs.map(ran).join("; ")}</small>` : ""}
         <p class="verdict" role="status">${told.map(escaped).join("<br>")}</p><p role="alert">${escaped(error ?? "")}</p>
         <p>A point: 100 missions that it does not learn from.
         ${runs.length ? "Press near one to see its agent fly." : ""}</p>
