@@ -1,6 +1,5 @@
 """The figures of the paper, each a function that draws on an Axes and returns it."""
 
-import io
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +17,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
-from PIL import Image
 
 from uavdh_lite.channel import rate_map
 from uavdh_lite.city import City
@@ -320,16 +318,6 @@ def pixels(figure: Figure) -> np.ndarray:
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()
-
-
-def png(picture: Figure | np.ndarray, dpi: int = 100) -> bytes:
-    """A figure, or a picture as an (height, width, 3) uint8 array, as a PNG file's bytes."""
-    buffer = io.BytesIO()
-    if isinstance(picture, Figure):
-        picture.savefig(buffer, format="png", dpi=dpi)
-    else:
-        Image.fromarray(picture).save(buffer, format="PNG", compress_level=1)
-    return buffer.getvalue()
 
 
 def save_animation(city: City, trajectory: Trajectory, path: str | Path) -> None:

@@ -38,7 +38,7 @@ draw_maps(dict(zip(LAYERS, maps[0])))
 # | --- | --- |
 # | **What you'll do** | Look through the agent's eyes, stop its clock, build a small network |
 # | **What you'll learn** | The layers of the map, map centring, neurons, gradient descent, convolutions |
-# | **What you'll need** | Notebooks 0 to 3. 40 minutes to read, 30 seconds to run; 39 minutes of exercises |
+# | **What you'll need** | Notebooks 0 to 3. 45 minutes to read, 30 seconds to run; 39 minutes of exercises |
 #
 # ## 4.1 The layers
 #

@@ -37,7 +37,7 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 # | --- | --- |
 # | **What you'll do** | Learn a table, put a network in its place, watch it explode, and fix it |
 # | **What you'll learn** | Q-learning, discount, replay, target networks, the softmax policy, double Q-learning |
-# | **What you'll need** | Notebooks 3 and 4. 40 minutes to read, 30 seconds to run; 30 minutes of exercises |
+# | **What you'll need** | Notebooks 3 and 4. 50 minutes to read, 30 seconds to run; 30 minutes of exercises |
 #
 # ## 5.1 A table
 #

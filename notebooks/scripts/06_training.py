@@ -38,7 +38,7 @@ for ax, name in zip(axes, ("manhattan_ddqn_early", "manhattan_ddqn")):
 # | --- | --- |
 # | **What you'll do** | Train an agent for a village, read its curves, and make training fail |
 # | **What you'll learn** | The training loop, what each curve says, two ways to fail, what a recipe is |
-# | **What you'll need** | Notebooks 3 and 5. 40 minutes to read, 45 seconds to run; 32 minutes of exercises |
+# | **What you'll need** | Notebooks 3 and 5. 45 minutes to read, 45 seconds to run; 32 minutes of exercises |
 #
 # The captions give the time used and the data collected. The early agent leaves a good part of the data behind.
 # The late one, `manhattan_ddqn`, is the agent of this course.

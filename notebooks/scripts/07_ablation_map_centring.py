@@ -34,7 +34,7 @@ for ax in figure.axes:
 # | --- | --- |
 # | **What you'll do** | Read the paper's main figure, look at single runs, and compute what they prove |
 # | **What you'll learn** | Ablations, baselines, paired differences, intervals over runs, and why one seed proves nothing |
-# | **What you'll need** | Notebooks 4 and 6. 39 minutes to read, 10 seconds to run; 31 minutes of exercises |
+# | **What you'll need** | Notebooks 4 and 6. 45 minutes to read, 10 seconds to run; 31 minutes of exercises |
 #
 # ## 7.1 One thing changed
 #

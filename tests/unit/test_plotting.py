@@ -1,4 +1,3 @@
-import io
 from dataclasses import replace
 
 import numpy as np
@@ -147,14 +146,6 @@ def test_figures_are_saved_with_their_legend(corridor, tmp_path):
     assert box.x0 >= 0 and box.x1 <= figure.bbox.x1  # nothing is cut off
     with pytest.raises(InputError, match=r"f\.docx.*png"):
         plotting.save_figure(figure, tmp_path / "f.docx")
-
-
-def test_a_png_is_of_a_figure_or_of_pixels():
-    figure = Figure(figsize=(2, 3), facecolor=plotting.RED)
-    for picture in (figure, plotting.pixels(figure)):
-        read = Image.open(io.BytesIO(plotting.png(picture)))
-        assert (read.format, read.size) == ("PNG", (200, 300))
-        assert read.convert("RGB").getpixel((100, 150)) == (0xC1, 0x27, 0x2D)
 
 
 def test_an_animation_shows_each_step_and_waits_at_the_end(corridor, tmp_path):

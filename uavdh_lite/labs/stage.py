@@ -1,11 +1,14 @@
 """The stage as a widget: it hears what is done in the browser, and sends what is to be drawn."""
 
+import io
 import json
 import threading
 import time
 import weakref
 from pathlib import Path
 from typing import Any
+
+from PIL import Image
 
 from uavdh_lite.city import COLOURS, shipped_cities
 from uavdh_lite.errors import InputError, extra
@@ -15,7 +18,6 @@ from uavdh_lite.labs.flights import Hangar, numbers, title
 from uavdh_lite.labs.state import EMPTY, TOOLS, YOU, Stage, changed, random_mission
 from uavdh_lite.missions import as_json
 from uavdh_lite.player import film
-from uavdh_lite.plotting import png
 
 with extra("notebooks"):
     import anywidget
@@ -266,9 +268,10 @@ class Lab(anywidget.AnyWidget):
         """Send a file: the stage or its mission as JSON, or the city as a PNG."""
         mission = self.stage.mission
         if what == "png":
-            picture = png(COLOURS[mission.city.kinds])
+            picture = io.BytesIO()
+            Image.fromarray(COLOURS[mission.city.kinds]).save(picture, "PNG")
             about = {"name": f"{mission.city.name}.png", "type": "image/png"}
-            self.send({"kind": "file", **about}, [picture])
+            self.send({"kind": "file", **about}, [picture.getvalue()])
         else:
             values = as_json(mission) if what == "mission" else self.stage.as_json()
             about = {"name": f"{mission.city.name}_{what}.json", "type": "application/json"}
