@@ -95,7 +95,8 @@ class Mission:
             )
         _require_inside(city, self.start, "the UAV")
         if city.no_fly[tuple(self.start)]:
-            raise InputError(f"the UAV cannot start at {tuple(self.start)}, a no-fly cell: move it")
+            there = "a building" if city.buildings[tuple(self.start)] else "a no-fly zone"
+            raise InputError(f"the UAV cannot start at {tuple(self.start)}, {there}: move it")
         for k, cell in enumerate(devices):
             _require_inside(city, cell, f"device {k}")
             for where, there in {

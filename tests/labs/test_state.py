@@ -96,7 +96,7 @@ def test_painting_moves_what_stands_there_to_the_nearest_cell(stage):
         ("move", {"device": 0, "cell": [1.5, 0]}, "row 1.5: must be a whole number"),
         ("move", {"device": 0}, "without what it needs"),
         ("move", {"device": 2, "cell": [3, 3]}, "device 2: there are 2"),
-        ("move", {"device": -1, "cell": [2, 1]}, "a no-fly cell"),
+        ("move", {"device": -1, "cell": [2, 1]}, "a building"),
         ("data", {"device": 0, "value": float("nan")}, "must be a number"),
         ("data", {"device": 0, "value": -1}, "must be 0 to below"),
         ("data", {"device": 0, "value": True}, "must be a number"),

@@ -45,7 +45,7 @@ def test_a_state_that_is_placed_by_hand():
     [
         ({"start": (0, 16)}, r"UAV .*\(0, 16\)"),
         ({"start": (-1, 0)}, r"UAV .*\(-1, 0\)"),
-        ({"start": (2, 2)}, r"UAV .*\(2, 2\).*no-fly"),
+        ({"start": (2, 2)}, r"UAV .*\(2, 2\).*a building"),
         ({"devices": [(4, 4), (16, 0)]}, r"device 1 .*\(16, 0\)"),
         ({"devices": [(4, 4), (2, 2)]}, r"device 1 .*\(2, 2\).*building"),
         ({"devices": [(0, 1), (4, 4)]}, r"device 0 .*\(0, 1\).*landing zone"),

@@ -12,6 +12,8 @@ from uavdh_lite.labs.state import YOU, Stage, random_mission, scenario_of
 from uavdh_lite.streams import Use, stream
 
 AHEAD, LEVEL = 2.0, 0.5  # differences of the return
+ENOUGH = 0.5  # data units that are worth a word
+LONG = 6  # steps of flying to and fro that are
 TRIES = 40  # missions that are looked at for a duel, in a city of 16 × 16 cells
 MISSIONS = 100
 
@@ -19,11 +21,12 @@ MISSIONS = 100
 def parting(first: Trajectory, second: Trajectory) -> int | None:
     """The step in which the flights part for good, from their last common place and data.
 
-    None if they have both in common to the end.
+    Half a unit more or less of a device does not count. None if they have both in common to the
+    end.
     """
     both = min(len(first.action), len(second.action)) + 1
     same = first.uav_cell[:both] == second.uav_cell[:both]
-    same &= np.isclose(first.data_left[:both], second.data_left[:both]).all(axis=1)
+    same &= (np.abs(first.data_left[:both] - second.data_left[:both]) < ENOUGH).all(axis=1)
     if same[-1] and len(first.action) == len(second.action):
         return None
     return int(np.flatnonzero(same[: both - 1])[-1])
@@ -60,7 +63,7 @@ def verdict(names: list[str], results: list[dict]) -> str:
     gained = first["collected"] - second["collected"]
     sooner = second["steps"] - first["steps"]
     parts = []
-    if abs(gained) >= 0.1:
+    if abs(gained) >= (ENOUGH if sooner else 0.1):
         parts.append(f"{abs(gained):.1f} units {'more' if gained > 0 else 'less'}")
     if sooner:
         steps = "1 step" if abs(sooner) == 1 else f"{abs(sooner)} steps"
@@ -78,23 +81,31 @@ def _why(names: list[str], flights: list[Trajectory], part: int | None) -> list[
     also = towards if towards[0] != towards[1] else ["", ""]
     each = zip(names, flights, also, strict=True)
     told = [says(name, does(flight, part) + more) for name, flight, more in each]
-    left = flights[0].data_left[-1] - flights[1].data_left[-1]
-    device = int(np.abs(left).argmax())
     sentences = [f"At step {part + 1}, {told[0]}, while {told[1]}."]
-    if abs(left[device]) >= 0.5:
-        loser = names[0] if left[device] > 0 else names[1]
-        more = f"leaves {abs(left[device]):.1f} units more at device {device}"
-        sentences.append(f"In the end {says(loser, more)}.")
+    for name, flight in zip(names, flights, strict=True):
+        if (turns := to_and_fro(flight.uav_cell[part:])) >= LONG:
+            sentences.append(f"Then {says(name, f'flies to and fro for {turns} steps')}.")
+    left = flights[0].data_left[-1] - flights[1].data_left[-1]
+    fewer = 0 if left.sum() > 0 else 1  # who brings less data
+    more = left if fewer == 0 else -left
+    if more.max() >= ENOUGH:
+        leaves = f"leaves {more.max():.1f} units more at device {more.argmax()}"
+        sentences.append(f"In the end {says(names[fewer], leaves)}.")
     return sentences
 
 
+def to_and_fro(cells: np.ndarray) -> int:
+    """The steps of a flight that lead back to where it was two steps before."""
+    return int(((cells[2:] == cells[:-2]) & (cells[1:-1] != cells[:-2])).sum())
+
+
 def _towards(flight: Trajectory, step: int) -> str:
-    """What comes next: the device that uploads most in three steps, or home, or nothing."""
+    """What comes next: the device from which it first collects something, or home, or nothing."""
     given = flight.data_left[step] - flight.data_left[step:]
-    soon = given[:4][-1]
-    if soon.max() >= 0.05:
-        return f" and collects most from device {soon.argmax()} in the next 3 steps"
-    home = flight.landed and given[-1].max() < 0.05 and flight.action[step] != LAND
+    enough = (given >= ENOUGH).any(axis=1)
+    if enough.any():
+        return f" and next collects from device {given[enough.argmax()].argmax()}"
+    home = flight.landed and flight.action[step] != LAND
     return " and goes home" if home else ""
 
 
@@ -115,6 +126,8 @@ def find_duel(stage: Stage, hangar: Hangar, wanted: int) -> Stage:
     as they will be shown. Raises `InputError` if there is none among them.
     """
     pair = stage.policies if YOU not in stage.policies else Stage.of(stage.mission).policies
+    if pair[0] == pair[1]:
+        raise InputError("both are flown by the same: choose another rival")
     city, environment = stage.mission.city, hangar.environment
     count = max(8, int(TRIES * (16 / city.size) ** 2) if city.size > 16 else TRIES)
     first = stage.mission.seed + 1

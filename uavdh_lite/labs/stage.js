@@ -345,6 +345,7 @@ function render({ model, el }) {
     else if (target.matches(".more")) {
       const drawer = find(".drawer");
       drawer.hidden = !drawer.hidden;
+      (drawer.hidden ? find(".main") : drawer).before(find(".notices")); // where the eye is
       target.setAttribute("aria-expanded", !drawer.hidden);
       if (!drawer.hidden) drawer.scrollIntoView({ block: "nearest" });
     } else if (target.matches(".full")) {

@@ -295,7 +295,8 @@ def _text(value: Any) -> str:
 
 
 def _whole(value: Any, name: str) -> int:
-    _require(type(value) is int, f"{name} {value!r}: must be a whole number")
+    given = name if value is None else f"{name} {value!r}"  # None: the field is empty
+    _require(type(value) is int, f"{given}: must be a whole number")
     return value
 
 

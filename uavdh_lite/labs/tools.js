@@ -232,7 +232,8 @@ const TOOLS = {
         const name = panel.actions[k];
         if (value === null) return `<div><span>${name}</span><i></i><b>not allowed</b></div>`;
         const width = (100 * (best - value)) / most;
-        const text = value === best ? `best: ${signed(best)}` : `−${(best - value).toFixed(2)}`;
+        const behind = best - value < 0.005 ? "less than 0.01" : `−${(best - value).toFixed(2)}`;
+        const text = value === best ? `best: ${signed(best)}` : behind;
         return `<div class="${value === best ? "best" : ""}"><span>${name}</span>
           <i><u style="width: ${width}%"></u></i><b>${text}</b></div>`;
       };
@@ -348,7 +349,7 @@ const TOOLS = {
           <button type="button" class="begin">${runs.length ? "New race" : "Start"}</button>`;
       const large = scene.film.city.length > largest;
       const where = large ? "A city of this size takes minutes to learn: they race over the village." : "";
-      const rival = own[1] ? `<br>${escaped(settings[own[1]][1])}` : "";
+      const rival = own[1] ? `<br>Orange: ${escaped(settings[own[1]][1])}` : "";
       const shown = CURVES.map((name) => [name, name.replaceAll("_", " ")]);
       const [flight] = scene.film.flights;
       const ran = ({ title }, k) => `${["blue", "orange"][k]}: ${title}`; // others may be chosen since
@@ -357,7 +358,7 @@ const TOOLS = {
       return `<div class="row"><span class="key blue"></span>${chooser("blue", "blue", known, own[0])}
         <span class="key orange"></span>
         ${chooser("orange", "orange", [["", "nobody"], ...known], own[1])}</div>
-        <p class="setting">${escaped(settings[own[0]][1])}${rival}</p><p>${where}</p>
+        <p class="setting">Blue: ${escaped(settings[own[0]][1])}${rival}</p><p>${where}</p>
         <div class="row">${go}${chooser("shown", "metric", shown, chosen.metric)}</div>
         ${runs.length ? `${curves(scene.panel, chosen.metric)}<small>${runs.map(ran).join("; ")}</small>` : ""}
         <p class="verdict" role="status">${told.map(escaped).join("<br>")}</p><p role="alert">${escaped(error ?? "")}</p>
