@@ -272,7 +272,8 @@ print(f"ahead by {mean:+.1f} points ({low:+.1f} to {high:+.1f})")
 
 # %% [markdown]
 # Read the interval, and not only the mean. It is several points wide, although there were a hundred cities. In 3000 other missions over
-# 300 cities the lead was gone: the results page has them. To find a lead of
+# 300 cities the lead was only 0.6 points, and its interval reached below 0: the results page has them. So these hundred cities were
+# kind to the agent. To find a lead of
 # half a point takes thousands of missions over hundreds of cities.
 #
 # ## 11.6 Where it fails
