@@ -39,7 +39,6 @@ def test_an_event_changes_what_it_names_and_nothing_else(stage):
     assert after(stage, "move", device=-1, cell=[2, 0]).mission.start == (2, 0)
     assert after(stage, "data", device=0, value=7).mission.data == (7.0, 9.0)
     assert after(stage, "time", value=30).mission.flying_time == 30
-    assert after(stage, "fading", value=8).mission.seed == 8
     assert after(stage, "add", cell=[3, 3]).mission.devices[2] == (3, 3)
     assert after(stage, "remove", device=0).mission.devices == ((3, 0),)
     assert after(stage, "tool", tool="fly").mission is stage.mission
@@ -103,8 +102,6 @@ def test_painting_moves_what_stands_there_to_the_nearest_cell(stage):
         ("time", {"value": 0}, "flying time 0: must be at least 1"),
         ("time", {"value": 3.5}, "flying time 3.5: must be a whole number"),
         ("time", {"value": None}, "must be a whole number"),
-        ("fading", {"value": -1}, "seed -1"),
-        ("fading", {"value": 2**63}, "must be a whole number from 0 to 2**63"),
         ("city", {"name": "atlantis"}, "no city 'atlantis'"),
         ("policy", {"which": 0, "name": "manhattan"}, "does not fly over this city"),
         ("policy", {"which": 2, "name": "greedy"}, "there are two"),

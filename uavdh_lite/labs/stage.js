@@ -49,7 +49,7 @@ function render({ model, el }) {
   const ask = (told) => {
     if (told.show !== undefined) return clock.show(told.show);
     if (told.kind === "tool") clock.show(clock.now.time); // pauses, so that the step is kept
-    [waiting, quiet] = [true, ["show", "layer", "shadow"].includes(told.kind)];
+    [waiting, quiet] = [true, ["show", "values", "shadow"].includes(told.kind)];
     model.send(told);
   };
   // Stays until the answer to what was done; a refusal 8 seconds at most
@@ -184,7 +184,6 @@ function render({ model, el }) {
       ".drawer",
       `<h2>${MORE}</h2><table>${state.devices.map(row).join("")}</table>
       <div class="row">${field("time", "flying time", state.flying_time)}
-        ${field("fading", "fading number", state.seed)}
         ${field("row -1", "start: row", state.start[0])}
         ${field("col -1", "column", state.start[1])}</div>
       <div class="row"><button type="button" data-set="place" aria-pressed="${adding}"
@@ -371,7 +370,7 @@ function render({ model, el }) {
     if (scene.state.tool === "fly") target.blur(); // so that keys steer again
     if (set === "city") ask({ kind: "city", name: value });
     else if (set?.startsWith("policy-")) ask({ kind: "policy", which: Number(set.at(-1)), name: value });
-    else if (set === "layer") [stage_layer.name, scene.panel.layer] = [value, null];
+    else if (set === "layer") stage_layer.name = value;
     else if (set === "centred") stage_layer.centred = target.checked;
     else if (set === "blue") chosen.train[0] = value;
     else if (set === "orange") chosen.train[1] = value;

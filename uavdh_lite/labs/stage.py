@@ -71,7 +71,9 @@ class Lab(anywidget.AnyWidget):
             "fly": self._fly,
             "duel": self._duel,
             "many": lambda: self._add("many", compare.many(self.stage, self._hangar)),
-            "layer": self._layer,
+            "values": lambda step: self._add(
+                "values", think.values(self.stage, self._hangar, step)
+            ),
             "shadow": self._shadow,
             "train": self._train,
             "pause": lambda: self._race and self._race.pause(),
@@ -136,7 +138,6 @@ class Lab(anywidget.AnyWidget):
             "devices": [{"cell": list(cell), "data": data} for cell, data in pairs],
             "most": mission.max_devices,
             "flying_time": mission.flying_time,
-            "seed": mission.seed,
             "policies": list(stage.policies),
             "known": [[name, title(name)] for name in policies],
             "step": stage.step,
@@ -233,9 +234,6 @@ class Lab(anywidget.AnyWidget):
 
     def _add(self, name: str, value: Any) -> None:
         self._extra = {**self._extra, name: value}
-
-    def _layer(self, name: str, step: int) -> None:
-        self._add("layer", think.layer(self.stage, self._hangar, name, step))
 
     def _shadow(self, cell: list) -> None:
         self._add("shadow", {"cell": cell, "rows": channel.shadow(self._hangar, tuple(cell))})

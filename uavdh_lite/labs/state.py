@@ -272,9 +272,6 @@ CHANGES: dict[str, Callable[..., Stage]] = {
     "time": lambda stage, value: stage.with_mission(
         replace(stage.mission, flying_time=_whole(value, "flying time"))
     ),
-    "fading": lambda stage, value: stage.with_mission(
-        replace(stage.mission, seed=_whole(value, "fading"))
-    ),
 }
 
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import torch
 
 from uavdh_lite.agent import Agent
 from uavdh_lite.beyond.recipes import ImitationRecipe
@@ -14,7 +13,6 @@ from uavdh_lite.evaluation import Trajectory
 from uavdh_lite.labs.flights import Hangar, grid, title
 from uavdh_lite.labs.state import YOU, Stage
 
-LAYERS = ("saliency", "value")  # what needs the network; the browser draws the others
 CLOSE = 0.5  # a gap between Q-values below which a decision is called close
 ENOUGH, SOON = 0.5, 3  # data units of a device that are worth a reason, and the steps until then
 SPARE = 1  # units of time more than the way home takes, with which it has to fly home
@@ -103,44 +101,15 @@ def _because(hangar: Hangar, flight: Trajectory, values: np.ndarray, step: int) 
     return f"{name}{reason}; {call}{more} ahead of {ACTIONS[order[1]]}."
 
 
-def layer(stage: Stage, hangar: Hangar, name: str, step: int) -> dict[str, Any] | None:
-    """A map over the city at a step; None without an agent, or after the end.
-
-    `saliency`: how much the largest Q-value depends on each cell. `value`: the largest Q-value if
-    the UAV were there.
-    """
+def values(stage: Stage, hangar: Hangar, step: int) -> dict[str, Any] | None:
+    """The largest Q-value if the UAV were over each cell at a step; None without an agent."""
     policy = agent_of(stage, hangar)
-    if policy is None or name not in LAYERS:
+    if policy is None:
         return None
     flight = hangar.flight(stage, policy)
     step = min(step, len(flight.action) - 1)
-    state = states_of(flight)[[step]]
-    agent: Agent = hangar.policy(policy)
-    size = hangar.environment.size
-    if name == "value":
-        values = value_map(agent, state)
-    else:
-        row, col = divmod(int(state.uav_cell[0]), size)
-        corner = agent.observation.size - 1
-        around = saliency(agent, state)
-        values = around[corner - row : corner - row + size, corner - col : corner - col + size]
-    own = hangar.environment.cities[0].own_size
-    return {"name": name, "step": step, "values": grid(values[:own, :own], 3)}
-
-
-def saliency(agent: Agent, state: State) -> np.ndarray:
-    """How much the largest Q-value depends on each cell of what the network sees; (W, W).
-
-    This is the magnitude of gradient times input, summed over the layers of the map: to first
-    order, how much the Q-value would change if the cell were empty.
-
-    Arguments:
-        state: a batch of one.
-    """
-    layers, *others = agent.observation(state)
-    layers = layers.requires_grad_()
-    (gradient,) = torch.autograd.grad(agent.network(layers, *others).max(), layers)
-    return (gradient * layers.detach())[0].abs().sum(0).cpu().numpy()
+    found = value_map(hangar.policy(policy), states_of(flight)[[step]])
+    return {"step": step, "values": grid(found, 3)}
 
 
 def value_map(agent: Agent, state: State) -> np.ndarray:

@@ -15,13 +15,12 @@ const WORDS = {
   SNR: "signal-to-noise ratio: how far the signal is above the noise, in decibels",
   dB: "decibels, a logarithmic scale: 10 dB are ten times, 20 dB a hundred times",
   slot: "a quarter of a step; each goes to the device that is heard best",
-  saliency: "how much the best value depends on each cell that the network sees",
   value: "the best value if the UAV were over that cell now",
   "collected and landed": "the share of the data that was brought home; 0 after a crash",
   collected: "the share of the data that was collected, landed or not",
   ghost: "the flight of your rival in the same mission, with the same fading, as far as you are",
   "path loss": "what the signal loses on its way, where nothing hides it: 22.7 dB each time the distance is ten times as long",
-  layer: "a map laid over the city: five that the network sees, and two that show what it makes of them",
+  layer: "a map laid over the city: five that the network sees, and the value of each cell",
   failsafe: "a rule that refuses what would leave too little time to fly home",
   genie: "a planner that searches with full knowledge; no agent can know so much",
 };
@@ -205,7 +204,7 @@ const TOOLS = {
         return `<h2>No agent knows this city</h2><p>Choose another city, or paint one of at most 16
           by 16 cells: the ${term("agent")} for any city flies there.</p>`;
       }
-      const layers = ["none", ...SEEN, "value", "saliency"].map((name) => [name, name]);
+      const layers = ["none", ...SEEN, "value"].map((name) => [name, name]);
       const close = panel.gaps[panel.closest].toFixed(2);
       const note = panel.note && `<p><b>${explained(upper(panel.note))}.</b> Here flies the ${panel.agent}.</p>`;
       return `${note}<p class="says-why" role="status"></p><h3>${term(panel.number, `${panel.number}s`)}: less than the
@@ -249,19 +248,17 @@ const TOOLS = {
       if (!group) return;
       if (name === "none") group.innerHTML = "";
       else if (SEEN.includes(name)) group.innerHTML = seenLayer(film, name, step);
-      else if (panel.layer?.name === name) {
-        const [least, high] = range(panel.layer.values);
+      else if (panel.values) {
+        const [least, high] = range(panel.values.values);
         const low = Math.max(least, high - FAR);
         const colour = (value) => colourOf((value - low) / (high - low || 1));
-        group.innerHTML = heat(panel.layer.values, colour, name === "value" ? 0.85 : 0.75);
+        group.innerHTML = heat(panel.values.values, colour);
         const lowest = `${signed(low)}${low > least ? " or less" : ""}`;
-        const sign = ramp(lowest, signed(high), `${name}: ${WORDS[name]}`);
-        stage.fill(".layer-scale", sign);
+        stage.fill(".layer-scale", ramp(lowest, signed(high), `value: ${WORDS.value}`));
       }
       if (centred) group.innerHTML += outside(film.city.length, name);
-      if (!["value", "saliency"].includes(name)) stage.fill(".layer-scale", "");
-      const asked = panel.layer?.name === name && panel.layer.step === step;
-      if (["value", "saliency"].includes(name) && !asked && here) stage.askWhenFree({ kind: "layer", name, step });
+      if (name !== "value") stage.fill(".layer-scale", "");
+      else if (panel.values?.step !== step && here) stage.askWhenFree({ kind: "values", step });
       stage.fill(".meaning", MEANINGS[name] ?? (centred ? CENTRED : ""));
     },
   },
