@@ -102,6 +102,7 @@ class Observation(nn.Module):
         city's layers, data left, data collected, and zeros; (B, channels, W, W)."""
         W, side = self.width, self.surroundings.shape[-1]
         city, layer, row = np.ix_(state.city.astype(int), np.arange(3), np.arange(W))
+        # Where each row of each window begins, counted through all surroundings
         first = ((city * 3 + layer) * side + row + top[:, None, None]) * side + left[:, None, None]
         runs = self.surroundings.flatten().unfold(0, W, 1)  # every W cells that follow one another
         maps = torch.zeros(len(state), channels, W, W, device=runs.device)
