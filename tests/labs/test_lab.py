@@ -3,14 +3,15 @@
 import json
 import re
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from uavdh_lite.channel import rate
-from uavdh_lite.environment import EAST, HOVER
+from uavdh_lite.environment import EAST, HOVER, LAND, WEST
 from uavdh_lite.labs import Lab, train
-from uavdh_lite.labs.compare import parting, to_and_fro, verdict
+from uavdh_lite.labs.compare import parting, verdict, wasted
 from uavdh_lite.labs.state import read_link
 
 FEWER = [(8.0, 12.0, 20), (9.5, 11.5, 10)]  # return, collected, steps
@@ -163,7 +164,7 @@ def test_compare_names_the_device_that_first_gives_something(lab, number):
     part, soon = panel["parting"], []
     for flight in flights(lab):
         given = flight.data_left[part] - flight.data_left[part:]
-        enough = np.flatnonzero((given >= 0.5).any(axis=1))
+        enough = np.flatnonzero((given >= 2).any(axis=1))
         soon += [str(given[enough[0]].argmax())] if len(enough) else []
     assert clauses == soon or (not clauses and len(set(soon)) == 1)
     more = re.search(r"In the end (.*) leaves", panel["why"])
@@ -171,9 +172,14 @@ def test_compare_names_the_device_that_first_gives_something(lab, number):
     assert not more or ("greedy" in more[1]) == (data[1] > data[0])
 
 
-def test_flying_to_and_fro_is_counted():
-    cells = [1, 2, 1, 2, 2, 3, 4, 3, 3]
-    assert to_and_fro(np.array(cells)) == 3  # at the second 1, the second 2 and the second 3
+def test_wasted_steps_are_counted():
+    flight = SimpleNamespace(
+        uav_cell=np.array([1, 2, 1, 2, 2, 2, 2]),
+        action=np.array([EAST, WEST, EAST, HOVER, HOVER, LAND]),
+        data_left=np.array([9.0, 9, 9, 9, 9, 8, 8])[:, None],
+    )
+    assert list(wasted(flight, 0).values()) == [1, 2]  # the second hovering brings something
+    assert list(wasted(flight, 2).values()) == [1, 0]
 
 
 def test_there_is_a_value_wherever_it_may_fly(lab):

@@ -12,9 +12,10 @@ from uavdh_lite.labs.state import YOU, Stage, random_mission, scenario_of
 from uavdh_lite.streams import Use, stream
 
 AHEAD, LEVEL = 2.0, 0.5  # differences of the return
-ENOUGH = 0.5  # data units that are worth a word
-LONG = 6  # steps of flying to and fro that are
-TRIES = 40  # missions that are looked at for a duel, in a city of 16 × 16 cells
+LITTLE, ENOUGH, MUCH = 0.1, 0.5, 2.0  # data units: nothing to speak of, worth a word, a reason
+LONG = 6  # wasted steps that are worth a word
+TRIES = 40  # missions that are looked at together for a duel, in a city of 16 × 16 cells
+BATCHES = 4  # of such missions
 MISSIONS = 100
 
 
@@ -82,9 +83,10 @@ def _why(names: list[str], flights: list[Trajectory], part: int | None) -> list[
     each = zip(names, flights, also, strict=True)
     told = [says(name, does(flight, part) + more) for name, flight, more in each]
     sentences = [f"At step {part + 1}, {told[0]}, while {told[1]}."]
-    for name, flight in zip(names, flights, strict=True):
-        if (turns := to_and_fro(flight.uav_cell[part:])) >= LONG:
-            sentences.append(f"Then {says(name, f'flies to and fro for {turns} steps')}.")
+    behind = 0 if flights[0].reward.sum() < flights[1].reward.sum() else 1
+    for does_so, steps in wasted(flights[behind], part).items():
+        if steps >= LONG:
+            sentences.append(f"Then {says(names[behind], f'{does_so} for {steps} steps')}.")
     left = flights[0].data_left[-1] - flights[1].data_left[-1]
     fewer = 0 if left.sum() > 0 else 1  # who brings less data
     more = left if fewer == 0 else -left
@@ -94,15 +96,19 @@ def _why(names: list[str], flights: list[Trajectory], part: int | None) -> list[
     return sentences
 
 
-def to_and_fro(cells: np.ndarray) -> int:
-    """The steps of a flight that lead back to where it was two steps before."""
-    return int(((cells[2:] == cells[:-2]) & (cells[1:-1] != cells[:-2])).sum())
+def wasted(flight: Trajectory, step: int) -> dict[str, int]:
+    """Steps from this one on in which a flight stays in its cell and gets hardly any data, and
+    steps that lead back to where it was two steps before."""
+    cells, data = flight.uav_cell[step:], flight.data_left[step:].sum(axis=1)
+    stays = (cells[1:] == cells[:-1]) & (-np.diff(data) < LITTLE) & (flight.action[step:] != LAND)
+    back = (cells[2:] == cells[:-2]) & (cells[1:-1] != cells[:-2])
+    return {"hovers with hardly any data": stays.sum(), "flies to and fro": back.sum()}
 
 
 def _towards(flight: Trajectory, step: int) -> str:
-    """What comes next: the device from which it first collects something, or home, or nothing."""
+    """What comes next: the device from which it first collects much, or home, or nothing."""
     given = flight.data_left[step] - flight.data_left[step:]
-    enough = (given >= ENOUGH).any(axis=1)
+    enough = (given >= MUCH).any(axis=1)
     if enough.any():
         return f" and next collects from device {given[enough.argmax()].argmax()}"
     home = flight.landed and flight.action[step] != LAND
@@ -130,24 +136,25 @@ def find_duel(stage: Stage, hangar: Hangar, wanted: int) -> Stage:
         raise InputError("both are flown by the same: choose another rival")
     city, environment = stage.mission.city, hangar.environment
     count = max(8, int(TRIES * (16 / city.size) ** 2) if city.size > 16 else TRIES)
-    first = stage.mission.seed + 1
-    missions = [random_mission(city, first + k) for k in range(count)]
-    start = State.concatenate([mission.state for mission in missions])
-    returns = [
-        fly(environment, hangar.policy(name), start, stream(Use.LAB, first)).returns
-        for name in pair
-    ]
-    difference = returns[0] - returns[1]
-    hopeful = np.argsort(-wanted * difference if wanted else np.abs(difference), kind="stable")
-    for k in hopeful[:6]:
-        found = stage.with_mission(missions[k])
-        flown = Hangar.of(missions[k], hangar)
-        flights = [flown.flight(found, name) for name in pair]
-        ahead = float(flights[0].reward.sum() - flights[1].reward.sum())
-        level = abs(ahead) < LEVEL and parting(*flights) is not None
-        if level if wanted == 0 else wanted * ahead > AHEAD:
-            return Stage(missions[k], pair, stage.tool)
-    raise InputError(f"no such duel among the next {count} missions: press once more")
+    begin = stage.mission.seed + 1
+    for first in range(begin, begin + BATCHES * count, count):
+        missions = [random_mission(city, first + k) for k in range(count)]
+        start = State.concatenate([mission.state for mission in missions])
+        returns = [
+            fly(environment, hangar.policy(name), start, stream(Use.LAB, first)).returns
+            for name in pair
+        ]
+        difference = returns[0] - returns[1]
+        hopeful = np.argsort(-wanted * difference if wanted else np.abs(difference), kind="stable")
+        for k in hopeful[:6]:
+            found = stage.with_mission(missions[k])
+            flown = Hangar.of(missions[k], hangar)
+            flights = [flown.flight(found, name) for name in pair]
+            ahead = float(flights[0].reward.sum() - flights[1].reward.sum())
+            level = abs(ahead) < LEVEL and parting(*flights) is not None
+            if level if wanted == 0 else wanted * ahead > AHEAD:
+                return Stage(missions[k], pair, stage.tool)
+    raise InputError(f"no such duel among the next {BATCHES * count} missions: try other rivals")
 
 
 def many(stage: Stage, hangar: Hangar) -> list[dict]:

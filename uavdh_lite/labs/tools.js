@@ -205,7 +205,8 @@ const TOOLS = {
           by 16 cells: the ${term("agent")} for any city flies there.</p>`;
       }
       const layers = ["none", ...SEEN, "value"].map((name) => [name, name]);
-      const close = panel.gaps[panel.closest].toFixed(2);
+      const least = panel.gaps[panel.closest];
+      const close = least < 0.005 ? "less than 0.01" : least.toFixed(2);
       const note = panel.note && `<p><b>${explained(upper(panel.note))}.</b> Here flies the ${panel.agent}.</p>`;
       return `${note}<p class="says-why" role="status"></p><h3>${term(panel.number, `${panel.number}s`)}: less than the
         best action</h3><div class="q"></div>
@@ -231,7 +232,7 @@ const TOOLS = {
         const name = panel.actions[k];
         if (value === null) return `<div><span>${name}</span><i></i><b>not allowed</b></div>`;
         const width = (100 * (best - value)) / most;
-        const behind = best - value < 0.005 ? "less than 0.01" : `−${(best - value).toFixed(2)}`;
+        const behind = best - value < 0.005 ? "< 0.01" : `−${(best - value).toFixed(2)}`;
         const text = value === best ? `best: ${signed(best)}` : behind;
         return `<div class="${value === best ? "best" : ""}"><span>${name}</span>
           <i><u style="width: ${width}%"></u></i><b>${text}</b></div>`;
@@ -326,7 +327,8 @@ const TOOLS = {
     },
     over: () => '<path class="shadow live"/><path class="fresh"/>',
     point(stage, scene, cell) {
-      if (!cell || brush.cells) return;
+      if (brush.cells) return;
+      if (!cell) return stage.find(".live")?.setAttribute("d", "");
       const { shadow: known } = scene.panel;
       if (known && String(known.cell) === String(cell)) {
         stage.find(".live")?.setAttribute("d", tiles(known.rows, "#", SQUARE));
@@ -367,7 +369,7 @@ const TOOLS = {
 };
 
 const OWN = "labs" in document.documentElement.dataset; // the page is ours, with its address
-const LOST = "The race ended when the page was loaded again: press Start.";
+const LOST = "A race is not kept when the page is loaded again: press Start.";
 const CURVES = ["collected_and_landed", "collected", "landed", "return"];
 const brush = { sign: "B", cells: null }; // cells: those of the stroke that is being painted
 const chosen = { train: ["small", "no fear"], metric: "collected_and_landed" };
