@@ -381,11 +381,11 @@ def test_a_race_has_points_that_show_their_agents(page):
     radius = [page.locator(f".{colour} .dot").first.get_attribute("r") for colour in lines]
     assert radius == ["5.5", "3.5"]
     assert page.locator(".verdict").bounding_box()["y"] >= lowest(page, ".curves")
+    shoot(page, "train")
     below = page.locator(".flies").bounding_box()["y"]
     page.locator(".verdict").evaluate("each => (each.textContent = 'Blue has learned.')")
     assert page.locator(".flies").bounding_box()["y"] == below  # its room is kept
     assert "48,000 steps" in page.locator(".curves").text_content()  # the axis, from the beginning
-    shoot(page, "train")
     page.set_viewport_size({"width": 820, "height": 1180})
     assert lowest(page, ".curves") <= 1180
     page.set_viewport_size({"width": 1280, "height": 720})
