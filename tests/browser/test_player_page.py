@@ -10,7 +10,7 @@ from playwright.sync_api import expect, sync_playwright
 from uavdh_lite.city import City
 from uavdh_lite.environment import HOVER, Environment
 from uavdh_lite.evaluation import FunctionPolicy, fly
-from uavdh_lite.missions import place
+from uavdh_lite.missions import Mission
 from uavdh_lite.planners import Greedy
 from uavdh_lite.player import play
 from uavdh_lite.streams import Use, stream
@@ -29,7 +29,8 @@ def browser():
 def flights():
     """An environment, a flight that lands, and one of the same mission that hovers and crashes."""
     environment = Environment(City.load("village"))
-    start = place(environment.city, (0, 0), [(4, 5), (7, 0)], [9.0, 4.0], 25, max_devices=2)
+    devices = [(4, 5), (7, 0)]
+    start = Mission(environment.city, (0, 0), devices, [9.0, 4.0], 25, max_devices=2).state
     hover = FunctionPolicy(lambda state: np.full(len(state), HOVER))
     both = (
         fly(environment, policy, start, stream(Use.TEST, 0)).trajectory(0)
