@@ -84,9 +84,9 @@ def _why(names: list[str], flights: list[Trajectory], part: int | None) -> list[
     told = [says(name, does(flight, part) + more) for name, flight, more in each]
     sentences = [f"At step {part + 1}, {told[0]}, while {told[1]}."]
     behind = 0 if flights[0].reward.sum() < flights[1].reward.sum() else 1
-    for does_so, steps in wasted(flights[behind], part).items():
-        if steps >= LONG:
-            sentences.append(f"Then {says(names[behind], f'{does_so} for {steps} steps')}.")
+    lost = wasted(flights[behind], part).items()
+    if long := [f"{does_so} for {steps} steps" for does_so, steps in lost if steps >= LONG]:
+        sentences.append(f"After that {says(names[behind], ' and '.join(long))}.")
     left = flights[0].data_left[-1] - flights[1].data_left[-1]
     fewer = 0 if left.sum() > 0 else 1  # who brings less data
     more = left if fewer == 0 else -left
@@ -111,8 +111,9 @@ def _towards(flight: Trajectory, step: int) -> str:
     enough = (given >= MUCH).any(axis=1)
     if enough.any():
         return f" and next collects from device {given[enough.argmax()].argmax()}"
-    home = flight.landed and flight.action[step] != LAND
-    return " and goes home" if home else ""
+    way = flight.uav_cell[step:-1]  # without the step that lands
+    straight = len(set(way.tolist())) == len(way)
+    return " and goes home" if flight.landed and straight and len(way) > 1 else ""
 
 
 def _story(names: list[str], flights: list[Trajectory], part: int | None, told: str) -> list:

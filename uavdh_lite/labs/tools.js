@@ -357,9 +357,9 @@ const TOOLS = {
       return `<div class="row"><span class="key blue"></span>${chooser("blue", "blue", known, own[0])}
         <span class="key orange"></span>
         ${chooser("orange", "orange", [["", "nobody"], ...known], own[1])}</div>
-        <p class="setting">Blue: ${escaped(settings[own[0]][1])}${rival}</p><p>${where}</p>
+        <p class="setting">${runs.length ? "For a new race. " : ""}Blue: ${escaped(settings[own[0]][1])}${rival}</p><p>${where}</p>
         <div class="row">${go}${chooser("shown", "metric", shown, chosen.metric)}</div>
-        ${runs.length ? `${curves(scene.panel, chosen.metric)}<small>${runs.map(ran).join("; ")}</small>` : ""}
+        ${runs.length ? `${curves(scene.panel, chosen.metric)}<p>The curves: ${runs.map(ran).join("; ")}.</p>` : ""}
         <p class="verdict" role="status">${told.map(escaped).join("<br>")}</p><p role="alert">${escaped(error ?? "")}</p>
         <p>A point: 100 missions that it does not learn from.
         ${runs.length ? "Press near one to see its agent fly." : ""}</p>
