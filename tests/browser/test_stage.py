@@ -369,6 +369,10 @@ def test_a_race_has_points_that_show_their_agents(page):
     page.wait_for_function("document.querySelectorAll('.dot').length > 6")
     press(page, "Pause")
     expect(page.get_by_role("button", name="Go on")).to_be_visible()
+    expect(page.locator(".setting")).not_to_contain_text("For a new race")
+    page.locator("[data-set='orange']").select_option("failsafe")
+    expect(page.locator(".setting")).to_contain_text("For a new race")  # not these
+    expect(page.locator("#panel")).to_contain_text("The curves: blue: as it is; orange: no fear")
     for which, below in (".blue .dot", 0), (".dot", 15):  # on a point, and below the lowest
         dot = max(page.locator(which).all(), key=lambda each: each.bounding_box()["y"])
         about, box = dot.get_attribute("aria-label"), dot.bounding_box()

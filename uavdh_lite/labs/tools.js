@@ -351,13 +351,15 @@ const TOOLS = {
       const rival = own[1] ? `<br>Orange: ${escaped(settings[own[1]][1])}` : "";
       const shown = CURVES.map((name) => [name, name.replaceAll("_", " ")]);
       const [flight] = scene.film.flights;
+      const titles = own.filter((name) => name).map((name) => settings[name][0]);
+      const other = runs.length > 0 && String(titles) !== String(runs.map(({ title }) => title));
       const ran = ({ title }, k) => `${["blue", "orange"][k]}: ${title}`; // others may be chosen since
       if (runs.length) sessionStorage.raced = "yes";
       const told = runs.length ? sentences : OWN && sessionStorage.raced ? [LOST] : [];
       return `<div class="row"><span class="key blue"></span>${chooser("blue", "blue", known, own[0])}
         <span class="key orange"></span>
         ${chooser("orange", "orange", [["", "nobody"], ...known], own[1])}</div>
-        <p class="setting">${runs.length ? "For a new race. " : ""}Blue: ${escaped(settings[own[0]][1])}${rival}</p><p>${where}</p>
+        <p class="setting">${other ? "For a new race. " : ""}Blue: ${escaped(settings[own[0]][1])}${rival}</p><p>${where}</p>
         <div class="row">${go}${chooser("shown", "metric", shown, chosen.metric)}</div>
         ${runs.length ? `${curves(scene.panel, chosen.metric)}<p>The curves: ${runs.map(ran).join("; ")}.</p>` : ""}
         <p class="verdict" role="status">${told.map(escaped).join("<br>")}</p><p role="alert">${escaped(error ?? "")}</p>
