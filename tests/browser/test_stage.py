@@ -373,8 +373,8 @@ def test_a_race_has_points_that_show_their_agents(page):
     page.locator("[data-set='orange']").select_option("failsafe")
     expect(page.locator(".setting")).to_contain_text("For a new race")  # not these
     expect(page.locator("#panel")).to_contain_text("The curves: blue: as it is; orange: no fear")
-    for which, below in (".blue .dot", 0), (".dot", 15):  # on a point, and below the lowest
-        dot = max(page.locator(which).all(), key=lambda each: each.bounding_box()["y"])
+    lowest_dot = max(page.locator(".dot").all(), key=lambda each: each.bounding_box()["y"])
+    for dot, below in (page.locator(".blue .dot").last, 0), (lowest_dot, 15):  # on it, and below it
         about, box = dot.get_attribute("aria-label"), dot.bounding_box()
         page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2 + below)
         flier = "blue's agent" if below == 0 else "agent"
