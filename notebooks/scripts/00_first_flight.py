@@ -39,7 +39,7 @@ play(environment, flights.trajectory(0))
 # | --- | --- |
 # | **What you'll do** | Watch a trained agent fly, set missions of your own, and race it against two simple pilots |
 # | **What you'll learn** | What the task is, how to read a flight, and six numbers that say how good a pilot is |
-# | **What you'll need** | Python. 38 minutes to read, 20 seconds to run; 25 minutes of exercises |
+# | **What you'll need** | Python. 40 minutes to read, 20 seconds to run; 25 minutes of exercises |
 #
 # ## 0.1 The task
 #

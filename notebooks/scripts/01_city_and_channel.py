@@ -36,7 +36,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Take the city apart, follow one signal from the transmitter to the data, and find good places to hover |
 # | **What you'll learn** | Decibels, path loss with and without line of sight, the link budget, Shannon's rate, shadow fading |
-# | **What you'll need** | Notebook 0, logarithms, the normal distribution. 40 minutes to read, 10 seconds to run; 25 minutes of exercises |
+# | **What you'll need** | Notebook 0, logarithms, the normal distribution. 45 minutes to read, 10 seconds to run; 25 minutes of exercises |
 #
 # The bright area is not a disc. It reaches far down two streets and hardly bends round any corner. Buildings do that.
 #

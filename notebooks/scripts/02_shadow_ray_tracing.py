@@ -36,7 +36,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Follow one ray with a pencil, turn it into a test with whole numbers, and map the shadows of a whole city |
 # | **What you'll learn** | Exact geometry without rounding, what happens at a corner, and where a classic line algorithm goes wrong |
-# | **What you'll need** | Notebook 1, the equation of a line. 39 minutes to read, 10 seconds to run; 30 minutes of exercises |
+# | **What you'll need** | Notebook 1, the equation of a line. 45 minutes to read, 10 seconds to run; 30 minutes of exercises |
 #
 # Move the device: change `(7, 9)`, run the cell again, and watch the shadows turn.
 #

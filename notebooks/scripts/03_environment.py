@@ -33,7 +33,7 @@ trajectory_figure(environment, flights.trajectory(0))
 # | --- | --- |
 # | **What you'll do** | Step through an episode, keep its ledger, trigger the safety controller, follow four slots, fly by hand |
 # | **What you'll learn** | State, action, reward and end: the Markov decision process of the paper |
-# | **What you'll need** | Notebooks 1 and 2. 40 minutes to read, 10 seconds to run; 35 minutes of exercises |
+# | **What you'll need** | Notebooks 1 and 2. 45 minutes to read, 10 seconds to run; 35 minutes of exercises |
 #
 # ## 3.1 The state
 #
