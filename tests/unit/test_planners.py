@@ -85,10 +85,8 @@ def test_greedy_turns_back_when_the_time_just_suffices(small):
     for time, action in ((4, 1), (3, 3), (2, 3)):
         state = Mission(small.city, (0, 1), [(0, 3)], [90], time, max_devices=2).state
         assert Greedy(small).act(state) == action
-    assert (
-        Greedy(small).act(Mission(small.city, (0, 0), [(0, 3)], [90], 2, max_devices=2).state)
-        == LAND
-    )
+    at_home = Mission(small.city, (0, 0), [(0, 3)], [90], 2, max_devices=2).state
+    assert Greedy(small).act(at_home) == LAND
 
 
 def test_greedy_goes_next_to_a_device_where_it_may_not_fly(small):

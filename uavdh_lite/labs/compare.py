@@ -9,6 +9,7 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Trajectory, evaluate, fly
 from uavdh_lite.labs.flights import Hangar, does, numbers, says, title
 from uavdh_lite.labs.state import YOU, Stage, random_mission, scenario_of
+from uavdh_lite.missions import Mission
 from uavdh_lite.streams import Use, stream
 
 AHEAD, LEVEL = 2.0, 0.5  # differences of the return
@@ -64,7 +65,7 @@ def verdict(names: list[str], results: list[dict]) -> str:
     gained = first["collected"] - second["collected"]
     sooner = second["steps"] - first["steps"]
     parts = []
-    if abs(gained) >= (ENOUGH if sooner else 0.1):
+    if abs(gained) >= (ENOUGH if sooner else LITTLE):
         parts.append(f"{abs(gained):.1f} units {'more' if gained > 0 else 'less'}")
     if sooner:
         steps = "1 step" if abs(sooner) == 1 else f"{abs(sooner)} steps"
@@ -135,19 +136,12 @@ def find_duel(stage: Stage, hangar: Hangar, wanted: int) -> Stage:
     pair = stage.policies if YOU not in stage.policies else Stage.of(stage.mission).policies
     if pair[0] == pair[1]:
         raise InputError("both are flown by the same: choose another rival")
-    city, environment = stage.mission.city, hangar.environment
+    city = stage.mission.city
     count = max(8, int(TRIES * (16 / city.size) ** 2) if city.size > 16 else TRIES)
     begin = stage.mission.seed + 1
     for first in range(begin, begin + BATCHES * count, count):
         missions = [random_mission(city, first + k) for k in range(count)]
-        start = State.concatenate([mission.state for mission in missions])
-        returns = [
-            fly(environment, hangar.policy(name), start, stream(Use.LAB, first)).returns
-            for name in pair
-        ]
-        difference = returns[0] - returns[1]
-        hopeful = np.argsort(-wanted * difference if wanted else np.abs(difference), kind="stable")
-        for k in hopeful[:6]:
+        for k in _hopeful(hangar, pair, missions, wanted, first)[:6]:
             found = stage.with_mission(missions[k])
             flown = Hangar.of(missions[k], hangar)
             flights = [flown.flight(found, name) for name in pair]
@@ -156,6 +150,19 @@ def find_duel(stage: Stage, hangar: Hangar, wanted: int) -> Stage:
             if level if wanted == 0 else wanted * ahead > AHEAD:
                 return Stage(missions[k], pair, stage.tool)
     raise InputError(f"no such duel among the next {BATCHES * count} missions: try other rivals")
+
+
+def _hopeful(
+    hangar: Hangar, pair: tuple[str, str], missions: list[Mission], wanted: int, seed: int
+) -> np.ndarray:
+    """The numbers of the missions, the most promising first, from one flight of each policy."""
+    start = State.concatenate([mission.state for mission in missions])
+    returns = [
+        fly(hangar.environment, hangar.policy(name), start, stream(Use.LAB, seed)).returns
+        for name in pair
+    ]
+    difference = returns[0] - returns[1]
+    return np.argsort(-wanted * difference if wanted else np.abs(difference), kind="stable")
 
 
 def many(stage: Stage, hangar: Hangar) -> list[dict]:

@@ -353,7 +353,7 @@ const TOOLS = {
       const [flight] = scene.film.flights;
       const titles = own.filter((name) => name).map((name) => settings[name][0]);
       const other = runs.length > 0 && String(titles) !== String(runs.map(({ title }) => title));
-      const ran = ({ title }, k) => `${["blue", "orange"][k]}: ${title}`; // others may be chosen since
+      const ran = ({ title }, k) => `${COLOURS[k]}: ${title}`; // others may be chosen since
       if (runs.length) sessionStorage.raced = "yes";
       const told = runs.length ? sentences : OWN && sessionStorage.raced ? [LOST] : [];
       return `<div class="row"><span class="key blue"></span>${chooser("blue", "blue", known, own[0])}
@@ -372,6 +372,7 @@ const TOOLS = {
 
 const OWN = "labs" in document.documentElement.dataset; // the page is ours, with its address
 const LOST = "A race is not kept when the page is loaded again: press Start.";
+const COLOURS = ["blue", "orange"]; // of the runs
 const CURVES = ["collected_and_landed", "collected", "landed", "return"];
 const brush = { sign: "B", cells: null }; // cells: those of the stroke that is being painted
 const chosen = { train: ["small", "no fear"], metric: "collected_and_landed" };
@@ -430,7 +431,7 @@ function curves({ runs, steps, point }, metric) {
       <text x="${left - 6}" y="${y(tick)}" text-anchor="end">${name(tick)}</text>`,
   );
   const line = ({ points, title, kink }, k) => {
-    const colour = ["blue", "orange"][k];
+    const colour = COLOURS[k];
     const here = kink === null ? "" : `<path class="kink" d="M${x(points[kink].steps)} 4V${height - bottom}"/>`;
     const d = points.map((each, n) => `${n ? "L" : "M"}${x(each.steps)} ${y(each[metric])}`).join("");
     const dot = (each, n) => {
