@@ -57,17 +57,14 @@ async def measure(address: str, visitors: int, server: psutil.Process) -> None:
     async with async_playwright() as playwright:
         chromium = os.environ.get("CHROMIUM") or shutil.which("chromium")
         browser = await playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        await visit(browser, address)  # the first process has to be started in any case
-        others = range(max(visitors - 1, 1))
-        visits = await asyncio.gather(*(visit(browser, address) for _ in others))
+        visits = await asyncio.gather(*(visit(browser, address) for _ in range(visitors)))
         pages = [page for page, _ in visits]
         report("first picture, s", [seconds for _, seconds in visits])
         frames = await asyncio.gather(*(page.evaluate(FRAMES) for page in pages))
         report("frames a second, all playing", frames)
         report("a key that steers, s", await asyncio.gather(*map(change, pages)))
         report("one after the other, s", [await change(page) for page in pages])
-        memory = [child.memory_full_info().uss for child in server.children(recursive=True)]
-        print(f"memory: {sum(memory) / 1e6:,.0f} MB in {len(memory)} processes")
+        print(f"memory: {server.memory_full_info().uss / 1e6:,.0f} MB")
         await browser.close()
 
 

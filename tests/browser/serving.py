@@ -6,16 +6,8 @@ import subprocess
 import sys
 from contextlib import contextmanager
 
-import psutil
-
 DEADLINE = 180  # seconds; only a server that never answers or never ends takes so long
 COMMAND = ("-m", "uavdh_lite", "app", "--no-browser", "--port", "8900")
-IMPATIENT = """
-import jupyter_server.base.websocket
-jupyter_server.base.websocket.WS_PING_INTERVAL = 100  # milliseconds; its own is half a minute
-from uavdh_lite.labs.app.server import serve
-serve(8900, 4, False)
-"""  # a session ends after four idle seconds, and Jupyter's pings, if there are any, come soon
 
 
 @contextmanager
@@ -29,7 +21,6 @@ def serving(*command, **process):
     server = subprocess.Popen(
         [sys.executable, *(command or COMMAND)], stderr=subprocess.PIPE, text=True, **process
     )
-    family = [psutil.Process(server.pid)]
     try:
         for line in server.stderr:
             if found := re.match(r"labs: (\S+)", line):
@@ -37,11 +28,8 @@ def serving(*command, **process):
         else:
             raise AssertionError("the server ended before it served")
         yield found[1], server
-        family += family[0].children(recursive=True) if server.poll() is None else []
         server.send_signal(signal.SIGTERM)
         server.communicate(timeout=DEADLINE)
     finally:
-        for process in family:  # what a test that failed leaves behind
-            if process.is_running():
-                process.kill()
+        server.kill()  # what a test that failed leaves behind
         server.communicate()

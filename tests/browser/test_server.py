@@ -1,28 +1,150 @@
-"""The labs' server without a browser: its sessions, who may talk to them, and how it ends."""
+"""The labs' server without a browser: its sessions, who may talk to it, and how it ends."""
 
+import asyncio
 import json
-import re
 import signal
 import time
-import uuid
+from http.client import HTTPConnection
+from urllib.parse import urlsplit
 from urllib.request import urlopen
 
-import psutil
 import pytest
-from jupyter_client import BlockingKernelClient
-from serving import DEADLINE, IMPATIENT, serving
-from tornado import gen
-from tornado.httpclient import AsyncHTTPClient, HTTPRequest
-from tornado.ioloop import IOLoop
+from serving import DEADLINE, serving
 from tornado.websocket import websocket_connect
 
-BUSY = """
-import signal
-signal.signal(signal.SIGINT, signal.SIG_IGN)
-signal.signal(signal.SIGTERM, signal.SIG_IGN)
-while True:
-    pass
-"""
+BRIEF = "from uavdh_lite.labs.server import serve; serve(8900, False, kept_seconds=1)"
+OPEN = []  # connections
+UPGRADE = {
+    "Connection": "Upgrade",
+    "Upgrade": "websocket",
+    "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
+    "Sec-WebSocket-Version": "13",
+}
+
+
+@pytest.fixture(scope="module")
+def address():
+    with serving("-c", BRIEF) as (address, _):
+        yield address
+
+
+def run(coroutine):
+    """Wait for what a test does with the server, and close its connections."""
+
+    async def done():
+        try:
+            await asyncio.wait_for(coroutine, DEADLINE)
+        finally:
+            while OPEN:
+                await close(OPEN[0])
+
+    asyncio.run(done())
+
+
+async def connect(address, session=""):
+    """A page's connection, and the first thing that it is told."""
+    page = await websocket_connect(f"{address.replace('http', 'ws')}socket?session={session}")
+    OPEN.append(page)
+    return page, json.loads(await page.read_message())
+
+
+async def close(page):
+    page.close()
+    while await page.read_message() is not None:
+        pass
+    OPEN.remove(page)
+
+
+async def tell(page, told):
+    await page.write_message(json.dumps(told))
+    return json.loads(await page.read_message())
+
+
+def test_each_page_has_a_session_of_its_own_and_finds_it_again(address):
+    async def visit():
+        (page, first), (other, second) = [await connect(address) for _ in range(2)]
+        assert first["session"] != second["session"] and first["scene"]["fresh"]
+        assert (await tell(page, {"kind": "tool", "tool": "think"}))["scene"]["answered"] == 1
+        assert (await tell(other, {"kind": "x"}))["scene"]["state"]["tool"] == "compare"
+        for leaves in (False, True):  # a tab that is doubled, and one that is loaded again
+            if leaves:
+                await close(page)
+            again, told = await connect(address, first["session"])
+            assert told["session"] == first["session"]
+            assert told["scene"]["state"]["tool"] == "think"
+            if not leaves:
+                assert await page.read_message() is None and page.close_code == 4000
+                OPEN.remove(page)
+                page.close()
+            page = again
+
+    run(visit())
+
+
+def test_messages_are_answered_in_their_order_and_a_file_is_an_address(address):
+    async def visit():
+        page, _ = await connect(address)
+        for step in (1, 2, 3):
+            await page.write_message(json.dumps({"kind": "show", "step": step}))
+        told = [json.loads(await page.read_message())["scene"] for _ in range(3)]
+        assert [scene["state"]["step"] for scene in told] == [1, 2, 3]
+        file = await tell(page, {"kind": "save", "what": "stage"})
+        assert file["kind"] == "file" and file["name"] == "manhattan_stage.json"
+        with urlopen(file["address"]) as content:
+            assert json.load(content)["step"] == 3
+
+    run(visit())
+
+
+def test_a_session_ends_when_its_page_has_been_gone_for_long(address):
+    async def visit():
+        page, told = await connect(address)
+        await asyncio.sleep(1.5)  # longer than it is kept without a page
+        assert (await tell(page, {"kind": "show", "step": 1}))["session"] == told["session"]
+        await close(page)
+        end = time.monotonic() + DEADLINE
+        while True:
+            await asyncio.sleep(1.2)
+            other, again = await connect(address, told["session"])
+            if again["session"] != told["session"]:
+                break
+            await close(other)
+            assert time.monotonic() < end, "the session does not end"
+
+    run(visit())
+
+
+@pytest.mark.parametrize(
+    ("path", "headers", "status"),
+    [
+        ("/", {}, 200),
+        ("/", {"Host": "evil.example"}, 404),  # another's name for this address (DNS rebinding)
+        ("/socket", UPGRADE, 101),
+        ("/socket", {**UPGRADE, "Host": "evil.example"}, 404),
+        ("/socket", {**UPGRADE, "Origin": "http://evil.example"}, 403),
+    ],
+)
+def test_only_the_page_itself_may_talk_to_the_server(address, path, headers, status):
+    assert address.startswith("http://127.0.0.1:")
+    connection = HTTPConnection("127.0.0.1", urlsplit(address).port)
+    connection.request("GET", path, headers=headers)
+    answer = connection.getresponse()
+    assert answer.status == status
+    if status == 200:
+        assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+    connection.close()
+
+
+def test_a_message_that_cannot_be_read_ends_the_connection_and_no_other(address):
+    async def visit():
+        (page, _), (other, _) = [await connect(address) for _ in range(2)]
+        await page.write_message("{")
+        assert await page.read_message() is None
+        OPEN.remove(page)
+        page.close()
+        assert (await tell(other, {"kind": "show", "step": 1}))["scene"]["refused"] == ""
+
+    run(visit())
 
 
 def ignore_interrupts():
@@ -30,138 +152,23 @@ def ignore_interrupts():
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def until(condition):
-    """What the condition gives as soon as that is true."""
-    end = time.monotonic() + DEADLINE
-    while not (found := condition()):
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.05)
-    return found
-
-
-def children(server):
-    return psutil.Process(server.pid).children(recursive=True)
-
-
-def connection_file(kernel):
-    command = kernel.cmdline()
-    return command[command.index("-f") + 1]
-
-
-def keep_busy(kernel):
-    """Let a kernel compute, for good, what neither an interrupt nor a request to end stops."""
-    client = BlockingKernelClient(connection_file=connection_file(kernel))
-    client.load_connection_file()
-    client.start_channels()
-    client.wait_for_ready(timeout=DEADLINE)
-    asked = client.execute(BUSY)
-    while True:
-        message = client.get_iopub_msg(timeout=DEADLINE)
-        ours = message["parent_header"].get("msg_id") == asked
-        if ours and message["content"].get("execution_state") == "busy":
-            break
-    client.stop_channels()
-
-
-def end(server, number, *others):
-    """Send the signals; once the server has ended, its exit status and what it left behind."""
-    started = children(server)
-    server.send_signal(number)
-    for other in others:
-        server.send_signal(other)
-    _, said = server.communicate(timeout=DEADLINE)
-    assert "Traceback" not in said
-    return server.returncode, psutil.wait_procs(started, timeout=DEADLINE)[1], started
-
-
-@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_ends_server_and_sessions(number):
-    """Also if its parent ignored interrupts, a session is busy, and somebody is impatient."""
+def test_a_signal_ends_the_server_while_a_session_computes(number):
+    """Also if its parent ignored interrupts."""
+
+    async def visit(address, server):
+        page, _ = await connect(address)
+        await page.write_message(json.dumps({"kind": "duel", "wanted": 1}))
+        await page.write_message(json.dumps({"kind": "many"}))
+        server.send_signal(number)
+
     with serving(preexec_fn=ignore_interrupts) as (address, server):
-        open_page(address)
-        kernels = until(lambda: len(found := children(server)) >= 2 and found)  # one is spare
-        keep_busy(kernels[0])
-        status, left, started = end(server, number, number)
-    assert (status, left) == (0, []) and len(started) >= 2
+        run(visit(address, server))
+        _, said = server.communicate(timeout=DEADLINE)
+        assert server.returncode == 0 and said == ""
 
 
-def test_a_signal_ends_a_server_whose_first_session_is_only_starting():
-    with serving(preexec_fn=ignore_interrupts) as (_, server):
-        until(lambda: children(server))
-        status, left, _ = end(server, signal.SIGTERM)
-    assert (status, left) == (0, [])
-
-
-def open_page(address):
-    """The address of the session that the page has, and that of its channels."""
-    with urlopen(address, timeout=DEADLINE) as page:
-        kernel = re.search(r'"kernelId": ?"([^"]+)"', page.read().decode())[1]
-    session = f"{address}api/kernels/{kernel}"
-    return session, f"{session.replace('http', 'ws', 1)}/channels"
-
-
-async def status(address, **headers):
-    """How the server answers."""
-    request = HTTPRequest(address, headers=headers)
-    return (await AsyncHTTPClient().fetch(request, raise_error=False)).code
-
-
-def run(coroutine, *arguments):
-    return IOLoop().run_sync(lambda: coroutine(*arguments), timeout=DEADLINE)
-
-
-def test_an_idle_session_ends_when_due_and_no_ping_cuts_a_page_off_before():
-    """Jupyter's pings cut off a page that answers late; one that comes back is never idle."""
-    pings = []
-
-    async def wait(session, channels):
-        socket = await websocket_connect(channels, on_message_callback=lambda message: None)
-        socket.on_ping = pings.append
-        began = time.monotonic()
-        while await status(session) == 200:
-            assert time.monotonic() < began + DEADLINE, "the session does not end"
-            await gen.sleep(0.2)
-        socket.close()
-        return time.monotonic() - began
-
-    with serving("-c", IMPATIENT) as (address, _):
-        assert run(wait, *open_page(address)) > 3
-    assert pings == []
-
-
-def test_a_session_runs_no_code_that_is_sent_to_it(tmp_path):
-    """A message to execute code, as a notebook's front end sends it, is dropped."""
-    trace = tmp_path / "executed"
-
-    def message(kind, **content):
-        header = {
-            "msg_id": uuid.uuid4().hex,
-            "msg_type": kind,
-            "username": "",
-            "session": uuid.uuid4().hex,
-            "version": "5.3",
-            "date": "2026-01-01T00:00:00Z",
-        }
-        parts = {"header": header, "parent_header": {}, "metadata": {}, "buffers": []}
-        return json.dumps({"channel": "shell", "content": content, **parts})
-
-    async def send(channels):
-        socket = await websocket_connect(channels)
-        code = f"open({str(trace)!r}, 'w').close()"
-        await socket.write_message(message("execute_request", code=code, silent=False))
-        await socket.write_message(message("kernel_info_request"))
-        answers = []
-        while "kernel_info_reply" not in answers:
-            answers.append(json.loads(await socket.read_message())["msg_type"])
-        socket.close()
-        return answers
-
-    with serving() as (address, _):
-        answers = run(send, open_page(address)[1])
-        assert "execute_reply" not in answers and not trace.exists()
-
-        # Another site's page that gives this address its own name (DNS rebinding) is refused
-        nobody = f"{address}api/kernels/{uuid.uuid4()}"
-        assert address.startswith("http://127.0.0.1:")
-        assert [run(status, nobody), run(lambda: status(nobody, Host="evil.example"))] == [404, 403]
+def test_a_port_that_is_taken_leads_to_the_next_one(address):
+    taken = urlsplit(address).port
+    with serving("-c", BRIEF.replace("8900", str(taken))) as (other, _):
+        assert urlsplit(other).port > taken

@@ -7,6 +7,7 @@ import shutil
 import time
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
@@ -366,7 +367,7 @@ def test_a_race_has_points_that_show_their_agents(page):
     open_tool(page, "Train")
     press(page, "Start")
     expect(page.locator(".dot")).not_to_have_count(0)
-    page.wait_for_function("document.querySelectorAll('.dot').length > 6")
+    page.locator(".dot").nth(6).wait_for()
     press(page, "Pause")
     expect(page.get_by_role("button", name="Go on")).to_be_visible()
     expect(page.locator(".setting")).not_to_contain_text("For a new race")
@@ -393,8 +394,9 @@ def test_a_race_has_points_that_show_their_agents(page):
     page.set_viewport_size({"width": 820, "height": 1180})
     assert lowest(page, ".curves") <= 1180
     page.set_viewport_size({"width": 1280, "height": 720})
+    points = page.locator(".dot").count()
     page.reload()
-    expect(page.locator(".verdict")).to_contain_text("A race is not kept")
+    expect(page.locator(".dot")).to_have_count(points)  # the session is kept
 
 
 def test_words_explain_themselves(page):
@@ -440,23 +442,46 @@ def test_a_file_and_a_link_open_the_same_elsewhere(browser, server, page, tmp_pa
         expect(other.locator(".refusal")).to_contain_text("Not done: this file is no JSON")
 
 
-def test_a_connection_that_is_cut_comes_back_with_its_state(browser, server):
-    sockets = []
+def test_a_connection_that_is_cut_comes_back_and_what_was_done_meanwhile_is_told(browser, server):
+    sockets, reachable = [], True
 
     def through(socket):
-        socket.connect_to_server()
         sockets.append(socket)
+        socket.connect_to_server() if reachable else socket.close()
 
     with visiting(browser, server) as page:
         press(page, "Skip the story")
-        open_tool(page, "Think")
-        page.route_web_socket(re.compile("/channels"), through)
-        page.reload()  # begins a session of its own, with the state of the address
+        press(page, "New")
+        expect(page.locator(".undo")).to_be_enabled()
+        page.route_web_socket(re.compile("/socket"), through)
+        page.reload()
+        expect(page.locator(".undo")).to_be_enabled()  # the same session
+        reachable = False
+        sockets[-1].close()
+        expect(page.locator("#lost")).to_be_visible()
+        page.get_by_role("tab", name="Think").click()
+        reachable = True
         page.locator(".main[data-shows='think']").wait_for()
-        for socket in sockets[:]:
-            socket.close()
+        expect(page.locator("#lost")).to_be_hidden()
+        expect(page.locator(".undo")).to_be_enabled()
+
+
+def test_a_server_that_was_started_again_goes_on_from_the_address(browser):
+    page = browser.new_page()
+    with serving() as (address, _):
+        page.goto(address)
+        press(page, "Skip the story")
+        choose(page, "city", "village")
         open_tool(page, "Channel")
-        assert len(sockets) >= 2
+        expect(page).to_have_url(re.compile("#stage="))
+        label = page.locator(".map g[data-device='0']").get_attribute("aria-label")
+    expect(page.locator("#lost")).to_be_visible()
+    port = urlsplit(address).port
+    with serving("-c", f"from uavdh_lite.labs.server import serve; serve({port}, False)"):
+        expect(page.locator("#lost")).to_be_hidden()
+        page.locator(".main[data-shows='channel']").wait_for()
+        expect(page.locator(".map g[data-device='0']")).to_have_attribute("aria-label", label)
+    page.close()
 
 
 def test_touch_flies_and_drags(browser, server):
@@ -475,7 +500,7 @@ def test_touch_flies_and_drags(browser, server):
 def test_full_screen_is_the_same_page_with_larger_letters(page):
     before = page.locator("h2").first.evaluate("each => getComputedStyle(each).fontSize")
     press(page, "full screen")
-    page.wait_for_function("document.fullscreenElement")
+    page.locator(".uavdh-stage:fullscreen").wait_for()
     after = page.locator("h2").first.evaluate("each => getComputedStyle(each).fontSize")
     assert float(after[:-2]) > float(before[:-2])
     narrow = """each => { each.style.width = "max-content"; const wide = each.offsetWidth;
@@ -485,4 +510,4 @@ def test_full_screen_is_the_same_page_with_larger_letters(page):
     assert speed["x"] + speed["width"] <= city["x"]
     expect(page.locator(".more")).to_be_hidden()
     press(page, "full screen")
-    page.wait_for_function("!document.fullscreenElement")
+    expect(page.locator(".uavdh-stage:fullscreen")).to_have_count(0)

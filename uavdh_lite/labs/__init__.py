@@ -1,6 +1,6 @@
 """The labs: one stage with one mission, and six tools to look at it.
 
-`Lab` is imported when it is first asked for, so the server of the page starts without it.
+`Lab` is imported when it is first asked for: the web page does without Jupyter.
 """
 
 __all__ = ["Lab"]
@@ -9,6 +9,6 @@ __all__ = ["Lab"]
 def __getattr__(name: str):
     if name != "Lab":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from uavdh_lite.labs.stage import Lab
+    from uavdh_lite.labs.widget import Lab
 
     return Lab

@@ -451,13 +451,8 @@ function render({ model, el }) {
     next = null;
     if (told) stage.askWhenFree(told);
   });
-  model.on("msg:custom", ({ kind, name, type }, buffers) => {
-    if (kind !== "file") return;
-    const link = document.createElement("a");
-    link.href = URL.createObjectURL(new Blob(buffers, { type }));
-    link.download = name;
-    link.click();
-    URL.revokeObjectURL(link.href);
+  model.on("msg:custom", ({ name, address }) => {
+    Object.assign(document.createElement("a"), { href: address, download: name }).click();
   });
 
   const linked = () => OWN && location.hash.split(LINK)[1];

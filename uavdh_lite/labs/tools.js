@@ -354,15 +354,13 @@ const TOOLS = {
       const titles = own.filter((name) => name).map((name) => settings[name][0]);
       const other = runs.length > 0 && String(titles) !== String(runs.map(({ title }) => title));
       const ran = ({ title }, k) => `${COLOURS[k]}: ${title}`; // others may be chosen since
-      if (runs.length) sessionStorage.raced = "yes";
-      const told = runs.length ? sentences : OWN && sessionStorage.raced ? [LOST] : [];
       return `<div class="row"><span class="key blue"></span>${chooser("blue", "blue", known, own[0])}
         <span class="key orange"></span>
         ${chooser("orange", "orange", [["", "nobody"], ...known], own[1])}</div>
         <p class="setting">${other ? "For a new race. " : ""}Blue: ${escaped(settings[own[0]][1])}${rival}</p><p>${where}</p>
         <div class="row">${go}${chooser("shown", "metric", shown, chosen.metric)}</div>
         ${runs.length ? `${curves(scene.panel, chosen.metric)}<p>The curves: ${runs.map(ran).join("; ")}.</p>` : ""}
-        <p class="verdict" role="status">${told.map(escaped).join("<br>")}</p><p role="alert">${escaped(error ?? "")}</p>
+        <p class="verdict" role="status">${(sentences ?? []).map(escaped).join("<br>")}</p><p role="alert">${escaped(error ?? "")}</p>
         <p>A point: 100 missions that it does not learn from.
         ${runs.length ? "Press near one to see its agent fly." : ""}</p>
         <p class="flies">This flight: ${explained(flight.name)}. ${flight.ending}</p>`;
@@ -371,7 +369,6 @@ const TOOLS = {
 };
 
 const OWN = "labs" in document.documentElement.dataset; // the page is ours, with its address
-const LOST = "A race is not kept when the page is loaded again: press Start.";
 const COLOURS = ["blue", "orange"]; // of the runs
 const CURVES = ["collected_and_landed", "collected", "landed", "return"];
 const brush = { sign: "B", cells: null }; // cells: those of the stroke that is being painted

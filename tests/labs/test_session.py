@@ -1,5 +1,6 @@
-"""The widget without a browser: what it sends after what was done."""
+"""A session without a browser: what it shows after what was done."""
 
+import base64
 import json
 import re
 import time
@@ -12,6 +13,7 @@ from uavdh_lite.channel import rate
 from uavdh_lite.environment import EAST, HOVER, LAND, WEST
 from uavdh_lite.labs import Lab, train
 from uavdh_lite.labs.compare import parting, verdict, wasted
+from uavdh_lite.labs.session import Session
 from uavdh_lite.labs.state import read_link
 
 FEWER = [(8.0, 12.0, 20), (9.5, 11.5, 10)]  # return, collected, steps
@@ -20,7 +22,7 @@ PATIENCE = 120  # seconds; only a training that never comes takes so long
 
 @pytest.fixture(scope="module")
 def shared():
-    return Lab(city="village")
+    return Session(city="village")
 
 
 @pytest.fixture
@@ -44,7 +46,7 @@ def flights(lab):
 
 @pytest.mark.parametrize("tool", ["fly", "compare", "think", "channel", "paint", "train"])
 def test_a_tool_alone_has_no_others(tool):
-    scene = Lab(tool=tool, city="village").scene
+    scene = Session(tool=tool, city="village").scene
     assert scene["tools"] == [tool] and scene["state"]["tool"] == tool
 
 
@@ -80,7 +82,7 @@ def test_flights_part_where_they_last_have_place_and_data_in_common(lab):
 
 @pytest.mark.parametrize("wanted", [1, -1, 0])
 def test_a_duel_is_what_was_asked_for_as_it_is_shown(wanted):
-    lab = Lab(city="manhattan")
+    lab = Session(city="manhattan")
     panel = tell(lab, "duel", wanted=wanted)
     ahead = panel["results"][0]["return"] - panel["results"][1]["return"]
     assert abs(ahead) < 0.5 if wanted == 0 else wanted * ahead > 2
@@ -263,20 +265,32 @@ def test_the_link_opens_the_same_elsewhere(lab):
     tell(lab, "city", name="empty 8 × 8")
     tell(lab, "paint", cells=[[4, 4], [4, 5]], sign="b")
     tell(lab, "policy", which=0, name="random")
-    other = Lab(city="village")
+    other = Session(city="village")
     tell(other, "open", link=lab.scene["state"]["link"])
     assert other.scene["film"] == lab.scene["film"]
     assert read_link(other.stage.link).as_json() == lab.stage.as_json()
 
 
-def test_files_are_sent_as_they_are_opened(lab, monkeypatch):
-    sent = []
-    monkeypatch.setattr(Lab, "send", lambda self, *parts: sent.append(parts))
+def test_files_are_given_as_they_are_opened():
+    given = {}
+    lab = Session(city="village", give=given.__setitem__)
     tell(lab, "save", what="stage")
     tell(lab, "save", what="png")
-    (about, (text,)), (_, (picture,)) = sent
-    assert about["name"] == "village_stage.json" and json.loads(text) == lab.stage.as_json()
-    assert picture.startswith(b"\x89PNG")
+    content = {name: base64.b64decode(each.split(",")[1]) for name, each in given.items()}
+    assert json.loads(content["village_stage.json"]) == lab.stage.as_json()
+    assert content["village.png"].startswith(b"\x89PNG")
+
+
+def test_the_widget_hears_and_shows_what_the_session_does(monkeypatch):
+    sent = []
+    monkeypatch.setattr(Lab, "send", lambda self, told: sent.append(told))
+    widget = Lab(tool="channel", city="village")
+    assert widget.scene["tools"] == ["channel"]
+    widget._handle_custom_msg({"kind": "show", "step": 2}, [])
+    assert widget.scene["state"]["step"] == 2
+    widget._handle_custom_msg({"kind": "save", "what": "png"}, [])
+    assert sent[0]["name"] == "village.png" and sent[0]["address"].startswith("data:image/png;")
+    widget.close()
 
 
 def wait_for(condition):
@@ -330,14 +344,14 @@ def test_a_race_says_where_they_learned_to_land_and_how_they_ended():
 
 @pytest.mark.parametrize("settings", [["none"], [], ["small", "small", "x"]])
 def test_a_race_of_unknown_settings_is_refused(settings):
-    lab = Lab(tool="train", city="village")
+    lab = Session(tool="train", city="village")
     lab.hear({"kind": "train", "settings": settings})
     assert "choose one or two" in lab.scene["refused"]
 
 
 def test_a_race_over_a_large_city_moves_to_the_village_and_equal_runs_have_other_seeds(monkeypatch):
     monkeypatch.setattr(train.Race, "go_on", lambda self: None)
-    lab = Lab(tool="train", city="manhattan")
+    lab = Session(tool="train", city="manhattan")
     tell(lab, "train", settings=["small", "small"])
     assert lab.stage.mission.city.name == "village"
     assert [run.trainer.seed for run in lab._race.runs] == [0, 1]

@@ -1,17 +1,19 @@
-"""The stage as a widget: it hears what is done in the browser, and sends what is to be drawn."""
+"""A session: it hears what is done in the browser, and says what is to be drawn."""
 
+import base64
 import io
 import json
 import threading
 import time
 import weakref
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from PIL import Image
 
 from uavdh_lite.city import COLOURS, shipped_cities
-from uavdh_lite.errors import InputError, extra
+from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Trajectory
 from uavdh_lite.labs import channel, compare, think, train
 from uavdh_lite.labs.flights import Hangar, numbers, title
@@ -19,41 +21,42 @@ from uavdh_lite.labs.state import EMPTY, TOOLS, YOU, Stage, changed, random_miss
 from uavdh_lite.missions import as_json
 from uavdh_lite.player import film
 
-with extra("notebooks"):
-    import anywidget
-    import traitlets
-
 TOGETHER = 0.7  # seconds between changes of one kind that are undone as one
 KEPT = 100  # changes that can be undone
 RANKED = 6  # flights of a session's ranking
 
 
-def _read(*names: str) -> str:
+SCRIPT = ("player.js", "labs/tools.js", "labs/stage.js")
+STYLE = ("player.css", "labs/stage.css")
+
+
+def read(*names: str) -> str:
+    """Files of the package, one after the other."""
     package = Path(__file__).parents[1]
     return "\n".join((package / name).read_text(encoding="utf-8") for name in names)
 
 
-class Lab(anywidget.AnyWidget):
+class Session:
     """One city, one mission, and six tools to look at it.
 
     The state is a `Stage` that never changes: a message from the browser makes the next one, and
-    `render` sends what it looks like. The browser draws it.
+    `render` shows what it looks like. The browser draws it.
 
     Arguments:
         tool: one of `TOOLS`, to have it alone; all of them if None.
         city: the name of a shipped city.
-
-    | trait | meaning |
-    | --- | --- |
-    | `scene` | all that the browser draws, as JSON values |
+        show: called with each scene: all that the browser draws, as JSON values.
+        give: called with the name of a file and its content, as an address that a browser opens.
     """
 
-    _esm = _read("player.js", "labs/tools.js", "labs/stage.js")
-    _css = _read("player.css", "labs/stage.css")
-    scene = traitlets.Dict().tag(sync=True)
-
-    def __init__(self, tool: str | None = None, city: str = "manhattan"):
-        super().__init__()
+    def __init__(
+        self,
+        tool: str | None = None,
+        city: str = "manhattan",
+        show: Callable[[dict[str, Any]], None] = lambda scene: None,
+        give: Callable[[str, str], None] = lambda name, address: None,
+    ):
+        self._show, self._give = show, give
         self.stage = Stage.first(city, tool or "compare")
         self._alone = tool is not None
         self._hangar = Hangar.of(self.stage.mission)
@@ -80,7 +83,6 @@ class Lab(anywidget.AnyWidget):
             "point": self._see,
             "save": self._save,
         }
-        self.on_msg(lambda _, told, buffers: self.hear(told))
         self.render()
 
     def hear(self, told: dict[str, Any]) -> None:
@@ -102,7 +104,7 @@ class Lab(anywidget.AnyWidget):
         self.render()
 
     def render(self) -> None:
-        """Send what the stage looks like now."""
+        """Show what the stage looks like now."""
         with self._lock:
             flights = self._flights()
             drawn = film(self._hangar.environment, flights)
@@ -118,12 +120,12 @@ class Lab(anywidget.AnyWidget):
                 "answered": self._answered,
                 "fresh": self._fresh,
             }
+            self._show(self.scene)
 
     def close(self) -> None:
-        """Pause a training for good and take the stage off the page."""
+        """Pause a training for good."""
         if self._race is not None:
             self._race.pause()
-        super().close()
 
     def _summary(self) -> dict[str, Any]:
         stage, mission = self.stage, self.stage.mission
@@ -263,14 +265,14 @@ class Lab(anywidget.AnyWidget):
         self._point = (run, point)
 
     def _save(self, what: str) -> None:
-        """Send a file: the stage or its mission as JSON, or the city as a PNG."""
+        """Give a file: the stage or its mission as JSON, or the city as a PNG."""
         mission = self.stage.mission
         if what == "png":
             picture = io.BytesIO()
             Image.fromarray(COLOURS[mission.city.kinds]).save(picture, "PNG")
-            about = {"name": f"{mission.city.name}.png", "type": "image/png"}
-            self.send({"kind": "file", **about}, [picture.getvalue()])
+            name, kind, content = f"{mission.city.name}.png", "image/png", picture.getvalue()
         else:
             values = as_json(mission) if what == "mission" else self.stage.as_json()
-            about = {"name": f"{mission.city.name}_{what}.json", "type": "application/json"}
-            self.send({"kind": "file", **about}, [json.dumps(values, indent=1).encode()])
+            name, kind = f"{mission.city.name}_{what}.json", "application/json"
+            content = json.dumps(values, indent=1).encode()
+        self._give(name, f"data:{kind};base64,{base64.b64encode(content).decode()}")
