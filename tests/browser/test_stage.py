@@ -392,6 +392,7 @@ def test_a_race_has_points_that_show_their_agents(page):
     assert page.locator(".flies").bounding_box()["y"] == below  # its room is kept
     assert "48,000 steps" in page.locator(".curves").text_content()  # the axis, from the beginning
     page.set_viewport_size({"width": 820, "height": 1180})
+    page.locator(".uavdh-stage.narrow").wait_for()
     assert lowest(page, ".curves") <= 1180
     page.set_viewport_size({"width": 1280, "height": 720})
     points = page.locator(".dot").count()

@@ -12,7 +12,7 @@ import pytest
 from uavdh_lite.channel import rate
 from uavdh_lite.environment import EAST, HOVER, LAND, WEST
 from uavdh_lite.labs import Lab, train
-from uavdh_lite.labs.compare import parting, verdict, wasted
+from uavdh_lite.labs.compare import idle, parting, verdict
 from uavdh_lite.labs.session import Session
 from uavdh_lite.labs.state import read_link
 
@@ -174,14 +174,15 @@ def test_compare_names_the_device_that_first_gives_something(lab, number):
     assert not more or ("greedy" in more[1]) == (data[1] > data[0])
 
 
-def test_wasted_steps_are_counted():
+def test_steps_without_data_are_counted():
     flight = SimpleNamespace(
-        uav_cell=np.array([1, 2, 1, 2, 2, 2, 2]),
-        action=np.array([EAST, WEST, EAST, HOVER, HOVER, LAND]),
-        data_left=np.array([9.0, 9, 9, 9, 9, 8, 8])[:, None],
+        uav_cell=np.array([1, 2, 1, 2, 2, 2, 2, 2]),
+        action=np.array([EAST, WEST, EAST, HOVER, HOVER, LAND, LAND]),
+        intervened=np.array([False] * 5 + [True, False]),
+        data_left=np.array([9.0, 9, 9, 9, 9, 8, 8, 8])[:, None],
     )
-    assert list(wasted(flight, 0).values()) == [1, 2]  # the second hovering brings something
-    assert list(wasted(flight, 2).values()) == [1, 0]
+    assert idle(flight, 0) == (5, 2)  # the second hovering brings something, a refusal nothing
+    assert idle(flight, 2) == (3, 2)
 
 
 def test_there_is_a_value_wherever_it_may_fly(lab):
@@ -200,6 +201,8 @@ def test_the_ledger_of_the_radio_link_adds_up(lab):
     sight = lab._hangar.environment.sight[0, row * 8 + col].reshape(8, 8)
     assert ((building > 0) == ~sight).all()
     assert panel["distance"][row][col] == 10  # the altitude
+    low, high = panel["range"]  # the same for each device
+    assert low < snr.min() and snr.max() < high and high - low < np.ptp(snr) + 30
     assert np.allclose(panel["rate"], rate(snr), rtol=0.02, atol=1e-4)
 
 

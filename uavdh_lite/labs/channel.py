@@ -21,6 +21,7 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
     | `snr` | what is left, dB |
     | `dearest` | the cell over which a building costs most data |
     | `rate` | data units a slot |
+    | `range` | SNRs over this city from the weakest to the strongest, in steps of 10 dB |
     | `fading` | its standard deviation with a line of sight and without one, dB |
     """
     environment = hangar.environment
@@ -36,8 +37,11 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
     transmit = channel.transmit_snr_db(city.own_size)
     with_and_without = (rate(np.float32(transmit) - each) for each in (free, loss))
     lost = np.where(city.no_fly, -1, np.subtract(*with_and_without))
+    ends = np.float32([2 * ((size - 1) * channel.cell_size_m) ** 2, 0]) + channel.altitude_m**2
+    weakest, strongest = transmit - channel.path_loss_db(ends, np.array([False, True]))
     return {
         "device": stage.device,
+        "range": [int(10 * np.floor(weakest / 10)), int(10 * np.ceil(strongest / 10))],
         "dearest": divmod(int(lost.argmax()), size),
         "transmit": round(transmit, 1),
         "distance": grid(np.sqrt(squared), 1),

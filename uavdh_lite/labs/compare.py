@@ -14,7 +14,7 @@ from uavdh_lite.streams import Use, stream
 
 AHEAD, LEVEL = 2.0, 0.5  # differences of the return
 LITTLE, ENOUGH, MUCH = 0.1, 0.5, 2.0  # data units: nothing to speak of, worth a word, a reason
-LONG = 6  # wasted steps that are worth a word
+LONG = 3  # more steps without data than the other's that are worth a word
 TRIES = 40  # missions that are looked at together for a duel, in a city of 16 × 16 cells
 BATCHES = 4  # of such missions
 MISSIONS = 100
@@ -85,9 +85,13 @@ def _why(names: list[str], flights: list[Trajectory], part: int | None) -> list[
     told = [says(name, does(flight, part) + more) for name, flight, more in each]
     sentences = [f"At step {part + 1}, {told[0]}, while {told[1]}."]
     behind = 0 if flights[0].reward.sum() < flights[1].reward.sum() else 1
-    lost = wasted(flights[behind], part).items()
-    if long := [f"{does_so} for {steps} steps" for does_so, steps in lost if steps >= LONG]:
-        sentences.append(f"After that {says(names[behind], ' and '.join(long))}.")
+    (steps, waiting), (others, _) = (idle(flights[k], part) for k in (behind, 1 - behind))
+    if steps - others >= LONG:
+        there = f", {waiting} of them on the spot" if waiting else ""
+        spends = f"spends {steps} steps for hardly any data{there}"
+        sentences.append(
+            f"After that {says(names[behind], spends)}; {says(names[1 - behind], str(others))}."
+        )
     left = flights[0].data_left[-1] - flights[1].data_left[-1]
     fewer = 0 if left.sum() > 0 else 1  # who brings less data
     more = left if fewer == 0 else -left
@@ -97,13 +101,12 @@ def _why(names: list[str], flights: list[Trajectory], part: int | None) -> list[
     return sentences
 
 
-def wasted(flight: Trajectory, step: int) -> dict[str, int]:
-    """Steps from this one on in which a flight stays in its cell and gets hardly any data, and
-    steps that lead back to where it was two steps before."""
+def idle(flight: Trajectory, step: int) -> tuple[int, int]:
+    """Steps from this one on in which hardly any data comes, and in how many of them the flight
+    stays where it is; landing does not count."""
     cells, data = flight.uav_cell[step:], flight.data_left[step:].sum(axis=1)
-    stays = (cells[1:] == cells[:-1]) & (-np.diff(data) < LITTLE) & (flight.action[step:] != LAND)
-    back = (cells[2:] == cells[:-2]) & (cells[1:-1] != cells[:-2])
-    return {"hovers with hardly any data": stays.sum(), "flies to and fro": back.sum()}
+    nothing = (-np.diff(data) < LITTLE) & ((flight.action != LAND) | flight.intervened)[step:]
+    return int(nothing.sum()), int((nothing & (cells[1:] == cells[:-1])).sum())
 
 
 def _towards(flight: Trajectory, step: int) -> str:

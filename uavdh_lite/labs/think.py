@@ -76,11 +76,13 @@ def _because(hangar: Hangar, flight: Trajectory, values: np.ndarray, step: int) 
     given = flight.data_left[step] - flight.data_left[step + 1 :]  # by each device, from here on
     enough = np.flatnonzero((given >= ENOUGH).any(axis=1)) + 1
     reason = ""
-    if action == LAND:
+    if flight.intervened[step]:
+        reason = ", which is refused: it stays where it is"
+    elif action == LAND:
         reason = ", because all data is collected" if flight.data_left[step].sum() < 0.05 else ""
     elif flight.landed and after < home and left <= home + SPARE:
         reason = f", because home is {home} units of time away and {left} are left"
-    elif len(enough) and not flight.intervened[step]:
+    elif len(enough):
         steps, device = int(enough[0]), int(given[enough[0] - 1].argmax())
         when = "in this step" if steps == 1 else f"within {steps} steps"
         gives = f"gives {given[steps - 1][device]:.1f} units {when}"

@@ -133,8 +133,9 @@ const TOOLS = {
         : "";
       const head = you.ended ? this.card(you, ghost, rival) : this.help(you, rival);
       const known = scene.state.known.filter(([name]) => name !== "you");
-      return `${head}<p class="no" role="status">${no}</p>${pad}<div class="row">${button("Again", { kind: "again" })}
-        ${chooser("ghost", "policy-1", known, scene.panel.rival)}</div>${table}`;
+      return `<div class="head">${head}</div><p class="no" role="status">${no}</p><div class="beside">${pad}${table}</div>
+        <div class="row">${button("Again", { kind: "again" })}
+        ${chooser("ghost", "policy-1", known, scene.panel.rival)}</div>`;
     },
     refusal({ city, flights: [{ path }] }, action) {
       const [[row, col], [down, right]] = [path.at(-1), WAYS[action] ?? [0, 0]];
@@ -146,10 +147,10 @@ const TOOLS = {
     help: (you, rival) =>
       `<h2>${you.steps ? `${you.time_left} units of time left` : "Your flight"}</h2>
       <p>Collect the ${term("data units", "data")} and land in blue in time. Arrow keys move, space
-      hovers, L lands. The pale ${term("UAV")} is the ${term("ghost")}, flown by ${explained(rival)}.</p>`,
+      hovers, L lands; or press the buttons. The pale ${term("UAV")} is the ${term("ghost")}, flown by ${explained(rival)}.</p>`,
     card(you, ghost, rival) {
       const ahead = you.return - ghost.return;
-      const home = (each) => `${each.collected.toFixed(1)} units in ${each.steps} steps`;
+      const home = (each) => `${each.collected.toFixed(1)} units in ${each.steps} step${each.steps === 1 ? "" : "s"}`;
       const end = you.landed ? `You landed with ${home(you)}.` : "The time ran out before you landed.";
       const other = ghost.landed ? home(ghost) : "a crash";
       const names = ahead > 0 ? "You win" : `${upper(escaped(rival))} wins`;
@@ -177,16 +178,17 @@ const TOOLS = {
         button(name, { kind: "duel", wanted }, 'data-busy="looking for a duel …"');
       const [first, second] = results.map(({ name }) => escaped(name));
       const brought = ({ landed, collected }) => (landed ? collected.toFixed(1) : "0, crashed");
+      const flown = `${line("", results, ({ name }) => explained(name))}
+        ${line(`${term("data units", "data")} brought home`, results, brought)}
+        ${line("time used", results, ({ steps }) => steps)}
+        ${line(term("return"), results, (each) => signed(each.return))}`;
       const go = parting === null ? "" : button(`Show step ${parting + 1}`, { show: parting + 1 });
       return `<h2>${explained(verdict)}</h2><p class="why">${explained(why)}</p>
         <div class="row">${go}${manyButton}</div>
         <div class="row">Find a duel: ${duel(`${first} wins`, 1)}
         ${duel(`${second} wins`, -1)}${duel("nearly level", 0)}</div>
         <div class="row">${choosePolicy(scene, 0, "left")}${choosePolicy(scene, 1, "right")}</div>
-        <table><tbody>${line("", results, ({ name }) => explained(name))}
-        ${line(`${term("data units", "data")} brought home`, results, brought)}
-        ${line("time used", results, ({ steps }) => steps)}
-        ${line(term("return"), results, (each) => signed(each.return))}</tbody>${average(scene)}</table>
+        <table>${average(scene) || flown}</table>
         <p><small>Orange ring: where they part. Violet: out of sight of the device that sends.</small></p>`;
     },
     over({ film, panel }, k) {
@@ -268,19 +270,17 @@ const TOOLS = {
     title: "Channel",
     html(scene) {
       const { panel, state } = scene;
+      const [low, high] = panel.range;
       const device = (_, k) =>
         button(`device ${k}`, { kind: "look", device: k }, `aria-pressed="${k === panel.device}"`);
-      const [low, high] = dataRange(panel);
       return `<p class="sentence" role="status"></p><table class="ledger"></table>
         <div class="row">${state.devices.map(device).join("")}</div>
         ${ramp(`${low} dB`.replace("-", "−"), `${high} dB`, `${upper(term("SNR"))} from device
           ${panel.device} over each cell, without ${term("fading")}. Outlined: the
           ${term("shadow", "shadows")} of buildings.`)}`;
     },
-    under({ panel }) {
-      const [low, high] = dataRange(panel);
-      return heat(panel.snr, (value) => colourOf((value - low) / (high - low)), 0.9);
-    },
+    under: ({ panel: { snr, range: [low, high] } }) =>
+      heat(snr, (value) => colourOf((value - low) / (high - low)), 0.9),
     over: ({ panel }) =>
       `${outline(panel.building, (each) => each > 0)}<path class="ray"/><path class="lost"/>`,
     point(stage, scene, cell) {
@@ -407,12 +407,6 @@ function outside(size, name) {
   const around = `M${-size} ${-size}h${3 * size}v${3 * size}h${-3 * size}z`;
   const d = `${around}M-.5 -.5v${size}h${size}v${-size}z`;
   return `<path class="outside" d="${d}" fill="${name === "no-fly zone" ? "#0072b2" : "#d6333f"}"/>`;
-}
-
-// The SNRs between which the colours lie: steps of 10 dB
-function dataRange({ snr }) {
-  const [low, high] = range(snr);
-  return [Math.floor(low / 10) * 10, Math.ceil(high / 10) * 10];
 }
 
 // The curves of a race: points by steps, each a button; full blue lies on a wider, open orange
