@@ -146,11 +146,12 @@ def _flight(flight: Trajectory, devices: np.ndarray, size: int) -> dict[str, Any
     data, left = flight.data_left[0].sum(), flight.data_left[-1].sum()
     out_of_time = flight.time_left[-1] <= 0
     end = "landed" if flight.landed else "crashed" if out_of_time else "in the air"
+    how = "" if flight.landed or not out_of_time else ", because the time ran out,"
     amounts = np.column_stack([flight.data_left[:, devices], flight.time_left]).astype(float)
     actions = zip(flight.action, flight.intervened, strict=True)
     return {
         "end": end,
-        "ending": f"{end.capitalize()} after {used} of {available} units of time, "
+        "ending": f"{end.capitalize()}{how} after {used} of {available} units of time, "
         f"with {data - left:.1f} of {data:.1f} units of data.",
         "path": [divmod(int(cell), size) for cell in flight.uav_cell],
         "left": amounts.round(5).tolist(),

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from uavdh_lite.channel import rate
-from uavdh_lite.environment import EAST, HOVER, LAND, WEST
+from uavdh_lite.environment import EAST, HOVER, LAND, NORTH, SOUTH, WEST
 from uavdh_lite.labs import Lab, train
-from uavdh_lite.labs.compare import idle, parting, verdict
+from uavdh_lite.labs.compare import astray, idle, parting, verdict
 from uavdh_lite.labs.session import Session
 from uavdh_lite.labs.state import read_link
 
@@ -68,16 +68,25 @@ def test_the_mission_stays_from_tool_to_tool_and_the_film_is_that_of_the_policy(
     assert lab.scene["version"] > version
 
 
-def test_flights_part_where_they_last_have_place_and_data_in_common(lab):
-    first, second = flights(lab)
-    part = tell(lab, "tool", tool="compare")["parting"]
-    assert part == parting(first, second)
-    last = min(len(first.action), len(second.action))
-    for step in range(last + 1):
-        same = first.uav_cell[step] == second.uav_cell[step]
-        same &= np.abs(first.data_left[step] - second.data_left[step]).max() < 0.5
-        assert same if step == part else not (same and part < step < last)
-    assert parting(first, first) is None
+def flown(*cells, left=None):
+    """A flight over a city of 10 × 10 cells with one device, which gives nothing unless told."""
+    moves = {0: HOVER, 1: EAST, -1: WEST, -10: NORTH, 10: SOUTH}
+    left = [9.0] * len(cells) if left is None else left
+    return SimpleNamespace(
+        uav_cell=np.array(cells),
+        action=np.array([moves[step] for step in np.diff(cells).tolist()]),
+        data_left=np.array(left)[:, None],
+    )
+
+
+def test_flights_part_where_they_are_near_and_act_differently_for_the_last_time():
+    east, south = flown(0, 1, 2, 12, 22, 23, 24), flown(0, 10, 20, 21, 22, 32, 42)
+    assert parting(east, south, 10) == 4  # two ways to one place, then they part
+    assert parting(east, flown(0, 10, 20, 21, 22, 23, 24), 10) is None
+    late = flown(0, 10, 20, 21, 22, 32, 42, left=[9, 9, 9, 6, 6, 6, 6])  # it has got something
+    assert parting(east, late, 10) == 0
+    assert parting(flown(0, 1, 2, 3), flown(0, 10, 11, 12), 10) == 0  # they end near each other
+    assert parting(flown(0, 1, 2, 3, 4), flown(0, 1, 2, 3, 4, 4), 10) == 3  # one stays longer
 
 
 @pytest.mark.parametrize("wanted", [1, -1, 0])
@@ -162,7 +171,7 @@ def test_compare_names_the_device_that_first_gives_something(lab, number):
     for _ in range(number):
         tell(lab, "new")
     panel = tell(lab, "show", step=0)
-    clauses = re.findall(r"next collects from device (\d)", panel["why"])
+    clauses = re.findall(r"first gets 2 units from device (\d)", panel["why"])
     part, soon = panel["parting"], []
     for flight in flights(lab):
         given = flight.data_left[part] - flight.data_left[part:]
@@ -174,15 +183,16 @@ def test_compare_names_the_device_that_first_gives_something(lab, number):
     assert not more or ("greedy" in more[1]) == (data[1] > data[0])
 
 
-def test_steps_without_data_are_counted():
+def test_steps_without_data_are_counted_and_the_longest_stretch_that_leads_nowhere_is_found():
     flight = SimpleNamespace(
-        uav_cell=np.array([1, 2, 1, 2, 2, 2, 2, 2]),
-        action=np.array([EAST, WEST, EAST, HOVER, HOVER, LAND, LAND]),
-        intervened=np.array([False] * 5 + [True, False]),
-        data_left=np.array([9.0, 9, 9, 9, 9, 8, 8, 8])[:, None],
+        uav_cell=np.array([0, 1, 2, 1, 2, 2, 2, 2, 2, 2]),
+        action=np.array([EAST, EAST, WEST, EAST, HOVER, HOVER, HOVER, LAND, LAND]),
+        intervened=np.array([False] * 7 + [True, False]),
+        data_left=np.array([9.0, 9, 9, 9, 9, 9, 8, 8, 8, 8])[:, None],
     )
-    assert idle(flight, 0) == (5, 2)  # the second hovering brings something, a refusal nothing
-    assert idle(flight, 2) == (3, 2)
+    for step, count, stretch in ((0, 7, (2, 5)), (3, 4, None)):
+        assert idle(flight, step).sum() == count  # a refused landing brings nothing, too
+        assert astray(flight, step) == stretch
 
 
 def test_there_is_a_value_wherever_it_may_fly(lab):
@@ -336,13 +346,20 @@ def test_a_race_says_where_they_learned_to_land_and_how_they_ended():
     blue, orange = run_of(0, 0.93, 0.3, 0.92), run_of(0, 0.9, 0, 0, 0)
     assert (blue.kink, orange.kink, run_of().kink, run_of(1, 1).kink) == (3, None, None, None)
     assert run_of(0.2, 0.5, 0.5).kink == 1 and train.sentences([run_of()], False) == []
-    first = "Blue learns to land here, after 15,000 steps: 30 of 100 before, 92 of 100 then."
+    first = "Blue learns to land for good here, after 15,000 steps: 30 of 100 before, 92 then."
+    forgot = "After 5,000 steps 93 landed, but it forgot how."
     never = "Orange has not learned to land for good."
-    assert train.sentences([blue, orange], False) == [first, never]
+    assert train.sentences([blue, orange], False) == [first, forgot, never]
     assert train.sentences([run_of(1, 0.5)], False) == ["Blue lands from the start."]
-    said = train.sentences([blue, orange], True)
-    assert said[0] == first and "blue 92 of 100, with 92\N{NO-BREAK SPACE}% of the data" in said[2]
-    assert "orange 0 of 100, with 0" in said[2]
+    *before, end = (
+        each.replace("\N{NO-BREAK SPACE}", " ") for each in train.sentences([blue, orange], True)
+    )
+    assert before == [first, forgot, never]
+    brings = "lands {0} of 100 and brings {0} % of the data home"
+    assert end == f"Blue wins: blue {brings.format(92)}; orange {brings.format(0)}."
+    assert train.sentences([orange, blue], True)[-1].startswith("Orange wins")
+    for level in ([blue, blue], [blue]):
+        assert train.sentences(level, True)[-1].startswith("In the end: blue lands 92")
 
 
 @pytest.mark.parametrize("settings", [["none"], [], ["small", "small", "x"]])

@@ -73,7 +73,7 @@ def test_the_cells_that_a_device_cannot_see_are_marked():
 def test_a_flight_that_does_not_land_crashes_or_is_still_in_the_air(corridor):
     environment, crashed = flight(corridor, [HOVER] * 9)
     assert repr(play(environment, crashed)).startswith(
-        "Flight over corridor. Crashed after 9 of 9 units of time, with "
+        "Flight over corridor. Crashed, because the time ran out, after 9 of 9 units of time, with "
     )
     flying = replace(crashed, time_left=crashed.time_left + 1)
     (flown,) = film(environment, {"": flying})["flights"]

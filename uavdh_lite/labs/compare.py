@@ -14,35 +14,50 @@ from uavdh_lite.streams import Use, stream
 
 AHEAD, LEVEL = 2.0, 0.5  # differences of the return
 LITTLE, ENOUGH, MUCH = 0.1, 0.5, 2.0  # data units: nothing to speak of, worth a word, a reason
+NEAR = 2  # cells between them
 LONG = 3  # more steps without data than the other's that are worth a word
 TRIES = 40  # missions that are looked at together for a duel, in a city of 16 × 16 cells
 BATCHES = 4  # of such missions
 MISSIONS = 100
 
 
-def parting(first: Trajectory, second: Trajectory) -> int | None:
-    """The step in which the flights part for good, from their last common place and data.
+def parting(first: Trajectory, second: Trajectory, size: int) -> int | None:
+    """The step in which the flights part for good; None if they come to the same end.
 
-    Half a unit more or less of a device does not count. None if they have both in common to the
-    end.
+    That is where they were nearest when they were near each other for the last time, with about
+    the same data: two ways to one device are no parting. If they end near each other, it is the
+    last step that begins in a common cell with the same data.
+
+    Arguments:
+        size: of the city, in cells on a side.
     """
-    both = min(len(first.action), len(second.action)) + 1
-    same = first.uav_cell[:both] == second.uav_cell[:both]
-    same &= (np.abs(first.data_left[:both] - second.data_left[:both]) < ENOUGH).all(axis=1)
+    steps = min(len(first.action), len(second.action))
+    cells = [np.array(divmod(each.uav_cell[: steps + 1], size)) for each in (first, second)]
+    far = np.abs(np.subtract(*cells)).sum(axis=0)
+    apart = np.abs(first.data_left[: steps + 1] - second.data_left[: steps + 1]).max(axis=1)
+    near, same = (far <= NEAR) & (apart < MUCH), (far == 0) & (apart < ENOUGH)
     if same[-1] and len(first.action) == len(second.action):
         return None
-    return int(np.flatnonzero(same[: both - 1])[-1])
+    differ = np.append(first.action[:steps] != second.action[:steps], False)
+    last = np.flatnonzero(near)[-1]
+    first_near = np.flatnonzero(np.append(True, ~near[:last]))[-1]  # of those up to the last
+    meeting = [k for k in range(first_near, last + 1) if differ[k]]
+    if near[-1] or not meeting:
+        return int(np.flatnonzero(same[:steps])[-1])
+    return int(min(meeting, key=lambda k: (far[k], -k)))
 
 
 def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
     """What the panel says: the verdict, where they part and why, and the numbers."""
     flights = [hangar.flight(stage, policy) for policy in stage.policies]
     names = [title(policy) for policy in stage.policies]
-    part = parting(*flights)
+    part = parting(*flights, stage.mission.city.size)
+    behind = min(flights, key=lambda flight: flight.reward.sum())
     results = [numbers(flight) for flight in flights]
     told = verdict(names, results)
     return {
         "parting": part,
+        "astray": None if part is None else astray(behind, part),
         "verdict": told,
         "why": " ".join(_why(names, flights, part)),
         "results": [{"name": n, **r} for n, r in zip(names, results, strict=True)],
@@ -78,43 +93,60 @@ def verdict(names: list[str], results: list[dict]) -> str:
 def _why(names: list[str], flights: list[Trajectory], part: int | None) -> list[str]:
     """Sentences: what each does where they part, and what comes of it in the end."""
     if part is None:
-        return ["Both come to the same end."]
+        return ["They come to the same end."]
     towards = [_towards(flight, part) for flight in flights]
     also = towards if towards[0] != towards[1] else ["", ""]
     each = zip(names, flights, also, strict=True)
     told = [says(name, does(flight, part) + more) for name, flight, more in each]
     sentences = [f"At step {part + 1}, {told[0]}, while {told[1]}."]
     behind = 0 if flights[0].reward.sum() < flights[1].reward.sum() else 1
-    (steps, waiting), (others, _) = (idle(flights[k], part) for k in (behind, 1 - behind))
+    steps, others = (idle(flights[k], part).sum() for k in (behind, 1 - behind))
     if steps - others >= LONG:
-        there = f", {waiting} of them on the spot" if waiting else ""
-        spends = f"spends {steps} steps for hardly any data{there}"
-        sentences.append(
-            f"After that {says(names[behind], spends)}; {says(names[1 - behind], str(others))}."
-        )
+        spends = f"spends {steps} steps that bring less than {LITTLE} units each"
+        other = says(names[1 - behind], str(others))
+        sentences.append(f"After that {says(names[behind], spends)}; {other}.")
+    if lost := astray(flights[behind], part):
+        flies = says(names[behind], "hovers or flies to and fro for nearly nothing")
+        sentences.append(f"From step {lost[0] + 1} to {lost[1]} {flies}.")
     left = flights[0].data_left[-1] - flights[1].data_left[-1]
     fewer = 0 if left.sum() > 0 else 1  # who brings less data
     more = left if fewer == 0 else -left
     if more.max() >= ENOUGH:
         leaves = f"leaves {more.max():.1f} units more at device {more.argmax()}"
+        if (time := flights[fewer].time_left[-1]) >= LONG:
+            leaves += f", with {time} units of time unused"
         sentences.append(f"In the end {says(names[fewer], leaves)}.")
     return sentences
 
 
-def idle(flight: Trajectory, step: int) -> tuple[int, int]:
-    """Steps from this one on in which hardly any data comes, and in how many of them the flight
-    stays where it is; landing does not count."""
-    cells, data = flight.uav_cell[step:], flight.data_left[step:].sum(axis=1)
-    nothing = (-np.diff(data) < LITTLE) & ((flight.action != LAND) | flight.intervened)[step:]
-    return int(nothing.sum()), int((nothing & (cells[1:] == cells[:-1])).sum())
+def idle(flight: Trajectory, step: int) -> np.ndarray:
+    """(T,) bool: steps from this one on that bring hardly any data; a landing is none of them."""
+    brings = -np.diff(flight.data_left.sum(axis=1))
+    lands = (flight.action == LAND) & ~flight.intervened
+    return (brings < LITTLE) & ~lands & (np.arange(len(lands)) >= step)
+
+
+def astray(flight: Trajectory, step: int) -> tuple[int, int] | None:
+    """The longest stretch of idle steps that stay where it is or lead back to where it just was.
+
+    From its first step to behind its last one; None if there is none of `LONG` steps.
+    """
+    cells = flight.uav_cell
+    back = np.append(False, cells[2:] == cells[:-2])  # a first step leads back nowhere
+    lost = idle(flight, step) & (back | (cells[1:] == cells[:-1]))
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], lost, [0]])))
+    first, last = max(
+        ends.reshape(-1, 2).tolist(), key=lambda each: each[1] - each[0], default=(0, 0)
+    )
+    return (first, last) if last - first >= LONG else None
 
 
 def _towards(flight: Trajectory, step: int) -> str:
-    """What comes next: the device from which it first collects much, or home, or nothing."""
+    """What comes next: the device that first gives much, or home, or nothing."""
     given = flight.data_left[step] - flight.data_left[step:]
     enough = (given >= MUCH).any(axis=1)
     if enough.any():
-        return f" and next collects from device {given[enough.argmax()].argmax()}"
+        return f" and first gets {MUCH:.0f} units from device {given[enough.argmax()].argmax()}"
     way = flight.uav_cell[step:-1]  # without the step that lands
     straight = len(set(way.tolist())) == len(way)
     return " and goes home" if flight.landed and straight and len(way) > 1 else ""
@@ -122,10 +154,10 @@ def _towards(flight: Trajectory, step: int) -> str:
 
 def _story(names: list[str], flights: list[Trajectory], part: int | None, told: str) -> list:
     """Three captions and the steps at which they are shown."""
-    last = max(len(flight.action) for flight in flights)
+    last, why = max(len(flight.action) for flight in flights), _why(names, flights, part)
     return [
         [0, "Two drones, one mission: collect the devices' data, and land in blue in time."],
-        [part or 0, f"Here they part. {_why(names, flights, part)[0]}"],
+        [part or 0, f"Here they part. {why[0]} {' '.join(why[1:][-1:])}"],
         [last, f"{told} Now it is your turn: drag a device, or fly yourself."],
     ]  # fmt: skip
 
@@ -149,8 +181,10 @@ def find_duel(stage: Stage, hangar: Hangar, wanted: int) -> Stage:
             flown = Hangar.of(missions[k], hangar)
             flights = [flown.flight(found, name) for name in pair]
             ahead = float(flights[0].reward.sum() - flights[1].reward.sum())
-            level = abs(ahead) < LEVEL and parting(*flights) is not None
-            if level if wanted == 0 else wanted * ahead > AHEAD:
+            gained = np.subtract(*(numbers(flight)["collected"] for flight in flights))
+            clear = wanted * ahead > AHEAD and wanted * gained > -LITTLE
+            level = abs(ahead) < LEVEL and parting(*flights, city.size) is not None
+            if clear if wanted else level:
                 return Stage(missions[k], pair, stage.tool)
     raise InputError(f"no such duel among the next {BATCHES * count} missions: try other rivals")
 

@@ -9,7 +9,14 @@ from uavdh_lite.missions import HandFlight, Mission
 from uavdh_lite.policies import find_policy, policies_for
 
 PLANNERS = ("greedy", "random", "genie")
-YOURS = {"flies": "fly", "hovers": "hover", "lands": "land", "wants": "want", "spends": "spend"}
+YOURS = {
+    "flies": "fly",
+    "gets": "get",
+    "hovers": "hover",
+    "lands": "land",
+    "wants": "want",
+    "spends": "spend",
+}
 YOURS |= {"goes": "go"}
 YOURS |= {"collects": "collect", "leaves": "leave", "wins": "win", "crashes": "crash"}
 

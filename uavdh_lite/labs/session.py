@@ -227,7 +227,8 @@ class Session:
         you = numbers(self._hangar.flight(self.stage, YOU))
         if you["ended"]:
             ghost = numbers(self._hangar.flight(self.stage, self._ghost))
-            told = {"mission": f"{self.stage.mission.city.name} {self.stage.mission.seed}", **you}
+            mission = self.stage.mission
+            told = {"city": mission.city.name, "time": mission.flying_time, **you}
             told["ahead"] = you["return"] - ghost["return"]
             self._ranking = sorted([*self._ranking, told], key=lambda each: -each["ahead"])
 

@@ -132,7 +132,8 @@ function render({ model, el }) {
     const last = fly ? film.flights[0].path.length - 1 : lastStep(film);
     if (changed) {
       const flies = fly && drawnTool === "fly" && last > 0;
-      const known = [null, "fly", state.tool].includes(drawnTool) ? state.step : clock.now.time;
+      const now = clock.now.time === clock.now.last ? -1 : clock.now.time;
+      const known = [null, "fly", state.tool].includes(drawnTool) ? state.step : now;
       clock.load(last, flies ? last - 1 : fly || known < 0 ? last : known, flies);
     } else clock.show(clock.now.time, clock.now.playing);
     [version, drawnTool] = [scene.version, state.tool];
@@ -216,12 +217,14 @@ function render({ model, el }) {
     const [, text] = story.filter(([from]) => from <= time).at(-1);
     const caption = find(".caption");
     const end = time >= clock.now.last;
-    if (end) el.classList.remove("telling");
     caption.hidden = false;
     if (caption.dataset.text !== text) {
       caption.dataset.text = text;
       const more = end ? "Your turn" : "Skip the story";
-      caption.innerHTML = `<p>${escaped(text)}</p><button type="button" class="skip">${more}</button>`;
+      const held = !caption.innerHTML || caption.contains(document.activeElement);
+      caption.innerHTML = `<p>${escaped(text)}</p><p><small>Orange ring: where they part. ${SIGNS}</small></p>
+        <button type="button" class="skip">${more}</button>`;
+      if (held) find(".skip").focus(); // so that Enter goes on
       if (end || !playing) return;
       const go = () => story && caption.dataset.text === text && clock.show(clock.now.time, true);
       setTimeout(() => clock.show(time, false));
@@ -285,8 +288,9 @@ function render({ model, el }) {
       return;
     }
     if (!cell || String(cell) === String(drag.at)) return;
+    const before = drag.at;
     hovered = drag.at = cell;
-    if (brush.cells) stroke(cell);
+    if (brush.cells) strokeTo(cell, before);
     else stage.askWhenFree({ kind: "move", device: drag.thing, cell });
   });
   main.addEventListener("pointerleave", ({ pointerType }) => {
@@ -298,6 +302,15 @@ function render({ model, el }) {
   };
   main.addEventListener("pointerup", release);
   main.addEventListener("pointercancel", release);
+
+  // All cells on the way, however fast the pointer is
+  function strokeTo(cell, before) {
+    const ways = cell.map((each, axis) => each - before[axis]);
+    const count = Math.max(...ways.map(Math.abs));
+    for (let k = 1; k <= count; k += 1) {
+      stroke(before.map((each, axis) => Math.round(each + (k / count) * ways[axis])));
+    }
+  }
 
   // Paints a cell in the browser until the stroke is over
   function stroke(cell) {

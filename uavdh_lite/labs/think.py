@@ -98,7 +98,7 @@ def _because(hangar: Hangar, flight: Trajectory, values: np.ndarray, step: int) 
     if np.isnan(second):
         return f"{name}, because nothing else is allowed in time."
     gap = best - second
-    call = "a close call, only " if gap < CLOSE else ""
+    call = "a close call: " if gap < CLOSE else ""
     more = f"{gap:.1f}" if gap >= 1 else f"{gap:.2f}" if gap >= 0.005 else "less than 0.01"
     return f"{name}{reason}; {call}{more} ahead of {ACTIONS[order[1]]}."
 

@@ -22,6 +22,11 @@ const WORDS = {
   "path loss": "what the signal loses on its way, where nothing hides it: 22.7 dB each time the distance is ten times as long",
   layer: "a map laid over the city: five that the network sees, and the value of each cell",
   failsafe: "a rule that refuses what would leave too little time to fly home",
+  "DDQN agent": "a neural network that learned by the paper's method, from its own trials",
+  "imitation agent": "a neural network that learned to copy a planner, then from its own trials",
+  "any-city agent": "one neural network for any city of at most 16 by 16 cells",
+  "half-trained agent": "the same as the DDQN agent, early in its training",
+  "paper's own agent": "a neural network trained with all constants of the paper",
   genie: "a planner that searches with full knowledge; no agent can know so much",
 };
 const term = (word, shown = word) =>
@@ -48,6 +53,7 @@ function chooser(label, name, pairs, chosen) {
 const percent = (share) => `${Math.round(100 * share)} %`;
 const units = (amount) => (amount >= 0.1 ? amount.toFixed(1) : amount.toPrecision(1));
 const signed = (value) => (value <= -0.05 ? "−" : "") + Math.abs(value).toFixed(1);
+const gapOf = (gap) => (gap < 0.005 ? "less than 0.01" : gap.toFixed(2));
 const grouped = (number) => number.toLocaleString("en");
 const upper = (text) => text[0].toUpperCase() + text.slice(1);
 const choosePolicy = ({ state }, which, label) =>
@@ -118,24 +124,24 @@ const TOOLS = {
     html(scene) {
       const { you, ghost, ranking, rival_name: rival } = scene.panel;
       const refused = scene.film.flights[0].refused.at(-1);
-      const no = refused ? this.refusal(scene.film, refused) : "";
+      const no = refused && !you.ended ? this.refusal(scene.film, refused) : "";
       const key = (action, sign) =>
         button(sign, { kind: "fly", action }, `class="${action}" aria-label="${action}"`);
       const pad = `<div class="pad">${key("north", "↑")}${key("west", "←")}${key("hover", "hover")}
         ${key("east", "→")}${key("south", "↓")}${key("land", "land")}</div>`;
-      const rank = (each, k) => `<tr><td>${k + 1}</td><td>${escaped(each.mission)}</td>
+      const rank = (each, k) => `<tr><td>${k + 1}</td><td>${escaped(each.city)}</td><td>${each.time}</td>
         <td>${signed(each.ahead)}</td>
         <td>${each.landed ? each.collected.toFixed(1) : "crashed"}</td></tr>`;
       const table = ranking.length
         ? `<table class="ranking"><caption>Your flights in this session, the best first</caption>
-            <tr><th></th><th>mission</th><th>${term("return")} ahead by</th><th>data</th></tr>
+            <tr><th></th><th>city</th><th>time</th><th>${term("return")} ahead by</th><th>data</th></tr>
             ${ranking.map(rank).join("")}</table>`
         : "";
       const head = you.ended ? this.card(you, ghost, rival) : this.help(you, rival);
       const known = scene.state.known.filter(([name]) => name !== "you");
       return `<div class="head">${head}</div><p class="no" role="status">${no}</p><div class="beside">${pad}${table}</div>
         <div class="row">${button("Again", { kind: "again" })}
-        ${chooser("ghost", "policy-1", known, scene.panel.rival)}</div>`;
+        ${chooser("ghost", "policy-1", known, scene.panel.rival)}</div><p><small>${SIGNS}</small></p>`;
     },
     refusal({ city, flights: [{ path }] }, action) {
       const [[row, col], [down, right]] = [path.at(-1), WAYS[action] ?? [0, 0]];
@@ -173,7 +179,7 @@ const TOOLS = {
   compare: {
     title: "Compare",
     html(scene) {
-      const { verdict, why, parting, results } = scene.panel;
+      const { verdict, why, parting, astray, results } = scene.panel;
       const duel = (name, wanted) =>
         button(name, { kind: "duel", wanted }, 'data-busy="looking for a duel …"');
       const [first, second] = results.map(({ name }) => escaped(name));
@@ -182,14 +188,15 @@ const TOOLS = {
         ${line(`${term("data units", "data")} brought home`, results, brought)}
         ${line("time used", results, ({ steps }) => steps)}
         ${line(term("return"), results, (each) => signed(each.return))}`;
-      const go = parting === null ? "" : button(`Show step ${parting + 1}`, { show: parting + 1 });
+      const show = (step) => button(`Show step ${step + 1}`, { show: step });
+      const go = [...new Set([parting, astray?.[0]])].filter((step) => step >= 0).map(show).join("");
       return `<h2>${explained(verdict)}</h2><p class="why">${explained(why)}</p>
         <div class="row">${go}${manyButton}</div>
         <div class="row">Find a duel: ${duel(`${first} wins`, 1)}
         ${duel(`${second} wins`, -1)}${duel("nearly level", 0)}</div>
         <div class="row">${choosePolicy(scene, 0, "left")}${choosePolicy(scene, 1, "right")}</div>
         <table>${average(scene) || flown}</table>
-        <p><small>Orange ring: where they part. Violet: out of sight of the device that sends.</small></p>`;
+        <p><small>${parting === null ? SIGNS : `Orange ring: where they part. ${SIGNS}`}</small></p>`;
     },
     over({ film, panel }, k) {
       if (panel.parting === null) return "";
@@ -207,11 +214,10 @@ const TOOLS = {
           by 16 cells: the ${term("agent")} for any city flies there.</p>`;
       }
       const layers = ["none", ...SEEN, "value"].map((name) => [name, name]);
-      const least = panel.gaps[panel.closest];
-      const close = least < 0.005 ? "less than 0.01" : least.toFixed(2);
+      const close = gapOf(panel.gaps[panel.closest]);
       const note = panel.note && `<p><b>${explained(upper(panel.note))}.</b> Here flies the ${panel.agent}.</p>`;
-      return `${note}<p class="says-why" role="status"></p><h3>${term(panel.number, `${panel.number}s`)}: less than the
-        best action</h3><div class="q"></div>
+      return `${note}<p class="says-why" role="status"></p><h3>${term(panel.number, `${panel.number}s`)}: below the best (<span
+        class="most"></span>)</h3><div class="q"></div>
         <div class="row">${button("Closest call", { show: panel.closest })}
         <small>step ${panel.closest + 1}: a gap of ${close}</small></div>
         <div class="row">${chooser("layer", "layer", layers, stage_layer.name)}
@@ -234,12 +240,12 @@ const TOOLS = {
         const name = panel.actions[k];
         if (value === null) return `<div><span>${name}</span><i></i><b>not allowed</b></div>`;
         const width = (100 * (best - value)) / most;
-        const behind = best - value < 0.005 ? "< 0.01" : `−${(best - value).toFixed(2)}`;
-        const text = value === best ? `best: ${signed(best)}` : behind;
+        const text = value === best ? "the best" : gapOf(best - value).replace("less than", "<");
         return `<div class="${value === best ? "best" : ""}"><span>${name}</span>
           <i><u style="width: ${width}%"></u></i><b>${text}</b></div>`;
       };
       stage.fill(".q", values.map(bar).join(""));
+      stage.fill(".most", signed(best));
       this.layer(stage, { panel, film, state }, step, time);
     },
     layer(stage, { panel, film }, step, time) {
@@ -248,6 +254,7 @@ const TOOLS = {
       stage.centre(centred ? momentAt(film.flights[0], time).place : null);
       const group = stage.find(".layer");
       stage.find(".main").classList.toggle("layered", name !== "none");
+      stage.find(".main").classList.toggle("seen", SEEN.includes(name));
       if (!group) return;
       if (name === "none") group.innerHTML = "";
       else if (SEEN.includes(name)) group.innerHTML = seenLayer(film, name, step);
@@ -276,8 +283,8 @@ const TOOLS = {
       return `<p class="sentence" role="status"></p><table class="ledger"></table>
         <div class="row">${state.devices.map(device).join("")}</div>
         ${ramp(`${low} dB`.replace("-", "−"), `${high} dB`, `${upper(term("SNR"))} from device
-          ${panel.device} over each cell, without ${term("fading")}. Outlined: the
-          ${term("shadow", "shadows")} of buildings.`)}`;
+          ${panel.device} over each cell, without ${term("fading")}. White line: the
+          edge of the ${term("shadow", "shadows")}, which are on its darker side.`)}`;
     },
     under: ({ panel: { snr, range: [low, high] } }) =>
       heat(snr, (value) => colourOf((value - low) / (high - low)), 0.9),
@@ -318,8 +325,8 @@ const TOOLS = {
         d="M-.5 -.5${SQUARE}"/>${sign === "." ? "" : cells([sign], sign)}</svg>
         ${name.split(":")[0]}</button>`;
       const all = [[".", { name: "open ground" }], ...Object.entries(KINDS)];
-      return `<h2>Paint the city</h2><p>Draw with the pointer. Violet: what a device under the pointer
-        could not be seen from, its ${term("shadow")}.</p>
+      return `<h2>Paint the city</h2><p>Draw with the pointer. Violet: from where a device at the pointer
+        could not be seen, its ${term("shadow")}.</p>
         <div class="swatches">${all.map(swatch).join("")}</div>
         <div class="row">${manyButton}${button("Save as PNG", { kind: "save", what: "png" })}</div>
         <table>${average(scene)}</table>
@@ -341,6 +348,7 @@ const TOOLS = {
     html(scene) {
       const { settings, runs, sentences, running, largest, finished, error } = scene.panel;
       const known = Object.entries(settings).map(([name, [title]]) => [name, title]);
+      chosen.train ??= runs.length ? runs.map(({ setting }) => setting) : ["small", "no fear"];
       const own = chosen.train;
       const go = running
         ? button("Pause", { kind: "pause" })
@@ -352,11 +360,12 @@ const TOOLS = {
       const shown = CURVES.map((name) => [name, name.replaceAll("_", " ")]);
       const [flight] = scene.film.flights;
       const titles = own.filter((name) => name).map((name) => settings[name][0]);
-      const other = runs.length > 0 && String(titles) !== String(runs.map(({ title }) => title));
+      const other = runs.length > 0 && !running && String(titles) !== String(runs.map(({ title }) => title));
       const ran = ({ title }, k) => `${COLOURS[k]}: ${title}`; // others may be chosen since
-      return `<div class="row"><span class="key blue"></span>${chooser("blue", "blue", known, own[0])}
-        <span class="key orange"></span>
-        ${chooser("orange", "orange", [["", "nobody"], ...known], own[1])}</div>
+      const racer = (colour, pairs, k) => `<span class="racer"><span class="key ${colour}"></span>
+        ${chooser(colour, colour, pairs, own[k] ?? "")}</span>`;
+      return `<div class="row">${racer("blue", known, 0)}
+        ${racer("orange", [["", "nobody"], ...known], 1)}</div>
         <p class="setting">${other ? "For a new race. " : ""}Blue: ${escaped(settings[own[0]][1])}${rival}</p><p>${where}</p>
         <div class="row">${go}${chooser("shown", "metric", shown, chosen.metric)}</div>
         ${runs.length ? `${curves(scene.panel, chosen.metric)}<p>The curves: ${runs.map(ran).join("; ")}.</p>` : ""}
@@ -368,11 +377,12 @@ const TOOLS = {
   },
 };
 
+const SIGNS = "Violet: out of sight of the device that sends. Thin ring: it hovers.";
 const OWN = "labs" in document.documentElement.dataset; // the page is ours, with its address
 const COLOURS = ["blue", "orange"]; // of the runs
 const CURVES = ["collected_and_landed", "collected", "landed", "return"];
 const brush = { sign: "B", cells: null }; // cells: those of the stroke that is being painted
-const chosen = { train: ["small", "no fear"], metric: "collected_and_landed" };
+const chosen = { train: null, metric: "collected_and_landed" };
 const stage_layer = { name: "none", centred: false };
 const FAR = 15; // below the best value; the colours do not tell what is farther
 const CENTRED = "The network sees all layers shifted so that the UAV is in the middle.";

@@ -31,7 +31,7 @@ FEAR = "A crash costs 150 from the first step on. Will it dare to leave?"
 SAFE = "Actions after which the way home is too long are not allowed: it need not learn to land."
 NOT_YET = "has not learned to land for good"
 SETTINGS: dict[str, tuple[str, str, dict[str, Any]]] = {  # title, what it is, changes of the recipe
-    "small": ("as it is", SMALL, {}),
+    "small": ("the usual recipe", SMALL, {}),
     "no fear": ("no fear of crashing", NO_FEAR, {"crash_reward": 0.0, "crash_reward_end": None}),
     "fear": ("−150 from the start", FEAR, {"crash_reward": -150.0, "crash_reward_end": None}),
     "failsafe": ("failsafe", SAFE, {"failsafe": True, "exploring_starts": 0.0}),
@@ -144,24 +144,33 @@ class Race:
 
 
 def sentences(runs: list[Run], finished: bool) -> list[str]:
-    """What the kink of each curve means, and after the race how both did."""
-    told, ends = [], []
+    """What the kink of each curve means, and after the race how both did and who wins."""
+    told, ends, homes = [], [], []
     for colour, run in zip(COLOURS, runs, strict=False):
-        landed = [f"{EPISODES * point['landed']:.0f} of {EPISODES}" for point in run.points]
+        landed = [round(EPISODES * point["landed"]) for point in run.points]
         if run.kink is not None:
             before, now = landed[run.kink - 1 : run.kink + 1]
             steps = f"{run.points[run.kink]['steps']:,} steps"
             told.append(
-                f"{colour} learns to land here, after {steps}: {before} before, {now} then."
+                f"{colour} learns to land for good here, after {steps}: "
+                f"{before} of {EPISODES} before, {now} then."
             )
+            best = landed.index(max(landed[: run.kink]))
+            if landed[best] >= FOR_GOOD * EPISODES:
+                steps = f"{run.points[best]['steps']:,} steps"
+                told.append(f"after {steps} {landed[best]} landed, but it forgot how.")
         elif run.points:
             ever = run.points[-1]["landed"] >= FOR_GOOD
             told.append(f"{colour} {'lands from the start' if ever else NOT_YET}.")
         if finished:
-            home = f"{100 * run.points[-1]['collected_and_landed']:.0f}\N{NO-BREAK SPACE}%"
-            ends.append(f"{colour} {landed[-1]}, with {home} of the data")
-    verdict = [f"landed in the end: {'; '.join(ends)}."] * finished
-    return [sentence.capitalize() for sentence in [*told, *verdict]]
+            homes.append(round(100 * run.points[-1]["collected_and_landed"]))
+            share = f"{homes[-1]}\N{NO-BREAK SPACE}% of the data"
+            ends.append(f"{colour} lands {landed[-1]} of {EPISODES} and brings {share} home")
+    if finished:
+        wins = COLOURS[homes.index(max(homes))]
+        level = len(homes) < 2 or abs(homes[0] - homes[1]) <= 1
+        told.append(f"{'in the end' if level else f'{wins} wins'}: {'; '.join(ends)}.")
+    return [sentence.capitalize() for sentence in told]
 
 
 def scene(race: Race | None, point: tuple[int, int] | None) -> dict[str, Any]:
@@ -173,7 +182,12 @@ def scene(race: Race | None, point: tuple[int, int] | None) -> dict[str, Any]:
     return {
         **shown,
         "runs": [  # the kink first: the thread may add a point meanwhile
-            {"kink": run.kink, "title": SETTINGS[run.setting][0], "points": run.points[:]}
+            {
+                "kink": run.kink,
+                "setting": run.setting,
+                "title": SETTINGS[run.setting][0],
+                "points": run.points[:],
+            }
             for run in race.runs
         ],
         "sentences": sentences(race.runs, race.finished),
