@@ -243,7 +243,7 @@ function flightPanel(film, flight) {
   });
   return `<div class="flight"><div class="name">${escaped(flight.name)}</div>
     <div class="map">${flightMap(film, flight)}<div class="here"></div></div>
-    <div class="side">what is left${bars.join("")}${bar("time", "")}<div class="says"></div></div>
+    <div class="side"><span>what is left</span>${bars.join("")}${bar("time", "")}<div class="says"></div></div>
     </div>`;
 }
 

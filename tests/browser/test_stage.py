@@ -247,8 +247,8 @@ def test_a_duel_shows_where_the_flights_part(page):
     press(page, "greedy wins")
     expect(page.locator("#panel h2").first).to_contain_text("Greedy wins")
     expect(page.locator(".parting")).to_have_count(2)
-    button = page.get_by_role("button", name=re.compile("Show step")).first
-    step = int(button.inner_text().split()[-1])
+    button = page.get_by_role("button", name=re.compile("show step")).first
+    step = int(button.inner_text())
     button.click()
     assert shown_step(page) == step - 1  # what comes next is this step
     for uav, ring in zip(
@@ -364,6 +364,13 @@ def test_a_flight_by_keys_and_buttons_ends_with_a_card_and_a_rank(page):
     expect(page.locator(".ranking tr")).to_have_count(2)
     press(page, "hover")
     expect(page.locator(".refusal")).to_contain_text("this flight is over")
+    beside = page.locator(".ranking").bounding_box()["x"]
+    assert beside > page.locator(".pad").bounding_box()["x"] + 100  # the list does not push it away
+    for _ in range(2):
+        press(page, "More")
+    press(page, "Again")
+    page.keyboard.press(" ")
+    expect(page.locator(".controls output")).to_have_text("1 of 1")
 
 
 def test_a_race_has_points_that_show_their_agents(page):

@@ -52,16 +52,15 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
     flights = [hangar.flight(stage, policy) for policy in stage.policies]
     names = [title(policy) for policy in stage.policies]
     part = parting(*flights, stage.mission.city.size)
-    behind = min(flights, key=lambda flight: flight.reward.sum())
     results = [numbers(flight) for flight in flights]
-    told = verdict(names, results)
+    told, why = verdict(names, results), _why(names, flights, part)
     return {
         "parting": part,
-        "astray": None if part is None else astray(behind, part),
+        "look": sorted({step for step, _ in why if step is not None}),
         "verdict": told,
-        "why": " ".join(_why(names, flights, part)),
+        "why": " ".join(text for _, text in why),
         "results": [{"name": n, **r} for n, r in zip(names, results, strict=True)],
-        "story": _story(names, flights, part, told),
+        "story": _story(flights, part, told, [text for _, text in why]),
     }
 
 
@@ -90,32 +89,45 @@ def verdict(names: list[str], results: list[dict]) -> str:
     return _upper(f"{says(names[ahead], 'wins')}{by}: {told}.")
 
 
-def _why(names: list[str], flights: list[Trajectory], part: int | None) -> list[str]:
-    """Sentences: what each does where they part, and what comes of it in the end."""
+def _why(names: list[str], flights: list[Trajectory], part: int | None) -> list[tuple]:
+    """Sentences: what each does where they part, and what comes of it in the end.
+
+    Each with the step to look at, or None.
+    """
     if part is None:
-        return ["They come to the same end."]
+        return [(None, "They come to the same end.")]
     towards = [_towards(flight, part) for flight in flights]
-    also = towards if towards[0] != towards[1] else ["", ""]
+    (where, _), (there, _) = towards
+    also = ["", ""] if where == there else [text for _, text in towards]
     each = zip(names, flights, also, strict=True)
     told = [says(name, does(flight, part) + more) for name, flight, more in each]
-    sentences = [f"At step {part + 1}, {told[0]}, while {told[1]}."]
+    sentences = [(part, f"At step {part + 1}, {told[0]}, while {told[1]}.")]
     behind = 0 if flights[0].reward.sum() < flights[1].reward.sum() else 1
     steps, others = (idle(flights[k], part).sum() for k in (behind, 1 - behind))
-    if steps - others >= LONG:
-        spends = f"spends {steps} steps that bring less than {LITTLE} units each"
-        other = says(names[1 - behind], str(others))
-        sentences.append(f"After that {says(names[behind], spends)}; {other}.")
     if lost := astray(flights[behind], part):
         flies = says(names[behind], "hovers or flies to and fro for nearly nothing")
-        sentences.append(f"From step {lost[0] + 1} to {lost[1]} {flies}.")
+        sentences.append((lost[0], f"From step {lost[0] + 1} to {lost[1]} {flies}."))
+    elif steps - others >= LONG:
+        spends = says(
+            names[behind], f"spends {steps} steps that bring less than {LITTLE} units each"
+        )
+        other = says(names[1 - behind], str(others))
+        sentences.append((None, f"From then on {spends}; {other}."))
     left = flights[0].data_left[-1] - flights[1].data_left[-1]
     fewer = 0 if left.sum() > 0 else 1  # who brings less data
     more = left if fewer == 0 else -left
-    if more.max() >= ENOUGH:
-        leaves = f"leaves {more.max():.1f} units more at device {more.argmax()}"
+    device = more.argmax()
+    if more[device] >= ENOUGH:
+        leaves = f"leaves {more[device]:.1f} units more at device {device}"
         if (time := flights[fewer].time_left[-1]) >= LONG:
             leaves += f", with {time} units of time unused"
-        sentences.append(f"In the end {says(names[fewer], leaves)}.")
+        theirs = flights[1 - fewer].data_left[1:, device]
+        first = int((theirs < flights[fewer].data_left[-1, device] - LITTLE).argmax())
+        last = int((theirs <= theirs[-1] + LITTLE).argmax())
+        when = f"from step {first + 1} to {last + 1}" if last > first else f"in step {last + 1}"
+        gets = f"gets them {when}"
+        ends = f"In the end {says(names[fewer], leaves)}; {says(names[1 - fewer], gets)}."
+        sentences.append((first, ends))
     return sentences
 
 
@@ -141,25 +153,28 @@ def astray(flight: Trajectory, step: int) -> tuple[int, int] | None:
     return (first, last) if last - first >= LONG else None
 
 
-def _towards(flight: Trajectory, step: int) -> str:
-    """What comes next: the device that first gives much, or home, or nothing."""
+def _towards(flight: Trajectory, step: int) -> tuple[int | None, str]:
+    """The device that first gives much, None for home or nothing, and words for it."""
     given = flight.data_left[step] - flight.data_left[step:]
     enough = (given >= MUCH).any(axis=1)
     if enough.any():
-        return f" and first gets {MUCH:.0f} units from device {given[enough.argmax()].argmax()}"
+        after = int(enough.argmax())
+        device = int(given[after].argmax())
+        gets = f"gets its first {MUCH:.0f} units from device {device}"
+        return device, f" and {gets} by step {step + after}"
     way = flight.uav_cell[step:-1]  # without the step that lands
     straight = len(set(way.tolist())) == len(way)
-    return " and goes home" if flight.landed and straight and len(way) > 1 else ""
+    return None, " and goes home" if flight.landed and straight and len(way) > 1 else ""
 
 
-def _story(names: list[str], flights: list[Trajectory], part: int | None, told: str) -> list:
+def _story(flights: list[Trajectory], part: int | None, told: str, why: list[str]) -> list:
     """Three captions and the steps at which they are shown."""
-    last, why = max(len(flight.action) for flight in flights), _why(names, flights, part)
+    last = max(len(flight.action) for flight in flights)
     return [
         [0, "Two drones, one mission: collect the devices' data, and land in blue in time."],
         [part or 0, f"Here they part. {why[0]} {' '.join(why[1:][-1:])}"],
         [last, f"{told} Now it is your turn: drag a device, or fly yourself."],
-    ]  # fmt: skip
+    ]
 
 
 def find_duel(stage: Stage, hangar: Hangar, wanted: int) -> Stage:

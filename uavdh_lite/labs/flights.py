@@ -17,7 +17,7 @@ YOURS = {
     "wants": "want",
     "spends": "spend",
 }
-YOURS |= {"goes": "go"}
+YOURS |= {"goes": "go", "has no": "have no"}
 YOURS |= {"collects": "collect", "leaves": "leave", "wins": "win", "crashes": "crash"}
 
 

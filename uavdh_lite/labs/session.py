@@ -63,6 +63,7 @@ class Session:
         self._history, self._at = [self.stage], 0
         self._last = ("", 0.0)  # the kind of the last change, and when it was
         self._race: train.Race | None = None
+        self._seed = 0  # of the next race
         self._point: tuple[int, int] | None = None
         self._extra: dict[str, Any] = {}  # what was asked for, until the mission changes
         self._ranking: list[dict] = []
@@ -252,7 +253,8 @@ class Session:
             self._point = None
             me = weakref.WeakMethod(self.render)
             told = lambda: (render := me()) and render()  # noqa: E731
-            self._race = train.Race(self.stage.mission.city, settings, told)
+            self._race = train.Race(self.stage.mission.city, settings, self._seed, told)
+            self._seed += 2  # a new race is another one
         self._race.go_on()
 
     def _see(self, run: int, point: int) -> None:

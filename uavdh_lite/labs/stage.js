@@ -222,7 +222,7 @@ function render({ model, el }) {
       caption.dataset.text = text;
       const more = end ? "Your turn" : "Skip the story";
       const held = !caption.innerHTML || caption.contains(document.activeElement);
-      caption.innerHTML = `<p>${escaped(text)}</p><p><small>Orange ring: where they part. ${SIGNS}</small></p>
+      caption.innerHTML = `<p>${escaped(text)}</p><p><small>Orange ring: where they part.</small></p>
         <button type="button" class="skip">${more}</button>`;
       if (held) find(".skip").focus(); // so that Enter goes on
       if (end || !playing) return;
@@ -340,7 +340,6 @@ function render({ model, el }) {
     if (asked) {
       if (busy) refuse(busy, true);
       ask(JSON.parse(asked));
-      if (scene.state.tool === "fly" && event.detail) find("#panel").focus({ preventScroll: true });
     } else if (tool) {
       ask({ kind: "tool", tool });
       if (tool === "fly") find("#panel").focus({ preventScroll: true }); // its arrow keys steer
@@ -367,6 +366,9 @@ function render({ model, el }) {
       el.classList.toggle("adding");
       paint();
     }
+    // Keys steer after a press, too, unless it asks for a place or a number
+    const steers = scene.state.tool === "fly" && event.detail && !target.closest(".drawer, .term");
+    if (steers) find("#panel").focus({ preventScroll: true });
   });
 
   async function copyLink(target) {

@@ -10,13 +10,12 @@ from uavdh_lite.beyond.recipes import ImitationRecipe
 from uavdh_lite.checkpoint import shipped_agents
 from uavdh_lite.environment import ACTIONS, HOVER, LAND, State
 from uavdh_lite.evaluation import Trajectory
-from uavdh_lite.labs.flights import Hangar, grid, title
-from uavdh_lite.labs.state import YOU, Stage
+from uavdh_lite.labs.flights import Hangar, grid, says, title
+from uavdh_lite.labs.state import Stage
 
 CLOSE = 0.5  # a gap between Q-values below which a decision is called close
 ENOUGH, SOON = 0.5, 3  # data units of a device that are worth a reason, and the steps until then
 SPARE = 1  # units of time more than the way home takes, with which it has to fly home
-OTHERS = {"random": "acts by chance", YOU: "fly by hand"}  # who is no agent and follows no rule
 
 
 def agent_of(stage: Stage, hangar: Hangar) -> str | None:
@@ -50,7 +49,8 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
         return {"agent": None}
     flight, agent, left = hangar.flight(stage, name), hangar.policy(name), stage.policies[0]
     agents = [[each, title(each)] for each in hangar.known if each in shipped_agents()]
-    note = f"{title(left)} {OTHERS.get(left, 'follows a rule')}: choose an agent"
+    number = "score" if isinstance(agent.recipe, ImitationRecipe) else "Q-value"
+    note = f"{says(title(left), f'has no {number}s')}: here thinks and flies the {title(name)}"
     values = agent.q_values(states_of(flight)).numpy().astype(float)
     values = np.where(np.isfinite(values) & (values > -1e6), values, np.nan)
     ordered = np.sort(np.where(np.isnan(values), -np.inf, values), axis=1)
@@ -60,7 +60,7 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
         "note": "" if left == name else note,
         "agents": agents if left == name else [["", "choose an agent"], *agents],
         "chosen": name if left == name else "",
-        "number": "score" if isinstance(agent.recipe, ImitationRecipe) else "Q-value",
+        "number": number,
         "actions": list(ACTIONS),
         "q": grid(values, 3),
         "gaps": np.round(np.where(np.isfinite(gaps), gaps, 999), 3).tolist(),
@@ -82,6 +82,8 @@ def _because(hangar: Hangar, flight: Trajectory, values: np.ndarray, step: int) 
         reason = ", because all data is collected" if flight.data_left[step].sum() < 0.05 else ""
     elif flight.landed and after < home and left <= home + SPARE:
         reason = f", because home is {home} units of time away and {left} are left"
+    elif step and flight.uav_cell[step + 1] == flight.uav_cell[step - 1] != flight.uav_cell[step]:
+        reason = ", back to where it just was"
     elif len(enough):
         steps, device = int(enough[0]), int(given[enough[0] - 1].argmax())
         when = "in this step" if steps == 1 else f"within {steps} steps"

@@ -123,6 +123,7 @@ const TOOLS = {
     title: "Fly",
     html(scene) {
       const { you, ghost, ranking, rival_name: rival } = scene.panel;
+      const refusals = scene.film.flights[0].refused.filter((action) => action);
       const refused = scene.film.flights[0].refused.at(-1);
       const no = refused && !you.ended ? this.refusal(scene.film, refused) : "";
       const key = (action, sign) =>
@@ -134,14 +135,14 @@ const TOOLS = {
         <td>${each.landed ? each.collected.toFixed(1) : "crashed"}</td></tr>`;
       const table = ranking.length
         ? `<table class="ranking"><caption>Your flights in this session, the best first</caption>
-            <tr><th></th><th>city</th><th>time</th><th>${term("return")} ahead by</th><th>data</th></tr>
+            <tr><th></th><th>city</th><th>time given</th><th>${term("return")} against ghost</th><th>data</th></tr>
             ${ranking.map(rank).join("")}</table>`
         : "";
-      const head = you.ended ? this.card(you, ghost, rival) : this.help(you, rival);
+      const head = you.ended ? this.card(you, ghost, rival, refusals) : this.help(you, rival);
       const known = scene.state.known.filter(([name]) => name !== "you");
       return `<div class="head">${head}</div><p class="no" role="status">${no}</p><div class="beside">${pad}${table}</div>
         <div class="row">${button("Again", { kind: "again" })}
-        ${chooser("ghost", "policy-1", known, scene.panel.rival)}</div><p><small>${SIGNS}</small></p>`;
+        ${chooser("ghost", "policy-1", known, scene.panel.rival)}</div>`;
     },
     refusal({ city, flights: [{ path }] }, action) {
       const [[row, col], [down, right]] = [path.at(-1), WAYS[action] ?? [0, 0]];
@@ -154,14 +155,15 @@ const TOOLS = {
       `<h2>${you.steps ? `${you.time_left} units of time left` : "Your flight"}</h2>
       <p>Collect the ${term("data units", "data")} and land in blue in time. Arrow keys move, space
       hovers, L lands; or press the buttons. The pale ${term("UAV")} is the ${term("ghost")}, flown by ${explained(rival)}.</p>`,
-    card(you, ghost, rival) {
+    card(you, ghost, rival, no) {
       const ahead = you.return - ghost.return;
       const home = (each) => `${each.collected.toFixed(1)} units in ${each.steps} step${each.steps === 1 ? "" : "s"}`;
       const end = you.landed ? `You landed with ${home(you)}.` : "The time ran out before you landed.";
       const other = ghost.landed ? home(ghost) : "a crash";
+      const refused = no.length ? ` Refused: ${no.length}, each costs 1 and a step.` : "";
       const names = ahead > 0 ? "You win" : `${upper(escaped(rival))} wins`;
       return `<div class="card" role="status"><h2>${Math.abs(ahead) < 0.05 ? "Level" : names}</h2>
-        <p>${end} ${explained(upper(rival))}: ${other}. ${term("return", "Return")}:
+        <p>${end}${refused} ${explained(upper(rival))}: ${other}. ${term("return", "Return")}:
         ${signed(you.return)} against ${signed(ghost.return)}.</p></div>`;
     },
     over: () => `<path class="ghost-path"/><g class="uav ghost">${UAV}</g>`,
@@ -179,7 +181,7 @@ const TOOLS = {
   compare: {
     title: "Compare",
     html(scene) {
-      const { verdict, why, parting, astray, results } = scene.panel;
+      const { verdict, why, parting, look, results } = scene.panel;
       const duel = (name, wanted) =>
         button(name, { kind: "duel", wanted }, 'data-busy="looking for a duel …"');
       const [first, second] = results.map(({ name }) => escaped(name));
@@ -188,15 +190,15 @@ const TOOLS = {
         ${line(`${term("data units", "data")} brought home`, results, brought)}
         ${line("time used", results, ({ steps }) => steps)}
         ${line(term("return"), results, (each) => signed(each.return))}`;
-      const show = (step) => button(`Show step ${step + 1}`, { show: step });
-      const go = [...new Set([parting, astray?.[0]])].filter((step) => step >= 0).map(show).join("");
+      const show = (step) => button(step + 1, { show: step }, `aria-label="show step ${step + 1}"`);
+      const go = look.length ? `Show step ${look.map(show).join("")}` : "";
       return `<h2>${explained(verdict)}</h2><p class="why">${explained(why)}</p>
         <div class="row">${go}${manyButton}</div>
         <div class="row">Find a duel: ${duel(`${first} wins`, 1)}
         ${duel(`${second} wins`, -1)}${duel("nearly level", 0)}</div>
         <div class="row">${choosePolicy(scene, 0, "left")}${choosePolicy(scene, 1, "right")}</div>
         <table>${average(scene) || flown}</table>
-        <p><small>${parting === null ? SIGNS : `Orange ring: where they part. ${SIGNS}`}</small></p>`;
+        <p><small>${parting === null ? "" : `Orange ring: where each is before step ${parting + 1}.`}</small></p>`;
     },
     over({ film, panel }, k) {
       if (panel.parting === null) return "";
@@ -215,7 +217,7 @@ const TOOLS = {
       }
       const layers = ["none", ...SEEN, "value"].map((name) => [name, name]);
       const close = gapOf(panel.gaps[panel.closest]);
-      const note = panel.note && `<p><b>${explained(upper(panel.note))}.</b> Here flies the ${panel.agent}.</p>`;
+      const note = panel.note && `<p><b>${explained(upper(panel.note))}.</b></p>`;
       return `${note}<p class="says-why" role="status"></p><h3>${term(panel.number, `${panel.number}s`)}: below the best (<span
         class="most"></span>)</h3><div class="q"></div>
         <div class="row">${button("Closest call", { show: panel.closest })}
@@ -283,7 +285,7 @@ const TOOLS = {
       return `<p class="sentence" role="status"></p><table class="ledger"></table>
         <div class="row">${state.devices.map(device).join("")}</div>
         ${ramp(`${low} dB`.replace("-", "−"), `${high} dB`, `${upper(term("SNR"))} from device
-          ${panel.device} over each cell, without ${term("fading")}. White line: the
+          ${panel.device} over each cell, without ${term("fading")}. Point at a cell to see its link. White line: the
           edge of the ${term("shadow", "shadows")}, which are on its darker side.`)}`;
     },
     under: ({ panel: { snr, range: [low, high] } }) =>
@@ -309,7 +311,7 @@ const TOOLS = {
       const lines = [
         ["signal at 1 m", signed(panel.transmit)],
         [`${term("path loss")} over ${metres} m`, `−${signed(panel.path_loss[row][col])}`],
-        ["buildings in between", `−${signed(cost)}`],
+        ["buildings in between", cost > 0 ? `−${signed(cost)}` : "0.0"],
         [term("SNR"), signed(panel.snr[row][col])],
         [term("fading"), `± ${panel.fading[Number(cost > 0)]}`],
       ];
@@ -325,7 +327,7 @@ const TOOLS = {
         d="M-.5 -.5${SQUARE}"/>${sign === "." ? "" : cells([sign], sign)}</svg>
         ${name.split(":")[0]}</button>`;
       const all = [[".", { name: "open ground" }], ...Object.entries(KINDS)];
-      return `<h2>Paint the city</h2><p>Draw with the pointer. Violet: from where a device at the pointer
+      return `<h2>Paint the city</h2><p>Draw with the pointer, and drag devices where you want them. Violet: from where a device at the pointer
         could not be seen, its ${term("shadow")}.</p>
         <div class="swatches">${all.map(swatch).join("")}</div>
         <div class="row">${manyButton}${button("Save as PNG", { kind: "save", what: "png" })}</div>
@@ -377,12 +379,11 @@ const TOOLS = {
   },
 };
 
-const SIGNS = "Violet: out of sight of the device that sends. Thin ring: it hovers.";
 const OWN = "labs" in document.documentElement.dataset; // the page is ours, with its address
 const COLOURS = ["blue", "orange"]; // of the runs
 const CURVES = ["collected_and_landed", "collected", "landed", "return"];
 const brush = { sign: "B", cells: null }; // cells: those of the stroke that is being painted
-const chosen = { train: null, metric: "collected_and_landed" };
+const chosen = { train: null, metric: "landed" };
 const stage_layer = { name: "none", centred: false };
 const FAR = 15; // below the best value; the colours do not tell what is farther
 const CENTRED = "The network sees all layers shifted so that the UAV is in the middle.";

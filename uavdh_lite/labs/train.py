@@ -71,18 +71,20 @@ class Race:
 
     Arguments:
         settings: names of `SETTINGS`, one or two.
+        seed: of the first run.
         told: called after each point, in the thread.
 
     Raises `InputError` for a setting that there is not.
     """
 
-    def __init__(self, city: City, settings: list[str], told: Callable[[], None]):
+    def __init__(self, city: City, settings: list[str], seed: int, told: Callable[[], None]):
         if not settings or not all(name in SETTINGS for name in settings):
             raise InputError(f"settings {settings}: choose one or two of {', '.join(SETTINGS)}")
         small = BeyondRecipe(**asdict(find_recipe("small")))
+        other = seed + int(len(set(settings)) < 2)
         self.runs = [
-            Run(name, Trainer(scenario_of(city), replace(small, **SETTINGS[name][2]), seed, city))
-            for name, seed in zip(settings, (0, int(len(set(settings)) < 2)), strict=False)
+            Run(name, Trainer(scenario_of(city), replace(small, **SETTINGS[name][2]), each, city))
+            for name, each in zip(settings, (seed, other), strict=False)
         ]
         self.city, self.steps = city, small.steps
         self.error = ""
