@@ -247,7 +247,7 @@ def test_a_duel_shows_where_the_flights_part(page):
     press(page, "greedy wins")
     expect(page.locator("#panel h2").first).to_contain_text("Greedy wins")
     expect(page.locator(".parting")).to_have_count(2)
-    button = page.get_by_role("button", name=re.compile("show step")).first
+    button = page.get_by_role("button", name=re.compile("stop before step")).first
     step = int(button.inner_text())
     button.click()
     assert shown_step(page) == step - 1  # what comes next is this step
@@ -508,6 +508,10 @@ def test_touch_flies_and_drags(browser, server):
         word = page.locator(".term").first
         word.tap()
         expect(word).to_be_focused()
+        page.get_by_role("button", name="land").tap()
+        expect(page.locator(".ranking tr")).to_have_count(2)
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert lowest(page, ".ranking") <= 1180
 
 
 def test_full_screen_is_the_same_page_with_larger_letters(page):

@@ -26,7 +26,7 @@ def parting(first: Trajectory, second: Trajectory, size: int) -> int | None:
 
     That is where they were nearest when they were near each other for the last time, with about
     the same data: two ways to one device are no parting. If they end near each other, it is the
-    last step that begins in a common cell with the same data.
+    last cell that they have in common in which they act differently.
 
     Arguments:
         size: of the city, in cells on a side.
@@ -35,15 +35,17 @@ def parting(first: Trajectory, second: Trajectory, size: int) -> int | None:
     cells = [np.array(divmod(each.uav_cell[: steps + 1], size)) for each in (first, second)]
     far = np.abs(np.subtract(*cells)).sum(axis=0)
     apart = np.abs(first.data_left[: steps + 1] - second.data_left[: steps + 1]).max(axis=1)
-    near, same = (far <= NEAR) & (apart < MUCH), (far == 0) & (apart < ENOUGH)
-    if same[-1] and len(first.action) == len(second.action):
+    if far[-1] == 0 and apart[-1] < ENOUGH and len(first.action) == len(second.action):
         return None
     differ = np.append(first.action[:steps] != second.action[:steps], False)
+    near = (far <= NEAR) & (apart < MUCH)
     last = np.flatnonzero(near)[-1]
     first_near = np.flatnonzero(np.append(True, ~near[:last]))[-1]  # of those up to the last
     meeting = [k for k in range(first_near, last + 1) if differ[k]]
     if near[-1] or not meeting:
-        return int(np.flatnonzero(same[:steps])[-1])
+        same = (far == 0) & (apart < max(ENOUGH, apart[-1]))
+        acts = same & differ
+        return int(np.flatnonzero(acts if acts.any() else same[:steps])[-1])
     return int(min(meeting, key=lambda k: (far[k], -k)))
 
 

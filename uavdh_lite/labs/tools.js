@@ -190,8 +190,8 @@ const TOOLS = {
         ${line(`${term("data units", "data")} brought home`, results, brought)}
         ${line("time used", results, ({ steps }) => steps)}
         ${line(term("return"), results, (each) => signed(each.return))}`;
-      const show = (step) => button(step + 1, { show: step }, `aria-label="show step ${step + 1}"`);
-      const go = look.length ? `Show step ${look.map(show).join("")}` : "";
+      const show = (step) => button(step + 1, { show: step }, `aria-label="stop before step ${step + 1}"`);
+      const go = look.length ? `Stop before step ${look.map(show).join("")}` : "";
       return `<h2>${explained(verdict)}</h2><p class="why">${explained(why)}</p>
         <div class="row">${go}${manyButton}</div>
         <div class="row">Find a duel: ${duel(`${first} wins`, 1)}
