@@ -378,13 +378,6 @@ def test_a_race_says_where_they_learned_to_land_and_how_they_ended():
         assert train.sentences(level, True)[-1].startswith("In the end: blue lands 92")
 
 
-@pytest.mark.parametrize("settings", [["none"], [], ["small", "small", "x"]])
-def test_a_race_of_unknown_settings_is_refused(settings):
-    lab = Session(tool="train", city="village")
-    lab.hear({"kind": "train", "settings": settings})
-    assert "choose one or two" in lab.scene["refused"]
-
-
 def test_a_race_over_a_large_city_moves_to_the_village_and_equal_runs_have_other_seeds(monkeypatch):
     monkeypatch.setattr(train.Race, "go_on", lambda self: None)
     lab = Session(tool="train", city="manhattan")

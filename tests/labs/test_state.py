@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavdh_lite.city import City, shipped_cities
+from uavdh_lite.city import City, load_city, shipped_cities
 from uavdh_lite.errors import InputError
 from uavdh_lite.labs.state import (
     EMPTY,
@@ -54,7 +54,7 @@ def test_what_was_flown_by_hand_stays_until_the_mission_changes(stage):
 
 
 def test_a_new_mission_is_the_next_number_over_the_same_city():
-    first = Stage.first("village")
+    first = Stage.of(random_mission(load_city("village"), 3))
     second = after(first, "new")
     assert second.mission.city is first.mission.city
     assert second.mission.seed == first.mission.seed + 1
@@ -93,7 +93,6 @@ def test_painting_moves_what_stands_there_to_the_nearest_cell(stage):
         ("move", {"device": 0, "cell": [3, 0]}, "where another device stands"),
         ("move", {"device": 0, "cell": [-1, 0]}, "outside the city of 4 × 4 cells"),
         ("move", {"device": 0, "cell": [1.5, 0]}, "row 1.5: must be a whole number"),
-        ("move", {"device": 0}, "without what it needs"),
         ("move", {"device": 2, "cell": [3, 3]}, "device 2: there are 2"),
         ("move", {"device": -1, "cell": [2, 1]}, "a building"),
         ("data", {"device": 0, "value": float("nan")}, "must be a number"),
@@ -104,17 +103,13 @@ def test_painting_moves_what_stands_there_to_the_nearest_cell(stage):
         ("time", {"value": None}, "must be a whole number"),
         ("city", {"name": "atlantis"}, "no city 'atlantis'"),
         ("policy", {"which": 0, "name": "manhattan"}, "does not fly over this city"),
-        ("policy", {"which": 2, "name": "greedy"}, "there are two"),
-        ("fly", {"action": "up"}, "no action 'up'"),
         ("tool", {"tool": "sing"}, "choose one of"),
         ("paint", {"cells": [[9, 9]], "sign": "B"}, "outside"),
-        ("paint", {"cells": [[0, 0]], "sign": "LB"}, "choose one of"),
         ("paint", {"cells": [[0, 0], [0, 1]], "sign": "."}, "no start and landing zone"),
         ("open", {"text": "{"}, "no JSON"),
         ("open", {"text": "[1]"}, "no stage and no mission"),
         ("open", {"link": "abc"}, "this link is damaged"),
         ("open", {"picture": "AAAA"}, "not a readable PNG"),
-        ("dance", {}, "nothing is known of 'dance'"),
     ],
 )
 def test_what_cannot_be_is_refused_with_the_reason(stage, kind, values, said):

@@ -194,9 +194,8 @@ def find_duel(stage: Stage, hangar: Hangar, wanted: int) -> Stage:
     for first in range(begin, begin + BATCHES * count, count):
         missions = [random_mission(city, first + k) for k in range(count)]
         for k in _hopeful(hangar, pair, missions, wanted, first)[:6]:
-            found = stage.with_mission(missions[k])
             flown = Hangar.of(missions[k], hangar)
-            flights = [flown.flight(found, name) for name in pair]
+            flights = [flown.flight(stage, name) for name in pair]
             ahead = float(flights[0].reward.sum() - flights[1].reward.sum())
             gained = np.subtract(*(numbers(flight)["collected"] for flight in flights))
             clear = wanted * ahead > AHEAD and wanted * gained > -LITTLE

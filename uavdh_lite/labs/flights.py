@@ -97,7 +97,6 @@ def numbers(flight: Trajectory) -> dict:
     return {
         "landed": bool(flight.landed),
         "ended": bool(flight.landed or flight.time_left[-1] <= 0),
-        "data": float(data),
         "collected": float(data - left),
         "steps": len(flight.action),
         "time_left": int(flight.time_left[-1]),
@@ -114,6 +113,6 @@ def does(flight: Trajectory, step: int) -> str:
 
 
 def grid(values: np.ndarray, digits: int = 2) -> list:
-    """A map as JSON values; None where it is no number."""
+    """A map as JSON values; None where it is no finite number."""
     rounded = np.round(values.astype(float), digits)
-    return [[None if np.isnan(each) else each for each in row] for row in rounded.tolist()]
+    return [[each if np.isfinite(each) else None for each in row] for row in rounded.tolist()]

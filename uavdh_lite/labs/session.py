@@ -12,12 +12,12 @@ from typing import Any
 
 from PIL import Image
 
-from uavdh_lite.city import COLOURS, shipped_cities
+from uavdh_lite.city import COLOURS, load_city, shipped_cities
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Trajectory
 from uavdh_lite.labs import channel, compare, think, train
 from uavdh_lite.labs.flights import Hangar, numbers, title
-from uavdh_lite.labs.state import EMPTY, TOOLS, YOU, Stage, changed, random_mission
+from uavdh_lite.labs.state import EMPTY, STORY, TOOLS, YOU, Stage, changed, random_mission
 from uavdh_lite.missions import as_json
 from uavdh_lite.player import film
 
@@ -57,7 +57,7 @@ class Session:
         give: Callable[[str, str], None] = lambda name, address: None,
     ):
         self._show, self._give = show, give
-        self.stage = Stage.first(city, tool or "compare")
+        self.stage = Stage.of(random_mission(load_city(city), STORY), tool or "compare")
         self._alone = tool is not None
         self._hangar = Hangar.of(self.stage.mission)
         self._history, self._at = [self.stage], 0
@@ -145,7 +145,6 @@ class Session:
             "known": [[name, title(name)] for name in policies],
             "step": stage.step,
             "device": stage.device,
-            "flown": len(stage.flown),
             "link": stage.link,
             "undo": self._at > 0,
             "redo": self._at < len(self._history) - 1,
@@ -212,7 +211,13 @@ class Session:
         if numbers(self._hangar.flight(self.stage, YOU))["ended"]:
             raise InputError("this flight is over: press Again")
         self._take(changed(self.stage, "fly", {"action": action}), "fly")
-        self._rank()
+        you = numbers(self._hangar.flight(self.stage, YOU))
+        if you["ended"]:  # it is kept, the best first
+            ghost = numbers(self._hangar.flight(self.stage, self._ghost))
+            mission = self.stage.mission
+            told = {"city": mission.city.name, "time": mission.flying_time, **you}
+            told["ahead"] = you["return"] - ghost["return"]
+            self._ranking = sorted([*self._ranking, told], key=lambda each: -each["ahead"])
 
     def _undo(self, by: int) -> None:
         at = self._at + (1 if by > 0 else -1)
@@ -222,16 +227,6 @@ class Session:
         self._extra, self._point = {}, None
         self.stage = changed(self._history[at], "tool", {"tool": tool})
         self._hangar = Hangar.of(self.stage.mission, self._hangar)
-
-    def _rank(self) -> None:
-        """Keep a flight by hand that has just ended, the best first."""
-        you = numbers(self._hangar.flight(self.stage, YOU))
-        if you["ended"]:
-            ghost = numbers(self._hangar.flight(self.stage, self._ghost))
-            mission = self.stage.mission
-            told = {"city": mission.city.name, "time": mission.flying_time, **you}
-            told["ahead"] = you["return"] - ghost["return"]
-            self._ranking = sorted([*self._ranking, told], key=lambda each: -each["ahead"])
 
     def _duel(self, wanted: int) -> None:
         self._take(compare.find_duel(self.stage, self._hangar, wanted), "duel")

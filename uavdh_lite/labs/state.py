@@ -10,7 +10,6 @@ import json
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -62,11 +61,6 @@ class Stage:
         places = len(self.mission.devices)
         _require(0 <= self.device < places, f"device {self.device}: there are {places}")
         _require(self.step >= -1, f"step {self.step}: must be at least -1")
-
-    @classmethod
-    def first(cls, city: str = "manhattan", tool: str = "compare") -> "Stage":
-        """What the stage shows before anything was done."""
-        return cls.of(random_mission(load_city(city), STORY), tool)
 
     @classmethod
     def of(cls, mission: Mission, tool: str = "compare") -> "Stage":
@@ -175,11 +169,6 @@ def read_file(text: str) -> Stage:
 
 def changed(stage: Stage, kind: str, values: dict[str, Any]) -> Stage:
     """The stage after something was done in the browser; `InputError` says why it was not."""
-    _require(kind in CHANGES, f"nothing is known of {kind!r}")
-    try:
-        signature(CHANGES[kind]).bind(stage, **values)
-    except TypeError:
-        raise InputError(f"{kind!r} was told without what it needs") from None
     return CHANGES[kind](stage, **values)
 
 
@@ -208,7 +197,6 @@ def _data(stage: Stage, device: int, value: float) -> Stage:
 
 
 def _policy(stage: Stage, which: int, name: str) -> Stage:
-    _require(which in (0, 1), f"policy {which!r}: there are two")
     policies = list(stage.policies)
     policies[which] = _text(name)
     if stage.tool == "think" and policies[0] == policies[1]:  # who thinks does not fly twice
@@ -218,7 +206,6 @@ def _policy(stage: Stage, which: int, name: str) -> Stage:
 
 
 def _fly(stage: Stage, action: str) -> Stage:
-    _require(action in ACTIONS, f"no action {action!r}")
     return replace(stage, flown=stage.flown + LETTERS[ACTIONS.index(action)])
 
 
@@ -226,7 +213,6 @@ def _paint(stage: Stage, cells: list, sign: str) -> Stage:
     """Paint cells with one of the city's signs; what stands there moves to the nearest cell."""
     mission = stage.mission
     kinds = mission.city.kinds.copy()
-    _require(len(_text(sign)) == 1 and sign in SIGNS, f"sign {sign!r}: choose one of {SIGNS}")
     for cell in map(_cell, cells):
         _require(all(0 <= axis < len(kinds) for axis in cell), f"{cell} is outside of the city")
         kinds[cell] = SIGNS.index(sign)

@@ -52,8 +52,7 @@ def scene(stage: Stage, hangar: Hangar) -> dict[str, Any]:
     number = "score" if isinstance(agent.recipe, ImitationRecipe) else "Q-value"
     note = f"{says(title(left), f'has no {number}s')}: here thinks and flies the {title(name)}"
     values = agent.q_values(states_of(flight)).numpy().astype(float)
-    values = np.where(np.isfinite(values) & (values > -1e6), values, np.nan)
-    ordered = np.sort(np.where(np.isnan(values), -np.inf, values), axis=1)
+    ordered = np.sort(values, axis=1)  # what is not allowed is -inf
     gaps = ordered[:, -1] - ordered[:, -2]
     return {
         "agent": title(name),
@@ -94,10 +93,10 @@ def _because(hangar: Hangar, flight: Trajectory, values: np.ndarray, step: int) 
             reason = f", on the way to device {device}, which {gives}"
     elif flight.landed and after < home:
         reason = f", on the way home, which is {home} units of time away; {left} are left"
-    order = np.argsort(-np.where(np.isnan(values[step]), -np.inf, values[step]))
+    order = np.argsort(-values[step])
     best, second = values[step][order[:2]]
     name = ACTIONS[action]
-    if np.isnan(second):
+    if np.isinf(second):
         return f"{name}, because nothing else is allowed in time."
     gap = best - second
     call = "a close call: " if gap < CLOSE else ""

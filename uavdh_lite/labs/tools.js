@@ -50,7 +50,6 @@ function chooser(label, name, pairs, chosen) {
   return `<span class="chooser">${WORDS[label] ? term(label) : label} <select data-set="${name}"
     aria-label="${label}">${options(pairs, chosen)}</select>${WORDS[shown] ? term(shown, "?") : ""}</span>`;
 }
-const percent = (share) => `${Math.round(100 * share)} %`;
 const units = (amount) => (amount >= 0.1 ? amount.toFixed(1) : amount.toPrecision(1));
 const signed = (value) => (value <= -0.05 ? "−" : "") + Math.abs(value).toFixed(1);
 const gapOf = (gap) => (gap < 0.005 ? "less than 0.01" : gap.toFixed(2));
@@ -291,7 +290,7 @@ const TOOLS = {
     under: ({ panel: { snr, range: [low, high] } }) =>
       heat(snr, (value) => colourOf((value - low) / (high - low)), 0.9),
     over: ({ panel }) =>
-      `${outline(panel.building, (each) => each > 0)}<path class="ray"/><path class="lost"/>`,
+      `${outline(panel.building, (each) => each > 0)}<path class="ray"/>`,
     point(stage, scene, cell) {
       const { panel, state, film } = scene;
       const [row, col] = cell ?? panel.dearest;
@@ -427,7 +426,7 @@ function curves({ runs, steps, point }, metric) {
   const [low, high] = share ? [0, 1] : [-200, 40]; // a crash costs 150
   const x = (at) => left + ((width - left - 12) * at) / steps;
   const y = (value) => 10 + ((height - bottom - 10) * (high - Math.max(value, low))) / (high - low);
-  const name = (value) => (share ? percent(value) : value.toFixed(0));
+  const name = (value) => (share ? `${Math.round(100 * value)} %` : value.toFixed(0));
   const ticks = [low, (low + high) / 2, high].map(
     (tick) => `<path class="grid" d="M${left} ${y(tick)}H${width - 12}"/>
       <text x="${left - 6}" y="${y(tick)}" text-anchor="end">${name(tick)}</text>`,
