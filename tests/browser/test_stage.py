@@ -508,10 +508,16 @@ def test_touch_flies_and_drags(browser, server):
         word = page.locator(".term").first
         word.tap()
         expect(word).to_be_focused()
-        page.get_by_role("button", name="land").tap()
-        expect(page.locator(".ranking tr")).to_have_count(2)
+        for flights in (1, 2, 3):
+            page.get_by_role("button", name="land").tap()
+            expect(page.locator(".ranking tr")).to_have_count(1 + flights)
+            page.get_by_role("button", name="Again").tap()
+            expect(page.locator(".controls output")).to_have_text("0 of 0")
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert page.evaluate("document.documentElement.scrollHeight <= innerHeight + 8")
         assert lowest(page, ".ranking") <= 1180
+        bars, ranking = (page.locator(each).bounding_box() for each in (".side", ".ranking"))
+        assert bars["y"] + bars["height"] <= ranking["y"]
 
 
 def test_full_screen_is_the_same_page_with_larger_letters(page):

@@ -206,7 +206,7 @@ def test_steps_without_data_are_counted_and_the_longest_stretch_that_leads_nowhe
         intervened=np.array([False] * 7 + [True, False]),
         data_left=np.array([9.0, 9, 9, 9, 9, 9, 8, 8, 8, 8])[:, None],
     )
-    for step, count, stretch in ((0, 7, (2, 5)), (3, 4, None)):
+    for step, count, stretch in ((0, 7, (1, 5)), (3, 4, None)):
         assert idle(flight, step).sum() == count  # a refused landing brings nothing, too
         assert astray(flight, step) == stretch
 

@@ -141,13 +141,14 @@ def idle(flight: Trajectory, step: int) -> np.ndarray:
 
 
 def astray(flight: Trajectory, step: int) -> tuple[int, int] | None:
-    """The longest stretch of idle steps that stay where it is or lead back to where it just was.
+    """The longest stretch of idle steps that stay where it is or lead to and fro.
 
     From its first step to behind its last one; None if there is none of `LONG` steps.
     """
     cells = flight.uav_cell
-    back = np.append(False, cells[2:] == cells[:-2])  # a first step leads back nowhere
-    lost = idle(flight, step) & (back | (cells[1:] == cells[:-1]))
+    turns = cells[2:] == cells[:-2]  # this step leads away, and the next one back
+    to_and_fro = np.append(turns, False) | np.append(False, turns)
+    lost = idle(flight, step) & (to_and_fro | (cells[1:] == cells[:-1]))
     ends = np.flatnonzero(np.diff(np.concatenate([[0], lost, [0]])))
     first, last = max(
         ends.reshape(-1, 2).tolist(), key=lambda each: each[1] - each[0], default=(0, 0)
