@@ -146,7 +146,7 @@ def _flight(flight: Trajectory, devices: np.ndarray, size: int) -> dict[str, Any
     data, left = flight.data_left[0].sum(), flight.data_left[-1].sum()
     out_of_time = flight.time_left[-1] <= 0
     end = "landed" if flight.landed else "crashed" if out_of_time else "in the air"
-    how = "" if flight.landed or not out_of_time else ", because the time ran out,"
+    how = ", because the time ran out," if end == "crashed" else ""
     amounts = np.column_stack([flight.data_left[:, devices], flight.time_left]).astype(float)
     actions = zip(flight.action, flight.intervened, strict=True)
     return {

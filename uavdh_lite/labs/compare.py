@@ -197,8 +197,9 @@ def find_duel(stage: Stage, hangar: Hangar, wanted: int) -> Stage:
         for k in _hopeful(hangar, pair, missions, wanted, first)[:6]:
             flown = Hangar.of(missions[k], hangar)
             flights = [flown.flight(stage, name) for name in pair]
-            ahead = float(flights[0].reward.sum() - flights[1].reward.sum())
-            gained = np.subtract(*(numbers(flight)["collected"] for flight in flights))
+            first_did, second_did = (numbers(flight) for flight in flights)
+            ahead = first_did["return"] - second_did["return"]
+            gained = first_did["collected"] - second_did["collected"]
             clear = wanted * ahead > AHEAD and wanted * gained > -LITTLE
             level = abs(ahead) < LEVEL and parting(*flights, city.size) is not None
             if clear if wanted else level:

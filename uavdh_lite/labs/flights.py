@@ -16,9 +16,12 @@ YOURS = {
     "lands": "land",
     "wants": "want",
     "spends": "spend",
+    "goes": "go",
+    "has no": "have no",
+    "leaves": "leave",
+    "wins": "win",
+    "crashes": "crash",
 }
-YOURS |= {"goes": "go", "has no": "have no"}
-YOURS |= {"collects": "collect", "leaves": "leave", "wins": "win", "crashes": "crash"}
 
 
 def title(policy: str) -> str:

@@ -197,6 +197,7 @@ def _data(stage: Stage, device: int, value: float) -> Stage:
 
 
 def _policy(stage: Stage, which: int, name: str) -> Stage:
+    _require(which in (0, 1), f"policy {which!r}: there are two")
     policies = list(stage.policies)
     policies[which] = _text(name)
     if stage.tool == "think" and policies[0] == policies[1]:  # who thinks does not fly twice
@@ -213,6 +214,7 @@ def _paint(stage: Stage, cells: list, sign: str) -> Stage:
     """Paint cells with one of the city's signs; what stands there moves to the nearest cell."""
     mission = stage.mission
     kinds = mission.city.kinds.copy()
+    _require(len(_text(sign)) == 1 and sign in SIGNS, f"sign {sign!r}: choose one of {SIGNS}")
     for cell in map(_cell, cells):
         _require(all(0 <= axis < len(kinds) for axis in cell), f"{cell} is outside of the city")
         kinds[cell] = SIGNS.index(sign)

@@ -326,8 +326,8 @@ const TOOLS = {
         d="M-.5 -.5${SQUARE}"/>${sign === "." ? "" : cells([sign], sign)}</svg>
         ${name.split(":")[0]}</button>`;
       const all = [[".", { name: "open ground" }], ...Object.entries(KINDS)];
-      return `<h2>Paint the city</h2><p>Draw with the pointer, and drag devices where you want them. Violet: from where a device at the pointer
-        could not be seen, its ${term("shadow")}.</p>
+      return `<h2>Paint the city</h2><p>Draw with the pointer, and drag devices where you want
+        them. Violet: from where a device at the pointer could not be seen, its ${term("shadow")}.</p>
         <div class="swatches">${all.map(swatch).join("")}</div>
         <div class="row">${manyButton}${button("Save as PNG", { kind: "save", what: "png" })}</div>
         <table>${average(scene)}</table>
