@@ -353,17 +353,35 @@ def paper_run() -> str:
     for step in range(20_000, int(curves[0]["steps"].max()) + 1, 20_000):
         row = [f"{step:,}"]
         for one in curves:
-            inside = (one["steps"] > step - 19_900) & (one["steps"] < step + 100)
-            means = [
-                np.average(one[name][inside], weights=one["episodes"][inside])
-                for name in ("landed", "collected", BOTH, "return")
-            ]
+            means = _training_means(one, step, ("landed", "collected", BOTH, "return"))
             row += [f"{100 * mean:.0f} %" for mean in means[:3]]
             row.append(f"{means[3]:.1f}".replace("-", "−"))
         rows.append(row)
     metrics = ["landed", "collected", "collected and landed", "return"]
     head = ["steps", *(f"`{name}`: {metric}" for name in ("paper", "lite") for metric in metrics)]
     return _table(head, rows)
+
+
+def paper_centring() -> str:
+    """The recorded run of `paper` and those with the city in place, in bins of 20,000 steps."""
+    other = read_table(RUNS / "paper_non_centred-manhattan-training.csv.gz")
+    runs = {
+        "centred": read_table(RUNS / "paper-manhattan-training.csv.gz"),
+        **{f"not centred, seed {seed:.0f}": run for seed, run in _parts(other, "seed").items()},
+    }
+    rows = []
+    for step in range(20_000, int(other["steps"].max()) + 1, 20_000):
+        means = [_training_means(run, step, ("landed", BOTH)) for run in runs.values()]
+        shares = np.transpose(means).ravel()
+        rows.append([f"{step:,}", *(f"{100 * share:.0f} %" for share in shares)])
+    head = [f"{metric}: {name}" for metric in ("landed", "collected and landed") for name in runs]
+    return _table(["steps", *head], rows)
+
+
+def _training_means(run: dict, step: int, metrics: tuple[str, ...]) -> list[float]:
+    """Means over the training episodes of the 20,000 steps up to this one."""
+    inside = (run["steps"] > step - 19_900) & (run["steps"] < step + 100)
+    return [np.average(run[name][inside], weights=run["episodes"][inside]) for name in metrics]
 
 
 def fresh_missions() -> str:
