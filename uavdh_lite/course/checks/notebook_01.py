@@ -16,7 +16,7 @@ from uavdh_lite.streams import Use, stream
         "the rate there is log2(2) = 1.": [0.0],
         "10 dB more are ten times the power, so the ratio is 10 ** (snr_db / 10), near 0 dB and "
         "far from it. Nothing is rounded.": [
-            *(10.0, -10.0, 3.0, 20, -15.0, 25.5, -30.0, -60.0, 55.25, 150.0, 0.001)
+            10.0, -10.0, 3.0, 20, -15.0, 25.5, -30.0, -60.0, 55.25, 150.0, 0.001,
         ],
         "An array has a rate for each element: use np.log2 and ** on the whole array, without a "
         "loop, `if` or `math`.": [
@@ -47,9 +47,9 @@ LOS, NLOS = Channel().path_loss_exponent_los, Channel().path_loss_exponent_nlos
     rules={
         "The loss 10 α log10(d) with α_LoS at your distance must be the one with α_NLoS at the "
         "distance given. Behind a building the loss grows faster, so the distance in sight is the "
-        "longer one.": [*(20.0, 2.0, 55, 7.5, 1000.0)],
+        "longer one.": [20.0, 2.0, 55, 7.5, 1000.0],
         "Both losses are 0 dB at 1 m; nearer, the distance in sight is the shorter one.": [
-            *(1.0, 0.5, 0.03)
+            1.0, 0.5, 0.03
         ],
     },
     mistakes={
@@ -106,7 +106,7 @@ def scatters_wrongly(answer) -> str:
         "Simulate `draws` slots, each with a fading of its own: normal, mean 0, standard deviation "
         "√variance. It belongs to the SNR, in dB. Turn each SNR into a rate, then average the "
         "rates. Chance accounts for at most 1.5 %.": [
-            *((-8, 30, MANY), (0.0, 5, MANY), (12, 2.0, MANY), (-20, 9.0, MANY), (0.0, 60.0, MANY)),
+            (-8, 30, MANY), (0.0, 5, MANY), (12, 2.0, MANY), (-20, 9.0, MANY), (0.0, 60.0, MANY),
         ],
     },
     mistakes={

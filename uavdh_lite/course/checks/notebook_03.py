@@ -12,25 +12,25 @@ from uavdh_lite.environment import ACTIONS, HOVER, LAND, MOVES
     "3.1 · Who gets the slot? (1 point, 10 minutes)",
     rules={
         "If no device has data left, nobody may send: −1 and 0.": [
-            *(([3.0, 8.0], [0.0, 0.0]), ([-70.0], [0])),
+            ([3.0, 8.0], [0.0, 0.0]), ([-70.0], [0]),
         ],
         "First comes the device's number, then what it uploads: what the slot carries, "
         "rate(snr_db), but no more than is left.": [
-            *(([2], [9]), ([-30.0], [5.0]), ([60.0], [1000.0]), ([10.0], [0.7]), ([40.0], [1.5])),
+            ([2], [9]), ([-30.0], [5.0]), ([60.0], [1000.0]), ([10.0], [0.7]), ([40.0], [1.5]),
         ],
         "The device with the highest SNR is served, however little it is ahead, and however much "
         "it has left, if it has any; its number is an index into snr_db.": [
-            *(([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]), ([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0])),
-            *(([-3, -1], [9, 9]), ([9.0, 3.0], [1.0, 50.0]), ([10.0, 3.0], [0.7, 8.0])),
+            ([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]), ([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0]),
+            ([-3, -1], [9, 9]), ([9.0, 3.0], [1.0, 50.0]), ([10.0, 3.0], [0.7, 8.0]),
         ],
         "A device without data is not served, but the others keep their numbers. The highest SNR "
         "among them wins, however low; give that device's index in the full snr_db.": [
-            *(([12, 5, 9], [0, 50, 40]), ([9.0, 8.0, 7.0], [0.0, 5.0, 6.0])),
+            ([12, 5, 9], [0, 50, 40]), ([9.0, 8.0, 7.0], [0.0, 5.0, 6.0]),
             ([9.0, 3.0, 6.0, -2.5, 8.5], [0.0, 0.0, 2.0, 3.0, 0.0]),
-            *(([-6.0, -11.0], [0.0, 8.0]), ([5.0, -140.0], [0.0, 1.0])),
+            ([-6.0, -11.0], [0.0, 8.0]), ([5.0, -140.0], [0.0, 1.0]),
         ],
         "A device has data left if it is more than 0, however little.": [
-            *(([8.0, 3.0], [1e-7, 9.0]), ([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0])),
+            ([8.0, 3.0], [1e-7, 9.0]), ([-8.0, -3.0, 2.0], [9.0, 1e-9, 0.0]),
         ],
     },
     mistakes={
@@ -59,10 +59,10 @@ def step_of(answer, flight, step):
     "3.2 · Rewards by hand (2 points, 10 minutes)",
     rules={
         "Each data unit that is uploaded counts 1, and each step costs 0.2 unless it lands.": [
-            *(("A", 1), ("A", 3), ("A", 5), ("B", 1)),
+            ("A", 1), ("A", 3), ("A", 5), ("B", 1),
         ],
         "The controller replaced the action: its penalty of 1 comes on top of the 0.2.": [
-            *(("A", 2), ("B", 2)),
+            ("A", 2), ("B", 2),
         ],
         "A step uploads no more than the device has left: keep an account of it.": [("A", 4)],
         "The step that lands does not pay for the movement, and uploads nothing.": [("A", 6)],

@@ -14,17 +14,18 @@ FRACTIONS = {n: stream(Use.EXERCISE, n).uniform(0, 9, (n, n)).round(3) for n in 
     "4.1 · Centre a layer (2 points, 12 minutes)",
     rules={
         "The map has (2M − 1)×(2M − 1) cells, the UAV's in the middle, at (M − 1, M − 1).": [
-            *((SMALL, uav, 0.0) for uav in ((1, 1), (0, 2), (2, 0), (2, 1), (0, 1))),
-            *((LAYERS[4], (1, 3), 0), (LAYERS[5], (4, 2), 0)),
-            *((LAYERS[8], (0, 6), 0), (LAYERS[9], (7, 5), 0)),
+            (SMALL, (1, 1), 0.0), (SMALL, (0, 2), 0.0), (SMALL, (2, 0), 0.0),
+            (SMALL, (2, 1), 0.0), (SMALL, (0, 1), 0.0),
+            (LAYERS[4], (1, 3), 0), (LAYERS[5], (4, 2), 0),
+            (LAYERS[8], (0, 6), 0), (LAYERS[9], (7, 5), 0),
         ],
         "Everywhere outside the city the map is `outside`, any number; zeros of the layer stay.": [
-            *((SMALL, (1, 0), 1), (SMALL, (1, 0), 7.0), (CORNER, (1, 0), 4.0))
+            (SMALL, (1, 0), 1), (SMALL, (1, 0), 7.0), (CORNER, (1, 0), 4.0),
         ],
         "Make a map of floats, np.full(shape, outside, float), or layer.astype(float) first: the "
         "layer or `outside` may be a fraction, and the other a whole number or a Boolean.": [
-            *((FRACTIONS[2], (1, 0), 2), (FRACTIONS[6], (1, 4), 6), (LAYERS[2], (0, 1), 0.5)),
-            *((LAYERS[5], (4, 1), 2), (FRACTIONS[2] < 4, (1, 0), 0.5)),
+            (FRACTIONS[2], (1, 0), 2), (FRACTIONS[6], (1, 4), 6), (LAYERS[2], (0, 1), 0.5),
+            (LAYERS[5], (4, 1), 2), (FRACTIONS[2] < 4, (1, 0), 0.5),
             (FRACTIONS[3] < 4, (2, 0), 3),
         ],
         "M may be any number. With M = 1 the map is the layer.": [(LAYERS[1], (0, 0), 0)],
@@ -55,7 +56,8 @@ def windows(layer, kernel, bias, steps=1):
 
 def drawn(rows, cols, height, width, bias=0.0):
     generator = stream(Use.EXERCISE, 10 * rows + cols)
-    return (*(generator.normal(0, 1, s).round(1) for s in ((rows, cols), (height, width))), bias)
+    layer = generator.normal(0, 1, (rows, cols)).round(1)
+    return layer, generator.normal(0, 1, (height, width)).round(1), bias
 
 
 @exercise(
@@ -63,7 +65,7 @@ def drawn(rows, cols, height, width, bias=0.0):
     rules={
         "The window at (i, j) is as large as the kernel. The value is the sum of window times "
         "kernel, cell by cell. The kernel lies wholly inside, so rows − k + 1 places fit.": [
-            *((np.ones((2, 2)), np.ones((1, 1)), 0.0), (np.ones((3, 3)), np.ones((2, 2)), 0.0)),
+            (np.ones((2, 2)), np.ones((1, 1)), 0.0), (np.ones((3, 3)), np.ones((2, 2)), 0.0),
             (np.arange(9.0).reshape(3, 3), np.full((2, 2), 3.0), 0.0),
             (np.arange(16.0).reshape(4, 4), np.array([[1.0, 1, 1], [1, 5, 1], [1, 1, 1]]), 0.0),
         ],
@@ -72,11 +74,11 @@ def drawn(rows, cols, height, width, bias=0.0):
             for kernel in ([[0.0, 1.0], [2.0, 0.0]], [[0.0, 0.0], [1.0, 3.0]])
         ],
         "The bias is added once at every place, then ReLU: what is below 0 becomes 0.": [
-            *((np.ones((3, 3)), np.ones((2, 2)), 1.5), (np.ones((2, 2)), np.ones((1, 1)), -2.0)),
-            *((-np.ones((2, 2)), np.ones((1, 1)), 1.5), drawn(5, 5, 3, 3, 0.4)),
+            (np.ones((3, 3)), np.ones((2, 2)), 1.5), (np.ones((2, 2)), np.ones((1, 1)), -2.0),
+            (-np.ones((2, 2)), np.ones((1, 1)), 1.5), drawn(5, 5, 3, 3, 0.4),
         ],
         "Layer and kernel need not be square.": [
-            *(drawn(3, 6, 2, 2, 0.3), drawn(6, 4, 2, 3, 0.9), drawn(4, 7, 4, 1, -0.2)),
+            drawn(3, 6, 2, 2, 0.3), drawn(6, 4, 2, 3, 0.9), drawn(4, 7, 4, 1, -0.2),
         ],
     },
     mistakes={
@@ -105,20 +107,20 @@ HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
         "for each number that it is given. Each kernel and each neuron, the output's 6 too, has a "
         "bias of its own. The first fully connected layer reads kernels · side² numbers, and the "
         "flying time.": [
-            *((2, 2, 3, 2, (1,), (4,)), (1, 2, 1, 1, (1,), (1,)), (3, 3, 2, 3, (1,), (5,))),
-            *((4, 2, 7, 2, (1,), (3, 2)), (5, 5, 2, 9, (1,), (4,)), (1, 1, 6, 1, (1,), (2,))),
+            (2, 2, 3, 2, (1,), (4,)), (1, 2, 1, 1, (1,), (1,)), (3, 3, 2, 3, (1,), (5,)),
+            (4, 2, 7, 2, (1,), (3, 2)), (5, 5, 2, 9, (1,), (4,)), (1, 1, 6, 1, (1,), (2,)),
         ],
         "(side − kernel_size) // stride + 1 cells a side are left: kernels lie wholly inside. "
         "Divide side − kernel_size by the stride and round down, and add the 1 after that.": [
-            *((2, 3, 4, 2, (2,), (6,)), (2, 3, 4, 2, (3,), (6,)), (2, 3, 4, 2, (4,), (6,))),
-            *((3, 12, 9, 3, (3,), (20,)), (2, 9, 3, 4, (6,), (8,))),
+            (2, 3, 4, 2, (2,), (6,)), (2, 3, 4, 2, (3,), (6,)), (2, 3, 4, 2, (4,), (6,)),
+            (3, 12, 9, 3, (3,), (20,)), (2, 9, 3, 4, (6,), (8,)),
         ],
         "A second convolution sees as many layers as the first has kernels, and has its own "
         "stride, and so on, for any number of convolutions and hidden layers. The paper's "
         "network has 2,308,854.": [
-            *((5, 16, 16, 5, (1, 1), (256, 256, 256)), (4, 13, 8, 4, (3, 2), (64, 32))),
-            *((4, 16, 9, 3, s, h) for s in ((1,), (2, 1), (1, 2, 2)) for h in HIDDEN),
-        ],
+            (5, 16, 16, 5, (1, 1), (256, 256, 256)), (4, 13, 8, 4, (3, 2), (64, 32)),
+        ]
+        + [(4, 16, 9, 3, s, h) for s in ((1,), (2, 1), (1, 2, 2)) for h in HIDDEN],
     },
     mistakes={
         "The flying time is missing: it is one more number in the list.": (

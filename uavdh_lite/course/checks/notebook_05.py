@@ -20,15 +20,15 @@ def experience(states, actions, terminal, rate, discount):
     rules={
         "In a copy of the table, only q[state, action] changes. With alpha = 1 it becomes y, which "
         "after the end of an episode is the reward alone: nothing follows.": [
-            *((2, 2, True, 1.0, 0.9), (3, 2, True, 1.0, 0.5)),
+            (2, 2, True, 1.0, 0.9), (3, 2, True, 1.0, 0.5),
         ],
         "Otherwise y is the reward plus discount times the largest Q-value of the next state.": [
-            *((2, 3, False, 1.0, 0.5), (4, 2, False, 1.0, 0.9), (5, 4, False, 1.0, 1.0)),
-            *((3, 3, False, 1.0, 0.0), (6, 4, False, 1.0, 0.95)),
+            (2, 3, False, 1.0, 0.5), (4, 2, False, 1.0, 0.9), (5, 4, False, 1.0, 1.0),
+            (3, 3, False, 1.0, 0.0), (6, 4, False, 1.0, 0.95),
         ],
         "The entry goes the share alpha of the way from its old value to y; all others stay.": [
-            *((4, 2, False, 0.1, 0.9), (5, 4, False, 0.5, 0.9), (6, 6, False, 0.25, 0.99)),
-            *((3, 2, False, 0.0, 0.9), (7, 3, True, 0.3, 0.8), (4, 3, True, 0.5, 0.9)),
+            (4, 2, False, 0.1, 0.9), (5, 4, False, 0.5, 0.9), (6, 6, False, 0.25, 0.99),
+            (3, 2, False, 0.0, 0.9), (7, 3, True, 0.3, 0.8), (4, 3, True, 0.5, 0.9),
         ],
     },
     mistakes={
@@ -78,7 +78,7 @@ NEAR = np.array([1000, 999.875, 999.75, 999.5, 999, 998], np.float32)
     rules={
         "Each row is exp(Q/β), divided by the sum of its own row (dim=1), so that it sums to 1; "
         "keepdim=True makes a column of the sums.": [
-            *(few(1, 1.0), few(2, 1.0), few(5, 1, torch.float64), few(6, 1)),
+            few(1, 1.0), few(2, 1.0), few(5, 1, torch.float64), few(6, 1),
         ],
         "Divide Q by β inside of exp: a small β makes the best action likelier, a large one all "
         "alike.": [few(1, 0.25), few(2, 2.0), few(6, 0.7), few(3, 40.0)],
@@ -89,11 +89,11 @@ NEAR = np.array([1000, 999.875, 999.75, 999.5, 999, 998], np.float32)
         "Subtract the maximum first.": [rows(0.125, -NEAR), rows(0.1, [-1000.0] * 6)],
         "Within a row the best action may be far above the others, whichever it is: subtract the "
         "maximum of the row, nothing smaller than the maximum.": [
-            *(rows(0.1, row) for row in ([0.0, 0, 0, 1000, 0, 0], [1000.0, 0, 0, 0, 0, 0])),
+            rows(0.1, [0.0, 0, 0, 1000, 0, 0]), rows(0.1, [1000.0, 0, 0, 0, 0, 0]),
             rows(0.5, [0.0, -1000, 1000, 0, 1000, 0]),
         ],
         "Rows of a batch may be far apart: subtract from each row its own maximum.": [
-            *(rows(0.125, NEAR, NEAR - 1000), rows(0.125, NEAR - 1500, NEAR, 0 * NEAR)),
+            rows(0.125, NEAR, NEAR - 1000), rows(0.125, NEAR - 1500, NEAR, 0 * NEAR),
         ],
     },
     mistakes={
@@ -126,14 +126,14 @@ def transitions(size, discount, ends=0.4, at=5.0, kind=np.float32, apart=2.0):
     rules={
         "There is one target for each transition, (B,): the reward, plus γ times the entry of "
         "target_next, in the same row, for the action that online_next rates highest.": [
-            *((1, 1.0, 0), (2, 1.0, 0), (8, 1.0, 0), (3, 1, 0, 5.0, np.float64)),
-            *((4, 1.0, 0, -50.0), (2, 1.0, 0, 1.0, np.float32, 1e-4)),
+            (1, 1.0, 0), (2, 1.0, 0), (8, 1.0, 0), (3, 1, 0, 5.0, np.float64),
+            (4, 1.0, 0, -50.0), (2, 1.0, 0, 1.0, np.float32, 1e-4),
         ],
         "The value of the next state is multiplied by γ, the one that is handed in; the reward "
         "counts in full.": [(2, 0.5, 0), (2, 0.99, 0), (2, 0.0, 0), (2, 1, 0)],
         "At a terminal transition the target is the reward alone. Elsewhere the next state "
         "counts.": [
-            *((1, 0.9, 2), (1, 1.0, 2), (2, 0.8), (6, 0.8), (32, 0.8), (7, 0.8)),
+            (1, 0.9, 2), (1, 1.0, 2), (2, 0.8), (6, 0.8), (32, 0.8), (7, 0.8),
         ],
     },
     mistakes={

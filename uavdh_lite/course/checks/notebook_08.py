@@ -40,11 +40,11 @@ def score_interval(successes, trials):
     rules={
         "At both ends of the interval |p − q| equals z sqrt(q (1 − q) / n), with z = 1.96: solve "
         "for q exactly. The interval is not centred on p; its low end is the first.": [
-            *((7, 10), (5, 20), (33, 40), (11, 271)),
+            (7, 10), (5, 20), (33, 40), (11, 271),
         ],
         "It must hold for few and for many trials, and if none or all succeed. Do not round.": [
-            *((1, 2), (2, 3), (0, 12), (20, 20), (0, 1), (1, 1), (0, 500)),
-            *((997, 1000), (1, 50_000), (31_000, 50_000)),
+            (1, 2), (2, 3), (0, 12), (20, 20), (0, 1), (1, 1), (0, 500),
+            (997, 1000), (1, 50_000), (31_000, 50_000),
         ],
     },
     mistakes={

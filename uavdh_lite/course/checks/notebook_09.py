@@ -64,20 +64,19 @@ def wrong_chance(ring: type) -> str:
     "9.1 · A ring buffer with combined replay (3 points, 15 minutes)",
     rules={
         "The newest item is in every sample, so that a sample of 1 is the newest alone.": [
-            *((5, added, 1) for added in range(1, 5)),
+            (5, added, 1) for added in range(1, 5)
         ],
         "When the ring is full, each new item still goes in, in the place of the oldest. So the "
         "newest is no longer at the end: it is one place before that to be overwritten next.": [
-            *((5, added, 1) for added in range(5, 17)),
-            *((1, added, 1) for added in range(1, 4)),
+            (size, added, 1) for size, most in ((5, 17), (1, 4)) for added in range(size, most)
         ],
         "The other items of a sample are drawn from all stored ones, only from places that are "
         "filled, and may come more than once.": [(5, added, 300) for added in range(1, 6)],
         "When the ring is full, each new item must overwrite the oldest, and no other: the ring "
         "does not grow. generator.integers leaves out its upper end already.": [
-            *((5, added, 300) for added in range(6, 17)),
-            *((1, 3, 60), (3, 8, 200), (7, 22, 420)),
-        ],
+            (1, 3, 60), (3, 8, 200), (7, 22, 420)
+        ]
+        + [(5, added, 300) for added in range(6, 17)],
     },
     takes=type,
     ask=items_drawn,
@@ -96,7 +95,7 @@ class ring_buffer:
 
     def sample(self, size, generator):
         rest = generator.integers(0, len(self.items), size - 1)
-        return [self.items[self.newest], *(self.items[k] for k in rest)]
+        return [self.items[k] for k in (self.newest, *rest)]
 
 
 def draw_old_share(ax, old_share):
@@ -115,10 +114,10 @@ def draw_old_share(ax, old_share):
         "As long as nothing is overwritten, all items are there: the share is before / (before + "
         "after).": [(100, 30, 10), (100, 50, 50), (7, 1, 2)],
         "A full memory holds `capacity` items, and each new item overwrites the oldest.": [
-            *((100, 100, 10), (50, 80, 20), (10, 1000, 3), (20, 15, 8)),
+            (100, 100, 10), (50, 80, 20), (10, 1000, 3), (20, 15, 8),
         ],
         "Once `capacity` items came after the change, nothing old is left, and it stays so.": [
-            *((10, 30, 10), (10, 30, 11), (10, 5, 400)),
+            (10, 30, 10), (10, 30, 11), (10, 5, 400),
         ],
         "With nothing added after the change, all is old.": [(10, 30, 0), (10, 3, 0)],
     },

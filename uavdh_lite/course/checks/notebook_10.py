@@ -26,20 +26,21 @@ def situation(name, cell, time_left):
     rules={
         "An action fits if it, the way home after it and the landing take at most time_left units. "
         "That also goes for `land` outside the zone, which is the same as hovering.": [
-            *((SMALL, [9], [time_left]) for time_left in (3, 4, 5, 6, 9)),
-            *((SMALL, [8], [3]), (SMALL, [4, 14, 2], [4, 6, 3])),
+            (SMALL, [9], [3]), (SMALL, [9], [4]), (SMALL, [9], [5]), (SMALL, [9], [6]),
+            (SMALL, [9], [9]), (SMALL, [8], [3]), (SMALL, [4, 14, 2], [4, 6, 3]),
         ],
         "To land at once always fits, but in the zone only: elsewhere it is no landing, and costs "
         "a unit of time, as hovering does.": [
-            *((SMALL, [cell], [time_left]) for cell in (0, 1) for time_left in (1, 2, 3)),
+            (SMALL, [0], [1]), (SMALL, [0], [2]), (SMALL, [0], [3]),
+            (SMALL, [1], [1]), (SMALL, [1], [2]), (SMALL, [1], [3]),
             (SMALL, [0, 1, 0], [1, 1, 2]),
         ],
         "Where there is no way home, distance −1, nothing fits: −1 is a marker, not a distance.": [
-            *((SMALL, [7], [3]), (SMALL, [7, 0], [10**6, 10**6])),
+            (SMALL, [7], [3]), (SMALL, [7, 0], [10**6, 10**6]),
         ],
         "It must hold for all UAVs of a batch, each with its own time, in any city. A column of "
         "times is time_left[:, None].": [
-            *((SMALL, 30, 4), ("village", 1, 4), ("village", 6, 4), ("village", 40, 4)),
+            (SMALL, 30, 4), ("village", 1, 4), ("village", 6, 4), ("village", 40, 4),
         ],
     },
     mistakes={
@@ -75,16 +76,16 @@ def links(devices, size, *left):
     "10.2 · What a cell has to offer (2 points, 10 minutes)",
     rules={
         "A step has four communication slots: a device sends 4 times its mean rate.": [
-            *(links(1, 2, 100.0), links(1, 3, 1000)),
+            links(1, 2, 100.0), links(1, 3, 1000),
         ],
         "But no more than the device has left: one without data offers nothing.": [
-            *(links(1, 2, 5.0), links(1, 3, 0.0), links(1, 4, 9.5)),
+            links(1, 2, 5.0), links(1, 3, 0.0), links(1, 4, 9.5),
         ],
         "A cell is worth the most that one device can send there: the maximum over the devices, "
         "each with its own limit. It is not the sum.": [
-            *(links(2, 2, 100.0, 100.0), links(2, 2, 3.0, 100.0), links(3, 3, 4.0, 9.0, 30.0)),
-            *(links(4, 4, 0.0, 2.0, 11.0, 6.0), links(5, 5, 1, 20, 3, 14, 8)),
-            *(links(3, 2, 0, 0, 0), links(3, 3, 7.5, 30.0, 30.0)),
+            links(2, 2, 100.0, 100.0), links(2, 2, 3.0, 100.0), links(3, 3, 4.0, 9.0, 30.0),
+            links(4, 4, 0.0, 2.0, 11.0, 6.0), links(5, 5, 1, 20, 3, 14, 8),
+            links(3, 2, 0, 0, 0), links(3, 3, 7.5, 30.0, 30.0),
         ],
     },
     mistakes={

@@ -28,7 +28,7 @@ def numbered(channels, side, *asked):
             (3, 3, action, turns, True) for turns in (1, 2, 3) for action in range(4)
         ],
         "Hover and land are the same on every map.": [
-            *((1, 3, 4, 1, False), (1, 3, 5, 0, True), (1, 3, 4, 3, True), (1, 3, 5, 3, False)),
+            (1, 3, 4, 1, False), (1, 3, 5, 0, True), (1, 3, 4, 3, True), (1, 3, 5, 3, False),
         ],
     },
     mistakes={
@@ -74,15 +74,15 @@ def missions(values, city):
     rules={
         "Subtract the mean from the values, add up the differences in each city, and square these "
         "sums. Multiply their total by C/(C − 1), take the root, and multiply it by 1.96 / N.": [
-            *(([4.0, 6, 1, 1], [0, 0, 1, 1]), ([3, 3, 3], range(3)), ([4] * 6, range(6))),
+            ([4.0, 6, 1, 1], [0, 0, 1, 1]), ([3, 3, 3], range(3)), ([4] * 6, range(6)),
         ],
         "Cities may have different numbers of missions. The mean is that of all N missions, not of "
         "the cities' means.": [([1, 3], [0, 1]), ([5, 1, 2, 9], [0, 1, 2, 3])],
         "The cities' numbers are names: any ints, in any order. C is how many there are.": [
-            *(([2, 3], [7, 4]), ([2, 5, 1], [-1, -2, 10**6]), ([1] * 4, range(4))),
+            ([2, 3], [7, 4]), ([2, 5, 1], [-1, -2, 10**6]), ([1] * 4, range(4)),
         ],
         "Whole numbers and Booleans are values, too, such as whether each UAV landed.": [
-            *(([3, 4, 4, 9, 1], [1, 1, 0, 0, 2]), ([True, True, False, True], [5, 5, 0, 0])),
+            ([3, 4, 4, 9, 1], [1, 1, 0, 0, 2]), ([True, True, False, True], [5, 5, 0, 0]),
         ],
     },
     mistakes={
