@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavdh_lite.city import City
 from uavdh_lite.config import option, require_bounds
 
 
@@ -58,19 +57,3 @@ class Channel:
 def rate(snr_db):
     """Data units in one communication slot at this SNR: log2(1 + SNR)."""
     return np.log2(1 + 10 ** (snr_db / 10))
-
-
-def rate_map(
-    city: City, channel: Channel, line_of_sight: np.ndarray, device: tuple[int, int]
-) -> np.ndarray:
-    """Data units per slot, without fading, from a device to a UAV that hovers over a cell; (M, M).
-
-    Arguments:
-        line_of_sight: (M², M²), such as `Environment.sight[0]`.
-        device: (row, column).
-    """
-    row, col = np.indices((city.size, city.size))
-    ground_m2 = ((row - device[0]) ** 2 + (col - device[1]) ** 2) * channel.cell_size_m**2
-    sight = line_of_sight[device[0] * city.size + device[1]].reshape(row.shape)
-    loss_db = channel.path_loss_db(np.float32(ground_m2 + channel.altitude_m**2), sight)
-    return rate(np.float32(channel.transmit_snr_db(city.own_size)) - loss_db)

@@ -356,6 +356,17 @@ class Environment:
             + channel.fading_db(fading, sight)
         )
 
+    def rate_map(self, device_cell: int, city: int = 0) -> np.ndarray:
+        """Data units per slot, without fading, from a device to a UAV hovering over a cell; (M, M).
+
+        Arguments:
+            city: the index of the city in which the device stands.
+        """
+        down, right = self._centres_m - self._centres_m[:, [device_cell]]
+        squared_distance_m2 = np.float32(self.channel.altitude_m**2) + down**2 + right**2
+        loss_db = self.channel.path_loss_db(squared_distance_m2, self.sight[city, device_cell])
+        return rate(self.transmit_snr_db[city] - loss_db).reshape(self.size, -1)
+
     @cached_property
     def _centres_m(self) -> np.ndarray:
         """How far each cell's centre is to the south and to the east, m; (2, n) float32."""

@@ -18,7 +18,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 
-from uavdh_lite.channel import rate_map
 from uavdh_lite.city import City
 from uavdh_lite.environment import LAND, Environment, State
 from uavdh_lite.errors import InputError
@@ -123,7 +122,7 @@ def draw_rates(ax: Axes, environment: Environment, device: tuple[int, int]) -> A
     Cells that the UAV may not enter stay as on the map.
     """
     city = environment.cities[0]
-    rates = rate_map(city, environment.channel, environment.sight[0], device)
+    rates = environment.rate_map(device[0] * environment.size + device[1])
     rates = np.where(city.no_fly, np.nan, rates)
     picture = draw_city(ax, city).imshow(rates, norm="log", zorder=1.5)
     ax.plot(device[1], device[0], "X", color="white", mec="black", ms=12, zorder=6)

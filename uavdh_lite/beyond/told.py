@@ -18,7 +18,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from uavdh_lite.channel import rate_map
 from uavdh_lite.environment import State
 from uavdh_lite.observation import Observation
 from uavdh_lite.planners import shortest_paths
@@ -79,10 +78,7 @@ class ToldObservation(Observation):
         for number, city in enumerate(environment.cities):
             own = (row < city.own_size) & (col < city.own_size)
             for cell in np.flatnonzero(city.open_to_devices):
-                device = divmod(int(cell), environment.size)
-                sight = environment.sight[number]
-                rates = rate_map(city, environment.channel, sight, device)
-                data[number, cell] = rates.ravel() * own
+                data[number, cell] = environment.rate_map(int(cell), number).ravel() * own
         return self._tensor(environment.channel.slots * data.reshape(-1, cells))
 
     @cached_property
