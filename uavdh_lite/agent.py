@@ -26,6 +26,7 @@ class Agent(Policy):
     | `network`, `observation` | the network and what it sees, on one device |
     | `recipe`, `scenario` | what it was trained with |
     | `training` | seed, environment steps, validation metrics, command, versions |
+    | `trained_in` | the cities that it was trained in; by default those that it flies over |
     """
 
     network: nn.Module
@@ -33,6 +34,10 @@ class Agent(Policy):
     recipe: Recipe
     scenario: Scenario
     training: dict = field(default_factory=dict)
+    trained_in: tuple[City, ...] = ()
+
+    def __post_init__(self):
+        object.__setattr__(self, "trained_in", self.trained_in or self.cities)
 
     @property
     def environment(self) -> Environment:
@@ -41,20 +46,24 @@ class Agent(Policy):
 
     @property
     def cities(self) -> tuple[City, ...]:
-        """The cities that it flies over, or that it was trained in."""
+        """The cities that it flies over."""
         return self.environment.cities
 
     @property
     def city(self) -> City:
         """The city that it flies over; raises `InputError` if there are several."""
         if len(self.cities) > 1:
-            raise InputError(f"this agent has {len(self.cities)} cities: take agent.over(city)")
+            raise InputError(
+                f"this agent flies over {len(self.cities)} cities: choose one, with "
+                "agent.over(city), on the command line with --city"
+            )
         return self.cities[0]
 
     @torch.no_grad()
     def q_values(self, state: State) -> Tensor:
         """Q-values of all actions, (B, 6), on the CPU."""
-        chunks = [state[start : start + CHUNK] for start in range(0, len(state), CHUNK)]
+        starts = range(0, max(len(state), 1), CHUNK)
+        chunks = [state[start : start + CHUNK] for start in starts]
         return torch.cat([self.network(*self.observation(chunk)).cpu() for chunk in chunks])
 
     def act(self, state: State) -> np.ndarray:
@@ -63,10 +72,10 @@ class Agent(Policy):
 
     def knows(self, cities: tuple[City, ...]) -> bool:
         """Whether it was trained for these cities: in them, or in many that are as large."""
-        if fingerprint_of(cities) == fingerprint_of(self.cities):
+        own = self.trained_in
+        if fingerprint_of(cities) == fingerprint_of(own):
             return True
-        largest = max(city.size for city in cities)
-        return len(self.cities) > 1 and largest <= self.observation.size
+        return len(own) > 1 and max(city.size for city in cities) <= own[0].size
 
     def over(self, city: City | tuple[City, ...]) -> "Agent":
         """The same network over another city, or several; a smaller one lies in no-fly cells.

@@ -75,13 +75,16 @@ def _digest(header: str, tensors: dict[str, Tensor]) -> str:
 
 
 def save_agent(path: str | Path, agent: Agent) -> None:
-    """Write an agent: weights, cities, recipe, scenario and how it was trained."""
+    """Write an agent: weights, the cities it was trained in, recipe, scenario, how it was trained.
+
+    Over which other cities it flies is not part of the file: `agent.over` says that again.
+    """
     tensors = {f"network.{name}": value for name, value in agent.network.state_dict().items()}
-    tensors["cities"] = torch.from_numpy(np.stack([city.kinds for city in agent.cities]))
+    tensors["cities"] = torch.from_numpy(np.stack([city.kinds for city in agent.trained_in]))
     about = {
         "recipe": agent.recipe.as_json(),
         "scenario": asdict(agent.scenario),
-        "cities": [{"name": city.name, "size": city.own_size} for city in agent.cities],
+        "cities": [{"name": city.name, "size": city.own_size} for city in agent.trained_in],
         "size": agent.observation.size,
         "training": agent.training,
     }

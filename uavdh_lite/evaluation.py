@@ -7,7 +7,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from uavdh_lite.city import fingerprint_of
 from uavdh_lite.environment import HOVER, Environment, Outcome, Rewards, State, checked_actions
+from uavdh_lite.errors import InputError
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream
 
@@ -22,6 +24,10 @@ class Policy(Protocol):
     def act(self, state: State) -> np.ndarray:
         """An action for each episode, (B,) indices into `ACTIONS`; any one where it is over."""
         ...
+
+    def made_for(self) -> Environment | None:
+        """The environment over whose cities it flies: its own, if it has one; None for any."""
+        return getattr(self, "environment", None)
 
 
 def in_flight(state: State, act: Callable[[State], np.ndarray]) -> np.ndarray:
@@ -171,8 +177,10 @@ def fly(
     Fading is drawn for all episodes in every step, so it does not depend on what the policy does:
     two policies with the same start and equal generators have the same fading.
 
-    Raises `InputError` if the policy gives anything that is not an action.
+    Raises `InputError` if the policy is made for other cities, or gives anything that is not an
+    action.
     """
+    _require_made_for(policy, environment)
     policy, state, rewards = policy.begin(start), start, Rewards()
     history: list[Step] = []
     while not state.ended.all():
@@ -181,6 +189,26 @@ def fly(
         history.append(Step(state, action, outcome, rewards(outcome)))
         state = after
     return Flights(start, state, history)
+
+
+def _require_made_for(policy: Policy, environment: Environment) -> None:
+    """Raise `InputError` if the policy is made for other cities, whose cells mean other places."""
+    own = policy.made_for()
+    if own is None or own is environment:
+        return
+    if own.size != environment.size or fingerprint_of(own.cities) != fingerprint_of(
+        environment.cities
+    ):
+        made_for, here = (
+            f"{each.cities[0].name}{' and others' * (len(each.cities) > 1)} "
+            f"({len(each.cities)} of {each.size} × {each.size} cells)"
+            for each in (own, environment)
+        )
+        raise InputError(
+            f"this {type(policy).__name__} is made for {made_for}, not for {here}: take "
+            "agent.over(city) of an agent (--city on the command line), or make another policy "
+            "with this environment"
+        )
 
 
 def evaluate(

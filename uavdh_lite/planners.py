@@ -25,7 +25,11 @@ class Random(Policy):
     """
 
     def __init__(self, seed: int = 0):
-        self.generator = stream(Use.EXPLORATION, seed)
+        self.seed, self.generator = seed, stream(Use.EXPLORATION, seed)
+
+    def begin(self, start: State) -> Policy:
+        """A policy whose draws begin anew, so that equal flights have equal actions."""
+        return Random(self.seed)
 
     def act(self, state: State) -> np.ndarray:
         """Draws for the episodes that still fly; `hover` in the others."""

@@ -24,7 +24,7 @@ def policies_for(environment: Environment) -> list[str]:
 def agents_for(environment: Environment) -> list[str]:
     """The names of the shipped agents that know these cities: those of any city come last."""
     knowing = [name for name in shipped_agents() if _shipped(name).knows(environment.cities)]
-    return sorted(knowing, key=lambda name: len(_shipped(name).cities))
+    return sorted(knowing, key=lambda name: len(_shipped(name).trained_in))
 
 
 def find_policy(name: str, environment: Environment, seed: int = 0) -> Policy:
@@ -41,7 +41,7 @@ def find_policy(name: str, environment: Environment, seed: int = 0) -> Policy:
         raise InputError(f"no policy named {name!r}: choose one of {', '.join(known_policies())}")
     agent = _shipped(name)
     if not agent.knows(environment.cities):
-        trained, found = agent.cities[0].name, environment.cities[0].name
+        trained, found = agent.trained_in[0].name, environment.cities[0].name
         choices = ", ".join(policies_for(environment))
         raise InputError(f"agent {name} was trained in {trained}, not in {found}: take {choices}")
     return agent.over(environment.city)

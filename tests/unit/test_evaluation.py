@@ -1,10 +1,14 @@
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
 
+from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.environment import EAST, HOVER, LAND, WEST, Environment
+from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import (
+    FunctionPolicy,
     Policy,
     bootstrap_interval,
     evaluate,
@@ -13,6 +17,7 @@ from uavdh_lite.evaluation import (
     mean_interval,
     wilson_interval,
 )
+from uavdh_lite.planners import Greedy, Random
 from uavdh_lite.streams import Use, stream
 
 
@@ -59,6 +64,44 @@ def test_metrics_of_landing_at_once_and_of_never_landing(environment, corridor_s
     assert np.array_equal(records["safety_interventions"], never.start.time_left)
     assert records["return"] == pytest.approx(data - 1.2 * never.steps - 150, rel=1e-4)
     assert records["collected"] == pytest.approx(data / never.start.data_initial.sum(1))
+
+
+class AlwaysEast(Policy):
+    """As a student writes it: with an environment, and nothing said of what it is made for."""
+
+    def __init__(self, environment):
+        self.environment = environment
+
+    def act(self, state):
+        return np.full(len(state), EAST)
+
+
+@pytest.mark.parametrize("kind", ["agent", "greedy", "genie", "student"])
+def test_a_policy_made_for_other_cities_is_refused(kind, corridor, corridor_scenario, trainer):
+    """The cells decide, whatever the names are."""
+    agent = trainer().agent
+    over = {"greedy": Greedy, "genie": Genie, "student": AlwaysEast}
+    make = over.get(kind, lambda environment: agent.over(environment.cities))
+    turned = replace(corridor, landing=corridor.landing[:, ::-1])
+    tiny, both = corridor.from_text("tiny", "L . \n . ."), (corridor, turned)
+    for own, elsewhere in permutations((corridor, turned, both, both[::-1], tiny), 2):
+        with pytest.raises(InputError, match=r"is made for .*agent\.over\(city\).*--city"):
+            evaluate(Environment(elsewhere), make(Environment(own)), corridor_scenario, 3, seed=1)
+    renamed = Environment(replace(corridor, name="other"))
+    assert len(evaluate(renamed, make(Environment(corridor)), corridor_scenario, 3, 1).start) == 3
+
+
+@pytest.mark.parametrize("kind", [Greedy, Genie])
+def test_a_larger_city_is_refused_by_name(kind, corridor, corridor_scenario):
+    environment = Environment(corridor.embedded(6))
+    with pytest.raises(InputError, match=r"corridor \(1 of 5 × 5.*not for corridor \(1 of 6 × 6"):
+        evaluate(environment, kind(Environment(corridor)), corridor_scenario, 3, seed=1)
+
+
+def test_a_policy_of_a_function_flies_anywhere(environment, corridor_scenario):
+    policy = FunctionPolicy(lambda state: np.full(len(state), HOVER))
+    assert policy.made_for() is None and Random(0).made_for() is None
+    assert len(evaluate(environment, policy, corridor_scenario, 3, seed=1).start) == 3
 
 
 def test_a_flight_by_hand(environment, start):

@@ -34,6 +34,15 @@ def test_random_takes_every_action_alike_and_draws_for_nobody_who_has_landed(sma
     assert np.array_equal(action[~landed], Random(0).act(state[~landed]))
 
 
+def test_random_flies_alike_however_often_it_has_flown():
+    environment, policy = Environment(load_city("village")), Random(3)
+    first, again, other = (
+        evaluate(environment, each, find_scenario("village"), 50, seed=0).returns
+        for each in (policy, policy, Random(4))
+    )
+    assert np.array_equal(first, again) and not np.array_equal(first, other)
+
+
 @pytest.mark.parametrize("name", ["manhattan", "open_field"])
 def test_greedy_always_lands_in_time_and_needs_no_safety_controller(name):
     environment = Environment(load_city(name))

@@ -23,6 +23,7 @@ from uavdh_lite import registry
 from uavdh_lite.city import SIGNS, City, grow
 from uavdh_lite.config import option, require_bounds
 from uavdh_lite.errors import CityError, InputError
+from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream
 
 FREE, NO_FLY, LOW, LANDING, TALL = (SIGNS.index(sign) for sign in ".NbLB")
@@ -311,4 +312,9 @@ def random_cities(name: str) -> tuple[City, ...]:
     return generator.draw(int(count), int(seed))
 
 
+ANY_CITY = Scenario(
+    "any_city", "random:3000:0:8-16", devices=(1, 6), data=(1.0, 25.0), flying_time=(20, 70)
+)
+
 registry.register("cities", "random", random_cities)
+registry.register("scenario", ANY_CITY.name, ANY_CITY)

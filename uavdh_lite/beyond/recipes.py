@@ -1,4 +1,4 @@
-"""Recipes with ideas from beyond the paper, and the scenario over many cities."""
+"""Recipes with ideas from beyond the paper."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -20,7 +20,6 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.network import QNetwork
 from uavdh_lite.observation import Observation
 from uavdh_lite.recipe import LITE, PAPER, Recipe, ramp
-from uavdh_lite.scenario import Scenario
 
 
 class SafeToldObservation(ToldObservation, SafeObservation):
@@ -143,8 +142,3 @@ learner has flown.
 
 for recipe in (TOLD, IMITATION):
     registry.register("recipe", recipe.name, recipe)
-
-ANY_CITY = Scenario(
-    "any_city", "random:3000:0:8-16", devices=(1, 6), data=(1.0, 25.0), flying_time=(20, 70)
-)
-registry.register("scenario", ANY_CITY.name, ANY_CITY)

@@ -145,6 +145,8 @@ def as_policy(env: gymnasium.Env, predict: Callable, masked: bool = False) -> Po
     one: Any = env.unwrapped  # a DataHarvesting
 
     class Predicted(Policy):
+        environment = one.environment
+
         def act(self, state: State) -> np.ndarray:
             return in_flight(state, ask)
 
