@@ -147,8 +147,8 @@ class Flights:
         }
 
     def metrics(self) -> dict[str, Interval]:
-        """The mean of each metric over the episodes; see `intervals`."""
-        return intervals(self.records())
+        """The mean of each metric over the episodes; see `intervals`. Cities are drawn whole."""
+        return intervals(self.records(), self.start.city)
 
     def trajectory(self, episode: int) -> Trajectory:
         """One episode step by step."""
@@ -222,26 +222,42 @@ def evaluate(
     """Fly `episodes` random missions; the same seed draws the same missions and fading.
 
     The return always has the constants of `Rewards()`, so agents trained with others compare.
+
+    Raises `InputError` as `fly` does, and unless `episodes` is at least 1.
     """
+    if episodes < 1:
+        raise InputError(f"{episodes} episodes: must be at least 1")
     generator = stream(use, seed)
     start = scenario.sample(environment, episodes, generator)
     return fly(environment, policy, start, generator)
 
 
-def intervals(records: dict[str, np.ndarray]) -> dict[str, Interval]:
+def intervals(
+    records: dict[str, np.ndarray], groups: np.ndarray | None = None
+) -> dict[str, Interval]:
     """The mean of each metric, (N,) values: Wilson's interval for `landed`, else the bootstrap's.
 
-    Whether an episode landed is yes or no, and for rare events the bootstrap is too narrow.
+    Whether an episode landed is yes or no, and for rare events the bootstrap is too narrow. Over
+    several `groups`, such as cities, all intervals are those of `bootstrap_interval`.
     """
+    alone = _alone(groups)
     return {
-        name: wilson_interval(values) if name == "landed" else bootstrap_interval(values)
+        name: wilson_interval(values)
+        if name == "landed" and alone
+        else bootstrap_interval(values, groups)
         for name, values in records.items()
     }
 
 
-def mean_interval(values: np.ndarray) -> Interval:
-    """The mean of independent values, (N,): Wilson's interval if all are 0 or 1."""
-    return wilson_interval(values) if np.isin(values, (0, 1)).all() else bootstrap_interval(values)
+def mean_interval(values: np.ndarray, groups: np.ndarray | None = None) -> Interval:
+    """The mean of values, (N,): Wilson's interval if all are 0 or 1 and there is one group."""
+    wilson = _alone(groups) and np.isin(values, (0, 1)).all()
+    return wilson_interval(values) if wilson else bootstrap_interval(values, groups)
+
+
+def _alone(groups: np.ndarray | None) -> bool:
+    """Whether the values are independent of each other: no groups, or all of them in one."""
+    return groups is None or bool((groups == groups[0]).all())
 
 
 def wilson_interval(values: np.ndarray) -> Interval:
@@ -265,6 +281,7 @@ def bootstrap_interval(values: np.ndarray, groups: np.ndarray | None = None) -> 
     Arguments:
         groups: which values belong together, (N,), such as the missions of one city. Then whole
             groups are drawn again: the interval is for missions in other cities of the same kind.
+            If all are in one group, it is for more values of that group.
     """
     counts, sums = drawn_again(groups, np.ones(len(values)), values)
     low, high = np.quantile(sums / counts, [0.025, 0.975])
@@ -276,7 +293,7 @@ def drawn_again(groups: np.ndarray | None, *columns: np.ndarray) -> np.ndarray:
 
     All columns get the same draws. Returns (columns, 2000).
     """
-    groups = np.arange(len(columns[0])) if groups is None else groups
+    groups = np.arange(len(columns[0])) if _alone(groups) else groups
     _, member = np.unique(groups, return_inverse=True)
     by_group = [np.bincount(member, column) for column in columns]
     generator, count = stream(Use.BOOTSTRAP), len(by_group[0])

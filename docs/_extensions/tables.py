@@ -197,10 +197,11 @@ def comparison(scenario: str) -> str:
     """The shipped agents, the planners and, where it has one, the paper's agent."""
     rows = []
     for policy, columns in _flown(scenario).items():
-        shares = [mean_interval(columns[metric]) for metric in (*SHARES, "time_used")]
+        cities = columns.get("city")
+        shares = [mean_interval(columns[metric], cities) for metric in (*SHARES, "time_used")]
         *landed_and_collected, time = map(_percent, shares)
         name = PLANNERS.get(policy, f"**`{policy}`**")
-        total = _number(mean_interval(columns["return"]))
+        total = _number(mean_interval(columns["return"], cities))
         rows.append([name, *landed_and_collected, total, time])
     if scenario in RESULTS:
         paper = [f"{100 * RESULTS[scenario][metric]:g} %" for metric in SHARES]
@@ -250,7 +251,9 @@ def kind_of(city: np.ndarray) -> np.ndarray:
 
 def _by(scenario: str, title: str, by: Callable[[dict[str, np.ndarray]], np.ndarray]) -> str:
     flown = {k: v for k, v in _flown(scenario).items() if k not in ("random", "genie")}
-    parts = [breakdown(columns[BOTH], by(columns)) for columns in flown.values()]
+    parts = [
+        breakdown(columns[BOTH], by(columns), columns.get("city")) for columns in flown.values()
+    ]
     rows = [
         [label, count, *(_percent(part[2]) for part in group)]
         for group in zip(*parts, strict=True)

@@ -17,7 +17,8 @@ from uavdh_lite.city import load_cities
 from uavdh_lite.cli import training
 from uavdh_lite.cli.main import COMMANDS, main
 from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import evaluate
+from uavdh_lite.evaluation import bootstrap_interval, evaluate
+from uavdh_lite.experiments.report import interval_text
 from uavdh_lite.missions import load_mission
 from uavdh_lite.paper import RESULTS
 from uavdh_lite.recipe import find_recipe
@@ -76,6 +77,21 @@ def test_compare_writes_every_episode(tmp_path, capsys):
     about = json.loads((tmp_path / "table.json").read_text())
     assert about["command"] == shlex.join(["python", "-m", "uavdh_lite", "compare", *options])
     assert about["seed"] == 0 and about["agent"]["steps"] > 0
+
+
+def test_intervals_over_several_cities_are_those_of_whole_cities(tmp_path, capsys):
+    """The same missions by `compare`, whose table is written, and by `evaluate`."""
+    out = tmp_path / "table.csv.gz"
+    options = ["--checkpoint", "any_city", "--city", "random:3:5:8", "--episodes", "30"]
+    assert main(["compare", *options, "--out", str(out)]) == 0
+    printed = capsys.readouterr().out.splitlines()[2]
+    table = read_table(out)
+    of_agent = table["policy"] == "agent"
+    values, cities = table["return"][of_agent], table["city"][of_agent]
+    whole = interval_text("return", bootstrap_interval(values, groups=cities))
+    assert whole in printed and whole != interval_text("return", bootstrap_interval(values))
+    assert main(["evaluate", *options]) == 0
+    assert whole in capsys.readouterr().out
 
 
 def test_a_mission_is_saved_changed_and_flown_again(tmp_path, capsys):

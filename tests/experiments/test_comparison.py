@@ -5,7 +5,7 @@ import pytest
 
 from uavdh_lite.city import City, load_cities
 from uavdh_lite.environment import Environment
-from uavdh_lite.evaluation import evaluate
+from uavdh_lite.evaluation import bootstrap_interval, evaluate
 from uavdh_lite.experiments.comparison import (
     breakdown,
     compare,
@@ -80,6 +80,16 @@ def test_breakdown_by_values_words_and_ranges(by, labels, counts):
     groups = breakdown(values, by)
     assert [(label, count) for label, count, _ in groups] == list(zip(labels, counts, strict=True))
     assert sum(count * mean.mean for _, count, mean in groups) == pytest.approx(values.sum())
+
+
+def test_in_each_part_of_a_breakdown_whole_cities_are_drawn_again(generator):
+    by, city = np.repeat([2, 3], 50), np.tile(np.repeat(["a", "b"], 25), 2)
+    values = 10.0 * (city == "b") + generator.random(100)
+    for (_, _, apart), (_, _, together), part in zip(
+        breakdown(values, by), breakdown(values, by, city), (by == 2, by == 3), strict=True
+    ):
+        assert together == bootstrap_interval(values[part], city[part])
+        assert together.high - together.low > 9 > 4 > apart.high - apart.low
 
 
 def test_a_comparison_is_kept_as_a_table_and_how_it_was_made(results, tmp_path):

@@ -152,6 +152,37 @@ def test_only_landed_gets_wilsons_interval_whatever_the_values_are():
     assert found["safety_interventions"] == bootstrap_interval(values) != found["landed"]
 
 
+def test_over_several_cities_whole_cities_are_drawn_again(corridor, corridor_scenario):
+    """In the twin no device can be reached in time: all episodes of a city are alike."""
+    far = corridor.from_text("far", "B B B B B\nL B B B B\n" + 3 * ". . . . .\n")
+    both = Environment((corridor, far))
+    flights = evaluate(both, Greedy(both), corridor_scenario, 300, seed=2)
+    found, records, cities = flights.metrics(), flights.records(), flights.start.city
+    assert set(cities) == {0, 1}
+    for name, values in records.items():
+        assert found[name] == bootstrap_interval(values, groups=cities)
+    means = [records["return"][cities == city].mean() for city in (0, 1)]
+    assert found["return"].low == pytest.approx(min(means), rel=1e-5)
+    assert found["return"].high == pytest.approx(max(means), rel=1e-5)
+    alone = Environment(corridor)
+    one = evaluate(alone, Greedy(alone), corridor_scenario, 300, seed=2)
+    assert one.metrics()["landed"] == wilson_interval(one.records()["landed"])
+
+
+def test_without_episodes_nothing_is_evaluated(environment, corridor_scenario):
+    with pytest.raises(InputError, match="0 episodes: must be at least 1"):
+        evaluate(environment, Random(0), corridor_scenario, 0, seed=1)
+
+
+def test_values_of_one_group_are_independent(generator):
+    values, landed = generator.random(50), np.r_[np.zeros(3), np.ones(47)]
+    assert bootstrap_interval(values, np.zeros(50, int)) == bootstrap_interval(values)
+    assert mean_interval(landed, np.zeros(50, int)) == wilson_interval(landed)
+    assert mean_interval(landed, np.arange(50) // 9) == bootstrap_interval(
+        landed, np.arange(50) // 9
+    )
+
+
 def test_shares_get_wilsons_interval_as_in_the_tables(generator):
     landed = np.r_[np.zeros(3), np.ones(997)]
     assert mean_interval(landed) == pytest.approx((0.997, 0.99122, 0.99898), abs=1e-5)

@@ -179,7 +179,7 @@ def compare(
     comparison.save_comparison(out, results, about)
     print(f"{name}: {episodes} random missions, seed {seed}")
     metrics = {
-        policy: evaluation.intervals({metric: columns[metric] for metric in METRICS})
+        policy: evaluation.intervals({m: columns[m] for m in METRICS}, columns.get("city"))
         for policy, columns in results.items()
     }
     print(policies_table(metrics))

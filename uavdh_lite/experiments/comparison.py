@@ -71,23 +71,30 @@ def share(values: np.ndarray, reference: np.ndarray, groups: np.ndarray | None =
 
 
 def breakdown(
-    values: np.ndarray, by: np.ndarray, groups: int = 4
+    values: np.ndarray, by: np.ndarray, groups: np.ndarray | None = None, parts: int = 4
 ) -> list[tuple[str, int, Interval]]:
-    """The mean of `values` within groups of episodes: (label, number of episodes, mean).
+    """The mean of `values` in parts of the episodes: (label, number of episodes, mean).
 
-    Groups are the different values of `by` if there are few or they are words, otherwise ranges
-    with about equally many episodes.
+    Parts are the different values of `by` if there are few or they are words, otherwise ranges
+    with about equally many episodes. `groups` are those of `bootstrap_interval`.
     """
     different = np.unique(by)
     if by.dtype.kind == "U":
         members = [(value.replace("_", " "), by == value) for value in different.tolist()]
-    elif len(different) <= groups + 1:
+    elif len(different) <= parts + 1:
         members = [(f"{value:g}", by == value) for value in different]
     else:
-        edges = np.quantile(by, np.linspace(0, 1, groups + 1))
-        group_of = np.searchsorted(edges[1:-1], by, side="right")
-        members = [(_range(by[group_of == g]), group_of == g) for g in np.unique(group_of)]
-    return [(label, int(inside.sum()), mean_interval(values[inside])) for label, inside in members]
+        edges = np.quantile(by, np.linspace(0, 1, parts + 1))
+        part_of = np.searchsorted(edges[1:-1], by, side="right")
+        members = [(_range(by[part_of == part]), part_of == part) for part in np.unique(part_of)]
+    return [
+        (
+            label,
+            int(inside.sum()),
+            mean_interval(values[inside], None if groups is None else groups[inside]),
+        )
+        for label, inside in members
+    ]
 
 
 def _range(values: np.ndarray) -> str:
