@@ -4,12 +4,13 @@ import json
 import subprocess
 import sys
 import time
+from dataclasses import asdict
 
 import pytest
 
 from uavdh_lite.city import City
 from uavdh_lite.cli.main import main
-from uavdh_lite.course.challenge import METRICS, Challenge, enter, leaderboard, score
+from uavdh_lite.course.challenge import SCORED, Challenge, enter, entry_name, leaderboard, score
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
@@ -40,12 +41,20 @@ BAD = {
         "action 4.9 of episode 0",
     ),
     "an exit": ("import os\nos._exit(0)", "gave no answer"),
+    "closed descriptors": ("import os, time\nos.closerange(0, 100)\ntime.sleep(60)", "no answer"),
+    "a question to nobody": ("input()", "EOFError"),
+    "an answer of its own": (  # what is no action, by every way out of its process
+        "import os\nfor n in range(64):\n    try:\n        os.write(n, b'[1]' * 99)\n"
+        "    except OSError:\n        pass\ndef policy(environment, state):\n    return state.city",
+        "action 91 of episode 0",
+    ),
 }
 HANGS = {
     "a loop": "while True:\n    pass",
-    # Finding: the referee waited for the descriptors, which this one closes, for ever
-    "closed descriptors": "import os, time\nos.closerange(0, 100)\ntime.sleep(60)",
     "a child": "import subprocess\nsubprocess.run(['sleep', '60'])",
+    # It keeps the pipes open when the submission itself has been ended
+    "a daemon": "import os, time\nif not os.fork():\n    os.setsid()\ntime.sleep(20)",
+    "endless printing": "while True:\n    print('x' * 10_000)",
 }
 
 
@@ -65,8 +74,8 @@ def test_a_policy_in_its_own_process_scores_what_it_scores_in_this_one(submit):
     metrics = evaluate(
         environment, Greedy(environment), find_scenario("village"), 40, SMALL.seed, Use.CHALLENGE
     ).metrics()
-    assert own["failed"] is None and own["name"] == "submission"
-    for name in METRICS:
+    assert own["failed"] is None and own["name"].endswith("/submission")
+    for name in SCORED:
         assert own[name] == known[name] == list(metrics[name])
 
 
@@ -98,10 +107,10 @@ def test_no_score_is_lost_when_ten_processes_write_at_once(tmp_path):
     path = tmp_path / "board.json"
     code = (
         "import sys; from pathlib import Path; "
-        "from uavdh_lite.course.challenge import METRICS, Challenge, enter; "
+        "from uavdh_lite.course.challenge import SCORED, Challenge, enter; "
         "input(); path, own = Path(sys.argv[1]), sys.argv[2]; "
-        "[enter(path, Challenge('village', 40), dict.fromkeys(METRICS, [0, 0, 0]) "
-        "| {'name': own + str(k), 'failed': None}) for k in range(4)]"
+        "[enter(path, Challenge('village', 40), dict.fromkeys(SCORED, [0, 0, 0]) "
+        "| {'name': own + str(k), 'failed': None, 'file': None}) for k in range(4)]"
     )
     writers = [
         subprocess.Popen([sys.executable, "-c", code, path, f"{k}-"], stdin=subprocess.PIPE)
@@ -117,21 +126,21 @@ def test_no_score_is_lost_when_ten_processes_write_at_once(tmp_path):
 @pytest.mark.parametrize("scenario", ["manhattan", "open_field"])
 def test_the_boards_of_the_practice_sets_load(scenario):
     table = leaderboard(data_folder() / "challenge" / f"practice-{scenario}.json")
-    assert f"{scenario}, 1000 hidden missions" in table and "| greedy |" in table
+    assert f"{scenario}, 1000 practice missions" in table and "| greedy |" in table
 
 
 def test_the_board_ranks_and_keeps_failures_apart(tmp_path):
     board = tmp_path / "board.json"
     for name, share in (("second", 0.5), ("first", 0.9)):
-        numbers = {name: [share] * 3 for name in METRICS}
-        enter(board, SMALL, {"name": name, "failed": None, **numbers})
-    enter(board, SMALL, {"name": "first", "failed": "a reason"})
+        numbers = {name: [share] * 3 for name in SCORED}
+        enter(board, SMALL, {"name": name, "file": None, "failed": None, **numbers})
+    enter(board, SMALL, {"name": "first", "file": None, "failed": "a reason"})
     table = leaderboard(board)
     places = [table.index(part) for part in ("| 1 | first", "| 2 | second", "failed: first: a")]
     assert places == sorted(places)
     for other in (Challenge("village", 41), Challenge("village", 40, seed=1)):
         with pytest.raises(InputError, match="another challenge"):
-            enter(board, other, {"name": "x", "failed": "y"})
+            enter(board, other, {"name": "x", "file": None, "failed": "y"})
 
 
 def test_hidden_missions_differ_and_are_not_overwritten(tmp_path):
@@ -141,9 +150,13 @@ def test_hidden_missions_differ_and_are_not_overwritten(tmp_path):
     assert Challenge.load(tmp_path / "secret.json") == first
     with pytest.raises(InputError, match="exists"):
         second.save(tmp_path / "secret.json")
-    (tmp_path / "other.json").write_text("[]")
-    with pytest.raises(InputError, match=r"other\.json"):
-        Challenge.load(tmp_path / "other.json")
+    if sys.platform != "win32":
+        assert (tmp_path / "secret.json").stat().st_mode & 0o777 == 0o600
+    wrong = [{}, {"seed": None}, {"episodes": 1.5}, {"scenario": "nowhere"}, {"scenario": [1]}]
+    for values in ([], *(one and asdict(first) | one for one in wrong)):
+        (tmp_path / "other.json").write_text(json.dumps(values))
+        with pytest.raises(InputError, match=r"other\.json"):
+            Challenge.load(tmp_path / "other.json")
 
 
 def test_the_commands(tmp_path, capsys, submit):
@@ -153,3 +166,51 @@ def test_the_commands(tmp_path, capsys, submit):
     assert main(command.split()) == 0
     assert main(f"challenge show {board}".split()) == 0
     assert "| 1 |" in capsys.readouterr().out
+
+
+def test_two_with_one_name_do_not_overwrite_each_other(tmp_path, capsys):
+    """Finding: `a/my_policy.py` and `b/my_policy.py` left one row; `greedy.py` was the baseline."""
+    board, files = tmp_path / "board.json", []
+    for name in ("a/my_policy.py", "b/my_policy.py", "b/greedy.py", "c/b/my_policy.py"):
+        files.append(tmp_path / name)
+        files[-1].parent.mkdir(parents=True, exist_ok=True)
+        files[-1].write_text(GREEDY)
+
+    def entered(*arguments):
+        options = ["--scenario", "village", "--leaderboard", str(board)]
+        status = main(["challenge", "score", *map(str, arguments), *options])
+        said = capsys.readouterr()
+        return status, said.out + said.err
+
+    assert entered(*files[:3], "greedy")[0] == 0
+    names = {"a/my_policy", "b/my_policy", "b/greedy", "greedy"}
+    assert set(json.loads(board.read_text())["scores"]) == names
+    status, said = entered(files[3])
+    assert (
+        status == 2 and "has a score of b/my_policy, from b/my_policy.py: give c/b/my_pol" in said
+    )
+    assert entered(files[3], "--name", "c")[0] == 0
+    assert "replaces the score of" in entered(files[1])[1]
+    assert "replaces the score of" in entered(files[0], "--name", "c")[1]
+    status, said = entered(files[1], files[3])
+    assert status == 2 and "two submissions would be b/my_policy" in said
+    for name in ("greedy", "manhattan", " ", "a\nb", "\udc80"):
+        with pytest.raises(InputError, match="printable, and not that of a planner"):
+            entry_name(str(files[0]), name)
+
+
+def test_a_submission_is_not_told_the_seed(submit):
+    """It may look into its arguments, its environment and all of its memory."""
+    text = """
+import gc, os, sys
+def policy(environment, state):
+    seen = [sys.argv, dict(os.environ), *(vars(m) for m in sys.modules.values() if m)]
+    assert "8642097531" not in repr(seen) + repr([o for o in gc.get_objects() if type(o) is dict])
+    return environment.next_cell[0][state.uav_cell].argmin(1)
+"""
+    assert score(Challenge("village", 3, seed=8642097531), submit(text))["failed"] is None
+
+
+def test_what_a_submission_prints_takes_no_memory_and_its_end_is_told(submit):
+    text = "import sys\nsys.stderr.write('x' * 10**8 + chr(10))\nraise RuntimeError('the reason')"
+    assert score(SMALL, submit(text))["failed"] == "RuntimeError: the reason"

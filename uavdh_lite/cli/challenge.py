@@ -5,9 +5,10 @@ from pathlib import Path
 from cyclopts import App
 from cyclopts.types import PositiveFloat, PositiveInt
 
-from uavdh_lite.course.challenge import METRICS, Challenge, enter
+from uavdh_lite.course.challenge import SCORED, Challenge, enter, entry_name, opened
 from uavdh_lite.course.challenge import leaderboard as board_of
 from uavdh_lite.course.challenge import score as flown_score
+from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Interval
 from uavdh_lite.experiments.report import interval_text
 
@@ -36,10 +37,12 @@ def score(
     leaderboard: Path | None = None,
     scenario: str = "manhattan",
     seconds: PositiveFloat = 300,
+    name: str | None = None,
 ) -> None:
     """Fly submissions and print their scores.
 
-    Without --secret they fly the practice set.
+    Without --secret they fly the practice set. A file's score is entered under its folder and name,
+    as in alice/my_policy.
 
     Arguments:
         submission: random, greedy, genie, a shipped agent's name, a checkpoint, or a Python file
@@ -49,17 +52,26 @@ def score(
         leaderboard: a file to enter the scores in.
         scenario: the practice set's preset.
         seconds: time limit of a submission.
+        name: the name to enter one submission under; it may replace a score of that name.
     """
     flown = Challenge.load(secret) if secret else Challenge(scenario)
-    for path in (submission, *submissions):
-        result = flown_score(flown, path, seconds)
+    every = (submission, *submissions)
+    if name is not None and submissions:
+        raise InputError("--name names one submission: score the others by themselves")
+    names = [entry_name(path, name) for path in every]  # all are looked at before the first flies
+    if twice := [one for one in names if names.count(one) > 1]:
+        raise InputError(f"two submissions would be {twice[0]}: score them one by one, with --name")
+    if leaderboard:
+        opened(leaderboard, flown)
+    for path in every:
+        result = flown_score(flown, path, seconds, name)
         if result["failed"]:
             print(f"{result['name']}: failed: {result['failed']}")
         else:
-            means = (f"{m} {interval_text(m, Interval(*result[m]))}" for m in METRICS)
+            means = (f"{m} {interval_text(m, Interval(*result[m]))}" for m in SCORED)
             print(f"{result['name']}: {', '.join(means).replace('_', ' ')}, {result['seconds']} s")
-        if leaderboard:
-            enter(leaderboard, flown, result)
+        if leaderboard and (before := enter(leaderboard, flown, result, name is not None)):
+            print(f"{result['name']}: replaces the score of {before['when']}")
 
 
 @challenge.command

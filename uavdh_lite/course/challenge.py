@@ -1,26 +1,30 @@
 """A competition for a class: hidden missions, what a submission scores on them, a leaderboard.
 
-A submission is trusted code. It runs in a process of its own with a limit of time, as the user who
-started it, and may do whatever that user may. Run code of strangers in a container.
+A submission flies in a process of its own, which gets states and gives actions. The missions' seed,
+the fading and the score stay in this process, out of its reach. Yet it runs as the user who started
+it and may do whatever that user may, so run code of strangers in a container.
 """
 
+import io
 import json
+import os
 import runpy
 import secrets
 import subprocess
 import sys
-import tempfile
+import threading
 import time
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
 
+import numpy as np
 from filelock import FileLock
 
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import load_city
-from uavdh_lite.environment import Environment
+from uavdh_lite.environment import Environment, State, checked_actions
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import FunctionPolicy, Policy, evaluate
 from uavdh_lite.policies import find_policy, known_policies
@@ -28,7 +32,8 @@ from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import write_json
 from uavdh_lite.streams import Use
 
-METRICS = ("collected_and_landed", "landed", "return")
+SCORED = ("collected_and_landed", "landed", "return")
+KEPT = 4096  # bytes of what a submission prints: the end, which says why it failed
 
 
 @dataclass(frozen=True)
@@ -42,96 +47,212 @@ class Challenge:
     episodes: int = 1000
     seed: int = 0
 
+    def __post_init__(self):
+        if not isinstance(self.scenario, str):
+            raise InputError(f"scenario {self.scenario!r}: must be the name of a preset")
+        find_scenario(self.scenario)
+        for name, least in (("episodes", 1), ("seed", 0)):
+            value = getattr(self, name)
+            if type(value) is not int or not least <= value < 2**63:
+                raise InputError(f"{name} {value!r}: must be a whole number, {least} or more")
+
+    @property
+    def fingerprint(self) -> str:
+        """Which missions these are, without giving away the seed."""
+        return sha256(json.dumps([*asdict(self).values()]).encode()).hexdigest()[:16]
+
     @classmethod
     def hidden(cls, scenario: str, episodes: int) -> "Challenge":
         """A challenge whose seed is drawn by the system; keep its file to yourself."""
         return cls(find_scenario(scenario).name, episodes, 1 + secrets.randbelow(2**63 - 1))
 
     def save(self, path: Path) -> None:
-        """Write it as JSON; `InputError` if the file exists, for its missions would be lost."""
-        if path.exists():
-            raise InputError(f"{path} exists: its missions would be lost; take another name")
-        write_json(path, asdict(self))
+        """Write it as JSON that only you may read; `InputError` if the file exists."""
+        try:
+            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        except FileExistsError:
+            said = f"{path} exists: its missions would be lost; take another name"
+            raise InputError(said) from None
+        with open(descriptor, "w", encoding="utf-8") as file:
+            json.dump(asdict(self), file, indent=2)
 
     @classmethod
     def load(cls, path: Path) -> "Challenge":
         """Read what `save` wrote; `InputError` that names the file if it is no challenge."""
-        return cls(**_read(path, ["scenario", "episodes", "seed"]))
+        values = _read(path, ["scenario", "episodes", "seed"])
+        try:
+            return cls(**values)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
 
 
-def score(challenge: Challenge, submission: str, seconds: float = 300) -> dict:
-    """What a submission scores: each of `METRICS` as mean, low and high, or why it failed.
+def entry_name(submission: str, name: str | None = None) -> str:
+    """The name of a submission on a board: `name`, or folder and file as in "alice/my_policy".
+
+    A planner or shipped agent keeps its own. Raises `InputError` if there is no such submission,
+    or a file is to have a planner's or agent's name or one that cannot be printed.
+    """
+    known = known_policies()
+    if submission not in known and not Path(submission).is_file():
+        raise InputError(f"submission {submission}: no such file, planner or shipped agent")
+    if submission in known and name is None:
+        return submission
+    place = Path(submission).resolve()
+    name = f"{place.parent.name}/{place.stem}" if name is None else name
+    if name in known or not name.strip() or not name.isprintable():
+        raise InputError(f"name {name!r}: must be printable, and not that of a planner or an agent")
+    return name
+
+
+class _Pilot(Policy):
+    """Asks a submission's process for each action: states go in, a byte an episode comes out."""
+
+    def __init__(self, process: subprocess.Popen):
+        self.process = process
+
+    def act(self, state: State) -> np.ndarray:
+        buffer = io.BytesIO()
+        np.savez(buffer, **vars(state))  # type: ignore[arg-type]
+        question = buffer.getvalue()
+        self.process.stdin.write(len(question).to_bytes(8, "big") + question)
+        self.process.stdin.flush()
+        answer = np.frombuffer(self.process.stdout.read(len(state)), np.uint8)
+        if len(answer) < len(state):
+            raise EOFError
+        return answer
+
+
+def score(
+    challenge: Challenge, submission: str, seconds: float = 300, name: str | None = None
+) -> dict:
+    """What a submission scores: each of `SCORED` as mean, low and high, or why it failed.
 
     Arguments:
         submission: a known policy's name, a checkpoint, or a Python file with
             `policy(environment, state)`.
-        seconds: limit of time of the process that flies it.
+        seconds: limit of time for its process, from its start to the last landing.
+        name: see `entry_name`.
     """
-    if submission not in known_policies() and not Path(submission).is_file():
-        raise InputError(f"submission {submission}: no such file, planner or shipped agent")
-    started, result = time.time(), {"name": Path(submission).stem, "failed": None}
-    with tempfile.TemporaryDirectory() as folder:
-        answer, told = Path(folder, "answer.json"), Path(folder, "told.txt")
-        command = [sys.executable, "-m", __name__, submission, json.dumps(asdict(challenge))]
-        with told.open("wb") as output, suppress(subprocess.TimeoutExpired):  # no pipe may hang
-            subprocess.run([*command, answer], stdout=output, stderr=output, timeout=seconds)
-        if answer.exists():
-            result |= json.loads(answer.read_text())
-        else:
-            late = time.time() - started > seconds
-            last = told.read_text(errors="replace").strip().split("\n")[-1][:300]
-            result["failed"] = f"took more than {seconds:g} s" if late else last or "gave no answer"
-    return {**result, "when": time.ctime(started), "seconds": round(time.time() - started, 1)}
-
-
-def fly_submission(submission: str, challenge: str, answer: str) -> None:
-    """What the process of a submission does: fly all missions and write the metrics as JSON."""
-    asked = Challenge(**json.loads(challenge))
-    scenario = find_scenario(asked.scenario)
+    started, outcome, said = time.time(), {}, bytearray()
+    result = {"name": entry_name(submission, name), "file": None, "failed": None}
+    if submission not in known_policies():
+        result["file"] = str(Path(submission).resolve())
+    scenario = find_scenario(challenge.scenario)
     environment = Environment(load_city(scenario.city))
-    if submission.endswith(".py"):
+    process = subprocess.Popen(
+        [sys.executable, "-m", __name__, submission, challenge.scenario],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+
+    def listen() -> None:
+        with process.stderr as stream:
+            while part := stream.read1(KEPT):
+                said.extend(part)
+                del said[:-KEPT]
+
+    def fly() -> None:
+        missions = scenario, challenge.episodes, challenge.seed, Use.CHALLENGE
+        try:
+            with process.stdout, process.stdin:
+                metrics = evaluate(environment, _Pilot(process), *missions).metrics()
+            outcome.update({one: list(metrics[one]) for one in SCORED})
+        except (EOFError, OSError):
+            outcome["failed"] = ""  # it has ended: what it said last is the reason
+        except InputError as error:
+            outcome["failed"] = str(error)
+
+    # Threads that nobody has to wait for: a pipe may stay open in what a submission has started
+    listener, pilot = (threading.Thread(target=work, daemon=True) for work in (listen, fly))
+    listener.start()
+    pilot.start()
+    pilot.join(seconds)
+    late = pilot.is_alive()
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, 9) if hasattr(os, "killpg") else process.kill()
+    process.wait()
+    listener.join(1)
+    if late:
+        outcome = {"failed": f"took more than {seconds:g} s"}
+    elif outcome.get("failed") == "":
+        last = said.decode(errors="replace").strip().split("\n")[-1][:300]
+        outcome["failed"] = last or "gave no answer"
+    taken = round(time.time() - started, 1)
+    return {**result, **outcome, "when": time.ctime(started), "seconds": taken}
+
+
+def _serve(submission: str, scenario: str) -> None:
+    """What the process of a submission does: answer each state with actions until nobody asks."""
+    questions, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # what it reads and prints is its own affair
+    os.dup2(2, 1)
+    environment = Environment(load_city(find_scenario(scenario).city))
+    if submission in known_policies():
+        policy = find_policy(submission, environment)
+    elif submission.endswith(".py"):
         function = runpy.run_path(submission).get("policy")
         if not callable(function):
             raise InputError(f"{submission} has no function policy(environment, state)")
-        policy: Policy = FunctionPolicy(lambda state: function(environment, state))
-    elif submission in known_policies():
-        policy = find_policy(submission, environment)
+        policy = FunctionPolicy(lambda state: function(environment, state))
     else:
         policy = load_agent(submission).over(environment.cities)
-    flights = evaluate(environment, policy, scenario, asked.episodes, asked.seed, Use.CHALLENGE)
-    write_json(answer, {name: flights.metrics()[name] for name in METRICS})
+    flying: Policy | None = None
+    while size := questions.read(8):
+        with np.load(io.BytesIO(questions.read(int.from_bytes(size, "big")))) as arrays:
+            state = State(**arrays)
+        flying = flying or policy.begin(state)
+        answers.write(checked_actions(flying.act(state), len(state)).astype(np.uint8).tobytes())
+        answers.flush()
 
 
-def enter(path: Path, challenge: Challenge, score: dict) -> None:
+def opened(path: Path, challenge: Challenge) -> dict:
+    """The leaderboard in a file, or an empty one; `InputError` if it is another challenge's."""
+    empty = {"scenario": challenge.scenario, "episodes": challenge.episodes}
+    empty |= {"fingerprint": challenge.fingerprint, "scores": {}, "failures": []}  # no seed
+    board = _read(path, [*empty]) if path.exists() else empty
+    if board["fingerprint"] != challenge.fingerprint:
+        raise InputError(f"{path} is the board of another challenge: take another")
+    return board
+
+
+def enter(path: Path, challenge: Challenge, score: dict, replace: bool = False) -> dict | None:
     """Enter a score in a leaderboard, a JSON file with the newest score of each name.
 
-    A failure replaces no score. `InputError` if the file is the board of another challenge.
+    Returns the score that it replaces, if any. A failure replaces none. Raises `InputError` if the
+    file is the board of another challenge, or if the name is that of another file's score, unless
+    `replace` is given.
     """
-    fingerprint = sha256(json.dumps([*asdict(challenge).values()]).encode()).hexdigest()[:16]
-    board = asdict(challenge) | {"fingerprint": fingerprint, "scores": {}, "failures": []}
-    del board["seed"]  # it stays hidden: the fingerprint says which missions it is
+    file = score["file"]
+    with suppress(ValueError):  # on another drive
+        file = file and Path(os.path.relpath(file, path.resolve().parent)).as_posix()
     with FileLock(f"{path}.lock"):  # processes that write at once wait for each other
-        if path.exists():
-            board = _read(path, [*board])
-        if board["fingerprint"] != fingerprint:
-            raise InputError(f"{path} is the board of another challenge: take another")
+        board = opened(path, challenge)
+        before = board["scores"].get(score["name"])
+        if before and before["file"] != file and not replace:
+            said = f"{path} has a score of {score['name']}, from {before['file']}"
+            raise InputError(f"{said}: give {file} another --name")
         if score["failed"]:
-            board["failures"].append(score)
+            board["failures"].append({**score, "file": file})
         else:
-            board["scores"][score["name"]] = score
+            board["scores"][score["name"]] = {**score, "file": file}
         write_json(path, board)
+    return None if score["failed"] else before
 
 
 def leaderboard(path: Path) -> str:
     """A leaderboard as a Markdown table, the largest share collected and landed first."""
     board = _read(path, ["scenario", "episodes", "fingerprint", "scores", "failures"])
-    said = f"{board['scenario']}, {board['episodes']} hidden missions ({board['fingerprint']})"
+    practice = Challenge(board["scenario"], board["episodes"]).fingerprint == board["fingerprint"]
+    kind = "practice" if practice else "hidden"
+    said = f"{board['scenario']}, {board['episodes']} {kind} missions ({board['fingerprint']})"
     lines = [said, "", "| | name | collected and landed | landed | return |", "| --- " * 5 + "|"]
     ranked = sorted(board["scores"].values(), key=lambda one: -one["collected_and_landed"][0])
     for rank, one in enumerate(ranked, 1):
         forms = ("{:.1%} ({:.1%} to {:.1%})",) * 2 + ("{:.1f} ({:.1f} to {:.1f})",)
-        cells = [form.format(*one[name]) for form, name in zip(forms, METRICS, strict=True)]
-        lines.append(f"| {rank} | {one['name'].replace('|', '/')} | {' | '.join(cells)} |")
+        cells = [form.format(*one[name]) for form, name in zip(forms, SCORED, strict=True)]
+        lines.append(f"| {rank} | {one['name'].replace('|', '&#124;')} | {' | '.join(cells)} |")
     lines += [f"- failed: {one['name']}: {one['failed']}" for one in board["failures"]]
     return "\n".join(lines)
 
@@ -147,4 +268,4 @@ def _read(path: Path, expected: list[str]) -> dict:
 
 
 if __name__ == "__main__":
-    fly_submission(*sys.argv[1:])
+    _serve(*sys.argv[1:])
