@@ -23,8 +23,8 @@ import torch
 from torch import Tensor
 
 from uavdh_lite.beyond.recipes import IMITATION, ImitationRecipe, SafeToldObservation
-from uavdh_lite.environment import State
-from uavdh_lite.experiments.runs import keep_freed_memory, validate
+from uavdh_lite.environment import Environment, State
+from uavdh_lite.experiments.runs import keep_freed_memory
 from uavdh_lite.observation import Observation
 from uavdh_lite.provenance import provenance
 from uavdh_lite.scenario import find_scenario
@@ -72,10 +72,11 @@ class Variant(ImitationRecipe):
 
     variant: str = "all_three"
 
-    def sees(self) -> type[Observation]:
+    def observation_for(self, environment: Environment, size: int = 0) -> Observation:
         if self.variant == "nothing":
-            return super().sees()
-        return type("Seen", (Seen,), {"layers": VARIANTS[self.variant]})
+            return super().observation_for(environment, size)
+        seen = type("Seen", (Seen,), {"layers": VARIANTS[self.variant]})
+        return seen(environment, self.observation, self.data_scale, self.time_scale, size)
 
 
 def run(variant: str, seed: int) -> dict:
@@ -90,7 +91,7 @@ def run(variant: str, seed: int) -> dict:
     while not trainer.finished:
         trainer.step()
     seconds = time.perf_counter() - started
-    validate(trainer)
+    trainer.validate()
     last = trainer.validation_rows[-1]
     metrics = ("landed", "collected_and_landed", "return", "time_used")
     row = {"variant": variant, "seed": seed, "steps": trainer.steps, "seconds": round(seconds, 1)}

@@ -15,7 +15,7 @@ from uavdh_lite.replay import Batch
 def ddqn_target(
     reward: Tensor, discount: Tensor, online_next: Tensor, target_next: Tensor
 ) -> Tensor:
-    """y = r + γ · Q_target(s', argmax_a Q_online(s', a)), (B,) (eq. 10).
+    """y = r + γ · Q_target(s', argmax_a Q_online(s', a)), (B,) (eq. 8).
 
     Arguments:
         reward, discount: (B,), the discount 0 where the episode ended.
@@ -26,7 +26,7 @@ def ddqn_target(
 
 
 def softmax_policy(q_values: Tensor, temperature: float) -> Tensor:
-    """π(a|s) ∝ exp(Q(s, a) / β), (B, actions) (eq. 12)."""
+    """π(a|s) ∝ exp(Q(s, a) / β), (B, actions) (eq. 10)."""
     return torch.softmax(q_values / temperature, dim=1)
 
 

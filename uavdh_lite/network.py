@@ -10,6 +10,9 @@ from uavdh_lite.errors import InputError
 class QNetwork(nn.Module):
     """Q-values of all actions from the observation: `network(map, time) -> (B, 6)`.
 
+    The initial weights are those of the authors' framework, Keras: Glorot's uniform ones, and
+    biases of 0.
+
     | part | shape, for the paper's 5 layers of a 16×16 city |
     | --- | --- |
     | map | (B, 5, 31, 31) |
@@ -62,7 +65,8 @@ def convolutions(
                 f"a map of {rows}×{cols} cells is too small for a convolution of "
                 f"{kernel_size}×{kernel_size}: take smaller kernels or strides"
             )
-        layers += [nn.Conv2d(channels, kernels, kernel_size, stride), nn.LeakyReLU(leak)]
+        convolution = nn.Conv2d(channels, kernels, kernel_size, stride)
+        layers += [with_initial_weights(convolution), nn.LeakyReLU(leak)]
         channels = kernels
         rows, cols = ((side - kernel_size) // stride + 1 for side in (rows, cols))
     return nn.Sequential(*layers, nn.Flatten()), channels * rows * cols
@@ -74,9 +78,16 @@ def fully_connected(
     """Hidden layers with their ReLUs, and a linear output for each action."""
     layers: list[nn.Module] = []
     for units in hidden:
-        layers.append(nn.Linear(inputs, units))
+        layers.append(with_initial_weights(nn.Linear(inputs, units)))
         if layer_norm:
             layers.append(nn.LayerNorm(units))
         layers.append(nn.LeakyReLU(leak))
         inputs = units
-    return nn.Sequential(*layers, nn.Linear(inputs, len(ACTIONS)))
+    return nn.Sequential(*layers, with_initial_weights(nn.Linear(inputs, len(ACTIONS))))
+
+
+def with_initial_weights(layer: nn.Conv2d | nn.Linear) -> nn.Module:
+    """The layer with Glorot's uniform weights (Glorot and Bengio, 2010) and biases of 0."""
+    nn.init.xavier_uniform_(layer.weight)
+    nn.init.zeros_(layer.bias)
+    return layer

@@ -1,7 +1,8 @@
 """Recipes: all that a training run depends on, except the scenario and the seed."""
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
+from typing import ClassVar
 
 import torch
 from torch import nn
@@ -23,8 +24,11 @@ class Recipe:
     The paper's text describes the method and gives none of these numbers. They are the defaults of
     the classes in the authors' code.
 
-    A subclass may have more fields, and other parts: it overrides the methods that make them.
+    A subclass may have more fields, and other parts: it overrides the methods that make them, and
+    names the class that runs the training.
     """
+
+    trainer: ClassVar[str] = "uavdh_lite.training:Trainer"  # imported when a training begins
 
     name: str
     steps: int = option(1_000_000, "environment steps in all, including the prefill", ge=1)
@@ -69,16 +73,20 @@ class Recipe:
 
     def __post_init__(self):
         require_bounds(self, f"recipe {self.name}")
-        # Every minibatch holds the newest transition of each environment
-        for less, more in (("environments", "batch_size"), ("replay_prefill", "replay_capacity")):
+        # A minibatch holds the newest transition of each environment, and no transition twice
+        growing = ("environments", "batch_size", "replay_prefill", "replay_capacity")
+        for less, more in pairwise(growing):
             value, most = getattr(self, less), getattr(self, more)
             if value > most:
                 raise InputError(
                     f"recipe {self.name}: {less} is {value}, must be at most {more}, {most}"
                 )
 
-    def rewards_at(self, steps: int) -> Rewards:
-        """The rewards that the agent learns from after this many environment steps."""
+    def training_rewards_at(self, steps: int) -> Rewards:
+        """The rewards that the agent learns from after this many environment steps.
+
+        What is reported has the constants of `Rewards()` instead, so that agents compare.
+        """
         over = self.crash_reward_growth * self.steps
         crash = ramp(self.crash_reward, self.crash_reward_end, steps, over)
         return Rewards(crash=crash, movement=self.movement_reward)
@@ -98,11 +106,8 @@ class Recipe:
 
     def observation_for(self, environment: Environment, size: int = 0) -> Observation:
         """What the network sees, for cities of up to `size` cells on a side if that is more."""
-        return self.sees()(environment, self.observation, self.data_scale, self.time_scale, size)
-
-    def sees(self) -> type[Observation]:
-        """The class of the observation."""
-        return Observation
+        scales = self.data_scale, self.time_scale
+        return Observation(environment, self.observation, *scales, size)
 
     def network_for(self, observation: Observation) -> nn.Module:
         """The network that learns; its weights come from torch's global generator."""
@@ -111,15 +116,14 @@ class Recipe:
 
     def learner_for(self, observation: Observation, network: nn.Module) -> DDQN:
         """The algorithm that trains the network."""
-        adam = torch.optim.Adam(
-            network.parameters(), self.learning_rate, amsgrad=self.amsgrad, fused=True
-        )
-        learner = self.algorithm()
-        return learner(observation, network, adam, self.target_update_rate, self.huber_delta)
+        optimiser, tau = self.optimiser_for(network), self.target_update_rate
+        return DDQN(observation, network, optimiser, tau, self.huber_delta)
 
-    def algorithm(self) -> Callable[..., DDQN]:
-        """What makes the learner, from the arguments of `DDQN`."""
-        return DDQN
+    def optimiser_for(self, network: nn.Module) -> torch.optim.Optimizer:
+        """Adam over the network's weights, with the ε of the authors' framework, Keras."""
+        return torch.optim.Adam(
+            network.parameters(), self.learning_rate, eps=1e-7, amsgrad=self.amsgrad, fused=True
+        )
 
     def as_json(self) -> dict:
         """The fields, and the class as `kind`, as JSON values; `recipe_from_json` undoes it."""
@@ -144,6 +148,13 @@ def ramp(start: float, end: float | None, step: float, over: float) -> float:
 
 
 PAPER = Recipe("paper")
+
+PLAIN = replace(PAPER, name="plain", strides=(3, 1), learning_rate=3e-4)
+"""The paper's algorithm and nothing else, with a network that a processor can afford.
+
+It departs from `PAPER` in two values: the first convolution takes every third cell, so that an
+update costs a tenth, and the learning rate fits the smaller network.
+"""
 
 LITE = Recipe(
     "lite",
@@ -171,7 +182,7 @@ LITE = Recipe(
     exploring_starts=0.5,
     validation_interval=100_000,
 )
-"""The same algorithm, made to learn within minutes on a CPU.
+"""A strengthened DDQN, made to learn within an hour on one core of a CPU.
 
 Every value that departs from `PAPER` has its reason in
 `docs/project/differences_from_the_paper.md`, and its measurement in `docs/results/recipe.md`.
@@ -199,7 +210,7 @@ SMALL = replace(
 )
 """`LITE` for the small city `village`: it trains in half a minute, to learn how training works."""
 
-for recipe in (PAPER, LITE, SMALL):
+for recipe in (PAPER, PLAIN, LITE, SMALL):
     registry.register("recipe", recipe.name, recipe)
 
 

@@ -31,7 +31,8 @@ class Replay:
     """A ring buffer of the last `capacity` transitions of N environments stepped together.
 
     Each environment has its own column of states, so a state is stored once, and rewards over n
-    steps are summed when a transition is sampled.
+    steps are summed when a transition is sampled. A transition counts, and can be drawn, once the
+    n steps after it are stored, so that a target never sums fewer because the memory has no more.
     Combined experience replay (Zhang and Sutton, 2017) puts the newest transition into every
     minibatch; with N environments, the newest N.
 
@@ -40,7 +41,7 @@ class Replay:
         environments: N.
         max_devices: K of the states.
         discount: γ.
-        return_steps: n; fewer steps are summed if the episode ends or the memory has no more.
+        return_steps: n; fewer steps are summed only if the episode ends.
     """
 
     def __init__(
@@ -52,7 +53,8 @@ class Replay:
         return_steps: int = 1,
     ):
         self.discount, self.return_steps = np.float32(discount), return_steps
-        steps = -(-capacity // environments) + 1  # one more: the newest state has no action yet
+        # More: n − 1 steps that do not count yet, and the newest state, which has no action yet
+        steps = -(-capacity // environments) + return_steps
         lead, devices = (steps, environments), (steps, environments, max_devices)
         self.states: dict[str, np.ndarray] = {
             "uav_cell": np.zeros(lead, np.int16),
@@ -70,8 +72,8 @@ class Replay:
         self.filled = 0  # steps stored
 
     def __len__(self) -> int:
-        """The number of transitions stored."""
-        return self.filled * self.action.shape[1]
+        """The number of transitions that can be drawn."""
+        return max(self.filled - self.return_steps + 1, 0) * self.action.shape[1]
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """All that is stored, by name; only `place` is a copy."""
@@ -111,23 +113,22 @@ class Replay:
         return State(**{name: array[step, stream] for name, array in self.states.items()})
 
     def sample(self, size: int, generator: np.random.Generator) -> Batch:
-        """Draw `size` transitions: the newest of each environment first, the others uniformly."""
-        environments = self.action.shape[1]
-        age = generator.integers(0, self.filled, size)
-        stream = generator.integers(0, environments, size)
-        age[:environments] = 0
-        stream[:environments] = np.arange(environments)
+        """Draw `size` different transitions: the newest of each environment, then others uniformly.
 
-        first = self.head - 1 - age
+        There must be as many: `size` is at most `len(self)`.
+        """
+        environments = self.action.shape[1]
+        older = generator.choice(len(self) - environments, size - environments, replace=False)
+        age, stream = np.divmod(np.r_[:environments, older + environments], environments)
+
+        first = self.head - self.return_steps - age
         reward, discount = np.zeros(size, np.float32), np.ones(size, np.float32)
         steps = np.zeros(size, int)
         for k in range(self.return_steps):
             here = (first + k) % len(self.action)
-            goes_on = (k <= age) & (discount > 0)
-            reward += goes_on * discount * self.reward[here, stream]
-            left = self.discount * ~self.terminal[here, stream]
-            discount = np.where(goes_on, discount * left, discount)
-            steps += goes_on
+            reward += discount * self.reward[here, stream]
+            steps += discount > 0
+            discount *= self.discount * ~self.terminal[here, stream]
         first, last = first % len(self.action), (first + steps) % len(self.action)
         action = self.action[first, stream].astype(np.int64)
         return Batch(self._read(first, stream), action, reward, discount, self._read(last, stream))

@@ -34,7 +34,7 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     # The same folder, so that the rename stays within one file system; the same suffix, because
     # Pillow and matplotlib choose the format by it.
-    temporary = path.parent / f".{path.stem}-{secrets.token_hex(8)}{path.suffix}"
+    temporary = path.parent / f".{path.stem}-{secrets.token_hex(8)}.unfinished{path.suffix}"
     try:
         temporary.open("xb").close()  # like any new file: the umask says who may read it
         write(temporary)
@@ -44,6 +44,12 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove what writes left behind that were killed; nobody else may be writing there."""
+    for path in folder.glob(".*.unfinished*"):
+        path.unlink()
 
 
 def write_table(path: str | Path, rows: list[dict]) -> None:
@@ -91,3 +97,14 @@ def write_json(path: str | Path, values: dict) -> None:
     """Write JSON for people to read."""
     text = json.dumps(values, indent=2, ensure_ascii=False) + "\n"
     write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+def read_json(path: str | Path) -> dict:
+    """The object in a JSON file; raises `InputError` if the file holds none."""
+    try:
+        values = json.loads(Path(path).read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise InputError(f"{path}: not JSON, or damaged ({error})") from None
+    if not isinstance(values, dict):
+        raise InputError(f"{path}: holds no JSON object")
+    return values

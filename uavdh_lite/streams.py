@@ -30,6 +30,7 @@ class Use(IntEnum):
     EXPORT = 12  # the states that compare an exported network with its agent
     BENCHMARK = 13
     CITY = 14  # cities drawn at random
+    GREEDY_FLIGHTS = 15  # new missions that a run flies greedily as it learns
 
 
 def stream(use: Use, seed: int = 0) -> np.random.Generator:

@@ -1,43 +1,51 @@
 """The training loop: act, step, remember, learn; its whole state is saved and restored."""
 
 import json
+import time
 from dataclasses import asdict
 from pathlib import Path
+from pkgutil import resolve_name
 
 import numpy as np
 import torch
 
-from uavdh_lite import registry
 from uavdh_lite.agent import Agent
 from uavdh_lite.checkpoint import load, save
 from uavdh_lite.city import City, fingerprint_of, load_cities
 from uavdh_lite.ddqn import draw_actions, softmax_policy
 from uavdh_lite.environment import Rewards, State
 from uavdh_lite.errors import InputError
+from uavdh_lite.evaluation import evaluate, fly
 from uavdh_lite.provenance import provenance
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.replay import Replay
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream, torch_seed
 
-METRICS = ("return", "landed", "collected", "collected_and_landed")  # of a learning curve
+CURVES = ("return", "landed", "collected", "collected_and_landed")  # in a row of training.csv
 BIN = 5000  # environment steps a row of training.csv, as in the paper's figure
+EPISODES_PER_GREEDY_FLIGHT = 10  # as in the paper (section IV)
+VALIDATION_SEED = 0
+REPORTED = Rewards()  # of the returns in tables, whatever an agent learns from
 
 
 class Trainer:
     """One training run, step by step; `experiments.runs.train` runs it with files and progress.
 
-    The same scenario, cities, recipe, seed, device and number of threads give the same weights on
-    one machine.
+    The same scenario, cities, recipe, seed, device and number of torch's threads give the same
+    weights on one machine.
+
+    An episode counts in the curves if it began as missions do: at a landing zone, with all the
+    data to collect. The others, exploring starts, compare with no evaluation.
 
     Arguments:
         city: the city or cities to fly over; the scenario's own if None.
         device: `cpu`, `cuda` or `mps`.
     """
 
-    PROGRESS: tuple[str, ...] = (  # what is saved of it as JSON values
-        *("steps", "updates", "seconds", "training_rows", "validation_rows", "episodes", "losses"),
-    )
+    # The attributes that `save` writes as JSON; a subclass adds its own
+    PROGRESS: tuple[str, ...] = ("steps", "updates", "seconds", "training_rows", "validation_rows")
+    PROGRESS += ("episodes", "ended", "losses")
 
     def __init__(
         self,
@@ -52,6 +60,8 @@ class Trainer:
             load_cities(scenario.city) if city is None else city
         )
         self.generator = stream(Use.TRAINING, seed)
+        self.greedy_generator = stream(Use.GREEDY_FLIGHTS, seed)
+        self.device = device
         observation = recipe.observation_for(self.environment).to(device)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(torch_seed(Use.WEIGHTS, seed))
@@ -68,21 +78,33 @@ class Trainer:
         self.seconds = 0.0  # spent training, resumed parts included
         self.training_rows: list[dict] = []
         self.validation_rows: list[dict] = []
-        self.episodes: list[list[float]] = []  # `METRICS` of those that ended since the last row
-        self.losses: list[float] = []  # of the updates since the last row
-        # Episodes that begin under way are no ordinary ones: their means compare with no evaluation
-        self.ordinary = np.ones(recipe.environments, bool)
-        self.returns = np.zeros(recipe.environments)  # so far, with the constants of `Rewards()`
+        # Since the last row: `CURVES` of the episodes that count, how many ended at all, the losses
+        self.episodes: list[list[float]] = []
+        self.ended = 0
+        self.losses: list[float] = []
+        self.counts = np.ones(recipe.environments, bool)  # whether the episode in flight does
+        self.returns = np.zeros(recipe.environments)  # so far, with the reported rewards
         self.state = self._starts(np.arange(recipe.environments))
+
+    def advance(self) -> bool:
+        """A step and, where one is due, a validation; whether there was one."""
+        started, before = time.perf_counter(), self.steps
+        self.step()
+        interval = self.recipe.validation_interval
+        due = self.finished or self.steps // interval > before // interval
+        if due:
+            self.validate()
+        self.seconds += time.perf_counter() - started
+        return due
 
     def step(self) -> None:
         """One step of all environments and, once the replay memory is prefilled, one update."""
         recipe, state = self.recipe, self.state
         action = self._act(state)
         next_state, outcome = self.environment.step(state, action, self.generator)
-        rewards = recipe.rewards_at(self.steps)
-        self.replay.add(state, action, rewards(outcome), next_state)
-        self.returns += Rewards()(outcome)
+        training_reward = recipe.training_rewards_at(self.steps)(outcome)
+        self.replay.add(state, action, training_reward, next_state)
+        self.returns += REPORTED(outcome)
         self.state = self._restart_ended(next_state)
         if len(self.replay) >= recipe.replay_prefill:
             self.learner.set_learning_rate(recipe.learning_rate_at(self.steps))
@@ -94,18 +116,19 @@ class Trainer:
             self._add_row()
 
     def _act(self, state: State) -> np.ndarray:
-        """Actions of the softmax policy (eq. 12), random ones until the memory is prefilled."""
+        """Actions of the softmax policy (eq. 10), random ones until the memory is prefilled."""
         if len(self.replay) < self.recipe.replay_prefill:
             return self.environment.random_actions(state, self.generator)
         q_values, temperature = self.learner.q_values(state), self.recipe.temperature_at(self.steps)
         return draw_actions(softmax_policy(q_values, temperature), self.generator)
 
     def _restart_ended(self, state: State) -> State:
-        """Note how the ordinary episodes went that ended, and start new ones in place of all."""
+        """Note how those that ended went, if they count, and start new ones in their place."""
         ended = np.flatnonzero(state.ended)
         landed, collected = state.landed.astype(float), state.collected.astype(float)
         metrics = np.stack([self.returns, landed, collected, collected * landed], axis=1)
-        self.episodes += metrics[ended[self.ordinary[ended]]].tolist()
+        self.episodes += metrics[ended[self.counts[ended]]].tolist()
+        self.ended += len(ended)
         return state.with_rows(ended, self._starts(ended)) if len(ended) else state
 
     def _starts(self, environments: np.ndarray) -> State:
@@ -118,18 +141,49 @@ class Trainer:
                 self.environment, exploring.sum(), self.generator, recipe.exploring_spare_time
             )
             state = state.with_rows(exploring, under_way)
-        self.ordinary[environments], self.returns[environments] = ~exploring, 0
+        self.counts[environments], self.returns[environments] = ~exploring, 0
         return state
 
     def _add_row(self) -> None:
-        """A row of the learning curve: means since the row before, None where there are none."""
-        means = np.mean(self.episodes, axis=0).tolist() if self.episodes else [None] * len(METRICS)
-        row = self.done | {"episodes": len(self.episodes)} | dict(zip(METRICS, means, strict=True))
+        """A row of the learning curve: means since the row before, None where there are none.
+
+        Its greedy flights are over new random missions, one for ten episodes that ended.
+        """
+        means = np.mean(self.episodes, axis=0).tolist() if self.episodes else [None] * len(CURVES)
+        row = self.done | {"episodes": len(self.episodes)} | dict(zip(CURVES, means, strict=True))
         row["loss"] = float(np.mean(self.losses)) if self.losses else None
         row["temperature"] = self.recipe.temperature_at(self.steps)
         row["learning_rate"] = self.recipe.learning_rate_at(self.steps)
-        self.training_rows.append(row)
-        self.episodes, self.losses = [], []
+        self.training_rows.append(row | self._greedy_flights())
+        self.episodes, self.ended, self.losses = [], 0, []
+
+    def _greedy_flights(self) -> dict:
+        """How the agent as it is now flies greedily."""
+        flights = self.ended // EPISODES_PER_GREEDY_FLIGHT
+        records: dict = {}
+        if flights:
+            start = self.scenario.sample(self.environment, flights, self.greedy_generator)
+            records = fly(self.environment, self.agent, start, self.greedy_generator).records()
+        means = {f"greedy_{k}": float(records[k].mean()) if flights else None for k in CURVES}
+        return {"greedy_flights": flights} | means
+
+    def validate(self) -> None:
+        """Fly the validation missions greedily: a row of their means.
+
+        They are the same for every run of a scenario. The agent with the highest return in them is
+        the one to keep; see `is_best`.
+        """
+        count = self.recipe.validation_episodes
+        flown = (self.environment, self.agent, self.scenario, count, VALIDATION_SEED)
+        records = evaluate(*flown, Use.VALIDATION).records()
+        means = {name: float(values.mean()) for name, values in records.items()}
+        self.validation_rows.append(self.done | means)
+
+    @property
+    def is_best(self) -> bool:
+        """Whether the last validation has the highest return so far."""
+        *before, last = (row["return"] for row in self.validation_rows)
+        return last > max(before, default=-np.inf)
 
     @property
     def done(self) -> dict:
@@ -143,7 +197,7 @@ class Trainer:
             "seed": self.seed,
             **self.done,
             **provenance(),
-            "device": str(next(self.learner.online.parameters()).device),
+            **self._processor(),
             "validation": self.validation_rows[-1] if self.validation_rows else None,
         }
         learner = self.learner
@@ -164,7 +218,7 @@ class Trainer:
             "ddqn": self.learner.state_dict(),
             "replay": self.replay.state_dict(),
             "state": {name: array.copy() for name, array in vars(self.state).items()},
-            "episodes": {"ordinary": self.ordinary, "returns": self.returns},
+            "episodes": {"counts": self.counts, "returns": self.returns},
         }
         tensors = {
             f"{part}.{name}": torch.as_tensor(value)
@@ -172,8 +226,8 @@ class Trainer:
             for name, value in values.items()
         }
         progress = {name: getattr(self, name) for name in self.PROGRESS}
-        generator = self.generator.bit_generator.state
-        save(path, "training", tensors, self.identity() | progress | {"generator": generator})
+        generators = [g.bit_generator.state for g in (self.generator, self.greedy_generator)]
+        save(path, "training", tensors, self.identity() | progress | {"generators": generators})
 
     def restore(self, path: Path) -> None:
         """Go on from what `save` wrote; `InputError` if that is another run."""
@@ -189,13 +243,16 @@ class Trainer:
         self.learner.load_state_dict(arrays["ddqn"])
         self.replay.load_state_dict(arrays["replay"])
         self.state = State(**arrays["state"])
-        self.ordinary, self.returns = (arrays["episodes"][k] for k in ("ordinary", "returns"))
+        self.counts, self.returns = (arrays["episodes"][k] for k in ("counts", "returns"))
         for name in self.PROGRESS:
             setattr(self, name, about[name])
-        self.generator.bit_generator.state = about["generator"]
+        for generator, state in zip(
+            (self.generator, self.greedy_generator), about["generators"], strict=True
+        ):
+            generator.bit_generator.state = state
 
     def identity(self) -> dict:
-        """What defines the run: recipe, scenario, cities and seed, as JSON values.
+        """What defines the run: recipe, scenario, cities, seed, device and threads, as JSON values.
 
         A saved run can only go on as this one if all of it is equal.
         """
@@ -204,14 +261,18 @@ class Trainer:
             "scenario": asdict(self.scenario),
             "cities": fingerprint_of(self.environment.cities),
             "seed": self.seed,
+            **self._processor(),
         }
         return json.loads(json.dumps(values))  # tuples become lists, as in a file
 
+    def _processor(self) -> dict:
+        """What computes it; elsewhere, rounding is different, and soon the weights are."""
+        return {"device": self.device, "threads": torch.get_num_threads()}
+
 
 def trainer_of(recipe: Recipe) -> type[Trainer]:
-    """The class that runs this recipe's training: `Trainer`, if no extension has another."""
-    kind = type(recipe).__name__
-    return registry.find("trainer", kind) if kind in registry.names("trainer") else Trainer
+    """The class that runs this recipe's training."""
+    return resolve_name(recipe.trainer)
 
 
 def _difference(saved, asked) -> str:

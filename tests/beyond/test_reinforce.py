@@ -7,6 +7,7 @@ from torch.nn.functional import cross_entropy
 
 from uavdh_lite.beyond.recipes import ImitationRecipe
 from uavdh_lite.beyond.reinforce import FLIGHTS, SURE, Reinforced, advantages
+from uavdh_lite.environment import State
 from uavdh_lite.evaluation import evaluate
 
 
@@ -57,7 +58,20 @@ def test_the_update_makes_actions_likelier_by_their_gain(corridor, corridor_scen
     for _ in range(60):  # the ratio is clipped: it goes a little further, but not on and on
         run._update(state, action, gain, surprise.numpy())
     last = cross_entropy(run.learner.q_values(state), torch.tensor(action))
-    assert sign * (surprise.mean() - last) < 0.5
+    assert sign * (surprise.mean() - last) < 1
+
+
+def test_before_an_update_the_ratio_is_1(corridor, corridor_scenario, recipe):
+    run = trainer(corridor, corridor_scenario, recipe, 960)
+    start = corridor_scenario.sample(run.environment, 20, np.random.default_rng(0))
+    flights, _, surprise = run._drawn_flights(start)
+    flown = [~step.state.ended for step in flights.history]
+    pairs = list(zip(flights.history, flown, strict=True))
+    state = State.concatenate([step.state[rows] for step, rows in pairs])
+    action = np.concatenate([step.action[rows] for step, rows in pairs])
+    with torch.no_grad():
+        ratio = run._ratio(state, action, surprise)
+    assert len(ratio) > 100 and ratio.numpy() == pytest.approx(1, abs=1e-4)
 
 
 def test_flights_draw_actions_and_know_which_were_unsure(corridor, corridor_scenario, recipe):

@@ -129,7 +129,7 @@ def test_train_takes_a_city_and_ranges_of_ones_own(corridor, tmp_path):
 
 def test_a_recipe_from_beyond_has_its_own_options(tmp_path):
     options = ["--recipe", "imitation", "--own-starts", "0.1", "--local-size", "9", "--no-failsafe"]
-    options += ["--kernels", "2", "--hidden", "8", "--pooling", "2"]
+    options += ["--kernels", "2", "--hidden", "8", "--pooling", "2", "--batch-size", "64"]
     village = ["--scenario", "village", "--out", str(tmp_path)]
     assert main(["train", *SHORT, *options, *village]) == 0
     recipe = load_agent(tmp_path / "best.safetensors").recipe

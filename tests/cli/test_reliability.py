@@ -53,11 +53,11 @@ def assert_same_result(out, uninterrupted):
             assert np.array_equal(ours[column], theirs[column], equal_nan=True), column
 
 
-@pytest.mark.parametrize("signal_number", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("signal_number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_a_run_that_was_killed_or_interrupted_resumes_to_the_same_result(
     tmp_path, uninterrupted, signal_number
 ):
-    """Its lock does not stay either. Ctrl-C says how to go on."""
+    """Its lock does not stay either. Ctrl-C and SIGTERM say how to go on."""
     process = subprocess.Popen(
         command(tmp_path), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
@@ -67,7 +67,7 @@ def test_a_run_that_was_killed_or_interrupted_resumes_to_the_same_result(
     process.send_signal(signal_number)
     output, _ = process.communicate(timeout=60)
     assert 0 < load(tmp_path / SAVED, "training")[1]["steps"] < 6400
-    if signal_number == signal.SIGINT:
+    if signal_number != signal.SIGKILL:
         assert "--resume" in output and "Traceback" not in output
         assert process.returncode == 130
     assert main(arguments(tmp_path, "--resume")) == 0

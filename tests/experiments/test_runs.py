@@ -9,26 +9,27 @@ import torch
 from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.errors import InputError, TrainingDiverged
 from uavdh_lite.evaluation import evaluate
-from uavdh_lite.experiments.runs import SAVED, VALIDATION_SEED, train, validate
+from uavdh_lite.experiments import runs
+from uavdh_lite.experiments.runs import SAVED, train
 from uavdh_lite.provenance import provenance
 from uavdh_lite.recipe import recipe_from_json
 from uavdh_lite.storage import read_table
 from uavdh_lite.streams import Use
-from uavdh_lite.training import BIN
+from uavdh_lite.training import BIN, VALIDATION_SEED
 
 
 def test_a_validation_is_a_row_of_means_and_says_if_the_return_is_the_highest(trainer):
     own = trainer()
-    assert validate(own)  # the first one is
-    flights = evaluate(
-        own.environment, own.agent, own.scenario, 50, VALIDATION_SEED, Use.VALIDATION
-    )
+    own.validate()
+    assert own.is_best  # the first one is
+    flown = (own.environment, own.agent, own.scenario, 50, VALIDATION_SEED, Use.VALIDATION)
     (row,) = own.validation_rows
-    for name, values in flights.records().items():
+    for name, values in evaluate(*flown).records().items():
         assert row[name] == values.mean()
-    assert not validate(own)  # it is the same
-    own.validation_rows = [row | {"return": row["return"] - 1, "landed": 2.0}]
-    assert validate(own)
+    own.validate()
+    assert not own.is_best  # it is the same
+    own.validation_rows[0] |= {"return": row["return"] - 1, "landed": 2.0}
+    assert own.is_best
 
 
 def test_files_of_a_run(trainer, tmp_path):
@@ -56,12 +57,77 @@ def test_a_folder_with_a_run_is_not_overwritten(trainer, tmp_path):
     train(trainer(steps=400), tmp_path)
     with pytest.raises(InputError, match="holds a run already"):
         train(trainer(steps=400), tmp_path)
-    with pytest.raises(InputError, match="no run to resume"):
-        train(trainer(steps=400), tmp_path / "empty", resume=True)
-    assert not (tmp_path / "empty").exists()  # a refused run leaves nothing behind
     before = (tmp_path / SAVED).read_bytes()
     train(trainer(steps=400), tmp_path, resume=True)  # a finished run stays finished
     assert (tmp_path / SAVED).read_bytes() == before
+
+
+@pytest.mark.parametrize("lost", [SAVED, "best.safetensors"])
+def test_a_folder_with_a_part_of_a_run_is_refused_and_nothing_there_changes(
+    trainer, tmp_path, lost
+):
+    train(trainer(steps=400), tmp_path)
+    (tmp_path / lost).unlink()
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    for seed, resume in ((1, False), (0, True)):
+        with pytest.raises(InputError, match="holds a run"):
+            train(trainer(seed, steps=400), tmp_path, resume=resume)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_the_same_call_with_resume_begins_and_continues_and_ends(trainer, tmp_path, monkeypatch):
+    """Killed between the state and the tables, with a half-written file: all is mended."""
+    whole = trainer(steps=2000)
+    train(whole, tmp_path / "whole")
+    out = tmp_path / "run"
+    monkeypatch.setattr(runs, "_write_results", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        train(trainer(steps=2000), out, resume=True)
+    monkeypatch.undo()
+    assert (out / SAVED).exists() and not (out / "validation.csv").exists()
+    (out / ".best-0123.unfinished.safetensors").write_bytes(b"half")
+    (out / "about.json").write_text("{")
+    train(trainer(steps=2000), out, resume=True)
+    assert sorted(p.name for p in out.iterdir()) == sorted(
+        p.name for p in (tmp_path / "whole").iterdir()
+    )
+    ours, theirs = (load(folder / SAVED, "training")[0] for folder in (out, tmp_path / "whole"))
+    assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
+    rows = [read_table(folder / "validation.csv") for folder in (out, tmp_path / "whole")]
+    assert rows[0]["return"].tolist() == rows[1]["return"].tolist()
+
+
+def test_a_run_is_saved_by_time_too_and_goes_on_only_with_its_own_threads(
+    trainer, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(runs, "SAVE_SECONDS", 0)
+    saved = []
+    own = trainer(steps=400, validation_interval=400)
+    monkeypatch.setattr(own, "save", lambda path: saved.append(own.steps))
+    train(own, tmp_path / "a")
+    assert saved[:3] == [16, 32, 48]
+    train(trainer(), tmp_path / "b", stop_after=160)
+    torch.set_num_threads(2)
+    try:
+        with pytest.raises(InputError, match="another threads than asked for: 1 there, 2 here"):
+            train(trainer(), tmp_path / "b", resume=True)
+    finally:
+        torch.set_num_threads(1)
+
+
+def test_a_damaged_about_hides_no_error(trainer, tmp_path):
+    train(trainer(steps=400), tmp_path, command="it was begun so")
+    with pytest.raises(InputError, match=r"another seed .*begun by: it was begun so"):
+        train(trainer(1, steps=400), tmp_path, resume=True)
+    (tmp_path / "about.json").write_text("[")
+    with pytest.raises(InputError, match=r"another seed than asked for: 0 there, 1 here$"):
+        train(trainer(1, steps=400), tmp_path, resume=True)
+
+
+def test_a_run_that_would_never_learn_is_refused(trainer, tmp_path):
+    with pytest.raises(InputError, match="steps is 1000, must be at least 2048"):
+        train(trainer(steps=1000, replay_prefill=2000), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_training_that_diverges_stops_with_its_last_good_state(trainer, tmp_path):

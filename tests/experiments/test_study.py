@@ -1,5 +1,6 @@
 """Studies: the same runs in any order, in any number of processes, killed and all."""
 
+import contextlib
 import json
 import os
 import signal
@@ -7,8 +8,10 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import torch
 
@@ -16,7 +19,7 @@ from uavdh_lite.beyond.recipes import TOLD
 from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.cli.main import main
 from uavdh_lite.errors import InputError
-from uavdh_lite.experiments.runs import SAVED
+from uavdh_lite.experiments.runs import SAVED, train
 from uavdh_lite.experiments.study import (
     centring,
     collect_curves,
@@ -27,6 +30,7 @@ from uavdh_lite.experiments.study import (
 from uavdh_lite.recipe import LITE, SMALL
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import read_table
+from uavdh_lite.training import Trainer
 
 CHANGES = {"steps": 5120, "validation_interval": 2560, "validation_episodes": 5, "kernels": 2}
 CHANGES |= {"hidden": (8,), "environments": 64, "replay_capacity": 1000, "replay_prefill": 320}
@@ -113,6 +117,55 @@ def test_what_a_recipe_cannot_have_is_named(text):
 def test_runs_too_short_for_a_curve_are_refused_before_they_run(tmp_path, capsys):
     assert main(study(tmp_path / "a", "--steps", "4000")) == 2
     assert "4000 steps" in capsys.readouterr().err and not (tmp_path / "a").exists()
+
+
+def training_processes(out):
+    """The processes that have a run's lock open."""
+    found = []
+    for process in psutil.process_iter():
+        with contextlib.suppress(psutil.Error):
+            if any(Path(file.path).parent.parent == out for file in process.open_files()):
+                found.append(process)
+    return found
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
+def test_a_stopped_study_leaves_no_process_and_goes_on_to_the_same_runs(
+    finished, tmp_path, capsys, number
+):
+    """The signal goes to the parent alone, at a random moment; the workers save and end with it."""
+    longer = ("--steps", "40960", "--validation-interval", "20480")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "uavdh_lite", *study(tmp_path, *longer, "--jobs", "2")],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while len(list(tmp_path.glob("*/about.json"))) < 2:
+        assert process.poll() is None
+        time.sleep(0.01)
+    time.sleep(np.random.default_rng().random() / 2)
+    process.send_signal(number)
+    _, message = process.communicate(timeout=60)
+    for _ in range(100):
+        if not training_processes(tmp_path):
+            break
+        time.sleep(0.1)
+    assert not training_processes(tmp_path)
+    assert len(list(tmp_path.glob(f"*/{SAVED}"))) >= 2
+    if number != signal.SIGKILL:
+        assert process.returncode == 130 and "the same command continues" in message
+        assert not (tmp_path / "stop").exists()
+    assert main(study(tmp_path, *longer, "--jobs", "2")) == 0
+    recipe = replace(RECIPE, steps=40_960, validation_interval=20_480)
+    for name in ("centred-0", "non_centred-0"):
+        recipe = replace(recipe, observation=name.removesuffix("-0"))
+        train(Trainer(find_scenario("village"), recipe, 0), tmp_path / "whole" / name)
+        ours, theirs = (
+            load(out / name / SAVED, "training")[0] for out in (tmp_path, tmp_path / "whole")
+        )
+        assert all(torch.equal(ours[key], theirs[key]) for key in theirs)
 
 
 @pytest.mark.long

@@ -12,7 +12,7 @@ def test_schedules():
         LITE, steps=1000, temperature_decay=0.5, crash_reward_end=-60, crash_reward_growth=0.5
     )
     steps = (0, 250, 500, 900)
-    assert [recipe.rewards_at(s).crash for s in steps] == [-10, -35, -60, -60]
+    assert [recipe.training_rewards_at(s).crash for s in steps] == [-10, -35, -60, -60]
     assert [recipe.temperature_at(s) for s in steps] == pytest.approx([2.0, 1.05, 0.1, 0.1])
     assert [recipe.learning_rate_at(s) for s in (500, 1000)] == pytest.approx([3e-4, 0])
 

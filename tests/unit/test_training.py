@@ -10,9 +10,10 @@ from uavdh_lite import training
 from uavdh_lite.checkpoint import load_agent, save_agent
 from uavdh_lite.environment import Rewards
 from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import evaluate
+from uavdh_lite.evaluation import evaluate, fly
 from uavdh_lite.recipe import PAPER
-from uavdh_lite.training import METRICS, Trainer
+from uavdh_lite.streams import Use, stream
+from uavdh_lite.training import CURVES, Trainer
 
 
 def run(trainer, steps=100_000):
@@ -49,7 +50,7 @@ def given_by(thing, method, call):
 def test_a_step_acts_remembers_and_learns_from_what_was_just_drawn(trainer):
     """Nothing is learned before the prefill. A cold policy is greedy."""
     cold = {"temperature": 1e-6, "temperature_end": 1e-6}
-    own = trainer(learning_rate_end=0.0, replay_prefill=48, **cold)
+    own = trainer(return_steps=1, learning_rate_end=0.0, replay_prefill=48, **cold)
     run(own, 32)
     assert own.updates == 0 and len(own.replay) == 32
     for updates in (1, 2):
@@ -72,7 +73,7 @@ def test_a_share_of_the_episodes_starts_under_way(trainer):
         own = trainer(exploring_starts=share, environments=32)
         under_way = ~own.environment.landing[0][own.state.uav_cell]
         assert least <= under_way.sum() <= most
-        assert not own.ordinary[under_way].any() and own.ordinary.all() == (share == 0)
+        assert not own.counts[under_way].any() and own.counts.all() == (share == 0)
 
 
 @pytest.mark.parametrize("stop", [16, 208, 400])
@@ -106,7 +107,7 @@ def test_another_run_is_not_restored(trainer, tmp_path, corridor_scenario, quick
 
 @pytest.mark.parametrize("kind", ["centred", "non_centred"])
 def test_the_paper_recipe_runs(corridor, corridor_scenario, kind):
-    changes = {"observation": kind, "kernel_size": 3, "hidden": (16,)}
+    changes = {"observation": kind, "kernel_size": 3, "hidden": (16,), "batch_size": 32}
     recipe = replace(PAPER, replay_prefill=60, steps=80, **changes)
     trainer = Trainer(corridor_scenario, recipe, 0, corridor)
     before = run(trainer, 0)
@@ -114,21 +115,51 @@ def test_the_paper_recipe_runs(corridor, corridor_scenario, kind):
     assert trainer.updates == 21  # one a step, from the last of the prefill on
 
 
-def test_a_row_of_the_learning_curve_has_the_means_of_the_ordinary_episodes(trainer, monkeypatch):
+def test_a_row_of_the_learning_curve_has_the_means_of_the_counted_episodes(trainer, monkeypatch):
     monkeypatch.setattr(training, "BIN", 640)
     own = trainer(exploring_starts=0.5, replay_prefill=2000)
-    returns, ended = np.zeros(16), []
+    returns, ended, all_ended = np.zeros(16), [], 0
     while not own.training_rows:
-        ordinary = own.ordinary.copy()
-        ((after, outcome),) = given_by(own.environment, "step", own.step)
+        counted = own.counts.copy()
+        (after, outcome), *_ = given_by(own.environment, "step", own.step)
+        all_ended += after.ended.sum()
         returns += Rewards()(outcome)
-        for e in np.flatnonzero(after.ended & ordinary):
+        for e in np.flatnonzero(after.ended & counted):
             landed, collected = after.landed[e], after.collected[e]
             ended.append((returns[e], landed, collected, collected * landed))
         returns[after.ended] = 0
     (row,) = own.training_rows
     assert row["steps"] == 640 and row["episodes"] == len(ended) > 5
-    assert [row[name] for name in METRICS] == pytest.approx(np.mean(ended, axis=0))
+    assert [row[name] for name in CURVES] == pytest.approx(np.mean(ended, axis=0))
+    # and, as in the paper, greedy flights of new missions, one for ten episodes
+    flights, generator = row["greedy_flights"], stream(Use.GREEDY_FLIGHTS, 0)
+    assert flights == all_ended // 10 > 2
+    start = own.scenario.sample(own.environment, flights, generator)
+    means = fly(own.environment, own.agent, start, generator).records()
+    assert [row[f"greedy_{name}"] for name in CURVES] == [means[name].mean() for name in CURVES]
+
+
+def test_what_is_learned_from_follows_the_schedule_and_what_is_reported_does_not(trainer):
+    own = trainer(
+        return_steps=1,
+        crash_reward=-5.0,
+        crash_reward_end=-20.0,
+        movement_reward=-0.3,
+        crash_reward_growth=0.5,
+    )
+    crashes = 0
+    for _ in range(200):
+        steps, returns = own.steps, own.returns.copy()
+        (after, outcome), *_ = given_by(own.environment, "step", own.step)
+        newest = own.replay.reward[own.replay.head - 1]
+        crash = -5.0 - 15.0 * min(steps / 2000, 1)
+        assert newest == pytest.approx(Rewards(crash=crash, movement=-0.3)(outcome))
+        ended = after.ended
+        assert own.returns[~ended] == pytest.approx(
+            (returns + Rewards()(outcome))[~ended], abs=1e-4
+        )
+        crashes += outcome.crashed.sum()
+    assert crashes > 5
 
 
 def test_a_small_world_is_solved_in_seconds(trainer, corridor_scenario):

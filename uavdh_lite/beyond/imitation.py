@@ -92,14 +92,14 @@ class Imitation(Trainer):
             self.waiting += self._planned()
         rows = []
         for environment in environments:
-            self.ordinary[environment], self.plans[environment], row = self.waiting.pop(0)
+            self.counts[environment], self.plans[environment], row = self.waiting.pop(0)
             rows.append(row)
         self.returns[environments] = 0
         types = [self.replay.states[f.name].dtype for f in fields(State)]
         return State(*map(np.array, zip(*rows, strict=True), types))
 
     def _planned(self) -> list[tuple[bool, list[int], Sequence]]:
-        """Draw starts of every kind and plan their flights: (ordinary, actions, start) each."""
+        """Draw starts of every kind and plan their flights: (counts, actions, start) each."""
         recipe, generator = self.recipe, self.generator
         start = self.scenario.sample(self.environment, TOGETHER, generator)
         drawn = generator.random(TOGETHER)

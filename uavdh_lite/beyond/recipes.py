@@ -1,8 +1,7 @@
 """Recipes with ideas from beyond the paper."""
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 from torch import nn
 
@@ -10,11 +9,9 @@ from uavdh_lite import registry
 from uavdh_lite.beyond.failsafe import MaskedNetwork, SafeEnvironment, SafeObservation
 from uavdh_lite.beyond.global_local import GlobalLocalNetwork
 from uavdh_lite.beyond.imitation import Cloning
-from uavdh_lite.beyond.reinforce import Reinforced
 from uavdh_lite.beyond.told import ToldObservation
 from uavdh_lite.city import City
 from uavdh_lite.config import option
-from uavdh_lite.ddqn import DDQN
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.network import QNetwork
@@ -52,10 +49,15 @@ class BeyondRecipe(Recipe):
     def environment_for(self, city: City | tuple[City, ...]) -> Environment:
         return SafeEnvironment(city) if self.failsafe else super().environment_for(city)
 
-    def sees(self) -> type[Observation]:
-        if self.told:
-            return SafeToldObservation if self.failsafe else ToldObservation
-        return SafeObservation if self.failsafe else Observation
+    def observation_for(self, environment: Environment, size: int = 0) -> Observation:
+        kinds = {
+            (False, False): Observation,
+            (True, False): SafeObservation,
+            (False, True): ToldObservation,
+            (True, True): SafeToldObservation,
+        }
+        kind = kinds[self.failsafe, self.told]
+        return kind(environment, self.observation, self.data_scale, self.time_scale, size)
 
     def network_for(self, observation: Observation) -> nn.Module:
         options: Any = (self.kernels, self.kernel_size, self.strides, self.hidden)
@@ -73,6 +75,8 @@ class BeyondRecipe(Recipe):
 class ImitationRecipe(BeyondRecipe):
     """A recipe that copies a planner, an environment step a label, and may then learn by reward."""
 
+    trainer: ClassVar[str] = "uavdh_lite.beyond.reinforce:Reinforced"
+
     own_starts: float = option(
         0.0, "share of the planned flights that begin where the learner has flown", ge=0, le=1
     )
@@ -87,13 +91,12 @@ class ImitationRecipe(BeyondRecipe):
             return ramp(self.learning_rate, self.learning_rate_end, steps, labels)
         return ramp(self.reward_learning_rate, 0.0, steps - labels, self.steps - labels)
 
-    def algorithm(self) -> Callable[..., DDQN]:
-        return Cloning
+    def learner_for(self, observation: Observation, network: nn.Module) -> Cloning:
+        return Cloning(observation, network, self.optimiser_for(network), self.target_update_rate)
 
 
 registry.register("recipe kind", "BeyondRecipe", BeyondRecipe)
 registry.register("recipe kind", "ImitationRecipe", ImitationRecipe)
-registry.register("trainer", "ImitationRecipe", Reinforced)
 
 TOLD = replace(
     BeyondRecipe(**asdict(LITE)),

@@ -10,13 +10,15 @@ same flights. No network has to learn values for that.
 
 import numpy as np
 import torch
+from torch import Tensor
+from torch.nn.functional import cross_entropy
 from torch.nn.utils import clip_grad_norm_
 
-from uavdh_lite.beyond.imitation import EIGHTHS, Imitation
+from uavdh_lite.beyond.imitation import Imitation
 from uavdh_lite.ddqn import draw_actions, softmax_policy
 from uavdh_lite.environment import State
 from uavdh_lite.evaluation import Flights, FunctionPolicy, fly
-from uavdh_lite.training import METRICS
+from uavdh_lite.training import CURVES
 
 MISSIONS, FLIGHTS = 32, 8  # flown at a time, and how often each
 SURE = 0.98  # a choice with a likelier action than this has next to nothing to learn
@@ -56,7 +58,8 @@ class Reinforced(Imitation):
             self.losses.append(self._update(state[rows], action[rows], gain[rows], surprise[rows]))
             self.updates += 1
         records = flights.records()
-        self.episodes += np.stack([records[name] for name in METRICS], axis=1).tolist()
+        self.episodes += np.stack([records[name] for name in CURVES], axis=1).tolist()
+        self.ended += len(start) * FLIGHTS
         self.steps += len(state)
         self._add_row()
 
@@ -79,19 +82,21 @@ class Reinforced(Imitation):
         self, state: State, action: np.ndarray, gain: np.ndarray, surprise: np.ndarray
     ) -> float:
         """One gradient step that makes actions likelier by their gain; returns the loss."""
-        learner = self.learner
-        now = learner.surprise(state, learner.tensor(action))
-        weight, before = (
-            torch.cat([learner.tensor(values)[rows] for rows in EIGHTHS])
-            for values in (gain, surprise)
-        )
-        ratio = (before - now).exp()
+        learner, weight = self.learner, self.learner.tensor(gain)
+        ratio = self._ratio(state, action, surprise)
         loss = -torch.minimum(ratio * weight, ratio.clamp(1 - CLIP, 1 + CLIP) * weight).mean()
         learner.optimiser.zero_grad()
         loss.backward()
         clip_grad_norm_(learner.online.parameters(), LONGEST)
         learner.optimiser.step()
         return float(loss.detach())
+
+    def _ratio(self, state: State, action: np.ndarray, surprise: np.ndarray) -> Tensor:
+        """How much likelier each action has become since it was drawn, (B,); 1 before an update."""
+        learner = self.learner
+        scores = learner.online(*learner.observation(state))
+        now = cross_entropy(scores, learner.tensor(action), reduction="none")
+        return (learner.tensor(surprise) - now).exp()
 
 
 def advantages(returns: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from uavdh_lite.plotting import draw_study, save_figure
 from uavdh_lite.storage import read_table
 from uavdh_lite.training import trainer_of
 
-THREADS = min(2, os.cpu_count() or 1)
+THREADS = min(2, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2)
 
 
 def train(arguments: list[str]) -> Callable[..., None]:
@@ -51,12 +51,13 @@ def train(arguments: list[str]) -> Callable[..., None]:
         Arguments:
             scenario: what to train for: manhattan, open_field, village, harbour, metropolis, or
                 any_city, 3000 random cities.
-            recipe: how to train: lite, paper, small, told or imitation.
+            recipe: how to train: lite, plain, paper, small, told or imitation.
             seed: seed of the weights, the episodes and the exploration.
             out: folder of the run, by default runs/SCENARIO-RECIPE-SEED.
-            resume: continue the run in that folder.
+            resume: continue the run in that folder; if nothing is saved there yet, begin it.
             stop_after: stop after this many environment steps; --resume continues.
-            threads: of PyTorch; another number gives another agent of the same kind.
+            threads: of PyTorch; another number gives another agent of the same kind, so a run
+                continues only with its own.
             device: what the network runs on.
             tensorboard: write event files for TensorBoard as well.
         """

@@ -1,29 +1,26 @@
 """A training run in a folder: validations, progress, CSV files, checkpoints, Ctrl-C and resume."""
 
 import ctypes
-import json
-import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from pathlib import Path
 
-import numpy as np
-import torch
 from filelock import FileLock, Timeout
 from tqdm.auto import tqdm
 
 from uavdh_lite.checkpoint import save_agent
 from uavdh_lite.errors import InputError, TrainingDiverged
-from uavdh_lite.evaluation import evaluate
-from uavdh_lite.storage import write_json, write_table
-from uavdh_lite.streams import Use
+from uavdh_lite.experiments.stopping import deferred_stop
+from uavdh_lite.recipe import Recipe
+from uavdh_lite.storage import read_json, read_table, remove_unfinished, write_json, write_table
 from uavdh_lite.training import Trainer
 
 SAVED = "training.safetensors"
-VALIDATION_SEED = 0
+RESULTS = ("best.safetensors", "training.csv", "validation.csv")
+SAVE_SECONDS = 600  # a run that is killed loses no more than this
+LOCK_SECONDS = 10  # what a process that was told to stop may take for it
 
 
 def train(
@@ -34,6 +31,7 @@ def train(
     show_progress: bool = True,
     stop_after: int | None = None,
     tensorboard: bool = False,
+    stop: Callable[[], bool] = lambda: False,
 ) -> Path:
     """Run a training to its end, with progress; returns the path of the best agent.
 
@@ -42,54 +40,88 @@ def train(
     | file | content |
     | --- | --- |
     | `best.safetensors` | the agent with the highest return in validation so far: the result |
-    | `training.safetensors` | everything needed to resume, written at each validation |
-    | `training.csv` | a row for every 5000 environment steps: ordinary training episodes |
+    | `training.safetensors` | everything needed to resume |
+    | `training.csv` | a row for every 5000 environment steps: training episodes, greedy flights |
     | `validation.csv` | a row for each greedy validation |
     | `about.json` | command, seed, recipe, seconds, threads, machine, the last validation |
     | `tensorboard/` | with `tensorboard`, the rows of both tables as event files |
     | `lock` | held during the run, so that no other process writes here |
 
+    All of them are written at each validation; what is needed to resume, every ten minutes as well.
     A run that was killed continues with `resume=True`, and ends with the same weights as one that
-    was not. Ctrl-C saves the run, then raises `KeyboardInterrupt`. With `stop_after` the run is
-    saved and stopped after that many environment steps.
+    was not; if nothing was saved yet, it begins. Ctrl-C and SIGTERM save the run, then raise
+    `KeyboardInterrupt`. With `stop_after` the run is saved and stopped after that many environment
+    steps.
 
-    Raises `InputError` if the folder holds a run and `resume` is False, or none or another one and
-    it is True, or if another process is training there; `MissingExtra` if TensorBoard is asked for
-    and not installed; `TrainingDiverged` if the loss or a weight is no longer finite, with the
-    files as they were at the last validation.
+    Arguments:
+        stop: asked before each step; a run for which it is true stops as by Ctrl-C.
+
+    Raises `InputError` if the folder holds a run and `resume` is False, or another one, or only a
+    part of one, and it is True, or if another process is training there; `MissingExtra` if
+    TensorBoard is asked for and not installed; `TrainingDiverged` if the loss or a weight is no
+    longer finite, with the files as they were when they were last written.
     """
     out, saved, recipe = Path(out), Path(out) / SAVED, trainer.recipe
-    if resume and not saved.exists():
-        raise InputError(f"{out}: no run to resume there; leave out --resume to start one")
-    if not resume and saved.exists():
-        raise InputError(f"{out}: holds a run already; add --resume, or choose another folder")
+    board_of = _board() if tensorboard else lambda *_: nullcontext()
+    _require_updates(recipe)
+    _require_whole(out, resume)
     keep_freed_memory()
-    end, interval = min(recipe.steps, stop_after or recipe.steps), recipe.validation_interval
+    end = min(recipe.steps, stop_after or recipe.steps)
     with _locked(out):
-        if resume:
-            _restore(trainer, out)
+        remove_unfinished(out)
+        if saved.exists():
+            _restore(trainer, out, command)
         else:
             _write_about(trainer, out, command)
         progress = tqdm(total=recipe.steps, unit="step", unit_scale=True, disable=not show_progress)
-        events = closing(_board(trainer, out)) if tensorboard else nullcontext()
-        with progress, events as board, _deferred_interrupt() as interrupted:
-            while trainer.steps < end and not interrupted():
-                started, before = time.perf_counter(), trainer.steps
-                trainer.step()
-                trainer.seconds += time.perf_counter() - started
-                if trainer.finished or trainer.steps // interval > before // interval:
+        progress.update(min(trainer.steps, recipe.steps))
+        kept = time.monotonic()
+        with progress, board_of(out / "tensorboard", trainer) as board, deferred_stop() as asked:
+            while trainer.steps < end and not asked() and not stop():
+                validated = trainer.advance()
+                if validated or time.monotonic() - kept > SAVE_SECONDS:
                     _require_finite(trainer, saved)
-                    progress.set_postfix_str(_validate(trainer, out, command))
-                    if board:
-                        board.write()
+                    trainer.save(saved)  # first: what the state tells can be written again
+                    kept = time.monotonic()
+                    if validated:
+                        progress.set_postfix_str(_write_results(trainer, out, command))
+                        if board:
+                            board.write()
                 progress.update(min(trainer.steps, recipe.steps) - progress.n)
-        if not trainer.finished:
-            _require_finite(trainer, saved)
-            trainer.save(saved)
+            stopped = asked() or stop()
+            if not trainer.finished:
+                _require_finite(trainer, saved)
+                trainer.save(saved)
+        if not trainer.finished and show_progress:
             print(f"\nstopped after {trainer.steps} steps; add --resume to continue", flush=True)
-        if interrupted():
+        if stopped and not trainer.finished:
             raise KeyboardInterrupt
     return out / "best.safetensors"
+
+
+def _require_updates(recipe: Recipe) -> None:
+    least = recipe.replay_prefill + recipe.return_steps * recipe.environments
+    if recipe.steps < least:
+        raise InputError(
+            f"recipe {recipe.name}: steps is {recipe.steps}, must be at least {least}, or nothing "
+            f"is learned: the first {recipe.replay_prefill} steps only fill the replay memory"
+        )
+
+
+def _require_whole(out: Path, resume: bool) -> None:
+    """Refuse a folder that holds a run which is not to be continued, or only a part of one."""
+    there = [name for name in (SAVED, *RESULTS) if (out / name).exists()]
+    if there and not resume:
+        raise InputError(f"{out}: holds a run already; add --resume, or choose another folder")
+    if there and SAVED not in there:
+        _refuse_part(out, SAVED)
+
+
+def _refuse_part(out: Path, missing: str) -> None:
+    raise InputError(
+        f"{out}: holds a run without its {missing}, so it cannot go on; put the file back, or "
+        "choose another folder"
+    )
 
 
 @contextmanager
@@ -97,68 +129,53 @@ def _locked(out: Path) -> Iterator[None]:
     """Keep other processes out of the folder, which is made if need be."""
     out.mkdir(parents=True, exist_ok=True)
     try:
-        with FileLock(out / "lock", timeout=0):
+        with FileLock(out / "lock", timeout=LOCK_SECONDS):
             yield
     except Timeout:
         raise InputError(f"{out}: another process is training there; choose another") from None
 
 
-def _restore(trainer: Trainer, out: Path) -> None:
+def _restore(trainer: Trainer, out: Path, command: str) -> None:
     """Go on where the run was saved; if it is another run, the error says how that was begun."""
     try:
         trainer.restore(out / SAVED)
     except InputError as error:
-        command = json.loads((out / "about.json").read_text())["command"]
-        raise InputError(f"{error}. That run was begun by: {command}") from None
+        try:
+            begun = f". That run was begun by: {read_json(out / 'about.json')['command']}"
+        except (OSError, InputError, KeyError):
+            begun = ""
+        raise InputError(f"{error}{begun}") from None
+    if not trainer.validation_rows:
+        return
+    table, newest = out / "validation.csv", trainer.validation_rows[-1]["steps"]
+    if not table.exists() or read_table(table)["steps"][-1] < newest:  # killed between the writes
+        _write_results(trainer, out, command)
+    if not (out / "best.safetensors").exists():
+        _refuse_part(out, "best.safetensors")
 
 
-def _board(trainer: Trainer, out: Path):
+def _board() -> Callable[..., AbstractContextManager]:
     from uavdh_lite.bridges.tensorboard import Board  # an extra
 
-    return Board(out / "tensorboard", trainer)
+    return lambda *arguments: closing(Board(*arguments))
 
 
-def validate(trainer: Trainer) -> bool:
-    """Fly the validation scenarios greedily; whether the agent has its highest return so far.
-
-    The means become a row of `trainer.validation_rows`. The return has the constants of
-    `Rewards()`, whatever the agent learns from.
-    """
-    flights = evaluate(
-        trainer.environment,
-        trainer.agent,
-        trainer.scenario,
-        trainer.recipe.validation_episodes,
-        VALIDATION_SEED,
-        Use.VALIDATION,
-    )
-    means = {name: float(values.mean()) for name, values in flights.records().items()}
-    best = max((row["return"] for row in trainer.validation_rows), default=-np.inf)
-    trainer.validation_rows.append(trainer.done | means)
-    return means["return"] > best
-
-
-def _validate(trainer: Trainer, out: Path, command: str) -> str:
-    """Validate, and write all files; returns the newest result in words."""
-    started = time.perf_counter()
-    is_best = validate(trainer)
-    trainer.seconds += time.perf_counter() - started
+def _write_results(trainer: Trainer, out: Path, command: str) -> str:
+    """Write the tables and, if it is the best so far, the agent; the newest result in words."""
     agent = trainer.agent
     agent.training.update(_write_about(trainer, out, command))
-    if is_best:
+    if trainer.is_best:
         save_agent(out / "best.safetensors", agent)
     if trainer.training_rows:
         write_table(out / "training.csv", trainer.training_rows)
     write_table(out / "validation.csv", trainer.validation_rows)
-    trainer.save(out / SAVED)
     newest = trainer.validation_rows[-1]
     return f"landed {newest['landed']:.1%}, return {newest['return']:.1f}"
 
 
 def _write_about(trainer: Trainer, out: Path, command: str) -> dict:
     """Write how the run is made; returns it without what defines the run."""
-    how = {"command": command, "threads": torch.get_num_threads()}
-    training = trainer.agent.training | how
+    training = trainer.agent.training | {"command": command}
     write_json(out / "about.json", training | trainer.identity())
     return training
 
@@ -183,27 +200,3 @@ def keep_freed_memory() -> None:
         trim_threshold, mmap_threshold, limit = -1, -3, 1 << 30
         mallopt(mmap_threshold, limit)
         mallopt(trim_threshold, limit)
-
-
-@contextmanager
-def _deferred_interrupt() -> Iterator[Callable[[], bool]]:
-    """Only note a Ctrl-C, so that no step is cut in two; yields a function that says if one came.
-
-    A second Ctrl-C interrupts at once. Only the main thread can catch signals, or gets a Ctrl-C.
-    """
-    noted = threading.Event()
-
-    def note(signum, frame):
-        if noted.is_set():
-            raise KeyboardInterrupt
-        noted.set()
-        print("\nstopping after this step; Ctrl-C again stops at once", file=sys.stderr, flush=True)
-
-    if threading.current_thread() is not threading.main_thread():
-        yield noted.is_set
-        return
-    previous = signal.signal(signal.SIGINT, note)
-    try:
-        yield noted.is_set
-    finally:
-        signal.signal(signal.SIGINT, previous)

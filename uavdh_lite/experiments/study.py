@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import re
 import sys
 from collections.abc import Iterable
@@ -15,11 +16,14 @@ import torch
 from tqdm.auto import tqdm
 
 from uavdh_lite.errors import InputError
-from uavdh_lite.experiments.runs import SAVED, train
+from uavdh_lite.experiments.runs import train
+from uavdh_lite.experiments.stopping import deferred_stop
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
-from uavdh_lite.storage import read_table, write_json, write_table
+from uavdh_lite.storage import read_json, read_table, write_json, write_table
 from uavdh_lite.training import BIN, trainer_of
+
+STOP = "stop"  # this file in a study's folder tells its processes to save and end
 
 
 def centring(recipe: Recipe) -> dict[str, Recipe]:
@@ -76,7 +80,9 @@ def run_study(
     """Train every variant with the seeds 0, 1, …; returns the folders of the runs by variant.
 
     Each run is one thread in a process of its own, in the folder `out/VARIANT-SEED`. If the call is
-    killed, the same call continues: finished runs are kept, others resume where they were saved.
+    killed, its processes save their runs and end, and the same call continues: finished runs are
+    kept, others resume where they were saved. Ctrl-C and SIGTERM do so, too, and then raise
+    `KeyboardInterrupt`.
 
     Arguments:
         jobs: runs at a time.
@@ -87,21 +93,47 @@ def run_study(
         if recipe.steps < BIN:
             raise InputError(f"runs of {recipe.steps} steps: a study's curves need at least {BIN}")
     out = Path(out).absolute()
+    stop = out / STOP
+    out.mkdir(parents=True, exist_ok=True)
+    stop.unlink(missing_ok=True)  # left by a study that was killed
     grid = [(name, seed) for seed in range(seeds) for name in variants]
-    done = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(
-        joblib.delayed(_run)(scenario, variants[name], seed, out / f"{name}-{seed}", command)
-        for name, seed in grid
-    )
-    for folder in tqdm(done, total=len(grid), unit="run"):
-        tqdm.write(f"finished: {folder}", file=sys.stderr)
+    with deferred_stop(stop.touch) as stopped:
+        done = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(
+            joblib.delayed(_run)(scenario, variants[name], seed, out / f"{name}-{seed}", command)
+            for name, seed in grid
+        )
+        for folder in tqdm(done, total=len(grid), unit="run"):
+            if folder is not None:
+                tqdm.write(f"finished: {folder}", file=sys.stderr)
+    if stopped() or stop.exists():
+        stop.unlink(missing_ok=True)
+        print("stopped; the same command continues", file=sys.stderr)
+        raise KeyboardInterrupt
     return {name: [out / f"{name}-{seed}" for seed in range(seeds)] for name in variants}
 
 
-def _run(scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: str) -> Path:
-    """One training run, from its start or from where it was saved."""
+def _run(scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: str) -> Path | None:
+    """One training run, from its start or from where it was saved; None if it was stopped.
+
+    It stops when the study does: when the file `STOP` is there, or the process that began this one
+    is gone, however that ended.
+    """
+    parent, stop = os.getppid(), folder.parent / STOP
+    if stop.exists():
+        return None
     torch.set_num_threads(1)
-    resume = (folder / SAVED).exists()
-    train(trainer_of(recipe)(scenario, recipe, seed), folder, resume, command, show_progress=False)
+    try:
+        train(
+            trainer_of(recipe)(scenario, recipe, seed),
+            folder,
+            resume=True,
+            command=command,
+            show_progress=False,
+            stop=lambda: os.getppid() != parent or stop.exists(),
+        )
+    except KeyboardInterrupt:  # also a Ctrl-C that this process got itself
+        stop.touch()
+        return None
     return folder
 
 
@@ -112,7 +144,7 @@ def collect_curves(folders: dict[str, list[Path]], out: Path, command: str) -> t
     `variant` and `seed` in front. `about.json` has the command and each run's `about.json`.
     """
     runs = {folder: name for name, of_variant in folders.items() for folder in of_variant}
-    about = {folder: json.loads((folder / "about.json").read_text()) for folder in runs}
+    about = {folder: read_json(folder / "about.json") for folder in runs}
     paths = out / "training.csv.gz", out / "validation.csv.gz"
     for path in paths:
         rows = []
