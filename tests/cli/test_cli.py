@@ -13,7 +13,7 @@ from PIL import Image
 from uavdh_lite import registry
 from uavdh_lite.beyond.recipes import BeyondRecipe
 from uavdh_lite.checkpoint import load_agent, shipped_agents
-from uavdh_lite.city import load_cities
+from uavdh_lite.city import City, load_cities
 from uavdh_lite.cli import training
 from uavdh_lite.cli.main import COMMANDS, main
 from uavdh_lite.environment import Environment
@@ -202,6 +202,8 @@ def test_help_shows_the_values_of_the_scenario_that_is_named(capsys):
         ("evaluate --checkpoint any_city --city random:3", "random:3"),
         ("evaluate --city random:0:1", "0"),
         ("evaluate --city atlantis", "atlantis"),
+        ("city nowhere.geojson --centre 50", "two numbers"),
+        ("city nowhere.geojson", "--centre"),
         ("dance", "dance"),
         ("", "--help"),
         ("challenge", "--help"),
@@ -222,6 +224,7 @@ def test_bad_values_give_one_line_and_status_2(capsys, tmp_path, monkeypatch, ar
         ("fly --out file/c.png", "file: File exists"),
         ("evaluate --checkpoint manhattan --episodes 2 --json folder", "folder: Is a directory"),
         ("fly --mission nowhere.json", "nowhere.json: No such file"),
+        ("city nowhere.geojson --centre -50,8", "nowhere.geojson: No such file"),
     ],
 )
 def test_files_give_one_line_and_status_1(capsys, tmp_path, monkeypatch, arguments, named):
@@ -231,6 +234,13 @@ def test_files_give_one_line_and_status_1(capsys, tmp_path, monkeypatch, argumen
     assert main(arguments.split()) == 1
     error = capsys.readouterr().err
     assert error.startswith(f"uavdh_lite: error: {named}") and error.count("\n") == 1
+
+
+def test_city_writes_what_it_made_of_footprints(tmp_path, capsys):
+    out, campus = tmp_path / "campus.png", data_folder() / "places" / "campus.geojson"
+    assert main(["city", str(campus), "--centre", "50,8", "--cells", "12", "--out", str(out)]) == 0
+    printed, made = capsys.readouterr().out, City.load(out)
+    assert made.text in printed and made.size == 12 and "1 assumed" in printed
 
 
 def test_too_little_memory_gives_one_line_and_status_1(capsys, monkeypatch):

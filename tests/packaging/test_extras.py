@@ -36,7 +36,7 @@ RUN = "from uavdh_lite.cli.main import main; sys.exit(main({arguments!r}.split()
 
 def packages(extras=EXTRAS):
     """The packages that the extras bring, as they are imported."""
-    named = {"stable-baselines3": "stable_baselines3", "myst-nb": "myst_nb"}
+    named = {"stable-baselines3": "stable_baselines3", "myst-nb": "myst_nb", "sionna-rt": "sionna"}
     found = {re.match(r"[\w.\-]+", one)[0] for extra in extras for one in EXTRAS[extra]}
     return {named.get(name, name) for name in found - {"uavdh-lite"}} - {"hypothesis", "pytest"}
 

@@ -194,13 +194,9 @@ def _add_no_fly_zones(cells: np.ndarray, count: int, generator: np.random.Genera
         zone[:] = np.where(np.isin(zone, (LOW, TALL)), TALL, NO_FLY)
 
 
-def _close_what_is_cut_off(cells: np.ndarray) -> int:
-    """Let only the largest connected part be flown over; returns how many cells were cut off.
-
-    What is cut off becomes no-fly zone if it touches one, and building otherwise.
-    """
-    left = (cells != NO_FLY) & (cells != TALL)
-    parts = []
+def connected_parts(mask: np.ndarray) -> list[np.ndarray]:
+    """The parts of a mask whose cells are connected, (M, M) bool each, the largest one last."""
+    left, parts = mask.copy(), []
     while left.any():
         part = np.zeros_like(left)
         grown = np.arange(left.size).reshape(left.shape) == left.argmax()  # its first cell
@@ -208,7 +204,15 @@ def _close_what_is_cut_off(cells: np.ndarray) -> int:
             part, grown = grown, grown | grow(grown) & left
         parts.append(part)
         left &= ~part
-    *smaller, _ = sorted(parts, key=np.count_nonzero)
+    return sorted(parts, key=np.count_nonzero)
+
+
+def _close_what_is_cut_off(cells: np.ndarray) -> int:
+    """Let only the largest connected part be flown over; returns how many cells were cut off.
+
+    What is cut off becomes no-fly zone if it touches one, and building otherwise.
+    """
+    *smaller, _ = connected_parts((cells != NO_FLY) & (cells != TALL))
     for part in smaller:
         cells[part] = NO_FLY if (grow(part) & (cells == NO_FLY)).any() else TALL
     return int(np.sum(smaller))

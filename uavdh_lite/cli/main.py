@@ -22,6 +22,7 @@ COMMANDS = {
     "study": ("training", "Train several variants of a recipe, over several seeds."),
     "export": ("flying", "Write an agent's network as an ONNX file."),
     "challenge": ("challenge", "Score a class's submissions on missions that nobody has seen."),
+    "city": ("city", "Make a city from the footprints of buildings."),
     "app": ("app", "Serve the interactive labs as a web page."),
 }
 

@@ -1,0 +1,74 @@
+"""`city`: a city from the footprints of real buildings."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from cyclopts.types import PositiveFloat, PositiveInt
+
+from uavdh_lite.bridges.footprints import Raster, city_of_footprints
+from uavdh_lite.city import City
+from uavdh_lite.errors import InputError
+
+Pair = Annotated[str, Parameter(allow_leading_hyphen=True)]  # two numbers; the first may be < 0
+
+
+def city(
+    footprints: Path,
+    /,
+    *,
+    centre: Pair,
+    cells: PositiveInt = 16,
+    cell_size: PositiveFloat = 10.0,
+    altitude: PositiveFloat = 10.0,
+    storey: PositiveFloat = 3.0,
+    assumed: PositiveFloat = 12.0,
+    landing: Pair | None = None,
+    landing_cells: PositiveInt = 6,
+    out: Path = Path("city.png"),
+) -> None:
+    """Make a city from the footprints of buildings.
+
+    Arguments:
+        footprints: GeoJSON, as Overpass Turbo or QGIS write it from OpenStreetMap.
+        centre: the city's middle, LATITUDE,LONGITUDE in degrees, such as 50.0,8.0.
+        cells: on a side.
+        cell_size: side of a cell, m.
+        altitude: at which the UAV flies, m; what is higher may not be flown over.
+        storey: height of a storey, m, for buildings with building:levels and no height.
+        assumed: height of buildings with neither, m.
+        landing: LATITUDE,LONGITUDE; the free cells nearest to it are the landing zone. By default
+            the middle.
+        landing_cells: how many of them.
+        out: the city's PNG.
+    """
+    raster = Raster(
+        _pair("centre", centre),
+        cells,
+        cell_size,
+        altitude,
+        storey,
+        assumed,
+        landing and _pair("landing", landing),
+        landing_cells,
+    )
+    made, sources = city_of_footprints(footprints, raster)
+    _save(made, out)
+    print("heights of its buildings:", ", ".join(f"{n} {name}" for name, n in sources.items()))
+
+
+def _save(made: City, out: Path) -> None:
+    made.save(out)
+    print(made.text)
+    print(f"{out}: {made.size} × {made.size} cells, {made.open_to_devices.sum()} for devices")
+
+
+def _pair(name: str, text: str) -> tuple[float, float]:
+    """The two numbers of an option; raises `InputError` if it has no such."""
+    try:
+        first, second = map(float, text.split(","))
+    except ValueError:
+        raise InputError(
+            f"--{name} {text}: write two numbers and a comma, such as 50.0,8.0"
+        ) from None
+    return first, second
