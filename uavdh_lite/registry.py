@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from uavdh_lite.errors import InputError
 
-Kind = Literal["recipe", "recipe kind", "trainer", "scenario", "policy", "cities"]
+Kind = Literal["recipe", "recipe kind", "scenario", "policy", "cities"]
 GROUP = "uavdh_lite.extensions"
 
 # What a thing of each kind is, and our modules that register some. All of them stand above this
@@ -22,7 +22,6 @@ GROUP = "uavdh_lite.extensions"
 _KINDS = {
     "recipe": ("a Recipe", ("recipe", "beyond.recipes")),
     "recipe kind": ("a subclass of Recipe", ("recipe", "beyond.recipes")),
-    "trainer": ("a subclass of Trainer", ("beyond.recipes",)),
     "scenario": ("a Scenario", ("scenario", "beyond.cities")),
     "policy": ("a function", ("planners", "beyond.genie")),
     "cities": ("a function", ("beyond.cities",)),
@@ -38,7 +37,6 @@ def register(kind: Kind, name: str, thing: Any) -> Any:
     | --- | --- |
     | `recipe` | a `Recipe` |
     | `recipe kind` | a class of recipes, under the name of the class, for checkpoints |
-    | `trainer` | a class of trainings, under the name of the class of recipes that it runs |
     | `scenario` | a `Scenario` |
     | `policy` | a function of an environment and a seed that gives a `Policy` |
     | `cities` | a function of what follows `NAME:` that gives a tuple of cities |

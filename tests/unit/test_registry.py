@@ -8,13 +8,11 @@ from uavdh_lite import registry
 from uavdh_lite.errors import InputError
 from uavdh_lite.recipe import SMALL, Recipe
 from uavdh_lite.scenario import find_scenario
-from uavdh_lite.training import Trainer
 
 VILLAGE = find_scenario("village")
 RIGHT = {
     "recipe": SMALL,
     "recipe kind": Recipe,
-    "trainer": Trainer,
     "scenario": VILLAGE,
     "policy": lambda environment, seed: None,
     "cities": lambda name: (),
