@@ -5,7 +5,9 @@ seeds. A generator made elsewhere, such as `numpy.random.default_rng(2)`, has no
 shares none of these streams, either.
 """
 
+import math
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +41,59 @@ def stream(use: Use, seed: int = 0) -> np.random.Generator:
     Raises `InputError` unless the seed is a whole number from 0 to 2**63 − 1.
     """
     return np.random.default_rng(_sequence(use, seed))
+
+
+class Portable(np.random.Generator):
+    """A generator of few methods whose numbers are the same in every language: for what people
+    share, a mission and its fading.
+
+    Its k-th number is a hash of k, so it needs nothing but arithmetic with whole numbers of 32
+    bits. `labs/world.js` has the same class. Other methods than those here are numpy's own.
+
+    Raises `InputError` unless the seed is a whole number from 0 to 2**53 − 1, the largest that
+    JavaScript counts exactly.
+    """
+
+    def __init__(self, use: Use, seed: int):
+        super().__init__(stream(use, seed).bit_generator)
+        if seed >= 2**53:
+            raise InputError(f"seed {seed}: must be a whole number from 0 to 2**53 - 1")
+        self._key = _hash(seed % 2**32 + _hash(seed // 2**32 + _hash(use)))
+        self._drawn = 0
+
+    def random(self, size: Any = None, dtype: Any = float, out: Any = None) -> Any:
+        """Uniform over [0, 1), multiples of 2**−32; float64 whatever the `dtype`."""
+        shape = () if size is None else size
+        count = math.prod(np.atleast_1d(shape).tolist())
+        numbers = np.arange(self._drawn, self._drawn + count, dtype=np.uint64).reshape(shape)
+        self._drawn += count
+        return _hash(numbers + self._key) / 2**32
+
+    def uniform(self, low: Any = 0.0, high: Any = 1.0, size: Any = None) -> Any:
+        return low + (high - low) * self.random(size)
+
+    def integers(
+        self, low: Any, high: Any = None, size: Any = None, dtype: Any = int, endpoint: bool = False
+    ) -> Any:
+        low, high = (0, low) if high is None else (low, high)
+        share = self.random(np.broadcast(low, high).shape if size is None else size)
+        return (low + np.floor(share * (high - low + endpoint))).astype(dtype)
+
+    def standard_normal(self, size: Any = None, dtype: Any = float, out: Any = None) -> Any:
+        """By Box and Muller, two numbers for each."""
+        shape = () if size is None else np.atleast_1d(size)
+        first, second = np.moveaxis(self.random((*shape, 2)), -1, 0)
+        radius = np.sqrt(-2 * np.log(1 - first))  # 1 − first is above 0
+        return (radius * np.cos(2 * np.pi * second)).astype(dtype)
+
+
+def _hash(number: Any) -> Any:
+    """A hash of 32 bits, of a number or an array of uint64: Wellons' triple32."""
+    for shift, factor in ((17, 0xED5AD4BB), (11, 0xAC4C1B51), (15, 0x31848BAB)):
+        number = number & 0xFFFFFFFF
+        number = (number ^ number >> shift) * factor
+    number = number & 0xFFFFFFFF
+    return number ^ number >> 14
 
 
 def torch_seed(use: Use, seed: int) -> int:

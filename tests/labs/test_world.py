@@ -1,0 +1,224 @@
+"""The world in JavaScript is that in Python: both answer alike. Python's answers are made here.
+
+If one of these fails after a change in Python, make the same change in `labs/world.js` or
+`labs/pilots.js`: their functions have the names and the order of those in Python.
+"""
+
+import base64
+import json
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import uavdh_lite
+from uavdh_lite.beyond.cities import random_cities
+from uavdh_lite.beyond.failsafe import SafeEnvironment
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.city import load_city, shipped_cities
+from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
+from uavdh_lite.labs.page import AGENTS, checkpoint, packed_agent
+from uavdh_lite.missions import Mission, as_json
+from uavdh_lite.planners import Greedy
+from uavdh_lite.scenario import Scenario, find_scenario
+from uavdh_lite.streams import Portable, Use, stream
+
+LABS = Path(uavdh_lite.__file__).parent / "labs"
+TWIN = Path(__file__).with_name("twin.js")
+CITIES = (*map(load_city, shipped_cities()), *random_cities("30:5:8-16"))
+SCENARIO = Scenario("twin", devices=(1, 4), data=(0.0, 20.0), flying_time=(1, 60))
+TRANSITIONS = 20_000
+STATES = 500  # of each agent
+SAME = "labs/world.js or labs/pilots.js do not do what Python does: make the same change there"
+
+
+def draw_states(environment: Environment, scenario: Scenario, count: int, seed: int) -> State:
+    """States anywhere, with any time left, and devices that have a part of their data left."""
+    generator = stream(Use.EXERCISE, seed)
+    state = scenario.sample_anywhere(environment, count, generator, 3)
+    data_left = state.data_left * generator.choice([1, 0.02, 0.6], state.data_left.shape)
+    short = generator.random(count) < 0.3
+    time_left = np.where(short, generator.integers(1, 9, count), state.time_left)
+    return replace(
+        state, time_left=time_left.astype(np.int16), data_left=data_left.astype(np.float32)
+    )
+
+
+def rows_of(state: State) -> list[dict]:
+    """Each state as JSON values."""
+    names = ("uav_cell", "time_left", "device_cells", "data_initial", "data_left")
+    columns = [getattr(state, name).tolist() for name in names]
+    return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """For each city its environment, states, actions and fading."""
+    each, cases = TRANSITIONS // len(CITIES) + 1, []
+    for number, city in enumerate(CITIES):
+        environment, generator = SafeEnvironment(city), stream(Use.EXERCISE, 1000 + number)
+        state = draw_states(environment, SCENARIO, each, number)
+        action = generator.integers(0, len(ACTIONS), each)
+        cases.append((environment, state, action, environment.draw_fading(state, generator)))
+    return cases
+
+
+@pytest.fixture(scope="module")
+def agents():
+    """For each agent of the page its file in half precision, a city, states and their Q-values."""
+    cases = []
+    for name in AGENTS:
+        agent = load_agent(checkpoint(name))
+        agent.network.half().float()  # the weights that the page has
+        several = len(agent.cities) > 1  # then a smaller city, too
+        known = ("manhattan", "village") if several else (agent.city.name,)
+        for city in (city for city in CITIES if city.name in known):
+            state = draw_states(agent.over(city).environment, agent.scenario, STATES, 7)
+            values = agent.over(city).q_values(state).numpy()
+            cases.append((packed_agent(checkpoint(name)), city, state, values))
+    return cases
+
+
+@pytest.fixture(scope="module")
+def asked(flown, agents):
+    """The questions, as JSON values."""
+    states = []
+    for number, (_, state, action, fading) in enumerate(flown):
+        for row, act, draws in zip(rows_of(state), action, fading, strict=True):
+            states.append(
+                {**row, "city": number, "action": int(act), "fading": draws.ravel().tolist()}
+            )
+    return {
+        "cities": [{"name": city.name, "rows": city.text.split()} for city in CITIES],
+        "states": states,
+        "sight": [number for number, city in enumerate(CITIES) if city.size <= 32],
+        "agents": [
+            {
+                "base64": base64.b64encode(content).decode(),
+                "city": CITIES.index(city),
+                "asked": rows_of(state),
+            }
+            for content, city, state, _ in agents
+        ],
+        "missions": [
+            {
+                "scenario": as_twin(find_scenario(city.name)),
+                "city": CITIES.index(city),
+                "seed": seed,
+            }
+            for city in CITIES[: len(shipped_cities())]
+            for seed in (*range(20), 2**40 + 1)
+        ],
+        "numbers": {"seed": 2**53 - 1, "count": 1000},
+    }
+
+
+def as_twin(scenario: Scenario) -> dict:
+    return {
+        "name": scenario.name,
+        "devices": scenario.devices,
+        "data": scenario.data,
+        "flyingTime": scenario.flying_time,
+    }
+
+
+@pytest.fixture(scope="module")
+def answered(asked):
+    """What the modules answer, run by node."""
+    if shutil.which("node") is None:
+        pytest.skip("needs node; tests/browser compares them in Chromium")
+    program = f"""
+        import * as world from {json.dumps((LABS / "world.js").as_uri())};
+        import * as pilots from {json.dumps((LABS / "pilots.js").as_uri())};
+        import {{ answer }} from {json.dumps(TWIN.as_uri())};
+        import {{ readFileSync }} from "node:fs";
+        const asked = JSON.parse(readFileSync(0));
+        process.stdout.write(JSON.stringify(answer({{ world, pilots }}, asked)));
+    """
+    command = ["node", "--input-type=module", "--eval", program]
+    done = subprocess.run(command, input=json.dumps(asked), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_transitions_are_the_same(flown, answered):
+    begin = 0
+    for environment, state, action, fading in flown:
+        rows = answered["stepped"][begin : begin + len(state)]
+        begin += len(state)
+        plain = Environment(environment.city)
+        after, outcome = plain.transition(state, action, fading)
+        snr_db = plain.snr_db(state, after.uav_cell, fading)
+        # Devices that are heard alike to the last digit: either may be served
+        tied = (np.diff(np.sort(snr_db), axis=-1) < 1e-5).any(axis=(1, 2))
+        assert tied.mean() < 0.01
+        exact = {
+            "uav_cell": after.uav_cell,
+            "time_left": after.time_left,
+            "landed": after.landed,
+            "intervened": outcome.intervened,
+            "crashed": outcome.crashed,
+            "served": outcome.served,
+            "allowed": plain.allowed_actions(state),
+            "safe": environment.allowed_actions(state),
+            "sent_home": environment.transition(state, action, fading)[1].sent_home,
+            "way_home": environment.way_home[0, state.uav_cell],
+            "greedy": Greedy(plain).act(state),
+        }
+        near = {
+            "data_left": after.data_left,
+            "uploaded": outcome.uploaded,
+            "reward": Rewards()(outcome),
+            "snr_db": snr_db.reshape(len(state), -1),
+        }
+        for name, expected in (exact | near).items():
+            found = np.array([row[name] for row in rows])[~tied]
+            tolerance = 1e-4 if name in near else 0
+            message = f"{name} over {plain.city.name}: {SAME}"
+            np.testing.assert_allclose(found, expected[~tied], atol=tolerance, err_msg=message)
+
+
+def test_line_of_sight_is_the_same_for_all_pairs(flown, asked, answered):
+    for number, seen in zip(asked["sight"], answered["seen"], strict=True):
+        expected = "".join(map(str, flown[number][0].sight.astype(int).ravel()))
+        assert seen == expected, f"line of sight over {CITIES[number].name}: {SAME}"
+
+
+def test_agents_value_states_alike(agents, answered):
+    for (_, city, _, expected), found in zip(agents, answered["valued"], strict=True):
+        values = np.array(found, float)  # null, an action that is not allowed, becomes NaN
+        assert np.array_equal(np.isnan(values), np.isinf(expected)), SAME
+        finite = np.isfinite(expected)
+        tolerance = 1e-3 * (expected[finite].max() - expected[finite].min())
+        np.testing.assert_allclose(
+            values[finite], expected[finite], atol=tolerance, err_msg=f"{city.name}: {SAME}"
+        )
+        first, second = np.sort(expected, axis=1)[:, :-3:-1].T
+        clear = first - second > tolerance
+        best = np.nan_to_num(values, nan=-np.inf).argmax(axis=1)
+        assert np.array_equal(best[clear], expected.argmax(axis=1)[clear]), SAME
+
+
+def test_missions_and_flights_are_the_same(asked, answered):
+    environments = [SafeEnvironment(city) for city in CITIES[: len(shipped_cities())]]
+    planners = [Greedy(environment) for environment in environments]
+    for question, found in zip(asked["missions"], answered["flown"], strict=True):
+        city, environment, greedy = (
+            each[question["city"]] for each in (CITIES, environments, planners)
+        )
+        mission = Mission.draw(find_scenario(city.name), city, question["seed"])
+        assert found["mission"] == as_json(mission), SAME
+        flight = mission.fly(environment, greedy).trajectory(0)
+        assert found["action"] == flight.action.tolist(), SAME
+        np.testing.assert_allclose(found["reward"], flight.reward, atol=1e-4)
+        np.testing.assert_allclose(found["left"], flight.data_left[-1], atol=1e-4)
+
+
+def test_portable_numbers_are_the_same(asked, answered):
+    generator = Portable(Use.FADING, asked["numbers"]["seed"])
+    for uniform, whole, normal in answered["drawn"]:
+        assert (uniform, whole) == (generator.random(), generator.integers(3, 9)), SAME
+        assert normal == pytest.approx(generator.standard_normal(), abs=1e-12), SAME

@@ -1,0 +1,367 @@
+// Who flies, in JavaScript: what planners, observation, network, agent and checkpoint do in Python,
+// and of beyond told, failsafe and global_local, by their names; tests/labs/test_world.py compares
+// them. M is the number of cells on a side of the largest city that an agent sees, W = 2M − 1.
+
+import { ACTIONS, CHANNEL, City, HOVER, InputError, Portable, Use, safeActions } from "./world.js";
+
+/** Every action equally likely. */
+export class Random {
+  constructor(seed = 0) {
+    this.generator = new Portable(Use.EXPLORATION, seed);
+  }
+
+  act() {
+    return this.generator.integers(0, ACTIONS.length);
+  }
+}
+
+/** Fly to the nearest device with data left; turn back when the time just suffices to land. */
+export class Greedy {
+  /** @param {import("./world.js").Environment} environment */
+  constructor(environment) {
+    Object.assign(this, { environment, approaches: new Map() });
+  }
+
+  act(state) {
+    const { environment } = this;
+    const goal = this.goal(state);
+    const home = environment.wayHome[state.uavCell];
+    if (goal === null) return home;
+    const action = this.towards(state.uavCell, goal);
+    // What the action leads to must leave time to fly home and land.
+    const after = environment.nextCell(state.uavCell, action);
+    return environment.timeToLand[after] > state.timeLeft - 1 ? home : action;
+  }
+
+  /** The cell over which the nearest device with data left is served, or null if there is none. */
+  goal(state) {
+    let [goal, fewest] = [null, Infinity];
+    state.deviceCells.forEach((cell, device) => {
+      if (state.dataLeft[device] <= 0) return;
+      const there = this.approach(cell);
+      const moves = this.environment.moves(there)[state.uavCell];
+      if (moves < fewest) [goal, fewest] = [there, moves];
+    });
+    return goal;
+  }
+
+  /** First action of a shortest path, `hover` where there is none or none is needed. */
+  towards(start, goal) {
+    const moves = this.environment.moves(goal);
+    const nearer = (action) => moves[this.environment.nextCell(start, action)] < moves[start];
+    const action = [0, 1, 2, 3].findIndex(nearer);
+    return action < 0 ? HOVER : action;
+  }
+
+  /** The nearest cell to one that the UAV can reach from a landing zone. */
+  approach(cell) {
+    if (!this.approaches.has(cell)) {
+      const { city } = this.environment;
+      const [row, col] = city.position(cell);
+      let [nearest, least] = [0, Infinity];
+      city.landingDistance.forEach((moves, other) => {
+        const [r, c] = city.position(other);
+        const squared = (r - row) ** 2 + (c - col) ** 2;
+        if (moves >= 0 && squared < least) [nearest, least] = [other, squared];
+      });
+      this.approaches.set(cell, nearest);
+    }
+    return this.approaches.get(cell);
+  }
+}
+
+/** What a network sees: maps of W×W cells, centred or in place, and what is told. */
+class Observation {
+  /**
+   * @param {import("./world.js").Environment} environment
+   * @param {object} recipe of the agent's file
+   * @param {number} size M
+   */
+  constructor(environment, recipe, size) {
+    Object.assign(this, { environment, recipe, size, width: 2 * size - 1 });
+    this.centred = recipe.observation === "centred";
+    this.channels = 5 + Number(!this.centred) + (recipe.told ? 3 : 0);
+    const farthest = 2 * size;
+    this.nearness = (moves) => 1 - (moves < 0 ? farthest : Math.min(moves, farthest)) / farthest;
+    this.home = Float32Array.from(environment.city.landingDistance, this.nearness);
+  }
+
+  /** @returns {Float32Array} (channels, W, W) */
+  map(state) {
+    const { environment, recipe, size, width } = this;
+    const { city } = environment;
+    const area = width ** 2;
+    const maps = new Float32Array(this.channels * area);
+    maps.fill(1, area, 2 * area); // no-fly cells around the city
+    const corner = this.centred ? city.position(state.uavCell) : Array(2).fill(this.margin);
+    const [down, right] = corner.map((axis) => size - 1 - axis);
+    const place = (cell) => {
+      const [row, col] = city.position(cell);
+      return (row + down) * width + col + right;
+    };
+    const told = recipe.told ? this.told(state) : [];
+    const layers = [city.landing, city.noFly, city.buildings];
+    const first = this.channels - told.length;
+    for (let cell = 0; cell < environment.cells; cell++) {
+      const there = place(cell);
+      layers.forEach((layer, channel) => (maps[channel * area + there] = layer[cell]));
+      told.forEach((layer, k) => (maps[(first + k) * area + there] = layer[cell]));
+    }
+    state.deviceCells.forEach((cell, device) => {
+      const left = state.dataLeft[device];
+      maps[3 * area + place(cell)] += left / recipe.data_scale;
+      maps[4 * area + place(cell)] += (state.dataInitial[device] - left) / recipe.data_scale;
+    });
+    if (!this.centred) maps[5 * area + place(state.uavCell)] = 1;
+    return maps;
+  }
+
+  /** Corner of the window that has the city in its middle, or half a cell north-west of it. */
+  get margin() {
+    return this.size - 1 - Math.floor((this.width - this.environment.size) / 2);
+  }
+
+  /** The layers that are told: expected data, way home, way there; see beyond/told.py. */
+  told(state) {
+    const data = new Float32Array(this.environment.cells);
+    state.deviceCells.forEach((cell, device) => {
+      const left = state.dataLeft[device];
+      if (left <= 0) return;
+      this.environment.rateMap(cell).forEach((rate, each) => {
+        const offered = Math.min(CHANNEL.slots * rate, left) / this.recipe.data_scale;
+        data[each] = Math.max(data[each], offered);
+      });
+    });
+    return [data, this.home, Array.from(this.environment.moves(state.uavCell), this.nearness)];
+  }
+}
+
+/** Q-values of all actions: convolutions of one map or two, then fully connected layers. */
+class QNetwork {
+  /** @param {Object<string, {shape: number[], values: Float32Array}>} tensors by name */
+  constructor(recipe, tensors) {
+    Object.assign(this, { recipe, tensors });
+    this.branches = recipe.pooling ? ["convolutions.0.", "convolutions.1."] : ["convolutions."];
+    const inputs = tensors["head.0.weight"].shape[1];
+    this.features = new Float32Array(inputs);
+  }
+
+  /** @returns {Float32Array} (6,) */
+  forward(map, width, time) {
+    const { recipe } = this;
+    let maps = [{ values: map, width }];
+    if (recipe.pooling) {
+      const local = Math.min(recipe.local_size, width);
+      maps = [averagePool(map, width, recipe.pooling), middle(map, width, local)];
+    }
+    let filled = 0;
+    maps.forEach((one, branch) => {
+      recipe.strides.forEach((stride, k) => {
+        const [weight, bias] = this.layer(`${this.branches[branch]}${2 * k}`);
+        one = convolution(one.values, one.width, weight, bias, stride, recipe.leak);
+      });
+      this.features.set(one.values, filled);
+      filled += one.values.length;
+    });
+    this.features[filled] = time;
+    let values = this.features;
+    const step = recipe.layer_norm ? 3 : 2;
+    recipe.hidden.forEach((_, k) => {
+      values = linear(values, ...this.layer(`head.${step * k}`));
+      if (recipe.layer_norm) layerNorm(values, ...this.layer(`head.${step * k + 1}`));
+      leakyRelu(values, recipe.leak);
+    });
+    return linear(values, ...this.layer(`head.${step * recipe.hidden.length}`));
+  }
+
+  layer(name) {
+    return [this.tensors[`${name}.weight`], this.tensors[`${name}.bias`].values];
+  }
+}
+
+/** Each value with a kernel around it, no padding; then the leaky ReLU. */
+function convolution(map, width, { shape, values: weights }, bias, stride, leak) {
+  const [kernels, channels, side] = shape;
+  const [out, area] = [Math.floor((width - side) / stride) + 1, width ** 2];
+  const found = new Float32Array(kernels * out ** 2);
+  // The map's values under the kernel, one place after the other
+  const patch = new Float32Array(channels * side ** 2);
+  for (let row = 0; row < out; row++) {
+    for (let col = 0; col < out; col++) {
+      let at = 0;
+      for (let channel = 0; channel < channels; channel++) {
+        for (let r = 0; r < side; r++) {
+          const begin = channel * area + (row * stride + r) * width + col * stride;
+          for (let c = 0; c < side; c++) patch[at++] = map[begin + c];
+        }
+      }
+      for (let kernel = 0; kernel < kernels; kernel++) {
+        const total = bias[kernel] + dot(weights, kernel * patch.length, patch);
+        found[kernel * out ** 2 + row * out + col] = total > 0 ? total : leak * total;
+      }
+    }
+  }
+  return { values: found, width: out };
+}
+
+/** The product of some weights, from one on, with as many values. */
+function dot(weights, from, values) {
+  let a = 0, b = 0, c = 0, d = 0, k = 0; // four sums: an addition need not wait for the last
+  for (; k + 3 < values.length; k += 4) {
+    a += weights[from + k] * values[k];
+    b += weights[from + k + 1] * values[k + 1];
+    c += weights[from + k + 2] * values[k + 2];
+    d += weights[from + k + 3] * values[k + 3];
+  }
+  for (; k < values.length; k++) a += weights[from + k] * values[k];
+  return a + b + c + d;
+}
+
+function linear(values, { shape, values: weights }, bias) {
+  return Float32Array.from(bias, (each, unit) => each + dot(weights, unit * shape[1], values));
+}
+
+function layerNorm(values, { values: weight }, bias) {
+  const mean = values.reduce((total, value) => total + value, 0) / values.length;
+  const variance = values.reduce((sum, value) => sum + (value - mean) ** 2, 0) / values.length;
+  const scale = 1 / Math.sqrt(variance + 1e-5);
+  for (let k = 0; k < values.length; k++) {
+    values[k] = (values[k] - mean) * scale * weight[k] + bias[k];
+  }
+}
+
+function leakyRelu(values, leak) {
+  for (let k = 0; k < values.length; k++) if (values[k] < 0) values[k] *= leak;
+}
+
+/** The map averaged over cells of g×g; what is left over at the south and east is dropped. */
+function averagePool(map, width, pooling) {
+  const [out, channels] = [Math.floor(width / pooling), map.length / width ** 2];
+  const found = new Float32Array(channels * out ** 2);
+  found.forEach((_, place) => {
+    const [channel, row, col] = [Math.floor(place / out ** 2), Math.floor(place / out) % out, place % out];
+    let total = 0;
+    for (let r = 0; r < pooling; r++) {
+      const begin = channel * width ** 2 + (row * pooling + r) * width + col * pooling;
+      for (let c = 0; c < pooling; c++) total += map[begin + c];
+    }
+    found[place] = total / pooling ** 2;
+  });
+  return { values: found, width: out };
+}
+
+/** The l×l cells around the UAV. */
+function middle(map, width, local) {
+  const [margin, channels] = [(width - local) / 2, map.length / width ** 2];
+  const found = new Float32Array(channels * local ** 2);
+  for (let line = 0; line < channels * local; line++) {
+    const begin = (Math.floor(line / local) * width + margin + (line % local)) * width + margin;
+    found.set(map.subarray(begin, begin + local), line * local);
+  }
+  return { values: found, width: local };
+}
+
+/** A trained network, and everything needed to fly with it. */
+export class Agent {
+  /** @param {object} about the JSON of the file's header */
+  constructor(about, tensors) {
+    const { recipe, scenario, training, size, cities } = about;
+    Object.assign(this, { recipe, scenario, training, size });
+    this.network = new QNetwork(recipe, tensors);
+    /** The city that it was trained in; null if there were many. @type {City | null} */
+    this.city = cities.length === 1 ? new City(cities[0].name, tensors.cities) : null;
+  }
+
+  /** Whether it was trained for a city: in it, or in many that are as large. */
+  knows(city) {
+    return this.city ? this.city.sameAs(city) : city.size <= this.size;
+  }
+
+  /** The same network over a city; raises `InputError` if it is too large for its maps. */
+  over(environment) {
+    if (environment.size > this.size) {
+      throw new InputError(
+        `this agent was trained for cities of up to ${this.size} cells on a side, here are ` +
+          `${environment.size} (${environment.city.name}): train one for them`,
+      );
+    }
+    return new Flier(this, environment);
+  }
+}
+
+/** An agent over one city. */
+class Flier {
+  constructor(agent, environment) {
+    Object.assign(this, { agent, environment });
+    this.observation = new Observation(environment, agent.recipe, agent.size);
+  }
+
+  /** Q-values of all actions, −∞ for those that the failsafe would replace. */
+  qValues(state) {
+    const { recipe, network } = this.agent;
+    const map = this.observation.map(state);
+    const values = network.forward(map, this.observation.width, state.timeLeft / recipe.time_scale);
+    if (!recipe.failsafe) return values;
+    const allowed = safeActions(this.environment, state);
+    return values.map((value, action) => (allowed[action] ? value : -Infinity));
+  }
+
+  act(state) {
+    const values = this.qValues(state);
+    return values.indexOf(Math.max(...values));
+  }
+}
+
+/** The largest Q-value if the UAV were over each cell, NaN where it may not fly; (n,). */
+export function valueMap(flier, state) {
+  return Float64Array.from(flier.environment.city.noFly, (closed, uavCell) =>
+    closed ? NaN : Math.max(...flier.qValues({ ...state, uavCell })),
+  );
+}
+
+/** An agent from a checkpoint, the bytes of a safetensors file; `InputError` if it is none. */
+export function readAgent(bytes) {
+  try {
+    const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+    const begin = 8 + Number(view.getBigUint64(0, true));
+    const { __metadata__: metadata, ...entries } = JSON.parse(
+      new TextDecoder().decode(bytes.subarray(8, begin)),
+    );
+    const about = JSON.parse(metadata.uavdh_lite);
+    const tensors = {};
+    for (const [name, { dtype, shape, data_offsets: ends }] of Object.entries(entries)) {
+      const content = bytes.slice(begin + ends[0], begin + ends[1]);
+      const short = name.replace(/^network\.(network\.)?/, "");
+      tensors[short] = { shape, values: READ[dtype](content) };
+    }
+    if (tensors.cities) tensors.cities = tensors.cities.values;
+    return new Agent(about, tensors);
+  } catch (error) {
+    throw new InputError(`not an agent of this package, or a damaged file (${error.message})`);
+  }
+}
+
+const READ = {
+  U8: (content) => content,
+  F32: (content) => new Float32Array(content.buffer),
+  F16: (content) => {
+    const found = new Float32Array(content.length / 2);
+    new Uint16Array(content.buffer).forEach((bits, k) => (found[k] = HALF[bits]));
+    return found;
+  },
+};
+
+// The half-precision number of each pattern of 16 bits
+const HALF = Float32Array.from({ length: 2 ** 16 }, (_, bits) => {
+  const [exponent, fraction] = [(bits >> 10) & 31, (bits & 1023) / 1024];
+  const size = exponent ? 2 ** (exponent - 15) * (1 + fraction) : 2 ** -14 * fraction;
+  return bits >> 15 ? -size : size;
+});
+
+/** The bytes of a text in base64. */
+export function bytesOf(base64) {
+  const letters = atob(base64);
+  const bytes = new Uint8Array(letters.length);
+  for (let k = 0; k < bytes.length; k++) bytes[k] = letters.charCodeAt(k);
+  return bytes;
+}
