@@ -18,7 +18,7 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Flights, Policy, Step, fly
 from uavdh_lite.scenario import LIMIT, Scenario
 from uavdh_lite.storage import write_json
-from uavdh_lite.streams import Use, stream
+from uavdh_lite.streams import Portable, Use
 
 FORMAT, VERSION = "uavdh_lite mission", 1
 SCHEMA = Path(__file__).parent / "schemas" / "mission.schema.json"
@@ -66,8 +66,8 @@ class Mission:
 
     @classmethod
     def draw(cls, scenario: Scenario, city: City, seed: int) -> "Mission":
-        """A random mission of a scenario."""
-        state = scenario.sample(Environment(city), 1, stream(Use.MISSION, seed))
+        """A random mission of a scenario; equal seeds draw equal ones in any language."""
+        state = scenario.sample(Environment(city), 1, Portable(Use.MISSION, seed))
         used = state.data_initial[0] > 0
         start, *devices = (
             divmod(int(number), city.size)
@@ -125,9 +125,9 @@ class Mission:
         )
 
     @property
-    def fading(self) -> np.random.Generator:
+    def fading(self) -> Portable:
         """A new generator of this mission's fading, as it is at the start."""
-        return stream(Use.FADING, self.seed)
+        return Portable(Use.FADING, self.seed)
 
     def fly(self, environment: Environment, policy: Policy) -> Flights:
         """Fly a policy and keep every step; missions with equal seeds have equal fading."""

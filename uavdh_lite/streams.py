@@ -75,8 +75,8 @@ class Portable(np.random.Generator):
     def integers(
         self, low: Any, high: Any = None, size: Any = None, dtype: Any = int, endpoint: bool = False
     ) -> Any:
-        low, high = (0, low) if high is None else (low, high)
-        share = self.random(np.broadcast(low, high).shape if size is None else size)
+        low, high = np.broadcast_arrays(*((0, low) if high is None else (low, high)))
+        share = self.random(low.shape if size is None else size)
         return (low + np.floor(share * (high - low + endpoint))).astype(dtype)
 
     def standard_normal(self, size: Any = None, dtype: Any = float, out: Any = None) -> Any:

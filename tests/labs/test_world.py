@@ -6,6 +6,7 @@ If one of these fails after a change in Python, make the same change in `labs/wo
 
 import base64
 import json
+import os
 import shutil
 import subprocess
 from dataclasses import replace
@@ -13,20 +14,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import sync_playwright
 
-import uavdh_lite
 from uavdh_lite.beyond.cities import random_cities
 from uavdh_lite.beyond.failsafe import SafeEnvironment
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import load_city, shipped_cities
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
-from uavdh_lite.labs.page import AGENTS, checkpoint, packed_agent
+from uavdh_lite.labs.page import AGENTS, checkpoint, import_map, packed_agent
 from uavdh_lite.missions import Mission, as_json
 from uavdh_lite.planners import Greedy
 from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.streams import Portable, Use, stream
 
-LABS = Path(uavdh_lite.__file__).parent / "labs"
+CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
 TWIN = Path(__file__).with_name("twin.js")
 CITIES = (*map(load_city, shipped_cities()), *random_cities("30:5:8-16"))
 SCENARIO = Scenario("twin", devices=(1, 4), data=(0.0, 20.0), flying_time=(1, 60))
@@ -125,23 +126,38 @@ def as_twin(scenario: Scenario) -> dict:
     }
 
 
-@pytest.fixture(scope="module")
-def answered(asked):
-    """What the modules answer, run by node."""
-    if shutil.which("node") is None:
-        pytest.skip("needs node; tests/browser compares them in Chromium")
+def by_node(asked: dict, folder: Path) -> str:
     program = f"""
-        import * as world from {json.dumps((LABS / "world.js").as_uri())};
-        import * as pilots from {json.dumps((LABS / "pilots.js").as_uri())};
         import {{ answer }} from {json.dumps(TWIN.as_uri())};
         import {{ readFileSync }} from "node:fs";
-        const asked = JSON.parse(readFileSync(0));
-        process.stdout.write(JSON.stringify(answer({{ world, pilots }}, asked)));
+        process.stdout.write(JSON.stringify(answer(JSON.parse(readFileSync(0)))));
     """
     command = ["node", "--input-type=module", "--eval", program]
     done = subprocess.run(command, input=json.dumps(asked), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return done.stdout
+
+
+def by_chromium(asked: dict, folder: Path) -> str:
+    """From a page on the disk, with the modules as the labs' page has them."""
+    modules = json.dumps({"imports": import_map(TWIN)})
+    path = folder / "twin.html"
+    path.write_text(f'<script type="importmap">{modules}</script>')
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page()
+        page.goto(path.as_uri())
+        call = 'async (asked) => JSON.stringify((await import("twin.js")).answer(asked))'
+        return page.evaluate(call, asked)
+
+
+@pytest.fixture(scope="module", params=["node", "chromium"])
+def answered(request, asked, tmp_path_factory):
+    """What the modules answer."""
+    program, run = {"node": ("node", by_node), "chromium": (CHROMIUM, by_chromium)}[request.param]
+    if program is None or shutil.which(program) is None:
+        pytest.skip(f"needs {request.param}")
+    return json.loads(run(asked, tmp_path_factory.mktemp("twin")))
 
 
 def test_transitions_are_the_same(flown, answered):

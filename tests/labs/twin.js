@@ -1,6 +1,9 @@
-// What the JavaScript twins answer to what test_world.py asks. `world` and `pilots` are the modules.
+// What the JavaScript twins answer to what test_world.py asks.
 
-export function answer({ world, pilots }, { cities, states, sight, agents, missions, numbers }) {
+import * as pilots from "../../uavdh_lite/labs/pilots.js";
+import * as world from "../../uavdh_lite/labs/world.js";
+
+export function answer({ cities, states, sight, agents, missions, numbers }) {
   const places = cities.map(({ name, rows }) => {
     const city = world.City.fromText(name, rows.join("\n"));
     return new world.SafeEnvironment(city);
@@ -43,7 +46,7 @@ export function answer({ world, pilots }, { cities, states, sight, agents, missi
   });
   const valued = agents.map(({ base64, city, asked }) => {
     const flier = pilots.readAgent(pilots.bytesOf(base64)).over(places[city]);
-    return asked.map((values) => [...flier.qValues(stateOf(values))].map((q) => (q === -Infinity ? null : q)));
+    return asked.map((values) => [...flier.qValues(stateOf(values))]); // in JSON −∞ is null
   });
   const flown = missions.map(({ scenario, city, seed }) => {
     const mission = world.Mission.draw(scenario, places[city].city, seed);
