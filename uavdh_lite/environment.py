@@ -93,7 +93,7 @@ class Outcome:
 
     | field | shape | meaning |
     | --- | --- | --- |
-    | `served` | (B, δ) int8 | device that had the slot, −1 for none |
+    | `served` | (B, δ) int16 | device that had the slot, −1 for none |
     | `uploaded` | (B, δ) float32 | data units uploaded in the slot |
     | `intervened` | (B,) bool | the safety controller replaced the action by hovering |
     | `landed` | (B,) bool | the UAV landed in this step |
@@ -191,7 +191,7 @@ class Environment:
 
     def over(self, index: int) -> "Environment":
         """The environment of one of the cities alone; its cells keep their numbers."""
-        return replace(self, city=self.cities[index])
+        return replace(self, city=self.cities[index]) if len(self.cities) > 1 else self
 
     @cached_property
     def landing(self) -> np.ndarray:
@@ -383,12 +383,12 @@ def schedule(
         snr_db: (B, δ, K); −∞ for a device that is not heard.
         data_left: (B, K), at the start of the mission slot.
 
-    Returns three arrays: the device of each slot, or −1, (B, δ) int8; the data units uploaded in
+    Returns three arrays: the device of each slot, or −1, (B, δ) int16; the data units uploaded in
     it, min(rate, data left), (B, δ); and the data left after the mission slot, (B, K).
     """
     left = data_left.copy()
     episode = np.arange(len(left))
-    served = np.empty(snr_db.shape[:2], np.int8)
+    served = np.empty(snr_db.shape[:2], np.int16)
     uploaded = np.empty(snr_db.shape[:2], np.float32)
     for slot in range(snr_db.shape[1]):
         heard_db = np.where(left > 0, snr_db[:, slot], -np.inf)

@@ -15,6 +15,7 @@ from uavdh_lite.evaluation import Policy, in_flight
 from uavdh_lite.streams import Use, stream
 
 NO_PATH = np.iinfo(np.int16).max  # stands for the number of moves where no path leads
+CACHED = 2**20  # bytes; a mask of cells and goals that is larger leaves the processor's cache
 
 
 class Random(Policy):
@@ -75,33 +76,37 @@ class Greedy(Policy):
     @cached_property
     def approach(self) -> np.ndarray:
         """The nearest cell to each one that the UAV can reach from a landing zone; (C, n) ints."""
-        position = np.indices((self.environment.size,) * 2).reshape(2, -1)
-        squared_distance = ((position[:, :, None] - position[:, None, :]) ** 2).sum(axis=0)
-        far = squared_distance.max() + 1
-        nearest = [
-            np.where(moves_home >= 0, squared_distance, far).argmin(axis=1)
-            for moves_home in self.environment.landing_distance
-        ]
-        return read_only(np.stack(nearest))
+        size = self.environment.size
+        row, col = np.divmod(np.arange(size**2, dtype=np.int16), size)
+        nearest = np.tile(np.arange(len(row)), (len(self.environment.cities), 1))
+        for cells, moves_home in zip(nearest, self.environment.landing_distance, strict=True):
+            closed, open = np.flatnonzero(moves_home < 0)[:, None], np.flatnonzero(moves_home >= 0)
+            squared_distance = (row[closed] - row[open]) ** 2 + (col[closed] - col[open]) ** 2
+            cells[closed[:, 0]] = open[squared_distance.argmin(axis=1)]
+        return read_only(nearest)
 
 
 def shortest_paths(no_fly: np.ndarray) -> np.ndarray:
     """Moves between all pairs of cells of a city, `NO_PATH` where no path leads; (n, n) int16.
 
-    Each round reaches the cells that are one move further, for all goals at once.
+    Each round reaches the cells that are one move further, for many goals at once: for as many as
+    the processor's cache holds.
 
     Arguments:
         no_fly: (M, M) bool.
     """
     size, cells = len(no_fly), no_fly.size
-    free = ~no_fly[:, :, None]
-    reached = np.eye(cells, dtype=bool).reshape(size, size, cells) & free  # [row, col, goal]
-    moves = np.full(reached.shape, NO_PATH, np.int16)
-    step = 0
-    while reached.any():
-        moves[reached] = step
-        reached = grow(reached) & free & (moves == NO_PATH)
-        step += 1
+    goals = np.eye(cells, dtype=bool).reshape(size, size, cells)  # [row, col, goal]
+    moves = np.full(goals.shape, NO_PATH, np.int16)
+    count = CACHED // cells
+    for some in (slice(first, first + count) for first in range(0, cells, count)):
+        open = ~no_fly[:, :, None]
+        reached, step = goals[:, :, some] & open, 0
+        while reached.any():
+            np.copyto(moves[:, :, some], step, where=reached)
+            open = open & ~reached
+            reached = grow(reached) & open
+            step += 1
     return moves.reshape(cells, cells)
 
 

@@ -102,12 +102,11 @@ def film(environment: Environment, flights: Mapping[str, Trajectory]) -> dict[st
         raise InputError("no flight to play: give one, or several with their names")
     _require_mission(environment, list(flights.values()))
     start = next(iter(flights.values())).start
-    several = len(environment.cities) > 1  # of one, the shadows need not be found again
-    here = environment.over(int(start.city[0])) if several else environment
-    city, own = here.cities[0], slice(here.cities[0].own_size)
+    city, own = environment.cities[start.city[0]], slice(environment.cities[start.city[0]].own_size)
     used = np.flatnonzero(start.data_initial[0] > 0)
     cells = start.device_cells[0, used]
-    hidden = np.where(here.sight[0, cells], ".", "#").reshape(-1, city.size, city.size)
+    hidden = np.where(environment.sight[start.city, cells], ".", "#")
+    hidden = hidden.reshape(-1, city.size, city.size)
     return {
         "title": f"Flight{'s' * (len(flights) > 1)} over {city.name}",
         "city": [row[own] for row in city.text.split("\n")[own]],

@@ -25,13 +25,14 @@ from uavdh_lite.evaluation import Trajectory
 from uavdh_lite.storage import write_atomically
 
 # Okabe and Ito's colours, which colour-blind readers can tell apart; not black, which is the colour
-# of a step in which nothing is uploaded.
+# of a step in which nothing is uploaded. The last four devices have the colours that are furthest
+# from these and from each other, for readers with red-green blindness, too.
 ORANGE, BLUE, GREEN = "#E69F00", "#0072B2", "#009E73"
 PINK, VERMILION, SKY_BLUE = "#CC79A7", "#D55E00", "#56B4E9"
 RED = "#C1272D"  # no-fly zones, crashes, errors, wrong answers
 DEVICE_COLOURS = (
     *(ORANGE, BLUE, GREEN, PINK, VERMILION, SKY_BLUE),
-    *("#8C6D1F", "#5E4FA2", "#A6761D", "#1B9E77"),
+    *("#664400", "#664466", "#0000EE", "#335544"),
 )
 Style = dict[str, Any]  # a patch's keyword arguments
 NO_FLY: Style = {"facecolor": "none", "edgecolor": RED, "hatch": "////", "linewidth": 0}
@@ -87,9 +88,9 @@ def shadow_colours(hidden: np.ndarray) -> np.ndarray:
     return 1 - depth * (1 - np.array(to_rgb(SHADOW)))
 
 
-def shadow_sum(environment: Environment, device_cells: np.ndarray) -> np.ndarray:
-    """For each cell of the first city, how many of these devices, (n,), it hides; (M, M) ints."""
-    hidden = ~environment.sight[0, device_cells]
+def shadow_sum(environment: Environment, device_cells: np.ndarray, city: int = 0) -> np.ndarray:
+    """For each cell of one city, how many of these devices, (n,), it hides; (M, M) ints."""
+    hidden = ~environment.sight[city, device_cells]
     return hidden.sum(axis=0).reshape(environment.size, environment.size)
 
 
@@ -107,11 +108,10 @@ def draw_cities(figure: Figure, cities: Sequence[City], columns: int) -> None:
 
 def draw_trajectory(ax: Axes, environment: Environment, trajectory: Trajectory) -> Axes:
     """One flight in the paper's style, over the city shaded by its devices, with its caption."""
-    start = trajectory.start
-    environment = environment.over(int(start.city[0]))
-    used = np.flatnonzero(start.data_initial[0] > 0)
-    draw_city(ax, environment.cities[0], shadow_sum(environment, start.device_cells[0, used]))
-    draw_flight(ax, environment.cities[0], trajectory)
+    start, number = trajectory.start, int(trajectory.start.city[0])
+    city, devices = environment.cities[number], start.device_cells[start.data_initial > 0]
+    draw_city(ax, city, shadow_sum(environment, devices, number))
+    draw_flight(ax, city, trajectory)
     ax.set_xlabel(f"column\n{caption(trajectory)}")
     return ax
 

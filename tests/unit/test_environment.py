@@ -21,6 +21,7 @@ from uavdh_lite.environment import (
     Environment,
     Rewards,
     State,
+    schedule,
 )
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Policy, fly
@@ -216,6 +217,21 @@ def test_an_upload_is_capped_by_what_is_left_and_then_the_next_device_has_its_tu
 
 
 # Tables, and states
+
+
+def test_each_of_many_devices_has_its_number():
+    """The loudest of 300 is the last; more than 127 do not fit into a byte."""
+    snr_db = np.linspace(-5, 20, 300, dtype=np.float32)[None, None].repeat(2, axis=1)
+    served, _, left = schedule(snr_db, np.full((1, 300), 1.0, np.float32))
+    assert served.tolist() == [[299, 298]] and (left[0, :298] == 1).all()
+
+
+def test_one_of_one_city_is_the_environment_itself():
+    """So that what it has computed is not computed again."""
+    environment = Environment(CITY)
+    assert environment.over(0) is environment
+    both = Environment((CITY, CORNER))
+    assert [both.over(index).cities[0].name for index in (0, 1)] == ["by hand", CORNER.name]
 
 
 @given(st.lists(cities(2), min_size=1, max_size=3))

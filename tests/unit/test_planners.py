@@ -1,13 +1,15 @@
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from uavdh_lite.beyond.cities import CityGenerator
 from uavdh_lite.city import City, load_city
 from uavdh_lite.environment import HOVER, LAND, Environment
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.missions import Mission
-from uavdh_lite.planners import NO_PATH, Greedy, Random, shortest_paths
+from uavdh_lite.planners import CACHED, NO_PATH, Greedy, Random, shortest_paths
 from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.streams import Use, stream
 
@@ -59,6 +61,26 @@ def test_shortest_paths_on_a_small_map(small):
     assert moves[0, [0, 1, 9, 6, 15]].tolist() == [0, 1, 3, 3, 6]  # (1, 1) and (2, 2) are closed
     walls = shortest_paths(City.from_text("two halves", "L.N. \n ..N. \n ..N. \n ..N.").no_fly)
     assert walls[0, 3] == NO_PATH and walls[3, 7] == 1
+
+
+def test_the_tables_of_a_large_city_take_little_more_than_their_own_memory():
+    """Goals in several parts: the same paths; nothing else is as large as the table."""
+    city = CityGenerator(48).draw(1, 3)[0]
+    greedy = Greedy(Environment(city))
+    greedy.environment.landing_distance  # noqa: B018 (computed once)
+    tracemalloc.start()
+    moves, approach = greedy.moves[0], greedy.approach[0]
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert moves.nbytes == 2 * 48**4 and peak < 3 * moves.nbytes
+    assert np.array_equal(moves, moves.T) and city.size**4 > 4 * CACHED
+    home, free = city.landing_distance.ravel(), np.flatnonzero(~city.no_fly)
+    assert np.array_equal(moves[:, city.landing.ravel()].min(axis=1)[free], home[free])
+    place = np.stack(np.divmod(np.arange(48**2), 48), axis=1)
+    reachable = np.flatnonzero(home >= 0)
+    for cell in range(0, 48**2, 7):
+        distance = ((place[reachable] - place[cell]) ** 2).sum(axis=1)
+        assert approach[cell] == reachable[distance.argmin()]
 
 
 def test_greedy_takes_shortest_ways_in_every_city(small):

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from uavdh_lite.environment import EAST, HOVER, LAND, WEST, Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import FunctionPolicy, fly
 from uavdh_lite.missions import Mission
+from uavdh_lite.player import film
 from uavdh_lite.streams import Use, stream
 
 DRAWN = City.from_text("drawn", "L.N\n.bB\n..B")
@@ -102,6 +104,51 @@ def test_a_flight_over_a_smaller_city_of_several_is_drawn_where_it_is(ax, corrid
     assert (device.get_xdata()[0], device.get_ydata()[0]) == (2, 1)
     (text,) = ax.texts
     assert text.xyann[0] < 0  # the eastern border leaves no room on the other side
+
+
+# Linear sRGB to XYZ over the white point D65, and to what people without the long-wave or the
+# medium-wave cones see (Machado et al., 2009)
+TO_XYZ = np.array([[0.4339, 0.3762, 0.1899], [0.2127, 0.7152, 0.0722], [0.0178, 0.1095, 0.8729]])
+VISIONS = {
+    "usual": np.eye(3),
+    "protan": [[0.1523, 1.0526, -0.2049], [0.1145, 0.7863, 0.0992], [-0.0039, -0.0481, 1.0520]],
+    "deutan": [[0.3673, 0.8606, -0.2280], [0.2801, 0.6725, 0.0474], [-0.0118, 0.0429, 0.9689]],
+}
+
+
+def cie_lab(colours, vision):
+    """CIELAB of sRGB colours, (n, 3)."""
+    rgb = np.array([to_rgba(colour)[:3] for colour in colours])
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    xyz = (linear @ np.transpose(VISIONS[vision])).clip(0, 1) @ TO_XYZ.T
+    x, y, z = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116).T
+    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=1)
+
+
+@pytest.mark.parametrize("vision", VISIONS)
+@pytest.mark.parametrize(("paper", "text"), [("white", "black"), ("#111111", "#EEEEEE")])
+def test_ten_devices_are_told_apart_on_light_and_on_dark_paper(paper, text, vision):
+    """From each other, from the paper and from a step without uploads: CIE ΔE of 15 or more."""
+    colours = [*map(plotting.device_colour, range(10)), paper, text]
+    lab = cie_lab(colours, vision)
+    difference = np.linalg.norm(lab[:, None] - lab, axis=-1)[np.triu_indices(12, 1)]
+    assert len(difference) == 66 and difference.min() >= 15
+    assert cie_lab(["white", "red"], "usual") == pytest.approx(
+        np.array([[100, 0, 0], [53.24, 80.09, 67.2]]), abs=0.1
+    )
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_shadows_that_the_flight_knew_are_not_traced_again(ax, corridor, several, monkeypatch):
+    cities = (corridor, City.from_text("small", "L.b\nL..\nL.."))
+    if several:
+        environment, trajectory = flight(cities, [EAST, WEST, LAND], (1, 0), (1, 2), city=1)
+    else:
+        environment, trajectory = flight(corridor, [EAST, WEST, LAND])
+    again = Mock(side_effect=AssertionError)
+    monkeypatch.setattr("uavdh_lite.environment.line_of_sight", again)
+    plotting.draw_trajectory(ax, environment, trajectory)
+    assert film(environment, {"": trajectory})["devices"]
 
 
 def test_the_end_says_whether_it_landed(ax, corridor):

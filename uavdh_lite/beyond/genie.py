@@ -12,12 +12,14 @@ import numpy as np
 from uavdh_lite import registry
 from uavdh_lite.channel import rate
 from uavdh_lite.environment import HOVER, LAND, Environment, State
+from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Policy
 
 SETS = 32  # for each cell, a search keeps this many times its beam: all sets of 5 devices
 NARROW = (1, 4, 16)  # what the first searches keep for each cell
 WIDER = 4  # the last search has so many times the beam of the first
 BETTER = 1e-3  # a flight must be worth that much more than the best one known
+MOST_DEVICES = 16  # with data in an episode
 LEVELS = 8  # parts of a device's data in the tables of the bound
 TOGETHER = 2**17  # cells times sets of emptied devices that are searched together
 
@@ -51,6 +53,9 @@ class Genie(Policy):
     During a flight it searches again every `replan` steps, from the data that is really left, with
     the beam that the episode's first plan needed, and changes its plan only for a better one.
     Asked to act without `begin`, it makes a plan and returns the first action.
+
+    Raises `InputError` for more than 16 devices with data in an episode: there are 2^K sets of
+    emptied devices, and with more of them the search takes many minutes or does not end.
     """
 
     environment: Environment
@@ -88,6 +93,12 @@ class Genie(Policy):
 
     def _problems(self, state: State) -> Iterator[tuple[slice, "_Problem"]]:
         """The episodes in order, no more at a time than fit into memory."""
+        devices = int((state.data_left > 0).sum(axis=1).max(initial=0))
+        if devices > MOST_DEVICES:
+            raise InputError(
+                f"{devices} devices with data in an episode: the genie plans for at most "
+                f"{MOST_DEVICES}; take fewer, or the greedy planner"
+            )
         sets = min(2 ** state.data_left.shape[1], SETS)
         count = max(1, TOGETHER // (self.environment.size**2 * sets))
         for first in range(0, len(state), count):
