@@ -8,6 +8,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from uavdh_lite import registry
@@ -243,8 +244,9 @@ def test_city_writes_what_it_made_of_footprints(tmp_path, capsys):
     assert made.text in printed and made.size == 12 and "1 assumed" in printed
 
 
-def test_too_little_memory_gives_one_line_and_status_1(capsys, monkeypatch):
-    monkeypatch.setattr("uavdh_lite.city.City.load", lambda name: np.ones(2**50))
+@pytest.mark.parametrize("allocate", [np.ones, torch.ones])
+def test_too_little_memory_gives_one_line_and_status_1(capsys, monkeypatch, allocate):
+    monkeypatch.setattr("uavdh_lite.city.City.load", lambda name: allocate(2**50))
     assert main(["fly", "--city", "village"]) == 1
     error = capsys.readouterr().err
     assert "not enough memory" in error and error.count("\n") == 1

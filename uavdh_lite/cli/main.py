@@ -48,6 +48,11 @@ def main(arguments: list[str] | None = None) -> int:
         return _fail(1, f"{path}: {error.strerror}" if path else error)
     except MemoryError as error:
         return _fail(1, f"not enough memory: {error}")
+    except RuntimeError as error:
+        if "memory" not in str(error):
+            raise
+        # PyTorch has no class of its own for the CPU's; its last lines are about its own source
+        return _fail(1, f"not enough memory: {str(error).splitlines()[0]}")
     except KeyboardInterrupt:
         return 130
     return 0
