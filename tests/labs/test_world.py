@@ -5,6 +5,7 @@ If one of these fails after a change in Python, make the same change in `labs/wo
 """
 
 import base64
+import io
 import json
 import os
 import shutil
@@ -14,15 +15,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from uavdh_lite.beyond.cities import random_cities
 from uavdh_lite.beyond.failsafe import SafeEnvironment
 from uavdh_lite.checkpoint import load_agent
-from uavdh_lite.city import load_city, shipped_cities
+from uavdh_lite.city import City, load_city, shipped_cities
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
+from uavdh_lite.errors import InputError
 from uavdh_lite.labs.page import AGENTS, checkpoint, import_map, packed_agent
-from uavdh_lite.missions import Mission, as_json
+from uavdh_lite.missions import Mission, as_json, mission_from_json
 from uavdh_lite.planners import Greedy
 from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.streams import Portable, Use, stream
@@ -34,6 +37,63 @@ SCENARIO = Scenario("twin", devices=(1, 4), data=(0.0, 20.0), flying_time=(1, 60
 TRANSITIONS = 20_000
 STATES = 500  # of each agent
 SAME = "labs/world.js or labs/pilots.js do not do what Python does: make the same change there"
+
+
+FILE = as_json(Mission(load_city("village"), (0, 0), ((4, 1), (0, 7)), (15.0, 0.5), 24, 7))
+DEVICE = {"cell": [0, 7], "data": 1}
+CHANGES = (  # of an entry of a mission's file, by its path
+    (("seed",), 7),  # none
+    (("format",), "other"),
+    (("version",), 2),
+    (("start",), [0]),
+    (("start",), [0, 99]),
+    (("start",), [0, "1"]),
+    (("start",), [0, 8]),
+    (("start",), [4, 4]),
+    (("devices",), []),
+    (("devices",), [DEVICE] * 6),
+    (("devices", 1), {"cell": [0, 7]}),
+    (("devices", 1), DEVICE | {"more": 1}),
+    (("devices", 1, "cell"), [0, -1]),
+    (("devices", 1, "cell"), [0, 0]),
+    (("devices", 1, "cell"), [4, 1]),
+    (("devices", 0, "data"), -1),
+    (("devices", 0, "data"), 2**15),
+    (("devices", 0, "data"), "15"),
+    (("devices", 0, "data"), None),
+    (("flying_time",), 0),
+    (("flying_time",), 2**15),
+    (("flying_time",), 3.5),
+    (("max_devices",), 1),
+    (("max_devices",), 101),
+    (("seed",), -1),
+    (("seed",), 2**53),
+    (("more",), 1),
+    (("city",), 3),
+    (("city", "name"), ""),
+    (("city", "rows"), []),
+    (("city", "rows", 1), "..?....."),
+    (("city", "rows", 1), "..."),
+)
+TEXTS = ("L.\n..", "..\n..", "LN\nN.", "LB\nLB", "L.\n...", "L?\n..", "LL\nLL", "L")
+PICTURES = [
+    np.tile(np.uint8([[[0, 0, 255, 255], [0, 0, 0, 255]]]), (2, 1, 1)),
+    np.full((2, 3, 4), (0, 0, 255, 255), np.uint8),
+    np.full((2, 2, 4), (0, 0, 255, 254), np.uint8),
+    np.full((2, 2, 4), (0, 0, 100, 255), np.uint8),
+    np.full((2, 2, 4), (31, 224, 250, 255), np.uint8),
+    np.full((1, 101, 4), (0, 0, 255, 255), np.uint8),
+]
+
+
+def changed(path: tuple, value) -> dict:
+    """The file with another entry."""
+    values = json.loads(json.dumps(FILE))
+    entry = values
+    for step in path[:-1]:
+        entry = entry[step]
+    entry[path[-1]] = value
+    return values
 
 
 def draw_states(environment: Environment, scenario: Scenario, count: int, seed: int) -> State:
@@ -113,6 +173,9 @@ def asked(flown, agents):
             for city in CITIES[: len(shipped_cities())]
             for seed in (*range(20), 2**40 + 1)
         ],
+        "files": [changed(*change) for change in CHANGES],
+        "texts": TEXTS,
+        "pictures": [(p.shape[1], p.shape[0], p.ravel().tolist()) for p in PICTURES],
         "numbers": {"seed": 2**53 - 1, "count": 1000},
     }
 
@@ -180,7 +243,6 @@ def test_transitions_are_the_same(flown, answered):
             "served": outcome.served,
             "allowed": plain.allowed_actions(state),
             "safe": environment.allowed_actions(state),
-            "sent_home": environment.transition(state, action, fading)[1].sent_home,
             "way_home": environment.way_home[0, state.uav_cell],
             "greedy": Greedy(plain).act(state),
         }
@@ -238,3 +300,30 @@ def test_portable_numbers_are_the_same(asked, answered):
     for uniform, whole, normal in answered["drawn"]:
         assert (uniform, whole) == (generator.random(), generator.integers(3, 9)), SAME
         assert normal == pytest.approx(generator.standard_normal(), abs=1e-12), SAME
+
+
+def refusal(read, *given) -> str | None:
+    try:
+        read(*given)
+    except InputError as error:
+        return str(error)
+    return None
+
+
+def test_what_is_no_mission_and_no_city_is_refused_alike(asked, answered):
+    def from_pixels(width, height, rgba):
+        picture = Image.fromarray(np.uint8(rgba).reshape(height, width, 4))
+        content = io.BytesIO()
+        picture.save(content, "PNG")
+        City.load(io.BytesIO(content.getvalue()))
+
+    for question, found in zip(asked["files"], answered["refused"]["files"], strict=True):
+        expected = refusal(mission_from_json, question)
+        assert (found is None) == (expected is None), (found, expected)
+        # Both name the entry, or what cannot be flown; the schema's reasons have other words
+        assert found is None or found.split(":")[0] == expected.split(":")[0], (found, expected)
+    for text, found in zip(asked["texts"], answered["refused"]["texts"], strict=True):
+        assert found == refusal(City.from_text, "it", text)
+    for picture, found in zip(asked["pictures"], answered["refused"]["pictures"], strict=True):
+        expected = refusal(from_pixels, *picture)
+        assert found == (expected and expected.replace("city:", "it:", 1))

@@ -1,13 +1,10 @@
 // What the JavaScript twins answer to what test_world.py asks.
 
-import * as pilots from "../../uavdh_lite/labs/pilots.js";
-import * as world from "../../uavdh_lite/labs/world.js";
+import { Greedy, bytesOf, readAgent } from "../../uavdh_lite/labs/pilots.js";
+import { City, Environment, Mission, Portable, Use, lineOfSight, missionFromJson, reward, safeActions } from "../../uavdh_lite/labs/world.js";
 
-export function answer({ cities, states, sight, agents, missions, numbers }) {
-  const places = cities.map(({ name, rows }) => {
-    const city = world.City.fromText(name, rows.join("\n"));
-    return new world.SafeEnvironment(city);
-  });
+export function answer({ cities, states, sight, agents, missions, numbers, files, texts, pictures }) {
+  const places = cities.map(({ name, rows }) => new Environment(City.fromText(name, rows.join("\n"))));
   const stateOf = ({ uav_cell, time_left, device_cells, data_initial, data_left }) => ({
     uavCell: uav_cell,
     timeLeft: time_left,
@@ -18,9 +15,8 @@ export function answer({ cities, states, sight, agents, missions, numbers }) {
   });
   const stepped = states.map(({ city, action, fading, ...values }) => {
     const [environment, state] = [places[city], stateOf(values)];
-    const plain = world.Environment.prototype;
-    const taken = [state, action, Float32Array.from(fading)];
-    const { state: after, outcome } = plain.transition.apply(environment, taken);
+    const draws = Float32Array.from(fading);
+    const { state: after, outcome } = environment.transition(state, action, draws);
     return {
       uav_cell: after.uavCell,
       time_left: after.timeLeft,
@@ -30,35 +26,47 @@ export function answer({ cities, states, sight, agents, missions, numbers }) {
       uploaded: [...outcome.uploaded],
       intervened: outcome.intervened,
       crashed: outcome.crashed,
-      reward: world.reward(outcome),
-      snr_db: [...environment.snrDb(state, after.uavCell, taken[2])],
-      allowed: plain.allowedActions.call(environment, state),
-      safe: environment.allowedActions(state),
-      sent_home: environment.transition(...taken).outcome.sentHome,
-      greedy: new pilots.Greedy(environment).act(state),
+      reward: reward(outcome),
+      snr_db: [...environment.snrDb(state, after.uavCell, draws)],
+      allowed: environment.allowedActions(state),
+      safe: safeActions(environment, state),
+      greedy: new Greedy(environment).act(state),
       way_home: environment.wayHome[state.uavCell],
     };
   });
   const seen = sight.map((number) => {
     const { city, size, cells } = places[number];
-    const from = (_, cell) => world.lineOfSight(city.buildings, size, cell).join("");
+    const from = (_, cell) => lineOfSight(city.buildings, size, cell).join("");
     return Array.from({ length: cells }, from).join("");
   });
   const valued = agents.map(({ base64, city, asked }) => {
-    const flier = pilots.readAgent(pilots.bytesOf(base64)).over(places[city]);
+    const flier = readAgent(bytesOf(base64)).over(places[city]);
     return asked.map((values) => [...flier.qValues(stateOf(values))]); // in JSON −∞ is null
   });
   const flown = missions.map(({ scenario, city, seed }) => {
-    const mission = world.Mission.draw(scenario, places[city].city, seed);
-    const flight = mission.fly(places[city], new pilots.Greedy(places[city]));
+    const mission = Mission.draw(scenario, places[city].city, seed);
+    const flight = mission.fly(places[city], new Greedy(places[city]));
     const { action, reward } = flight;
     return { mission: mission.asJson(), action, reward, left: [...flight.dataLeft.at(-1)] };
   });
-  const generator = new world.Portable(world.Use.FADING, numbers.seed);
+  const generator = new Portable(Use.FADING, numbers.seed);
   const drawn = Array.from({ length: numbers.count }, () => [
     generator.random(),
     generator.integers(3, 9),
     generator.standardNormal(),
   ]);
-  return { stepped, seen, valued, flown, drawn };
+  const refusal = (read) => {
+    try {
+      read();
+      return null;
+    } catch (error) {
+      return error.message;
+    }
+  };
+  const refused = {
+    files: files.map((values) => refusal(() => missionFromJson(values))),
+    texts: texts.map((text) => refusal(() => City.fromText("it", text))),
+    pictures: pictures.map((each) => refusal(() => City.fromPixels("it", ...each))),
+  };
+  return { stepped, seen, valued, flown, drawn, refused };
 }

@@ -9,15 +9,18 @@
 /** A message for people about what they gave. */
 export class InputError extends Error {}
 
+function require(holds, otherwise) {
+  if (!holds) throw new InputError(otherwise);
+}
+
 export const Use = { MISSION: 4, FADING: 5, EXPLORATION: 6, LAB: 7, BOOTSTRAP: 8 };
 
 /** The numbers of one use and seed, the same in every language: the k-th is a hash of k. */
 export class Portable {
   /** @param {number} use of `Use`  @param {number} seed a whole number, 0 to 2**53 − 1 */
   constructor(use, seed) {
-    if (!Number.isSafeInteger(seed) || seed < 0) {
-      throw new InputError(`seed ${seed}: must be a whole number from 0 to 2**53 - 1`);
-    }
+    const fits = Number.isSafeInteger(seed) && seed >= 0;
+    require(fits, `seed ${seed}: must be a whole number from 0 to 2**53 - 1`);
     this.key = hash((seed % 2 ** 32) + hash(Math.floor(seed / 2 ** 32) + hash(use)));
     this.drawn = 0;
   }
@@ -70,26 +73,18 @@ export class City {
     this.buildings = this.kinds.map((kind) => kind === 2 || kind === 4);
     /** Where a device may stand. */
     this.openToDevices = this.kinds.map((kind) => kind < 2);
-    if (this.size > MAX_SIZE) {
-      throw new InputError(`${name}: ${this.size} cells on a side, at most ${MAX_SIZE} fit`);
-    }
-    if (!this.landing.includes(1)) {
-      throw new InputError(`${name}: no start and landing zone; paint at least one cell blue`);
-    }
     const free = grow(this.noFly.map((closed) => 1 - closed), this.size);
     const walledIn = this.landing.findIndex((there, cell) => there && !free[cell]);
-    if (walledIn >= 0 && this.size > 1) {
-      const [row, col] = this.position(walledIn);
-      throw new InputError(
-        `${name}: landing cell row ${row}, column ${col} lies inside a no-fly zone: the UAV ` +
-          "cannot leave it; free a cell to its north, east, south or west",
-      );
-    }
-    if (!this.openToDevices.includes(1)) {
-      throw new InputError(
-        `${name}: no cell for a device: all are buildings or landing zone; free one`,
-      );
-    }
+    const [row, col] = this.position(walledIn);
+    require(this.size <= MAX_SIZE, `${name}: ${this.size} cells on a side, at most ${MAX_SIZE} fit`);
+    require(this.landing.includes(1), `${name}: no start and landing zone; paint at least one cell blue`);
+    require(
+      walledIn < 0 || this.size === 1,
+      `${name}: landing cell row ${row}, column ${col} lies inside a no-fly zone: ` +
+        "the UAV cannot leave it; free a cell to its north, east, south or west",
+    );
+    const devices = this.openToDevices.includes(1);
+    require(devices, `${name}: no cell for a device: all are buildings or landing zone; free one`);
     /** Moves from each cell to the nearest landing cell, −1 if none is reachable; Int16Array. */
     this.landingDistance = new Int16Array(this.kinds.length).fill(-1);
     for (let [moves, reached] = [0, this.landing]; reached.includes(1); moves++) {
@@ -103,42 +98,30 @@ export class City {
   static fromText(name, text) {
     const rows = text.trim().split("\n").map((line) => line.replace(/\s/g, ""));
     rows.forEach((row, r) => {
-      if (row.length !== rows.length) {
-        throw new InputError(`${name}: ${rows.length} rows, but row ${r} has ${row.length} cells`);
-      }
+      const square = row.length === rows.length;
+      require(square, `${name}: ${rows.length} rows, but row ${r} has ${row.length} cells`);
       const c = [...row].findIndex((sign) => !SIGNS.includes(sign));
-      if (c >= 0) {
-        throw new InputError(`${name}: row ${r}, column ${c}: '${row[c]}' is none of ${SIGNS}`);
-      }
+      require(c < 0, `${name}: row ${r}, column ${c}: '${row[c]}' is none of ${SIGNS}`);
     });
     return new City(name, [...rows.join("")].map((sign) => SIGNS.indexOf(sign)));
   }
 
   /** A picture's city, one pixel a cell.  @param {ArrayLike<number>} rgba four bytes a pixel */
   static fromPixels(name, width, height, rgba) {
-    if (Math.max(width, height) > MAX_SIZE) {
-      throw new InputError(
-        `${name}: ${width} × ${height} pixels, at most ${MAX_SIZE} on a side fit`,
-      );
-    }
+    const fits = Math.max(width, height) <= MAX_SIZE;
+    require(fits, `${name}: ${width} × ${height} pixels, at most ${MAX_SIZE} on a side fit`);
+    const code = (bytes) => `#${bytes.map((byte) => byte.toString(16).padStart(2, "0")).join("")}`;
     const kinds = Array.from({ length: width * height }, (_, pixel) => {
-      const parts = Array.from({ length: 4 }, (_, channel) => rgba[4 * pixel + channel]);
-      const clear = parts.every((part, i) => (i === 3 ? part === 255 : part >= ON || part <= OFF));
-      const fits = (colour) => colour.every((part, i) => part > 0 === parts[i] >= ON);
-      const kind = clear ? COLOURS.findIndex(fits) : -1;
-      if (kind >= 0) return kind;
+      const parts = [0, 1, 2, 3].map((channel) => rgba[4 * pixel + channel]);
+      const clear = parts.every((part, k) => (k < 3 ? part >= ON || part <= OFF : part === 255));
+      const kind = COLOURS.findIndex((colour) => colour.every((part, k) => part > 0 === parts[k] >= ON));
       const [row, col] = [Math.floor(pixel / width), pixel % width];
-      const code = (bytes) => `#${[...bytes].map((b) => b.toString(16).padStart(2, "0")).join("")}`;
-      throw new InputError(
-        `${name}: pixel row ${row}, column ${col} is ${code(parts)}, ` +
-          `not one of ${COLOURS.map(code).join(", ")}`,
-      );
+      const where = `${name}: pixel row ${row}, column ${col} is`;
+      require(clear && kind >= 0, `${where} ${code(parts)}, not one of ${COLOURS.map(code).join(", ")}`);
+      return kind;
     });
-    if (width !== height) {
-      throw new InputError(
-        `${name}: a city must be square, this one is ${width} × ${height} cells`,
-      );
-    }
+    const size = `${width} × ${height} cells`;
+    require(width === height, `${name}: a city must be square, this one is ${size}`);
     return new City(name, kinds);
   }
 
@@ -268,7 +251,6 @@ export const NO_PATH = 32767; // stands for the number of moves where no path le
  * @property {boolean} intervened the safety controller replaced the action by hovering
  * @property {boolean} landed
  * @property {boolean} crashed the time ran out in this step without a landing
- * @property {boolean} [sentHome] the failsafe replaced the action by the way home
  *
  * @typedef {{act: (state: State) => number}} Policy
  */
@@ -278,17 +260,11 @@ export const ended = (state) => state.landed || state.timeLeft <= 0;
 
 export const REWARDS = { data: 1, movement: -0.2, safety: -1, crash: -150 };
 
-/** The terms of the reward by name; their sum is the reward. */
-export function rewardTerms(outcome) {
-  return {
-    data: REWARDS.data * sum(outcome.uploaded),
-    movement: outcome.landed ? 0 : REWARDS.movement,
-    safety: outcome.intervened ? REWARDS.safety : 0,
-    crash: outcome.crashed ? REWARDS.crash : 0,
-  };
+export function reward({ uploaded, landed, intervened, crashed }) {
+  const penalties = [!landed && "movement", intervened && "safety", crashed && "crash"];
+  return REWARDS.data * sum(uploaded) + sum(penalties.map((name) => (name ? REWARDS[name] : 0)));
 }
 
-export const reward = (outcome) => sum(Object.values(rewardTerms(outcome)));
 export const sum = (values) => values.reduce((total, value) => total + value, 0);
 
 /** A UAV over a city collects data from devices on the ground and must land in time. */
@@ -449,31 +425,13 @@ export function shortestPaths(environment, cell) {
   return moves;
 }
 
-/** An environment whose failsafe brings the UAV home in time, whatever the policy does. */
-export class SafeEnvironment extends Environment {
-  allowedActions(state) {
-    return safeActions(this, state);
-  }
-
-  transition(state, action, fading) {
-    const sentHome = tooLate(this, state)[action];
-    const after = super.transition(state, sentHome ? this.wayHome[state.uavCell] : action, fading);
-    return { ...after, outcome: { ...after.outcome, sentHome } };
-  }
-}
-
-/** The actions that neither the safety controller nor the failsafe would replace; (6,). */
+/** The failsafe: whether each action is allowed and leaves time to land, if there is time at all. */
 export function safeActions(environment, state) {
-  const late = tooLate(environment, state);
-  return ACTIONS.map((_, a) => !environment.forbidden(state.uavCell, a) && !late[a]);
-}
-
-/** The actions that miss the last chance to land; none if there is no chance. */
-function tooLate(environment, { uavCell, timeLeft }) {
-  const possible = environment.timeToLand[uavCell] <= timeLeft;
-  return ACTIONS.map((_, action) => {
-    const after = environment.timeToLand[environment.nextCell(uavCell, action)] <= timeLeft - 1;
-    return possible && !after && (action !== LAND || environment.forbidden(uavCell, LAND));
+  const { timeToLand } = environment;
+  const possible = timeToLand[state.uavCell] <= state.timeLeft;
+  return environment.allowedActions(state).map((allowed, action) => {
+    const after = timeToLand[environment.nextCell(state.uavCell, action)] <= state.timeLeft - 1;
+    return allowed && (!possible || after || action === LAND);
   });
 }
 
@@ -504,12 +462,8 @@ export class Mission {
     const [generator, most] = [new Portable(Use.MISSION, seed), scenario.devices[1]];
     const cellsOf = (mask) => [...mask.keys()].filter((cell) => mask[cell]);
     const open = cellsOf(city.openToDevices);
-    if (most > open.length) {
-      throw new InputError(
-        `scenario ${scenario.name}: up to ${most} devices, ` +
-          `but ${city.name} has ${open.length} cells for them`,
-      );
-    }
+    const room = `${city.name} has ${open.length} cells for them`;
+    require(most <= open.length, `scenario ${scenario.name}: up to ${most} devices, but ${room}`);
     generator.random(); // chooses the city, where there are several
     const rank = open.map((cell) => [generator.random(), cell]).sort((a, b) => a[0] - b[0]);
     const count = generator.integers(...scenario.devices, true);
@@ -538,65 +492,45 @@ export class Mission {
   /** @returns {State} */
   firstState() {
     const { city, start, devices, data, flyingTime, maxDevices } = this;
-    const require = (holds, otherwise) => {
-      if (!holds) throw new InputError(otherwise);
-    };
+    const [count, size, limit] = [devices.length, city.size, 2 ** 15];
+    const cellOf = ([row, col]) => row * size + col;
     const told = ([row, col]) => `(${row}, ${col})`;
-    const cellOf = ([row, col]) => row * city.size + col;
-    const inside = (position, what) =>
-      require(
-        position.every((axis) => axis >= 0 && axis < city.size),
-        `${what} at ${told(position)} is outside the city of ${city.size} × ${city.size} cells: ` +
-          `rows and columns go from 0 to ${city.size - 1}`,
-      );
-    const count = devices.length;
-    require(
-      count >= 1 && count <= maxDevices,
-      `${count} devices: this scenario takes 1 to ${maxDevices}; ` +
-        (count ? "take some away" : "add one"),
+    const requireInside = (position, what) => require(
+      position.every((axis) => axis >= 0 && axis < size),
+      `${what} at ${told(position)} is outside the city of ${size} × ${size} cells: ` +
+        `rows and columns go from 0 to ${size - 1}`,
     );
-    require(
-      data.length === count,
-      `${count} devices but ${data.length} amounts of data: give one each`,
-    );
-    require(
-      Number.isInteger(flyingTime) && flyingTime >= 1 && flyingTime < 2 ** 15,
-      `flying time ${flyingTime}: must be at least 1 and below ${2 ** 15}`,
-    );
-    inside(start, "the UAV");
+    const change = count ? "take some away" : "add one";
+    const fits = count >= 1 && count <= maxDevices;
+    require(fits, `${count} devices: this scenario takes 1 to ${maxDevices}; ${change}`);
+    const each = `${count} devices but ${data.length} amounts of data: give one each`;
+    require(data.length === count, each);
+    const time = Number.isInteger(flyingTime) && flyingTime >= 1 && flyingTime < limit;
+    require(time, `flying time ${flyingTime}: must be at least 1 and below ${limit}`);
+    requireInside(start, "the UAV");
     const there = city.buildings[cellOf(start)] ? "a building" : "a no-fly zone";
-    require(
-      !city.noFly[cellOf(start)],
-      `the UAV cannot start at ${told(start)}, ${there}: move it`,
-    );
+    const open = !city.noFly[cellOf(start)];
+    require(open, `the UAV cannot start at ${told(start)}, ${there}: move it`);
     const cells = devices.map(cellOf);
     devices.forEach((position, k) => {
-      inside(position, `device ${k}`);
+      requireInside(position, `device ${k}`);
       const stands = {
         "on a building": city.buildings[cells[k]],
         "in the landing zone": city.landing[cells[k]],
         "where another device stands": cells.indexOf(cells[k]) < k,
       };
-      for (const [where, holds] of Object.entries(stands)) {
-        require(!holds, `device ${k} at ${told(position)} stands ${where}: move it`);
-      }
-      require(
-        data[k] >= 0 && data[k] < 2 ** 15,
-        `device ${k} has ${data[k]} data units: must be 0 to below ${2 ** 15}`,
-      );
+      const where = Object.keys(stands).find((each) => stands[each]);
+      require(!where, `device ${k} at ${told(position)} stands ${where}: move it`);
+      const amount = data[k] >= 0 && data[k] < limit;
+      require(amount, `device ${k} has ${data[k]} data units: must be 0 to below ${limit}`);
     });
-    require(data.some((each) => each > 0), "no device has data: give at least one a positive amount");
-    const [deviceCells, dataInitial] = [new Int16Array(maxDevices), new Float32Array(maxDevices)];
+    require(data.some(Boolean), "no device has data: give at least one a positive amount");
+    const deviceCells = new Int16Array(maxDevices);
     deviceCells.set(cells);
+    const dataInitial = new Float32Array(maxDevices);
     dataInitial.set(data);
-    return {
-      uavCell: cellOf(start),
-      timeLeft: flyingTime,
-      deviceCells,
-      dataInitial,
-      dataLeft: dataInitial,
-      landed: false,
-    };
+    const [uavCell, timeLeft] = [cellOf(start), flyingTime];
+    return { uavCell, timeLeft, deviceCells, dataInitial, dataLeft: dataInitial, landed: false };
   }
 
   /** A new generator of this mission's fading, as it is at the start. */
@@ -685,48 +619,41 @@ export class HandFlight {
 
 /** The mission that a file holds; `InputError` names the entry that is wrong. */
 export function missionFromJson(values) {
-  const require = (holds, entry, otherwise) => {
-    if (!holds) throw new InputError(`${entry}: ${otherwise}`);
-  };
   const object = (value, entry, ...names) => {
-    require(value?.constructor === Object, entry, "must be an object");
-    const missing = names.find((name) => !(name in value));
-    require(missing === undefined, entry, `'${missing}' is missing`);
-    const other = Object.keys(value).find((name) => !names.includes(name));
-    require(other === undefined, entry, `'${other}' was unexpected`);
+    require(value?.constructor === Object, `${entry}: must be an object`);
+    const missing = names.find((each) => !(each in value));
+    require(missing === undefined, `${entry}: '${missing}' is missing`);
+    const other = Object.keys(value).find((each) => !names.includes(each));
+    require(other === undefined, `${entry}: '${other}' was unexpected`);
   };
-  const whole = (value, entry, least, most) =>
-    require(
-      Number.isInteger(value) && value >= least && value <= most,
-      entry,
-      `${JSON.stringify(value)} must be a whole number from ${least} to ${most}`,
-    );
-  const list = (value, entry, least, most, each) => {
+  const whole = (value, entry, least, most) => {
+    const fits = Number.isInteger(value) && value >= least && value <= most;
+    require(fits, `${entry}: ${JSON.stringify(value)} must be a whole number from ${least} to ${most}`);
+  };
+  const list = (value, entry, least, most, check) => {
     const fits = Array.isArray(value) && value.length >= least && value.length <= most;
-    require(fits, entry, `must be a list of ${least === most ? least : `${least} to ${most}`}`);
-    value.forEach((one, k) => each(one, `${entry}[${k}]`));
+    require(fits, `${entry}: must be a list of ${least} to ${most}`);
+    value.forEach((one, k) => check(one, `${entry}[${k}]`));
   };
-  const cell = (value, entry) =>
-    list(value, entry, 2, 2, (axis, name) => whole(axis, name, 0, MAX_SIZE - 1));
+  const cell = (value, entry) => list(value, entry, 2, 2, (axis, name) => whole(axis, name, 0, MAX_SIZE - 1));
   const names = ["city", "start", "devices", "flying_time", "seed", "max_devices"];
   object(values, "the file", "format", "version", ...names);
-  require(values.format === FORMAT, "format", `must be '${FORMAT}'`);
-  require(values.version === VERSION, "version", `must be ${VERSION}`);
+  require(values.format === FORMAT, `format: must be '${FORMAT}'`);
+  require(values.version === VERSION, `version: must be ${VERSION}`);
   object(values.city, "city", "name", "rows");
   const { name, rows } = values.city;
-  require(typeof name === "string" && name !== "", "city.name", "must be a name");
-  list(rows, "city.rows", 1, MAX_SIZE, (row, entry) =>
-    require(/^[.NbLB]+$/.test(row), entry, `must be a row of the signs ${SIGNS}`),
-  );
+  require(typeof name === "string" && name !== "", "city.name: must be a name");
+  const row = (value, entry) => require(/^[.NbLB]+$/.test(value), `${entry}: must be a row of ${SIGNS}`);
+  list(rows, "city.rows", 1, MAX_SIZE, row);
   cell(values.start, "start");
-  whole(values.max_devices, "max_devices", 1, 100);
   list(values.devices, "devices", 1, 100, (device, entry) => {
     object(device, entry, "cell", "data");
     cell(device.cell, `${entry}.cell`);
-    const amount = Number.isFinite(device.data) && device.data >= 0 && device.data < 2 ** 15;
-    require(amount, `${entry}.data`, `must be a number from 0 to below ${2 ** 15}`);
+    const fits = Number.isFinite(device.data) && device.data >= 0 && device.data < 2 ** 15;
+    require(fits, `${entry}.data: must be a number from 0 to below ${2 ** 15}`);
   });
   whole(values.flying_time, "flying_time", 1, 2 ** 15 - 1);
+  whole(values.max_devices, "max_devices", 1, 100);
   whole(values.seed, "seed", 0, Number.MAX_SAFE_INTEGER);
   return new Mission({
     city: City.fromText(name, rows.join("\n")),
