@@ -131,8 +131,10 @@ def _run(scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: s
             show_progress=False,
             stop=lambda: os.getppid() != parent or stop.exists(),
         )
-    except KeyboardInterrupt:  # also a Ctrl-C that this process got itself
-        stop.touch()
+    except KeyboardInterrupt:
+        if os.getppid() != parent:
+            os._exit(130)  # nobody is left to tell, and an idle worker would wait for minutes
+        stop.touch()  # it may have been a Ctrl-C that only this process got
         return None
     return folder
 
