@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavdh_lite.config import option, require_bounds
+from uavdh_lite.config import option, require
 
 
 @dataclass(frozen=True)
@@ -15,14 +15,14 @@ class Channel:
     cell_size_m: float = option(10.0, "side of a grid cell, m", gt=0)
     altitude_m: float = option(10.0, "height of the UAV above the devices, m", gt=0)
     cell_edge_snr_db: float = option(-15.0, "SNR at ground level from the centre to a corner, dB")
-    path_loss_exponent_los: float = option(2.27, "path loss exponent with line of sight")
-    path_loss_exponent_nlos: float = option(3.64, "path loss exponent without line of sight")
+    path_loss_exponent_los: float = option(2.27, "path loss exponent with line of sight", ge=0)
+    path_loss_exponent_nlos: float = option(3.64, "path loss exponent without line of sight", ge=0)
     fading_variance_los_db2: float = option(2.0, "variance of the fading with LoS, dB²", ge=0)
     fading_variance_nlos_db2: float = option(5.0, "and without LoS, dB²", ge=0)
-    slots: int = option(4, "communication slots in a mission slot, δ", ge=1)
+    slots: int = option(4, "communication slots in a mission slot, δ", ge=1, le=1000)
 
     def __post_init__(self):
-        require_bounds(self, "channel")
+        require(self, "channel")
 
     def transmit_snr_db(self, size: int) -> float:
         """P/σ² in dB, from the cell-edge SNR of a city of size×size cells.

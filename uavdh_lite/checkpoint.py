@@ -2,18 +2,20 @@
 
 import hashlib
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors import SafetensorError, safe_open
+from safetensors import SafetensorError
+from safetensors.torch import load as from_bytes
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
 from uavdh_lite.agent import Agent
 from uavdh_lite.city import City
-from uavdh_lite.errors import CheckpointError
+from uavdh_lite.config import from_json, require
+from uavdh_lite.errors import CheckpointError, InputError
 from uavdh_lite.recipe import recipe_from_json
 from uavdh_lite.scenario import scenario_from_json
 from uavdh_lite.storage import data_folder, write_atomically
@@ -41,9 +43,11 @@ def load(path: str | Path, kind: str) -> tuple[dict[str, Tensor], dict]:
     Raises `CheckpointError` if the file is missing, damaged, of another program or another kind.
     """
     try:
-        with safe_open(path, framework="pt") as file:
-            metadata = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        # Not memory-mapped: what is written to the file later must not reach the tensors
+        content = Path(path).read_bytes()
+        tensors = from_bytes(content)
+        length = int.from_bytes(content[:8], "little")  # of the header, which begins with this
+        metadata = json.loads(content[8 : 8 + length]).get("__metadata__", {})
     except FileNotFoundError:
         raise CheckpointError(f"{path}: no such file") from None
     except (SafetensorError, OSError, ValueError) as error:
@@ -54,8 +58,11 @@ def load(path: str | Path, kind: str) -> tuple[dict[str, Tensor], dict]:
         raise CheckpointError(f"{path}: a safetensors file, but not one of uavdh_lite")
     if metadata.get("sha256") != _digest(metadata["uavdh_lite"], tensors):
         raise CheckpointError(f"{path}: damaged, its checksum is wrong; copy or train it again")
-    about = json.loads(metadata["uavdh_lite"])
-    found_format, found = about.pop("format"), about.pop("kind")
+    try:
+        about = json.loads(metadata["uavdh_lite"])
+        found_format, found = about.pop("format"), about.pop("kind")
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        raise CheckpointError(f"{path}: its header is not one that uavdh_lite writes") from None
     if found_format != FORMAT:
         raise CheckpointError(
             f"{path}: of format {found_format}, this version of uavdh_lite reads {FORMAT}"
@@ -72,6 +79,20 @@ def _digest(header: str, tensors: dict[str, Tensor]) -> str:
         digest.update(f"{name} {tensor.dtype} {tuple(tensor.shape)}".encode())
         digest.update(tensor.reshape(-1).view(torch.uint8).numpy().tobytes())
     return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class _About:
+    """What the header of an agent holds."""
+
+    recipe: dict
+    scenario: dict
+    cities: tuple[dict, ...]
+    size: int
+    training: dict
+
+    def __post_init__(self):
+        require(self, "header")
 
 
 def save_agent(path: str | Path, agent: Agent) -> None:
@@ -99,23 +120,25 @@ def load_agent(path: str | Path) -> Agent:
     path = _file(path)
     tensors, about = load(path, "agent")
     try:
-        recipe = recipe_from_json(about["recipe"])
-        scenario = scenario_from_json(about["scenario"])
+        about = from_json(_About, about, "header")
+        recipe, scenario = recipe_from_json(about.recipe), scenario_from_json(about.scenario)
         cities = tuple(
             City.from_kinds(one["name"], kinds[: one["size"], : one["size"]])
-            for one, kinds in zip(about["cities"], tensors.pop("cities").numpy(), strict=True)
+            for one, kinds in zip(about.cities, tensors.pop("cities").numpy(), strict=True)
         )
-        observation = recipe.observation_for(recipe.environment_for(cities), about["size"])
+        observation = recipe.observation_for(recipe.environment_for(cities), about.size)
         with torch.device("meta"):  # without weights: they are in the file
             network = recipe.network_for(observation)
         # Some files hold half-precision weights, to be small
         weights = {k.removeprefix("network."): v.float() for k, v in tensors.items()}
         network.load_state_dict(weights, assign=True)
+        if not all(weight.isfinite().all() for weight in weights.values()):
+            raise InputError("a weight is not a finite number")
     except (ValueError, LookupError, RuntimeError, TypeError) as error:
         raise CheckpointError(
             f"{path}: does not fit this version of uavdh_lite ({error})"
         ) from None
-    return Agent(network.eval(), observation, recipe, scenario, about["training"])
+    return Agent(network.eval(), observation, recipe, scenario, about.training)
 
 
 def _file(path: str | Path) -> Path:

@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -66,6 +67,8 @@ class City:
     own_size: int = 0
 
     def __post_init__(self):
+        # A name that is no text of Unicode, as a file may have, fits into no figure and no file
+        object.__setattr__(self, "name", str(self.name).encode("utf-8", "replace").decode())
         for layer in ("landing", "no_fly", "buildings"):
             copy = np.array(getattr(self, layer), bool)
             object.__setattr__(self, layer, read_only(copy))
@@ -143,13 +146,19 @@ class City:
     @classmethod
     def from_kinds(cls, name: str, kinds: np.ndarray) -> "City":
         """The city with these kinds of cells, (M, M) indices into `KINDS`."""
+        kinds = np.asarray(kinds)
+        if kinds.ndim != 2 or kinds.dtype.kind not in "iu" or not np.isin(kinds, range(5)).all():
+            raise CityError(f"{name}: kinds must be a square of whole numbers from 0 to 4")
         layers = LAYERS[kinds]
         return cls(name, layers[..., 0], layers[..., 1], layers[..., 2])
 
     @classmethod
     def from_text(cls, name: str, text: str) -> "City":
         """The city drawn with the signs of `KINDS`, one line per row; blanks are ignored."""
-        rows = ["".join(line.split()) for line in text.strip().splitlines()]
+        text = text.removeprefix("\ufeff").strip()  # the mark with which Windows begins files
+        rows = ["".join(line.split()) for line in text.splitlines()]
+        if not rows:
+            raise CityError(f"{name}: no rows; draw a city with the signs {SIGNS}")
         for r, row in enumerate(rows):
             if len(row) != len(rows):
                 raise CityError(f"{name}: {len(rows)} rows, but row {r} has {len(row)} cells")
@@ -174,15 +183,34 @@ class City:
             name, where = path.stem, str(path)
             try:
                 content = path.read_bytes()
-            except OSError as error:
-                raise CityError(f"{path}: cannot be read ({error.strerror})") from None
+            except (OSError, ValueError) as error:  # ValueError: no system has such a path
+                reason = getattr(error, "strerror", None) or error
+                raise CityError(f"{path}: cannot be read ({reason})") from None
         else:
             name, where, content = "city", "city", source.read()
         kinds = _read_kinds(content, where)
         try:
-            return cls.from_kinds(name, kinds)
+            city = cls.from_kinds(name, kinds)
         except CityError as error:
             raise CityError(f"{where}: {str(error).removeprefix(f'{name}: ')}") from None
+        city.warn_of_walls(where)
+        return city
+
+    def warn_of_walls(self, where: str) -> None:
+        """Warn of a part of the landing zone from which little of the city can be reached."""
+        open_cells, unseen = ~self.no_fly, self.landing
+        while unseen.any():
+            reached = np.zeros_like(unseen)
+            reached[tuple(np.argwhere(unseen)[0])] = True
+            while (further := (grow(reached) & open_cells) | reached).sum() > reached.sum():
+                reached = further
+            if reached.sum() < 0.75 * open_cells.sum():
+                warnings.warn(
+                    f"{where}: from the landing zone at {_first(unseen)}, the UAV reaches only "
+                    f"{reached.sum()} of the {open_cells.sum()} cells without a no-fly zone",
+                    stacklevel=3,
+                )
+            unseen = unseen & ~reached
 
     def embedded(self, size: int) -> "City":
         """This city in the north-west corner of size×size cells, with no-fly cells around it."""
@@ -214,7 +242,8 @@ def load_cities(name: str | Path) -> tuple[City, ...]:
         return registry.find("cities", source)(rest)
     if str(name) in shipped_cities() or not Path(name).is_dir():
         return (City.load(name),)
-    paths = sorted(Path(name).glob("*.png"))
+    files = (path for path in Path(name).iterdir() if not path.name.startswith("."))
+    paths = sorted(path for path in files if path.suffix.lower() == ".png")
     if not paths:
         raise CityError(f"{name}: no PNG files in this folder; draw a city, one pixel a cell")
     return tuple(map(City.load, paths))
@@ -256,6 +285,9 @@ def _read_kinds(content: bytes, where: str) -> np.ndarray:
         raise
     except Exception:  # Pillow raises many types for damaged files
         raise CityError(f"{where}: not a readable PNG file, or a damaged one") from None
+    brightest = pixels[..., :3].max()
+    if 0 < brightest <= OFF:
+        raise CityError(f"{where}: its brightest value is {brightest}, must be 255: scale all up")
     on, off = pixels[..., :3] >= ON, pixels[..., :3] <= OFF
     matches = (on[:, :, None] == (COLOURS > 0)).all(-1)
     clear = (on | off).all(-1) & (pixels[..., 3] == 255)

@@ -1,9 +1,15 @@
-"""Configuration fields that carry their own help and bounds."""
+"""Values from outside are checked here: first their type, then their bounds.
 
-import dataclasses
+What fits together is checked by the configuration itself, after `require`.
+"""
+
 import math
 import operator
-from typing import Any
+from dataclasses import MISSING, field, fields
+from types import NoneType, UnionType
+from typing import Any, Literal, get_args, get_origin
+
+import numpy as np
 
 from uavdh_lite.errors import InputError
 
@@ -12,6 +18,10 @@ BOUNDS = {
     "gt": ("above", operator.gt),
     "le": ("at most", operator.le),
 }
+# Within these, nothing that is computed from a number overflows or vanishes as float32
+SMALLEST, LARGEST = 1e-15, 1e15
+NUMBERS = int, float
+NAMES = {int: "a whole number", float: "a number", bool: "True or False", str: "text"}
 
 
 def option(default: Any, help: str, **bounds: float) -> Any:
@@ -19,21 +29,99 @@ def option(default: Any, help: str, **bounds: float) -> Any:
 
     Arguments:
         bounds: `ge`, `gt` and `le`: the value, or each number of a tuple, must be ≥, > or ≤ this.
-            None is always allowed.
+            None is never compared.
     """
-    return dataclasses.field(default=default, metadata={"help": help, "bounds": bounds})
+    return field(default=default, metadata={"help": help, "bounds": bounds})
 
 
-def require_bounds(config: Any, name: str) -> None:
-    """Check every `option` of a configuration; `InputError` names it, the field and the bound."""
-    for field in dataclasses.fields(config):
-        value = getattr(config, field.name)
-        if "help" not in field.metadata or value is None:
-            continue
-        for number in value if isinstance(value, tuple) else (value,):
-            if isinstance(number, float) and not math.isfinite(number):
-                raise InputError(f"{name}: {field.name} is {value}, must be a finite number")
-            bounds = [(*BOUNDS[kind], bound) for kind, bound in field.metadata["bounds"].items()]
-            if not all(holds(number, bound) for _, holds, bound in bounds):
-                expected = " and ".join(f"{words} {bound}" for words, _, bound in bounds)
-                raise InputError(f"{name}: {field.name} is {value}, must be {expected}")
+def require(config: Any, name: str) -> None:
+    """Check the type of each field of a configuration, then its bounds.
+
+    A value of another kind that says the same becomes one of the field's type: a list a tuple, a
+    number of numpy one of Python, and 3 the float 3.0.
+
+    Raises `InputError` that names the configuration, the field, what was found and what is right.
+    """
+    for each in fields(config):
+        found = getattr(config, each.name)
+        try:
+            value = as_type(found, each.type)
+        except (TypeError, OverflowError):
+            right = in_words(each.type)
+        else:
+            object.__setattr__(config, each.name, value)
+            right = _right_bounds(value, each.metadata.get("bounds"))
+        if right:
+            raise InputError(f"{name:.80}: {each.name} is {shown(found)}, must be {right}")
+
+
+def _right_bounds(value: Any, bounds: dict[str, float] | None) -> str:
+    """What a value, or each number of a tuple, must be and is not; empty if it is all right."""
+    numbers = [n for n in (value if isinstance(value, tuple) else (value,)) if type(n) in NUMBERS]
+    if bounds is None or not numbers:
+        return ""
+    if not all(math.isfinite(n) for n in numbers if type(n) is float):
+        return "a finite number"
+    if not all(BOUNDS[kind][1](n, to) for n in numbers for kind, to in bounds.items()):
+        return " and ".join(f"{BOUNDS[kind][0]} {to}" for kind, to in bounds.items())
+    if not all(n == 0 or SMALLEST <= abs(n) <= LARGEST for n in numbers):
+        return f"0, or of a size from {SMALLEST:g} to {LARGEST:g}"
+    return ""
+
+
+def as_type(value: Any, kind: Any) -> Any:
+    """The value as an annotated type: a class, `Literal`, a tuple of these, or one `| None`.
+
+    Raises TypeError if it is of another, and OverflowError for a number that no float can hold.
+    """
+    parts = get_args(kind)
+    if isinstance(kind, UnionType):
+        return None if value is None else as_type(value, parts[0])
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if get_origin(kind) is tuple and isinstance(value, list | tuple):
+        kinds = parts[:1] * len(value) if parts[-1] is ... else parts
+        if len(kinds) == len(value):
+            return tuple(map(as_type, value, kinds))
+    elif get_origin(kind) is Literal:
+        if type(value) is str and value in parts:
+            return value
+    elif kind is float and type(value) is int:
+        return float(value)
+    elif type(value) is kind or (kind not in NAMES and isinstance(value, kind)):
+        return value  # so True is no whole number
+    raise TypeError
+
+
+def in_words(kind: Any) -> str:
+    """A type as an error says it, such as `a whole number or None`."""
+    parts = get_args(kind)
+    if isinstance(kind, UnionType):
+        return " or ".join("None" if part is NoneType else in_words(part) for part in parts)
+    if get_origin(kind) is Literal:
+        return " or ".join(parts)
+    if get_origin(kind) is tuple:
+        count = "any number" if parts[-1] is ... else str(len(parts))
+        return f"a tuple of {count}, each {in_words(parts[0])}"
+    return NAMES.get(kind) or f"a {kind.__name__}"
+
+
+def shown(value: Any) -> str:
+    """A value in an error: on one line, and not long."""
+    try:
+        text = repr(value)
+    except ValueError:  # Python does not write more than 4300 digits
+        text = "huge"
+    return text if len(text) <= 80 else f"{text[:77]}…"
+
+
+def from_json(kind: type, values: Any, name: str) -> Any:
+    """A configuration from JSON values; `InputError` names a field that is missing or unknown."""
+    if not isinstance(values, dict):
+        raise InputError(f"{name}: is {shown(values)}, must be an object with its fields by name")
+    missing = [f.name for f in fields(kind) if f.default is MISSING and f.name not in values]
+    unknown = [key for key in values if key not in {f.name for f in fields(kind)}]
+    if missing or unknown:
+        what = f"{missing[0]} is missing" if missing else f"{shown(unknown[0])} is no field of it"
+        raise InputError(f"{name}: {what}")
+    return kind(**values)

@@ -13,13 +13,15 @@ import numpy as np
 
 from uavdh_lite.channel import Channel, rate
 from uavdh_lite.city import City, read_only
-from uavdh_lite.config import option
+from uavdh_lite.config import option, shown
 from uavdh_lite.errors import InputError
 from uavdh_lite.shadowing import line_of_sight
 
 ACTIONS = ("north", "east", "south", "west", "hover", "land")
 NORTH, EAST, SOUTH, WEST, HOVER, LAND = range(6)
 MOVES = read_only(np.array([(-1, 0), (0, 1), (1, 0), (0, -1), (0, 0), (0, 0)]))  # row, column
+
+MAX_CITIES = 2**15  # of an environment: a state has int16 for the city
 
 
 @dataclass(frozen=True)
@@ -169,18 +171,31 @@ class Environment:
     that city alone. All tables have the cities as their first axis. A smaller city lies in no-fly
     cells, so that all have one shape.
 
+    Raises `InputError` for anything but cities and a channel.
+
     Reference: Bayerlein et al., Globecom 2020, sections II and III.
     """
 
     city: City | tuple[City, ...]
     channel: Channel = Channel()  # noqa: RUF009 (frozen)
 
+    def __post_init__(self):
+        cities = self.city if isinstance(self.city, tuple | list) else (self.city,)
+        if not 1 <= len(cities) <= MAX_CITIES:
+            raise InputError(f"{len(cities)} cities: an environment takes 1 to {MAX_CITIES}")
+        for city in cities:
+            if not isinstance(city, City):
+                raise InputError(
+                    f"an environment takes a City or a tuple of them, here is {shown(city)}: "
+                    "City.load reads one by its name or from a PNG"
+                )
+        if not isinstance(self.channel, Channel):
+            raise InputError(f"an environment's channel is a Channel, here is {self.channel!r}")
+
     @cached_property
     def cities(self) -> tuple[City, ...]:
         """The cities, all of `size` cells on a side."""
         cities = (self.city,) if isinstance(self.city, City) else tuple(self.city)
-        if not cities:
-            raise InputError("an environment needs at least one city")
         size = max(city.size for city in cities)
         return tuple(city.embedded(size) for city in cities)
 

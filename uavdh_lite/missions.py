@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from uavdh_lite.city import City, load_city
+from uavdh_lite.config import require, shown
 from uavdh_lite.environment import Environment, Outcome, Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Flights, Policy, Step, fly
-from uavdh_lite.scenario import LIMIT, Scenario
+from uavdh_lite.scenario import LEAST_DATA, LIMIT, MAX_DEVICES, Scenario
 from uavdh_lite.storage import write_json
 from uavdh_lite.streams import Portable, Use
 
@@ -62,6 +63,7 @@ class Mission:
     max_devices: int = 5
 
     def __post_init__(self):
+        require(self, "mission")
         self.state, self.fading  # noqa: B018 (they raise what is wrong)
 
     @classmethod
@@ -73,7 +75,8 @@ class Mission:
             divmod(int(number), city.size)
             for number in (*state.uav_cell, *state.device_cells[0, used])
         )
-        data = (round(float(amount), 1) for amount in state.data_initial[0, used])
+        amounts = (round(float(amount), 1) for amount in state.data_initial[0, used])
+        data = (max(amount, LEAST_DATA) for amount in amounts)
         flying_time = int(state.time_left[0])
         return cls(
             city, start, tuple(devices), tuple(data), flying_time, seed, scenario.max_devices
@@ -84,6 +87,8 @@ class Mission:
         """The first state, a batch of one."""
         city, devices, data, places = self.city, self.devices, self.data, self.max_devices
         count = len(devices)
+        if not 1 <= places <= MAX_DEVICES:
+            raise InputError(f"{shown(places)} places for devices: must be from 1 to {MAX_DEVICES}")
         if not 1 <= count <= places:
             change = "take some away" if devices else "add one"
             raise InputError(f"{count} devices: this scenario takes 1 to {places}; {change}")
@@ -91,7 +96,7 @@ class Mission:
             raise InputError(f"{count} devices but {len(data)} amounts of data: give one each")
         if not 1 <= self.flying_time < LIMIT:
             raise InputError(
-                f"flying time {self.flying_time}: must be at least 1 and below {LIMIT}"
+                f"flying time {shown(self.flying_time)}: must be at least 1 and below {LIMIT}"
             )
         _require_inside(city, self.start, "the UAV")
         if city.no_fly[tuple(self.start)]:
@@ -108,12 +113,12 @@ class Mission:
                     raise InputError(f"device {k} at {tuple(cell)} stands {where}: move it")
             if not 0 <= data[k] < LIMIT:
                 raise InputError(f"device {k} has {data[k]} data units: must be 0 to below {LIMIT}")
-        if not any(data):
-            raise InputError("no device has data: give at least one a positive amount")
         device_cells = np.zeros((1, places), np.int16)
         data_initial = np.zeros((1, places), np.float32)
         device_cells[0, :count] = [row * city.size + col for row, col in devices]
         data_initial[0, :count] = data
+        if not data_initial.any():
+            raise InputError("no device has data: give at least one a positive amount, such as 0.1")
         return State(
             uav_cell=np.array([self.start[0] * city.size + self.start[1]], np.int16),
             time_left=np.array([self.flying_time], np.int16),
@@ -139,23 +144,23 @@ class Mission:
 
     def move(self, device: int, cell: Cell) -> "Mission":
         """The mission with this device in another cell."""
-        return replace(self, devices=_put(self.devices, device, cell))
+        return replace(self, devices=self._put(self.devices, device, cell))
 
     def fill(self, device: int, amount: float) -> "Mission":
         """The mission with this much data at a device, data units."""
-        return replace(self, data=_put(self.data, device, amount))
+        return replace(self, data=self._put(self.data, device, amount))
 
     def remove(self, device: int) -> "Mission":
         """The mission without this device; those after it move up."""
-        devices, data = list(self.devices), list(self.data)
-        del devices[device], data[device]
-        return replace(self, devices=tuple(devices), data=tuple(data))
+        devices, data = (self._put(each, device) for each in (self.devices, self.data))
+        return replace(self, devices=devices, data=data)
 
-
-def _put(values: tuple, index: int, value) -> tuple:
-    changed = list(values)
-    changed[index] = value
-    return tuple(changed)
+    def _put(self, values: tuple, device: int, *value) -> tuple:
+        """The values with another one in this place, or without it."""
+        whole = isinstance(device, int | np.integer)
+        if not whole or not 0 <= device < len(self.devices):
+            raise InputError(f"no device {shown(device)}: there are 0 to {len(self.devices) - 1}")
+        return (*values[:device], *value, *values[device + 1 :])
 
 
 class HandFlight:
@@ -217,10 +222,12 @@ def as_json(mission: Mission) -> dict:
 def load_mission(path: str | Path) -> Mission:
     """Read a mission; `InputError` names the file and what is wrong in it."""
     path = Path(path)
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"{path}: {path.stat().st_size} bytes: no mission is that large")
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
+        if path.stat().st_size > LARGEST:
+            raise InputError(f"{path}: {path.stat().st_size} bytes: no mission is that large")
+        values = json.loads(path.read_bytes())  # in UTF-8 or UTF-16, with a BOM or without
+    except InputError:
+        raise
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a JSON file: {error}") from None
     try:
@@ -234,9 +241,9 @@ def mission_from_json(values: Any) -> Mission:
     _check(values)
     return Mission(
         City.from_text(values["city"]["name"], "\n".join(values["city"]["rows"])),
-        tuple(values["start"]),
-        tuple(tuple(device["cell"]) for device in values["devices"]),
-        tuple(float(device["data"]) for device in values["devices"]),
+        values["start"],
+        [device["cell"] for device in values["devices"]],
+        [device["data"] for device in values["devices"]],
         values["flying_time"],
         values["seed"],
         values["max_devices"],

@@ -41,6 +41,7 @@ class QNetwork(nn.Module):
         super().__init__()
         self.convolutions, features = convolutions(map_shape, kernels, kernel_size, strides, leak)
         self.head = fully_connected(features + 1, hidden, layer_norm, leak)
+        self.float()  # whatever torch's default is: maps are float32
 
     def forward(self, map: Tensor, time: Tensor) -> Tensor:
         return self.head(torch.cat([self.convolutions(map), time], dim=1))

@@ -9,6 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from uavdh_lite.city import MAX_SIZE
+from uavdh_lite.config import shown
 from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import InputError
 
@@ -36,7 +38,7 @@ class Observation(nn.Module):
         environment: of the states to come.
         size: M, if it is to be more than the largest city has.
 
-    Raises `InputError` for another kind.
+    Raises `InputError` for another kind, another size, and what is no environment.
     """
 
     surroundings: Tensor  # (C, 3, 3M − 2, 3M − 2) uint8
@@ -50,8 +52,12 @@ class Observation(nn.Module):
         size: int = 0,
     ):
         super().__init__()
-        if kind not in KINDS:
-            raise InputError(f"unknown observation {kind!r}: choose one of {', '.join(KINDS)}")
+        if not isinstance(environment, Environment):
+            raise InputError(f"an observation is of an Environment, here is {shown(environment)}")
+        if str(kind) not in KINDS:
+            raise InputError(f"unknown observation {shown(kind)}: choose one of {', '.join(KINDS)}")
+        if not (isinstance(size, int) and 0 <= size <= MAX_SIZE):
+            raise InputError(f"an observation of size {shown(size)}: must be from 0 to {MAX_SIZE}")
         self.environment, self.kind = environment, kind
         self.data_scale, self.time_scale = data_scale, time_scale
         self.size = max(size, environment.size)
@@ -105,7 +111,8 @@ class Observation(nn.Module):
         # Where each row of each window begins, counted through all surroundings
         first = ((city * 3 + layer) * side + row + top[:, None, None]) * side + left[:, None, None]
         runs = self.surroundings.flatten().unfold(0, W, 1)  # every W cells that follow one another
-        maps = torch.zeros(len(state), channels, W, W, device=runs.device)
+        shape = len(state), channels, W, W
+        maps = torch.zeros(shape, dtype=torch.float32, device=runs.device)
         maps[:, :3] = runs.index_select(0, self._tensor(first.ravel())).view(-1, 3, W, W)
         data = self._tensor(np.stack([state.data_left, state.data_collected], axis=1))
         data = data / self.data_scale

@@ -2,14 +2,14 @@
 
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
-from typing import ClassVar
+from typing import Any, ClassVar, Literal
 
 import torch
 from torch import nn
 
 from uavdh_lite import registry
 from uavdh_lite.city import City
-from uavdh_lite.config import option, require_bounds
+from uavdh_lite.config import from_json, option, require
 from uavdh_lite.ddqn import DDQN
 from uavdh_lite.environment import Environment, Rewards
 from uavdh_lite.errors import InputError
@@ -33,19 +33,21 @@ class Recipe:
     name: str
     steps: int = option(1_000_000, "environment steps in all, including the prefill", ge=1)
     # What the network sees
-    observation: str = option("centred", "map: centred or non_centred")
+    observation: Literal["centred", "non_centred"] = option("centred", "kind of map")
     data_scale: float = option(1.0, "data on the maps is divided by this, data units", gt=0)
     time_scale: float = option(1.0, "the flying time is divided by this, units of time", gt=0)
     # Network
-    kernels: int = option(16, "kernels of each convolution", ge=1)
-    kernel_size: int = option(5, "side of a kernel, cells", ge=1)
-    strides: tuple[int, ...] = option((1, 1), "stride of each convolution", ge=1)
-    hidden: tuple[int, ...] = option((256, 256, 256), "units of each fully connected layer", ge=1)
+    kernels: int = option(16, "kernels of each convolution", ge=1, le=1024)
+    kernel_size: int = option(5, "side of a kernel, cells", ge=1, le=199)
+    strides: tuple[int, ...] = option((1, 1), "stride of each convolution", ge=1, le=199)
+    hidden: tuple[int, ...] = option(
+        (256, 256, 256), "units of each fully connected layer", ge=1, le=10_000
+    )
     layer_norm: bool = option(False, "LayerNorm in each fully connected layer, before its ReLU")
     leak: float = option(0.0, "slope of the ReLUs below 0; 0: plain ReLUs", ge=0)
     # Learning
     discount: float = option(0.95, "discount factor γ", ge=0, le=1)
-    return_steps: int = option(1, "steps n whose rewards a target sums", ge=1)
+    return_steps: int = option(1, "steps n whose rewards a target sums", ge=1, le=1000)
     target_update_rate: float = option(0.005, "soft update rate τ of the target", gt=0, le=1)
     learning_rate: float = option(3e-5, "Adam's learning rate at the start", gt=0)
     learning_rate_end: float | None = option(None, "rate at the end; none: constant", ge=0)
@@ -53,10 +55,10 @@ class Recipe:
     huber_delta: float | None = option(
         None, "error from which the loss is linear; none: never", gt=0
     )
-    batch_size: int = option(128, "transitions in a minibatch", ge=1)
+    batch_size: int = option(128, "transitions in a minibatch", ge=1, le=100_000)
     # Experience
     environments: int = option(1, "episodes flown at a time; one update a step of all", ge=1)
-    replay_capacity: int = option(50_000, "transitions in the replay memory", ge=1)
+    replay_capacity: int = option(50_000, "transitions in the replay memory", ge=1, le=100_000_000)
     replay_prefill: int = option(25_000, "transitions of random actions before learning", ge=1)
     temperature: float = option(0.1, "temperature β of the softmax policy at the start", gt=0)
     temperature_end: float | None = option(None, "β after its decay; none: constant", gt=0)
@@ -67,15 +69,15 @@ class Recipe:
     movement_reward: float = option(-0.2, "reward for every step that does not land, r_mov")
     exploring_starts: float = option(0.0, "share of episodes that start under way", ge=0, le=1)
     exploring_spare_time: int = option(5, "time that these have beyond the way home", ge=0)
-    # Validation: the agent kept is the one with the highest return in these
+    # Validation, on the same missions each time: the agent kept has the highest return in it
     validation_interval: int = option(50_000, "environment steps between greedy validations", ge=1)
-    validation_episodes: int = option(1000, "missions of a validation, always the same", ge=1)
+    validation_episodes: int = option(1000, "missions of each validation", ge=1, le=100_000)
 
     def __post_init__(self):
-        require_bounds(self, f"recipe {self.name}")
+        require(self, f"recipe {self.name}")
         # A minibatch holds the newest transition of each environment, and no transition twice
         growing = ("environments", "batch_size", "replay_prefill", "replay_capacity")
-        for less, more in pairwise(growing):
+        for less, more in (*pairwise(growing), ("replay_prefill", "steps")):
             value, most = getattr(self, less), getattr(self, more)
             if value > most:
                 raise InputError(
@@ -133,10 +135,10 @@ class Recipe:
 registry.register("recipe kind", "Recipe", Recipe)
 
 
-def recipe_from_json(values: dict) -> Recipe:
-    """The recipe with these fields; lists become tuples."""
-    fields = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items() if k != "kind"}
-    return registry.find("recipe kind", values["kind"])(**fields)
+def recipe_from_json(values: Any) -> Recipe:
+    """The recipe with these fields; `InputError` names the one that is wrong."""
+    fields = dict(values) if isinstance(values, dict) else {}
+    return from_json(registry.find("recipe kind", fields.pop("kind", None)), fields, "recipe")
 
 
 def ramp(start: float, end: float | None, step: float, over: float) -> float:

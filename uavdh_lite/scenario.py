@@ -1,16 +1,17 @@
 """Scenarios: what is drawn at random for each episode, and the named presets."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from uavdh_lite import registry
-from uavdh_lite.config import option
+from uavdh_lite.config import from_json, option, require
 from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import InputError
 
 LIMIT = 2**15  # of every number of a scenario: flying times are int16
+MAX_DEVICES = 100  # places for devices in a state; a step takes time and memory for each
+LEAST_DATA = 0.1  # data units; a saved mission keeps tenths
 
 
 @dataclass(frozen=True)
@@ -24,15 +25,15 @@ class Scenario:
     flying_time: tuple[int, int] = option((35, 70), "least and most flying time, units of time")
 
     def __post_init__(self):
-        for name, least in (("devices", 1), ("data", 0), ("flying_time", 1)):
-            low, high = getattr(self, name)
-            if not least <= low <= high < LIMIT:
+        require(self, f"scenario {self.name}")
+        for name, low, high in (("devices", 1, 1), ("data", 0, LEAST_DATA), ("flying_time", 1, 1)):
+            least, most = getattr(self, name)
+            limit = MAX_DEVICES if name == "devices" else LIMIT - 1
+            if not low <= least <= most or not high <= most <= limit:
                 raise InputError(
-                    f"scenario {self.name}: {name} from {low} to {high}: the first must be at "
-                    f"least {least} and not above the second, the second below {LIMIT}"
+                    f"scenario {self.name}: {name} from {least} to {most}: the first must be at "
+                    f"least {low} and not above the second, the second from {high} to {limit}"
                 )
-        if self.data[1] <= 0:
-            raise InputError(f"scenario {self.name}: data up to {self.data[1]}: must be positive")
 
     @property
     def max_devices(self) -> int:
@@ -133,6 +134,5 @@ def find_scenario(name: str) -> Scenario:
 
 
 def scenario_from_json(values: dict) -> Scenario:
-    """The scenario with these fields; lists become tuples."""
-    fields: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
-    return Scenario(**fields)
+    """The scenario with these fields; `InputError` names the one that is wrong."""
+    return from_json(Scenario, values, "scenario")

@@ -1,6 +1,7 @@
 """Files: where the shipped ones are, CSV and JSON, and writing a file whole or not at all."""
 
 import csv
+import errno
 import gzip
 import io
 import json
@@ -20,7 +21,11 @@ _PACKAGE = Path(__file__).parent
 def data_folder() -> Path:
     """The folder with `cities/` and `checkpoints/`: inside the installed package, else `data/`."""
     inside = _PACKAGE / "data"
-    return inside if inside.is_dir() else _PACKAGE.parent / "data"
+    folder = inside if inside.is_dir() else _PACKAGE.parent / "data"
+    if not folder.is_dir():
+        what = "uavdh_lite's cities and agents are not there; install it again"
+        raise FileNotFoundError(errno.ENOENT, what, str(folder))
+    return folder
 
 
 def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
@@ -41,8 +46,10 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
         with temporary.open("r+b") as file:  # Windows only syncs what may be written
             os.fsync(file.fileno())  # the rename must not come before the bytes
         os.replace(temporary, path)
-    except BaseException:
+    except BaseException as error:
         temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):  # a full disk names no file, a closed folder the temporary
+            error.filename = str(path)
         raise
 
 
@@ -62,7 +69,7 @@ def write_table(path: str | Path, rows: list[dict]) -> None:
     writer.writeheader()
     for row in rows:
         writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
-    content = text.getvalue().encode()
+    content = _bytes(text.getvalue())
     if Path(path).suffix == ".gz":
         content = gzip.compress(content, mtime=0)
     write_atomically(path, lambda temporary: temporary.write_bytes(content))
@@ -76,7 +83,7 @@ def read_table(path: str | Path) -> dict[str, np.ndarray]:
     content = Path(path).read_bytes()
     try:
         content = gzip.decompress(content) if Path(path).suffix == ".gz" else content
-        rows = list(csv.reader(io.StringIO(content.decode()), strict=True))
+        rows = list(csv.reader(io.StringIO(content.decode("utf-8-sig")), strict=True))
     except (OSError, EOFError, zlib.error, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: not a table ({error})") from None
     if not rows or any(len(row) != len(rows[0]) for row in rows):
@@ -96,13 +103,18 @@ def _column(values: tuple[str, ...]) -> np.ndarray:
 def write_json(path: str | Path, values: dict) -> None:
     """Write JSON for people to read."""
     text = json.dumps(values, indent=2, ensure_ascii=False) + "\n"
-    write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    write_atomically(path, lambda temporary: temporary.write_bytes(_bytes(text)))
+
+
+def _bytes(text: str) -> bytes:
+    """UTF-8; what is not Unicode, as in a path of bytes, in JSON's way of writing it."""
+    return text.encode("utf-8", "backslashreplace")
 
 
 def read_json(path: str | Path) -> dict:
     """The object in a JSON file; raises `InputError` if the file holds none."""
     try:
-        values = json.loads(Path(path).read_text(encoding="utf-8"))
+        values = json.loads(Path(path).read_bytes())
     except ValueError as error:
         raise InputError(f"{path}: not JSON, or damaged ({error})") from None
     if not isinstance(values, dict):

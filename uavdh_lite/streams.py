@@ -103,5 +103,5 @@ def torch_seed(use: Use, seed: int) -> int:
 
 def _sequence(use: Use, seed: int) -> np.random.SeedSequence:
     if not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
-        raise InputError(f"seed {seed}: must be a whole number from 0 to 2**63 - 1")
+        raise InputError(f"seed {seed!r:.80}: must be a whole number from 0 to 2**63 - 1")
     return np.random.SeedSequence(int(seed), spawn_key=(Use(use),))

@@ -46,6 +46,7 @@ def test_landing_distance_goes_around_what_may_not_be_flown_over():
 
 
 @given(cities(2), st.integers(0, 5))
+@pytest.mark.filterwarnings("ignore:.* reaches only")
 @settings(derandomize=True, deadline=None, max_examples=50)
 def test_round_trips_keep_every_city(tmp_path_factory, city, more):
     path = tmp_path_factory.mktemp("city") / "any.png"
@@ -148,6 +149,57 @@ def test_a_folder_is_many_cities_in_the_order_of_their_names(tmp_path):
     assert load_city(tmp_path / "b.png").fingerprint == DRAWN.fingerprint
     with pytest.raises(CityError, match="2 cities"):
         load_city(tmp_path)
+
+
+def test_a_folder_holds_what_other_systems_put_there(tmp_path):
+    DRAWN.save(tmp_path / "a.png")
+    (tmp_path / "a.png").rename(tmp_path / "B.PNG")
+    (tmp_path / "._B.PNG").write_bytes(b"what macOS keeps about a file")
+    assert [city.name for city in load_cities(tmp_path)] == ["B"]
+
+
+@pytest.mark.parametrize("text", ["", " \n", "\ufeff"])
+def test_a_drawing_without_rows_is_refused(text):
+    with pytest.raises(CityError, match="mine: no rows"):
+        City.from_text("mine", text)
+
+
+def test_a_drawing_may_begin_with_the_mark_of_windows():
+    assert City.from_text("mine", "\ufeff" + DRAWN.text).fingerprint == DRAWN.fingerprint
+
+
+@pytest.mark.parametrize("kinds", [[[3, -1], [0, 0]], [[3, 5], [0, 0]], [3, 0], [[3.0, 0.0]] * 2])
+def test_kinds_that_are_none_are_refused(kinds):
+    with pytest.raises(CityError, match="mine: kinds must be"):
+        City.from_kinds("mine", np.array(kinds))
+
+
+def test_a_name_that_no_file_could_hold_becomes_one_that_can():
+    assert City.from_kinds("M\udcfcnchen", DRAWN.kinds).name == "M?nchen"
+
+
+def test_a_map_of_zeros_and_ones_is_told_so(tmp_path):
+    Image.fromarray(COLOURS[DRAWN.kinds] // 255).save(tmp_path / "mine.png")
+    with pytest.raises(CityError, match=r"mine\.png: its brightest value is 1, must be 255"):
+        City.load(tmp_path / "mine.png")
+
+
+@pytest.mark.parametrize(
+    ("text", "warning"),
+    [
+        ("LN. LN. NN.", r"the UAV reaches only 2 of the 5"),  # walled in together
+        ("LLNL NNN. .... ....", r"only 2 of the 12"),  # one of two zones
+        ("L.N .NN N.. ", r"only 3 of the 5"),
+        ("L.. .N. ..L", None),
+    ],
+)
+def test_a_landing_zone_that_is_walled_in_is_warned_of(tmp_path, text, warning):
+    City.from_text("mine", text.replace(" ", "\n")).save(tmp_path / "mine.png")
+    if warning is None:
+        City.load(tmp_path / "mine.png")  # warnings are errors here
+    else:
+        with pytest.warns(UserWarning, match=rf"mine\.png: from the landing zone at .*{warning}"):
+            City.load(tmp_path / "mine.png")
 
 
 def test_a_folder_with_the_name_of_a_shipped_city_does_not_break_that_name(tmp_path, monkeypatch):

@@ -2,10 +2,12 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Literal
 
+import numpy as np
 import pytest
 
-from uavdh_lite.config import option, require_bounds
+from uavdh_lite.config import option, require
 from uavdh_lite.errors import InputError
 
 
@@ -16,9 +18,12 @@ class Sample:
     counts: tuple[int, ...] = option((1, 2), "counts", ge=1)
     limit: float | None = option(None, "a limit, or none", gt=0)
     free: float = option(-3.0, "any number")
+    either: bool = option(True, "yes or no")
+    pair: tuple[int, int] = option((1, 2), "two counts")
+    word: Literal["one", "two"] = option("one", "a word")
 
     def __post_init__(self):
-        require_bounds(self, "sample")
+        require(self, "sample")
 
 
 @pytest.mark.parametrize(
@@ -31,13 +36,42 @@ class Sample:
         ("limit", 0.0, "above 0"),
         ("free", math.nan, "a finite number"),
         ("width", math.inf, "a finite number"),
+        ("free", 1e16, "0, or of a size from 1e-15 to 1e+15"),
+        ("width", 1e-16, "0, or of a size from 1e-15 to 1e+15"),
+        ("share", "0.5", "a number"),
+        ("share", True, "a number"),
+        ("counts", (1.5,), "a tuple of any number, each a whole number"),
+        ("counts", 3, "a tuple of any number, each a whole number"),
+        ("counts", (True,), "a tuple of any number, each a whole number"),
+        ("limit", "none", "a number or None"),
+        ("either", "no", "True or False"),
+        ("either", 1, "True or False"),
+        ("either", None, "True or False"),
+        ("pair", (1, 2, 3), "a tuple of 2, each a whole number"),
+        ("word", "three", "one or two"),
+        ("word", ["one"], "one or two"),
     ],
 )
 def test_a_value_out_of_bounds_is_named(field, value, expected):
     with pytest.raises(InputError) as caught:
         replace(Sample(), **{field: value})
-    assert str(caught.value) == f"sample: {field} is {value}, must be {expected}"
+    assert str(caught.value) == f"sample: {field} is {value!r}, must be {expected}"
 
 
 def test_bounds_themselves_are_inside():
     Sample(share=0.0), Sample(share=1.0), Sample(counts=(1,)), Sample(limit=1e-9), Sample(free=-1e9)
+
+
+def test_what_says_the_same_becomes_the_type_of_the_field():
+    sample = Sample(np.float32(0.5), 2, [np.int64(3)], None, free=np.float64(1), pair=np.arange(2))
+    assert sample == Sample(0.5, 2.0, (3,), None, free=1.0, pair=(0, 1))
+    values = (sample.share, sample.width, *sample.counts, sample.free, *sample.pair)
+    assert [type(value) for value in values] == [float, float, int, float, int, int]
+
+
+def test_a_long_value_is_cut():
+    with pytest.raises(InputError) as caught:
+        Sample(counts=(10**5000, "a" * 1000))
+    assert len(str(caught.value)) < 200
+    with pytest.raises(InputError, match="share is huge"):
+        Sample(share=10**5000)

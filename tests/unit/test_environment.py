@@ -253,3 +253,18 @@ def test_states_are_taken_apart_and_put_together(generator):
     swapped = state.with_rows([0, 4], state[[4, 0]])
     assert_equal(swapped, state[[4, 1, 2, 3, 0]])
     assert not np.array_equal(swapped.data_left, state.data_left)
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        (("manhattan",), "takes a City .* here is 'manhattan': City.load"),
+        ((None,), "here is None"),
+        (((CITY, "village"),), "here is 'village'"),
+        (((),), "0 cities: an environment takes 1 to"),
+        ((CITY, 3), "channel is a Channel, here is 3"),
+    ],
+)
+def test_what_is_no_city_is_refused_at_once(given, named):
+    with pytest.raises(InputError, match=named):
+        Environment(*given)

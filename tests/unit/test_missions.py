@@ -20,7 +20,7 @@ from uavdh_lite.missions import (
     save_mission,
 )
 from uavdh_lite.policies import find_policy
-from uavdh_lite.scenario import find_scenario
+from uavdh_lite.scenario import MAX_DEVICES, Scenario, find_scenario
 from uavdh_lite.streams import Portable, Use
 
 VILLAGE = City.load("village")
@@ -56,6 +56,12 @@ def test_a_state_that_is_placed_by_hand():
         ({"data": [1.0, -1.0]}, "device 1 has -1.0"),
         ({"data": [np.nan, 1.0]}, "device 0 has nan"),
         ({"data": [0.0, 0.0]}, "no device has data"),
+        ({"data": [1e-50, 0.0]}, "no device has data"),
+        ({"data": 3}, "data is 3, must be a tuple"),
+        ({"start": 5}, "start is 5, must be a tuple of 2"),
+        ({"start": (0, 0.5)}, "start is"),
+        ({"max_devices": 101}, "101 places for devices: must be from 1 to 100"),
+        ({"city": "manhattan"}, "city is 'manhattan', must be a City"),
         ({"flying_time": 0}, "flying time 0"),
         ({"flying_time": 2**15}, "flying time 32768"),
     ],
@@ -63,7 +69,7 @@ def test_a_state_that_is_placed_by_hand():
 def test_what_cannot_be_flown_is_named(changes, named):
     given = {"start": (0, 0), "devices": [(4, 4), (7, 9)], "data": [10.0, 5.0]}
     with pytest.raises(InputError, match=named):
-        Mission(MANHATTAN.city, **given | {"flying_time": 40} | changes)
+        Mission(**{"city": MANHATTAN.city} | given | {"flying_time": 40} | changes)
 
 
 def test_a_drawn_mission_is_the_scenarios():
@@ -86,6 +92,10 @@ def test_changes_leave_the_mission_as_it_was(mission):
     assert mission.devices == ((4, 4), (7, 9)) and mission.data == (10.0, 5.0)
     with pytest.raises(InputError, match="device 2"):
         mission.add((4, 4))
+    for change in (mission.move, mission.fill, lambda device, _: mission.remove(device)):
+        for device in (2, -1, 0.0, "a"):
+            with pytest.raises(InputError, match=f"no device {device!r}: there are 0 to 1"):
+                change(device, (8, 8))
 
 
 @pytest.mark.parametrize("name", ["manhattan", "manhattan_ddqn", "greedy", "random"])
@@ -129,6 +139,39 @@ def test_a_file_comes_back_and_follows_the_schema(original, tmp_path):
     schema = json.loads(SCHEMA.read_text())
     Draft202012Validator.check_schema(schema)
     Draft202012Validator(schema).validate(json.loads((tmp_path / "m.json").read_text()))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_file_from_an_editor_of_windows_is_read(original, tmp_path, encoding):
+    save_mission(tmp_path / "m.json", original)
+    text = (tmp_path / "m.json").read_text(encoding="utf-8").replace("L", "L ")
+    (tmp_path / "m.json").write_text(text, encoding=encoding)  # and blanks between the cells
+    same(load_mission(tmp_path / "m.json"), original)
+
+
+def test_as_many_devices_as_may_be_are_saved_and_read(tmp_path):
+    city = City.from_text("large", "\n".join(["L" + "." * 10, *["." * 11] * 10]))
+    cells = [divmod(cell, 11) for cell in range(1, MAX_DEVICES + 1)]
+    mission = Mission(city, (0, 0), cells, [1.0] * MAX_DEVICES, 5, max_devices=MAX_DEVICES)
+    save_mission(tmp_path / "m.json", mission)
+    same(load_mission(tmp_path / "m.json"), mission)
+    schema = json.loads(SCHEMA.read_text())["properties"]
+    assert schema["max_devices"]["maximum"] == MAX_DEVICES
+    flights = mission.fly(Environment(city), find_policy("greedy", Environment(city)))
+    served = np.stack([step.outcome.served for step in flights.history])
+    assert served.min() >= -1 and served.max() < MAX_DEVICES
+
+
+def test_numbers_of_numpy_are_saved(tmp_path):
+    numbers = np.array([0, 0]), np.array([[4, 1], [0, 7]]), np.float32([15, 3]), np.int64(24)
+    mission = Mission(VILLAGE, *numbers, seed=np.int64(3), max_devices=np.int8(4))
+    save_mission(tmp_path / "m.json", mission)
+    same(load_mission(tmp_path / "m.json"), mission)
+
+
+def test_a_drawn_device_keeps_data(monkeypatch):
+    scenario = Scenario("little", devices=(2, 2), data=(0.0, 0.1))
+    assert {Mission.draw(scenario, VILLAGE, seed).data for seed in range(20)} == {(0.1, 0.1)}
 
 
 @settings(max_examples=30, deadline=None)

@@ -29,3 +29,14 @@ def test_layers_are_in_order_and_map_and_flying_time_matter():
 def test_too_small_a_map_is_an_error_that_says_so():
     with pytest.raises(InputError, match="1×1 cells is too small"):
         QNetwork((5, 9, 9), strides=(1, 1, 1))
+
+
+def test_the_network_is_float32_whatever_torchs_default_is(trainer):
+    torch.set_default_dtype(torch.float64)
+    try:
+        run = trainer()
+        while not run.updates:
+            run.step()
+        assert run.agent.q_values(run.state).dtype == torch.float32
+    finally:
+        torch.set_default_dtype(torch.float32)

@@ -54,3 +54,19 @@ def test_maps_against_a_slow_reference(kind, cities, size, generator):
 def test_an_unknown_kind_is_refused():
     with pytest.raises(InputError, match=r"'polar'.*centred, non_centred"):
         Observation(Environment(SMALL), "polar")
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"environment": "manhattan"}, "of an Environment, here is 'manhattan'"),
+        ({"kind": "polar"}, "unknown observation 'polar'"),
+        ({"kind": ["centred"]}, "unknown observation"),
+        ({"size": -1}, "size -1: must be from 0 to 100"),
+        ({"size": 10**9}, "size 1000000000"),
+        ({"size": None}, "size None"),
+    ],
+)
+def test_what_it_cannot_be_made_of_is_named(corridor, changes, named):
+    with pytest.raises(InputError, match=named):
+        Observation(**{"environment": Environment(corridor), **changes})

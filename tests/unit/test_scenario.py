@@ -1,10 +1,12 @@
+import json
+
 import numpy as np
 import pytest
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
-from uavdh_lite.scenario import Scenario, find_scenario
+from uavdh_lite.scenario import Scenario, find_scenario, scenario_from_json
 
 SMALL = City.from_text("small", "L.B\n..B\nBB.")  # four cells for devices, one cut off
 VILLAGE = City.load("village")
@@ -73,11 +75,29 @@ def test_episodes_under_way_can_still_be_landed(generator):
         ("data", (np.nan, 5.0)),
         ("flying_time", (0, 10)),
         ("flying_time", (10, 40_000)),
+        ("devices", 3),
+        ("devices", (1, 2, 3)),
+        ("devices", [1, 2.5]),
+        ("devices", (1.5, 2.5)),
+        ("devices", (1, 101)),
+        ("data", (1e-50, 1e-50)),
+        ("data", "many"),
+        ("city", None),
     ],
 )
 def test_impossible_ranges_name_the_field(field, value):
     with pytest.raises(InputError, match=f"scenario mine: {field}"):
         Scenario("mine", **{field: value})
+
+
+def test_numbers_of_numpy_and_lists_come_back_from_json():
+    scenario = Scenario("mine", devices=np.array([1, 2]), data=[np.float32(1), 2])
+    text = json.dumps(vars(scenario))
+    assert scenario_from_json(json.loads(text)) == scenario == Scenario(**vars(scenario))
+    with pytest.raises(InputError, match="scenario: 'more' is no field"):
+        scenario_from_json({"name": "a", "more": 1})
+    with pytest.raises(InputError, match="scenario: is 3, must be"):
+        scenario_from_json(3)
 
 
 def test_more_devices_than_cells_name_the_city(generator):

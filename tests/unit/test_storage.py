@@ -1,14 +1,23 @@
 """Files are written whole or not at all, and tables come back."""
 
+import errno
+import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from uavdh_lite.errors import InputError
-from uavdh_lite.storage import read_table, write_atomically, write_table
+from uavdh_lite.storage import (
+    data_folder,
+    read_table,
+    write_atomically,
+    write_json,
+    write_table,
+)
 
 ROWS = [
     {"policy": "a", "steps": 5, "ratio": 0.123456789},
@@ -50,6 +59,35 @@ def test_a_column_with_a_word_is_text(tmp_path):
     assert read["a"].tolist() == [1, 2] and read["b"].tolist() == ["", "x"]
 
 
+def test_a_folder_that_cannot_be_written_names_the_file_that_was_meant(tmp_path, monkeypatch):
+    def closed(path, mode):
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "open", closed)
+    with pytest.raises(PermissionError) as caught:
+        write_json(tmp_path / "a.json", {})
+    assert caught.value.filename == str(tmp_path / "a.json")
+
+
+def test_a_path_that_is_no_unicode_can_be_written_down(tmp_path):
+    values = {"out": "M\udcfcnchen"}  # as Python has the bytes of another encoding
+    write_json(tmp_path / "a.json", values)
+    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == values
+    write_table(tmp_path / "a.csv", [values])
+    assert read_table(tmp_path / "a.csv")["out"].tolist() == ["M\\udcfcnchen"]
+
+
+def test_a_table_from_a_spreadsheet_begins_with_a_mark(tmp_path):
+    (tmp_path / "t.csv").write_text("a,b\n1,2\n", encoding="utf-8-sig")
+    assert list(read_table(tmp_path / "t.csv")) == ["a", "b"]
+
+
+def test_missing_data_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr("uavdh_lite.storage._PACKAGE", tmp_path / "uavdh_lite")
+    with pytest.raises(FileNotFoundError, match=r"install it again.*data"):
+        data_folder()
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="looks at Unix flags")
 def test_the_bytes_are_synced_by_a_handle_that_may_write(tmp_path, monkeypatch):
     """Windows syncs no other."""
@@ -75,5 +113,6 @@ write_atomically({str(path)!r}, lambda temporary: temporary.write_bytes(bytes(10
 """
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert result.returncode == 1 and "File too large" in result.stderr
+    assert result.stderr.rstrip().endswith(f"'{path}'")  # the system itself names no file
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]

@@ -42,7 +42,7 @@ def test_the_streams_stay_what_they_are():
 
 @pytest.mark.parametrize("seed", [-1, 2**63, 0.0, 0.5, "1"])
 def test_an_impossible_seed_is_refused(seed):
-    with pytest.raises(InputError, match=f"seed {seed}"):
+    with pytest.raises(InputError, match=f"seed {seed!r}"):
         stream(Use.TEST, seed)
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from uavdh_lite import registry
 from uavdh_lite.city import SIGNS, City, grow
-from uavdh_lite.config import option, require_bounds
+from uavdh_lite.config import option, require
 from uavdh_lite.errors import CityError, InputError
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream
@@ -278,7 +278,7 @@ class CityGenerator:
     )
 
     def __post_init__(self):
-        require_bounds(self, "cities")
+        require(self, "cities")
         if self.smallest is not None and self.smallest > self.size:
             raise InputError(f"cities of {self.smallest} to {self.size} cells: write 8-16, say")
         if not self.kinds or not set(self.kinds) <= set(BUILDERS):

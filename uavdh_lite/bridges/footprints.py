@@ -14,7 +14,7 @@ import numpy as np
 
 from uavdh_lite.beyond.cities import FREE, LANDING, LOW, TALL, connected_parts
 from uavdh_lite.city import MAX_SIZE, City
-from uavdh_lite.config import option, require_bounds
+from uavdh_lite.config import option, require
 from uavdh_lite.errors import CityError, InputError, extra
 
 EARTH_RADIUS_M = 6_371_009.0  # of a sphere with the Earth's mean radius
@@ -45,7 +45,7 @@ class Raster:
     landing_cells: int = option(6, "cells of the landing zone, the free ones nearest to it", ge=1)
 
     def __post_init__(self):
-        require_bounds(self, "footprints")
+        require(self, "footprints")
         for name in ("centre", "landing"):
             place = getattr(self, name)
             if place is not None and not (abs(place[0]) < 90 and abs(place[1]) <= 180):
