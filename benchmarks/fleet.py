@@ -134,7 +134,6 @@ class World:
             mean = environment.snr_db(everywhere, after, 0 * fading).transpose(0, 2, 1)
             radio[:, action, :, 0] = mean
             radio[:, action, :, 1] = still.snr_db(everywhere, after, fading).transpose(0, 2, 1)
-            radio[lands[:, action], action, :, 0] = -np.inf  # nothing is heard while it lands
         radio *= np.float32(math.log2(10) / 10)
 
         windows = observation(self._states(np.zeros((self.cells, devices))))[0].flatten(1)
