@@ -276,12 +276,15 @@ def draw_study(figure: Figure, table: dict[str, np.ndarray]) -> None:
     axes[0].legend()
 
 
-def draw_maps(maps: dict[str, np.ndarray], numbers: bool = False) -> Figure:
+def draw_maps(
+    maps: dict[str, np.ndarray], numbers: bool = False, uav: tuple[int, int] | None = None
+) -> Figure:
     """Small pictures of arrays with their names, three in a row: white is 0, blue more, red less.
 
     Arguments:
         maps: name and values, (rows, columns), of each; tensors will do.
         numbers: write the value of each cell into it.
+        uav: the (row, column) to mark in each picture with a triangle.
     """
     rows = -(-len(maps) // 3)
     figure = Figure(figsize=(7, 2.6 * rows), layout="constrained")
@@ -294,6 +297,8 @@ def draw_maps(maps: dict[str, np.ndarray], numbers: bool = False) -> Figure:
         ax.imshow(values, "RdBu", vmin=-most, vmax=most)
         ax.add_patch(Rectangle((0, 0), 1, 1, transform=ax.transAxes, fill=False, edgecolor="0.5"))
         ax.set_title(name, fontsize="medium")
+        if uav:
+            ax.plot(uav[1], uav[0], "^", color="black", ms=4)
         for (row, col), value in np.ndenumerate(values) if numbers else ():
             colour = "white" if abs(value) > 0.6 * most else "black"
             ax.text(col, row, f"{value.round(1) + 0:g}", ha="center", va="center", color=colour)

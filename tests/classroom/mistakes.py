@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from uavdh_lite.course import checks
+from uavdh_lite.course.small_city import learn_network
 from uavdh_lite.environment import MOVES
 
 
@@ -147,6 +148,39 @@ def _value_after_the_end(rewards, terminals, values, n, discount):
         if terminals[k]:
             break
     return total + discount ** (k + 1) * values[k + 1]
+
+
+def table_learner(best=np.max, **fixed):
+    """Q-learning with another idea of what the next cell is worth, or with a constant fixed."""
+
+    def learn(step, start, flights, gamma, alpha, generator):
+        case = {"start": start, "flights": flights, "gamma": gamma, "alpha": alpha} | fixed
+        q = np.zeros((4, 4, 4))
+        for _ in range(case["flights"]):
+            cell, ended = case["start"], False
+            while not ended:
+                action = generator.integers(4)
+                after, reward, ended = step(cell, action)
+                y = reward + (not ended) * case["gamma"] * best(q[after])
+                q[cell][action] += case["alpha"] * (y - q[cell][action])
+                cell = after
+        return q
+
+    return learn
+
+
+def network_learner(gamma=None, tau=1.0, end=0, action=None):
+    """A network that learns with a fault: a fixed γ, another τ, a value after the end, or one
+    action in the place of that which was taken."""
+
+    def learn(memory, given, updates):
+        rows = memory.clone()
+        rows[:, 6] *= 1 - end
+        if action is not None:
+            rows[:, 2] = action
+        return learn_network(rows, gamma or given, tau, updates)[0]
+
+    return learn
 
 
 def stays_above(steps, values, threshold, above=np.greater_equal):
@@ -330,8 +364,24 @@ MISTAKES = {
         ),
     ],
     "network_weights": [(lambda *case: 2_308_854, "gives 2308854, expected")],
-    "q_update": [
-        (lambda q, s, a, r, after, terminal, alpha, discount: q, "table is as it was"),
+    "learned_table": [
+        (table_learner(alpha=1), "the share α of the way"),
+        (table_learner(best=np.min), "largest Q-value of the next cell"),
+        (table_learner(best=np.mean), "largest Q-value of the next cell"),
+        (table_learner(gamma=0.95), "y is the reward plus γ times"),
+        (lambda *case: np.zeros((4, 4)), r"array of shape \(4, 4, 4\)"),
+    ],
+    "learned_network": [
+        (network_learner(end=1), "After the end nothing follows"),
+        (network_learner(gamma=0.5), "With another γ"),
+        (network_learner(action=0), "of the action that was taken"),
+        (lambda *case: torch.nn.Linear(2, 4), "y is the reward plus"),
+        (lambda *case: torch.nn.Linear(2, 3), r"not a tensor \(16, 4\)"),
+    ],
+    "learned_calmly": [
+        (lambda m, gamma, tau, n: network_learner()(m, gamma, n), "comes from the target network"),
+        (lambda m, gamma, tau, n: network_learner(tau=1 - tau)(m, gamma, n), "its weights becomes"),
+        (lambda m, gamma, tau, n: network_learner(tau=0.05)(m, gamma, n), "With τ = 0"),
     ],
     "stable_policy": [
         (lambda q, beta: _shifted(q, beta, 0), "it overflows"),

@@ -1,110 +1,220 @@
-"""Exercises of notebook 5, from Q-learning to DDQN."""
+"""Exercises of notebook 5, from Q-learning to DDQN: the parts of a DQN, one after the other."""
 
 import numpy as np
 import torch
 
-from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise
+from uavdh_lite.course.checks.values import show
+from uavdh_lite.course.small_city import (
+    CELLS,
+    START,
+    flights_of,
+    learn_network,
+    learn_table,
+    small_city,
+)
 from uavdh_lite.streams import Use, stream
 
 
-def experience(states, actions, terminal, rate, discount):
-    """A table, one step in it, and the constants."""
-    generator = stream(Use.EXERCISE, 10 * states + actions)
-    state, action, following = (int(generator.integers(n)) for n in (states, actions, states))
-    q = generator.normal(0, 3, (states, actions)).round(1)
-    return q, state, action, round(q[0, 0] - 0.5, 1), following, terminal, rate, discount
+def table_values(learn, flights, gamma, alpha, *where):
+    """The largest Q-value of each cell in the table that an answer learns, (4, 4)."""
+    q = learn(small_city(*where), START, flights, gamma, alpha, stream(Use.EXERCISE, 0))
+    if np.shape(q) != (4, 4, 4):
+        raise CheckFailed(f"Give back the table, an array of shape (4, 4, 4), not {show(q)}.")
+    return np.max(q, axis=2)
+
+
+def called_table(flights, gamma, alpha, *where):
+    return f"After {flights} flights with γ = {gamma} and α = {alpha}, the table's largest Q-value"
+
+
+EASTWARD = (3, 3), 0.0, 4 * [(0, 1)]  # device, price and moves: whatever it does, it goes east
 
 
 @exercise(
-    "5.1 · One step of Q-learning (2 points, 10 minutes)",
+    "5.1 · A table that learns (3 points, 20 minutes)",
     rules={
-        "In a copy of the table, only q[state, action] changes. With alpha = 1 it becomes y, which "
-        "after the end of an episode is the reward alone: nothing follows.": [
-            (2, 2, True, 1.0, 0.9), (3, 2, True, 1.0, 0.5),
+        "In a street where every action leads east, one flight teaches the last cell alone: its "
+        "entry goes the share α of the way to y = 10, all others stay 0. Learn in each step.": [
+            (1, 0.95, 1.0, *EASTWARD), (1, 0.95, 0.25, *EASTWARD), (1, 0.5, 0.5, *EASTWARD),
         ],
-        "Otherwise y is the reward plus discount times the largest Q-value of the next state.": [
-            (2, 3, False, 1.0, 0.5), (4, 2, False, 1.0, 0.9), (5, 4, False, 1.0, 1.0),
-            (3, 3, False, 1.0, 0.0), (6, 4, False, 1.0, 0.95),
-        ],
-        "The entry goes the share alpha of the way from its old value to y; all others stay.": [
-            (4, 2, False, 0.1, 0.9), (5, 4, False, 0.5, 0.9), (6, 6, False, 0.25, 0.99),
-            (3, 2, False, 0.0, 0.9), (7, 3, True, 0.3, 0.8), (4, 3, True, 0.5, 0.9),
-        ],
+        "y is the reward plus γ times the largest Q-value of the next cell. The start becomes "
+        "worth 6.7 with γ = 0.95.": [(200, 0.95, 0.5), (200, 0.95, 1.0), (200, 1.0, 0.5)],
+        "With another γ, or a device elsewhere, or another price of a step, other values come "
+        "out.": [(200, 0.5, 0.5), (200, 0.9, 0.5, (1, 1), 0.5), (200, 0.0, 0.8, (2, 3), 1.0)],
     },
-    mistakes={
-        "y holds the value of the next state only where the step is not terminal.": (
-            lambda q, s, a, r, after, terminal, *rates: q_update.solution(
-                q, s, a, r, after, 0, *rates
-            )
-        ),
-        "The table is as it was: change q[state, action] in the copy, and return the copy.": (
-            lambda q, *rest: q
-        ),
-    },
-    case=experience,
+    ask=table_values,
+    call=called_table,
+    tolerance=0.01,
+    smallest=0.03,
 )
-def q_update(q, state, action, reward, next_state, terminal, alpha, discount):
-    """`update(q, state, action, reward, next_state, terminal, alpha, discount)`: a new table."""
-    target, new = reward if terminal else reward + discount * q[next_state].max(), q.copy()
-    new[state, action] += alpha * (target - q[state, action])
-    return new
+def learned_table(step, start, flights, gamma, alpha, generator):
+    """`learn_table(step, start, flights, gamma, alpha, generator)`: Q, (4, 4, 4)."""
+    return learn_table(step, start, flights, gamma, alpha, generator)
 
 
-def draw_policy(ax, policy):
-    q_values = torch.tensor([[1000, 999.75, 999.5, 999, 998, 997]])
-    for k, temperature in enumerate((0.1, 0.5, 2.0)):
-        shares = policy(q_values, temperature)[0].numpy()
-        ax.bar(np.arange(6) + 0.27 * (k - 1), shares, 0.27, label=f"β = {temperature}")
-    ax.set_xticks(range(6), q_values[0].tolist())
-    ax.set(xlabel="Q-value of an action", ylabel="probability")
+def network_values(learn, seed, *case):
+    """The largest Q-values that a network learns from the steps of 100 flights, (15,)."""
+    torch.manual_seed(seed)
+    *constants, device, price = case
+    memory = flights_of(small_city(device, price), 100)
+    network = learn(memory, *constants, 1000)
+    if not callable(network):
+        raise CheckFailed(f"Give back the network. You give back {show(network)}.")
+    q = network(CELLS)
+    if np.shape(q) != (16, 4):
+        raise CheckFailed(f"For 16 cells your network gives {show(q)}, not a tensor (16, 4).")
+    elsewhere = (torch.tensor(device) != CELLS).any(dim=1)  # no step begins at the device
+    return q.detach().amax(1)[elsewhere]
 
 
-def few(count, temperature, kind=torch.float32):
-    """Q-values of so many states, and a temperature."""
-    rows = stream(Use.EXERCISE, count).integers(-8, 9, (count, 6)) / 4
-    return torch.tensor(rows, dtype=kind), temperature
+def called_network(seed, gamma, *more):
+    return f"With γ = {gamma}, seed {seed}, the network's largest Q-value of a cell"
 
 
-def rows(temperature, *several):
-    return torch.tensor(np.array(several, np.float32)), temperature
-
-
-NEAR = np.array([1000, 999.875, 999.75, 999.5, 999, 998], np.float32)
+def draw_explosion(ax, learn):
+    memory, updates = flights_of(small_city(), 100), range(0, 601, 150)
+    for seed in range(2):
+        values = []
+        for count in updates:
+            torch.manual_seed(seed)
+            values.append(learn(memory, 0.95, count)(CELLS)[12].max().item())
+        ax.plot(updates, values, "o-", label=f"seed {seed}")
+    ax.axhline(6.7, color="gray", label="right: 6.7")
+    ax.set(xlabel="updates", ylabel="value of the start", yscale="symlog", title="γ = 0.95")
 
 
 @exercise(
-    "5.2 · A softmax that does not overflow (2 points, 10 minutes)",
-    figure=draw_policy,
+    "5.2 · A network in the table's place (3 points, 20 minutes)",
+    figure=draw_explosion,
     rules={
-        "Each row is exp(Q/β), divided by the sum of its own row (dim=1), so that it sums to 1; "
-        "keepdim=True makes a column of the sums.": [
-            few(1, 1.0), few(2, 1.0), few(5, 1, torch.float64), few(6, 1),
+        "y is the reward plus γ times the largest Q-value of the next cell, and the network's "
+        "Q-value of the action that was taken learns it. A cell far from the device is worth "
+        "little with so small a γ. After the end nothing follows: there y is the reward alone.": [
+            (0, 0.5, (0, 3), 0.2),
         ],
-        "Divide Q by β inside of exp: a small β makes the best action likelier, a large one all "
-        "alike.": [few(1, 0.25), few(2, 2.0), few(6, 0.7), few(3, 40.0)],
-        "No exponent may be above 0, since exp(1000 / 0.1) is infinite: it overflows, and infinity "
-        "over infinity is nan. Subtract the state's largest Q-value first; that changes no "
-        "probability.": [rows(0.125, NEAR), rows(0.125, NEAR[::-1])],
-        "All Q-values of a state may be far below 0. Then every exp(Q/β) is 0, and 0/0 is nan. "
-        "Subtract the maximum first.": [rows(0.125, -NEAR), rows(0.1, [-1000.0] * 6)],
-        "Within a row the best action may be far above the others, whichever it is: subtract the "
-        "maximum of the row, nothing smaller than the maximum.": [
-            rows(0.1, [0.0, 0, 0, 1000, 0, 0]), rows(0.1, [1000.0, 0, 0, 0, 0, 0]),
-            rows(0.5, [0.0, -1000, 1000, 0, 1000, 0]),
-        ],
-        "Rows of a batch may be far apart: subtract from each row its own maximum.": [
-            rows(0.125, NEAR, NEAR - 1000), rows(0.125, NEAR - 1500, NEAR, 0 * NEAR),
+        "With another γ, or a device elsewhere, other values come out.": [
+            (1, 0.3, (3, 3), 1.0),
         ],
     },
-    mistakes={
-        "These are the probabilities' logarithms.": lambda q, beta: torch.log_softmax(q / beta, 1),
-    },
-    tolerance=1e-4,
-    smallest=1e-7,
+    ask=network_values,
+    call=called_network,
+    tolerance=0.1,
+    smallest=0.8,
 )
-def stable_policy(q_values, temperature):
-    """`policy(q_values, temperature)`: the softmax policy (eq. 12), (B, 6), for any Q-values."""
-    return torch.softmax(q_values / temperature, 1)
+def learned_network(memory, gamma, updates):
+    """`learn_network(memory, gamma, updates)`: a network from (B, 2) cells to (B, 4) Q-values."""
+    return learn_network(memory, gamma, 1.0, updates)[0]
+
+
+def draws(ring: type, capacity: int, added: int, size: int, count: int = 1, seed: int = 0):
+    """The numbers of the items in so many samples, 1 for the first added; another ring has more."""
+    items = [(np.full(2, n % 3), n % 6, n / 10, f"state {n % 4}") for n in range(added)]
+    numbers = {id(item): number for number, item in enumerate(items, 1)}
+    own, other, generator = ring(capacity), ring(3), stream(Use.EXERCISE, seed)
+    for item in items:
+        own.add(item)
+        other.add((item,))
+    samples = [list(own.sample(size, generator)) for _ in range(count)]
+    for sample in samples:
+        strange = [item for item in sample if id(item) not in numbers]
+        if len(sample) != size or strange:
+            said = f"{asked(capacity, added, size)} gives back"
+            if len(sample) != size:
+                said = f"{said} a list of length {len(sample)}, expected {size}. An item may come "
+                raise CheckFailed(f"{said}more than once: draw size − 1 places, add the newest.")
+            said = f"{said} {show(strange[0])}, which was never added. Give back the very tuples"
+            raise CheckFailed(f"{said} that were added, not copies or parts of them.")
+    return [[numbers[id(item)] for item in sample] for sample in samples]
+
+
+Unquoted = type("Unquoted", (str,), {"__repr__": str.__str__})  # as it stands in a message
+
+
+def items_drawn(ring, *case):
+    numbers = sorted(set(*draws(ring, *case)))
+    return Unquoted(f"item{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
+
+
+def asked(capacity, added, size):
+    return f"Ring({capacity}), after {added} × add(item), sample({size}, generator)"
+
+
+def wrong_chance(ring: type) -> str:
+    """Besides one newest item all are equally likely; a right answer fails once in 1e7."""
+    one, again, other = (draws(ring, 8, 8, 60, seed=seed) for seed in (1, 1, 2))
+    if one != again or one == other:
+        return "All chance must come from the generator that is passed in."
+    for capacity, added, limit in ((8, 3, 37.0), (8, 27, 52.0), (8, 8, 52.0)):
+        drawn, stored = np.array(draws(ring, capacity, added, 9, 600)), min(capacity, added)
+        counts = np.bincount(drawn.ravel())[-stored:] - 600 * (np.arange(stored) == stored - 1)
+        if not (drawn == added).any(1).all():
+            return "A sample of 1 is the newest item, but larger samples do not always have it."
+        if ((counts - counts.mean()) ** 2).sum() / counts.mean() > limit:
+            said = f"After {added} items, besides the newest, the oldest to the newest are drawn "
+            return f"{said}{counts.tolist()} times: each must be equally likely."
+        different = [len(set(sample)) for sample in draws(ring, capacity, added, 3, 1800)]
+        right = 1 + (stored - 1) * (1 - (1 - 1 / stored) ** 2)
+        if abs(np.mean(different) - right) > 6 * np.std(different) / 1800**0.5 + 1e-9:
+            return "Draw every place by itself: generator.integers(0, number stored, size − 1)."
+    return ""
+
+
+@exercise(
+    "5.3 · A replay memory (3 points, 15 minutes)",
+    rules={
+        "The newest item is in every sample, so that a sample of 1 is the newest alone.": [
+            (5, added, 1) for added in range(1, 5)
+        ],
+        "When the ring is full, each new item still goes in, in the place of the oldest. So the "
+        "newest is no longer at the end: it is one place before that to be overwritten next.": [
+            (size, added, 1) for size, most in ((5, 17), (1, 4)) for added in range(size, most)
+        ],
+        "The other items of a sample are drawn from all stored ones, only from places that are "
+        "filled, and may come more than once.": [(5, added, 300) for added in range(1, 6)],
+        "When the ring is full, each new item must overwrite the oldest, and no other: the ring "
+        "does not grow. generator.integers leaves out its upper end already.": [
+            (1, 3, 60), (3, 8, 200), (7, 22, 420)
+        ]
+        + [(5, added, 300) for added in range(6, 17)],
+    },
+    takes=type,
+    ask=items_drawn,
+    call=asked,
+    also=wrong_chance,
+)
+class ring_buffer:
+    """The class `Ring(capacity)` with `add(item)` and `sample(size, generator)`."""
+
+    def __init__(self, capacity):
+        self.capacity, self.items, self.newest = capacity, [], -1
+
+    def add(self, item):
+        self.newest = (self.newest + 1) % self.capacity
+        self.items[self.newest : self.newest + 1] = [item]
+
+    def sample(self, size, generator):
+        rest = generator.integers(0, len(self.items), size - 1)
+        return [self.items[k] for k in (self.newest, *rest)]
+
+
+@exercise(
+    "5.4 · A target network (2 points, 15 minutes)",
+    rules={
+        "y comes from the target network. After each update every one of its weights becomes "
+        "(1 − τ) times itself plus τ times the online one. So nothing explodes, and the start is "
+        "worth 6.7.": [(0, 0.95, 0.05, (0, 3), 0.2)],
+        "With τ = 0 the target network stays what it was at the start. y is the reward, plus a "
+        "guess near 0.": [(0, 0.5, 0.0, (0, 3), 1.0)],
+    },
+    ask=network_values,
+    call=called_network,
+    tolerance=0.1,
+    smallest=0.8,
+)
+def learned_calmly(memory, gamma, tau, updates):
+    """`learn_calmly(memory, gamma, tau, updates)`: the network of 5.2, with a target network."""
+    return learn_network(memory, gamma, tau, updates)[0]
 
 
 def value(chooser, judge):
@@ -122,7 +232,7 @@ def transitions(size, discount, ends=0.4, at=5.0, kind=np.float32, apart=2.0):
 
 
 @exercise(
-    "5.3 · The double-DQN target (2 points, 10 minutes)",
+    "5.5 · The double-DQN target (2 points, 10 minutes)",
     rules={
         "There is one target for each transition, (B,): the reward, plus γ times the entry of "
         "target_next, in the same row, for the action that online_next rates highest.": [
@@ -153,5 +263,62 @@ def transitions(size, discount, ends=0.4, at=5.0, kind=np.float32, apart=2.0):
     case=transitions,
 )
 def double_target(reward, terminal, discount, online_next, target_next):
-    """`target(reward, terminal, discount, online_next, target_next)`: y, (B,) (eq. 10)."""
+    """`target(reward, terminal, discount, online_next, target_next)`: y, (B,) (eq. 8)."""
     return reward + discount * value(online_next, target_next) * ~terminal
+
+
+def draw_policy(ax, policy):
+    q_values = torch.tensor([[1000, 999.75, 999.5, 999, 998, 997]])
+    for k, temperature in enumerate((0.1, 0.5, 2.0)):
+        shares = policy(q_values, temperature)[0].numpy()
+        ax.bar(np.arange(6) + 0.27 * (k - 1), shares, 0.27, label=f"β = {temperature}")
+    ax.set_xticks(range(6), q_values[0].tolist())
+    ax.set(xlabel="Q-value of an action", ylabel="probability")
+
+
+def few(count, temperature, kind=torch.float32):
+    """Q-values of so many states, and a temperature."""
+    rows = stream(Use.EXERCISE, count).integers(-8, 9, (count, 6)) / 4
+    return torch.tensor(rows, dtype=kind), temperature
+
+
+def rows(temperature, *several):
+    return torch.tensor(np.array(several, np.float32)), temperature
+
+
+NEAR = np.array([1000, 999.875, 999.75, 999.5, 999, 998], np.float32)
+
+
+@exercise(
+    "5.6 · A softmax that does not overflow (2 points, 10 minutes)",
+    figure=draw_policy,
+    rules={
+        "Each row is exp(Q/β), divided by the sum of its own row (dim=1), so that it sums to 1; "
+        "keepdim=True makes a column of the sums.": [
+            few(1, 1.0), few(2, 1.0), few(5, 1, torch.float64), few(6, 1),
+        ],
+        "Divide Q by β inside of exp: a small β makes the best action likelier, a large one all "
+        "alike.": [few(1, 0.25), few(2, 2.0), few(6, 0.7), few(3, 40.0)],
+        "No exponent may be above 0, since exp(1000 / 0.1) is infinite: it overflows, and infinity "
+        "over infinity is nan. Subtract the state's largest Q-value first; that changes no "
+        "probability.": [rows(0.125, NEAR), rows(0.125, NEAR[::-1])],
+        "All Q-values of a state may be far below 0. Then every exp(Q/β) is 0, and 0/0 is nan. "
+        "Subtract the maximum first.": [rows(0.125, -NEAR), rows(0.1, [-1000.0] * 6)],
+        "Within a row the best action may be far above the others, whichever it is: subtract the "
+        "maximum of the row, nothing smaller than the maximum.": [
+            rows(0.1, [0.0, 0, 0, 1000, 0, 0]), rows(0.1, [1000.0, 0, 0, 0, 0, 0]),
+            rows(0.5, [0.0, -1000, 1000, 0, 1000, 0]),
+        ],
+        "Rows of a batch may be far apart: subtract from each row its own maximum.": [
+            rows(0.125, NEAR, NEAR - 1000), rows(0.125, NEAR - 1500, NEAR, 0 * NEAR),
+        ],
+    },
+    mistakes={
+        "These are the probabilities' logarithms.": lambda q, beta: torch.log_softmax(q / beta, 1),
+    },
+    tolerance=1e-4,
+    smallest=1e-7,
+)
+def stable_policy(q_values, temperature):
+    """`policy(q_values, temperature)`: the softmax policy (eq. 10), (B, 6), for any Q-values."""
+    return torch.softmax(q_values / temperature, 1)

@@ -6,12 +6,65 @@ from dataclasses import fields, replace
 import numpy as np
 import torch
 
+from uavdh_lite.city import load_cities
 from uavdh_lite.course.checks.exercise import exercise
-from uavdh_lite.evaluation import evaluate
+from uavdh_lite.course.checks.values import show
+from uavdh_lite.environment import Environment, Rewards
+from uavdh_lite.evaluation import FunctionPolicy, evaluate
+from uavdh_lite.planners import Random
 from uavdh_lite.recipe import SMALL, Recipe
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream
 from uavdh_lite.training import Trainer
+
+ROUNDS, REWARDS = 2000, Rewards(movement=-0.1, crash=-20.0)  # of the student's own DQN
+LEAST_LEAD = 0.2  # over random, in collected and landed
+
+
+def wrong_training(train) -> str:
+    """What is wrong with an agent that an answer trains, after 500 test missions of the village."""
+    scenario, environment = find_scenario("village"), Environment(load_cities("village"))
+    print(f"Training for {ROUNDS:,} rounds, about half a minute …", flush=True)
+    torch.manual_seed(0)
+    torch.set_num_threads(1)  # quicker, as the network is small
+    q_values = train(environment, scenario, REWARDS, ROUNDS, stream(Use.EXERCISE, 0))
+    if not callable(q_values):
+        return f"Give back a function q_values(state). You give back {show(q_values)}."
+    q = q_values(scenario.sample(environment, 3, stream(Use.EXERCISE, 1)))
+    if np.shape(q) != (3, 6):
+        return f"For three states q_values gives {show(q)}, not a tensor of shape (3, 6)."
+    if not torch.isfinite(q).all():
+        return "The Q-values are not finite: they have exploded. Is y made by the target network?"
+
+    def score(policy):
+        records = evaluate(environment, policy, scenario, 500, seed=0).records()
+        return {name: float(values.mean()) for name, values in records.items()}
+
+    own = score(FunctionPolicy(lambda state: q_values(state).detach().argmax(1).numpy()))
+    chance = score(Random(0))
+    names = ("landed", "collected", "collected_and_landed")
+    said = ", ".join(f"{name.replace('_', ' ')} {own[name]:.0%}" for name in names)
+    print(f"{said}; random: {chance['collected_and_landed']:.0%}")
+    if own["collected_and_landed"] >= chance["collected_and_landed"] + LEAST_LEAD:
+        return ""
+    why = "It collects and does not come home: does y end with the reward where an episode ended?"
+    if own["landed"] > 0.8:
+        why = "It lands and hardly collects: is β large at first, and are all actions tried?"
+    return f"{said}: {LEAST_LEAD:.0%} more than random are asked for. {why}"
+
+
+@exercise("6.1 · Your own DQN flies the village (6 points, 45 minutes)", also=wrong_training)
+def village_dqn(environment, scenario, rewards, rounds, generator):
+    """`train(environment, scenario, rewards, rounds, generator)`: a function of states, Q-values.
+
+    Here the library's own trainer; the exercise asks for one made of the answers of notebook 5.
+    """
+    recipe = replace(SMALL, steps=rounds * SMALL.environments)
+    trainer = Trainer(scenario, recipe, 0, environment.city)
+    while not trainer.finished:
+        trainer.step()
+    return trainer.agent.q_values
+
 
 # Of data/runs/deviations-manhattan, by variant, seed and thousand steps: landed, collected, time
 RUNS = {
@@ -46,7 +99,7 @@ def judged(landed, collected, used):
 
 
 @exercise(
-    "6.1 · What is wrong with this agent? (1 point, 5 minutes)",
+    "6.2 · What is wrong with this agent? (1 point, 5 minutes)",
     rules={
         sentence: [one for one in AGENTS if judged(*one) == name]
         for name, sentence in SENTENCES.items()
@@ -75,7 +128,7 @@ def stored(length, ends, n, discount):
 
 
 @exercise(
-    "6.2 · The n-step return (2 points, 12 minutes)",
+    "6.3 · The n-step return (2 points, 12 minutes)",
     rules={
         "With n = 1 it is rewards[0] plus γ times values[1], the value of the next state.": [
             (3, (), 1, 0.5), (2, (), 1, 0.9), (2, (), 1, 1.0), (2, (), 1, 0.0),
@@ -157,6 +210,6 @@ def wrong_recipe(recipe: Recipe) -> str:
     return f"{said}, and {LEAST_SCORE:.0%} collected and landed are asked for. {why}"
 
 
-@exercise("6.3 · Mend a lazy agent (4 points, 15 minutes)", takes=Recipe, also=wrong_recipe)
+@exercise("6.4 · Mend a lazy agent (4 points, 15 minutes)", takes=Recipe, also=wrong_recipe)
 def mended_recipe():
     """A recipe that differs from `LAZY` in `MAY_CHANGE` and trains a useful agent."""
