@@ -69,7 +69,12 @@ def test_a_module_imports_or_names_the_extra_that_it_needs(tmp_path):
 
 @pytest.mark.parametrize(
     ("arguments", "extra"),
-    [("export --checkpoint manhattan", "onnx"), ("app --no-browser", "app")],
+    [
+        ("export --checkpoint manhattan", "onnx"),
+        ("app --no-browser", "app"),
+        ("city town.geojson --centre 50,8", "footprints"),
+        ("trace munich", "sionna"),
+    ],
 )
 def test_a_command_names_the_extra_that_it_needs(arguments, extra, tmp_path):
     done = run(RUN.format(arguments=arguments), tmp_path)

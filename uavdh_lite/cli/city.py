@@ -1,4 +1,4 @@
-"""`city`: a city from the footprints of real buildings."""
+"""`city` and `trace`: a real place as a city, from footprints or from a scene to be ray-traced."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,6 +7,7 @@ from cyclopts import Parameter
 from cyclopts.types import PositiveFloat, PositiveInt
 
 from uavdh_lite.bridges.footprints import Raster, city_of_footprints
+from uavdh_lite.bridges.sionna import Place, Tracer
 from uavdh_lite.city import City
 from uavdh_lite.errors import InputError
 
@@ -55,6 +56,36 @@ def city(
     made, sources = city_of_footprints(footprints, raster)
     _save(made, out)
     print("heights of its buildings:", ", ".join(f"{n} {name}" for name, n in sources.items()))
+
+
+def trace(
+    scene: str,
+    /,
+    *,
+    centre: Pair = "0,0",
+    cells: PositiveInt = 16,
+    rays: PositiveInt = 1_000_000,
+    landing_cells: PositiveInt = 6,
+    out: Path = Path("place.png"),
+) -> None:
+    """Make a city from a scene of Sionna RT, and trace the gains between all its cells.
+
+    The gains are written beside the city, in a file that ends in .npz, after each device. The same
+    command goes on with what was stopped.
+
+    Arguments:
+        scene: one that Sionna ships, such as munich, or the path of an XML file.
+        centre: X,Y of the place's middle in the scene, m.
+        cells: on a side, of 10 m each.
+        rays: from each device.
+        landing_cells: the free cells nearest to the middle that are the landing zone.
+        out: the city's PNG.
+    """
+    tracer = Tracer(Place(scene, _pair("centre", centre), cells, rays=rays))
+    made = tracer.city(out.stem, landing_cells)
+    _save(made, out)
+    tracer.trace(made, out.with_suffix(".npz"))
+    print(f"{out.with_suffix('.npz')}: the gains between its cells")
 
 
 def _save(made: City, out: Path) -> None:

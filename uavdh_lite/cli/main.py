@@ -23,6 +23,7 @@ COMMANDS = {
     "export": ("flying", "Write an agent's network as an ONNX file."),
     "challenge": ("challenge", "Score a class's submissions on missions that nobody has seen."),
     "city": ("city", "Make a city from the footprints of buildings."),
+    "trace": ("city", "Make a city from a scene of Sionna RT, and trace its gains."),
     "app": ("app", "Serve the interactive labs as a web page."),
 }
 

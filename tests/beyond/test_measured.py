@@ -1,0 +1,266 @@
+"""An environment whose SNRs come from a table, and what an agent is told of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from uavdh_lite.beyond.failsafe import SafeEnvironment
+from uavdh_lite.beyond.genie import Genie
+from uavdh_lite.beyond.measured import (
+    FLOOR_DB,
+    Heard,
+    MeasuredEnvironment,
+    believing,
+    distances_m,
+    expected,
+    heard,
+    levelled,
+    links,
+    load_gains,
+    load_place,
+    modelled_snr_db,
+    save_gains,
+    shipped_places,
+)
+from uavdh_lite.channel import Channel, rate
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.city import City
+from uavdh_lite.environment import EAST, HOVER
+from uavdh_lite.errors import InputError
+from uavdh_lite.evaluation import evaluate
+from uavdh_lite.planners import Greedy
+from uavdh_lite.scenario import Scenario
+from uavdh_lite.streams import Use, stream
+
+ANY = Scenario("any", devices=(1, 3), data=(1.0, 25.0), flying_time=(20, 40))
+
+
+@pytest.fixture(scope="module")
+def model():
+    return SafeEnvironment(City.load("village"))
+
+
+def table(environment, **entries):
+    """A table in which nothing is heard but these links: `d3_u5=7.0`."""
+    snr_db = np.full((environment.size**2,) * 2, -np.inf)
+    for link, value in entries.items():
+        device, uav = (int(part[1:]) for part in link.split("_"))
+        snr_db[device, uav] = value
+    return MeasuredEnvironment(environment.city, mean_snr_db=snr_db)
+
+
+def test_the_models_own_table_gives_the_models_world_where_the_uav_hovers(model):
+    """With fading as without it; half-way between two cells the table is coarser."""
+    world = MeasuredEnvironment(model.city, mean_snr_db=modelled_snr_db(model), fading=True)
+    state = ANY.sample_anywhere(model, 200, stream(Use.TEST), 0)
+    draws = model.draw_fading(state, stream(Use.TEST, 1))
+    ours, theirs = (one.snr_db(state, state.uav_cell, draws) for one in (world, model))
+    assert ours.dtype == np.float32 and ours == pytest.approx(theirs, abs=1e-3)
+    calm = replace(world, fading=False).snr_db(state, state.uav_cell, draws)
+    assert calm == pytest.approx(model.snr_db(state, state.uav_cell, 0 * draws), abs=1e-3)
+    assert world.rate_map(7) == pytest.approx(model.rate_map(7), rel=1e-4, abs=1e-6)
+
+
+def test_the_table_is_read_at_the_nearest_cell_and_in_the_middle_at_the_one_being_entered(model):
+    start = ANY.sample(model, 1, stream(Use.TEST))
+    here = int(start.uav_cell[0])
+    after = int(model.next_cell[0, here, EAST])
+    assert after != here
+    device = int(start.device_cells[0, 0])
+    world = table(model, **{f"d{device}_u{here}": 3.0, f"d{device}_u{after}": 5.0})
+    quiet = world.draw_fading(start, stream(Use.TEST))
+    found = world.snr_db(start, np.array([after]), quiet)[0, :, 0]
+    assert found.tolist() == [3.0, 5.0, 5.0, 5.0]
+
+
+def test_nobody_hears_what_no_ray_joins(model):
+    deaf = table(model)
+    for fading in (False, True):
+        world = replace(deaf, fading=fading)
+        flights = evaluate(world, Greedy(world), ANY, 20, seed=0)
+        assert flights.end.landed.all() and not flights.end.collected.any()
+        assert all((step.outcome.served == -1).all() for step in flights.history)
+
+
+def test_greedy_genie_and_the_failsafe_fly_in_it(model):
+    """The genie knows the table: it collects from the one cell in which a device is heard."""
+    start = ANY.sample(model, 1, stream(Use.TEST))
+    device = int(start.device_cells[0, 0])
+    there = int(np.flatnonzero(model.landing_distance[0] == 2)[0])
+    world = table(model, **{f"d{device}_u{there}": 30.0})
+    plan = Genie(world).act(start)
+    assert plan[0] != HOVER
+    flights = evaluate(world, Genie(world), ANY, 10, seed=0)
+    assert flights.end.landed.all()
+    assert world.over(0).mean_snr_db is world.mean_snr_db
+
+
+def test_one_offset_gives_links_in_sight_the_models_mean(model):
+    generator = stream(Use.TEST)
+    gain_db = modelled_snr_db(model) - 70 + generator.normal(0, 3, (model.size**2,) * 2)
+    gain_db[:, ::5] = -np.inf
+    snr_db = levelled(model, gain_db)
+    heard_at = np.isfinite(gain_db)
+    assert (
+        np.ptp(snr_db[heard_at] - gain_db[heard_at]) < 1e-4 and (snr_db[~heard_at] == -np.inf).all()
+    )
+    known = links(model) & model.sight[0] & heard_at
+    assert snr_db[known].mean() == pytest.approx(modelled_snr_db(model)[known].mean(), abs=1e-4)
+
+
+def test_what_is_heard_is_the_worlds_snr_of_devices_with_data_left(model):
+    world = MeasuredEnvironment(model.city, mean_snr_db=modelled_snr_db(model))
+    flights = evaluate(world, Greedy(world), ANY, 15, seed=3)
+    found = heard(world, flights, stream(Use.TEST))
+    truth = np.maximum(world.mean_snr_db[found.device, found.uav], FLOOR_DB)
+    assert found.snr_db == pytest.approx(truth, abs=1e-4)
+    expected_count = sum(
+        ((step.state.data_left > 0) & ~step.state.ended[:, None]).sum() for step in flights.history
+    )
+    assert len(found.device) == expected_count
+    assert set(found.device) <= set(flights.start.device_cells[flights.start.data_initial > 0])
+
+
+def measured_everywhere(world, environment):
+    device, uav = np.nonzero(links(environment))
+    return Heard(device, uav, world[device, uav])
+
+
+def test_a_fit_finds_the_exponents_of_another_channel(model):
+    """And with no spread, its map is that of the channel."""
+    other = replace(model, channel=Channel(path_loss_exponent_los=1.9, path_loss_exponent_nlos=4.2))
+    belief = expected(model, measured_everywhere(modelled_snr_db(other), model))
+    known = links(model)
+    truth = modelled_snr_db(other)
+    assert belief.mean_snr_db[known] == pytest.approx(truth[known], abs=0.01)
+
+
+def test_a_spread_is_worth_more_data_where_the_mean_is_low(model):
+    """log2(1 + SNR) is convex in dB: the mean rate is above the rate of the mean."""
+    noise = stream(Use.TEST).normal(0, 6, (model.size**2,) * 2)
+    belief = expected(model, measured_everywhere(modelled_snr_db(model) + noise, model))
+    known = links(model) & (modelled_snr_db(model) < -10)
+    assert (belief.mean_snr_db[known] > modelled_snr_db(model)[known] + 1).all()
+    samples = rate(
+        modelled_snr_db(model)[known][:50, None] + stream(Use.TEST, 1).normal(0, 6, 20_000)
+    )
+    assert rate(belief.mean_snr_db[known][:50]) == pytest.approx(samples.mean(1), rel=0.25)
+
+
+def test_too_few_snrs_leave_the_models_line(model):
+    device, uav = np.nonzero(links(model) & model.sight[0])
+    few = Heard(device[:10], uav[:10], np.full(10, 20.0))
+    still = MeasuredEnvironment(model.city, mean_snr_db=modelled_snr_db(model))
+    belief = expected(model, few)
+    assert (belief.mean_snr_db - still.mean_snr_db)[links(model)].max() < 1.0
+
+
+def test_link_by_link_a_shadow_that_is_not_on_the_map_is_learned_where_it_was_heard(model):
+    """A device's corner of the city is 15 dB worse than any line says."""
+    truth = modelled_snr_db(model)
+    device, uav = np.nonzero(links(model))
+    row, col = np.divmod(device, model.size)
+    corner = (row < 3) & (col > 4)
+    truth[device[corner], uav[corner]] -= 15
+    found = Heard(device, uav, truth[device, uav])
+    errors = [
+        np.abs(expected(model, found, near).mean_snr_db - truth)[device, uav][corner].mean()
+        for near in (None, 1.0)
+    ]
+    assert corner.sum() > 50 and errors[1] < errors[0] / 3
+    away = Heard(*(part[~corner] for part in found))
+    blind = [expected(model, away, near).mean_snr_db[device, uav] for near in (None, 1.0)]
+    assert np.abs(blind[0] - blind[1]).max() < 6  # what was not heard does not change by much
+
+
+def test_world_and_belief_are_two_things(model):
+    """The agent is told the belief and flies in the world, whatever it is told."""
+    agent = load_agent("any_city").over(model.city)
+    start = agent.scenario.sample(model, 50, stream(Use.TEST))
+    same = MeasuredEnvironment(model.city, mean_snr_db=modelled_snr_db(model))
+    assert np.allclose(agent.q_values(start), believing(agent, same).q_values(start), atol=1e-3)
+    deaf = believing(agent, table(model))
+    assert not deaf.observation.expected_data(start).any()
+    assert (deaf.q_values(start) - agent.q_values(start)).abs().nan_to_num().max() > 0.1
+    told_less, told = (evaluate(same, one, agent.scenario, 100, seed=0) for one in (deaf, agent))
+    assert told.returns.mean() > told_less.returns.mean() + 1
+    assert told_less.end.collected.mean() > 0.1  # the world still has its radio
+
+
+@pytest.mark.parametrize(
+    ("snr_db", "named"),
+    [(np.zeros((3, 3)), "3 × 3"), (np.zeros(64), "64 for 1"), (np.full((64, 64), np.nan), "NaN")],
+)
+def test_a_table_that_does_not_fit_is_named(snr_db, named):
+    city = City.load("village")
+    assert city.size**2 == 64 or named != "NaN"
+    with pytest.raises(InputError, match=named):
+        MeasuredEnvironment(city, mean_snr_db=snr_db)
+
+
+def test_a_table_takes_one_city():
+    cities = City.load("village"), City.load("village")
+    with pytest.raises(InputError, match="2 cities"):
+        MeasuredEnvironment(cities, mean_snr_db=np.zeros((64, 64)))
+
+
+def test_gains_come_back_in_half_precision(tmp_path):
+    gain_db = np.array([[-61.5, -np.inf], [-120.0, np.nan]])
+    save_gains(tmp_path / "a.npz", gain_db, {"scene": "Ω", "centre": [1.5, 2]})
+    found, about = load_gains(tmp_path / "a.npz")
+    assert np.array_equal(found, gain_db, equal_nan=True) and about["scene"] == "Ω"
+
+
+def test_a_file_without_gains_is_named(tmp_path):
+    broken = tmp_path / "broken.npz"
+    save_gains(broken, np.zeros((4, 4)), {})
+    broken.write_bytes(broken.read_bytes()[:-30])
+    np.savez(tmp_path / "other.npz", table=np.zeros(3))
+    (tmp_path / "text.npz").write_text("no")
+    np.savez(tmp_path / "pickled.npz", gain_db=np.array([{}], object), about="{}")
+    for path in (
+        broken,
+        *(tmp_path / f"{name}.npz" for name in ("other", "text", "pickled", "no")),
+    ):
+        with pytest.raises(InputError, match=path.name):
+            load_gains(path)
+
+
+@pytest.mark.parametrize("name", shipped_places())
+def test_a_shipped_place_has_links_where_its_city_has_them(name):
+    """In sight nearly always something is heard; behind buildings less, and often nothing."""
+    world = load_place(name)
+    assert world.cities[0].name == name and world.size == 16
+    known, sight = links(world), world.sight[0]
+    heard_at = np.isfinite(world.mean_snr_db)
+    assert heard_at[known & sight].mean() > 0.99 and not heard_at[~world.open_to_devices[0]].any()
+    assert 0.1 < 1 - heard_at[known & ~sight].mean() < 0.6
+    rates = [rate(snr_db[known]) for snr_db in (world.mean_snr_db, modelled_snr_db(world))]
+    assert np.corrcoef(*rates)[0, 1] > 0.9
+
+
+def test_four_places_are_shipped():
+    assert shipped_places() == ["florence", "munich", "paris", "san_francisco"]
+
+
+def test_a_place_needs_its_own_finished_table(model, tmp_path):
+    path = tmp_path / "town.png"
+    model.city.save(path)
+    with pytest.raises(InputError, match=r"town\.npz: no such file"):
+        load_place(path)
+    complete = np.full((64, 64), -80.0)
+    unfinished = complete.copy()
+    unfinished[3] = np.nan
+    for gain_db in (np.zeros((4, 4)), unfinished):
+        save_gains(tmp_path / "town.npz", gain_db, {})
+        with pytest.raises(InputError, match=r"town\.npz: not the finished"):
+            load_place(path)
+    save_gains(tmp_path / "town.npz", complete, {})
+    assert np.ptp(load_place(path).mean_snr_db) == 0
+
+
+def test_distances_are_those_of_the_uav_above_its_cell(model):
+    away = distances_m(model)
+    assert away[0, 0] == 10 and away[0, 3] == pytest.approx(np.hypot(30, 10))
+    assert away[0, model.size] == pytest.approx(np.hypot(10, 10))

@@ -1,0 +1,169 @@
+"""Ray tracing by Sionna RT: a place in one of its scenes becomes a city and a table of gains.
+
+Needs the extra `sionna`; on a CPU also LLVM 16 or later, whose library `DRJIT_LIBLLVM_PATH` names.
+"""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm.auto import tqdm
+
+from uavdh_lite.beyond.measured import load_gains, save_gains
+from uavdh_lite.bridges.footprints import city_of_shares
+from uavdh_lite.city import MAX_SIZE, City
+from uavdh_lite.config import option, require_bounds
+from uavdh_lite.errors import InputError, extra
+
+POINTS = 5  # on a side of a cell at which its height is taken
+LEVEL_M = 0.5  # what rises less above the ground is none of the buildings
+MOST_RELIEF_M = 5.0  # between the lowest and the highest ground, since the UAV's plane is level
+
+
+@dataclass(frozen=True)
+class Place:
+    """A square in a scene, and how its radio is traced; x is east, y is north."""
+
+    scene: str = option("munich", "a scene that Sionna ships, or the path of an XML file")
+    centre: tuple[float, float] = option((0.0, 0.0), "the middle of the place, x and y, m")
+    size: int = option(16, "cells on a side", ge=2, le=MAX_SIZE)
+    cell_size_m: float = option(10.0, "side of a cell, m", gt=0)
+    altitude_m: float = option(10.0, "height of the UAV above the ground, m", gt=0)
+    device_height_m: float = option(1.5, "height of a device's antenna, m", gt=0)
+    frequency_hz: float = option(3.5e9, "carrier frequency, Hz", gt=0)
+    rays: int = option(1_000_000, "rays from each device", ge=1)
+    depth: int = option(5, "most reflections of a ray", ge=0)
+
+    def __post_init__(self):
+        require_bounds(self, "place")
+
+
+class Tracer:
+    """A place whose scene is loaded.
+
+    | attribute | shape | meaning |
+    | --- | --- | --- |
+    | `height_m` | (M, M, 5, 5) | how high something stands at points of each cell, m; 0: nothing |
+
+    Raises `MissingExtra` without Sionna RT; `InputError` without LLVM, for an unknown scene, and
+    for a place that is not on the ground of the scene or whose ground is not nearly level.
+    """
+
+    def __init__(self, place: Place):
+        self.place, (self._rt, self._mi) = place, _sionna()
+        self._scene = self._load()
+        along = (np.arange(place.size * POINTS) + 0.5) * place.cell_size_m / POINTS
+        along -= place.size * place.cell_size_m / 2
+        x, y = np.meshgrid(place.centre[0] + along, place.centre[1] - along)
+        shape = (place.size, POINTS, place.size, POINTS)  # rows and columns of cells and of points
+        self._x, self._y = (points.reshape(shape).swapaxes(1, 2) for points in (x, y))
+        self._ground_m = self._first_hit(down=False)
+        self.height_m = self._first_hit(down=True) - self._ground_m
+        where = f"place around {place.centre} in {place.scene}"
+        if np.isnan(self._ground_m).any():
+            raise InputError(f"{where}: reaches beyond the scene's ground")
+        if np.ptp(self._ground_m) > MOST_RELIEF_M:
+            raise InputError(
+                f"{where}: its ground rises by {np.ptp(self._ground_m):.1f} m, at most "
+                f"{MOST_RELIEF_M:g} m can be traced, because the UAV flies level"
+            )
+
+    def city(self, name: str, landing: int = 6) -> City:
+        """The place as a city; its landing zone are the free cells nearest to the middle."""
+        shares = [
+            (self.height_m > limit).mean(axis=(2, 3)) for limit in (self.place.altitude_m, LEVEL_M)
+        ]
+        return city_of_shares(name, *shares, landing)
+
+    def trace(self, city: City, path: str | Path) -> np.ndarray:
+        """The gains between all cells, `[device cell, UAV cell]`, dB; (n, n), −∞ without any ray.
+
+        They are written to `path` after each device, so a trace that was stopped goes on. Rows of
+        cells where no device may stand are −∞. Steps are half a decibel.
+
+        Raises `InputError` if the file holds another trace.
+        """
+        about = {**asdict(self.place), "city": city.fingerprint}
+        about = json.loads(json.dumps(about))  # as in the file: tuples become lists
+        gain_db = np.full((city.size**2,) * 2, -np.inf, np.float32)
+        gain_db[city.open_to_devices.ravel()] = np.nan
+        if Path(path).exists():
+            gain_db, found = load_gains(path)
+            if found != about:
+                raise InputError(f"{path}: holds another trace; delete it, or name another file")
+        for cell in tqdm(np.flatnonzero(np.isnan(gain_db[:, 0])), unit="device"):
+            gain_db[cell] = np.round(2 * self._gains_from(int(cell))) / 2
+            save_gains(path, gain_db, about)
+        return gain_db
+
+    def _gains_from(self, cell: int) -> np.ndarray:
+        """The gain from a device in a cell to a UAV in each, the mean over what is open of it, dB.
+
+        The device stands on the ground as near to the cell's middle as it can.
+        """
+        place, mi = self.place, self._mi
+        row, col = divmod(cell, place.size)
+        ground = self.height_m[row, col] <= LEVEL_M
+        off_centre = np.abs(np.arange(POINTS) - POINTS // 2)
+        where = np.where(ground, np.hypot(off_centre[:, None], off_centre), np.inf).argmin()
+        point = (row, col, *divmod(int(where), POINTS))
+        height_m = self._ground_m[point] + place.device_height_m
+        device = self._scene.transmitters["device"]
+        device.position = mi.Point3f(*map(float, (self._x[point], self._y[point], height_m)))
+        side, step = place.size * place.cell_size_m, place.cell_size_m
+        traced = self._rt.RadioMapSolver()(
+            self._scene,
+            center=mi.Point3f(*place.centre, float(self._ground_m.mean()) + place.altitude_m),
+            orientation=mi.Point3f(0, 0, 0),
+            size=mi.Point2f(side, side),
+            cell_size=mi.Point2f(step, step),
+            samples_per_tx=place.rays,
+            max_depth=place.depth,
+            refraction=False,
+            diffraction=True,
+        )
+        gain = np.array(traced.path_gain)[0, ::-1]  # the first row is now that of the north
+        open_share = (self.height_m < place.altitude_m).mean(axis=(2, 3))
+        gain = np.divide(gain, open_share, out=np.zeros_like(gain), where=open_share > 0)
+        with np.errstate(divide="ignore"):
+            return 10 * np.log10(gain.ravel())
+
+    def _load(self) -> Any:
+        """The scene with a device in it."""
+        rt, place = self._rt, self.place
+        shipped = getattr(rt.scene, place.scene, None)
+        path = shipped if isinstance(shipped, str) else place.scene
+        if not Path(path).is_file():
+            raise InputError(f"scene {place.scene}: neither one that Sionna ships nor a file")
+        scene = rt.load_scene(path)
+        scene.frequency = place.frequency_hz
+        scene.tx_array = rt.PlanarArray(num_rows=1, num_cols=1, pattern="iso", polarization="V")
+        scene.add(rt.Transmitter("device", position=[0, 0, 0]))
+        return scene
+
+    def _first_hit(self, down: bool) -> np.ndarray:
+        """The height of what a ray from above, or from below, meets first, m; NaN for nothing."""
+        mi, scene, count = self._mi, self._scene.mi_scene, self._x.size
+        start = scene.bbox().max.z + 1 if down else scene.bbox().min.z - 1
+        origin = mi.Point3f(self._x.ravel(), self._y.ravel(), np.full(count, start))
+        hit = scene.ray_intersect(mi.Ray3f(origin, mi.Vector3f(0, 0, -1 if down else 1)))
+        height_m = np.where(np.array(hit.is_valid()), np.array(hit.p.z), np.nan)
+        return height_m.reshape(self._x.shape)
+
+
+def _sionna() -> tuple[Any, Any]:
+    """The modules of Sionna RT and of Mitsuba."""
+    with extra("sionna"):
+        try:
+            import mitsuba
+            from sionna import rt
+        except ModuleNotFoundError:
+            raise
+        except ImportError as error:
+            raise InputError(
+                f"Sionna RT has no processor to trace on ({error}); on a CPU it needs LLVM 16 or "
+                "later, such as Debian's libllvm19, and its path in DRJIT_LIBLLVM_PATH"
+            ) from None
+    return rt, mitsuba
