@@ -59,7 +59,7 @@ class Raster:
         return EARTH_RADIUS_M * shift * (np.cos(np.radians(latitude)), 1)
 
 
-def city_of_footprints(path: str | Path, raster: Raster) -> tuple[City, Counter]:
+def city_of_footprints(path: str | Path, raster: Raster) -> tuple[City, Counter[str]]:
     """The city in a GeoJSON file, and how many of its buildings have their height from where.
 
     A cell is a tall building if half of it or more is covered by what is higher than the UAV flies;
@@ -83,7 +83,9 @@ def city_of_footprints(path: str | Path, raster: Raster) -> tuple[City, Counter]
     edges = np.linspace(-half, half, raster.cells + 1)
     west, north = np.meshgrid(edges[:-1], edges[:0:-1])
     squares = shapely.box(west, north - raster.cell_size_m, west + raster.cell_size_m, north)
-    city, tall, low, sources = shapely.box(-half, -half, half, half), [], [], Counter()
+    city, sources = shapely.box(-half, -half, half, half), Counter[str]()
+    tall: list[Any] = []
+    low: list[Any] = []
     for shape, properties in buildings:
         shape = shapely.make_valid(shapely.transform(shape, raster.metres))
         if shape.intersects(city):
@@ -96,16 +98,16 @@ def city_of_footprints(path: str | Path, raster: Raster) -> tuple[City, Counter]
             f"{path}: no building within {half:g} m of the centre {raster.centre}; its buildings "
             f"lie between {south:.5f}, {west:.5f} and {north:.5f}, {east:.5f} (latitude, longitude)"
         )
-    shares = [
+    tall_share, built_share = (
         shapely.area(shapely.intersection(squares, shapely.union_all(shapes)))
         / raster.cell_size_m**2
         for shapes in (tall, tall + low)
-    ]
+    )
     near = None
     if raster.landing is not None:
         right, up = raster.metres(np.array(raster.landing[::-1]))
         near = ((half - up) / raster.cell_size_m - 0.5, (half + right) / raster.cell_size_m - 0.5)
-    return city_of_shares(path.stem, *shares, raster.landing_cells, near), sources
+    return city_of_shares(path.stem, tall_share, built_share, raster.landing_cells, near), sources
 
 
 def city_of_shares(

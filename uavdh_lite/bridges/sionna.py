@@ -14,7 +14,7 @@ from tqdm.auto import tqdm
 from uavdh_lite.beyond.measured import load_gains, save_gains
 from uavdh_lite.bridges.footprints import city_of_shares
 from uavdh_lite.city import MAX_SIZE, City
-from uavdh_lite.config import option, require_bounds
+from uavdh_lite.config import option, require
 from uavdh_lite.errors import InputError, extra
 
 POINTS = 5  # on a side of a cell at which its height is taken
@@ -37,7 +37,7 @@ class Place:
     depth: int = option(5, "most reflections of a ray", ge=0)
 
     def __post_init__(self):
-        require_bounds(self, "place")
+        require(self, "place")
 
 
 class Tracer:
@@ -72,10 +72,10 @@ class Tracer:
 
     def city(self, name: str, landing: int = 6) -> City:
         """The place as a city; its landing zone are the free cells nearest to the middle."""
-        shares = [
+        tall, built = (
             (self.height_m > limit).mean(axis=(2, 3)) for limit in (self.place.altitude_m, LEVEL_M)
-        ]
-        return city_of_shares(name, *shares, landing)
+        )
+        return city_of_shares(name, tall, built, landing)
 
     def trace(self, city: City, path: str | Path) -> np.ndarray:
         """The gains between all cells, `[device cell, UAV cell]`, dB; (n, n), −∞ without any ray.

@@ -50,7 +50,7 @@ def city(
         altitude,
         storey,
         assumed,
-        landing and _pair("landing", landing),
+        None if landing is None else _pair("landing", landing),
         landing_cells,
     )
     made, sources = city_of_footprints(footprints, raster)
