@@ -57,7 +57,7 @@ class Portable(np.random.Generator):
     def __init__(self, use: Use, seed: int):
         super().__init__(stream(use, seed).bit_generator)
         if seed >= 2**53:
-            raise InputError(f"seed {seed}: must be a whole number from 0 to 2**53 - 1")
+            raise InputError(f"seed {seed!r}: must be a whole number from 0 to 2**53 - 1")
         self._key = _hash(seed % 2**32 + _hash(seed // 2**32 + _hash(use)))
         self._drawn = 0
 

@@ -76,7 +76,7 @@ def test_portable_normal_numbers_are_normal_and_independent():
 
 @pytest.mark.parametrize("seed", [-1, 2**53, 0.0, "1"])
 def test_an_impossible_portable_seed_is_refused(seed):
-    with pytest.raises(InputError, match=f"seed {seed}"):
+    with pytest.raises(InputError, match=f"seed {seed!r}"):
         Portable(Use.FADING, seed)
 
 
