@@ -39,7 +39,7 @@ def read_only(array: np.ndarray) -> np.ndarray:
 
 
 COLOURS = read_only(np.array([colour for _, colour, _ in KINDS], np.uint8))
-LAYERS = read_only(np.array([layers for _, _, layers in KINDS]))
+KIND_LAYERS = read_only(np.array([layers for _, _, layers in KINDS]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,7 @@ class City:
         kinds = np.asarray(kinds)
         if kinds.ndim != 2 or kinds.dtype.kind not in "iu" or not np.isin(kinds, range(5)).all():
             raise CityError(f"{name}: kinds must be a square of whole numbers from 0 to 4")
-        layers = LAYERS[kinds]
+        layers = KIND_LAYERS[kinds]
         return cls(name, layers[..., 0], layers[..., 1], layers[..., 2])
 
     @classmethod

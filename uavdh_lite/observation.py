@@ -14,7 +14,7 @@ from uavdh_lite.config import shown
 from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import InputError
 
-KINDS = ("centred", "non_centred")
+OBSERVATION_KINDS = ("centred", "non_centred")
 LAYERS = ("landing zone", "no-fly zone", "buildings", "data left", "data collected")
 
 
@@ -54,8 +54,10 @@ class Observation(nn.Module):
         super().__init__()
         if not isinstance(environment, Environment):
             raise InputError(f"an observation is of an Environment, here is {shown(environment)}")
-        if str(kind) not in KINDS:
-            raise InputError(f"unknown observation {shown(kind)}: choose one of {', '.join(KINDS)}")
+        if str(kind) not in OBSERVATION_KINDS:
+            raise InputError(
+                f"unknown observation {shown(kind)}: choose one of {', '.join(OBSERVATION_KINDS)}"
+            )
         if not (isinstance(size, int) and 0 <= size <= MAX_SIZE):
             raise InputError(f"an observation of size {shown(size)}: must be from 0 to {MAX_SIZE}")
         self.environment, self.kind = environment, kind

@@ -1,4 +1,4 @@
-"""The figures of the paper, each a function that draws on an Axes and returns it."""
+"""Figures of cities, flights, maps and training: a function draws on an Axes, or makes a Figure."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -35,15 +35,20 @@ DEVICE_COLOURS = (
     *("#664400", "#664466", "#0000EE", "#335544"),
 )
 Style = dict[str, Any]  # a patch's keyword arguments
-NO_FLY: Style = {"facecolor": "none", "edgecolor": RED, "hatch": "////", "linewidth": 0}
-LOW: Style = {"facecolor": "#D9C9A3", "edgecolor": "#6B5B35", "hatch": "..", "linewidth": 0}
-LANDING: Style = {"facecolor": "#9DC3E6", "edgecolor": "#1F4E79", "hatch": r"\\\\", "linewidth": 0}
-TALL: Style = {"facecolor": "#4D4D4D", "linewidth": 0}
-KINDS = {  # in the order of `City.kinds`; the first kind of cell is free
-    "no-fly zone": NO_FLY,
-    "low building: may be flown over": LOW,
-    "start and landing zone": LANDING,
-    "tall building": TALL,
+NO_FLY_STYLE: Style = {"facecolor": "none", "edgecolor": RED, "hatch": "////", "linewidth": 0}
+LOW_STYLE: Style = {"facecolor": "#D9C9A3", "edgecolor": "#6B5B35", "hatch": "..", "linewidth": 0}
+LANDING_STYLE: Style = {
+    "facecolor": "#9DC3E6",
+    "edgecolor": "#1F4E79",
+    "hatch": r"\\\\",
+    "linewidth": 0,
+}
+TALL_STYLE: Style = {"facecolor": "#4D4D4D", "linewidth": 0}
+CELL_STYLES = {  # in the order of `City.kinds`; the first kind of cell is free
+    "no-fly zone": NO_FLY_STYLE,
+    "low building: may be flown over": LOW_STYLE,
+    "start and landing zone": LANDING_STYLE,
+    "tall building": TALL_STYLE,
 }
 SHADOW, DEEPEST = "#AFA3D1", 5  # the ground from which this many devices are hidden, or more
 THIN, THICK = 0.05, 0.17  # width of an arrow, cells: for a step without data, and with much
@@ -66,7 +71,7 @@ def draw_city(ax: Axes, city: City, shadow_sum: np.ndarray | None = None) -> Axe
     """
     if shadow_sum is not None:
         ax.imshow(shadow_colours(shadow_sum), interpolation="nearest", zorder=0)
-    for kind, style in enumerate(KINDS.values(), start=1):
+    for kind, style in enumerate(CELL_STYLES.values(), start=1):
         cells = np.argwhere(city.kinds == kind)
         squares = [Rectangle((col - 0.5, row - 0.5), 1, 1) for row, col in cells]
         ax.add_collection(PatchCollection(squares, zorder=1, **style))
@@ -229,7 +234,7 @@ def add_legend(figure: Figure, devices: int) -> None:
         colour = device_colour(k)
         style: Style = {"mfc": colour, "mec": colour, "ms": 10}
         signs.append((f"device {k}, and moves while it is served", "X", style))
-    ground = KINDS | {"shadow, deeper for more devices": {"facecolor": SHADOW}}
+    ground = CELL_STYLES | {"shadow, deeper for more devices": {"facecolor": SHADOW}}
     handles: list[Artist] = [Patch(label=label, **style) for label, style in ground.items()]
     handles += [
         Line2D([], [], linestyle="none", marker=marker, label=label, **{"mec": "black", **style})

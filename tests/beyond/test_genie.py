@@ -88,7 +88,7 @@ def test_a_plan_does_not_depend_on_the_others_of_the_batch(together, monkeypatch
     """Other cities, numbers of devices and flying times, all in one search or each in its own."""
     environment = Environment((CITY, OTHER))
     start = Scenario("s", "s", (1, 3), (3, 9), (6, 14)).sample(environment, 20, stream(Use.TEST))
-    monkeypatch.setattr(search, "TOGETHER", together)
+    monkeypatch.setattr(search, "MOST_CANDIDATES", together)
     plans = Genie(environment).plans(start)
     for row in range(20):
         city = int(start.city[row])

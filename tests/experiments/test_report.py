@@ -1,9 +1,9 @@
 from uavdh_lite.evaluation import Interval
-from uavdh_lite.experiments.report import METRICS, policies_table
+from uavdh_lite.experiments.report import TABLE_METRICS, policies_table
 
 
 def test_a_line_for_each_policy_and_the_papers_in_columns():
-    metrics = dict.fromkeys(METRICS, Interval(0.9, 0.81234, 1.0))
+    metrics = dict.fromkeys(TABLE_METRICS, Interval(0.9, 0.81234, 1.0))
     metrics["return"] = Interval(35.04, -1, 36)
     paper = {"landed": 0.995, "collected": 0.948, "collected_and_landed": 0.946}
     lines = policies_table({"agent": metrics, "a rule": metrics}, paper).splitlines()

@@ -48,8 +48,13 @@ def markers(ax):
 def test_a_city_has_each_kind_of_cell_in_its_style(ax):
     plotting.draw_city(ax, DRAWN)
     drawn = [each for each in ax.collections if isinstance(each, PatchCollection)]
-    assert [len(each.get_paths()) for each in drawn] == [1, 1, 1, 2]  # in the order of `KINDS`
-    for collection, style in zip(drawn, plotting.KINDS.values(), strict=True):
+    assert [len(each.get_paths()) for each in drawn] == [
+        1,
+        1,
+        1,
+        2,
+    ]  # as in `CELL_STYLES`
+    for collection, style in zip(drawn, plotting.CELL_STYLES.values(), strict=True):
         assert collection.get_hatch() == style.get("hatch")
     bottom, top = ax.get_ylim()
     assert bottom > top  # row 0, the north, is up
@@ -63,7 +68,7 @@ def test_the_shadow_counts_devices_out_of_sight_and_is_never_as_dark_as_building
     plotting.draw_city(ax, DRAWN, shadow_sum=np.arange(9).reshape(3, 3))
     colours = np.asarray(ax.images[0].get_array())
     assert (colours[0, 0] == 1).all() and (colours[0, 1] > colours[0, 2]).all()
-    assert colours.min() > 0.6 > max(to_rgba(plotting.TALL["facecolor"])[:3])
+    assert colours.min() > 0.6 > max(to_rgba(plotting.TALL_STYLE["facecolor"])[:3])
 
 
 def test_a_flight_has_an_arrow_for_each_move_in_the_served_devices_colour(ax, corridor):

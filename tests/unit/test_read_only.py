@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from uavdh_lite.city import COLOURS, LAYERS, City
+from uavdh_lite.city import COLOURS, KIND_LAYERS, City
 from uavdh_lite.environment import MOVES, Environment, State
 from uavdh_lite.planners import Greedy
 from uavdh_lite.scenario import find_scenario
@@ -11,7 +11,7 @@ from uavdh_lite.streams import Use, stream
 
 def test_tables_of_city_environment_and_planner():
     environment = Environment((City.load("village"), City.from_text("tiny", "L.\n.b")))
-    shared = {"COLOURS": COLOURS, "LAYERS": LAYERS, "MOVES": MOVES}
+    shared = {"COLOURS": COLOURS, "KIND_LAYERS": KIND_LAYERS, "MOVES": MOVES}
     for thing in (*environment.cities, environment, Greedy(environment)):
         for name in dir(thing):  # tables are made when they are asked for, and kept in `vars`
             getattr(thing, name)

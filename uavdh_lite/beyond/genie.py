@@ -1,6 +1,28 @@
 """The genie: a search over whole flights that knows the channel's mean rate at every place.
 
 No UAV knows that much. The genie's flights show what is possible, and an agent may imitate them.
+
+It is a **beam search** with **branch and bound**. A *candidate* is the beginning of a flight: the
+cell that it has led to, and the data that it has left in each device. All candidates are equally
+long. In each step, every one of them tries the five moves, and most of what comes out is dropped:
+
+```text
+after 3 steps                    after 4 steps
+                         ┌ north  cell  1           ✗ too far: it could not land in time
+                         ├ west   cell 16           ✗ bound: whatever comes, it cannot be worth more
+cell 17, left 8 0 5  ────┼ hover  cell 17, 7 0 5        than the best flight known
+                         ├ east   cell 18, 8 0 3
+                         └ south  cell 33, 6 0 5
+cell 34, left 9 0 2  ───── west   cell 33, 9 0 1    in one cell, with the same device emptied:
+cell 49, left 8 0 6  ───── north  cell 33, 8 0 5    ✗ a beam of 2: 13 left, the others 11 and 10
+cell 32, left 2 7 0  ───── east   cell 33, 1 7 0    kept: another device is empty
+```
+
+So candidates compete only in one cell, and only with the same devices emptied: who has emptied the
+far device has collected less by then than who served the near ones, and yet has the shorter way to
+go. A candidate over a landing zone may land, and if that flight is worth more, it is the best one
+known. The better this one is, the more the bound drops. So a narrow search comes first, which finds
+a good flight quickly, and each later one is wider.
 """
 
 from collections.abc import Iterator
@@ -15,13 +37,19 @@ from uavdh_lite.environment import HOVER, LAND, Environment, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Policy
 
-SETS = 32  # for each cell, a search keeps this many times its beam: all sets of 5 devices
-NARROW = (1, 4, 16)  # what the first searches keep for each cell
-WIDER = 4  # the last search has so many times the beam of the first
-BETTER = 1e-3  # a flight must be worth that much more than the best one known
-MOST_DEVICES = 16  # with data in an episode
-LEVELS = 8  # parts of a device's data in the tables of the bound
-TOGETHER = 2**17  # cells times sets of emptied devices that are searched together
+# In the widest search a cell has so many times the beam: the 2^5 sets of emptied devices that there
+# are in `manhattan`. With more devices, the sets with the least data left share these.
+SETS = 32
+# What the first searches keep for each cell. Each is four times as wide as the one before, so that
+# all of them together cost a third of the next.
+NARROW = (1, 4, 16)
+WIDER = 4  # the same factor for the last search's beam
+BETTER = 1e-3  # data units that a better flight is worth more; what float32 rounds off is less
+MOST_DEVICES = 16  # with data in an episode: beyond them the bound drops too little
+LEVELS = 8  # parts of a device's data in the bound's tables: more are tighter and take more memory
+# Cells times sets of emptied devices that are searched together, over all episodes. After five
+# moves with 10 devices an array of the data left takes 26 MB for a beam of 1.
+MOST_CANDIDATES = 2**17
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +69,11 @@ class Plan:
 class Genie(Policy):
     """A search over whole flights that knows where shadows lie and the channel's mean SNR.
 
-    It simulates every move with the mean SNR (fading 0 dB). For each step, cell and set of emptied
-    devices it keeps the `beam` candidates that have collected the most data, but no more than 32
-    times as many for each cell. It drops those that cannot land in time, and those that cannot beat
-    the best flight known (branch and bound): each device with data left costs some time, or the
-    data. Narrow searches come first, to know a good flight early. With `grow`, one with four times
-    the beam comes last.
+    It simulates every move with the mean SNR (fading 0 dB), as the drawing at the top of this
+    module shows. For each step, cell and set of emptied devices it keeps the `beam` candidates with
+    the least data left, but no more than 32 times as many for each cell. The bound says what is
+    lost at least from a candidate on: each device with data left costs some time, or the data. With
+    `grow`, a search with four times the beam comes last.
 
     With `time_cost` 0.2, as in `Rewards`, it maximises the return; with a small one, the data.
 
@@ -100,7 +127,7 @@ class Genie(Policy):
                 f"{MOST_DEVICES}; take fewer, or the greedy planner"
             )
         sets = min(2 ** state.data_left.shape[1], SETS)
-        count = max(1, TOGETHER // (self.environment.size**2 * sets))
+        count = max(1, MOST_CANDIDATES // (self.environment.size**2 * sets))
         for first in range(0, len(state), count):
             rows = slice(first, first + count)
             yield rows, _Problem(self.environment, state[rows], self.time_cost)

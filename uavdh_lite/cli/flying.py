@@ -15,7 +15,7 @@ from uavdh_lite.cli.options import Checkpoint, Cities, CommandLine
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.experiments import comparison
-from uavdh_lite.experiments.report import METRICS, policies_table
+from uavdh_lite.experiments.report import TABLE_METRICS, policies_table
 from uavdh_lite.paper import RESULTS
 from uavdh_lite.player import play
 from uavdh_lite.policies import find_policy, known_policies, policies_for
@@ -179,7 +179,7 @@ def compare(
     comparison.save_comparison(out, results, about)
     print(f"{name}: {episodes} random missions, seed {seed}")
     metrics = {
-        policy: evaluation.intervals({m: columns[m] for m in METRICS}, columns.get("city"))
+        policy: evaluation.intervals({m: columns[m] for m in TABLE_METRICS}, columns.get("city"))
         for policy, columns in results.items()
     }
     print(policies_table(metrics))

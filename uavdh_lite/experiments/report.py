@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from uavdh_lite.evaluation import Interval
 
-METRICS = ("landed", "collected", "collected_and_landed", "return", "time_used")
+TABLE_METRICS = ("landed", "collected", "collected_and_landed", "return", "time_used")
 
 
 def table(rows: Iterable[Iterable[str]]) -> str:
@@ -19,15 +19,15 @@ def table(rows: Iterable[Iterable[str]]) -> str:
 def policies_table(
     results: dict[str, dict[str, Interval]], paper: dict[str, float] | None = None
 ) -> str:
-    """A line for each policy, with the mean of each of `METRICS` and its 95 % interval.
+    """A line for each policy, with the mean of each of `TABLE_METRICS` and its 95 % interval.
 
     Arguments:
         results: `Flights.metrics` by policy.
         paper: the paper's own means, for one more line.
     """
-    rows = [["", *(name.replace("_", " ") for name in METRICS)]]
+    rows = [["", *(name.replace("_", " ") for name in TABLE_METRICS)]]
     for policy, metrics in results.items():
-        rows.append([policy, *(interval_text(name, metrics[name]) for name in METRICS)])
+        rows.append([policy, *(interval_text(name, metrics[name]) for name in TABLE_METRICS)])
     if paper is not None:
         shares = (f"{100 * paper[name]:.1f} %" for name in paper)
         rows.append(["the paper, on its own map", *shares, "", ""])
