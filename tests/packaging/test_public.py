@@ -1,0 +1,68 @@
+"""What a public host reads: workflows, issue forms, the container; as far as they run here."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+BIN = "Scripts" if os.name == "nt" else "bin"
+
+
+def run(*command, **options):
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    options.setdefault("env", {**os.environ, "PATH": path})
+    return subprocess.run(list(map(str, command)), capture_output=True, text=True, **options)
+
+
+def test_the_workflows_are_valid_and_safe():
+    done = run("check-jsonschema", "--builtin-schema", "vendor.github-workflows", *WORKFLOWS)
+    assert done.returncode == 0, done.stdout + done.stderr
+    done = run("zizmor", "--offline", "--no-progress", ROOT / ".github")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_workflows_run_commands_that_are_there():
+    text = "\n".join(path.read_text() for path in WORKFLOWS)
+    extras = (ROOT / "pyproject.toml").read_text()
+    for extra in re.findall(r"\.\[(\w+)\]", text):
+        assert re.search(rf"(?m)^{extra} = \[", extras), extra
+    for path in re.findall(r"(?:bash|sphinx -W|pytest -n auto) ([\w./ ]+)", text):
+        assert all((ROOT / one).exists() for one in path.split() if one != "build/site"), path
+
+
+def test_the_hooks_before_a_commit_are_the_commands_of_ci():
+    hooks = (ROOT / ".pre-commit-config.yaml").read_text()
+    for command in ("ruff check", "ruff format", "lint-imports --no-logo"):
+        assert f"entry: {command}" in hooks and command in (ROOT / ".ci" / "run").read_text()
+
+
+@pytest.mark.long
+@pytest.mark.longest
+@pytest.mark.skipif(os.name == "nt", reason="a Dockerfile runs a shell of Unix")
+def test_the_container_s_commands_run_in_a_clean_environment(tmp_path):
+    """Its `pip` lines, then what the guide has it do: open a notebook, grade, fly."""
+    text = (ROOT / "Dockerfile").read_text()
+    home = tmp_path / "uavdh_lite"
+    ignored = [
+        line for line in (ROOT / ".dockerignore").read_text().splitlines() if "/" not in line
+    ]
+    shutil.copytree(ROOT, home, ignore=shutil.ignore_patterns(*ignored, "__pycache__"))
+    venv.create(tmp_path / "venv", with_pip=True)
+    path = os.pathsep.join([str(tmp_path / "venv" / BIN), os.environ["PATH"]])
+    clean = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | {"PATH": path}
+    for command in re.findall(r"(?m)^RUN (pip install .+)$", text):
+        offline = command.replace(" --index-url https://download.pytorch.org/whl/cpu", "")
+        done = run("bash", "-c", offline, cwd=home, env=clean)
+        assert done.returncode == 0, done.stderr
+    assert re.search(r'CMD \["jupyter", "lab"', text)
+    for command in ("jupyter lab --version", "nbgrader --version", "python -m uavdh_lite doctor"):
+        done = run("bash", "-c", command, cwd=tmp_path, env=clean)
+        assert done.returncode == 0, done.stderr
+    assert "missing" not in done.stdout.split("gym")[0] and ": ok" in done.stdout
