@@ -1,6 +1,7 @@
 """The site: `python -m sphinx -W docs build/site`, without a network or a kernel."""
 
 import filecmp
+import re
 import shutil
 import sys
 from importlib.util import find_spec
@@ -20,7 +21,10 @@ extensions = [
     "generated",
     "rendering",
 ]
-exclude_patterns = ["_extensions"]
+# The site is for students, unless it is built with `-t teachers`: then it has the teaching guide
+# and the sources of the checks, with the solutions.
+TEACHERS = tags.has("teachers")  # noqa: F821 (Sphinx defines it)
+exclude_patterns = ["_extensions"] if TEACHERS else ["_extensions", "teach"]
 nitpicky = True
 nitpick_ignore_regex = [
     ("py:.*", r"(?!uavdh_lite\b).*"),  # numpy, torch: their sites are elsewhere
@@ -75,5 +79,12 @@ def copy_notebooks(app: Sphinx) -> None:
             shutil.copyfile(source / path, copy)
 
 
+def leave_out(app: Sphinx, name: str, source: list[str]) -> None:
+    """Drop what stands between `<!-- teachers -->` and `<!-- end -->` from the students' site."""
+    kept = "" if not TEACHERS else r"\1"
+    source[0] = re.sub(r"(?ms)^<!-- teachers -->\n(.*?)^<!-- end -->\n", kept, source[0])
+
+
 def setup(app: Sphinx) -> None:
     app.connect("builder-inited", copy_notebooks)
+    app.connect("source-read", leave_out)

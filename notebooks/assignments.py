@@ -25,19 +25,35 @@ def mark_cells(notebook: nbformat.NotebookNode) -> None:
     A cell that calls a check is graded, with the points of its exercise; the nearest cell with a
     solution before it is the one that students write.
     """
-    solution = None
+    solution, said = None, ""
     for cell in notebook.cells:
         cell.metadata.pop("lines_to_next_cell", None)
+        said += cell.source + "\n"
         if cell.cell_type != "code":
             continue
-        if "### BEGIN SOLUTION" in cell.source:
+        if "### BEGIN SOLUTION" in cell.source and "### END SOLUTION" in cell.source:
             solution = cell
-        called = re.match(r"checks\.(\w+)\(", cell.source)
-        if called:
+        if called := re.match(r"checks\.(\w+)\(", cell.source):
+            solution, wanted = None, _marked(cell.source, called[1], solution, said)
             exercise = checks.EXERCISES[called[1]]
             grade_id = exercise.number.replace(".", "-")
-            solution.metadata.nbgrader = _cell(grade_id, solution=True)
+            wanted.metadata.nbgrader = _cell(grade_id, solution=True)
             cell.metadata.nbgrader = _cell(f"check-{grade_id}", points=exercise.points)
+
+
+def _marked(call: str, name: str, solution, said: str):
+    """The cell with the solution of a check; `ValueError` if it, or the heading, is not there."""
+    if name not in checks.EXERCISES:
+        raise ValueError(f"cell {call!r}: no page in uavdh_lite/course/checks has {name}")
+    if solution is None:
+        marks = "`### BEGIN SOLUTION` and `### END SOLUTION`"
+        raise ValueError(f"cell {call!r}: no cell with {marks} between the check before and it")
+    heading = f"## {checks.EXERCISES[name].heading}"
+    if f"{heading}\n" not in said:
+        raise ValueError(
+            f"cell {call!r}: the heading before it must be {heading!r}, as on its page"
+        )
+    return solution
 
 
 def _cell(grade_id: str, points: int | None = None, solution: bool = False) -> dict:

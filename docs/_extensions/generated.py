@@ -9,7 +9,8 @@ stands for what `tables.comparison("manhattan")` returns, as Markdown, and
     ```
 
 for the documentation of these modules of `uavdh_lite`, each under its name; `labs.*` means the
-package `labs` and all that is in it.
+package `labs` and all that is in it. The checks of the notebooks, whose sources hold the solutions,
+are left out of the site for students.
 """
 
 import pkgutil
@@ -58,7 +59,9 @@ class Modules(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         section = "## `{0}`\n\n```{{eval-rst}}\n.. automodule:: uavdh_lite.{0}\n```\n\n"
         self.env.note_reread()
-        names = (name for pattern in self.arguments[0].split() for name in modules(pattern))
+        names = [name for pattern in self.arguments[0].split() for name in modules(pattern)]
+        if not self.env.app.tags.has("teachers"):
+            names = [name for name in names if not name.startswith("course.checks.notebook_")]
         text = "".join(map(section.format, names))
         return self.parse_text_to_nodes(text, allow_section_headings=True)
 

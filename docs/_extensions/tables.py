@@ -9,6 +9,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable, Iterable
 from dataclasses import fields
 from pathlib import Path
@@ -20,6 +21,7 @@ from uavdh_lite import registry
 from uavdh_lite.beyond.recipes import BeyondRecipe
 from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import load_city, shipped_cities
+from uavdh_lite.course.checks import EXERCISES
 from uavdh_lite.evaluation import Interval, bootstrap_interval, mean_interval
 from uavdh_lite.experiments.comparison import breakdown, share
 from uavdh_lite.paper import RESULTS
@@ -28,6 +30,8 @@ from uavdh_lite.storage import read_table
 
 DATA = Path(__file__).parents[2] / "data"
 RUNS = DATA / "runs"
+TEACH = Path(__file__).parents[1] / "teach"
+NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 SIGNS = {"ge": "≥", "gt": ">", "le": "≤"}
 BOTH = "collected_and_landed"
 SHARES = ("landed", "collected", BOTH)
@@ -435,3 +439,50 @@ def practice(scenario: str) -> str:
         shares = (_percent(Interval(*score[name])) for name in (BOTH, "landed"))
         rows.append([f"`{score['name']}`", *shares, _number(Interval(*score["return"]))])
     return _table(["", "collected and landed", "landed", "return"], rows)
+
+
+# Teaching
+
+
+def sessions(name: str) -> list[tuple[str, int, list[tuple[str, int, list[str]]]]]:
+    """A plan of `teach/plan.toml`: each session's name, longest minutes, and its parts.
+
+    A part has what is done, its minutes, and the exercises; see the file.
+    """
+    plan = tomllib.loads((TEACH / "plan.toml").read_text(encoding="utf-8"))[name]
+    minutes = {one.number: one.minutes for one in EXERCISES.values()}
+    found = []
+    for session in plan["session"]:
+        parts = []
+        for what, *rest in session["parts"]:
+            if isinstance(rest[0], int):
+                parts.append((what, rest[0], []))
+                continue
+            taken = sum(minutes[number] for number in rest)
+            if what != "exercises":
+                (path,) = NOTEBOOKS.glob(f"{what}_*.ipynb")
+                read = re.search(r"(\d+) minutes to read", path.read_text(encoding="utf-8"))
+                taken += int(read[1])
+                what = f"[`{path.stem}`](../tutorials/{path.name})"
+            parts.append((what, taken, rest))
+        found.append((session["name"], session.get("longest", plan["longest"]), parts))
+    return found
+
+
+def plan(name: str) -> str:
+    """A plan: the minutes of each part, and of each session in all."""
+    rows = []
+    for session, _, parts in sessions(name):
+        rows.append([f"**{session}**", f"**{sum(part[1] for part in parts)}**", "", ""])
+        rows += [["", taken, what, ", ".join(numbers)] for what, taken, numbers in parts]
+    return _table(["session", "minutes", "what", "exercises"], rows)
+
+
+def exercises() -> str:
+    """Every exercise: points and minutes from its heading, the rest from `teach/goals.toml`."""
+    goals = tomllib.loads((TEACH / "goals.toml").read_text(encoding="utf-8"))
+    rows = [
+        [one.number, one.title, one.points, one.minutes, *goals.get(name, ["", ""])]
+        for name, one in EXERCISES.items()
+    ]
+    return _table(["", "exercise", "points", "minutes", "needs", "trains"], rows)

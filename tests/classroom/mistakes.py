@@ -327,7 +327,7 @@ MISTAKES = {
     ],
     "shadow_map": [
         (lambda b, d: b.copy(), "hides all behind it"),
-        (lambda b, d: np.zeros(b.shape), "False, in an array of Booleans"),
+        (lambda b, d: np.zeros(b.shape), r"but an array of Booleans is expected\.$"),
     ],
     "asymmetric_share": [
         (lambda s: (s != s.T).mean(), r"not a pair with itself, \[i, j, i, j\]"),

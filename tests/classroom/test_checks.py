@@ -7,12 +7,15 @@ import sys
 from fractions import Fraction
 from pathlib import Path
 
+import assignments
+import jupytext
 import numpy as np
 import pytest
 import torch
 from mistakes import MISTAKES
 
 from uavdh_lite.course import checks
+from uavdh_lite.course.checks import exercise as module
 from uavdh_lite.course.checks.exercise import Exercise
 from uavdh_lite.course.checks.notebook_06 import RUNS
 from uavdh_lite.course.checks.values import difference
@@ -193,9 +196,11 @@ def test_the_notebooks_have_every_exercise_in_order():
         places = [
             place
             for name, one in own.items()
-            for place in (text.index(f"## {one.heading}\n"), text.index(f"\nchecks.{name}("))
+            for place in (text.find(f"## {one.heading}\n"), text.find(f"\nchecks.{name}("))
         ]
-        assert places == sorted(places)
+        assert places == sorted(places) and places[0] > 0, (
+            f"{script.name}: a heading or check differs"
+        )
         assert text.count("<details><summary>Hint") >= len(own)
     assert len(SCRIPTS) == 12
 
@@ -214,15 +219,6 @@ def test_no_import_takes_the_name_of_an_answer(script):
 def test_figures_are_drawn(name):
     (ax,) = checks.EXERCISES[name].picture().axes
     assert ax.get_xlabel() and ax.get_ylabel()
-
-
-def test_the_teaching_guide_has_every_exercise():
-    guide = (ROOT / "docs" / "teach" / "index.md").read_text()
-    rows = re.findall(r"^\| (\d+\.\d) \| (.+?) \| (\d+) \| (\d+) \|", guide, re.M)
-    assert rows == [
-        (one.number, one.title, str(one.points), str(one.minutes))
-        for one in checks.EXERCISES.values()
-    ]
 
 
 def test_the_validations_to_diagnose_are_recorded_ones():
@@ -245,3 +241,98 @@ def test_the_rewards_by_hand_are_made_of_the_library_s_prices():
 def test_the_heading_of_an_exercise_must_be_that_of_the_notebook():
     with pytest.raises(ValueError, match="2 points, 10 minutes"):
         Exercise("1.9 · No points", print)
+
+
+def test_two_exercises_cannot_share_a_name_or_a_number(monkeypatch):
+    monkeypatch.setattr(module, "EXERCISES", dict(checks.EXERCISES))
+
+    def rate_from_snr():
+        """Another one of that name."""
+
+    for solution, heading in ((rate_from_snr, "9.9"), (print, "1.1")):
+        with pytest.raises(
+            ValueError, match=r"notebook_01 has 1\.1 as checks\.rate_from_snr: take"
+        ):
+            module.exercise(f"{heading} · Title (1 point, 1 minutes)")(solution)
+    rate_from_snr.__module__ = "__main__"
+    rate_from_snr.__name__ = "loss"
+    for title in ("Title", "Better title"):  # in a notebook, a cell is run again and again
+        module.exercise(f"1.9 · {title} (1 point, 1 minutes)")(rate_from_snr)
+    assert module.EXERCISES["loss"].title == "Better title"
+
+
+CELLS = """# %% [markdown]
+# ## 1.1 · Rate from SNR (1 point, 5 minutes)
+# The task.
+
+# %%
+def rate(snr_db):
+    ### BEGIN SOLUTION
+    return 1
+    ### END SOLUTION
+
+# %%
+checks.rate_from_snr(rate)
+
+# %% [markdown]
+# ## 1.2 · How much distance is a building worth? (2 points, 10 minutes)
+
+# %%
+same_loss_m = 1  ### BEGIN SOLUTION ### END SOLUTION
+
+# %%
+checks.same_path_loss(same_loss_m)
+"""
+
+
+@pytest.mark.parametrize(
+    ("here", "there", "said"),
+    [
+        ("    ### BEGIN SOLUTION\n", "", r"checks.rate_from_snr\(rate\)'.*no cell with .*BEGIN"),
+        ("    ### END SOLUTION\n", "", r"checks.rate_from_snr\(rate\)'.*no cell with .*BEGIN"),
+        (
+            " ### END SOLUTION\n\n# %%\nchecks.s",
+            "\n# %%\nchecks.s",
+            r"same_path_loss.*no cell with",
+        ),
+        ("Rate from SNR", "The rate", r"must be '## 1\.1 · Rate from SNR \(1 point, 5 minutes\)'"),
+        ("checks.rate_from_snr", "checks.rate", "no page in .* has rate$"),
+    ],
+)
+def test_a_forgotten_mark_or_another_heading_is_an_error_that_names_the_cell(here, there, said):
+    good, bad = (jupytext.reads(text, "py:percent") for text in (CELLS, CELLS.replace(here, there)))
+    assignments.mark_cells(good)
+    assert [c.metadata.nbgrader.grade_id for c in good.cells if "nbgrader" in c.metadata] == [
+        *("1-1", "check-1-1", "1-2", "check-1-2")
+    ]
+    with pytest.raises(ValueError, match=said):
+        assignments.mark_cells(bad)
+
+
+def test_right_answers_in_fewer_digits_pass_and_no_rule_explains_a_type():
+    for name in ("convolve", "centre", "stable_policy", "double_target", "expected_data"):
+        one = checks.EXERCISES[name]
+        coarse = lambda *case, one=one: np.asarray(one.solution(*case), np.float32)  # noqa: E731
+        if name in ("stable_policy", "double_target"):
+            coarse = lambda *case, one=one: one.solution(*case).float()  # noqa: E731
+        assert not one.wrong_with(coarse), name
+    for name, kind in {
+        "convolve": lambda value: value.tolist(),
+        "stable_policy": lambda value: value.numpy(),
+        "shadow_map": lambda value: value.astype(np.uint8),
+        "tdma_slot": lambda value: (*value, 0),
+        "old_share": lambda value: [value],
+    }.items():
+        one = checks.EXERCISES[name]
+        said = one.wrong_with(lambda *case, one=one, kind=kind: kind(one.solution(*case)))
+        assert re.search(r", but .* (is|are) expected\.$", said), said
+
+
+def test_a_question_to_the_user_is_not_an_answer_that_is_not_written():
+    class StdinNotImplementedError(NotImplementedError):
+        """What `input()` raises where nobody can answer."""
+
+    def asks(snr_db):
+        raise StdinNotImplementedError("raw_input was called")
+
+    assert "stops with StdinNotImplementedError" in checks.rate_from_snr.wrong_with(asks)

@@ -16,7 +16,9 @@ for package in ("gymnasium", "onnxruntime", "psutil", "stable_baselines3", "tens
 
 pytestmark = pytest.mark.long
 
-PAGES = sorted((Path(__file__).parents[2] / "docs" / "how_to").glob("[!i]*.md"))
+DOCS = Path(__file__).parents[2] / "docs"
+TEACH = [DOCS / "teach" / name for name in ("class.md", "add_an_exercise.md")]
+PAGES = sorted({*(DOCS / "how_to").glob("*.md")} - {DOCS / "how_to" / "index.md"}) + TEACH
 COMMAND = ["python", "-m", "uavdh_lite"]
 
 

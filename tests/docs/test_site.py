@@ -74,6 +74,7 @@ def test_every_public_module_is_in_the_reference(site):
     anchors = set().union(*map(anchors_of, (site / "reference" / "api").glob("*.html")))
     modules = pkgutil.walk_packages(uavdh_lite.__path__, "uavdh_lite.")
     names = {f"module-{each.name}" for each in modules if "._" not in each.name}
+    names = {name for name in names if ".checks.notebook_" not in name}  # they hold the solutions
     assert names - anchors == set()
 
 
@@ -129,3 +130,34 @@ def test_nothing_is_loaded_from_elsewhere(site):
         for path in site.rglob(pattern):
             assert not re.search(remote, path.read_text(encoding="utf-8")), path
     assert (site / "_static" / "tex-svg-full.js").exists()
+
+
+def test_what_students_get_holds_no_solutions(site):
+    """Neither the sources of the checks, nor the teaching guide, nor an answer in a how-to."""
+    assert not (site / "teach").exists()
+    assert not list((site / "_modules").rglob("*checks/notebook_*"))
+    search = (site / "searchindex.js").read_text(encoding="utf-8")
+    for word in ("teach/", "marking scheme", "checks/notebook_", "course.checks.notebook_"):
+        assert word not in search.lower(), word
+    answers = []
+    for script in sorted((SOURCE / "scripts" / "exercises").glob("*.py")):
+        for found in re.findall(r"### BEGIN SOLUTION\n(.*?)### END", script.read_text(), re.DOTALL):
+            answers.append(re.sub(r"\s+", "", found))
+    taught = (site / "tutorials", *(site / "_modules").rglob("*"), site / "_modules")
+    pages = [p for p in site.rglob("*.html") if p.parent not in taught]  # notebooks and the library
+    for path in pages:
+        text = re.sub(r"\s+", "", text_of(path))
+        shown = [answer for answer in answers if len(answer) > 30 and answer in text]
+        assert not shown, (path, shown)
+    assert len(answers) > 25 and len(pages) > 20
+
+
+def test_the_site_for_teachers_has_the_guide(tmp_path):
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "-t", "teachers", "docs", tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    for name in ("index", "class", "kit", "exam", "add_an_exercise"):
+        assert (tmp_path / "teach" / f"{name}.html").exists()
+    assert "three of flight B" in text_of(
+        tmp_path / "_modules" / "uavdh_lite" / "course" / "checks" / "notebook_03.html"
+    )

@@ -86,11 +86,11 @@ class Exercise:
             return self._wrong_case(answer) or self.also(answer)
         except CheckFailed as failed:
             return str(failed)
-        except NotImplementedError:
-            return f"Exercise {self.number} is not written yet."
         except KeyboardInterrupt as stopped:
             return f"Interrupted{_line(stopped)}. Is there a loop that never ends?"
         except Exception as error:
+            if type(error) is NotImplementedError:  # and not one of its kinds: `input()` raises one
+                return f"Exercise {self.number} is not written yet."
             return f"Your answer {_stops(error)}."
 
     def cases(self) -> list[tuple[str, tuple]]:
@@ -118,6 +118,8 @@ class Exercise:
         early = TypeError if cases[k][0] == cases[0][0] else NameError
         if isinstance(given[k], IndexError | ValueError | ZeroDivisionError | NameError | early):
             return said  # a slip that no rule explains, unless it is a TypeError in a later rule
+        if re.search(r", but .* (is|are) expected$", told[k]):
+            return said  # nor does one explain that the value is of another kind
         if given[k] is None and not any(value is None for value in right):
             return f"{said} Is there a `return` in every branch?"
         return f"{said} {cases[k][0]}"
@@ -171,10 +173,23 @@ class Exercise:
 
 
 def exercise(heading: str, **options) -> Callable[[Callable], Exercise]:
-    """Make an exercise of its solution, whose name becomes that of the check; see `Exercise`."""
-    return lambda solution: EXERCISES.setdefault(
-        solution.__name__, Exercise(heading, solution, **options)
-    )
+    """Make an exercise of its solution, whose name becomes that of the check; see `Exercise`.
+
+    Raises `ValueError` if another page has an exercise of that name or number.
+    """
+
+    def made(solution: Callable) -> Exercise:
+        one = Exercise(heading, solution, **options)
+        for name, other in EXERCISES.items():
+            page = other.solution.__module__
+            again = page == solution.__module__ == "__main__"  # a cell that is run once more
+            if not again and (name == solution.__name__ or other.number == one.number):
+                found = f"{page} has {other.number} as checks.{name}: take another name and number"
+                raise ValueError(f"{heading!r}, checks.{solution.__name__}: {found}")
+        EXERCISES[solution.__name__] = one
+        return one
+
+    return made
 
 
 def _stops(error: BaseException) -> str:

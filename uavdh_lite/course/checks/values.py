@@ -31,6 +31,11 @@ def difference(given, right, tolerance: float = 1e-6, smallest: float = 1e-12) -
         return f"gives {show(given)}, but {wanted} is expected"
     if one.shape != other.shape:
         return f"has the shape {one.shape}, expected {other.shape}"
+    if one.dtype == np.float32:  # it may be computed in fewer digits
+        tolerance, smallest = (
+            max(tolerance, 1e-4),
+            max(smallest, 1e-6 * np.abs(other).max(initial=0)),
+        )
     far = ~np.isclose(one.astype(float), other.astype(float), tolerance, smallest, equal_nan=True)
     if far.any() and one.size > 12:
         place = tuple(np.argwhere(far)[0].tolist())

@@ -1,0 +1,154 @@
+"""Slides and figures of the course, from its notebooks: python notebooks/lecture.py build/lecture
+
+    python notebooks/lecture.py build/lecture 04 05    # of these notebooks alone
+
+A slide is a section of a notebook: its heading, a figure with the sentence that says what it shows,
+or the section's first sentences. Nothing is written twice: what is on a slide stands in a notebook.
+"""
+
+import argparse
+import base64
+import html
+import re
+import shutil
+from importlib.util import find_spec
+from pathlib import Path
+
+import nbformat
+from execute import HERE, SECONDS, from_script, scripts
+from nbclient import NotebookClient
+from nbconvert.filters import markdown2html
+
+COURSE = [f"{number:02d}" for number in range(8)]
+BOTH_KINDS = "%config InlineBackend.figure_formats = ['png', 'svg']"
+PAGE = """<!doctype html>
+<html lang="en"><meta charset="utf-8"><title>{title}</title>
+<style>
+@page {{ size: 13.33in 7.5in; margin: 0 }}
+html {{ scroll-snap-type: y mandatory; font: 1.6rem/1.45 system-ui, sans-serif; color: #16202b }}
+body {{ margin: 0 }}
+section {{ box-sizing: border-box; height: 100vh; padding: 4vh 6vw; scroll-snap-align: start;
+  break-after: page; overflow: hidden; display: flex; flex-direction: column; gap: 2vh }}
+h1, h2 {{ margin: 0; font-size: 2.4rem; color: #17456e }} section.first h1 {{ font-size: 3.4rem }}
+p, ul, ol {{ margin: 0 }} li {{ margin: .4em 0 }} table {{ font-size: 1.3rem }}
+img {{ flex: 1; min-height: 0; width: 100%; object-fit: contain; align-self: center }}
+small {{ margin-top: auto; color: #5c6b7a; font-size: 1rem }}
+</style>
+<script>MathJax = {{ tex: {{ inlineMath: [["$", "$"]] }} }}</script>
+<script defer src="tex-svg-full.js"></script>
+{slides}
+<script>
+addEventListener("keydown", (event) => {{
+  const step = {{ ArrowRight: 1, ArrowDown: 1, " ": 1, ArrowLeft: -1, ArrowUp: -1 }}[event.key];
+  if (!step) return;
+  event.preventDefault();
+  const slides = [...document.querySelectorAll("section")];
+  const now = Math.round(scrollY / innerHeight) + step;
+  slides[Math.max(0, Math.min(now, slides.length - 1))].scrollIntoView();
+}});
+</script>
+</html>
+"""
+
+
+def executed(script: Path) -> nbformat.NotebookNode:
+    """The notebook of a script, run from top to bottom; its figures as PNG and as SVG."""
+    notebook = from_script(script)
+    setting = nbformat.v4.new_code_cell(BOTH_KINDS)
+    notebook.cells.insert(0, setting)
+    place = {"metadata": {"path": str(HERE)}}
+    NotebookClient(notebook, timeout=SECONDS, kernel_name="python3", resources=place).execute()
+    cells, notebook.cells = notebook.cells[1:], []
+    for (
+        cell
+    ) in cells:  # a cell of prose for each heading: one may hold the end of a section and more
+        parts = re.split(r"(?m)^(?=##? )", cell.source) if cell.cell_type == "markdown" else [0]
+        cut = (
+            [nbformat.v4.new_markdown_cell(part) for part in parts if part] if parts != [0] else []
+        )
+        notebook.cells += cut or [cell]
+    return notebook
+
+
+def sentences(text: str, count: int) -> str:
+    """The first sentences of Markdown, without headings, tables, folded hints and pictures."""
+    text = re.sub(r"(?s)<details>.*?</details>|\$\$.*?\$\$|```.*?```", "", text)
+    parts = [p for p in re.split(r"\n\s*\n", text) if p.strip() and p.strip()[0] not in "#|<!-"]
+    words = " ".join(" ".join(parts).split()).replace("**", "")
+    found = re.split(r"(?<=[.?!])\s+(?=[A-Z`$*])", words)
+    return " ".join(found[:count])
+
+
+def slides_of(notebook: nbformat.NotebookNode) -> list[tuple[str, str, dict | None]]:
+    """Each slide: its heading, its Markdown, and its figure's data or None."""
+    cells, slides, heading, empty = notebook.cells, [], "", False
+    for k, cell in enumerate(cells):
+        found = re.match(r"##? (.+)", cell.source) if cell.cell_type == "markdown" else None
+        if found:
+            heading, empty = found[1], True
+            if heading == "Recap":
+                slides.append((heading, cell.source.partition("\n")[2], None))
+                empty = False
+        drawn = (o.data for o in cell.get("outputs", ()) if "image/svg+xml" in o.get("data", {}))
+        for data in drawn:
+            after = next((c.source for c in cells[k + 1 :] if c.cell_type == "markdown"), "")
+            before = next(c.source for c in cells[k::-1] if c.cell_type == "markdown")
+            first = not slides
+            slides.append((heading, sentences(before if first else after, 1 + first), data))
+            empty = False
+        ends = k + 1 == len(cells) or re.match("##? ", cells[k + 1].source)
+        if empty and ends and heading not in ("Exercises", "Further reading"):
+            start = next(
+                c for c in cells[k::-1] if c.source.startswith(("# " + heading, "## " + heading))
+            )
+            if said := sentences(start.source, 3):
+                slides.append((heading, said, None))
+            empty = False
+    return slides
+
+
+def write(notebook: nbformat.NotebookNode, stem: str, out: Path) -> list[tuple[str, str]]:
+    """Write a notebook's slides and figures; the figures' names and sentences."""
+    shown, figures, slides = [], [], slides_of(notebook)
+    for number, (heading, text, data) in enumerate(slides):
+        picture = ""
+        if data:
+            name = f"{stem}-{len(figures) + 1}"
+            (out / "figures" / f"{name}.svg").write_text(data["image/svg+xml"], encoding="utf-8")
+            (out / "figures" / f"{name}.png").write_bytes(base64.b64decode(data["image/png"]))
+            figures.append((name, text))
+            picture = f'<img alt="" src="data:image/png;base64,{data["image/png"].strip()}">'
+        level = "h2" if number else "h1"
+        shown.append(
+            f"<section{'' if number else ' class=first'}><{level}>{html.escape(heading)}</{level}>"
+            f"{markdown2html(text)}{picture}<small>{stem} · {number + 1}</small></section>"
+        )
+    page = PAGE.format(title=html.escape(slides[0][0]), slides="\n".join(shown))
+    (out / "slides" / f"{stem}.html").write_text(page, encoding="utf-8")
+    return figures
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("out", type=Path, help="folder of slides/ and figures/")
+    parser.add_argument("numbers", nargs="*", default=COURSE, metavar="NN", help="of the notebooks")
+    options = parser.parse_args()
+    for name in ("slides", "figures"):
+        (options.out / name).mkdir(parents=True, exist_ok=True)
+    mathjax = Path(find_spec("sphinx-mathjax-offline").origin).parent / "static" / "mathjax"
+    shutil.copy(mathjax / "tex-svg-full.js", options.out / "slides")
+    rows = []
+    for script in scripts():
+        if script.name[:2] in options.numbers:
+            figures = write(executed(script), script.stem, options.out)
+            print(f"{script.stem}: {len(figures)} figures", flush=True)
+            for name, text in figures:
+                said = f"{name}: {html.escape(text)}"
+                rows.append(f'<p><img alt="" src="{name}.svg"><br>{said}</p>')
+    style = "<style>body{font-family:sans-serif}img{max-width:45rem;max-height:26rem}</style>"
+    page = f'<!doctype html><meta charset="utf-8"><title>Figures</title>{style}{"".join(rows)}'
+    (options.out / "figures" / "index.html").write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,90 @@
+"""Slides and figures from a notebook, and the agents of the small wheel."""
+
+import shutil
+
+import execute
+import lecture
+import nbformat
+import numpy as np
+import wheel
+
+from uavdh_lite.checkpoint import load, load_agent, save
+from uavdh_lite.storage import data_folder
+
+SCRIPT = """# %% [markdown]
+# # 9 · A test
+#
+# **What is seen?** A line, as one knows it. And more.
+
+# %%
+# %matplotlib inline
+from matplotlib.figure import Figure
+figure = Figure(figsize=(2, 1))
+figure.subplots().plot([0, 1])
+figure
+
+# %% [markdown]
+# The line **rises**. It is straight.
+#
+# ## 9.1 Words alone
+#
+# One sentence. Another with $x^2$. A third. A fourth.
+#
+# | a | table |
+# | --- | --- |
+
+# %%
+# a comment, which is no heading
+1 + 1
+
+# %% [markdown]
+# ## Recap
+#
+# - It rises.
+#
+# ## Exercises
+#
+# Some.
+"""
+
+
+def test_a_slide_is_a_section_with_its_figure_and_the_sentence_about_it(tmp_path, monkeypatch):
+    script = tmp_path / "09_test.py"
+    script.write_text(SCRIPT)
+    monkeypatch.setattr(lecture, "HERE", tmp_path)
+    slides = lecture.slides_of(lecture.executed(script))
+    assert [(heading, text, bool(data)) for heading, text, data in slides] == [
+        ("9 · A test", "What is seen? A line, as one knows it.", True),
+        ("9.1 Words alone", "One sentence. Another with $x^2$. A third.", False),
+        ("Recap", "\n- It rises.\n\n", False),
+    ]
+    for name in ("slides", "figures"):
+        (tmp_path / name).mkdir()
+    (figure,) = lecture.write(lecture.executed(script), "09_test", tmp_path)
+    assert figure[0] == "09_test-1" and "<svg" in (tmp_path / "figures/09_test-1.svg").read_text()
+    assert (tmp_path / "figures/09_test-1.png").read_bytes().startswith(b"\x89PNG")
+    page = (tmp_path / "slides" / "09_test.html").read_text()
+    assert page.count("<section") == 3 and "<li>It rises.</li>" in page
+
+
+def test_the_notebooks_have_about_ten_slides():
+    for script in execute.scripts()[:8]:
+        notebook = nbformat.read(execute.notebook_of(script), as_version=4)
+        headings = sum(c.source.count("\n## ") + c.source.startswith("## ") for c in notebook.cells)
+        assert 5 <= headings <= 14, script.stem
+
+
+def test_an_agent_is_halved_only_if_it_acts_as_before(tmp_path):
+    path = tmp_path / "agent.safetensors"
+    shutil.copy(data_folder() / "checkpoints" / "manhattan_ddqn.safetensors", path)
+    before = path.read_bytes()
+    states, changed = wheel.halve(path, 40)
+    assert states > 500 and (path.read_bytes() == before) == (changed > 0)
+    tensors, about = load(path, "agent")  # what half precision holds loses nothing
+    exact = {k: v.half().to(v.dtype) if v.is_floating_point() else v for k, v in tensors.items()}
+    save(path, "agent", exact, about)
+    assert wheel.halve(path, 10)[1] == 0 and path.stat().st_size < 0.6 * len(before)
+    state = load_agent(path).scenario.sample(
+        load_agent(path).environment, 5, np.random.default_rng(0)
+    )
+    assert np.isin(load_agent(path).act(state), range(6)).all()

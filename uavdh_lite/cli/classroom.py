@@ -1,0 +1,58 @@
+"""`classroom`: what a class hands in, before and after nbgrader grades it."""
+
+from pathlib import Path
+
+from cyclopts import App
+
+from uavdh_lite.course import handed_in
+
+classroom = App("classroom", help="Collect, look through and give back a class's exercises.")
+COURSE = Path(".")
+
+
+@classroom.command
+def collect(archive: Path, assignment: str, /, *, course: Path = COURSE) -> None:
+    """Unpack Moodle's zip of all submissions into submitted/.
+
+    Arguments:
+        archive: the zip that Moodle calls "Download all submissions".
+        assignment: its name, such as 01_city_and_channel.
+        course: the folder with exercises/ in it.
+    """
+    students = handed_in.collect(archive, course, assignment)
+    print(f"{course / 'submitted'}: {assignment} of {len(students)} students")
+
+
+@classroom.command
+def check(assignment: str, /, *, course: Path = COURSE) -> None:
+    """Look through what was handed in, say what is odd, and write what nbgrader is to grade.
+
+    submitted/ stays as it is. What can be mended is mended in the copy, checked/.
+
+    Arguments:
+        assignment: its name, such as 01_city_and_channel.
+        course: the folder with exercises/ and submitted/ in it.
+    """
+    sheets = handed_in.look_through(course, assignment)
+    width = max(len(sheet.student) for sheet in sheets)
+    for sheet in sheets:
+        print(f"{sheet.student:<{width}}  {sheet.answered} of {sheet.of} answered")
+        for note in sheet.notes:
+            print(f"{'':<{width}}  - {note}")
+    odd = sum(bool(sheet.notes) for sheet in sheets)
+    aside = sum(sheet.notebook is None for sheet in sheets)
+    print(f"{len(sheets)} students, {odd} with notes, {aside} without anything to grade")
+
+
+@classroom.command(name="return")
+def give_back(assignment: str, archive: Path, /, *, course: Path = COURSE) -> None:
+    """Pack the feedback as a zip that Moodle gives back.
+
+    Arguments:
+        assignment: its name, such as 01_city_and_channel.
+        archive: the zip to write, for Moodle's "Upload multiple feedback files in a zip".
+        course: the folder with feedback/ in it.
+    """
+    print(
+        f"{archive}: feedback for {len(handed_in.give_back(archive, course, assignment))} students"
+    )

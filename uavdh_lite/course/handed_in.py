@@ -1,0 +1,247 @@
+"""What a class hands in: collected, looked through before nbgrader grades it, given back.
+
+A course is a folder as nbgrader has it: `exercises/` holds what students got, `submitted/` what
+they handed in, a folder for each student. `look_through` never changes `submitted/`: it writes a
+mended copy to `checked/`, which the course's `nbgrader_config.py` has nbgrader grade.
+"""
+
+import ast
+import copy
+import re
+import warnings
+import zipfile
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from hashlib import sha256
+from pathlib import Path
+
+from uavdh_lite.errors import InputError, extra
+from uavdh_lite.storage import write_atomically
+
+with extra("classroom"):
+    import nbformat
+    from IPython.core.inputtransformer2 import TransformerManager
+
+LARGEST = 50_000_000  # bytes of a notebook: outputs can be dropped, but somebody has to read them
+MOODLE = re.compile(r"(?P<who>[^/]+_\d+)_assignsubmission_file_/?(?P<file>[^/]+)")
+USUAL = re.compile(
+    r"checks\.\w+\(\w+\)|from uavdh_lite\.course import checks|get_ipython\(\)\.\w+\('matplotlib'.*"
+)
+DYNAMIC = {"eval", "exec", "globals", "__import__", "import_module", "modules", "get_ipython"}
+
+
+@dataclass
+class Sheet:
+    """What one student handed in for an assignment: what was odd, and the notebook to grade."""
+
+    student: str
+    notes: list[str] = field(default_factory=list)
+    answered: int = 0
+    of: int = 0
+    notebook: nbformat.NotebookNode | None = None  # None: nothing in it can be graded
+    fingerprint: str = ""
+    when: float = 0.0
+
+
+def look_through(course: Path, assignment: str) -> list[Sheet]:
+    """Look through an assignment of all students, and write what nbgrader is to grade.
+
+    A student whose file cannot be used gets an empty sheet, so that the feedback says why.
+
+    Raises `InputError` if the course has no such assignment, or nobody has handed in anything.
+    """
+    release = course / "exercises" / assignment / f"{assignment}.ipynb"
+    students = sorted(p for p in (course / "submitted").glob("*") if p.is_dir())
+    if not release.is_file() or not students:
+        missing = course / "submitted" if release.is_file() else release
+        raise InputError(f"{missing} is not there: run this in the folder of the course")
+    empty = nbformat.read(release, as_version=4)
+    sheets = [_sheet(student, assignment, empty) for student in students]
+    for sheet in sheets:
+        same = [o.student for o in sheets if o is not sheet and o.fingerprint == sheet.fingerprint]
+        if sheet.fingerprint and same:
+            sheet.notes.append(f"the same file as {', '.join(same)}")
+        graded = copy.deepcopy(empty) if sheet.notebook is None else sheet.notebook
+        if sheet.notes:
+            said = "".join(f"\n- {note}" for note in sheet.notes)
+            text = f"**Before this was graded, it was looked through.** What was found:\n{said}"
+            graded.cells.insert(0, nbformat.v4.new_markdown_cell(text))
+        path = course / "checked" / sheet.student / assignment / release.name
+        write_atomically(path, lambda temporary, graded=graded: nbformat.write(graded, temporary))
+        stamp = f"{datetime.fromtimestamp(sheet.when, UTC):%Y-%m-%d %H:%M:%S} UTC"
+        path.with_name("timestamp.txt").write_text(stamp)  # nbgrader grades anew what is newer
+    return sheets
+
+
+def _sheet(student: Path, assignment: str, empty: nbformat.NotebookNode) -> Sheet:
+    sheet = Sheet(student.name)
+    every = [p for p in student.rglob("*.ipynb") if not any(x[0] == "." for x in p.parts[-3:])]
+    own = [p for p in every if p.parent.name == assignment or assignment in p.name]
+    if not own:
+        sheet.notes.append("nothing handed in")
+        return sheet
+    path = max(own, key=lambda p: (p.name == f"{assignment}.ipynb", p.stat().st_mtime))
+    if path.relative_to(student) != Path(assignment, f"{assignment}.ipynb"):
+        sheet.notes.append(f"was named {path.relative_to(student).as_posix()}")
+    if len(own) > 1:
+        sheet.notes.append(f"there are {len(own)} notebooks; this is {path.name}")
+    sheet.when = path.stat().st_mtime
+    if path.stat().st_size > LARGEST:
+        sheet.notes.append(f"set aside: {path.stat().st_size / 1e6:.0f} MB, too large to read")
+        return sheet
+    content = path.read_bytes()
+    sheet.fingerprint = sha256(content).hexdigest()
+    try:
+        with warnings.catch_warnings(action="ignore"):  # of ids that are missing, or there twice
+            cells = nbformat.reads(content.decode("utf-8-sig"), as_version=4).cells
+        sheet.notebook = _mended(cells, empty, sheet)
+    except Exception as error:  # whatever a student's file makes a parser say
+        said = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+        sheet.notes.append(f"set aside: not a notebook ({said})")
+    return sheet
+
+
+def _mended(
+    cells: list, empty: nbformat.NotebookNode, sheet: Sheet
+) -> nbformat.NotebookNode | None:
+    """The release with a student's answers and other code in it; None if it is another notebook."""
+    release = [copy.deepcopy(cell) for cell in empty.cells]
+    usual = {part for c in release if c.cell_type == "code" for part in _statements(c.source)}
+    found: dict[int, list] = {}
+    others: dict[int, list] = {}
+    last = next(k for k, cell in enumerate(release) if cell.cell_type == "code")
+    for cell in cells:
+        place = _place(cell, release)
+        if place is not None:
+            found.setdefault(place, []).append(cell)
+            last = max(last, place)
+        elif cell.cell_type == "code" and cell.source.strip():
+            others.setdefault(last, []).append(cell)
+    if not any(release[place].metadata.get("nbgrader") for place in found):
+        sheet.notes.append("set aside: another notebook, with none of this one's exercises")
+        return None
+    mended = []
+    for place, cell in enumerate(release):
+        own, marks = found.get(place, []), cell.metadata.get("nbgrader", {})
+        name = f"the check of {marks['grade_id'][6:]}" if marks.get("grade") else "the answer to "
+        name = (name if marks.get("grade") else name + marks.get("grade_id", "")).replace("-", ".")
+        answers = [c for c in own if c.source.strip() != cell.source.strip()]
+        if marks and not own:
+            sheet.notes.append(f"{name} was deleted: restored")
+        elif marks and not any("nbgrader" in c.metadata for c in own):
+            sheet.notes.append(f"{name} had lost its metadata: restored")
+        if marks and len(own) > 1:
+            sheet.notes.append(f"{name} is there {len(own)} times: the first answered one counts")
+        if marks.get("grade") and answers:
+            sheet.notes.append(f"{name} was edited: restored")
+        elif answers and cell.cell_type == "code" and _is_honest(answers[0], sheet, name, usual):
+            cell.source = answers[0].source
+            sheet.answered += bool(marks)
+        sheet.of += bool(marks.get("solution"))
+        mended.append(cell)
+        for other in others.get(place, []):
+            if _is_honest(other, sheet, "a cell of the student's own", usual):
+                mended.append(nbformat.v4.new_code_cell(other.source))
+    return nbformat.v4.new_notebook(cells=mended, metadata=copy.deepcopy(empty.metadata))
+
+
+def _place(cell: nbformat.NotebookNode, release: list) -> int | None:
+    """Which cell of the release this is: by its metadata, its text, its id, or what it defines."""
+    grade_id = cell.metadata.get("nbgrader", {}).get("grade_id")
+    called = re.match(r"checks\.\w+\(", cell.source)
+    for k, one in enumerate(release):
+        if grade_id and one.metadata.get("nbgrader", {}).get("grade_id") == grade_id:
+            return k
+    for k, one in enumerate(release):
+        marked, answer = "nbgrader" in one.metadata, None
+        if marked and one.metadata.nbgrader.solution:
+            check = next(c for c in release[k:] if c.metadata.get("nbgrader", {}).get("grade"))
+            answer = re.search(r"\((\w+)\)", check.source)[1]
+        if (
+            one.source.strip() == cell.source.strip()
+            or (called and one.source.startswith(called[0]))
+            or (not marked and one.cell_type == cell.cell_type and one.id == cell.get("id"))
+            or (answer and re.search(rf"(?m)^(def |class )?{answer}\b *[(:=]", cell.source))
+        ):
+            return k
+    return None
+
+
+def _statements(source: str) -> dict[str, ast.stmt]:
+    """The statements of a cell by their text, in one form; a magic is a call."""
+    parts = ast.parse(TransformerManager().transform_cell(source)).body
+    return {ast.unparse(part): part for part in parts}
+
+
+def _is_honest(
+    cell: nbformat.NotebookNode, sheet: Sheet, name: str, usual: Collection[str] = ()
+) -> bool:
+    """Whether a cell uses `checks` in no other way than the course does; notes what is odd.
+
+    Arguments:
+        usual: statements that stand in what students got.
+    """
+    try:
+        parts = _statements(cell.source).items()
+    except (SyntaxError, ValueError, RecursionError) as error:
+        sheet.notes.append(f"{name} cannot be read: {str(error)[:80]}")
+        return "checks" not in cell.source
+    own = [part for text, part in parts if text not in usual and not USUAL.fullmatch(text)]
+    words: set[str] = set()
+    for node in (node for part in own for node in ast.walk(part)):
+        named = [
+            getattr(node, key, None) for key in ("id", "name", "asname", "arg", "attr", "module")
+        ]
+        if isinstance(node, ast.Constant) and "uavdh_lite.course" in str(node.value):
+            named.append(node.value)
+        words.update(part for text in named if text for part in str(text).split("."))
+    if taken := words & {"checks", "course"}:
+        sheet.notes.append(f"{name} uses `{min(taken)}` for more than to check: it does not count")
+    elif looked := words & DYNAMIC:
+        sheet.notes.append(f"{name} uses `{min(looked)}`: look at it")
+    return not taken
+
+
+def collect(archive: Path, course: Path, assignment: str) -> list[str]:
+    """Unpack Moodle's zip of all submissions into `submitted/`; returns the students.
+
+    Raises `InputError` if it is no such zip.
+    """
+    students = []
+    try:
+        with zipfile.ZipFile(archive) as packed:
+            for entry in packed.infolist():
+                match = MOODLE.fullmatch(entry.filename)
+                if match and entry.file_size <= 2 * LARGEST:
+                    path = (
+                        course / "submitted" / match["who"] / assignment / Path(match["file"]).name
+                    )
+                    write_atomically(
+                        path, lambda to, entry=entry: to.write_bytes(packed.read(entry))
+                    )
+                    students.append(match["who"])
+    except zipfile.BadZipFile as error:
+        raise InputError(f"{archive}: {error}") from None
+    if not students:
+        raise InputError(
+            f"{archive}: no NAME_NUMBER_assignsubmission_file_/FILE in it, as Moodle has"
+        )
+    return sorted(set(students))
+
+
+def give_back(archive: Path, course: Path, assignment: str) -> list[str]:
+    """Pack nbgrader's feedback as Moodle takes it back, "feedback files in a zip".
+
+    Returns the students; raises `InputError` if there is no feedback.
+    """
+    pages = sorted((course / "feedback").glob(f"*/{assignment}/{assignment}.html"))
+    if not pages:
+        raise InputError(
+            f"{course / 'feedback'}: none for {assignment}: run generate_feedback first"
+        )
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
+        for page in pages:
+            who = page.parts[-3]
+            packed.write(page, f"{who}_assignsubmission_file_/{page.name}")
+    return [page.parts[-3] for page in pages]
