@@ -290,7 +290,7 @@ MISTAKES = {
         (OUT_AND_BACK, "last action must be `land`"),
         (
             [*OUT_AND_BACK, "land"],
-            "12.6 and 0.0 of 15.*no more than 3 may be left.*units of time: 5",
+            r"12\.\d and 0.0 of 15.*no more than 3 may be left.*units of time: 5",
         ),
         ([*OUT_AND_BACK, *["south"] * 4, *["hover"] * 8], "flying time ran out"),
         ([*OUT_AND_BACK, "land", "south"], "make `land` the last"),
