@@ -6,35 +6,29 @@ import numpy as np
 
 from uavdh_lite.errors import InputError
 
-METHODS = ("exact", "bresenham")
 
+def line_of_sight(buildings: np.ndarray) -> np.ndarray:
+    """Line of sight between all pairs of cells, exact and symmetric.
 
-def line_of_sight(buildings: np.ndarray, method: str = "exact") -> np.ndarray:
-    """Line of sight between all pairs of cells.
+    It is blocked if the straight segment between the two cell centres crosses the open interior of
+    a building cell, or passes exactly between two diagonal buildings through their shared corner.
+    Otherwise touching a corner or an edge does not block.
 
     Arguments:
         buildings: (..., M, M) bool, the cells that block links, of any number of cities.
-        method: `"exact"`: blocked if the straight segment between the two cell centres crosses
-            the open interior of a building cell, or passes exactly between two diagonal buildings
-            through their shared corner. Otherwise touching a corner or an edge does not block.
-            Symmetric.
-            `"bresenham"`: the fan of rays of the authors' code, for comparison. Not symmetric.
 
     Returns: (..., M, M, M, M) bool, `[..., device_row, device_col, uav_row, uav_col]`, True for
         line of sight (LoS), False for non-line of sight (NLoS). A cell that is a building sees
         nothing.
 
-    Raises `InputError` if `buildings` is not square or the method is unknown.
+    Raises `InputError` if `buildings` is not square.
     """
     buildings = np.asarray(buildings, bool)
     if buildings.ndim < 2 or buildings.shape[-2] != buildings.shape[-1]:
         raise InputError(f"buildings must be a square array, found shape {buildings.shape}")
-    if method not in METHODS:
-        raise InputError(f"unknown shadow method {method!r}: choose one of {', '.join(METHODS)}")
     *several, size, _ = buildings.shape
     cities = buildings.reshape(-1, size, size)
-    sight = _exact(cities) if method == "exact" else np.stack([_bresenham(b) for b in cities])
-    return sight.reshape(*several, *(size,) * 4)
+    return _exact(cities).reshape(*several, *(size,) * 4)
 
 
 def crossed_cells(rows: int, cols: int) -> np.ndarray:
@@ -93,36 +87,3 @@ def _exact(buildings: np.ndarray) -> np.ndarray:
             sight[r, c, r + rows, c + cols] = ~blocked
             sight[r + rows, c + cols, r, c] = ~blocked
     return np.moveaxis(sight, -1, 0)
-
-
-def _bresenham(buildings: np.ndarray) -> np.ndarray:
-    """A ray from each cell to every border cell sees all that it meets before a building.
-
-    All rays advance together, one step along the row or the column at a time.
-    """
-    size = len(buildings)
-    row, col = np.divmod(np.arange(size**2), size)
-    border = np.flatnonzero((np.minimum(row, col) == 0) | (np.maximum(row, col) == size - 1))
-    start, goal = (a.ravel() for a in np.meshgrid(np.arange(size**2), border, indexing="ij"))
-    row, col = start // size, start % size
-    goal_row, goal_col = goal // size, goal % size
-    row_step, col_step = np.sign(goal_row - row), np.sign(goal_col - col)
-    col_distance, row_distance = np.abs(goal_col - col), -np.abs(goal_row - row)
-    error = col_distance + row_distance
-    sight = np.zeros((size**2, size**2), bool)
-    blocked = buildings.ravel()
-    while True:
-        here = row * size + col
-        ahead = ~blocked[here]
-        sight[start[ahead], here[ahead]] = True
-        ahead &= here != goal
-        if not ahead.any():
-            return sight.reshape((size,) * 4)
-        start, goal, row, col, row_step, col_step, col_distance, row_distance, error = (
-            a[ahead]
-            for a in (start, goal, row, col, row_step, col_step, col_distance, row_distance, error)
-        )
-        along_row = 2 * error - row_distance > col_distance - 2 * error
-        col = col + np.where(along_row, col_step, 0)
-        row = row + np.where(along_row, 0, row_step)
-        error = error + np.where(along_row, row_distance, col_distance)

@@ -215,7 +215,9 @@ print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 Quiz("both_ways")
 
 # %%
-fan = line_of_sight(environment.city.buildings, method="bresenham")
+from uavdh_lite.course.bresenham import bresenham_fans
+
+fan = bresenham_fans(environment.city.buildings)
 device = (11, 11)
 figure = Figure(figsize=(9, 4.6), layout="constrained")
 for ax, name, table in zip(figure.subplots(1, 2), ("exact", "Bresenham's fan"), (sight, fan)):

@@ -18,13 +18,13 @@ from uavdh_lite.beyond.failsafe import SafeEnvironment
 from uavdh_lite.beyond.global_local import GlobalLocalNetwork
 from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import load_cities
+from uavdh_lite.course.bresenham import bresenham_fans
 from uavdh_lite.environment import Environment, State
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.observation import Observation
 from uavdh_lite.recipe import find_recipe
 from uavdh_lite.replay import Replay
 from uavdh_lite.scenario import find_scenario
-from uavdh_lite.shadowing import line_of_sight
 from uavdh_lite.streams import Use, stream, torch_seed
 
 FILE = Path(__file__).parent / "data" / "reference.npz"
@@ -36,7 +36,7 @@ def environment_of(names: str, kind: str = "exact") -> Environment:
     if kind == "bresenham":
         maps = np.stack([city.buildings for city in environment.cities])
         cells = environment.size**2
-        sight = line_of_sight(maps, "bresenham").reshape(-1, cells, cells)
+        sight = np.stack([bresenham_fans(each) for each in maps]).reshape(-1, cells, cells)
         vars(environment)["sight"] = sight  # in the place of the cached one
     return environment
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from reference import reference_bresenham, reference_line_of_sight
 
+from uavdh_lite.course.bresenham import bresenham_fans
 from uavdh_lite.errors import InputError
 from uavdh_lite.shadowing import line_of_sight
 
@@ -74,7 +75,7 @@ def test_limit_cases_by_hand(text, device, uav, seen):
 @pytest.mark.parametrize("size, density", [*CITIES, (12, 0.15)])
 def test_bresenham_equals_a_slow_fan_of_rays(size, density):
     buildings = random_buildings(size, density, seed=200 + size)
-    sight, walls = line_of_sight(buildings, "bresenham"), buildings.tolist()
+    sight, walls = bresenham_fans(buildings), buildings.tolist()
     for device in product(range(size), repeat=2):
         seen = set(map(tuple, np.argwhere(sight[device]).tolist()))
         assert seen == reference_bresenham(walls, device), device
@@ -82,21 +83,18 @@ def test_bresenham_equals_a_slow_fan_of_rays(size, density):
 
 def test_bresenham_is_not_symmetric():
     # the ray between the corners goes by the lower left one way, by the upper right the other
-    sight = line_of_sight(grid(".# .."), "bresenham")
+    sight = bresenham_fans(grid(".# .."))
     assert sight[0, 0, 1, 1] and not sight[1, 1, 0, 0]
 
 
-@pytest.mark.parametrize("method", ["exact", "bresenham"])
-def test_several_cities_at_once_are_as_each_alone(method, generator):
+def test_several_cities_at_once_are_as_each_alone(generator):
     buildings = generator.random((2, 3, 6, 6)) < 0.3
-    sight = line_of_sight(buildings, method)
+    sight = line_of_sight(buildings)
     for index in np.ndindex(2, 3):
-        assert np.array_equal(sight[index], line_of_sight(buildings[index], method))
+        assert np.array_equal(sight[index], line_of_sight(buildings[index]))
 
 
 @pytest.mark.parametrize("shape", [(3, 4), (9,), (2, 2, 3)])
 def test_what_it_cannot_answer_is_refused(shape):
     with pytest.raises(InputError, match="square"):
         line_of_sight(np.zeros(shape, bool))
-    with pytest.raises(InputError, match=r"guess.*exact.*bresenham"):
-        line_of_sight(np.zeros((3, 3), bool), "guess")

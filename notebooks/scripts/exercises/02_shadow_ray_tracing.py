@@ -100,7 +100,7 @@ checks.shadow_map(shadow_map)
 # %% [markdown]
 # ## 2.3 · How asymmetric is a table? (2 points, 10 minutes)
 #
-# `line_of_sight(buildings, method)` gives a Boolean array of shape (M, M, M, M), indexed
+# `line_of_sight(buildings)` gives a Boolean array of shape (M, M, M, M), indexed
 # `[device_row, device_col, uav_row, uav_col]`: True if a device in the first cell and a UAV over the second see each
 # other. Take an *unordered pair* of two different cells, A and B. It is asymmetric if it matters which of the two holds
 # the device: "device in A, UAV over B" is True and "device in B, UAV over A" is False, or the other way round.
@@ -133,6 +133,6 @@ def asymmetric_share(sight):
 checks.asymmetric_share(asymmetric_share)
 
 # %% [markdown]
-# Try yours on the city of the notebook, `City.load("manhattan").buildings`, with the methods `"exact"` and
-# `"bresenham"`: the first must give 0, and a share above 0 is a sure sign that a method is not exact. But 0 is no
-# proof: a rule can be symmetric and wrong.
+# Try yours on the city of the notebook, `City.load("manhattan").buildings`, with `line_of_sight` and with
+# `bresenham_fans` of `uavdh_lite.course.bresenham`: the first must give 0, and a share above 0 is a sure sign that a
+# method is not exact. But 0 is no proof: a rule can be symmetric and wrong.

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from uavdh_lite.course.bresenham import bresenham_fans
 from uavdh_lite.course.checks.exercise import exercise
 from uavdh_lite.shadowing import line_of_sight
 from uavdh_lite.streams import Use, stream
@@ -147,7 +148,7 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
         ],
         "It must hold for any table; in a large one 16 bits cannot count the asymmetric pairs.": [
             RANDOM[2] < 0.5, RANDOM[2] < 0.9, RANDOM[4] < 0.5, RANDOM[4] < 0.9, RANDOM[24] < 0.5,
-            line_of_sight(BUILDINGS, "bresenham"),
+            bresenham_fans(BUILDINGS),
         ],
     },
     mistakes={
