@@ -179,46 +179,53 @@ class QNetwork {
   }
 }
 
-/** Each value with a kernel around it, no padding; then the leaky ReLU. */
+/** A kernel over each place of a map, no padding; then the leaky ReLU. */
 function convolution(map, width, { shape, values: weights }, bias, stride, leak) {
   const [kernels, channels, side] = shape;
   const [out, area] = [Math.floor((width - side) / stride) + 1, width ** 2];
   const found = new Float32Array(kernels * out ** 2);
-  // The map's values under the kernel, one place after the other
-  const patch = new Float32Array(channels * side ** 2);
-  for (let row = 0; row < out; row++) {
-    for (let col = 0; col < out; col++) {
-      let at = 0;
-      for (let channel = 0; channel < channels; channel++) {
-        for (let r = 0; r < side; r++) {
-          const begin = channel * area + (row * stride + r) * width + col * stride;
-          for (let c = 0; c < side; c++) patch[at++] = map[begin + c];
-        }
-      }
-      for (let kernel = 0; kernel < kernels; kernel++) {
-        const total = bias[kernel] + dot(weights, kernel * patch.length, patch);
-        found[kernel * out ** 2 + row * out + col] = total > 0 ? total : leak * total;
+  const patch = new Float32Array(channels * side ** 2); // what is under the kernel
+  for (let place = 0; place < out ** 2; place++) {
+    const begin = Math.floor(place / out) * stride * width + (place % out) * stride;
+    let at = 0;
+    for (let channel = 0; channel < channels; channel++) {
+      for (let r = 0; r < side; r++) {
+        const row = begin + channel * area + r * width;
+        for (let c = 0; c < side; c++) patch[at++] = map[row + c];
       }
     }
+    multiply(weights, patch, bias, found, place, out ** 2);
   }
+  leakyRelu(found, leak);
   return { values: found, width: out };
 }
 
-/** The product of some weights, from one on, with as many values. */
-function dot(weights, from, values) {
-  let a = 0, b = 0, c = 0, d = 0, k = 0; // four sums: an addition need not wait for the last
-  for (; k + 3 < values.length; k += 4) {
-    a += weights[from + k] * values[k];
-    b += weights[from + k + 1] * values[k + 1];
-    c += weights[from + k + 2] * values[k + 2];
-    d += weights[from + k + 3] * values[k + 3];
+/** weights · values + bias, into `found` from one place on, so far apart. */
+function multiply(weights, values, bias, found, from, apart) {
+  const [inputs, last] = [values.length, bias.length - 1];
+  // Four rows at a time, so that a value is read once for them; the last one may come again
+  for (let unit = 0; unit <= last; unit += 4) {
+    const [u, v, w] = [Math.min(unit + 1, last), Math.min(unit + 2, last), Math.min(unit + 3, last)];
+    const row = unit * inputs, second = u * inputs, third = v * inputs, fourth = w * inputs;
+    let a = bias[unit], b = bias[u], c = bias[v], d = bias[w];
+    for (let k = 0; k < inputs; k++) {
+      const value = values[k];
+      a += weights[row + k] * value;
+      b += weights[second + k] * value;
+      c += weights[third + k] * value;
+      d += weights[fourth + k] * value;
+    }
+    found[from + unit * apart] = a;
+    found[from + u * apart] = b;
+    found[from + v * apart] = c;
+    found[from + w * apart] = d;
   }
-  for (; k < values.length; k++) a += weights[from + k] * values[k];
-  return a + b + c + d;
 }
 
-function linear(values, { shape, values: weights }, bias) {
-  return Float32Array.from(bias, (each, unit) => each + dot(weights, unit * shape[1], values));
+function linear(values, { values: weights }, bias) {
+  const found = new Float32Array(bias.length);
+  multiply(weights, values, bias, found, 0, 1);
+  return found;
 }
 
 function layerNorm(values, { values: weight }, bias) {
