@@ -1,0 +1,146 @@
+"""The recorded studies: which there are, which are of today's program, how they are recorded.
+
+    python benchmarks/record.py                        # what is missing, or not of today's program
+    python benchmarks/record.py --gather STUDY FOLDER  # record the runs in that folder
+    python benchmarks/record.py --gather STUDY FOLDER --commit 08f434d  # made by that program
+
+`data/runs/list.toml` names the studies. A study's runs lie in `FOLDER/NAME-SEED`, as the commands
+`train` and `study` and `benchmarks/fleet.py` write them; the list has the name for each variant.
+Recorded are the two tables of all runs, `STUDY.csv.gz` of the validations and
+`STUDY-training.csv.gz` of the learning curves, `STUDY.json`, which says how they were made, and the
+agents of all seeds, `data/agents/STUDY-VARIANT-SEED.safetensors`, with weights in float16.
+
+A study is of today's program if the golden arrays of the test suite, which every change of what is
+computed changes, have the digest that they had when the study was recorded.
+"""
+
+import argparse
+import io
+import subprocess
+import tomllib
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from uavdh_lite.checkpoint import load, load_agent, save
+from uavdh_lite.errors import InputError
+from uavdh_lite.storage import read_json, read_table, write_json, write_table
+
+ROOT = Path(__file__).parents[1]
+RUNS, AGENTS = ROOT / "data" / "runs", ROOT / "data" / "agents"
+GOLDEN = ROOT / "tests" / "unit" / "data" / "reference.npz"
+PARTS = ("tables", "transitions", "starts", "observations", "learning")
+# Of a run's `about.json`: what is told once for a study, and what each run has of its own
+OF_STUDY = ("program", "version", "python", "torch", "numpy", "machine", "device", "threads")
+OF_RUN = ("seed", "steps", "updates", "seconds")
+
+
+def digest(commit: str = "") -> str:
+    """Of the golden arrays that say what world and learning compute: 16 hexadecimal digits.
+
+    Those of a commit, or of this working tree.
+    """
+    found, content = sha256(), GOLDEN.read_bytes()
+    if commit:
+        call = ["git", "show", f"{commit}:{GOLDEN.relative_to(ROOT).as_posix()}"]
+        content = subprocess.run(call, cwd=ROOT, capture_output=True, check=True).stdout
+    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+        for name in sorted(arrays.files):
+            if name.partition("|")[0] in PARTS:
+                array = arrays[name]
+                found.update(f"{name} {array.dtype} {array.shape}".encode() + array.tobytes())
+    return found.hexdigest()[:16]
+
+
+def studies() -> dict[str, dict]:
+    """The list's entry of each study."""
+    return _list()["studies"]
+
+
+def _list() -> dict:
+    return tomllib.loads((RUNS / "list.toml").read_text(encoding="utf-8"))
+
+
+def state(study: str) -> str:
+    """What keeps a study from being of today's program; empty if nothing does."""
+    about = RUNS / f"{study}.json"
+    if not about.exists():
+        return "not recorded"
+    made_by = read_json(about).get("golden", "")
+    if made_by in (digest(), *_list()["same"]):
+        return ""
+    return f"made by another program, whose golden arrays are {made_by or 'not known'}"
+
+
+def gather(study: str, folder: Path, commit: str = "") -> None:
+    """Record a study from its runs: every `NAME-SEED` in the folder, for each of its variants."""
+    entry = studies()[study]
+    tables: dict[str, list[dict]] = {"validation": [], "training": []}
+    about: dict[str, dict] = {}
+    recipes: dict[str, dict] = {}
+    for variant, name in entry["runs"].items():
+        for run in sorted(folder.glob(f"{name}-[0-9]*")):
+            how = read_json(run / "about.json")
+            about[f"{variant}-{how['seed']}"] = how
+            recipes[variant] = how["recipe"]
+            for table, rows in tables.items():
+                columns = read_table(run / f"{table}.csv")
+                for i in range(len(columns["steps"])):
+                    row = {"variant": variant, "seed": how["seed"]}
+                    rows.append(row | {key: _number(v[i]) for key, v in columns.items()})
+            if entry.get("agents", True):
+                agent = AGENTS / f"{study}-{variant}-{how['seed']}.safetensors"
+                rounded(run / "best.safetensors", agent)
+    if not about:
+        raise InputError(f"{folder}: no runs {' or '.join(entry['runs'].values())}-SEED in it")
+    first, usual = next(iter(about.values())), next(iter(recipes.values()))
+    changed = {
+        variant: recipe if recipe is usual else {k: v for k, v in recipe.items() if v != usual[k]}
+        for variant, recipe in recipes.items()
+    }
+    write_table(RUNS / f"{study}.csv.gz", tables["validation"])
+    write_table(RUNS / f"{study}-training.csv.gz", tables["training"])
+    write_json(
+        RUNS / f"{study}.json",
+        {"what": entry["what"], "command": entry["command"], "golden": digest(commit)}
+        | {name: first[name] for name in OF_STUDY if name in first}
+        | {"scenario": first["scenario"], "cities": first["cities"]}
+        | {"runs": {name: {k: how[k] for k in OF_RUN} for name, how in about.items()}}
+        | {"recipes": changed},
+    )
+
+
+def _number(value: float) -> float | int | None:
+    """As it stands in the run's own table: None where that is empty, whole numbers as such."""
+    value = float(value)
+    return None if np.isnan(value) else int(value) if value.is_integer() else value
+
+
+def rounded(source: Path, target: Path) -> None:
+    """Copy an agent with its weights rounded to float16.
+
+    Raises `InputError` if that changes a weight by more than rounding does.
+    """
+    tensors, about = load(source, "agent")
+    halved = {k: v.half() if v.is_floating_point() else v for k, v in tensors.items()}
+    for name, weight in tensors.items():
+        if weight.is_floating_point():
+            off = (halved[name].float() - weight).abs() > 2**-11 * weight.abs() + 2**-25
+            if off.any():
+                raise InputError(f"{source}: {name} has weights too large for float16")
+    save(target, "agent", halved, about)
+    load_agent(target)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--gather", nargs=2, metavar=("STUDY", "FOLDER"))
+    parser.add_argument("--commit", default="", help="of the program that made the runs")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    if options.gather:
+        gather(options.gather[0], Path(options.gather[1]), options.commit)
+    for study, entry in studies().items():
+        print(f"{study}: {state(study) or entry.get('outstanding', 'of today')}")

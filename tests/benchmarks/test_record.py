@@ -1,0 +1,108 @@
+"""The list of recorded studies: runs become tables and agents, and it is known what made them."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from uavdh_lite.checkpoint import load_agent, save_agent
+from uavdh_lite.errors import InputError
+from uavdh_lite.experiments import runs
+from uavdh_lite.recipe import find_recipe
+from uavdh_lite.scenario import find_scenario
+from uavdh_lite.storage import read_json, read_table
+from uavdh_lite.training import Trainer
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT))
+from benchmarks import record  # noqa: E402
+
+LIST = """
+[same]
+0123456789abcdef = "only a case was added"
+
+[studies.tiny]
+what = "Two short runs"
+command = "python -m uavdh_lite study"
+runs = { first = "one", second = "other" }
+"""
+TINY = replace(
+    find_recipe("small"), steps=5_200, replay_prefill=5_000, validation_interval=2_600,
+    validation_episodes=20, hidden=(8,),
+)  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    """A folder with two runs, and a list that has them as a study."""
+    monkeypatch.setattr(record, "RUNS", tmp_path / "runs")
+    monkeypatch.setattr(record, "AGENTS", tmp_path / "agents")
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "runs" / "list.toml").write_text(LIST)
+    for name, recipe in {"one": TINY, "other": replace(TINY, discount=0.9)}.items():
+        trainer = Trainer(find_scenario("village"), recipe, seed=3)
+        runs.train(trainer, tmp_path / f"{name}-3", show_progress=False)
+    return tmp_path
+
+
+def test_runs_become_tables_with_what_changes_and_rounded_agents(folder):
+    assert record.state("tiny") == "not recorded"
+    record.gather("tiny", folder)
+    about = read_json(folder / "runs/tiny.json")
+    assert about["runs"]["first-3"]["steps"] == 5_200 and about["runs"].keys() == {
+        "first-3",
+        "second-3",
+    }
+    assert about["recipes"]["second"] == {"discount": 0.9}
+    assert about["recipes"]["first"]["hidden"] == [8]
+    table, own = (
+        read_table(folder / "runs/tiny.csv.gz"),
+        read_table(folder / "one-3/validation.csv"),
+    )
+    assert table["variant"].tolist() == ["first"] * 2 + ["second"] * 2
+    np.testing.assert_array_equal(table["return"][:2], own["return"])
+    whole = load_agent(folder / "one-3/best.safetensors").network.state_dict()
+    for name, weight in (
+        load_agent(folder / "agents/tiny-first-3.safetensors").network.state_dict().items()
+    ):
+        assert torch.equal(weight, whole[name].half().float())
+
+
+def test_a_study_is_of_today_by_the_digest_that_it_was_recorded_with(folder, monkeypatch):
+    record.gather("tiny", folder)
+    assert record.state("tiny") == ""
+    today = record.digest()
+    monkeypatch.setattr(record, "digest", lambda commit="": "fedcba9876543210")
+    assert today in record.state("tiny")  # the program has changed
+    record.gather("tiny", folder)
+    monkeypatch.setattr(record, "digest", lambda commit="": today)
+    assert "fedcba9876543210" in record.state("tiny")
+    text = (folder / "runs/list.toml").read_text().replace("0123456789abcdef", "fedcba9876543210")
+    (folder / "runs/list.toml").write_text(text)
+    assert record.state("tiny") == ""  # the list says that it computes the same
+
+
+def test_the_digest_is_of_what_world_and_learning_compute(tmp_path, monkeypatch):
+    today = record.digest()
+    with np.load(record.GOLDEN, allow_pickle=False) as arrays:
+        values = {name: arrays[name] for name in arrays.files}
+
+    def changed(part: str) -> str:
+        name = next(n for n, v in values.items() if n.startswith(part) and v.dtype.kind == "f")
+        np.savez(tmp_path / "golden.npz", **(values | {name: values[name] + 1}))
+        return record.digest()
+
+    monkeypatch.setattr(record, "GOLDEN", tmp_path / "golden.npz")
+    assert changed("learning") != today != changed("observations")
+    assert changed("flights") == today
+
+
+def test_weights_that_do_not_fit_float16_are_refused(folder):
+    agent = load_agent(folder / "one-3/best.safetensors")
+    next(iter(agent.network.parameters())).data[:] = 1e6
+    save_agent(folder / "large.safetensors", agent)
+    with pytest.raises(InputError, match="too large for float16"):
+        record.rounded(folder / "large.safetensors", folder / "half.safetensors")
