@@ -9,6 +9,8 @@ from pathlib import Path
 
 from sphinx.application import Sphinx
 
+from uavdh_lite.labs.page import write_page
+
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_extensions"))
 
@@ -85,6 +87,13 @@ def leave_out(app: Sphinx, name: str, source: list[str]) -> None:
     source[0] = re.sub(r"(?ms)^<!-- teachers -->\n(.*?)^<!-- end -->\n", kept, source[0])
 
 
+def write_labs(app: Sphinx, error: Exception | None) -> None:
+    """Put the labs, one file, beside the pages."""
+    if error is None and app.builder.format == "html":
+        write_page(Path(app.outdir) / "labs.html")
+
+
 def setup(app: Sphinx) -> None:
     app.connect("builder-inited", copy_notebooks)
     app.connect("source-read", leave_out)
+    app.connect("build-finished", write_labs)

@@ -3,8 +3,8 @@
 // after 3 steps to that after 4.
 const SPEED = 4; // steps a second
 const MUCH = 4; // data units in a step; more of them make nothing wider
-const SQUARE = "h1v1h-1z"; // like the hatches, from a cell's north-west corner
-const KINDS = {
+export const SQUARE = "h1v1h-1z"; // like the hatches, from a cell's north-west corner
+export const KINDS = {
   L: { name: "start and landing zone", hatch: "m0 .5l.5 .5m-.5 -1l1 1m-.5 -1l.5 .5" },
   b: { name: "low building: may be flown over", hatch: "m.25 .25h0m.5 0h0m0 .5h0m-.5 0h0" },
   B: { name: "tall building", hatch: "" },
@@ -15,10 +15,10 @@ const LANDED = '<circle class="landed" r=".36"/><path class="mark" d="M-.17 0l.1
 const CRASHED = '<circle class="crashed" r=".36"/><path class="mark" d="M-.2-.2l.4.4m0-.4-.4.4"/>';
 const rotor = (turn) => `<circle cx=".34" r=".14" transform="rotate(${turn})"/>`;
 const ROTORS = [45, 135, 225, 315].map(rotor).join("");
-const UAV = `<path d="M-.24 -.24l.48 .48m0 -.48-.48 .48"/>${ROTORS}`;
+export const UAV = `<path d="M-.24 -.24l.48 .48m0 -.48-.48 .48"/>${ROTORS}`;
 
 // Draws what a page has for each player that is not drawn yet.
-function drawAll() {
+export function drawAll() {
   for (const source of document.querySelectorAll(".uavdh-player > script")) {
     draw(source.parentNode, JSON.parse(source.textContent));
   }
@@ -31,10 +31,10 @@ function draw(root, film) {
   clock.load(lastStep(film));
 }
 
-const lastStep = (film) => Math.max(...film.flights.map((flight) => flight.path.length - 1));
+export const lastStep = (film) => Math.max(...film.flights.map((flight) => flight.path.length - 1));
 
 // What shows a moment of all flights, whose panels are in `root`, and returns them in words.
-function showing(root, film) {
+export function showing(root, film) {
   const panels = root.querySelectorAll(".flight");
   const flights = film.flights.map((flight, k) => shower(panels[k], film, flight));
   let pointed = null; // the index of a device
@@ -56,7 +56,7 @@ function showing(root, film) {
 
 // Connects the controls in `stage`. `update` shows a moment: the time, and whether it plays.
 // Returns `load(last, time, playing)`, for a film with so many steps, and `show(time, playing)`.
-function playback(stage, update) {
+export function playback(stage, update) {
   const find = (selector) => stage.querySelector(`.controls ${selector}`);
   const [button, slider, counter, speed] = [".play", "input", "output", "select"].map(find);
   const calm = matchMedia("(prefers-reduced-motion: reduce)");
@@ -98,13 +98,17 @@ function playback(stage, update) {
     Home: () => show(0),
     End: () => show(last),
   };
-  stage.addEventListener("keydown", (event) => {
-    const own = event.target.matches(event.key === " " ? "button, select" : "select");
-    const other = own || event.ctrlKey || event.metaKey || event.altKey;
-    if (!keys[event.key] || other || event.defaultPrevented) return;
+  // Before the page around hears of a key: in a notebook, most of them edit it
+  window.addEventListener("keydown", function hear(event) {
+    if (!stage.isConnected) return window.removeEventListener("keydown", hear, true);
+    if (!stage.contains(event.target)) return;
+    if (event.key !== "Tab") event.stopPropagation();
+    const own = event.target.matches(event.key === " " ? "button, select, input:not([type=range])" : "select, input:not([type=range])");
+    const other = own || event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented;
+    if (!keys[event.key] || other) return;
     event.preventDefault();
     keys[event.key]();
-  });
+  }, true);
   button.addEventListener("click", keys[" "]);
   find(".back").addEventListener("click", keys.ArrowLeft);
   find(".forward").addEventListener("click", keys.ArrowRight);
@@ -123,7 +127,7 @@ function playback(stage, update) {
 
 // A flight at a moment: where the UAV is, what is left of each device's data and of the time, and
 // what each device uploads in the step that is being flown.
-function momentAt({ path, left }, time) {
+export function momentAt({ path, left }, time) {
   const now = Math.min(time, path.length - 1);
   const step = Math.ceil(now);
   const from = Math.max(step - 1, 0);
@@ -166,7 +170,7 @@ function shower(panel, film, flight) {
       toggle(link, uploads[k] > 0);
     });
     bars.forEach((bar, k) => {
-      const [full, digits] = [flight.left[0][k], k < links.length ? 1 : 0];
+      const [full, digits] = [flight.left[0][k] || 1e-9, k < links.length ? 1 : 0];
       bar.style.setProperty("--left", `${(100 * amounts[k]) / full}%`);
       bar.lastChild.textContent = `${amounts[k].toFixed(digits)} of ${full.toFixed(digits)}`;
       bar.classList.toggle("on", pointed === null ? uploads[k] > 0 : pointed === k);
@@ -210,12 +214,12 @@ function aboutCell({ city, devices }, [row, col], { amounts }) {
 // From here on: HTML and SVG as text
 
 const share = (amount) => Math.min(amount / MUCH, 1);
-const escaped = (text) => text.replace(/[&<>"]/g, (sign) => `&#${sign.charCodeAt()};`);
-const at = ([row, col]) => `translate(${col} ${row})`;
+export const escaped = (text) => text.replace(/[&<>"]/g, (sign) => `&#${sign.charCodeAt()};`);
+export const at = ([row, col]) => `translate(${col} ${row})`;
 const coloured = (colour) => `style="--colour: ${colour}"`;
 
 const speedOption = (times) => `<option value="${times}">${times} ×</option>`;
-const CONTROLS = `<div class="controls">
+export const CONTROLS = `<div class="controls">
   <button type="button" class="back" aria-label="one step back">&lsaquo;</button>
   <button type="button" class="play">Play</button>
   <button type="button" class="forward" aria-label="one step forward">&rsaquo;</button>
@@ -223,18 +227,18 @@ const CONTROLS = `<div class="controls">
   <select aria-label="speed">${[0.25, 0.5, 1, 2, 4].map(speedOption).join("")}</select>
 </div>`;
 
-// All that is on the stage; a click on it gives it the keys, which are not JupyterLab's then.
+// All that is on the stage; a click on it gives it the keys, which are not the notebook's then.
 const wholeStage = (film) => `
   <div role="group" aria-label="${escaped(film.title)}" tabindex="-1"
       data-lm-suppress-shortcuts="true">
     ${flightPanels(film)}${CONTROLS}${legend(film)}
   </div>`.trim();
-const flightPanels = (film) =>
+export const flightPanels = (film) =>
   `<div class="flights">${film.flights.map((each) => flightPanel(film, each)).join("")}</div>`;
 
 // One flight: its name, map and bars, and what is said of a moment.
 function flightPanel(film, flight) {
-  const most = Math.max(...flight.left[0].slice(0, -1));
+  const most = Math.max(...flight.left[0].slice(0, -1)) || 1;
   const bar = (name, about, width = 100) => `<div class="bar" ${about}><span>${name}</span><span
     class="room"><span style="width: ${width}%"></span></span><span></span></div>`;
   const bars = film.devices.map(({ number, colour }, k) => {
@@ -270,11 +274,11 @@ function flightMap(film, flight) {
 }
 
 // A shape in each cell that has this sign; all cells of a kind.
-const tiles = (rows, sign, shape) => {
+export const tiles = (rows, sign, shape) => {
   const tile = (each, x, y) => (each === sign ? `M${x - 0.5} ${y - 0.5}${shape}` : "");
   return rows.flatMap((row, y) => [...row].map((each, x) => tile(each, x, y))).join("");
 };
-const cells = (rows, sign) => `<path class="kind-${sign}" d="${tiles(rows, sign, SQUARE)}"/>
+export const cells = (rows, sign) => `<path class="kind-${sign}" d="${tiles(rows, sign, SQUARE)}"/>
   <path class="hatch-${sign}" d="${tiles(rows, sign, KINDS[sign].hatch)}"/>`;
 const shadow = (hidden) => `<path class="shadow" d="${tiles(hidden, "#", SQUARE)}"/>`;
 
@@ -320,18 +324,17 @@ function arrow(width, aside = 0.16) {
 const deviceSign = ({ number, colour }) =>
   `<g class="device" ${coloured(colour)}><circle r=".42"/><text>${number}</text></g>`;
 
-function legend({ city, devices }) {
+export function legend({ city, devices }) {
   const kinds = Object.keys(KINDS).filter((sign) => city.some((row) => row.includes(sign)));
   const move = (width) => `<g transform="translate(-.5)">${arrow(width, 0)}</g>`;
   const entries = [
     ...kinds.map((sign) => [KINDS[sign].name, cells([sign], sign)]),
-    ["out of sight of the device served or pointed at", shadow(["#"])],
-    ["device", deviceSign(devices[0])],
+    ["shadow: no line of sight to the device", shadow(["#"])],
+    ["device", deviceSign({ ...devices[0], number: "" })],
     ["start", START],
-    ["landed", LANDED],
-    ["crashed", CRASHED],
-    ["move, in the colour of the device served", move(0.06)],
-    ["much data", move(0.3)],
+    ["landing", LANDED],
+    ["crash", CRASHED],
+    ["move: thicker for more data, in the device's colour", move(0.16)],
     ["hovering", '<circle class="ring" r=".46" stroke-width=".08"/>'],
   ];
   const draw = ([name, sign]) => `<span><svg viewBox="-.6 -.6 1.2 1.2">${sign}</svg>${name}</span>`;

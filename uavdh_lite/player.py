@@ -6,6 +6,7 @@ Where no script runs, the page says how each flight ended.
 
 import html
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,6 +61,7 @@ class Player:
             Path(__file__).with_suffix(suffix).read_text(encoding="utf-8").strip()
             for suffix in (".css", ".js")
         )
+        script = re.sub("^export ", "", script, flags=re.MULTILINE)  # no module here: all is inside
         return PLAYER.format(style=style, text=html.escape(repr(self)), data=data, script=script)
 
     def save(self, path: str | Path) -> None:

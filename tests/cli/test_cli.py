@@ -267,7 +267,7 @@ def test_help_is_plain_text_of_the_terminals_width_and_the_list_of_commands_need
     printed, imported = output.split("imported:")
     assert printed.startswith(f"Usage: uavdh_lite {command}") and "\x1b" not in printed
     assert max(map(len, printed.splitlines())) == 100
-    assert not set(imported.split()) & {"ipywidgets", "tornado", "onnx", "tensorboard"}
+    assert not set(imported.split()) & {"ipywidgets", "onnx", "tensorboard"}
     if not command:
         assert not set(imported.split()) & {"torch", "matplotlib", "numpy", "joblib"}
         assert all(f"│ {name} " in printed for name in COMMANDS)

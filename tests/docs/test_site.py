@@ -22,7 +22,7 @@ from uavdh_lite.beyond.recipes import BeyondRecipe
 
 for package in ("furo", "myst_nb", "sphinx_design", "sphinx-mathjax-offline"):
     pytest.importorskip(package)
-for package in ("anywidget", "gymnasium", "ipywidgets", "psutil", "tornado"):
+for package in ("gymnasium", "ipywidgets", "psutil"):
     pytest.importorskip(package)  # modules of the reference import them
 
 pytestmark = pytest.mark.long

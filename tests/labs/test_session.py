@@ -1,386 +1,257 @@
-"""A session without a browser: what it shows after what was done."""
+"""The session: what each event makes of the stage, links and files, and what is refused."""
 
 import base64
 import json
-import re
-import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from uavdh_lite.channel import rate
-from uavdh_lite.environment import EAST, HOVER, LAND, NORTH, SOUTH, WEST
-from uavdh_lite.labs import Lab, train
-from uavdh_lite.labs.compare import astray, idle, parting, verdict
-from uavdh_lite.labs.session import Session
-from uavdh_lite.labs.state import read_link
+from uavdh_lite.city import load_city
+from uavdh_lite.environment import Environment
+from uavdh_lite.missions import Mission, as_json, mission_from_json
+from uavdh_lite.scenario import find_scenario
+from uavdh_lite.storage import data_folder
 
-FEWER = [(8.0, 12.0, 20), (9.5, 11.5, 10)]  # return, collected, steps
-PATIENCE = 120  # seconds; only a training that never comes takes so long
-
-
-@pytest.fixture(scope="module")
-def shared():
-    return Session(city="village")
+SAVED = """async () => {
+    const found = [];
+    lab.post = ({ kind, blob }) => kind === "file" && found.push(blob);
+    await lab.hear({ kind: "save", what: "WHAT" });
+    const bytes = new Uint8Array(await found[0].arrayBuffer());
+    return btoa(String.fromCharCode(...bytes));
+}"""
+OPEN = """async ([name, content]) => {
+    const answers = [];
+    lab.post = (answer) => answers.push(answer);
+    const bytes = Uint8Array.from(atob(content), (letter) => letter.charCodeAt(0));
+    await lab.hear({ kind: "open", file: new File([bytes], name) });
+    return answers.findLast(({ kind }) => kind === "scene").scene;
+}"""
 
 
 @pytest.fixture
-def lab(shared):
-    """The stage with a mission over the village, as it comes."""
-    shared.hear({"kind": "city", "name": "village"})
-    shared.hear({"kind": "tool", "tool": "compare"})
-    return shared
+def opened(modules, tell):
+    """A function that opens a file's content and returns the next scene."""
+
+    def opened(name, content, refused=""):
+        content = content if isinstance(content, bytes) else json.dumps(content).encode()
+        scene = modules(OPEN, [name, base64.b64encode(content).decode()])
+        assert refused in scene["refused"] and bool(scene["refused"]) == bool(refused), scene[
+            "refused"
+        ]
+        return scene
+
+    return opened
 
 
-def tell(lab, kind, **values):
-    lab.hear({"kind": kind, **values})
-    assert lab.scene["refused"] == ""
-    json.dumps(lab.scene, allow_nan=False)  # else the browser cannot read it
-    return lab.scene["panel"]
+@pytest.fixture
+def saved(modules):
+    """A function that returns the content of a saved file."""
+    return lambda what: base64.b64decode(modules(SAVED.replace("WHAT", what)))
 
 
-def flights(lab):
-    return [lab._hangar.flight(lab.stage, name) for name in lab.stage.policies]
+def mission_of(scene):
+    names = ("city", "start", "devices", "flyingTime")
+    return {name: scene["state"][name] for name in names}
 
 
-@pytest.mark.parametrize("tool", ["fly", "compare", "think", "channel", "paint", "train"])
-def test_a_tool_alone_has_no_others(tool):
-    scene = Session(tool=tool, city="village").scene
-    assert scene["tools"] == [tool] and scene["state"]["tool"] == tool
+def test_an_event_changes_what_it_names_and_nothing_else(tell):
+    before = mission_of(tell("show", step=2))
+    cell = before["devices"][0]["cell"]
+    moved = tell("move", device=0, cell=[7, 7])
+    assert moved["state"]["devices"][0] == {"cell": [7, 7], "data": before["devices"][0]["data"]}
+    assert moved["state"]["step"] == -1
+    assert tell("move", device=0, cell=cell)["state"]["devices"] == before["devices"]
+    assert tell("data", device=0, value=7)["state"]["devices"][0]["data"] == 7
+    assert tell("time", value=30)["state"]["flyingTime"] == 30
+    assert tell("move", device=-1, cell=[0, 0])["state"]["start"] == [0, 0]
+    assert tell("look", device=0)["state"]["device"] == 0
 
 
-def test_the_mission_stays_from_tool_to_tool_and_the_film_is_that_of_the_policy(lab):
-    tell(lab, "add", cell=[5, 5]) if len(lab.stage.mission.devices) < 2 else None
-    mission = lab.stage.mission
-    for tool in ("fly", "think", "channel", "paint", "train", "compare"):
-        tell(lab, "tool", tool=tool)
-        assert lab.stage.mission is mission
-        assert len(lab.scene["film"]["devices"]) == len(mission.devices)
-    first, second = flights(lab)
-    paths = [each["path"] for each in lab.scene["film"]["flights"]]
-    size = mission.city.size
-    assert paths == [[divmod(int(cell), size) for cell in f.uav_cell] for f in (first, second)]
-    version = lab.scene["version"]  # a new one only for another film
-    tell(lab, "show", step=2)
-    assert lab.scene["version"] == version
-    tell(lab, "time", value=lab.stage.mission.flying_time + 1)
-    assert lab.scene["version"] > version
+def test_undo_brings_a_mission_back_and_redo_takes_it_again(tell):
+    before = mission_of(tell("new"))
+    after = mission_of(tell("new"))
+    assert before != after
+    tell("tool", tool="think")
+    undone = tell("undo", by=-1)
+    assert mission_of(undone) == before and undone["state"]["tool"] == "think"
+    assert mission_of(tell("undo", by=1)) == after
+    tell("undo", by=1, refused="nothing more to undo")
 
 
-def flown(*cells, left=None):
-    """A flight over a city of 10 × 10 cells with one device, which gives nothing unless told."""
-    moves = {0: HOVER, 1: EAST, -1: WEST, -10: NORTH, 10: SOUTH}
-    left = [9.0] * len(cells) if left is None else left
-    return SimpleNamespace(
-        uav_cell=np.array(cells),
-        action=np.array([moves[step] for step in np.diff(cells).tolist()]),
-        data_left=np.array(left)[:, None],
-    )
+@pytest.mark.parametrize(
+    ("kind", "values", "said"),
+    [
+        ("move", {"device": 0, "cell": [2, 4]}, "stands on a building"),
+        ("move", {"device": 0, "cell": [0, 0]}, "stands in the landing zone"),
+        ("move", {"device": 0, "cell": [-1, 0]}, "outside the city of 8 × 8 cells"),
+        ("move", {"device": 0, "cell": [1.5, 0]}, "row 1.5: must be a whole number"),
+        ("move", {"device": 2, "cell": [3, 3]}, "device 2: there are"),
+        ("move", {"device": -1, "cell": [2, 4]}, "a building"),
+        ("data", {"device": 0, "value": None}, "must be a number"),
+        ("data", {"device": 0, "value": -1}, "must be 0 to below"),
+        ("time", {"value": 0}, "flying time 0: must be at least 1"),
+        ("time", {"value": 3.5}, "flying time 3.5: must be a whole number"),
+        ("city", {"name": "atlantis"}, 'no city "atlantis"'),
+        ("policy", {"which": 0, "name": "manhattan"}, "does not fly over this city"),
+        ("policy", {"which": 2, "name": "greedy"}, "there are two"),
+        ("tool", {"tool": "sing"}, "choose one of"),
+        ("show", {"step": -2}, "must be at least -1"),
+        ("paint", {"cells": [[9, 9]], "sign": "B"}, "outside"),
+        ("paint", {"cells": [[0, 0]], "sign": "LB"}, "choose one of"),
+        ("sing", {}, "nothing is done for sing"),
+        ("open", {"link": "abc"}, "this link is damaged"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused_with_the_reason_and_changes_nothing(tell, kind, values, said):
+    before = mission_of(tell("show", step=0))
+    assert mission_of(tell(kind, refused=said, **values)) == before
 
 
-def test_flights_part_where_they_are_near_and_act_differently_for_the_last_time():
-    east, south = flown(0, 1, 2, 12, 22, 23, 24), flown(0, 10, 20, 21, 22, 32, 42)
-    assert parting(east, south, 10) == 4  # two ways to one place, then they part
-    assert parting(east, flown(0, 10, 20, 21, 22, 23, 24), 10) is None
-    late = flown(0, 10, 20, 21, 22, 32, 42, left=[9, 9, 9, 6, 6, 6, 6])  # it has got something
-    assert parting(east, late, 10) == 0
-    assert parting(flown(0, 1, 2, 3), flown(0, 10, 11, 12), 10) == 0  # they end near each other
-    assert parting(flown(0, 1, 2, 3, 4), flown(0, 1, 2, 3, 4, 4), 10) == 3  # one stays longer
+def test_painting_moves_what_stands_there_to_the_nearest_cell(tell):
+    tell("city", name="empty 8 × 8")
+    scene = tell("paint", cells=[[5, 5], [5, 6]], sign="B")
+    assert scene["film"]["city"][5] == ".....BB." and scene["state"]["city"] == "my_city"
+    row, col = scene["state"]["devices"][0]["cell"]
+    painted = tell("paint", cells=[[row, col]], sign="B")
+    there = painted["state"]["devices"][0]["cell"]
+    assert abs(there[0] - row) + abs(there[1] - col) == 1
+    start = painted["state"]["start"]
+    walls = tell("paint", cells=[start], sign="N")["state"]["start"]
+    assert walls != start and max(walls) <= 1  # another landing cell
 
 
-@pytest.mark.parametrize("wanted", [1, -1, 0])
-def test_a_duel_is_what_was_asked_for_as_it_is_shown(wanted):
-    lab = Session(city="manhattan")
-    panel = tell(lab, "duel", wanted=wanted)
-    ahead = panel["results"][0]["return"] - panel["results"][1]["return"]
-    assert abs(ahead) < 0.5 if wanted == 0 else wanted * ahead > 2
-    winner = {1: "agent wins", -1: "Greedy wins", 0: "level"}[wanted]
-    assert winner in panel["verdict"] and panel["parting"] is not None
-
-
-def test_who_wins_with_less_data_wins_by_the_return():
-    both = {"landed": True, "ended": True}
-    result = [
-        both | dict(zip(("return", "collected", "steps"), each, strict=True)) for each in FEWER
+def test_what_is_wrong_with_a_mission_is_said(tell):
+    tell("city", name="empty 8 × 8")
+    device = tell("move", device=0, cell=[6, 6])["state"]["devices"]
+    for k in reversed(range(1, len(device))):
+        tell("remove", device=k)
+    around = [[r, c] for r in (5, 6, 7) for c in (5, 6, 7) if (r, c) != (6, 6)]
+    said = tell("paint", cells=around, sign="B")["warnings"]
+    assert said == [
+        "No way leads from the landing zone to a cell of this city, row 6, column 6.",
+        "Device 0 is sealed in: it is in sight of no cell that a way leads to.",
     ]
-    told = "Greedy wins by 1.5 in return: 0.5 units less, home 10 steps sooner."
-    assert verdict(["genie", "greedy"], result) == told
+    tell("move", device=0, cell=[1, 6])
+    tell("move", device=-1, cell=[7, 0])
+    short = tell("time", value=3)["warnings"][-1]
+    assert short == "A flying time of 3 is too short: the way home alone takes 7."
+    assert tell("city", name="village")["warnings"] == []
 
 
-def test_the_means_of_a_hundred_missions_are_shares_in_per_cent(lab):
-    rows = tell(lab, "many")["many"]
-    for row in rows:
-        mean, low, high = row["landed"]
+def test_a_flight_by_hand_is_the_mission_flown_so_and_is_ranked_at_its_end(tell):
+    tell("tool", tool="fly")
+    scene = tell("fly", action="hover")
+    you, ghost = scene["film"]["flights"]
+    assert you["end"] == "in the air" and len(you["path"]) == 2 and ghost["name"] == "greedy"
+    home = tell("fly", action="land")["panel"]
+    assert home["you"]["landed"] and len(home["ranking"]) == 1
+    tell("fly", action="hover", refused="this flight is over")
+    tell("again")
+    for _ in range(scene["state"]["flyingTime"]):
+        crashed = tell("fly", action="hover")["panel"]
+    landed = [each["landed"] for each in crashed["ranking"]]
+    assert landed == [True, False]  # the best first
+    tell("policy", which=0, name="you")
+    assert tell("tool", tool="compare")["panel"]["verdict"].startswith("Greedy wins")
+    assert tell("new")["panel"]["why"] == []  # the flight of a new mission has not begun
+
+
+def test_a_table_of_a_hundred_missions_belongs_to_its_pair(tell):
+    many = tell("many")["panel"]["many"]
+    assert [row["who"]["name"] for row in many] == ["random", "greedy"]
+    assert many[1]["landed"][0] == 100  # greedy always comes home
+    for low, mean, high in ((row["both"][1], row["both"][0], row["both"][2]) for row in many):
         assert 0 <= low <= mean <= high <= 100
-    assert rows[1]["landed"][0] == 100  # greedy always comes home
+    assert "many" not in tell("policy", which=0, name="greedy")["panel"]
 
 
-def test_q_values_are_those_of_the_agent_and_forbidden_actions_have_none(lab):
-    panel = tell(lab, "tool", tool="think")
-    name = lab.stage.policies[0]
-    flight, agent = lab._hangar.flight(lab.stage, name), lab._hangar.policy(name)
-    q = np.array(panel["q"], float)
-    assert q.shape == (len(flight.action), 6)
-    assert (np.nanargmax(q, axis=1) == flight.action).all()
-    first = agent.q_values(flight.start)[0].numpy()
-    known = np.isfinite(q[0])
-    assert np.allclose(q[0][known], first[known], atol=1e-3) and (first[~known] < -1e6).all()
-    assert panel["gaps"][panel["closest"]] == min(panel["gaps"])
-    assert panel["note"] == "" and panel["chosen"] == name
+def test_what_takes_long_is_ended_by_what_is_done_meanwhile(modules, tell):
+    script = """async () => {
+        const answers = [];
+        lab.post = (answer) => answers.push(answer);
+        const long = lab.hear({ kind: "many" });
+        const other = lab.hear({ kind: "cancel" });
+        await Promise.all([long, other]);
+        const scenes = answers.flatMap(({ scene }) => scene ?? []);
+        return scenes.map(({ refused, panel }) => [refused, Boolean(panel.many)]);
+    }"""
+    assert modules(script) == [["", False], ["", False]]
 
 
-@pytest.mark.parametrize("number", range(4))
-def test_reasons_are_what_the_flight_does_next(lab, number):
-    tell(lab, "tool", tool="think")
-    for _ in range(number):
-        tell(lab, "new")
-    said, left = tell(lab, "show", step=0)["says"], flights(lab)[0].data_left
-    assert any("because device" in each for each in said)
-    for step, text in enumerate(said):
-        found = re.search(r"device (\d).* gives ([\d.]+) units (in this|within (\d+)) step", text)
-        enough = [k for k in range(step + 1, len(left)) if (left[step] - left[k]).max() >= 0.5]
-        cells = flights(lab)[0].uav_cell
-        if "back to where it just was" in text:
-            assert cells[step + 1] == cells[step - 1] != cells[step]
-            continue
-        if not found:
-            home = re.search(r"because home is (\d+) units of time away and (\d+) are left", text)
-            assert not enough or "hover" in text[:5] or "land" in text[:4] or home
-            assert not home or int(home[2]) <= int(home[1]) + 1
-            continue
-        device, steps = int(found[1]), int(found[4] or 1)
-        given = left[step] - left[step + steps]
-        assert step + steps == enough[0] and device == given.argmax()
-        assert given[device] == pytest.approx(float(found[2]), abs=0.051)
-        assert ("because" in text) == (steps <= 3) != ("on the way to" in text)
+def test_the_ledger_of_the_radio_link_is_that_of_python(tell):
+    scene = tell("tool", tool="channel")
+    panel, device = scene["panel"], scene["state"]["devices"][0]["cell"]
+    environment = Environment(load_city("village"))
+    loss, building, snr = (np.array(panel[name]) for name in ("pathLoss", "building", "snr"))
+    assert np.allclose(panel["transmit"] - loss - building, snr)
+    cell = device[0] * 8 + device[1]
+    assert ((building > 1e-6) == ~environment.sight[0, cell]).all()
+    assert panel["distance"][cell] == 10  # the altitude
+    assert np.allclose(panel["rate"], rate(snr))
+    low, high = panel["range"]
+    assert low < snr.min() and snr.max() < high
+    shadow = tell("shadow", cell=[4, 0])["panel"]["shadow"]["rows"]
+    assert [sign == "." for sign in "".join(shadow)] == environment.sight[0, 32].tolist()
+    assert tell("shadow", cell=[99, 0])["panel"]["shadow"]["rows"] == []
 
 
-@pytest.mark.parametrize("planner", ["greedy", "random"])
-def test_who_thinks_is_an_agent_and_never_a_planner_under_its_name(lab, planner):
-    agent = lab.stage.policies[0]
-    tell(lab, "policy", which=0, name=planner)
-    panel = tell(lab, "tool", tool="think")
-    assert panel["note"].startswith(f"{planner} has no") and panel["chosen"] == ""
-    assert {name for name, _ in panel["agents"]} & {"greedy", "genie", "random"} == set()
-    assert [each["name"] for each in lab.scene["film"]["flights"]] == [panel["agent"]]
-    tell(lab, "policy", which=1, name=agent)
-    tell(lab, "policy", which=0, name=agent)
-    assert lab.stage.policies == (agent, planner)  # not the same one twice
-    tell(lab, "policy", which=1, name="greedy")
+def test_a_mission_goes_to_python_and_back_and_a_stage_keeps_everything(tell, opened, saved):
+    tell("new")
+    tell("fly", action="hover")
+    tell("policy", which=0, name="random")
+    tell("policy", which=1, name="you")
+    tell("tool", tool="channel")
+    kept = tell("show", step=1)["state"]
+    stage, mission = json.loads(saved("stage")), json.loads(saved("mission"))
+    assert as_json(mission_from_json(mission)) == mission == stage["mission"]
+    drawn = Mission.draw(find_scenario("village"), load_city("village"), 1)
+    assert as_json(drawn) == mission
+    tell("city", name="manhattan")
+    assert opened("a.json", stage)["state"] == kept | {"undo": True, "redo": False}
+    fresh = opened("mission.json", mission)["state"]
+    assert fresh["policies"] == ["random", "greedy"] and fresh["flown"] == ""
 
 
-@pytest.mark.parametrize("number", range(3))
-def test_compare_names_the_device_that_first_gives_something(lab, number):
-    for _ in range(number):
-        tell(lab, "new")
-    panel = tell(lab, "show", step=0)
-    clauses = re.findall(r"gets its first 2 units from device (\d) by step (\d+)", panel["why"])
-    part, soon = panel["parting"], []
-    for flight in flights(lab):
-        given = flight.data_left[part] - flight.data_left[part:]
-        enough = np.flatnonzero((given >= 2).any(axis=1))
-        if len(enough):
-            soon.append((str(given[enough[0]].argmax()), str(part + enough[0])))
-    assert clauses == soon or (not clauses and len({device for device, _ in soon}) == 1)
+def test_a_city_goes_into_a_picture_and_back(tell, opened, saved, tmp_path):
+    rows = tell("city", name="manhattan")["film"]["city"]
+    content = saved("png")
+    (tmp_path / "city.png").write_bytes(content)
+    assert load_city(tmp_path / "city.png").text.split() == rows
+    tell("city", name="village")
+    assert opened("city.PNG", content)["film"]["city"] == rows
+    opened("city.png", b"no picture", refused="no readable PNG")
 
 
-@pytest.mark.parametrize("wanted", [1, -1])
-def test_compare_says_what_the_loser_left_and_when_the_winner_got_it(wanted):
-    lab = Session(city="manhattan")
-    panel = tell(lab, "duel", wanted=wanted)
-    said = r"leaves ([\d.]+) units more at device (\d).*; .* gets them from step (\d+) to (\d+)"
-    amount, *numbers = re.search(said, panel["why"]).groups()
-    device, first, last = map(int, numbers)
-    winner, loser = (flight.data_left[:, device] for flight in flights(lab)[::wanted])
-    assert loser[-1] - winner[-1] == pytest.approx(float(amount), abs=0.051)
-    assert winner[first - 1] >= loser[-1] - 0.1 > winner[first]
-    assert winner[last] <= winner[-1] + 0.1 < winner[last - 1]
-    assert panel["look"][0] == panel["parting"] and first - 1 in panel["look"]
+def test_a_checkpoint_that_is_opened_flies_and_is_a_rival(opened, tell):
+    content = (data_folder() / "checkpoints" / "open_field_ddqn.safetensors").read_bytes()
+    state = opened("mine.safetensors", content)["state"]
+    assert state["policies"] == ["mine", "greedy"] and state["city"] == "open_field"
+    assert ["mine", "mine"] in state["known"]
+    opened("mine.safetensors", content[:5000], refused="not an agent of this package")
 
 
-def test_steps_without_data_are_counted_and_the_longest_stretch_that_leads_nowhere_is_found():
-    flight = SimpleNamespace(
-        uav_cell=np.array([0, 1, 2, 1, 2, 2, 2, 2, 2, 2]),
-        action=np.array([EAST, EAST, WEST, EAST, HOVER, HOVER, HOVER, LAND, LAND]),
-        intervened=np.array([False] * 7 + [True, False]),
-        data_left=np.array([9.0, 9, 9, 9, 9, 9, 8, 8, 8, 8])[:, None],
-    )
-    for step, count, stretch in ((0, 7, (1, 5)), (3, 4, None)):
-        assert idle(flight, step).sum() == count  # a refused landing brings nothing, too
-        assert astray(flight, step) == stretch
+@pytest.mark.parametrize(
+    ("entry", "value", "said"),
+    [
+        ("version", 2, "no stage"),
+        ("tool", 7, "choose one of"),
+        ("policies", ["greedy"], "give two names"),
+        ("flown", "nx", "other letters"),
+        ("flown", "h" * 401, "more than 400"),
+        ("flown", 5, "must be a text"),
+        ("step", 1.5, "must be a whole number"),
+        ("step", -2, "must be at least -1"),
+        ("device", 2, "there are"),
+        ("device", True, "must be a whole number"),
+        ("mission", None, "the file"),
+    ],
+)
+def test_a_file_with_a_wrong_entry_is_refused(opened, saved, entry, value, said):
+    opened("a.json", json.loads(saved("stage")) | {entry: value}, refused=said)
 
 
-def test_there_is_a_value_wherever_it_may_fly(lab):
-    tell(lab, "tool", tool="think")
-    found = tell(lab, "values", step=2)["values"]
-    assert found["step"] == 2
-    nowhere = [[value is None for value in row] for row in found["values"]]
-    assert nowhere == lab.stage.mission.city.no_fly.tolist()
-
-
-def test_the_ledger_of_the_radio_link_adds_up(lab):
-    panel = tell(lab, "tool", tool="channel")
-    loss, building, snr = (np.array(panel[k]) for k in ("path_loss", "building", "snr"))
-    assert np.allclose(panel["transmit"] - loss - building, snr, atol=0.1)
-    row, col = lab.stage.mission.devices[panel["device"]]
-    sight = lab._hangar.environment.sight[0, row * 8 + col].reshape(8, 8)
-    assert ((building > 0) == ~sight).all()
-    assert panel["distance"][row][col] == 10  # the altitude
-    low, high = panel["range"]  # the same for each device
-    assert low < snr.min() and snr.max() < high and high - low < np.ptp(snr) + 30
-    assert np.allclose(panel["rate"], rate(snr), rtol=0.02, atol=1e-4)
-
-
-def test_the_shadow_of_a_cell_is_what_a_device_there_cannot_see(lab):
-    shadow = tell(lab, "shadow", cell=[4, 0])["shadow"]
-    sight = lab._hangar.environment.sight[0, 32].reshape(8, 8)
-    assert [[sign == "." for sign in row] for row in shadow["rows"]] == sight.tolist()
-    building = np.argwhere(lab._hangar.environment.cities[0].buildings)[0].tolist()
-    for nowhere in ([99, 0], building):
-        assert tell(lab, "shadow", cell=nowhere)["shadow"]["rows"] == []
-
-
-def test_a_flight_by_hand_is_the_mission_flown_so(lab):
-    tell(lab, "tool", tool="fly")
-    for action in ("east", "hover"):
-        tell(lab, "fly", action=action)
-    assert lab._hangar.flight(lab.stage, "you").action.tolist() == [EAST, HOVER]
-    you, ghost = lab.scene["film"]["flights"]
-    assert you["end"] == "in the air" and len(you["path"]) == 3 and ghost["name"] == "greedy"
-    panel = tell(lab, "fly", action="north")
-    assert panel["ranking"] == [] and panel["you"]["steps"] == 3
-
-
-def test_the_ranking_keeps_flights_that_ended_the_best_first(lab):
-    tell(lab, "tool", tool="fly")
-    tell(lab, "fly", action="land")
-    home = tell(lab, "again")["ranking"]
-    for _ in range(lab.stage.mission.flying_time):
-        panel = tell(lab, "fly", action="hover")
-    lab.hear({"kind": "fly", "action": "hover"})
-    assert "this flight is over" in lab.scene["refused"]
-    assert len(home) == 1 and len(panel["ranking"]) == 2
-    assert panel["ranking"][0]["landed"] and not panel["ranking"][1]["landed"]
-
-
-def test_undo_brings_a_mission_back_and_redo_takes_it_again(lab):
-    before, device = lab.stage.mission, lab.stage.mission.devices[0]
-    tell(lab, "add", cell=[7, 7]) if len(before.devices) < 2 else tell(lab, "remove", device=1)
-    after = lab.stage.mission
-    tell(lab, "tool", tool="think")
-    tell(lab, "undo", by=-1)
-    assert lab.stage.mission is before and lab.stage.tool == "think"
-    tell(lab, "undo", by=1)
-    assert lab.stage.mission is after and after.devices[0] == device
-    lab.hear({"kind": "undo", "by": 1})
-    assert "nothing more to undo" in lab.scene["refused"]
-
-
-def test_a_refusal_leaves_everything_as_it_is(lab):
-    before = lab.stage
-    for told in (
-        {"kind": "move", "device": 0, "cell": [99, 0]},
-        {"kind": "x"},
-        {},
-        {"kind": "duel"},
-    ):
-        lab.hear(told)
-        assert lab.scene["refused"] and lab.stage is before
-    tell(lab, "show", step=0)
-
-
-def test_the_link_opens_the_same_elsewhere(lab):
-    tell(lab, "city", name="empty 8 × 8")
-    tell(lab, "paint", cells=[[4, 4], [4, 5]], sign="b")
-    tell(lab, "policy", which=0, name="random")
-    other = Session(city="village")
-    tell(other, "open", link=lab.scene["state"]["link"])
-    assert other.scene["film"] == lab.scene["film"]
-    assert read_link(other.stage.link).as_json() == lab.stage.as_json()
-
-
-def test_files_are_given_as_they_are_opened():
-    given = {}
-    lab = Session(city="village", give=given.__setitem__)
-    tell(lab, "save", what="stage")
-    tell(lab, "save", what="png")
-    content = {name: base64.b64decode(each.split(",")[1]) for name, each in given.items()}
-    assert json.loads(content["village_stage.json"]) == lab.stage.as_json()
-    assert content["village.png"].startswith(b"\x89PNG")
-
-
-def test_the_widget_hears_and_shows_what_the_session_does(monkeypatch):
-    sent = []
-    monkeypatch.setattr(Lab, "send", lambda self, told: sent.append(told))
-    widget = Lab(tool="channel", city="village")
-    assert widget.scene["tools"] == ["channel"]
-    widget._handle_custom_msg({"kind": "show", "step": 2}, [])
-    assert widget.scene["state"]["step"] == 2
-    widget._handle_custom_msg({"kind": "save", "what": "png"}, [])
-    assert sent[0]["name"] == "village.png" and sent[0]["address"].startswith("data:image/png;")
-    widget.close()
-
-
-def wait_for(condition):
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.05)
-
-
-def test_a_race_takes_turns_and_a_point_shows_its_agent(lab, monkeypatch):
-    monkeypatch.setattr(train, "EVERY", 0.0)
-    monkeypatch.setattr(train, "EPISODES", 5)
-    tell(lab, "tool", tool="train")
-    tell(lab, "train", settings=["small", "failsafe"])
-    wait_for(lambda: len(lab.scene["panel"]["runs"][0]["points"]) > 2)
-    tell(lab, "pause")
-    first, second = lab.scene["panel"]["runs"]
-    assert not lab.scene["panel"]["running"] and lab.scene["panel"]["error"] == ""
-    steps = [[point["steps"] for point in run["points"]] for run in (first, second)]
-    assert steps[0] == steps[1] and steps[0][1] == train.TURN * 16
-    assert all(point["landed"] == 1 for point in second["points"])  # the failsafe
-    tell(lab, "point", run=1, point=0)
-    (flown,) = lab.scene["film"]["flights"]
-    assert flown["name"] == "orange's agent after 0 steps" and flown["end"] == "landed"
-    before = len(first["points"])
-    tell(lab, "train", settings=[])  # go on
-    wait_for(lambda: len(lab.scene["panel"]["runs"][0]["points"]) > before)
-    lab.close()
-    assert not lab._race.running
-
-
-def run_of(*shares):
-    points = enumerate(shares)
-    keys = ("landed", "collected_and_landed")
-    points = [{"steps": 5000 * k, **dict.fromkeys(keys, share)} for k, share in points]
-    return train.Run("small", None, points)
-
-
-def test_a_race_says_where_they_learned_to_land_and_how_they_ended():
-    blue, orange = run_of(0, 0.93, 0.3, 0.92), run_of(0, 0.9, 0, 0, 0)
-    assert (blue.kink, orange.kink, run_of().kink, run_of(1, 1).kink) == (3, None, None, None)
-    assert run_of(0.2, 0.5, 0.5).kink == 1 and train.sentences([run_of()], False) == []
-    first = "Blue learns to land for good here, after 15,000 steps: 30 of 100 before, 92 then."
-    forgot = "After 5,000 steps 93 landed, but it forgot how."
-    never = "Orange has not learned to land for good."
-    assert train.sentences([blue, orange], False) == [first, forgot, never]
-    assert train.sentences([run_of(1, 0.5)], False) == ["Blue lands from the start."]
-    *before, end = (
-        each.replace("\N{NO-BREAK SPACE}", " ") for each in train.sentences([blue, orange], True)
-    )
-    assert before == [first, forgot, never]
-    brings = "lands {0} of 100 and brings {0} % of the data home"
-    assert end == f"Blue wins: blue {brings.format(92)}; orange {brings.format(0)}."
-    assert train.sentences([orange, blue], True)[-1].startswith("Orange wins")
-    for level in ([blue, blue], [blue]):
-        assert train.sentences(level, True)[-1].startswith("In the end: blue lands 92")
-
-
-def test_a_race_over_a_large_city_moves_to_the_village_and_equal_runs_have_other_seeds(monkeypatch):
-    monkeypatch.setattr(train.Race, "go_on", lambda self: None)
-    lab = Session(tool="train", city="manhattan")
-    tell(lab, "train", settings=["small", "small"])
-    assert lab.stage.mission.city.name == "village"
-    assert [run.trainer.seed for run in lab._race.runs] == [0, 1]
+def test_what_is_no_file_of_the_labs_is_refused(opened):
+    opened("a.json", b"{", refused="no JSON")
+    opened("a.json", [1], refused="no stage and no mission")
+    opened("a.json", b" " * 1_000_001, refused="too large")

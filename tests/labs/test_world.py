@@ -24,7 +24,7 @@ from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City, load_city, shipped_cities
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
 from uavdh_lite.errors import InputError
-from uavdh_lite.labs.page import AGENTS, checkpoint, import_map, packed_agent
+from uavdh_lite.labs.page import AGENTS, bundle, packed
 from uavdh_lite.missions import Mission, as_json, mission_from_json
 from uavdh_lite.planners import Greedy
 from uavdh_lite.scenario import Scenario, find_scenario
@@ -132,14 +132,14 @@ def agents():
     """For each agent of the page its file in half precision, a city, states and their Q-values."""
     cases = []
     for name in AGENTS:
-        agent = load_agent(checkpoint(name))
+        agent = load_agent(name)
         agent.network.half().float()  # the weights that the page has
         several = len(agent.cities) > 1  # then a smaller city, too
         known = ("manhattan", "village") if several else (agent.city.name,)
         for city in (city for city in CITIES if city.name in known):
             state = draw_states(agent.over(city).environment, agent.scenario, STATES, 7)
             values = agent.over(city).q_values(state).numpy()
-            cases.append((packed_agent(checkpoint(name)), city, state, values))
+            cases.append((packed(agent), city, state, values))
     return cases
 
 
@@ -203,14 +203,13 @@ def by_node(asked: dict, folder: Path) -> str:
 
 def by_chromium(asked: dict, folder: Path) -> str:
     """From a page on the disk, with the modules as the labs' page has them."""
-    modules = json.dumps({"imports": import_map(TWIN)})
     path = folder / "twin.html"
-    path.write_text(f'<script type="importmap">{modules}</script>')
+    path.write_text(f"<script>{bundle(TWIN)}</script>", encoding="utf-8")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         page = browser.new_page()
         page.goto(path.as_uri())
-        call = 'async (asked) => JSON.stringify((await import("twin.js")).answer(asked))'
+        call = "(asked) => JSON.stringify(twin_js.answer(asked))"
         return page.evaluate(call, asked)
 
 

@@ -71,7 +71,6 @@ def test_a_module_imports_or_names_the_extra_that_it_needs(tmp_path):
     ("arguments", "extra"),
     [
         ("export --checkpoint manhattan", "onnx"),
-        ("app --no-browser", "app"),
         ("city town.geojson --centre 50,8", "footprints"),
         ("trace munich", "sionna"),
     ],

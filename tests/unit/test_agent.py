@@ -8,7 +8,6 @@ from uavdh_lite.agent import CHUNK
 from uavdh_lite.city import City
 from uavdh_lite.environment import HOVER
 from uavdh_lite.errors import InputError
-from uavdh_lite.labs.think import value_map
 
 TINY = City.from_text("tiny", "L . b \n . . . \n . B .")
 
@@ -52,12 +51,3 @@ def test_which_cities_it_knows_and_that_a_larger_one_is_refused(agent, corridor)
         _ = several.city
     with pytest.raises(InputError, match=r"up to 5 cells .* 16 .*manhattan"):
         agent.over(manhattan)
-
-
-def test_a_value_map_moves_the_uav_and_nothing_else(agent, states, corridor):
-    state = states[[0]]
-    values = value_map(agent, state)
-    assert np.array_equal(np.isnan(values), corridor.no_fly)
-    for cell in np.flatnonzero(~corridor.no_fly):
-        moved = replace(state, uav_cell=np.array([cell], np.int16))
-        assert values.flat[cell] == pytest.approx(float(agent.q_values(moved).max()), rel=1e-5)

@@ -1,24 +1,24 @@
-"""`app`: the interactive labs as a web page."""
+"""`app`: the interactive labs as one file."""
 
-from typing import Annotated
-
-from cyclopts import Parameter
-from cyclopts.validators import Number
+from pathlib import Path
 
 
-def app(
-    *,
-    port: Annotated[int, Parameter(validator=Number(gte=1, lte=65535))] = 8866,
-    browser: bool = True,
-) -> None:
-    """Serve the interactive labs, in which a UAV collects data over a city, as a web page.
+def app(*, out: Path = Path("labs.html"), browser: bool = True) -> None:
+    """Write the interactive labs, in which a UAV collects data over a city, into one file.
 
-    The page is for this machine only, on 127.0.0.1. Ctrl-C ends it.
+    Any browser opens it, without a network and without Python: from a disk, a web server, or in a
+    frame of another page.
 
     Arguments:
-        port: port of the page; the next free one if it is taken.
-        browser: open the page in a browser.
+        out: the file.
+        browser: open it in a browser.
     """
-    from uavdh_lite.labs.server import serve
+    import sys
+    import webbrowser
 
-    serve(port, browser)
+    from uavdh_lite.labs.page import write_page
+
+    write_page(out)
+    print(f"labs: {out}", file=sys.stderr)
+    if browser:
+        webbrowser.open(out.resolve().as_uri())

@@ -26,7 +26,7 @@ COMMANDS = {
     "trace": ("city", "Make a city from a scene of Sionna RT, and trace its gains."),
     "classroom": ("classroom", "Collect, look through and give back a class's exercises."),
     "doctor": ("doctor", "Say what is installed, what is missing, and how to get it."),
-    "app": ("app", "Serve the interactive labs as a web page."),
+    "app": ("app", "Write the interactive labs as one file, and open it."),
 }
 
 

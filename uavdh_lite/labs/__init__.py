@@ -1,6 +1,6 @@
 """The labs: one stage with one mission, and six tools to look at it.
 
-`Lab` is imported when it is first asked for: the web page does without Jupyter.
+`Lab` is imported when it is first asked for, so that a command's help does not wait for PyTorch.
 """
 
 __all__ = ["Lab"]

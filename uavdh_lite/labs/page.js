@@ -1,52 +1,37 @@
-// The stage on a page of its own: what a notebook does for a widget, by a socket to the server.
+// Where the code begins: on the page it draws the stage; in a worker, where it begins once more, it
+// computes what the stage shows.
 
-import stage from "./stage.js";
+import { Session } from "./session.js";
+import { draw } from "./stage.js";
 
-const TAKEN = 4000; // the code with which the server ends a connection when its tab was doubled
-const hears = {};
-const unsent = [];
-let [scene, socket] = [null, null];
-const model = {
-  get: () => scene,
-  on: (event, hear) => (hears[event] = hear),
-  send(told) {
-    unsent.push(told);
-    flush();
-  },
-};
+if (typeof document === "undefined") serve();
+else show();
 
-function flush() {
-  if (socket.readyState !== WebSocket.OPEN) return;
-  for (const told of unsent.splice(0)) socket.send(JSON.stringify(told));
-}
-
-// The server knows the session again, after a reload or a connection that was cut
-function connect() {
-  const address = new URL(`socket?session=${sessionStorage.session ?? ""}`, location.href);
-  address.protocol = address.protocol.replace("http", "ws");
-  socket = new WebSocket(address);
-  socket.onopen = () => {
-    document.getElementById("lost").hidden = true;
-    flush();
-  };
-  socket.onmessage = ({ data }) => {
-    const told = JSON.parse(data);
-    if (told.kind === "file") return hears["msg:custom"](told);
-    const before = scene;
-    const another = told.session !== sessionStorage.session;
-    [scene, sessionStorage.session] = [told.scene, told.session];
-    if (!before) stage.render({ model, el: document.getElementById("stage") });
-    else if (another) location.reload(); // it begins where the address says
-    else hears["change:scene"]();
-  };
-  socket.onclose = ({ code }) => {
-    if (code === TAKEN) {
-      sessionStorage.removeItem("session");
-      return location.reload(); // with a session of its own, where the address says
-    }
-    document.getElementById("lost").hidden = false;
-    setTimeout(connect, 1000);
+/** Answers the page. The first thing that it tells is what the page holds. */
+function serve() {
+  let session = null;
+  onmessage = ({ data: told }) => {
+    if (session) return session.hear(told);
+    session = new Session(told, (answer) => postMessage(answer));
+    session.render();
   };
 }
 
-connect();
+function show() {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const code = encodeURIComponent(document.getElementById("code").textContent);
+  const model = { own: location.protocol !== "about:" }; // in a notebook, the page has no address of its own
+  const worker = new Worker(`data:text/javascript;charset=utf-8,${code}`);
+  worker.onmessage = ({ data: answer }) => model.hear(answer);
+  worker.onerror = (event) => {
+    // Where a page may begin no worker, its session computes here
+    event.preventDefault();
+    worker.terminate();
+    const session = new Session(data, (answer) => model.hear(answer));
+    model.send = (told) => session.hear(told);
+    session.render();
+  };
+  model.send = (told) => worker.postMessage(told);
+  draw(document.getElementById("stage"), model);
+  model.send(data);
+}

@@ -1,22 +1,24 @@
 """The labs as one file that any browser opens, from a disk or a link: code, cities and agents.
 
-Nothing is compiled: the modules stand in the page as they are, each in an address of its own.
+Nothing is compiled: the modules stand in the page as they are, each in a function of its own.
 """
 
 import base64
 import json
 import re
+import tempfile
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from safetensors.torch import save as to_bytes
 
-from uavdh_lite import __version__
-from uavdh_lite.checkpoint import load
-from uavdh_lite.city import load_city, shipped_cities
+from uavdh_lite.agent import Agent
+from uavdh_lite.checkpoint import load, load_agent, save_agent
+from uavdh_lite.city import City, load_city, shipped_cities
 from uavdh_lite.missions import Mission, as_json
-from uavdh_lite.scenario import find_scenario
+from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.storage import data_folder, write_atomically
 
 AGENTS = {  # the agents that the page has, with their names for people
@@ -28,12 +30,13 @@ AGENTS = {  # the agents that the page has, with their names for people
 }
 LARGEST = 16  # cells on a side of the cities that the page has
 PACKAGE = Path(__file__).parents[1]
-IMPORT = re.compile(r'(\bfrom |\bimport\(|\bresolve\()"(\.{1,2}/[\w./]+)"')
+IMPORT = re.compile(r'^import (?:\{([^}]*)\}|\* as (\w+))\s+from "([^"]*)";$', re.MULTILINE)
+EXPORT = re.compile(r"^export (?:async )?(?:function|class|const) (\w+|\[[^]]*\])", re.MULTILINE)
 PAGE = """\
 <!doctype html>
 <html lang="en">
 <meta charset="utf-8">
-<meta name="viewport" content="width=device-width">
+<meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark">
 <meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data: blob:;
   style-src 'unsafe-inline'; script-src 'unsafe-inline' data:; worker-src data:">
@@ -41,30 +44,34 @@ PAGE = """\
 <link rel="icon" href="data:,">
 <style>body {{ margin: 0; }}
 {style}</style>
-<main id="stage"></main>
+<main id="stage"><p>Beginning …</p></main>
 <script type="application/json" id="data">{data}</script>
-<script type="importmap">{modules}</script>
-<script type="module">
-import {{ open }} from "stage.js";
-open(document.getElementById("stage"), JSON.parse(document.getElementById("data").textContent));
-</script>
+<script type="module" id="code">{code}</script>
 </html>
 """
 
 
-def page(tool: str | None = None, mission: Mission | None = None) -> str:
+def page(
+    tool: str | None = None,
+    mission: Mission | None = None,
+    agents: Mapping[str, Agent | str | Path] | None = None,
+    races: bool = True,
+) -> str:
     """The page, as HTML.
 
     Arguments:
         tool: the tool to have alone; None: all.
         mission: what it begins with; None: the story.
+        agents: by the names that the page gives them, agents or their files; None: `AGENTS`.
+        races: whether it has the recorded trainings, a quarter of its size.
+
+    Raises `CheckpointError` for a file that holds no agent.
     """
-    style = "\n".join(
-        (PACKAGE / name).read_text(encoding="utf-8") for name in ("player.css", "labs/stage.css")
-    )
-    about = {**data(), "tool": tool, "mission": mission and as_json(mission)}
-    modules = {"imports": import_map(PACKAGE / "labs" / "stage.js")}
-    return PAGE.format(style=style, data=_json(about), modules=_json(modules))
+    names = ("player.css", "labs/stage.css")
+    style = "\n".join((PACKAGE / name).read_text(encoding="utf-8") for name in names)
+    about = {**data(agents, races), "tool": tool, "mission": mission and as_json(mission)}
+    told = json.dumps(about, separators=(",", ":")).replace("<", "\\u003c")
+    return PAGE.format(style=style, data=told, code=bundle(PACKAGE / "labs" / "page.js"))
 
 
 def write_page(path: str | Path) -> None:
@@ -72,35 +79,47 @@ def write_page(path: str | Path) -> None:
     write_atomically(path, lambda temporary: temporary.write_text(page(), encoding="utf-8"))
 
 
-def data() -> dict[str, Any]:
-    """What the page knows: the version, cities with their scenarios, agents, recorded races."""
-    cities = [city for name in shipped_cities() if (city := load_city(name)).size <= LARGEST]
-    return {
-        "version": __version__,
-        "cities": [
-            {
-                "name": city.name,
-                "rows": city.text.split(),
-                "scenario": asdict(find_scenario(city.name)),
-            }
-            for city in cities
-        ],
-        "agents": [
-            {"name": name, "title": title, "base64": _base64(packed_agent(checkpoint(name)))}
-            for name, title in AGENTS.items()
-        ],
-        "races": None,
-    }
+def data(agents: Mapping[str, Agent | str | Path] | None, races: bool) -> dict[str, Any]:
+    """What the page knows: cities with their scenarios, agents, recorded trainings."""
+    shipped = (city for name in shipped_cities() if (city := load_city(name)).size <= LARGEST)
+    cities = [_city(city, find_scenario(city.name)) for city in shipped]
+    shelf = []
+    for name, source in (dict.fromkeys(AGENTS) if agents is None else agents).items():
+        agent = source if isinstance(source, Agent) else load_agent(source or name)
+        about = {"name": name, "title": AGENTS.get(name, name), "given": name not in AGENTS}
+        if len(agent.trained_in) == 1:
+            own = _city(agent.trained_in[0], agent.scenario)
+            known = next((each for each in cities if each["rows"] == own["rows"]), None)
+            if known is None:
+                cities.append(own)
+            about["city"] = (known or own)["name"]
+        about["size"] = agent.observation.size
+        about["scores"] = agent.recipe.as_json()["kind"] == "ImitationRecipe"
+        shelf.append({**about, "base64": base64.b64encode(packed(agent)).decode()})
+    return {"cities": cities, "agents": shelf, "races": recorded_races() if races else None}
 
 
-def checkpoint(name: str) -> Path:
-    """The file of a shipped agent."""
-    return data_folder() / "checkpoints" / f"{name}.safetensors"
+def recorded_races() -> dict[str, Any]:
+    """The trainings that `benchmarks/races.py` recorded, with the agents of their points."""
+    folder = data_folder() / "races"
+    about = json.loads((folder / "races.json").read_text(encoding="utf-8"))
+    for setting in about["settings"]:
+        for point in setting["points"]:
+            content = (folder / point.pop("agent")).read_bytes()
+            point["base64"] = base64.b64encode(content).decode()
+    return about
 
 
-def packed_agent(path: Path) -> bytes:
+def _city(city: City, scenario: Scenario) -> dict[str, Any]:
+    return {"name": city.name, "rows": city.text.split(), "scenario": asdict(scenario)}
+
+
+def packed(agent: Agent) -> bytes:
     """An agent's file with its weights in half precision, without its cities if there are many."""
-    tensors, about = load(path, "agent")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "agent.safetensors"
+        save_agent(file, agent)
+        tensors, about = load(file, "agent")
     if len(about["cities"]) > 1:
         del tensors["cities"]
         about["cities"] = []
@@ -108,42 +127,22 @@ def packed_agent(path: Path) -> bytes:
     return to_bytes(weights, {"uavdh_lite": json.dumps(about)})
 
 
-def import_map(entry: Path) -> dict[str, str]:
-    """The address of each module that one needs, and its own, by the name in its folder.
+def bundle(entry: Path) -> str:
+    """A module and those that it imports, each a function that returns what it exports."""
+    parts: dict[Path, str] = {}  # those that are imported come first
 
-    A worker has no import map, so it brings its modules along.
-    """
-    found, todo = {}, [entry]
-    while todo:
-        path = todo.pop()
-        if path.name in found:
-            continue
+    def take(found: re.Match) -> str:
+        names, whole, file = found.groups()
+        return f"const {whole or '{' + names + '}'} = {Path(file).stem}_js;"
+
+    def add(path: Path) -> None:
         source = path.read_text(encoding="utf-8")
-        workers = path.name == "worker.js"
-        found[path.name] = address(_whole(path) if workers else IMPORT.sub(_bare, source))
-        todo += [] if workers else [path.parent / name for _, name in IMPORT.findall(source)]
-    return found
+        for *_, file in IMPORT.findall(source):
+            if (other := (path.parent / file).resolve()) not in parts:
+                add(other)
+        exports = ", ".join(each.strip("[]") for each in EXPORT.findall(source))
+        body = re.sub("^export ", "", IMPORT.sub(take, source), flags=re.MULTILINE)
+        parts[path] = f"const {path.stem}_js = (() => {{\n{body}\nreturn {{ {exports} }};\n}})();\n"
 
-
-def _bare(found: re.Match) -> str:
-    return f'{found[1]}"{Path(found[2]).name}"'
-
-
-def _whole(path: Path) -> str:
-    """A module in which the others stand as addresses."""
-    source = path.read_text(encoding="utf-8")
-    return IMPORT.sub(lambda it: f'{it[1]}"{address(_whole(path.parent / it[2]))}"', source)
-
-
-def address(source: str) -> str:
-    """A module as an address."""
-    return f"data:text/javascript;base64,{_base64(source.encode())}"
-
-
-def _base64(content: bytes) -> str:
-    return base64.b64encode(content).decode()
-
-
-def _json(value: Any) -> str:
-    """A value as JSON that may stand in a script of a page."""
-    return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
+    add(entry.resolve())
+    return "\n".join(parts.values())

@@ -1,43 +1,68 @@
-"""The stage as a widget of a notebook."""
+"""The labs in a notebook: the same page, in a frame."""
 
-from typing import Any
+import html
+from pathlib import Path
 
-from uavdh_lite.errors import extra
-from uavdh_lite.labs.session import SCRIPT, STYLE, Session, read
+from uavdh_lite.agent import Agent
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.city import load_city
+from uavdh_lite.environment import Environment
+from uavdh_lite.errors import InputError
+from uavdh_lite.labs.page import page
+from uavdh_lite.missions import Mission
+from uavdh_lite.policies import agents_for
+from uavdh_lite.scenario import find_scenario
 
-with extra("notebooks"):
-    import anywidget
-    import traitlets
+TOOLS = ("fly", "compare", "think", "channel", "paint", "watch")
+SMALL = ("manhattan_ddqn", "open_field_ddqn")  # agents that make a notebook hardly larger
+FRAME = """<iframe srcdoc="{page}" title="uavdh_lite labs" allow="fullscreen; clipboard-write"
+  style="width: 100%; height: {height}px; border: 0"></iframe>"""
 
 
-class Lab(anywidget.AnyWidget):
-    """One city, one mission, and six tools to look at it.
+class Lab:
+    """One city, one mission, and six tools to look at it: the page of the labs in a cell's output.
+
+    It lies in a frame of its own, so that no key reaches the notebook while it has the focus. It
+    needs no kernel once it is shown, and stays in the notebook when that is saved.
 
     Arguments:
-        tool: one of fly, compare, think, channel, paint and train, to have it alone; None: all.
-        city: the name of a shipped city.
+        tool: one of fly, compare, think, channel, paint and watch, to have it alone; None: all.
+        city: the name of a shipped city of at most 16×16 cells.
+        mission: what it begins with; None: a random one over the city.
+        agent: an agent that flies, too, or its file. Without one, the page has the DDQN agent where
+            there is one for the city; the others would make the notebook many megabytes larger.
+        height: of the frame, pixels.
 
-    | trait | meaning |
-    | --- | --- |
-    | `scene` | all that the browser draws, as JSON values |
+    Raises `InputError` for a tool that there is not, and `CheckpointError` for a file that holds no
+    agent.
     """
 
-    _esm = read(*SCRIPT)
-    _css = read(*STYLE)
-    scene = traitlets.Dict().tag(sync=True)
+    def __init__(
+        self,
+        tool: str | None = None,
+        city: str = "manhattan",
+        *,
+        mission: Mission | None = None,
+        agent: Agent | str | Path | None = None,
+        height: int = 620,
+    ):
+        if tool is not None and tool not in TOOLS:
+            raise InputError(f"tool {tool!r}: choose one of {', '.join(TOOLS)}")
+        if agent is not None and not isinstance(agent, Agent):
+            agent = load_agent(agent)
+        if mission is None:
+            mission = _mission(agent, city)
+        agents: dict[str, Agent | str | Path] = {"yours": agent} if agent else {}
+        agents |= {name: name for name in agents_for(Environment(mission.city)) if name in SMALL}
+        self.page = page(tool, mission, agents, races=tool == "watch")
+        self.height = height
 
-    def __init__(self, tool: str | None = None, city: str = "manhattan"):
-        super().__init__()
-        self.session = Session(tool, city, self._show, self._give)
-        self.on_msg(lambda _, told, buffers: self.session.hear(told))
+    def _repr_html_(self) -> str:
+        return FRAME.format(page=html.escape(self.page), height=self.height)
 
-    def close(self) -> None:
-        """Pause a training for good and take the stage off the page."""
-        self.session.close()
-        super().close()
 
-    def _show(self, scene: dict[str, Any]) -> None:
-        self.scene = scene
-
-    def _give(self, name: str, address: str) -> None:
-        self.send({"kind": "file", "name": name, "address": address})
+def _mission(agent: Agent | None, city: str) -> Mission:
+    """A mission that an agent can fly: over its own city, if there is only one."""
+    if agent is None or len(agent.trained_in) > 1:
+        return Mission.draw(find_scenario(city), load_city(city), 0)
+    return Mission.draw(agent.scenario, agent.trained_in[0], 0)

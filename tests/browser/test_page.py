@@ -1,0 +1,401 @@
+"""The page of the labs, opened from a disk, without a network: what a person does and sees."""
+
+import json
+import os
+import re
+import shutil
+from contextlib import contextmanager
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import expect, sync_playwright
+
+from uavdh_lite.labs.page import write_page
+from uavdh_lite.storage import data_folder
+
+CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: name one in CHROMIUM")
+TOOLS = ("Fly", "Compare", "Think", "Channel", "Paint", "Watch")
+SIZES = {  # in CSS pixels: a phone, a page at 200 %, tablets, laptops, a projector
+    "phone": (390, 844),
+    "half": (640, 360),
+    "tablet": (820, 1180),
+    "small": (1024, 768),
+    "laptop": (1280, 720),
+    "projector": (1920, 1080),
+}
+SLOW = 60_000  # ms; only what never comes takes so long
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory):
+    file = tmp_path_factory.mktemp("page") / "labs.html"
+    write_page(file)
+    assert file.stat().st_size < 12_000_000
+    return file.as_uri()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+
+
+@contextmanager
+def visiting(browser, address, **options):
+    """A page with the labs; it loads nothing from elsewhere and has no errors."""
+    context, trouble = browser.new_context(**options), []
+    context.set_default_timeout(SLOW)
+    page = context.new_page()
+    inside = ("data:", "blob:", address.split("#")[0])
+    page.on("request", lambda r: r.url.startswith(inside) or trouble.append(r.url))
+    page.on("console", lambda message: trouble.append(message.text))
+    page.on("pageerror", lambda error: trouble.append(str(error)))
+    page.goto(address)
+    page.locator(".map svg").first.wait_for()
+    yield page
+    context.close()
+    assert trouble == []
+
+
+@pytest.fixture(scope="module")
+def shared(browser, address):
+    with visiting(browser, address, viewport={"width": 1280, "height": 720}) as page:
+        press(page, "Skip the story")
+        yield page
+
+
+@pytest.fixture
+def page(shared):
+    """The page with the usual mission over manhattan in the tool Compare."""
+    shared.set_viewport_size({"width": 1280, "height": 720})
+    choose(shared, "city", "village")
+    choose(shared, "city", "manhattan")
+    expect(shared.locator("[data-set='city']")).to_have_value("manhattan")
+    open_tool(shared, "Compare")
+    return shared
+
+
+def press(page, name):
+    page.get_by_role("button", name=name, exact=True).first.click()
+
+
+def choose(page, name, value):
+    page.locator(f"[data-set='{name}']").select_option(value)
+
+
+def open_tool(page, title):
+    page.get_by_role("tab", name=title).click()
+    page.locator(f".main[data-shows='{title.lower()}']").wait_for()
+    page.wait_for_timeout(200)
+
+
+def place(page, row, col):
+    """Where the middle of a cell is on the page."""
+    return page.locator(".map svg").first.evaluate(
+        """(svg, [y, x]) => {
+            const there = new DOMPoint(x, y).matrixTransform(svg.getScreenCTM());
+            return [there.x, there.y];
+        }""",
+        [row, col],
+    )
+
+
+def shown_step(page):
+    return int(page.get_by_role("slider", name="step").input_value())
+
+
+def visible(page, selector):
+    """Whether a thing lies inside of the window, and of the panel that scrolls."""
+    return page.locator(selector).first.evaluate(
+        """each => {
+            const box = each.getBoundingClientRect();
+            const low = each.closest(".tool")?.getBoundingClientRect().bottom ?? innerHeight;
+            const inside = box.left >= -1 && box.right <= innerWidth + 1 && box.top >= -1;
+            return box.width > 0 && inside && box.bottom <= Math.min(innerHeight, low) + 1;
+        }"""
+    )
+
+
+MAIN = {  # what the main task of a tool needs
+    "Fly": (".pad .land", ".pad .east", ".pad .south", ".controls output"),
+    "Compare": ("h2", "[data-ask*=duel]", ".play"),
+    "Think": (".says-why", ".q > div"),
+    "Channel": (".sentence", ".ledger"),
+    "Paint": (".swatch", "[data-set=city]"),
+    "Watch": (".curves",),
+}
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_every_tool_fits_its_window(page, size):
+    width, height = SIZES[size]
+    page.set_viewport_size({"width": width, "height": height})
+    for title in TOOLS:
+        open_tool(page, title)
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), title
+        assert page.evaluate("document.documentElement.scrollHeight <= innerHeight"), title
+        assert page.locator(".tool").evaluate("each => each.scrollWidth <= each.clientWidth"), title
+        if (size, title) not in {
+            ("half", "Compare"),
+            ("half", "Watch"),
+        }:  # these scroll in the panel
+            for needed in (".map svg", *MAIN[title]):
+                assert visible(page, needed), (title, needed)
+        expect(page.locator(".tool .legend")).to_have_count(1)
+
+
+def test_no_type_is_small_on_a_projector_and_no_page_half_empty(page):
+    page.set_viewport_size({"width": 1920, "height": 1080})
+    for title in TOOLS:
+        open_tool(page, title)
+        small = page.evaluate(
+            """() => [...document.querySelectorAll(".uavdh-stage *")]
+                .filter((each) => each.checkVisibility())
+                .filter((each) => [...each.childNodes].some((node) => node.data?.trim()))
+                .map((each) => {
+                    const scale = each.ownerSVGElement ? each.getScreenCTM().a : 1;
+                    return [parseFloat(getComputedStyle(each).fontSize) * scale, each.textContent];
+                })
+                .filter(([size]) => size < 18)"""
+        )
+        assert small == [], title
+        map_height = page.locator(".map svg").first.bounding_box()["height"]
+        assert map_height > (640 if title == "Compare" else 900)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("title", TOOLS)
+def test_no_barriers(page, title, scheme):
+    page.emulate_media(color_scheme=scheme)
+    open_tool(page, title)
+    found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+    told = [(v["id"], [n["target"] for n in v["nodes"]][:5], v["help"]) for v in found]
+    page.emulate_media(color_scheme="light")
+    assert told == []
+
+
+def test_the_story_says_that_it_was_chosen_and_what_a_hundred_missions_say(browser, address):
+    with visiting(browser, address) as page:
+        page.get_by_role("combobox", name="speed").select_option("4")
+        caption = page.locator(".caption")
+        expect(caption).to_contain_text("Two drones, one mission")
+        assert page.locator(".tool h2").evaluate(
+            "each => !each.checkVisibility({visibilityProperty: true})"
+        )
+        page.locator(".controls input").fill("60")  # its end
+        expect(caption).to_contain_text("This mission was chosen because the difference shows.")
+        expect(caption).to_contain_text("DDQN agent wins")  # else it would not be worth a story
+        expect(caption).to_contain_text(
+            re.compile(r"Over 100 random missions, .* brings \d+ % and"), timeout=SLOW
+        )
+        press(page, "Your turn")
+        expect(caption).to_be_hidden()
+        assert page.evaluate("document.activeElement.id") == "panel"
+
+
+def test_a_device_is_dragged_and_moved_by_keys_and_both_can_be_undone(page):
+    label = page.locator(".map g[data-device='0']").first
+    before = label.get_attribute("aria-label")
+    row, col = map(int, re.findall(r"\d+", before)[1:3])
+    free = (0, 5) if (row, col) != (0, 5) else (0, 6)
+    page.mouse.move(*place(page, row, col))
+    page.mouse.down()
+    page.mouse.move(*place(page, *free))
+    page.mouse.up()
+    expect(label).to_have_attribute("aria-label", re.compile(f"row {free[0]}, column {free[1]}"))
+    label.focus()
+    page.keyboard.press("ArrowDown")
+    expect(label).to_have_attribute(
+        "aria-label", re.compile(f"row {free[0] + 1}, column {free[1]}")
+    )
+    expect(page.locator(".map g[data-device='0']:focus")).to_have_count(1)
+    press(page, "undo")
+    expect(label).to_have_attribute("aria-label", before)
+
+
+def test_a_flight_by_keys_ends_with_a_card_and_a_rank(page):
+    open_tool(page, "Fly")
+    for key, count in (("ArrowRight", 1), ("ArrowDown", 2), (" ", 3)):
+        page.keyboard.press(key)
+        expect(page.locator(".controls output")).to_have_text(f"{count} of {count}")
+    trail = page.locator(".ghost-path").get_attribute("d")
+    assert len(set(trail[1:].split("L"))) <= 5  # as far as it has flown
+    press(page, "Again")
+    expect(page.locator(".controls output")).to_have_text("0 of 0")
+    pad = page.locator(".pad").bounding_box()
+    page.keyboard.press(" ")  # steers, though Again was pressed
+    expect(page.locator(".controls output")).to_have_text("1 of 1")
+    assert page.locator(".pad").bounding_box()["y"] == pad["y"]  # it does not jump
+    page.keyboard.press("L")
+    expect(page.locator(".card")).to_contain_text("You landed with")
+    expect(page.locator(".ranking tr")).to_have_count(2)
+    press(page, "hover")
+    expect(page.locator(".refusal")).to_contain_text("this flight is over")
+
+
+def test_the_map_and_the_curves_are_one_tab_stop_each_and_obey_the_arrows(page):
+    choose(page, "city", "empty 8 × 8")
+    open_tool(page, "Paint")
+    page.locator(".map svg").focus()
+    keys = ["ArrowDown"] * 7 + ["ArrowRight"] * 7 + [" ", "ArrowLeft", "ArrowUp", " "]
+    for key in keys:
+        page.keyboard.press(key)
+        page.wait_for_timeout(60)
+    expect(page.locator(".map .kind-B").first).to_have_attribute(
+        "d", re.compile(r"M5.5 5.5\S*M6.5 6.5")
+    )
+    expect(page.locator(".map svg:focus")).to_have_count(1)  # though it was drawn anew
+    open_tool(page, "Channel")
+    page.locator(".map svg").focus()
+    page.keyboard.press("ArrowUp")
+    expect(page.locator(".sentence")).to_contain_text("Row 5, column 6")
+    open_tool(page, "Watch")
+    assert (
+        page.locator(".tool").evaluate("each => each.querySelectorAll('.curves [tabindex]').length")
+        == 0
+    )
+    page.locator(".curves").focus()
+    keys = {"ArrowRight": "blue's agent after 0", "ArrowDown": "orange's agent after 0"}
+    for key, said in keys.items():
+        page.keyboard.press(key)
+        expect(page.locator(".flies")).to_contain_text(said)
+        expect(page.locator(".curves:focus")).to_have_count(1)
+    expect(page.locator("[data-set='city']")).to_have_value("village")
+
+
+def test_a_point_of_a_race_is_pressed_and_two_other_runs_race(page):
+    open_tool(page, "Watch")
+    box = page.locator(".blue .dot").last.bounding_box()
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2 + 15)  # below it
+    expect(page.locator(".flies")).to_contain_text("This flight: blue's agent after")
+    title = page.locator("[data-set='run-1'] option").last.inner_text()
+    page.locator("[data-set='run-1']").select_option(label=title)
+    expect(page.locator(".orange .dot title").first).to_contain_text(title)
+    page.locator("[data-set='run-1']").select_option("")
+    expect(page.locator(".orange .dot")).to_have_count(0)
+    choose(page, "run-1", "1")
+
+
+def test_a_city_is_painted_and_its_shadow_follows_the_pointer(page):
+    choose(page, "city", "empty 8 × 8")
+    open_tool(page, "Paint")
+    page.get_by_role("button", name="tall building").click()
+    page.mouse.move(*place(page, 4, 3))
+    page.mouse.down()
+    page.mouse.move(*place(page, 4, 6), steps=9)
+    page.mouse.up()
+    expect(page.locator(".map .kind-B").first).to_have_attribute(
+        "d", re.compile("M2.5 3.5.*M5.5 3.5")
+    )
+    page.mouse.move(*place(page, 6, 4))
+    expect(page.locator(".map .shadow.live")).to_have_attribute("d", re.compile("M3.5 2.5"))
+
+
+def test_what_is_thought_is_shown_step_by_step_and_as_layers(page):
+    open_tool(page, "Think")
+    press(page, "Closest call")
+    step = shown_step(page)
+    expect(page.locator(".says-why")).to_contain_text(f"Next, step {step + 1}: ")
+    bars = page.locator(".q u").evaluate_all(
+        "all => all.map((each) => parseFloat(each.style.width))"
+    )
+    texts = page.locator(".q b").all_inner_texts()
+    assert bars[texts.index("the best")] == max(bars) == 100  # bars grow with what is good
+    choose(page, "layer", "value")
+    expect(page.locator(".layer path")).not_to_have_count(0)
+    page.get_by_label("centred").check()
+    page.keyboard.press("End")
+    box = list(map(float, page.locator(".map svg").get_attribute("viewBox").split()))
+    col, row = map(
+        float, re.findall(r"-?[\d.]+", page.locator(".map .uav").get_attribute("transform"))
+    )
+    assert [box[0] + 31 / 2, box[1] + 31 / 2] == [col, row] and box[2] == 31
+    page.get_by_label("centred").uncheck()
+    choose(page, "layer", "none")
+
+
+def test_a_link_opens_the_same_in_another_browser_and_after_a_reload(browser, address, page):
+    open_tool(page, "Channel")
+    press(page, "New")
+    expect(page).to_have_url(re.compile("#stage="))
+    page.wait_for_timeout(300)
+    label = page.locator(".map g[data-device='0']").get_attribute("aria-label")
+    with visiting(browser, page.url) as other:
+        other.locator(".main[data-shows='channel']").wait_for()
+        expect(other.locator(".map g[data-device='0']")).to_have_attribute("aria-label", label)
+        other.reload()
+        other.locator(".main[data-shows='channel']").wait_for()
+        expect(other.locator(".caption")).to_be_hidden()
+        press(other, "More")
+        other.locator("[data-set='link']").fill("nothing")
+        other.locator("[data-set='link']").press("Enter")
+        expect(other.locator(".refusal")).to_contain_text("no link")
+
+
+def test_files_are_saved_opened_and_dropped(page, tmp_path):
+    press(page, "More")
+    with page.expect_download() as saved:
+        press(page, "Save")
+    saved.value.save_as(tmp_path / "stage.json")
+    assert (
+        json.loads((tmp_path / "stage.json").read_text())["mission"]["city"]["name"] == "manhattan"
+    )
+    choose(page, "city", "village")
+    page.get_by_label("Open").set_input_files(tmp_path / "stage.json")
+    expect(page.locator("[data-set='city']")).to_have_value("manhattan")
+    page.keyboard.press("Escape")
+    expect(page.locator(".drawer")).to_be_hidden()
+    agent = (data_folder() / "checkpoints" / "open_field_ddqn.safetensors").read_bytes()
+    page.locator(".main").evaluate(
+        """(main, bytes) => { const data = new DataTransfer();
+        data.items.add(new File([Uint8Array.from(bytes)], "mine.safetensors"));
+        main.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true })); }""",
+        list(agent),
+    )
+    expect(page.locator("[data-set='city']")).to_have_value("open_field")
+    expect(page.locator(".flight .name").first).to_have_text("mine")
+
+
+@pytest.mark.parametrize("size", ["tablet", "phone"])
+def test_touch_flies_lands_and_drags(browser, address, size):
+    width, height = SIZES[size]
+    options = {"viewport": {"width": width, "height": height}, "has_touch": True, "is_mobile": True}
+    with visiting(browser, address, **options) as page:
+        page.get_by_role("button", name="Skip the story").tap()
+        page.get_by_role("tab", name="Fly").tap()
+        page.locator(".main[data-shows='fly']").wait_for()
+        for action, count in (("hover", 1), ("north", 2), ("south", 3)):
+            page.locator(f".pad .{action}").tap()
+            expect(page.locator(".controls output")).to_have_text(f"{count} of {count}")
+        word = page.locator(".term").first
+        word.tap()
+        expect(word).to_be_focused()
+        page.locator(".pad .land").tap()
+        expect(page.locator(".card")).to_contain_text("You landed")
+        page.get_by_role("button", name="Again").tap()
+        expect(page.locator(".controls output")).to_have_text("0 of 0")
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_it_works_in_a_frame_and_where_no_worker_may_begin(browser, address, tmp_path):
+    around = tmp_path / "around.html"
+    around.write_text(f'<iframe src="{address}" width="1000" height="600"></iframe>')
+    page = browser.new_page()
+    page.goto(around.as_uri())
+    frame = page.frame_locator("iframe")
+    frame.get_by_role("button", name="Skip the story").click(timeout=SLOW)
+    page.close()
+    page = browser.new_page()
+    page.add_init_script(
+        """window.Worker = class {
+            constructor() { setTimeout(() => this.onerror(new Event("error"))); }
+            postMessage() {}
+            terminate() {}
+        };"""
+    )
+    page.goto(address)
+    press(page, "Skip the story")
+    open_tool(page, "Think")
+    expect(page.locator(".q u")).not_to_have_count(0)
+    page.close()

@@ -1,0 +1,57 @@
+"""The modules of the labs in a real browser, without the page around them."""
+
+import json
+import os
+import shutil
+
+import pytest
+from playwright.sync_api import sync_playwright
+
+from uavdh_lite.labs.page import PACKAGE, bundle, data
+
+CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium")
+DDQN = {"manhattan_ddqn": "manhattan_ddqn"}
+TELL = """async (told) => {
+    const answers = [];
+    lab.post = (answer) => answers.push(answer);
+    await lab.hear(told);
+    return answers.findLast(({ kind }) => kind === "scene").scene;
+}"""
+
+
+@pytest.fixture(scope="module")
+def modules():
+    """A function that evaluates JavaScript in which `NAME_js` is what the module NAME exports."""
+    if CHROMIUM is None:
+        pytest.skip("no Chromium: name one in CHROMIUM")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page()
+        page.add_script_tag(content=bundle(PACKAGE / "labs" / "session.js"))
+        yield page.evaluate
+
+
+@pytest.fixture(scope="module")
+def shared(modules):
+    """A session with the DDQN agent of manhattan, as `lab` in the browser."""
+    told = json.dumps({**data(DDQN, False), "tool": None, "mission": None})
+    modules(f"() => {{ window.lab = new session_js.Session({told}, () => {{}}); lab.render(); }}")
+
+
+@pytest.fixture
+def tell(modules, shared):
+    """A function that tells the session something and returns the next scene.
+
+    It begins with the village, the tool Compare, random and greedy.
+    """
+
+    def tell(kind, refused="", **values):
+        scene = modules(TELL, {"kind": kind, **values})
+        assert refused in scene["refused"] and bool(scene["refused"]) == bool(refused), scene
+        return scene
+
+    tell("city", name="village")
+    tell("tool", tool="compare")
+    for which, name in enumerate(("random", "greedy")):
+        tell("policy", which=which, name=name)
+    return tell

@@ -1,0 +1,141 @@
+// Two flights of one mission: where they part, who is ahead and why, as facts.
+
+import { ACTIONS, LAND, sum } from "./world.js";
+
+const AHEAD = 2; // of the return: a clear win
+const LEVEL = 0.5;
+const LITTLE = 0.1; // data units: nothing to speak of
+const ENOUGH = 0.5; // worth a word
+const MUCH = 2; // a reason
+const NEAR = 2; // cells between them
+const LONG = 3; // more steps without data than the other's that are worth a word
+
+const cellsApart = (one, other, size) =>
+  Math.abs(Math.floor(one / size) - Math.floor(other / size)) + Math.abs((one % size) - (other % size));
+const dataApart = (one, other) => Math.max(...one.map((each, k) => Math.abs(each - other[k])));
+
+/**
+ * The step in which two flights part for good; null if they come to the same end.
+ *
+ * That is where they were nearest when they were near each other for the last time, with about the
+ * same data: two ways to one device are no parting. If they end near each other, it is the last cell
+ * that they have in common in which they act differently.
+ * @param {import("./flights.js").Flight} first
+ * @param {number} size of the city
+ */
+export function parting(first, second, size) {
+  const steps = Math.min(first.action.length, second.action.length);
+  if (steps === 0) return null;
+  const each = (what) => Array.from({ length: steps + 1 }, (_, k) => what(k));
+  const far = each((k) => cellsApart(first.uavCell[k], second.uavCell[k], size));
+  const apart = each((k) => dataApart(first.dataLeft[k], second.dataLeft[k]));
+  if (far[steps] === 0 && apart[steps] < ENOUGH && first.action.length === second.action.length) return null;
+  const differ = each((k) => k < steps && first.action[k] !== second.action[k]);
+  const near = each((k) => far[k] <= NEAR && apart[k] < MUCH);
+  const last = near.lastIndexOf(true);
+  const begin = near.lastIndexOf(false, last) + 1; // of those up to the last
+  const meeting = [];
+  for (let k = begin; k <= last; k += 1) if (differ[k]) meeting.push(k);
+  if (near[steps] || !meeting.length) {
+    const same = each((k) => far[k] === 0 && apart[k] < Math.max(ENOUGH, apart[steps]));
+    const acts = each((k) => same[k] && differ[k]).lastIndexOf(true);
+    return acts >= 0 ? acts : same.lastIndexOf(true, steps - 1);
+  }
+  return meeting.reduce((one, other) => (far[other] <= far[one] ? other : one));
+}
+
+/**
+ * Who is ahead, and by what.
+ * @param {[import("./words.js").Who, import("./words.js").Who]} who
+ * @param {[object, object]} results from `numbers`
+ */
+export function verdict(who, results) {
+  if (results.some(({ steps }) => steps === 0)) return { kind: "empty" };
+  if (!results.every(({ ended }) => ended)) return { kind: "air" };
+  const difference = results[0].return - results[1].return;
+  if (Math.abs(difference) < LEVEL) return { kind: "level" };
+  const ahead = difference > 0 ? 0 : 1;
+  const [won, lost] = [results[ahead], results[1 - ahead]];
+  const both = { who: who[ahead], other: who[1 - ahead] };
+  if (won.landed && !lost.landed) return { kind: "crash", ...both };
+  const gained = won.collected - lost.collected;
+  const sooner = lost.steps - won.steps;
+  const more = Math.abs(gained) >= (sooner ? ENOUGH : LITTLE) ? gained : 0;
+  return { kind: "wins", ...both, more, sooner, by: gained < 0 ? Math.abs(difference) : 0 };
+}
+
+/**
+ * What each does where they part, and what comes of it: facts, each with the step to look at, `look`.
+ * @param {number | null} part from `parting`
+ */
+export function reasons(who, flights, part) {
+  if (flights.some(({ action }) => !action.length)) return [];
+  if (part === null) return [{ kind: "same" }];
+  const ends = flights.map((flight, k) => ({ who: who[k], ...towards(flight, part) }));
+  const apart = ends[0].device !== ends[1].device || ends[0].home !== ends[1].home;
+  const acts = flights.map((flight, k) => ({ who: who[k], ...acted(flight, part) }));
+  const facts = [{ kind: "part", step: part, acts, ends: apart ? ends : null, look: part }];
+  if (flights.some(({ landed, timeLeft }) => !landed && timeLeft.at(-1) > 0)) return facts; // one is in the air
+  const behind = sum(flights[0].reward) < sum(flights[1].reward) ? 0 : 1;
+  const [count, others] = [behind, 1 - behind].map((k) => idle(flights[k], part).filter((each) => each).length);
+  const lost = astray(flights[behind], part);
+  const about = { who: who[behind], other: who[1 - behind] };
+  if (lost) facts.push({ kind: "astray", ...about, first: lost[0], last: lost[1], look: lost[0] });
+  else if (count - others >= LONG) facts.push({ kind: "idle", ...about, count, others });
+  const left = flights[0].dataLeft.at(-1).map((each, k) => each - flights[1].dataLeft.at(-1)[k]);
+  const fewer = sum(left) > 0 ? 0 : 1; // who brings less data
+  const more = left.map((each) => (fewer === 0 ? each : -each));
+  const device = more.indexOf(Math.max(...more));
+  if (more[device] >= ENOUGH) {
+    const [loser, winner] = [flights[fewer], flights[1 - fewer]];
+    const unused = loser.timeLeft.at(-1) >= LONG ? loser.timeLeft.at(-1) : 0;
+    const theirs = winner.dataLeft.slice(1).map((each) => each[device]);
+    const first = theirs.findIndex((each) => each < loser.dataLeft.at(-1)[device] - LITTLE);
+    const last = theirs.findIndex((each) => each <= theirs.at(-1) + LITTLE);
+    const pair = { who: who[fewer], other: who[1 - fewer] };
+    facts.push({ kind: "leaves", ...pair, device, more: more[device], unused, first, last, look: first });
+  }
+  return facts;
+}
+
+const acted = (flight, step) => ({ action: ACTIONS[flight.action[step]], refused: Boolean(flight.intervened[step]) });
+
+/** Steps from this one on that bring hardly any data, for each whether it is one; a landing is none. */
+export function idle(flight, step) {
+  const total = flight.dataLeft.map(sum);
+  const lands = (k) => flight.action[k] === LAND && !flight.intervened[k];
+  return Array.from(flight.action, (_, k) => k >= step && total[k] - total[k + 1] < LITTLE && !lands(k));
+}
+
+/** The longest stretch of idle steps that stay where it is or lead to and fro, `[first, behind its last]`, or null. */
+export function astray(flight, step) {
+  const { uavCell: cells, action } = flight;
+  const turns = (k) => k >= 0 && k + 2 < cells.length && cells[k + 2] === cells[k];
+  const lost = idle(flight, step).map((each, k) => each && (turns(k) || turns(k - 1) || cells[k + 1] === cells[k]));
+  let best = [0, 0];
+  for (let first = 0; first < action.length; first += 1) {
+    let last = first;
+    while (lost[last]) last += 1;
+    if (last - first > best[1] - best[0]) best = [first, last];
+    first = Math.max(first, last - 1);
+  }
+  return best[1] - best[0] >= LONG ? best : null;
+}
+
+/** The device that first gives much and the step by which it has, or whether it goes straight home. */
+function towards(flight, step) {
+  for (let after = step + 1; after < flight.dataLeft.length; after += 1) {
+    const given = flight.dataLeft[step].map((each, k) => each - flight.dataLeft[after][k]);
+    const most = Math.max(...given);
+    if (most >= MUCH) return { device: given.indexOf(most), by: after };
+  }
+  const way = Array.from(flight.uavCell.slice(step, -1)); // without the step that lands
+  return { home: flight.landed && way.length > 1 && new Set(way).size === way.length };
+}
+
+/** Whether flights with these results are the duel that was asked for: 1, −1 or, level, 0. */
+export function isDuel(wanted, [first, second], part) {
+  const ahead = first.return - second.return;
+  const gained = first.collected - second.collected;
+  return wanted ? wanted * ahead > AHEAD && wanted * gained > -LITTLE : Math.abs(ahead) < LEVEL && part !== null;
+}

@@ -1,0 +1,131 @@
+// Who flies, and the flights of one mission, each flown once.
+
+import { hiddenRows } from "./channel.js";
+import { Greedy, Random } from "./pilots.js";
+import { ACTIONS, Environment, HandFlight, sum } from "./world.js";
+import { LETTERS, YOU } from "./state.js";
+
+/**
+ * @typedef {import("./world.js").Trajectory & { values?: Float32Array[] }} Flight
+ *   with the Q-values or scores before each step, where an agent flew
+ * @typedef {import("./words.js").Who} Who
+ */
+
+// Okabe and Ito's colours, as in plotting.py, which colour-blind readers can tell apart
+const COLOURS = ["#E69F00", "#0072B2", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#8C6D1F", "#5E4FA2", "#A6761D", "#1B9E77"];
+const colourOf = (device) => COLOURS[device % COLOURS.length];
+
+/** How a policy is called. @param {Object<string, Who>} agents by name @returns {Who} */
+export function whoIs(name, agents) {
+  if (name === YOU) return { name, title: "you", subject: "you", you: true };
+  const { title = name, subject = name } = agents[name] ?? {};
+  return { name, title, subject, you: false };
+}
+
+/** The flights of one mission, each flown when it is first asked for. */
+export class Hangar {
+  /** @param {Hangar | null} before its environment serves again if the city is the same */
+  constructor(mission, agents, before = null) {
+    const same = before && before.mission.city === mission.city;
+    this.environment = same ? before.environment : new Environment(mission.city);
+    this.pilots = same ? before.pilots : new Map();
+    Object.assign(this, { mission, agents, flown: new Map() });
+  }
+
+  /** @returns {Flight} of a policy, or that by hand, as far as it has come */
+  flight(policy, letters = "") {
+    const key = policy === YOU ? `${YOU} ${letters}` : policy;
+    if (!this.flown.has(key)) this.flown.set(key, this.fly(this.mission, policy, letters));
+    return this.flown.get(key);
+  }
+
+  /** @returns {Flight} of any mission over this city */
+  fly(mission, policy, letters = "") {
+    const flight = new HandFlight(this.environment, mission);
+    if (policy === YOU) {
+      for (const letter of letters) if (!flight.ended) flight.step(LETTERS.indexOf(letter));
+      return flight.trajectory;
+    }
+    const pilot = policy === "random" ? new Random(mission.seed) : this.pilot(policy);
+    if (!pilot.qValues) return mission.fly(this.environment, pilot);
+    const values = [];
+    while (!flight.ended) {
+      values.push(pilot.qValues(flight.state));
+      flight.step(values.at(-1).indexOf(Math.max(...values.at(-1))));
+    }
+    return { ...flight.trajectory, values };
+  }
+
+  pilot(name) {
+    if (!this.pilots.has(name)) {
+      const agent = this.agents[name];
+      this.pilots.set(name, agent ? agent.agent.over(this.environment) : new Greedy(this.environment));
+    }
+    return this.pilots.get(name);
+  }
+}
+
+/** How a flight went: data units, steps and the return. */
+export function numbers(flight) {
+  const [data, left] = [flight.dataLeft[0], flight.dataLeft.at(-1)].map(sum);
+  return {
+    landed: flight.landed,
+    ended: flight.landed || flight.timeLeft.at(-1) <= 0,
+    collected: data - left,
+    steps: flight.action.length,
+    timeLeft: flight.timeLeft.at(-1),
+    return: sum(flight.reward),
+  };
+}
+
+/** What player.js draws; see `film` in player.py. @param {[string, Flight][]} flights with titles */
+export function filmOf({ mission, environment }, flights) {
+  const { city, devices } = mission;
+  return {
+    title: `Flight${flights.length > 1 ? "s" : ""} over ${city.name}`,
+    city: city.rows,
+    devices: devices.map((cell, number) => ({
+      number,
+      cell,
+      colour: colourOf(number),
+      hidden: hiddenRows(environment, cell),
+    })),
+    flights: flights.map(([name, flight]) => ({ name, ...filmedFlight(flight, mission) })),
+  };
+}
+
+function filmedFlight(flight, { city, devices, flyingTime }) {
+  const { landed, collected, steps, ended: over } = numbers(flight);
+  const end = landed ? "landed" : over ? "crashed" : "in the air";
+  const how = end === "crashed" ? ", because the time ran out," : "";
+  const what = { landed: "Landed", crashed: "Crashed", "in the air": "In the air" }[end];
+  const all = sum(flight.dataLeft[0]);
+  return {
+    end,
+    ending: `${what}${how} after ${steps} of ${flyingTime} units of time, with ${collected.toFixed(1)} of ${all.toFixed(1)} units of data.`,
+    path: flight.uavCell.map((cell) => city.position(cell)),
+    left: flight.dataLeft.map((left, k) => [...left.slice(0, devices.length), flight.timeLeft[k]]),
+    refused: flight.action.map((action, k) => (flight.intervened[k] ? ACTIONS[action] : "")),
+  };
+}
+
+/**
+ * What is wrong with a mission, as facts: cells that no way leads to, a device that cannot be heard
+ * well, too little time.
+ * @param {Environment} environment
+ */
+export function warnings(environment, { city, start, devices, flyingTime }) {
+  const sealed = [...city.kinds.keys()].filter((cell) => !city.noFly[cell] && city.landingDistance[cell] < 0);
+  const reached = (cell) => city.landingDistance[cell] >= 0;
+  const facts = [];
+  if (sealed.length) facts.push({ kind: "sealed", cells: sealed.length, where: city.position(sealed[0]) });
+  devices.forEach(([row, col], device) => {
+    const cell = row * city.size + col;
+    const heard = [...environment.sight(cell).keys()].some((there) => environment.sight(cell)[there] && reached(there));
+    if (!heard) facts.push({ kind: "unheard", device });
+    else if (!city.noFly[cell] && !reached(cell)) facts.push({ kind: "unreachable", device });
+  });
+  const home = environment.timeToLand[start[0] * city.size + start[1]];
+  if (home > flyingTime) facts.push({ kind: "late", time: flyingTime, home });
+  return facts;
+}

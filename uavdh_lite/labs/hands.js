@@ -1,0 +1,244 @@
+// What hands do on the stage: pointers, keys, files that are dropped.
+
+import { SQUARE } from "../player.js";
+import { ARROWS, TOOLS, WAYS, brush, looks } from "./tools.js";
+
+/** Listens to all that is done on a stage. */
+export function attend(stage) {
+  const { el, find, ask } = stage;
+  const main = find(".main");
+  const maps = () => [...el.querySelectorAll(".map svg")]; // each answer may draw them anew
+  const tool = () => TOOLS[stage.scene.state.tool];
+  let drag = null; // what is dragged, over which map, and the cell that it has come to
+
+  const cellAt = (event) => {
+    const svg = event.target.closest?.(".map")?.querySelector("svg") ?? (drag && maps()[drag.map]);
+    if (!svg) return null;
+    const pointer = new DOMPoint(event.clientX, event.clientY);
+    const { x, y } = pointer.matrixTransform(svg.getScreenCTM().inverse());
+    const [row, col] = [Math.round(y), Math.round(x)];
+    return stage.scene.film.city[row]?.[col] === undefined ? null : [row, col];
+  };
+  /** The number of the device in a cell, −1 for the start, or null. */
+  const thingAt = (cell) => {
+    const here = ([row, col]) => row === cell[0] && col === cell[1];
+    const { devices, start } = stage.scene.state;
+    const device = devices.findIndex((each) => here(each.cell));
+    return device >= 0 ? device : here(start) ? -1 : null;
+  };
+  const hover = (cell) => {
+    stage.hovered = cell;
+    stage.point();
+  };
+
+  main.addEventListener("pointerdown", (event) => {
+    const cell = event.target.closest(".map") && cellAt(event);
+    if (!cell || event.button) return;
+    const thing = thingAt(cell);
+    const { tool: name } = stage.scene.state;
+    hover(cell); // a finger does not hover
+    if (el.classList.contains("adding")) return add(cell);
+    const painting = name === "paint" && thing === null;
+    if (!painting && (thing === null || name === "watch")) return;
+    if (name === "channel" && thing >= 0) ask({ kind: "look", device: thing });
+    event.preventDefault();
+    main.setPointerCapture(event.pointerId);
+    drag = { thing, at: cell, map: maps().indexOf(event.target.closest(".map").querySelector("svg")) };
+    if (!painting) return;
+    brush.cells = [];
+    stroke(cell);
+  });
+  main.addEventListener("pointermove", (event) => {
+    const cell = cellAt(event);
+    if (!drag) {
+      if (event.target.closest?.(".map")) hover(cell);
+      return;
+    }
+    if (!cell || String(cell) === String(drag.at)) return;
+    const before = drag.at;
+    stage.hovered = drag.at = cell;
+    if (brush.cells) strokeTo(cell, before);
+    else stage.askWhenFree({ kind: "move", device: drag.thing, cell });
+  });
+  main.addEventListener("pointerleave", ({ pointerType }) => {
+    if (!drag && pointerType !== "touch") hover(null);
+  });
+  const release = () => {
+    if (brush.cells) ask({ kind: "paint", cells: brush.cells, sign: brush.sign });
+    [drag, brush.cells] = [null, null];
+  };
+  main.addEventListener("pointerup", release);
+  main.addEventListener("pointercancel", release);
+
+  function add(cell) {
+    el.classList.remove("adding");
+    ask({ kind: "add", cell });
+  }
+
+  /** Paints all cells on the way, however fast the pointer is. */
+  function strokeTo(cell, before) {
+    const ways = cell.map((each, axis) => each - before[axis]);
+    const count = Math.max(...ways.map(Math.abs));
+    for (let k = 1; k <= count; k += 1) {
+      stroke(before.map((each, axis) => Math.round(each + (k / count) * ways[axis])));
+    }
+  }
+
+  /** Draws a cell as painted until the stroke is over. */
+  function stroke(cell) {
+    if (brush.cells.some((each) => String(each) === String(cell))) return;
+    brush.cells.push(cell);
+    const fresh = find(".fresh");
+    fresh.setAttribute("class", `fresh kind-${brush.sign === "." ? "free" : brush.sign}`);
+    fresh.setAttribute("d", brush.cells.map(([row, col]) => `M${col - 0.5} ${row - 0.5}${SQUARE}`).join(""));
+  }
+
+  /** Where the pointer presses curves beside their points, the nearest point is meant. */
+  const pressed = ({ target, detail, clientX, clientY }) => {
+    const dots = detail ? [...(target.closest(".curves")?.querySelectorAll(".dot") ?? [])] : [];
+    const far = (dot) => {
+      const { x, y, width } = dot.getBoundingClientRect();
+      return Math.hypot(x + width / 2 - clientX, y + width / 2 - clientY);
+    };
+    return dots.sort((one, other) => far(one) - far(other))[0] ?? target;
+  };
+
+  const does = {
+    skip: stage.skipStory,
+    copy: stage.copyLink,
+    more: stage.toggleDrawer,
+    close() {
+      stage.toggleDrawer();
+      find(".more").focus();
+    },
+    full: () => (document.fullscreenElement ? document.exitFullscreen() : el.requestFullscreen()),
+  };
+  el.addEventListener("click", (event) => {
+    const target = pressed(event).closest("button, [data-ask], .term");
+    if (!target) return;
+    const { ask: asked, tool: name, sign, set } = target.dataset;
+    if (!target.matches(".skip, .play, .forward, .back")) stage.endStory();
+    const does_ = Object.keys(does).find((each) => target.classList.contains(each));
+    if (asked) ask(JSON.parse(asked));
+    else if (name) ask({ kind: "tool", tool: name });
+    else if (sign) {
+      brush.sign = sign;
+      stage.paint();
+    } else if (set === "place") {
+      el.classList.toggle("adding");
+      stage.paint();
+      if (el.classList.contains("adding")) maps()[0].focus();
+    } else if (does_) does[does_]();
+    // Keys steer after a press, too, unless it asks for a place or a number
+    const steers = name === "fly" || (stage.scene.state.tool === "fly" && !target.closest(".drawer, .term"));
+    if (steers && event.detail) find("#panel").focus({ preventScroll: true });
+  });
+
+  el.addEventListener("change", ({ target }) => {
+    const { set, field } = target.dataset;
+    const { value } = target;
+    if (stage.scene.state.tool === "fly" && set) find("#panel").focus({ preventScroll: true }); // keys steer again
+    if (set === "city") ask({ kind: "city", name: value });
+    else if (set?.startsWith("policy-")) ask({ kind: "policy", which: Number(set.at(-1)), name: value });
+    else if (set?.startsWith("run-")) {
+      const runs = [...stage.scene.panel.chosen];
+      runs[Number(set.at(-1))] = value === "" ? null : Number(value);
+      ask({ kind: "race", runs: runs.filter((run) => run !== null) });
+    } else if (set === "link" && !stage.openLink(value)) stage.refuse("Not done: no link, which has #stage= in it.");
+    else if (set in looks) {
+      looks[set] = target.type === "checkbox" ? target.checked : value;
+      stage.paint();
+    }
+    if (field) changeField(field, target.valueAsNumber);
+    if (target.files?.length) open(target.files[0]);
+  });
+
+  function changeField(field, value) {
+    const [name, place] = field.split(" ");
+    const device = Number(place);
+    if (name === "data") ask({ kind: "data", device, value });
+    else if (!place) ask({ kind: name, value });
+    else {
+      const { start, devices } = stage.scene.state;
+      const cell = [...(device < 0 ? start : devices[device].cell)];
+      cell[name === "row" ? 0 : 1] = value;
+      ask({ kind: "move", device, cell });
+    }
+    find(".drawer").written = null; // so that a refused number is put back
+  }
+
+  const open = (file) => {
+    stage.endStory();
+    ask({ kind: "open", file });
+  };
+  el.addEventListener("dragover", (event) => event.preventDefault());
+  el.addEventListener("drop", (event) => {
+    event.preventDefault();
+    if (event.dataTransfer.files.length) open(event.dataTransfer.files[0]);
+  });
+
+  /** What a key does, or null: it steers, or moves what has the focus. */
+  function keyed({ key, target }) {
+    const { tools, state } = stage.scene;
+    const [down, right] = WAYS[ARROWS[key]] ?? [];
+    const tab = target.closest("[role=tab]");
+    if (tab && right) {
+      const to = tools[(tools.indexOf(tab.dataset.tool) + right + tools.length) % tools.length];
+      find(`#tab-${to}`).focus();
+      return () => ask({ kind: "tool", tool: to });
+    }
+    const device = target.closest("g[data-device]")?.dataset.device;
+    if (device && down !== undefined) {
+      const [row, col] = state.devices[device].cell;
+      return () => ask({ kind: "move", device: Number(device), cell: [row + down, col + right] });
+    }
+    if (device && ["Delete", "Backspace"].includes(key)) return () => ask({ kind: "remove", device: Number(device) });
+    if (target.matches(".map svg")) return overMap(key, down, right);
+    if (target.matches(".curves")) return tool().keyed(stage, down, right);
+    const presses = key === " " && target.matches("button:not([role=tab])");
+    const steer = tool().keys?.[key];
+    return steer && !presses ? () => ask({ kind: "fly", action: steer }) : null;
+  }
+
+  /** Keys move a cell over the map; Enter and space do there what a press does. */
+  function overMap(key, down, right) {
+    const size = stage.scene.film.city.length;
+    const [row, col] = stage.hovered ?? stage.scene.state.start;
+    if (down !== undefined) {
+      const inside = (axis) => Math.min(Math.max(axis, 0), size - 1);
+      return () => {
+        hover([inside(row + down), inside(col + right)]);
+        const d = `M${stage.hovered[1] - 0.5} ${stage.hovered[0] - 0.5}${SQUARE}`;
+        for (const cursor of el.querySelectorAll(".cursor")) cursor.setAttribute("d", d);
+        find(".here").textContent = `Row ${stage.hovered[0]}, column ${stage.hovered[1]}`;
+      };
+    }
+    if (key !== " " && key !== "Enter") return null;
+    if (el.classList.contains("adding")) return () => add([row, col]);
+    const thing = thingAt([row, col]);
+    const { tool: name } = stage.scene.state;
+    if (name === "channel" && thing >= 0 && thing !== null) return () => ask({ kind: "look", device: thing });
+    return name === "paint" && thing === null
+      ? () => ask({ kind: "paint", cells: [[row, col]], sign: brush.sign })
+      : null;
+  }
+
+  // First of all, and whatever has the focus on a page of our own
+  window.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || !event.target.closest) return;
+    const elsewhere = event.target !== document.body && !el.contains(event.target);
+    if (elsewhere || event.target.matches("input, select, textarea")) return;
+    if (event.key === "Escape") {
+      el.classList.remove("adding");
+      if (!find(".drawer").hidden) does.close();
+      stage.paint();
+      return stage.endStory();
+    }
+    const does_ = keyed(event);
+    if (!does_) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    stage.endStory();
+    does_();
+  }, true);
+}

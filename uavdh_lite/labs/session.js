@@ -1,0 +1,415 @@
+// A session: it hears what is done on the page, and says what is to be drawn. It runs in a worker, so
+// that no computation stops the drawing.
+
+import { hiddenRows, ledger } from "./channel.js";
+import { isDuel, parting, reasons, verdict } from "./compare.js";
+import { Hangar, filmOf, numbers, warnings, whoIs } from "./flights.js";
+import { bytesOf, readAgent, valueMap } from "./pilots.js";
+import { kinkOf, raceFacts } from "./race.js";
+import { CHANGES, EMPTY, TOOLS, YOU, cityOfPicture, linkOf, newStage, pictureOf, randomMission, readFile, stageAsJson,
+  textOfLink, withMission } from "./state.js";
+import { choice, closestCall } from "./think.js";
+import { ACTIONS, City, InputError, bootstrapInterval, records, statesOf, wilsonInterval } from "./world.js";
+import { sentence } from "./words.js";
+
+const TOGETHER = 700; // ms between changes of one kind that are undone as one
+const KEPT = 100; // changes that can be undone
+const RANKED = 6; // flights of the ranking
+const MISSIONS = 100;
+const TRIES = 200; // missions that are looked at for a duel
+const FIRST = 1_000_000; // the number of the first of the hundred missions: "New" does not come so far
+const STORY = 248; // the mission that the page begins with, chosen because it shows a difference
+const TURN = 50; // ms of a computation after which others have their turn
+const BESIDE = ["show", "values", "shadow", "look", "many"]; // what does not end a computation
+const STOPPED = new InputError("stopped");
+
+/** Why something was not done, for people; nothing if they ended it themselves. */
+function reasonOf(error) {
+  if (error instanceof InputError) return error === STOPPED ? "" : error.message;
+  console.error(error);
+  return `this did not work: ${error}`;
+}
+
+/**
+ * An agent that is read from its bytes when it is first needed.
+ * @param {City | null} of the city that it was made for; null if for all up to its size
+ */
+function shelved({ title, given = false, subject = `the ${given ? "agent " : ""}${title}`, size, scores, base64, read }, of) {
+  const knows = (city) => (of ? of.sameAs(city) : city.size <= size);
+  return { title, subject, scores, given, of, knows, get agent() {
+    return (read ??= readAgent(bytesOf(base64)));
+  } };
+}
+
+/** An agent of a file that the reader opened. */
+const givenAgent = (name, read) =>
+  shelved({ title: name, size: read.size, scores: read.recipe.kind === "ImitationRecipe", given: true, read }, read.city);
+
+export class Session {
+  /**
+   * @param {object} data what the page holds: `cities` with rows and scenario, `agents` with title and
+   *   base64, recorded `races`; where it begins elsewhere than with the story, a `mission` or a `tool` alone
+   * @param {(told: object) => void} post takes what the page is told
+   */
+  constructor(data, post) {
+    Object.assign(this, { data, post, at: 0, last: ["", 0], extra: {}, ranking: [], answered: 0 });
+    const [cities, scenarios] = [{}, {}];
+    for (const { name, rows, scenario } of data.cities) {
+      cities[name] = City.fromText(name, rows.join("\n"));
+      scenarios[name] = { ...scenario, flyingTime: scenario.flying_time };
+    }
+    this.shelf = { cities, scenarios, known: (city) => this.known(city) };
+    this.agents = {};
+    for (const each of data.agents) this.agents[each.name] = shelved(each, cities[each.city] ?? null);
+    this.races = data.races?.settings ?? [];
+    this.race = { runs: this.races.slice(0, 2).map((_, k) => k), point: null };
+    this.tools = data.tool ? [data.tool] : TOOLS.filter((tool) => tool !== "watch" || this.races.length);
+    const first = data.mission
+      ? readFile(JSON.stringify(data.mission), this.shelf)
+      : newStage(randomMission(Object.values(cities)[0], STORY, this.shelf), this.shelf);
+    this.fresh = !data.mission && !data.tool;
+    this.stage = data.tool ? CHANGES.tool(first, { tool: data.tool }) : first;
+    this.hangar = new Hangar(this.stage.mission, this.agents);
+    this.history = [this.stage];
+  }
+
+  /** The names of who can fly over a city: the agents made for it first, unless the reader gave one. */
+  known(city) {
+    const knowing = Object.entries(this.agents).filter(([, agent]) => agent.knows(city));
+    const last = ([, { of, given }]) => (given ? 0 : of ? 1 : 2);
+    knowing.sort((one, other) => last(one) - last(other));
+    return [...knowing.map(([name]) => name), "greedy", "random"];
+  }
+
+  /** Does what the page tells, or says why it was not done. */
+  async hear(told) {
+    if (!BESIDE.includes(told.kind)) this.work = null;
+    const { stage, hangar, race } = this;
+    let refused = "";
+    try {
+      if (this.does[told.kind]) await this.does[told.kind].call(this, told);
+      else if (CHANGES[told.kind]) this.take(CHANGES[told.kind](this.stage, told, this.shelf), told.kind);
+      else throw new InputError(`nothing is done for ${told.kind}`);
+    } catch (error) {
+      refused = reasonOf(error);
+    }
+    this.answered += 1;
+    this.fresh = false;
+    try {
+      this.render(refused);
+    } catch (error) {
+      Object.assign(this, { stage, hangar, race }); // what cannot be drawn is not kept
+      this.render(reasonOf(error));
+    }
+  }
+
+  /** Shows what the stage looks like now. */
+  render(refused = "") {
+    const { stage, hangar } = this;
+    const flights = this.flights();
+    const film = filmOf(hangar, flights);
+    const text = JSON.stringify(film);
+    if (text !== this.filmed) [this.filmed, this.version] = [text, (this.version ?? 0) + 1];
+    const scene = {
+      tools: this.tools,
+      state: this.summary(),
+      film,
+      version: this.version,
+      panel: { ...this.panel(flights), ...this.extra },
+      warnings: warnings(hangar.environment, stage.mission).map(sentence),
+      refused,
+      answered: this.answered,
+      fresh: this.fresh,
+      working: Boolean(this.work),
+    };
+    this.post({ kind: "scene", scene });
+    linkOf(stage).then((link) => stage === this.stage && this.post({ kind: "link", link }));
+  }
+
+  summary() {
+    const { mission, ...look } = this.stage;
+    const cities = [...Object.keys(this.shelf.cities), ...Object.keys(EMPTY)];
+    const names = [...this.known(mission.city), ...(look.flown ? [YOU] : [])];
+    return {
+      ...look,
+      city: mission.city.name,
+      cities: cities.includes(mission.city.name) ? cities : [mission.city.name, ...cities],
+      start: mission.start,
+      devices: mission.devices.map((cell, k) => ({ cell, data: mission.data[k] })),
+      most: mission.maxDevices,
+      flyingTime: mission.flyingTime,
+      known: names.map((name) => [name, whoIs(name, this.agents).title]),
+      undo: this.at > 0,
+      redo: this.at < this.history.length - 1,
+    };
+  }
+
+  get ghost() {
+    return this.stage.policies[1] === YOU ? "greedy" : this.stage.policies[1];
+  }
+
+  /** The agent that thinks: the first that flies, or one that knows the city, or null. */
+  get thinker() {
+    const { policies, mission } = this.stage;
+    return [...policies, ...this.known(mission.city)].find((name) => this.agents[name]) ?? null;
+  }
+
+  /** The flights that are drawn, with their titles; the ghost is the second one. */
+  flights() {
+    const { stage, hangar, race } = this;
+    const { tool, policies, flown } = stage;
+    if (tool === "watch" && race.point) {
+      const steps = this.races[race.runs[race.point[0]]].points[race.point[1]].steps;
+      const title = `${["blue", "orange"][race.point[0]]}'s agent after ${steps.toLocaleString("en")} steps`;
+      return [[title, this.recorded(...race.point)]];
+    }
+    const names = { fly: [YOU, this.ghost], compare: policies, think: [this.thinker ?? policies[0]] }[tool] ?? [policies[0]];
+    return names.map((name, k) => {
+      const { title } = whoIs(name, this.agents);
+      return [k && name === names[0] ? `${title} again` : title, hangar.flight(name, flown)];
+    });
+  }
+
+  /** The flight of the agent of a point of a race. */
+  recorded(run, point) {
+    const { base64 } = this.races[this.race.runs[run]].points[point];
+    const key = `${this.race.runs[run]} ${point}`;
+    this.agents[key] ??= Object.assign(shelved({ base64 }, null), { knows: () => false });
+    return this.hangar.flight(key);
+  }
+
+  /** What the tool shows next to the map. */
+  panel(flights) {
+    return this.panels[this.stage.tool]?.call(this, flights.map(([, flight]) => flight)) ?? {};
+  }
+
+  panels = {
+    fly([you, ghost]) {
+      const rival = whoIs(this.ghost, this.agents);
+      return { you: numbers(you), ghost: numbers(ghost), rival, ranking: this.ranking.slice(0, RANKED) };
+    },
+    compare(flights) {
+      const who = this.stage.policies.map((name) => whoIs(name, this.agents));
+      const results = flights.map(numbers);
+      const part = parting(...flights, this.hangar.environment.size);
+      const facts = reasons(who, flights, part);
+      const look = facts.map(({ look }) => look).filter((step) => step !== undefined);
+      return {
+        parting: part,
+        look: [...new Set(look)].sort((one, other) => one - other),
+        verdict: sentence(verdict(who, results)),
+        why: facts.map(sentence),
+        results: results.map((each, k) => ({ ...each, who: who[k] })),
+      };
+    },
+    think([flight]) {
+      const { policies, mission } = this.stage;
+      const name = this.thinker;
+      if (!name) return { agent: null };
+      const { environment } = this.hangar;
+      const number = this.agents[name].scores ? "score" : "Q-value";
+      const left = whoIs(policies[0], this.agents);
+      const agents = this.known(mission.city).filter((each) => this.agents[each]);
+      const shown = name === policies[0];
+      const home = (cell) => environment.timeToLand[cell];
+      const facts = flight.values.map((_, step) => choice(flight, flight.values, step, home));
+      return {
+        agent: whoIs(name, this.agents).title,
+        instead: shown ? null : left,
+        agents: [...(shown ? [] : [["", "choose an agent"]]), ...agents.map((each) => [each, whoIs(each, this.agents).title])],
+        chosen: shown ? name : "",
+        number,
+        actions: ACTIONS,
+        values: flight.values.map((each) => Array.from(each)),
+        closest: closestCall(flight.values, flight),
+        says: facts.map(sentence),
+      };
+    },
+    channel() {
+      const { mission, device } = this.stage;
+      return { device, ...ledger(this.hangar.environment, mission.devices[device]) };
+    },
+    watch() {
+      const { race } = this;
+      const runs = race.runs.map((k) => this.races[k]);
+      const bare = ({ points, ...run }) => ({ ...run, kink: kinkOf({ points }), points: points.map(({ base64, ...each }) => each) });
+      return {
+        settings: this.races.map(({ title, text }) => [title, text]),
+        chosen: race.runs,
+        point: race.point,
+        runs: runs.map(bare),
+        says: runs.length ? raceFacts(runs, this.data.races.episodes).map(sentence) : [],
+      };
+    },
+  };
+
+  /** Goes on with another stage; a change of its mission can be undone. */
+  take(stage, kind) {
+    if (stage.mission !== this.stage.mission) {
+      const soon = this.last[0] === kind && performance.now() - this.last[1] < TOGETHER;
+      if (soon && ["move", "data", "time"].includes(kind)) this.history[this.at] = stage;
+      else {
+        this.history = [...this.history.slice(0, this.at + 1), stage].slice(-KEPT);
+        this.at = this.history.length - 1;
+      }
+      this.last = [kind, performance.now()];
+      this.show(stage);
+      return;
+    }
+    if (String(stage.policies) !== String(this.stage.policies)) this.extra = {};
+    this.stage = stage;
+  }
+
+  show(stage) {
+    this.extra = {};
+    this.race = { ...this.race, point: null };
+    this.stage = stage;
+    this.hangar = new Hangar(stage.mission, this.agents, this.hangar);
+  }
+
+  /** Runs what takes long: others have their turn meanwhile, and most of what they do ends it. */
+  async long(text, run) {
+    const mine = (this.work = {});
+    let before = performance.now();
+    const turn = async (share) => {
+      if (performance.now() - before > TURN) {
+        this.post({ kind: "progress", text, share });
+        await new Promise((resolve) => setTimeout(resolve));
+        before = performance.now();
+      }
+      if (this.work !== mine) throw STOPPED;
+    };
+    try {
+      return await run(turn);
+    } finally {
+      if (this.work === mine) this.work = null;
+      this.post({ kind: "progress", text: "" });
+    }
+  }
+
+  /** What is done that is no change of the stage alone. */
+  does = {
+    cancel() {},
+    undo({ by }) {
+      const at = this.at + Math.sign(by);
+      if (!this.history[at]) throw new InputError("there is nothing more to undo");
+      this.at = at;
+      this.show(CHANGES.tool(this.history[at], { tool: this.stage.tool }));
+    },
+    fly(told) {
+      const { stage, hangar } = this;
+      if (numbers(hangar.flight(YOU, stage.flown)).ended) throw new InputError("this flight is over: press Again");
+      this.take(CHANGES.fly(stage, told), "fly");
+      const you = numbers(hangar.flight(YOU, this.stage.flown));
+      if (!you.ended) return;
+      const ghost = numbers(hangar.flight(this.ghost));
+      const { city, flyingTime } = stage.mission;
+      const rank = { city: city.name, time: flyingTime, ...you, ahead: you.return - ghost.return };
+      this.ranking = [...this.ranking, rank].sort((one, other) => other.ahead - one.ahead);
+    },
+    /** The next mission in which the first policy wins (1), loses (−1), or is level (0). */
+    async duel({ wanted }) {
+      const { stage, hangar } = this;
+      const usual = newStage(stage.mission, this.shelf).policies;
+      const pair = stage.policies.includes(YOU) ? usual : stage.policies;
+      if (pair[0] === pair[1]) throw new InputError("both are flown by the same: choose another rival");
+      const { city, seed } = stage.mission;
+      const found = await this.long("Looking for a duel", async (turn) => {
+        for (let k = 1; k <= TRIES; k += 1) {
+          const mission = randomMission(city, seed + k, this.shelf);
+          const flights = pair.map((name) => hangar.fly(mission, name));
+          if (isDuel(wanted, flights.map(numbers), parting(...flights, city.size))) return mission;
+          await turn(k / TRIES);
+        }
+        throw new InputError(`no such duel among the next ${TRIES} missions: try other rivals`);
+      });
+      this.take({ ...withMission(stage, found, this.shelf), policies: pair }, "duel");
+    },
+    /** The means of both policies over a hundred random missions, with their intervals. */
+    async many({ quiet }) {
+      const { stage, hangar } = this;
+      const { city } = stage.mission;
+      const names = stage.policies.map((name) => (name === YOU ? "greedy" : name));
+      const rows = names.map(() => []);
+      await this.long(quiet ? "" : `Flying ${MISSIONS} missions`, async (turn) => {
+        for (let k = 0; k < MISSIONS; k += 1) {
+          const mission = randomMission(city, FIRST + k, this.shelf);
+          for (const [which, name] of names.entries()) {
+            rows[which].push(records(hangar.fly(mission, name)));
+            await turn((k + which / 2) / MISSIONS);
+          }
+        }
+      });
+      const percent = (interval) => interval.map((share) => Math.round(100 * share));
+      const many = rows.map((flown, which) => {
+        const of = (metric) => flown.map((each) => each[metric]);
+        return {
+          who: whoIs(names[which], this.agents),
+          both: percent(bootstrapInterval(of("collected_and_landed"))),
+          landed: percent(wilsonInterval(of("landed"))),
+          time: percent(bootstrapInterval(of("time_used")))[0],
+          return: bootstrapInterval(of("return"))[0],
+        };
+      });
+      this.extra = { ...this.extra, many };
+    },
+    /** The best value if the UAV were over each cell at a step. */
+    values({ step }) {
+      const { hangar, thinker } = this;
+      if (!thinker) return;
+      const states = statesOf(hangar.flight(thinker));
+      const at = Math.min(step, states.length - 1);
+      const map = valueMap(hangar.pilot(thinker), states[at]);
+      this.extra = { ...this.extra, map: { step: at, values: Array.from(map, (each) => (Number.isFinite(each) ? each : null)) } };
+    },
+    shadow({ cell }) {
+      this.extra = { ...this.extra, shadow: { cell, rows: hiddenRows(this.hangar.environment, cell) } };
+    },
+    /** Chooses the runs that race, or the point whose agent flies. */
+    race({ runs, point }) {
+      if (runs) this.race = { runs: runs.filter((k) => this.races[k]), point: null };
+      if (!point) return;
+      const points = this.races[this.race.runs[point[0]]]?.points ?? [];
+      if (!points[point[1]]) throw new InputError(`run ${point[0]} has no point ${point[1]}`);
+      const village = this.shelf.cities[this.data.races.city];
+      if (!this.stage.mission.city.sameAs(village)) {
+        this.take(withMission(this.stage, randomMission(village, 0, this.shelf), this.shelf), "city");
+      }
+      this.race = { ...this.race, point };
+    },
+    async open({ file, link }) {
+      const before = this.stage;
+      const stage = await this.opened(file, link);
+      if (this.stage === before) this.take(stage, "open");
+    },
+    async save({ what }) {
+      const { stage } = this;
+      const { mission } = stage;
+      if (what === "png") {
+        this.post({ kind: "file", name: `${mission.city.name}.png`, blob: await pictureOf(mission.city) });
+        return;
+      }
+      const values = what === "mission" ? mission.asJson() : stageAsJson(stage);
+      const blob = new Blob([JSON.stringify(values, null, 1)], { type: "application/json" });
+      this.post({ kind: "file", name: `${mission.city.name}_${what}.json`, blob });
+    },
+  };
+
+  /** The stage of a file or a link: a stage, a mission, a city's picture, or an agent. */
+  async opened(file, link) {
+    if (link) return readFile(await textOfLink(link), this.shelf);
+    if (file.size > 40_000_000) throw new InputError("this file is too large");
+    if (/\.png$/i.test(file.name)) {
+      return withMission(this.stage, randomMission(await cityOfPicture(file), 0, this.shelf), this.shelf);
+    }
+    if (!/\.safetensors$/i.test(file.name)) return readFile(await file.text(), this.shelf);
+    const name = file.name.replace(/\.safetensors$/i, "");
+    const agent = readAgent(new Uint8Array(await file.arrayBuffer()));
+    this.agents[name] = givenAgent(name, agent);
+    const { mission } = this.stage;
+    const city = agent.knows(mission.city) ? mission.city : agent.city;
+    if (!city) throw new InputError(`this agent flies over cities of at most ${agent.size} cells on a side`);
+    const there = city === mission.city ? this.stage : withMission(this.stage, randomMission(city, 0, this.shelf), this.shelf);
+    return CHANGES.policy({ ...there, tool: there.tool === "watch" ? "compare" : there.tool }, { which: 0, name }, this.shelf);
+  }
+}

@@ -1,0 +1,260 @@
+// What the stage shows: one mission, who flies it, and how one looks at it. A stage never changes:
+// `CHANGES` makes the next one from what somebody does. As JSON it is the saved file, and packed into
+// letters the page's address.
+
+import { ACTIONS, City, InputError, MAX_SIZE, Mission, SIGNS, missionFromJson, sum } from "./world.js";
+
+const FORMAT = "uavdh_lite stage";
+const LARGEST = 1_000_000; // characters of a file; the largest city takes a hundredth
+export const TOOLS = ["fly", "compare", "think", "channel", "paint", "watch"];
+export const LETTERS = "neswhl"; // of the actions, in their order
+export const YOU = "you";
+export const EMPTY = { "empty 8 × 8": 8, "empty 12 × 12": 12, "empty 16 × 16": 16 };
+const MOST_FLOWN = 400; // actions by hand
+
+/**
+ * @typedef {object} Stage
+ * @property {import("./world.js").Mission} mission
+ * @property {[string, string]} policies names of the two that fly it; `you` is the flight by hand
+ * @property {string} tool one of `TOOLS`
+ * @property {string} flown the actions that were flown by hand, in `LETTERS`
+ * @property {number} step the step that is shown; −1 for the last
+ * @property {number} device the device whose radio link is shown
+ *
+ * @typedef {object} Shelf what there is to choose from
+ * @property {Object<string, import("./world.js").City>} cities by name
+ * @property {Object<string, object>} scenarios the ranges of the missions over them, by the city's name
+ * @property {(city: object) => string[]} known the names of who can fly over a city, agents first
+ */
+
+/** Throws the reason, an `InputError`, unless it holds. */
+function require(holds, otherwise) {
+  if (!holds) throw new InputError(otherwise);
+}
+
+function whole(value, name) {
+  const given = value === null || value === undefined ? name : `${name} ${value}`; // null: an empty field
+  require(Number.isInteger(value), `${given}: must be a whole number`);
+  return value;
+}
+
+function finite(value) {
+  require(Number.isFinite(value), `data ${value}: must be a number`);
+  return value;
+}
+
+function cellOf(value) {
+  require(Array.isArray(value) && value.length === 2, `${JSON.stringify(value)} is no cell`);
+  return [whole(value[0], "row"), whole(value[1], "column")];
+}
+
+function stageOf(given) {
+  const { tool, flown, device, step, mission } = given;
+  require(TOOLS.includes(tool), `tool ${JSON.stringify(tool)}: choose one of ${TOOLS.join(", ")}`);
+  require([...flown].every((each) => LETTERS.includes(each)), `flown has other letters than ${LETTERS}`);
+  require(flown.length <= MOST_FLOWN, `flown has more than ${MOST_FLOWN} actions`);
+  require(whole(step, "step") >= -1, `step ${step}: must be at least -1`);
+  whole(device, "device");
+  require(device >= 0 && device < mission.devices.length, `device ${device}: there are ${mission.devices.length}`);
+  return Object.freeze(given);
+}
+
+/** The stage of a mission, with the agent and greedy. */
+export const newStage = (mission, shelf, tool = "compare") =>
+  stageOf({ mission, policies: usualPolicies(mission.city, shelf), tool, flown: "", step: -1, device: 0 });
+
+/** The agent and its rival: the paper's method where it was trained for the city. */
+function usualPolicies(city, { known }) {
+  const names = known(city);
+  const agent = names.find((name) => name.endsWith("_ddqn")) ?? names[0];
+  return [agent === "greedy" ? "random" : agent, "greedy"];
+}
+
+/** The same look at another mission; what was flown by hand was flown in the old one. */
+export function withMission(stage, mission, shelf) {
+  let { policies } = stage;
+  if (mission.city !== stage.mission.city) {
+    const [usual, before] = [mission.city, stage.mission.city].map((city) => usualPolicies(city, shelf));
+    const names = shelf.known(mission.city);
+    policies = policies.map((name, k) => (names.includes(name) && name !== before[k] ? name : usual[k]));
+  }
+  const device = Math.min(stage.device, mission.devices.length - 1);
+  return stageOf({ ...stage, mission, policies, flown: "", step: -1, device });
+}
+
+/** What missions over a city are drawn from; over a painted one, time to cross it twice. */
+export function scenarioOf(city, { cities, scenarios }) {
+  const shipped = Object.values(cities).find((each) => each.sameAs(city));
+  if (shipped) return scenarios[shipped.name];
+  const most = Math.min(3, sum(city.openToDevices));
+  return { name: city.name, devices: [1, most], data: [5, 20], flyingTime: [2 * city.size, 4 * city.size] };
+}
+
+export const randomMission = (city, number, shelf) => Mission.draw(scenarioOf(city, shelf), city, number);
+
+/** What the saved file holds. */
+export function stageAsJson({ mission, ...look }) {
+  return { format: FORMAT, version: 1, ...look, mission: mission.asJson() };
+}
+
+/** The stage of a saved file, or of a mission's file. */
+export function readFile(text, shelf) {
+  let values = null;
+  require(text.length <= LARGEST, "this file is too large for a stage or a mission");
+  try {
+    values = JSON.parse(text.replace(/^\ufeff/, ""));
+  } catch {
+    require(false, "this file is no JSON: open one that was saved here");
+  }
+  require(values && typeof values === "object", "this file holds no stage and no mission");
+  if (values.format === "uavdh_lite mission") return newStage(missionFromJson(values), shelf);
+  const told = JSON.stringify(values.format) ?? "it has no format";
+  require(values.format === FORMAT && values.version === 1, `this file holds no stage and no mission: ${told}`);
+  const { policies, flown } = values;
+  const pair = Array.isArray(policies) && policies.length === 2;
+  require(pair && policies.every((name) => typeof name === "string"), "policies: give two names");
+  require(typeof flown === "string", `flown ${JSON.stringify(flown)}: must be a text`);
+  const mission = missionFromJson(values.mission);
+  const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
+  const there = policies.map((name, k) => (names.includes(name) ? name : usual[k]));
+  const tool = values.tool === "train" ? "watch" : values.tool; // its name in earlier files
+  return stageOf({ mission, policies: there, tool, flown, step: values.step, device: values.device });
+}
+
+const base64 = (bytes) => btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
+const through = (bytes, stream) => new Response(new Blob([bytes]).stream().pipeThrough(stream));
+
+/** The state in letters that may stand in an address. */
+export async function linkOf(stage) {
+  const packed = through(JSON.stringify(stageAsJson(stage)), new CompressionStream("deflate"));
+  const letters = base64(new Uint8Array(await packed.arrayBuffer()));
+  return letters.replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
+}
+
+/** The text of a link; the error says why it cannot be opened. */
+export async function textOfLink(link) {
+  try {
+    const packed = atob(link.replaceAll("-", "+").replaceAll("_", "/"));
+    const bytes = Uint8Array.from(packed, (letter) => letter.charCodeAt(0));
+    const reader = through(bytes, new DecompressionStream("deflate")).body.getReader();
+    const parts = [];
+    for (let size = 0; size <= LARGEST; size += parts.at(-1).length) {
+      const { done, value } = await reader.read();
+      if (done) return await new Blob(parts).text();
+      parts.push(value);
+    }
+  } catch {
+    // said below
+  }
+  return require(false, "this link is damaged: copy it again, as a whole");
+}
+
+/** The city of a picture, a PNG with one pixel a cell. */
+export async function cityOfPicture(file) {
+  const exact = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
+  const picture = await createImageBitmap(file, exact).catch(() => null);
+  require(picture, "this is no readable PNG, or a damaged one");
+  const { width, height } = picture;
+  require(Math.max(width, height) <= MAX_SIZE, `${width} × ${height} pixels, at most ${MAX_SIZE} on a side fit`);
+  const canvas = new OffscreenCanvas(width, height).getContext("2d");
+  canvas.drawImage(picture, 0, 0);
+  return City.fromPixels("my_city", width, height, canvas.getImageData(0, 0, width, height).data);
+}
+
+/** A city as a PNG, one pixel a cell. @returns {Promise<Blob>} */
+export function pictureOf({ size, pixels }) {
+  const canvas = new OffscreenCanvas(size, size);
+  canvas.getContext("2d").putImageData(new ImageData(pixels, size, size), 0, 0);
+  return canvas.convertToBlob();
+}
+
+function nearest(city, free, cell) {
+  const far = (number) => {
+    const [row, col] = city.position(number);
+    return Math.abs(row - cell[0]) + Math.abs(col - cell[1]);
+  };
+  const numbers = [...free.keys()].filter((number) => free[number]);
+  require(numbers.length, "no cell is left for the devices: leave some free");
+  const best = numbers.reduce((one, other) => (far(other) < far(one) ? other : one));
+  return city.position(best);
+}
+
+/** The mission over another city: what stands where it may not any more moves to the nearest cell. */
+function overCity(mission, city) {
+  const free = Uint8Array.from(city.openToDevices);
+  const devices = mission.devices.map((cell) => {
+    const there = nearest(city, free, cell);
+    free[there[0] * city.size + there[1]] = 0;
+    return there;
+  });
+  const [row, col] = mission.start;
+  const start = city.noFly[row * city.size + col] ? nearest(city, city.landing, mission.start) : mission.start;
+  return mission.with({ city, devices, start });
+}
+
+const put = (values, index, value) => values.map((each, k) => (k === index ? value : each));
+const without = (values, index) => values.filter((_, k) => k !== index);
+const deviceOf = ({ mission: { devices } }, device) => {
+  require(Number.isInteger(device) && device >= 0 && device < devices.length,
+    `device ${device}: there are ${devices.length}`);
+  return device;
+};
+const change = (stage, shelf, changes) => withMission(stage, stage.mission.with(changes), shelf);
+
+/** What each event makes of a stage: `CHANGES[kind](stage, told, shelf)`; an error says why it was not done. */
+export const CHANGES = {
+  city(stage, { name }, shelf) {
+    if (EMPTY[name]) {
+      const rows = Array.from({ length: EMPTY[name] }, (_, r) => (r < 2 ? "LL" : "..").padEnd(EMPTY[name], "."));
+      return withMission(stage, randomMission(City.fromText("my_city", rows.join("\n")), 0, shelf), shelf);
+    }
+    require(Object.hasOwn(shelf.cities, name), `no city ${JSON.stringify(name)}`);
+    return withMission(stage, randomMission(shelf.cities[name], 0, shelf), shelf);
+  },
+  /** Moves a device, or with −1 the start. */
+  move(stage, { device, cell }, shelf) {
+    const place = cellOf(cell);
+    if (device === -1) return change(stage, shelf, { start: place });
+    return change(stage, shelf, { devices: put(stage.mission.devices, deviceOf(stage, device), place) });
+  },
+  data: (stage, { device, value }, shelf) =>
+    change(stage, shelf, { data: put(stage.mission.data, deviceOf(stage, device), finite(value)) }),
+  time: (stage, { value }, shelf) => change(stage, shelf, { flyingTime: whole(value, "flying time") }),
+  add: (stage, { cell }, shelf) =>
+    change(stage, shelf, {
+      devices: [...stage.mission.devices, cellOf(cell)],
+      data: [...stage.mission.data, 10],
+    }),
+  remove(stage, { device }, shelf) {
+    const { devices, data } = stage.mission;
+    deviceOf(stage, device);
+    return change(stage, shelf, { devices: without(devices, device), data: without(data, device) });
+  },
+  new: (stage, told, shelf) =>
+    withMission(stage, randomMission(stage.mission.city, stage.mission.seed + 1, shelf), shelf),
+  policy(stage, { which, name }, shelf) {
+    require(which === 0 || which === 1, `policy ${which}: there are two`);
+    const names = [...shelf.known(stage.mission.city), YOU];
+    require(names.includes(name), `${JSON.stringify(name)} does not fly over this city: take ${names.join(", ")}`);
+    const policies = put(stage.policies, which, name);
+    if (stage.tool === "think" && policies[0] === policies[1]) policies[1 - which] = stage.policies[which];
+    return stageOf({ ...stage, policies, step: -1 });
+  },
+  fly: (stage, { action }) => stageOf({ ...stage, flown: stage.flown + LETTERS[ACTIONS.indexOf(action)] }),
+  again: (stage) => stageOf({ ...stage, flown: "" }),
+  tool: (stage, { tool }) => stageOf({ ...stage, tool }),
+  show: (stage, { step }) => stageOf({ ...stage, step: whole(step, "step") }),
+  look: (stage, { device }) => stageOf({ ...stage, device: deviceOf(stage, device) }),
+  /** Paints cells with one of the city's signs. */
+  paint(stage, { cells, sign }, shelf) {
+    require(SIGNS.includes(sign) && sign.length === 1, `sign ${JSON.stringify(sign)}: choose one of ${SIGNS}`);
+    const rows = stage.mission.city.rows.map((row) => [...row]);
+    for (const [row, col] of cells.map((cell) => cellOf(cell))) {
+      require(rows[row]?.[col], `(${row}, ${col}) is outside of the city`);
+      rows[row][col] = sign;
+    }
+    const city = City.fromText("my_city", rows.map((row) => row.join("")).join("\n"));
+    return withMission(stage, overCity(stage.mission, city), shelf);
+  },
+};
+

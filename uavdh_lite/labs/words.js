@@ -1,0 +1,108 @@
+// Sentences from facts. A fact is a small record: who, what, where, when, how much. A template makes
+// a sentence of it, so that what is said can be tested without reading English.
+
+/**
+ * @typedef {object} Who somebody that flies, as data
+ * @property {string} name of the policy
+ * @property {string} title as in a table: `DDQN agent`
+ * @property {string} subject as in a sentence: `the DDQN agent`
+ * @property {boolean} you whether it is the reader, whose verbs have no s
+ */
+
+const IRREGULAR = { has: "have", goes: "go", crashes: "crash", flies: "fly", hovers: "hover" };
+
+/** A verb in the person of its subject: `who("flies")` or, of the reader, `you fly`. */
+export const says = ({ subject, you }, verb, rest = "") =>
+  `${subject} ${you ? (IRREGULAR[verb] ?? verb.replace(/s$/, "")) : verb}${rest && ` ${rest}`}`;
+export const upper = (text) => text.slice(0, 1).toUpperCase() + text.slice(1);
+export const units = (amount) => (amount >= 0.1 || amount === 0 ? amount.toFixed(1) : amount.toPrecision(1));
+export const signed = (value) => (value <= -0.05 ? "−" : "") + Math.abs(value).toFixed(1);
+export const gapOf = (gap) => (gap < 0.005 ? "less than 0.01" : gap >= 1 ? gap.toFixed(1) : gap.toFixed(2));
+const steps = (count) => (count === 1 ? "1 step" : `${count} steps`);
+const fromTo = (first, last) => (last > first ? `from step ${first + 1} to ${last + 1}` : `in step ${first + 1}`);
+
+/** What somebody does in a step: `{ who, action, refused }`. */
+function act({ who, action, refused }) {
+  if (refused) return says(who, "wants", `to ${action === "land" ? "land" : `go ${action}`} and may not`);
+  return { hover: says(who, "hovers"), land: says(who, "lands") }[action] ?? says(who, "flies", action);
+}
+
+const towards = ({ device, by, home, who }) =>
+  device !== undefined
+    ? ` and ${who.you ? "get" : "gets"} ${who.you ? "your" : "its"} first 2 units from device ${device} by step ${by}`
+    : home
+      ? ` and ${who.you ? "go" : "goes"} home`
+      : "";
+
+/** A sentence for each kind of fact. Steps are counted from 0 in facts and from 1 in sentences. */
+export const TEMPLATES = {
+  air: () => "One flight is still in the air.",
+  empty: () => "One flight has not begun: fly it in the tool Fly.",
+  level: () => "Nearly level.",
+  crash: ({ who, other }) =>
+    `${upper(says(who, "wins"))}, because ${says(other, "crashes")}: all that was collected is lost.`,
+  wins({ who, more, sooner, by }) {
+    const told = [
+      more && `${Math.abs(more).toFixed(1)} units ${more > 0 ? "more" : "less"}`,
+      sooner && `home ${steps(Math.abs(sooner))} ${sooner > 0 ? "sooner" : "later"}`,
+    ].filter((each) => each);
+    return `${upper(says(who, "wins"))}${by ? ` by ${by.toFixed(1)} in return` : ""}: ${told.join(", ") || "fewer refusals"}.`;
+  },
+  same: () => "They come to the same end.",
+  part: ({ step, acts, ends }) =>
+    `At step ${step + 1}, ${acts.map((each, k) => act(each) + (ends ? towards(ends[k]) : "")).join(", while ")}.`,
+  astray: ({ who, first, last }) =>
+    `From step ${first + 1} to ${last} ${says(who, "hovers")} or ${who.you ? "fly" : "flies"} to and fro for nearly nothing.`,
+  idle: ({ who, count, other, others }) =>
+    `From then on ${says(who, "spends", `${steps(count)} that bring less than 0.1 units each`)}; ${says(other, "spends", String(others))}.`,
+  leaves: ({ who, device, more, unused, other, first, last }) =>
+    `In the end ${says(who, "leaves", `${more.toFixed(1)} units more at device ${device}`)}` +
+    `${unused ? `, with ${unused} units of time unused` : ""}; ${says(other, "gets", `them ${fromTo(first, last)}`)}.`,
+
+  // What an agent does in a step, and why
+  chooses({ action, reason, gap, second, close }) {
+    const why = reason ? REASONS[reason.kind](reason) : "";
+    if (gap === null) return `${action}, because nothing else is allowed in time.`;
+    return `${action}${why}; ${close ? "a close call: " : ""}${gapOf(gap)} ahead of ${second}.`;
+  },
+
+  // What is wrong with a mission or a city
+  sealed: ({ cells, where: [row, col] }) =>
+    
+    `No way leads from the landing zone to ${cells === 1 ? "a cell" : `${cells} cells`} of this city${cells === 1 ? "," : ", such as"} row ${row}, column ${col}.`,
+  unreachable: ({ device }) => `No way leads to device ${device}: it can only be heard from afar.`,
+  unheard: ({ device }) => `Device ${device} is sealed in: it is in sight of no cell that a way leads to.`,
+  late: ({ time, home }) => 
+    home > 9999 ? "No way leads from the start to a landing zone." : `A flying time of ${time} is too short: the way home alone takes ${home}.`,
+};
+
+const REASONS = {
+  refused: () => ", which is refused: it stays where it is",
+  done: () => ", because all data is collected",
+  home: ({ home, left, now }) =>
+    now
+      ? `, because home is ${home} units of time away and ${left} are left`
+      : `, on the way home, which is ${home} units of time away; ${left} are left`,
+  back: () => ", back to where it just was",
+  gives({ device, amount, within, way }) {
+    const gives = `gives ${amount.toFixed(1)} units ${within === 1 ? "in this step" : `within ${within} steps`}`;
+    return way ? `, on the way to device ${device}, which ${gives}` : `, because device ${device} ${gives}`;
+  },
+};
+
+/** The sentence of a fact. */
+export const sentence = (fact) => TEMPLATES[fact.kind](fact);
+
+const COLOURS = ["blue", "orange"]; // of the runs of a race
+const grouped = (number) => number.toLocaleString("en");
+Object.assign(TEMPLATES, {
+  fromTheStart: ({ run }) => `${upper(COLOURS[run])} lands from the start.`,
+  never: ({ run }) => `${upper(COLOURS[run])} has not learned to land for good.`,
+  kink: ({ run, steps, before, now, episodes }) =>
+    `${upper(COLOURS[run])} learns to land for good here, after ${grouped(steps)} steps: ${before} of ${episodes} before, ${now} then.`,
+  forgot: ({ steps, landed }) => `After ${grouped(steps)} steps ${landed} landed, but it forgot how.`,
+  ends({ ends, wins, episodes }) {
+    const told = ends.map(({ landed, home }, k) => `${COLOURS[k]} lands ${landed} of ${episodes} and brings ${home}\u00a0% of the data home`);
+    return `${wins === null ? "In the end" : `${upper(COLOURS[wins])} wins`}: ${told.join("; ")}.`;
+  },
+});
