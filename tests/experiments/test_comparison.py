@@ -93,6 +93,7 @@ def test_in_each_part_of_a_breakdown_whole_cities_are_drawn_again(generator):
 
 
 def test_a_comparison_is_kept_as_a_table_and_how_it_was_made(results, tmp_path):
+    save_comparison(tmp_path / "a.b.csv", results, {"command": "another"})
     save_comparison(tmp_path / "a.csv.gz", results, {"command": "a command"})
     table = read_table(tmp_path / "a.csv.gz")
     assert list(table)[:5] == ["policy", "episode", "devices", "flying_time", "data"]
@@ -102,3 +103,4 @@ def test_a_comparison_is_kept_as_a_table_and_how_it_was_made(results, tmp_path):
         for name, column in columns.items():
             np.testing.assert_allclose(table[name][of_policy], column, rtol=1e-5)
     assert json.loads((tmp_path / "a.json").read_text()) == {"command": "a command"}
+    assert json.loads((tmp_path / "a.b.json").read_text()) == {"command": "another"}

@@ -31,7 +31,7 @@ from uavdh_lite.replay import Batch
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.training import Trainer
 
-TOGETHER = 32  # flights that are planned at a time
+PLANNED_AT_A_TIME = 32  # flights that are planned at a time
 EIGHTHS = [slice(first, None, len(SYMMETRIES)) for first in range(len(SYMMETRIES))]
 
 
@@ -101,8 +101,8 @@ class Imitation(Trainer):
     def _planned(self) -> list[tuple[bool, list[int], Sequence]]:
         """Draw starts of every kind and plan their flights: (counts, actions, start) each."""
         recipe, generator = self.recipe, self.generator
-        start = self.scenario.sample(self.environment, TOGETHER, generator)
-        drawn = generator.random(TOGETHER)
+        start = self.scenario.sample(self.environment, PLANNED_AT_A_TIME, generator)
+        drawn = generator.random(PLANNED_AT_A_TIME)
         under_way = drawn < recipe.exploring_starts
         own = drawn >= 1 - recipe.own_starts * bool(self.updates)  # not before it has learned
         if under_way.any():

@@ -103,7 +103,11 @@ def _range(values: np.ndarray) -> str:
 
 
 def save_comparison(path: Path, results: dict[str, Columns], about: dict) -> None:
-    """Write a row for each policy and episode as a table, and `about` as JSON next to it."""
+    """Write a row for each policy and episode as a table, and `about` as JSON next to it.
+
+    Arguments:
+        path: of the table, `NAME.csv` or `NAME.csv.gz`; the JSON is `NAME.json`.
+    """
     rows = []
     for policy, of_policy in results.items():
         values = (column.tolist() for column in of_policy.values())
@@ -111,4 +115,4 @@ def save_comparison(path: Path, results: dict[str, Columns], about: dict) -> Non
             metrics = dict(zip(of_policy, row, strict=True))
             rows.append({"policy": policy, "episode": episode, **metrics})
     write_table(path, rows)
-    write_json(path.with_name(path.name.split(".")[0] + ".json"), about)
+    write_json(path.with_name(path.name.removesuffix(".gz").removesuffix(".csv") + ".json"), about)
