@@ -1,8 +1,7 @@
 """Make a small wheel, for a class to install from: python notebooks/wheel.py build/wheel
 
 It has the shipped agents in half precision where the agent still chooses the same action in every
-state of its flights, and as they are where it does not. The agent of the paper's constants, which
-no notebook uses, is left out.
+state of its flights, and as they are where it does not. Agents that no notebook uses are left out.
 """
 
 import argparse
@@ -10,14 +9,16 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 from pathlib import Path
 
 from uavdh_lite.checkpoint import load, load_agent, save
 from uavdh_lite.evaluation import evaluate
 
 ROOT = Path(__file__).parents[1]
+UNUSED = ["harbour", "manhattan_paper", "metropolis"]  # agents that no notebook of the course flies
 LARGEST = 12_000_000  # bytes: what a class can fetch at once
-FILES = ("uavdh_lite", "data/cities", "data/checkpoints", "pyproject.toml", "README.md", "LICENSE")
+FILES = ("uavdh_lite", "pyproject.toml", "README.md", "LICENSE")
 
 
 def halve(path: Path, missions: int) -> tuple[int, int]:
@@ -41,10 +42,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("out", type=Path, help="folder of the wheel")
     parser.add_argument("--missions", type=int, default=1000, help="flown to compare the actions")
-    parser.add_argument("--without", nargs="*", default=["manhattan_paper"], help="agents left out")
+    parser.add_argument("--without", nargs="*", default=UNUSED, help="agents left out")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        for name in FILES:
+        project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+        included = project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
+        for name in (*FILES, *included):
             source, target = ROOT / name, Path(folder, name)
             if source.is_dir():
                 shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__"))

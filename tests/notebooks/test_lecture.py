@@ -1,14 +1,17 @@
 """Slides and figures from a notebook, and the agents of the small wheel."""
 
 import shutil
+import sys
+import zipfile
 
 import execute
 import lecture
 import nbformat
 import numpy as np
+import pytest
 import wheel
 
-from uavdh_lite.checkpoint import load, load_agent, save
+from uavdh_lite.checkpoint import load, load_agent, save, shipped_agents
 from uavdh_lite.storage import data_folder
 
 SCRIPT = """# %% [markdown]
@@ -88,3 +91,24 @@ def test_an_agent_is_halved_only_if_it_acts_as_before(tmp_path):
         load_agent(path).environment, 5, np.random.default_rng(0)
     )
     assert np.isin(load_agent(path).act(state), range(6)).all()
+
+
+@pytest.mark.long
+def test_the_small_wheel_holds_the_package_and_the_agents_that_are_used(tmp_path, monkeypatch):
+    others = [name for name in shipped_agents() if name != "manhattan_ddqn"]
+    command = ["wheel.py", str(tmp_path), "--missions", "2", "--without", *others]
+    monkeypatch.setattr(sys, "argv", command)
+    assert wheel.main() == 0
+    (made,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(made) as packed:
+        names = packed.namelist()
+    agents = [name for name in names if "checkpoints/" in name]
+    assert agents == ["uavdh_lite/data/checkpoints/manhattan_ddqn.safetensors"]
+    assert "uavdh_lite/course/checks/notebook_00.py" in names and made.stat().st_size < 12e6
+
+
+def test_no_notebook_uses_an_agent_that_is_left_out():
+    scripts = [*execute.scripts(), *execute.exercise_scripts()]
+    text = "".join(script.read_text(encoding="utf-8") for script in scripts)
+    assert not [name for name in wheel.UNUSED if f'"{name}"' in text]
+    assert set(wheel.UNUSED) <= set(shipped_agents())
