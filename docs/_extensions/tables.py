@@ -18,7 +18,15 @@ from typing import Any
 import numpy as np
 
 from uavdh_lite import registry
+from uavdh_lite.beyond.measured import (
+    distances_m,
+    links,
+    load_place,
+    modelled_snr_db,
+    shipped_places,
+)
 from uavdh_lite.beyond.recipes import BeyondRecipe
+from uavdh_lite.channel import rate
 from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import load_city, shipped_cities
 from uavdh_lite.course.checks import EXERCISES
@@ -486,3 +494,83 @@ def exercises() -> str:
         for name, one in EXERCISES.items()
     ]
     return _table(["", "exercise", "points", "minutes", "needs", "trains"], rows)
+
+
+# Real places
+
+TOLD = {
+    "greedy": "greedy",
+    "ddqn": "`manhattan_ddqn`, the paper's method, made for one other city",
+    "nothing": "`any_city`, told nothing about the radio",
+    "model": "`any_city`, told the paper's model",
+    **{
+        f"{kind}_{count}": f"`any_city`, told {what} from {count} earlier flight{'s' * (count > 1)}"
+        for kind, what in (("line", "two lines"), ("link", "link by link,"))
+        for count in (1, 10, 100)
+    },
+    "truth": "`any_city`, told the truth",
+}
+
+
+def places() -> str:
+    """The shipped places: their links in the paper's model and in the ray-traced gains."""
+    rows = []
+    for name in shipped_places():
+        world = load_place(name)
+        known, traced_db, model_db = links(world), world.mean_snr_db, modelled_snr_db(world)
+        row = [
+            name.replace("_", " ").title(),
+            f"{100 * (known & world.sight[0]).sum() / known.sum():.0f} %",
+        ]
+        for state in (world.sight[0], ~world.sight[0]):
+            inside = known & state & np.isfinite(traced_db)
+            log_m = 10 * np.log10(distances_m(world)[inside])
+            slope, level = np.polyfit(log_m, traced_db[inside], 1)
+            spread_db = (traced_db[inside] - slope * log_m - level).std()
+            row += [f"{-slope:.2f}", f"{spread_db:.1f} dB"]
+        silent = 1 - inside.sum() / (known & state).sum()
+        rates = rate(model_db[known]), rate(traced_db[known])
+        row += [f"{100 * silent:.0f} %", f"{np.corrcoef(*rates)[0, 1]:.2f}"]
+        rows.append([*row, *(f"{values.mean():.3f}" for values in rates)])
+    head = ["place", "pairs in sight", "exponent in sight", "spread", "exponent behind buildings"]
+    head += ["spread", "of these, without any ray", "correlation of rates", "mean rate, model"]
+    return _table([*head, "mean rate, ray-traced"], rows)
+
+
+def real_city(radio: str) -> str:
+    """Who flew how well over the four places, in one of the two radios, next to greedy."""
+    flown, rows = _flown_over_places(radio), []
+    for policy, label in TOLD.items():
+        table = flown[policy]
+        ahead, row = table["return"] - flown["greedy"]["return"], [label]
+        row += [f"{100 * table[BOTH].mean():.1f} %", _numbers([table["return"].mean()], 1)]
+        if policy == "greedy":
+            row += [""] * 3
+        else:
+            row.append(_number(bootstrap_interval(ahead)))
+            for key in ("seed", "place"):
+                parts = [ahead[table[key] == value].mean() for value in np.unique(table[key])]
+                row.append(_numbers(parts, 1))
+        rows.append(row)
+    head = ["", "collected and landed", "return", "ahead of greedy", "by seed"]
+    names = ", ".join(name.replace("_", " ").title() for name in shipped_places())
+    return f"{_table([*head, f'in {names}'], rows)}\n{_made_with('real_city')}"
+
+
+def worth_of_telling() -> str:
+    """What other beliefs add to the return of `any_city`, next to being told the paper's model."""
+    rows = {policy: [TOLD[policy]] for policy in ("nothing", "line_100", "link_100", "truth")}
+    for radio in ("model", "ray-traced"):
+        flown = _flown_over_places(radio)
+        for policy, row in rows.items():
+            added = flown[policy]["return"] - flown["model"]["return"]
+            mean, low, high = (f"{v:+.2f}".replace("-", "−") for v in bootstrap_interval(added))
+            row.append(_together(mean, f"({low} to {high})"))
+    return _table(["", "in the paper's radio", "in the ray-traced radio"], rows.values())
+
+
+def _flown_over_places(radio: str) -> dict[str, dict[str, np.ndarray]]:
+    """The flights of each policy in one radio; those at the same place flew the same mission."""
+    table = read_table(RUNS / "real_city.csv.gz")
+    of_radio = table["radio"] == radio
+    return _parts({name: values[of_radio] for name, values in table.items()}, "policy")

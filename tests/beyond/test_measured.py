@@ -1,5 +1,7 @@
 """An environment whose SNRs come from a table, and what an agent is told of it."""
 
+import base64
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -31,6 +33,7 @@ from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.planners import Greedy
 from uavdh_lite.scenario import Scenario
+from uavdh_lite.storage import data_folder
 from uavdh_lite.streams import Use, stream
 
 ANY = Scenario("any", devices=(1, 3), data=(1.0, 25.0), flying_time=(20, 40))
@@ -238,6 +241,19 @@ def test_a_shipped_place_has_links_where_its_city_has_them(name):
     assert 0.1 < 1 - heard_at[known & ~sight].mean() < 0.6
     rates = [rate(snr_db[known]) for snr_db in (world.mean_snr_db, modelled_snr_db(world))]
     assert np.corrcoef(*rates)[0, 1] > 0.9
+
+
+@pytest.mark.parametrize("name", shipped_places())
+def test_the_file_for_the_labs_has_the_same_place(name):
+    """Half a decibel a step, 255 for nothing: what a browser decodes is what Python flies in."""
+    world = load_place(name)
+    values = json.loads((data_folder() / "places" / f"{name}.json").read_text())
+    steps = np.frombuffer(base64.b64decode(values["gain"]), np.uint8).reshape(256, 256)
+    snr_db = np.where(steps == 255, -np.inf, values["level_db"] - steps / 2)
+    assert values["rows"] == world.city.text.split() and "OpenStreetMap" in values["licence"]
+    heard_at = world.mean_snr_db > values["level_db"] - 127.25
+    assert snr_db[heard_at] == pytest.approx(world.mean_snr_db[heard_at], abs=1e-3)
+    assert not np.isfinite(snr_db[~heard_at]).any()
 
 
 def test_four_places_are_shipped():

@@ -447,6 +447,13 @@ MISTAKES = {
         (lambda m, a, k, f: (np.rot90(m, k, (1, 2)), (a - k) % 4), "Hover and land|swaps left"),
         (lambda m, a, k, f: (m, a), "takes 1 from the number"),
     ],
+    "exponent": [
+        (lambda d, snr: tuple(np.abs(checks.exponent.solution(d, snr))), "Do not cut it off"),
+        (lambda d, snr: checks.exponent.solution(d, np.maximum(snr, -99)), "leave these links out"),
+    ],
+    "corrected": [
+        (lambda line, heard, w: np.average(heard, weights=w), "Add to the line|stops with"),
+    ],
     "clustered_half_width": [
         (lambda *case: half_width(*case, correct=False), r"total by C/\(C − 1\)"),
         (by_counting, "numbers are names"),

@@ -202,7 +202,7 @@ def test_the_notebooks_have_every_exercise_in_order():
             f"{script.name}: a heading or check differs"
         )
         assert text.count("<details><summary>Hint") >= len(own)
-    assert len(SCRIPTS) == 12
+    assert len(SCRIPTS) == 13
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)

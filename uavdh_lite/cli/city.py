@@ -7,7 +7,6 @@ from cyclopts import Parameter
 from cyclopts.types import PositiveFloat, PositiveInt
 
 from uavdh_lite.bridges.footprints import Raster, city_of_footprints
-from uavdh_lite.bridges.sionna import Place, Tracer
 from uavdh_lite.city import City
 from uavdh_lite.errors import InputError
 
@@ -81,6 +80,8 @@ def trace(
         landing_cells: the free cells nearest to the middle that are the landing zone.
         out: the city's PNG.
     """
+    from uavdh_lite.bridges.sionna import Place, Tracer  # loads PyTorch, which `city` needs not
+
     tracer = Tracer(Place(scene, _pair("centre", centre), cells, rays=rays))
     made = tracer.city(out.stem, landing_cells)
     _save(made, out)
