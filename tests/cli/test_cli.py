@@ -184,6 +184,23 @@ def test_help_shows_the_values_of_the_scenario_that_is_named(capsys):
         ("train --recipe secret --help", "secret"),
         ("train --recipe", "--recipe"),
         ("train --discount 2", "discount"),
+        ("train --return-steps 1000000", "return_steps is 1000000, must be at least 1 and at most"),
+        ("train --steps 5000", "replay_prefill is 10000, must be at most steps, 5000"),
+        ("fly --mission m.json --city village", "leave out --city and --seed"),
+        ("fly --mission m.json --seed 0", "leave out --city and --seed"),
+        ("fly --checkpoint any_city", "any_city over 3000 cities: .*--city"),
+        ("fly --out a.pgf", "must end in .png"),
+        ("compare --out r.json", "must end in .csv"),
+        ("export --checkpoint manhattan --out a.txt", "must end in .onnx"),
+        ("evaluate --checkpoint=", "--checkpoint is empty"),
+        ("evaluate --city=", "--city is empty"),
+        ("train --out=", "--out is empty"),
+        ("evaluate --episodes 9999999999999999999", "--episodes"),
+        ("study --variants as_it_is observation=x", "observation is 'x'"),
+        ("study --variants leak=0,leak=0.5", "gives leak twice"),
+        ("study --variants kernels=null", "kernels is None, must be a whole number"),
+        ("study --variants name=../x", "write FIELD=VALUE"),
+        ("study --variants as_it_is kernel_size=60", "variant 'kernel_size=60': a map of 31×31"),
         ("train --discoun 1", "--discount"),
         ("train --steps 1.5", "--steps"),
         ("train --hidden 16 1.5", "--hidden"),
@@ -271,6 +288,21 @@ def test_help_is_plain_text_of_the_terminals_width_and_the_list_of_commands_need
     if not command:
         assert not set(imported.split()) & {"torch", "matplotlib", "numpy", "joblib"}
         assert all(f"│ {name} " in printed for name in COMMANDS)
+
+
+def test_evaluate_says_what_it_flew_over_and_with_whom(capsys):
+    assert main(["evaluate", "--city", "village", "--episodes", "2"]) == 0
+    header, _, row = capsys.readouterr().out.splitlines()
+    assert "2 random missions over village, seed 0" in header
+    assert row.split()[0] in shipped_agents()
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+def test_help_is_printed_where_not_every_letter_can_be(encoding):
+    command = [sys.executable, "-m", "uavdh_lite", "train", "--help"]
+    environment = {**os.environ, "PYTHONIOENCODING": encoding}
+    done = subprocess.run(command, capture_output=True, env=environment)
+    assert done.returncode == 0 and b"discount factor" in done.stdout and not done.stderr
 
 
 def spelled_out(recipe):

@@ -22,6 +22,7 @@ import numpy as np
 from uavdh_lite import registry
 from uavdh_lite.city import SIGNS, City, grow
 from uavdh_lite.config import option, require
+from uavdh_lite.environment import MAX_CITIES
 from uavdh_lite.errors import CityError, InputError
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream
@@ -286,8 +287,8 @@ class CityGenerator:
 
     def draw(self, count: int, seed: int) -> tuple[City, ...]:
         """The first `count` cities of this seed; more of them begin with the same ones."""
-        if count < 1:
-            raise InputError(f"{count} cities: must be at least 1")
+        if not 1 <= count <= MAX_CITIES:
+            raise InputError(f"{count} cities: must be from 1 to {MAX_CITIES}")
         generator = stream(Use.CITY, seed)
         cities = []
         for number in range(count):
@@ -306,9 +307,11 @@ def random_cities(name: str) -> tuple[City, ...]:
 
     Raises `CityError` for anything else.
     """
-    found = re.fullmatch(r"(\d+):(\d+)(?::(?:(\d+)-)?(\d+))?", name)
+    found = re.fullmatch(r"(\d{1,9}):(\d{1,19})(?::(?:(\d{1,9})-)?(\d{1,9}))?", name)
     if found is None:
-        raise CityError(f"random:{name}: write random:COUNT:SEED, random:COUNT:SEED:SIZE or 8-SIZE")
+        raise CityError(
+            f"random:{name:.80}: write random:COUNT:SEED, random:COUNT:SEED:SIZE or 8-SIZE"
+        )
     count, seed, smallest, size = found.groups()
     generator = CityGenerator(
         int(size or CityGenerator.size), smallest=int(smallest) if smallest else None

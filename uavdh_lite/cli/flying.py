@@ -1,6 +1,7 @@
 """`demo`, `fly`, `evaluate`, `compare` and `export`: what trained agents do."""
 
 from pathlib import Path
+from typing import Annotated
 
 from cyclopts.types import NonNegativeInt, PositiveInt
 from matplotlib.figure import Figure
@@ -11,7 +12,7 @@ from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.bridges.onnx import export_onnx
 from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import City, load_cities
-from uavdh_lite.cli.options import Checkpoint, Cities, CommandLine
+from uavdh_lite.cli.options import PICTURES, Checkpoint, Cities, CommandLine, Count, named
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.experiments import comparison
@@ -30,14 +31,15 @@ FLOWN = {  # in `demo`, where there is such a policy: its name, from that of the
 }
 
 
-def open_agent(checkpoint: str | None, city: str | City | None) -> Agent:
-    """The agent of a file or a shipped one, over its own city, another, or several.
+def open_agent(checkpoint: str | None, city: str | City | None) -> tuple[str, Agent]:
+    """The name and the agent of a file or a shipped one, over its own city, another, or several.
 
     Without a checkpoint it is the shipped agent that knows the city best; without a city, that of
     manhattan. Raises `InputError` if there is none.
     """
     if city is None:
-        return load_agent(checkpoint or "manhattan")
+        name = checkpoint or "manhattan"
+        return name, load_agent(name)
     environment = Environment(load_cities(city) if isinstance(city, str) else city)
     name = checkpoint or policies_for(environment)[0]
     if checkpoint is None and name not in shipped_agents():
@@ -45,11 +47,19 @@ def open_agent(checkpoint: str | None, city: str | City | None) -> Agent:
             f"no shipped agent flies over {environment.size} × {environment.size} cells: train an "
             "agent for it (train --city), and give its file as --checkpoint"
         )
-    return load_agent(name).over(environment.cities)
+    return name, load_agent(name).over(environment.cities)
+
+
+def _where(agent: Agent) -> str:
+    """What an agent flies over, in words."""
+    return agent.city.name if len(agent.cities) == 1 else f"{len(agent.cities)} cities"
 
 
 def demo(
-    *, episodes: PositiveInt = 1000, out: Path = Path("demo.png"), seed: NonNegativeInt = 0
+    *,
+    episodes: Count = 1000,
+    out: Annotated[Path, named(*PICTURES)] = Path("demo.png"),
+    seed: NonNegativeInt = 0,
 ) -> None:
     """Fly the shipped agents next to a simple rule and the paper's results, and draw four flights.
 
@@ -61,7 +71,7 @@ def demo(
     figure = Figure(figsize=(11, 13), layout="constrained")
     axes = figure.subplots(2, 2)
     for (name, paper), row in zip(RESULTS.items(), axes, strict=True):
-        agent = open_agent(name, None)
+        agent = load_agent(name)
         environment = Environment(agent.city)
         flown = {
             label: evaluation.evaluate(
@@ -93,39 +103,43 @@ def fly(
     city: Cities = None,
     mission: Path | None = None,
     save_mission: Path | None = None,
-    seed: NonNegativeInt = 0,
-    out: Path = Path("flight.png"),
+    seed: NonNegativeInt | None = None,
+    out: Annotated[Path, named(*PICTURES, ".gif", ".html")] = Path("flight.png"),
 ) -> None:
     """Fly one mission and draw it: a random one, or that of a file.
 
     Arguments:
         mission: a mission's file, from --save-mission or from the labs.
         save_mission: write the mission to this file, to change or to share it.
-        seed: seed of the random mission and its fading.
+        seed: seed of the random mission and its fading, by default 0.
         out: the figure; a name that ends in .gif makes an animation, in .html a page that plays it.
     """
+    if mission is not None and (city is not None or seed is not None):
+        raise InputError("a mission has its own city and seed: leave out --city and --seed")
     given = None if mission is None else missions.load_mission(mission)
-    agent = open_agent(checkpoint, city if given is None else given.city)
-    flown = given or missions.Mission.draw(agent.scenario, agent.city, seed)
+    name, agent = open_agent(checkpoint, city if given is None else given.city)
+    if len(agent.cities) > 1:
+        raise InputError(f"{name} over {_where(agent)}: name a single one with --city")
+    flown = given or missions.Mission.draw(agent.scenario, agent.city, seed or 0)
     if save_mission is not None:
         missions.save_mission(save_mission, flown)
     environment = Environment(flown.city)
     trajectory = flown.fly(environment, agent).trajectory(0)
-    if out.suffix == ".gif":
+    if out.suffix.lower() == ".gif":
         plotting.save_animation(flown.city, trajectory, out)
-    elif out.suffix == ".html":
+    elif out.suffix.lower() == ".html":
         play(environment, trajectory).save(out)
     else:
         plotting.save_figure(plotting.trajectory_figure(environment, trajectory), out)
     landed = "landed" if trajectory.landed else "crashed"
-    print(f"{landed}. {plotting.caption(trajectory)}. {out}")
+    print(f"{name} over {_where(agent)}: {landed}. {plotting.caption(trajectory)}. {out}")
 
 
 def evaluate(
     *,
     checkpoint: Checkpoint = None,
     city: Cities = None,
-    episodes: PositiveInt = 1000,
+    episodes: Count = 1000,
     seed: NonNegativeInt = 0,
     json: Path | None = None,
 ) -> None:
@@ -136,11 +150,12 @@ def evaluate(
         seed: seed of the missions and the fading.
         json: file to write the mean, low and high of each metric to.
     """
-    agent = open_agent(checkpoint, city)
+    name, agent = open_agent(checkpoint, city)
     flights = evaluation.evaluate(agent.environment, agent, agent.scenario, episodes, seed)
     metrics = flights.metrics()
-    print(f"{agent.scenario.name}: {episodes} random missions, seed {seed}")
-    print(policies_table({checkpoint or "agent": metrics}))
+    drawn = f"{episodes} random missions over {_where(agent)}, seed {seed}"
+    print(f"{agent.scenario.name}: {drawn}")
+    print(policies_table({name: metrics}))
     if json is not None:
         write_json(json, {name: interval._asdict() for name, interval in metrics.items()})
 
@@ -150,10 +165,10 @@ def compare(
     checkpoint: Checkpoint = None,
     others: tuple[str, ...] = (),
     city: Cities = None,
-    episodes: PositiveInt = 1000,
+    episodes: Count = 1000,
     seed: NonNegativeInt = 0,
     jobs: PositiveInt = 1,
-    out: Path | None = None,
+    out: Annotated[Path | None, named(".csv", ".csv.gz")] = None,
     command_line: CommandLine,
 ) -> None:
     """Compare an agent with the planners on the same missions.
@@ -168,16 +183,20 @@ def compare(
         jobs: number of processes at a time, one for each policy.
         out: the table, by default comparison-SCENARIO.csv.gz, with a JSON file next to it.
     """
-    agent = open_agent(checkpoint, city)
+    opened, agent = open_agent(checkpoint, city)
     environment, name = Environment(agent.cities), agent.scenario.name
-    named = {each: find_policy(each, environment, seed) for each in (*others, "random", "greedy")}
+    planners = {
+        each: find_policy(each, environment, seed) for each in (*others, "random", "greedy")
+    }
     genies = {"genie": Genie(environment), "genie_data": Genie(environment, time_cost=0.01)}
-    policies = {"agent": agent, **named, **genies}
+    policies = {"agent": agent, **planners, **genies}
+    jobs = min(jobs, len(policies))
     results = comparison.compare(environment, agent.scenario, policies, episodes, seed, jobs)
     out = out or Path(f"comparison-{name}.csv.gz")
     about = {"command": command_line, "seed": seed, **provenance(), "agent": agent.training}
     comparison.save_comparison(out, results, about)
-    print(f"{name}: {episodes} random missions, seed {seed}")
+    drawn = f"{episodes} random missions over {_where(agent)}, seed {seed}"
+    print(f"{name}: {drawn}; agent is {opened}")
     metrics = {
         policy: evaluation.intervals({m: columns[m] for m in TABLE_METRICS}, columns.get("city"))
         for policy, columns in results.items()
@@ -186,7 +205,12 @@ def compare(
     print(out)
 
 
-def export(*, checkpoint: Checkpoint, city: Cities = None, out: Path = Path("agent.onnx")) -> None:
+def export(
+    *,
+    checkpoint: Checkpoint,
+    city: Cities = None,
+    out: Annotated[Path, named(".onnx")] = Path("agent.onnx"),
+) -> None:
     """Write an agent's network as an ONNX file.
 
     The file is written only if ONNX Runtime decides with it as the agent does.
@@ -194,5 +218,7 @@ def export(*, checkpoint: Checkpoint, city: Cities = None, out: Path = Path("age
     Arguments:
         out: the file.
     """
-    error = export_onnx(open_agent(checkpoint, city), out)
-    print(f"{out}: decides as the agent does; Q-values differ by at most {error:.1g}")
+    name, agent = open_agent(checkpoint, city)
+    error = export_onnx(agent, out)
+    print(f"{out}: decides as {name} does over {_where(agent)}")
+    print(f"Q-values differ by at most {error:.1g}")

@@ -1,11 +1,14 @@
 """The entry of the command line: `python -m uavdh_lite`, or `uavdh-lite`."""
 
+import io
+import os
 import shlex
 import sys
+import warnings
 from importlib import import_module
 from typing import get_args
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import UNSET, App, CycloptsError, Parameter
 from cyclopts.exceptions import CoercionError
 
 from uavdh_lite import __version__
@@ -36,8 +39,13 @@ def main(arguments: list[str] | None = None) -> int:
     0; 1 for files, memory or a training that diverged; 2 for bad input; 130 for Ctrl-C.
     """
     arguments = sys.argv[1:] if arguments is None else arguments
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # not every encoding has γ, nor a path's bytes
+            stream.reconfigure(errors="backslashreplace")
     try:
-        _run(arguments)
+        with warnings.catch_warnings():
+            warnings.showwarning = _warn
+            _run(arguments)
     except CycloptsError as error:
         error.verbose = False  # without what helps only the developers of a command line
         called = " ".join(["python -m uavdh_lite", *arguments[:1], "--help"])
@@ -63,6 +71,13 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(arguments: list[str]) -> None:
     """Parse the arguments and call the command that they name."""
+    for argument in arguments:
+        try:
+            usable = b"\0" not in os.fsencode(argument)
+        except UnicodeEncodeError:
+            usable = False
+        if not usable:
+            raise InputError(f"{argument!r}: holds a character that no name and no file has")
     app = _application(arguments)
     command, bound, not_parsed = app.parse_args(arguments)
     if command == app.help_print and not set(arguments) & set(app.help_flags):
@@ -80,7 +95,7 @@ def _application(arguments: list[str]) -> App:
         help="UAV data harvesting by deep reinforcement learning.",
         help_format="markdown",
         version=__version__,
-        config=_require_whole_numbers,
+        config=_require_values,
         default_parameter=Parameter(consume_multiple=1, negative_iterable=(), allow_repeating=True),
         print_error=False,
         exit_on_error=False,
@@ -95,13 +110,20 @@ def _application(arguments: list[str]) -> App:
     return application
 
 
-def _require_whole_numbers(app, commands, arguments) -> None:
-    """Refuse 1.5 where an int is expected: Cyclopts would round it."""
+def _require_values(app, commands, arguments) -> None:
+    """Refuse an empty value, and 1.5 where an int is expected: Cyclopts would round it."""
     for argument in arguments:
+        for token in argument.tokens:
+            if not token.value and token.implicit_value is UNSET:
+                raise CycloptsError(msg=f"{argument.name} is empty: give it a value.")
         if int in (argument.hint, *get_args(argument.hint)):
             for token in argument.tokens:
                 if "." in token.value:
                     raise CoercionError(argument=argument, token=token, target_type=int)
+
+
+def _warn(message, *where) -> None:
+    print("uavdh_lite: warning:", message, file=sys.stderr)
 
 
 def _fail(status: int, message: object) -> int:

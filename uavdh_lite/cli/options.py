@@ -7,14 +7,18 @@ or recipe that the command names: `train --recipe small --help` shows those of `
 from argparse import ArgumentParser
 from collections.abc import Sequence
 from dataclasses import field, fields, make_dataclass, replace
+from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
 
 from cyclopts import Group, Parameter
+from cyclopts.validators import Number
 
 from uavdh_lite.recipe import Recipe, find_recipe
 from uavdh_lite.scenario import Scenario, find_scenario
 
 Preset = TypeVar("Preset", Scenario, Recipe)
+Count = Annotated[int, Parameter(validator=Number(gte=1, lte=100_000))]
+"""How many of something are flown or run: more would take days, or more memory than there is."""
 CommandLine = Annotated[str, Parameter(parse=False)]
 """A command's parameter for what was typed, which results record; it is not an option."""
 Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
@@ -32,6 +36,19 @@ Cities = Annotated[
         "shipped one, or random:COUNT:SEED."
     ),
 ]
+
+
+def named(*suffixes: str) -> Parameter:
+    """Of the file that a command writes: its name must end in one of these."""
+
+    def require(_, path: Path | None) -> None:
+        if path is not None and not path.name.lower().endswith(suffixes):
+            raise ValueError(f"{path}: must end in {' or '.join(suffixes)}.")
+
+    return Parameter(validator=require)
+
+
+PICTURES = (".png", ".pdf", ".svg", ".jpg", ".webp")
 
 
 def presets(arguments: Sequence[str]) -> tuple[Scenario, Recipe]:

@@ -8,10 +8,11 @@ from typing import Annotated, Literal
 import torch
 from cyclopts import Parameter
 from cyclopts.types import NonNegativeInt, PositiveInt
+from cyclopts.validators import Number
 from matplotlib.figure import Figure
 
-from uavdh_lite.cli.options import CommandLine, Flag, options_of, presets, with_values
-from uavdh_lite.errors import InputError
+from uavdh_lite.cli.options import CommandLine, Count, Flag, options_of, presets, with_values
+from uavdh_lite.errors import InputError, extra
 from uavdh_lite.experiments import runs
 from uavdh_lite.experiments import study as studies
 from uavdh_lite.experiments.report import table
@@ -36,7 +37,7 @@ def train(arguments: list[str]) -> Callable[..., None]:
         out: Path | None = None,
         resume: Flag = False,
         stop_after: PositiveInt | None = None,
-        threads: PositiveInt = THREADS,
+        threads: Annotated[int, Parameter(validator=Number(gte=1, lte=1024))] = THREADS,
         device: Literal["cpu", "cuda", "mps"] = "cpu",
         tensorboard: Flag = False,
         scenario_values: scenario_options = None,  # type: ignore[valid-type]
@@ -63,6 +64,9 @@ def train(arguments: list[str]) -> Callable[..., None]:
         """
         if device != "cpu" and not getattr(torch, device).is_available():
             raise InputError(f"no {device} device for this torch: leave out --device")
+        if tensorboard:  # before anything is written
+            with extra("tensorboard"):
+                from torch.utils import tensorboard as _  # noqa: F401
         torch.set_num_threads(threads)
         out = out or Path("runs", f"{scenario}-{recipe}-{seed}")
         chosen = with_values(named_recipe, recipe_values)
@@ -75,9 +79,11 @@ def train(arguments: list[str]) -> Callable[..., None]:
         best = runs.train(
             trainer, out, resume, command_line, stop_after=stop_after, tensorboard=tensorboard
         )
-        if best.exists():  # not if the run was stopped before its first validation
+        if best.exists():
             print(f"best agent: {best}")
             print(f"to see it: python -m uavdh_lite evaluate --checkpoint {best}")
+        else:
+            print(f"no {best}: it is written at a validation, and none came since the start")
 
     return train
 
@@ -92,7 +98,7 @@ def study(arguments: list[str]) -> Callable[..., None]:
         variants: Annotated[tuple[str, ...], Parameter(metavar="FIELD=VALUE...")] = (),
         scenario: str = named_scenario.name,
         recipe: str = named_recipe.name,
-        seeds: PositiveInt = 3,
+        seeds: Count = 3,
         jobs: PositiveInt = 1,
         out: Path = Path("runs", "study"),
         recipe_values: recipe_options = None,  # type: ignore[valid-type]
@@ -115,6 +121,8 @@ def study(arguments: list[str]) -> Callable[..., None]:
         """
         changed = with_values(named_recipe, recipe_values)
         trained = studies.variants_of(changed, variants) if variants else studies.centring(changed)
+        studies.require_fit(named_scenario, trained)
+        jobs = min(jobs, seeds * len(trained))
         folders = studies.run_study(named_scenario, trained, seeds, out, jobs, command_line)
         training, validation = studies.collect_curves(folders, out, command_line)
         print("collected and landed at the end, validation missions, by seed:")

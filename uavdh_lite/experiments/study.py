@@ -6,7 +6,7 @@ import os
 import re
 import sys
 from collections.abc import Iterable
-from dataclasses import asdict, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,8 @@ import numpy as np
 import torch
 from tqdm.auto import tqdm
 
+from uavdh_lite.city import load_cities
+from uavdh_lite.config import shown
 from uavdh_lite.errors import InputError
 from uavdh_lite.experiments.runs import train
 from uavdh_lite.experiments.stopping import deferred_stop
@@ -40,33 +42,40 @@ def variants_of(recipe: Recipe, changes: Iterable[str]) -> dict[str, Recipe]:
 
     Raises `InputError` for anything else, and for values that the recipe cannot have.
     """
-    return {text: replace(recipe, **_fields_in(text, recipe)) for text in changes}
+    return {text: _changed(recipe, text) for text in changes}
 
 
-def _fields_in(text: str, recipe: Recipe) -> dict[str, Any]:
-    if text == "as_it_is":
-        return {}
-    known = asdict(recipe)
-    values = {}
-    for part in re.split(r",(?=\w+=)", text):
+def _changed(recipe: Recipe, text: str) -> Recipe:
+    known = {field.name for field in fields(recipe) if "help" in field.metadata}
+    values: dict[str, Any] = {}
+    for part in re.split(r",(?=\w+=)", text) if text != "as_it_is" else ():
         name, equals, written = part.partition("=")
         if name not in known or not equals:
             raise InputError(
-                f"variant {text!r}: write FIELD=VALUE, such as leak=0 or layer_norm=false"
+                f"variant {shown(text)}: write FIELD=VALUE, such as leak=0 or layer_norm=false"
             )
-        values[name] = _value(written)
-        kinds = {type(known[name]), type(None)} | ({int} if type(known[name]) is float else set())
-        if known[name] is not None and type(values[name]) not in kinds:
-            raise InputError(f"variant {text!r}: {name} is now {known[name]!r}, write such a value")
-    return values
-
-
-def _value(written: str) -> Any:
+        if name in values:
+            raise InputError(f"variant {shown(text)}: gives {name} twice")
+        try:
+            values[name] = json.loads(written)
+        except (ValueError, RecursionError):
+            values[name] = written
     try:
-        value = json.loads(written)
-    except ValueError:
-        return written
-    return tuple(value) if isinstance(value, list) else value
+        return replace(recipe, **values)
+    except InputError as error:
+        raise InputError(f"variant {shown(text)}: {error}") from None
+
+
+def require_fit(scenario: Scenario, variants: dict[str, Recipe]) -> None:
+    """Raise `InputError` that names a variant whose network the scenario's cities do not fit."""
+    cities = load_cities(scenario.city)
+    for text, recipe in variants.items():
+        observation = recipe.observation_for(recipe.environment_for(cities))
+        try:
+            with torch.device("meta"):
+                recipe.network_for(observation)
+        except InputError as error:
+            raise InputError(f"variant {shown(text)}: {error}") from None
 
 
 def run_study(
