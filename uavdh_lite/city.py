@@ -264,6 +264,12 @@ def fingerprint_of(cities: tuple[City, ...]) -> str:
     return hashlib.sha256("".join(city.fingerprint for city in cities).encode()).hexdigest()
 
 
+def described(cities: tuple[City, ...]) -> str:
+    """Cities in an error: the name of the first, how many there are, and how large they are."""
+    size, others = cities[0].size, " and others" * (len(cities) > 1)
+    return f"{cities[0].name}{others} ({len(cities)} of {size} × {size} cells)"
+
+
 def shipped_cities() -> list[str]:
     """The names of the cities that come with the package."""
     return sorted(path.stem for path in (data_folder() / "cities").glob("*.png"))

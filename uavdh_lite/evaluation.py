@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from uavdh_lite.city import fingerprint_of
+from uavdh_lite.city import described, fingerprint_of
 from uavdh_lite.environment import HOVER, Environment, Outcome, Rewards, State, checked_actions
 from uavdh_lite.errors import InputError
 from uavdh_lite.scenario import Scenario
@@ -199,11 +199,7 @@ def _require_made_for(policy: Policy, environment: Environment) -> None:
     if own.size != environment.size or fingerprint_of(own.cities) != fingerprint_of(
         environment.cities
     ):
-        made_for, here = (
-            f"{each.cities[0].name}{' and others' * (len(each.cities) > 1)} "
-            f"({len(each.cities)} of {each.size} × {each.size} cells)"
-            for each in (own, environment)
-        )
+        made_for, here = described(own.cities), described(environment.cities)
         raise InputError(
             f"this {type(policy).__name__} is made for {made_for}, not for {here}: take "
             "agent.over(city) of an agent (--city on the command line), or make another policy "

@@ -251,16 +251,22 @@ def draw_curves(
 ) -> Axes:
     """A training curve: the mean over runs and the range that holds 99 % of them, by steps.
 
+    Runs that have their rows at different steps have no such mean. Each is a line of its own then.
+
     Arguments:
-        runs: from `read_table`, all with rows at the same steps.
+        runs: from `read_table`.
         metric: a column's name.
     """
-    values = np.stack([run[metric] for run in runs])
-    steps = runs[0]["steps"]
-    (line,) = ax.plot(steps, values.mean(axis=0), label=label, **style)
-    if len(runs) > 1:
-        low, high = np.quantile(values, [0.005, 0.995], axis=0)
-        ax.fill_between(steps, low, high, color=line.get_color(), alpha=0.35, linewidth=0)
+    steps, values = ([run[name] for run in runs] for name in ("steps", metric))
+    if all(np.array_equal(own, steps[0]) for own in steps):
+        (line,) = ax.plot(steps[0], np.mean(values, axis=0), label=label, **style)
+        if len(runs) > 1:
+            low, high = np.quantile(values, [0.005, 0.995], axis=0)
+            ax.fill_between(steps[0], low, high, color=line.get_color(), alpha=0.35, linewidth=0)
+    else:
+        for own, of_run in zip(steps, values, strict=True):
+            (line,) = ax.plot(own, of_run, label=label, **style)
+            style, label = {**style, "color": line.get_color()}, None
     ax.set(xlabel="environment steps", ylabel=metric.replace("_", " "))
     return ax
 

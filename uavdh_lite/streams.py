@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from uavdh_lite.config import shown
 from uavdh_lite.errors import InputError
 
 
@@ -58,6 +59,7 @@ class Portable(np.random.Generator):
         super().__init__(stream(use, seed).bit_generator)
         if seed >= 2**53:
             raise InputError(f"seed {seed!r}: must be a whole number from 0 to 2**53 - 1")
+        seed = int(seed)  # one of numpy would overflow
         self._key = _hash(seed % 2**32 + _hash(seed // 2**32 + _hash(use)))
         self._drawn = 0
 
@@ -103,5 +105,5 @@ def torch_seed(use: Use, seed: int) -> int:
 
 def _sequence(use: Use, seed: int) -> np.random.SeedSequence:
     if not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
-        raise InputError(f"seed {seed!r:.80}: must be a whole number from 0 to 2**63 - 1")
+        raise InputError(f"seed {shown(seed)}: must be a whole number from 0 to 2**63 - 1")
     return np.random.SeedSequence(int(seed), spawn_key=(Use(use),))

@@ -11,7 +11,8 @@ import torch
 
 from uavdh_lite.agent import Agent
 from uavdh_lite.checkpoint import load, save
-from uavdh_lite.city import City, fingerprint_of, load_cities
+from uavdh_lite.city import City, described, fingerprint_of, load_cities
+from uavdh_lite.config import shown
 from uavdh_lite.ddqn import draw_actions, softmax_policy
 from uavdh_lite.environment import Rewards, State
 from uavdh_lite.errors import InputError
@@ -41,6 +42,8 @@ class Trainer:
     Arguments:
         city: the city or cities to fly over; the scenario's own if None.
         device: `cpu`, `cuda` or `mps`.
+
+    Raises `InputError` for anything but a scenario, a recipe, a seed and cities.
     """
 
     # The attributes that `save` writes as JSON; a subclass adds its own
@@ -55,6 +58,12 @@ class Trainer:
         city: City | tuple[City, ...] | None = None,
         device: str = "cpu",
     ):
+        for name, given, kind in (("scenario", scenario, Scenario), ("recipe", recipe, Recipe)):
+            if not isinstance(given, kind):
+                raise InputError(
+                    f"a training's {name} is a {kind.__name__}, here is {shown(given)}: "
+                    f"find_{name} gives that of a name"
+                )
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
         self.environment = recipe.environment_for(
             load_cities(scenario.city) if city is None else city
@@ -227,15 +236,20 @@ class Trainer:
         }
         progress = {name: getattr(self, name) for name in self.PROGRESS}
         generators = [g.bit_generator.state for g in (self.generator, self.greedy_generator)]
-        save(path, "training", tensors, self.identity() | progress | {"generators": generators})
+        others = {"generators": generators, "flown_over": described(self.environment.cities)}
+        save(path, "training", tensors, self.identity() | progress | others)
 
     def restore(self, path: Path) -> None:
         """Go on from what `save` wrote; `InputError` if that is another run."""
         tensors, about = load(path, "training")
         for name, value in self.identity().items():
-            if about.get(name) != value:
-                difference = _difference(about.get(name), value)
-                raise InputError(f"{path}: another {name} than asked for{difference}")
+            if about.get(name) == value:
+                continue
+            if name == "cities":  # fingerprints, which tell a reader nothing
+                there, here = about.get("flown_over"), described(self.environment.cities)
+                raise InputError(f"{path}: its cities have other cells: {there} there, {here} here")
+            difference = _difference(about.get(name), value)
+            raise InputError(f"{path}: another {name} than asked for{difference}")
         arrays: dict[str, dict] = {}
         for key, tensor in tensors.items():
             part, name = key.split(".", 1)

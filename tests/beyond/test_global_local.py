@@ -21,3 +21,11 @@ def test_it_sees_the_map_averaged_and_its_middle_in_full():
 def test_a_middle_without_a_centre_or_larger_than_the_map_is_refused(local_size):
     with pytest.raises(InputError, match=f"local_size is {local_size}"):
         GlobalLocalNetwork((5, 9, 9), 2, local_size)
+
+
+@pytest.mark.parametrize("pooling", [0, 10])
+def test_a_coarse_map_without_a_cell_is_refused_also_without_convolutions(pooling):
+    with pytest.raises(InputError, match=f"pooling is {pooling}: must be from 1 to 9"):
+        GlobalLocalNetwork((5, 9, 9), pooling, 5, strides=())
+    network = GlobalLocalNetwork((5, 9, 9), 9, 5, strides=())
+    assert network(torch.rand(2, 5, 9, 9), torch.rand(2, 1)).shape == (2, 6)

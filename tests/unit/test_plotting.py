@@ -173,6 +173,29 @@ def test_curves_show_the_mean_and_the_range_over_runs(ax):
     assert (low, high) == pytest.approx((0.01, 6.96))
 
 
+@pytest.mark.parametrize("second", [[6, 12], [6, 12, 18], [5, 10, 16]])
+def test_runs_with_rows_at_different_steps_are_lines_at_their_own(second):
+    """Equally many rows or not. The variant beside them has its mean, as ever."""
+    steps = [5, 10, 15, *second, 4, 8, 4, 8]
+    values = np.arange(len(steps), dtype=float)
+    table = {
+        "variant": np.array(["told"] * (3 + len(second)) + ["lite"] * 4),
+        "seed": np.array([0] * 3 + [1] * len(second) + [0, 0, 1, 1]),
+        "steps": np.array(steps),
+        "return": values,
+        "collected_and_landed": values / 10,
+    }
+    figure = Figure()
+    plotting.draw_study(figure, table)
+    drawn = [[line.get_xdata().tolist() for line in ax.lines] for ax in figure.axes]
+    assert drawn == [[[5, 10, 15], second, [4, 8]]] * 2
+    first, other, mean = figure.axes[0].lines
+    assert np.array_equal(np.r_[first.get_ydata(), other.get_ydata()], values[:-4])
+    assert np.allclose(mean.get_ydata(), (values[-4:-2] + values[-2:]) / 2)
+    assert first.get_color() == other.get_color() != mean.get_color()
+    assert [text.get_text() for text in figure.axes[0].get_legend().texts] == ["told", "lite"]
+
+
 def test_a_study_has_a_curve_for_each_variant():
     table = {
         "variant": np.array(["paper"] * 4 + ["no_map"] * 2),

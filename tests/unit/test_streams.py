@@ -48,7 +48,7 @@ def test_an_impossible_seed_is_refused(seed):
 
 def test_portable_numbers_stay_what_they_are():
     """Known numbers: if these change, so do all missions that people have shared."""
-    generator = Portable(Use.FADING, 3)
+    generator = Portable(Use.FADING, np.int64(3))
     assert generator.random(2).tolist() == [1431989686 / 2**32, 2601602745 / 2**32]
     assert generator.integers([0, 5], [10, 6]).tolist() == [4, 5]
     assert generator.uniform(2, 4) == 2 + 2 * 249554668 / 2**32
@@ -78,6 +78,14 @@ def test_portable_normal_numbers_are_normal_and_independent():
 def test_an_impossible_portable_seed_is_refused(seed):
     with pytest.raises(InputError, match=f"seed {seed!r}"):
         Portable(Use.FADING, seed)
+
+
+@pytest.mark.parametrize("make", [stream, Portable, torch_seed])
+@pytest.mark.parametrize("seed", [10**5000, "1" * 5000, 10**100], ids=["huge", "text", "large"])
+def test_a_huge_seed_is_not_written_out(make, seed):
+    with pytest.raises(InputError) as refused:
+        make(Use.FADING, seed)
+    assert len(str(refused.value)) < 150
 
 
 MAKERS = {"default_rng", "SeedSequence", "RandomState", "PCG64", "Philox", "manual_seed"}

@@ -1,4 +1,5 @@
 import copy
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -95,14 +96,38 @@ def test_another_run_is_not_restored(trainer, tmp_path, corridor_scenario, quick
     path = tmp_path / "t.safetensors"
     trainer().save(path)
     tiny = type(corridor).from_text("tiny", "L .\n. .").embedded(5)
+    both, corridors = (corridor, tiny), r"other cells: corridor \(1 of 5 × 5 cells\) there"
     for other, difference in (
-        (trainer(seed=5), "seed .*0 there, 5 here"),
-        (trainer(discount=0.9), "recipe .*discount: 0.95 there, 0.9 here"),
-        (Trainer(corridor_scenario, quick, 0, tiny), "cities"),
-        (Trainer(replace(corridor_scenario, data=(1, 2)), quick, 0, corridor), "scenario"),
+        (trainer(seed=5), "another seed .*0 there, 5 here"),
+        (trainer(discount=0.9), "another recipe .*discount: 0.95 there, 0.9 here"),
+        (Trainer(corridor_scenario, quick, 0, tiny), f"{corridors}, tiny .*here"),
+        (Trainer(corridor_scenario, quick, 0, both), f"{corridors}, corridor and others .2 of"),
+        (Trainer(replace(corridor_scenario, data=(1, 2)), quick, 0, corridor), "another scenario"),
     ):
-        with pytest.raises(InputError, match=f"another {difference}"):
+        with pytest.raises(InputError, match=difference) as refused:
             other.restore(path)
+        assert not re.search("[0-9a-f]{64}", str(refused.value))
+    renamed = replace(corridor, name="avenue")
+    Trainer(corridor_scenario, quick, 0, renamed).restore(path)  # the cells decide
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        ({"scenario": "manhattan"}, "scenario is a Scenario, here is 'manhattan': find_scenario"),
+        ({"recipe": "lite"}, "recipe is a Recipe, here is 'lite': find_recipe"),
+        ({"recipe": None}, "recipe is a Recipe, here is None"),
+        ({"city": "village"}, "City .*'village'.*City.load"),
+        ({"city": ()}, "0 cities"),
+        ({"seed": "1"}, "seed '1'"),
+    ],
+)
+def test_what_a_training_is_not_made_of_is_refused_at_once(
+    corridor, corridor_scenario, quick, given, named
+):
+    right = {"scenario": corridor_scenario, "recipe": quick, "seed": 0, "city": corridor}
+    with pytest.raises(InputError, match=named):
+        Trainer(**{**right, **given})
 
 
 @pytest.mark.parametrize("kind", ["centred", "non_centred"])

@@ -21,7 +21,8 @@ class GlobalLocalNetwork(nn.Module):
         local_size: l, cells on a side of the map around the UAV; odd.
         The others are those of `QNetwork`.
 
-    Raises `InputError` if the middle is larger than the map, or has no centre.
+    Raises `InputError` if the middle is larger than the map, or has no centre, and if the coarse
+    map would have no cell.
     """
 
     def __init__(
@@ -41,6 +42,10 @@ class GlobalLocalNetwork(nn.Module):
         if local_size % 2 == 0 or local_size > width:
             raise InputError(
                 f"local_size is {local_size}: must be odd and at most {width}, the side of the map"
+            )
+        if not 1 <= pooling <= width:
+            raise InputError(
+                f"pooling is {pooling}: must be from 1 to {width}, the side of the map"
             )
         self.pooling, self.local_size = pooling, local_size
         self.convolutions = nn.ModuleList()
