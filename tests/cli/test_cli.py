@@ -297,6 +297,42 @@ def test_evaluate_says_what_it_flew_over_and_with_whom(capsys):
     assert row.split()[0] in shipped_agents()
 
 
+@pytest.mark.filterwarnings("default")
+def test_a_warning_is_one_line(tmp_path, capsys):
+    walled = City.from_text(
+        "walled", "L . N . . \n N N N . . \n . . . . . \n . . . . . \n . . . . L"
+    )
+    walled.save(tmp_path / "walled.png")
+    evaluated = ["evaluate", "--checkpoint", "any_city", "--episodes", "2"]
+    assert main([*evaluated, "--city", str(tmp_path / "walled.png")]) == 0
+    error = capsys.readouterr().err
+    assert error.startswith("uavdh_lite: warning: ") and error.count("\n") == 1
+    assert "walled.png: from the landing zone at row 0, column 0" in error
+
+
+def test_a_training_without_tensorboard_is_refused_before_anything_is_written(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "tensorboard", None)
+    monkeypatch.delitem(sys.modules, "torch.utils.tensorboard", raising=False)
+    monkeypatch.delattr(torch.utils, "tensorboard", raising=False)
+    error = failing(capsys, "train", *SHORT, "--scenario", "village", "--tensorboard")
+    assert "tensorboard is not installed: pip install 'uavdh-lite[tensorboard]'" in error
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_training_stopped_before_a_validation_says_that_it_has_no_best_agent(tmp_path, capsys):
+    begun = ["train", *SHORT, "--scenario", "village", "--recipe", "small"]
+    begun += ["--replay-prefill", "64", "--out", str(tmp_path)]
+    assert main([*begun, "--stop-after", "160"]) == 0
+    best = tmp_path / "best.safetensors"
+    printed = capsys.readouterr().out
+    assert f"no {best}: it is written at a validation" in printed and not best.exists()
+    assert main([*begun, "--resume"]) == 0
+    assert f"best agent: {best}" in capsys.readouterr().out and best.exists()
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
 def test_help_is_printed_where_not_every_letter_can_be(encoding):
     command = [sys.executable, "-m", "uavdh_lite", "train", "--help"]

@@ -1,10 +1,12 @@
 """`challenge`: a competition for a class."""
 
 from pathlib import Path
+from typing import Annotated
 
-from cyclopts import App
-from cyclopts.types import PositiveFloat, PositiveInt
+from cyclopts import App, Parameter
+from cyclopts.validators import Number
 
+from uavdh_lite.cli.options import Count
 from uavdh_lite.course.challenge import SCORED, Challenge, enter, entry_name, opened
 from uavdh_lite.course.challenge import leaderboard as board_of
 from uavdh_lite.course.challenge import score as flown_score
@@ -16,7 +18,7 @@ challenge = App("challenge", help="Score a class's submissions on missions that 
 
 
 @challenge.command
-def new(file: Path, /, *, scenario: str = "manhattan", episodes: PositiveInt = 1000) -> None:
+def new(file: Path, /, *, scenario: str = "manhattan", episodes: Count = 1000) -> None:
     """Draw hidden missions and keep them in a file.
 
     Arguments:
@@ -36,7 +38,7 @@ def score(
     secret: Path | None = None,
     leaderboard: Path | None = None,
     scenario: str = "manhattan",
-    seconds: PositiveFloat = 300,
+    seconds: Annotated[float, Parameter(validator=Number(gt=0, lte=86_400))] = 300,
     name: str | None = None,
 ) -> None:
     """Fly submissions and print their scores.

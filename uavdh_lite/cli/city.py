@@ -8,6 +8,7 @@ from cyclopts.types import PositiveFloat, PositiveInt
 
 from uavdh_lite.bridges.footprints import Raster, city_of_footprints
 from uavdh_lite.city import City
+from uavdh_lite.cli.options import named
 from uavdh_lite.errors import InputError
 
 Pair = Annotated[str, Parameter(allow_leading_hyphen=True)]  # two numbers; the first may be < 0
@@ -25,7 +26,7 @@ def city(
     assumed: PositiveFloat = 12.0,
     landing: Pair | None = None,
     landing_cells: PositiveInt = 6,
-    out: Path = Path("city.png"),
+    out: Annotated[Path, named(".png")] = Path("city.png"),
 ) -> None:
     """Make a city from the footprints of buildings.
 
@@ -65,7 +66,7 @@ def trace(
     cells: PositiveInt = 16,
     rays: PositiveInt = 1_000_000,
     landing_cells: PositiveInt = 6,
-    out: Path = Path("place.png"),
+    out: Annotated[Path, named(".png")] = Path("place.png"),
 ) -> None:
     """Make a city from a scene of Sionna RT, and trace the gains between all its cells.
 

@@ -123,7 +123,7 @@ def _require_values(app, commands, arguments) -> None:
 
 
 def _warn(message, *where) -> None:
-    print("uavdh_lite: warning:", message, file=sys.stderr)
+    print("uavdh_lite: warning:", *str(message).splitlines(), file=sys.stderr)
 
 
 def _fail(status: int, message: object) -> int:
