@@ -60,6 +60,9 @@ def test_share_pairs_the_episodes(generator):
     assert share(0.9 * reference, reference, np.arange(200) // 9) == pytest.approx((0.9, 0.9, 0.9))
     noisy = share(0.9 * reference + generator.normal(0, 5, 200), reference)
     assert noisy.low < noisy.mean < noisy.high
+    ones, groups = np.ones(200), np.arange(200) // 9
+    assert share(reference, ones) == bootstrap_interval(reference)  # a mean and its 95 %
+    assert share(reference, ones, groups) == bootstrap_interval(reference, groups)
 
 
 @pytest.mark.parametrize(

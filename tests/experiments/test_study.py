@@ -28,6 +28,7 @@ from uavdh_lite.experiments.study import (
     variants_of,
 )
 from uavdh_lite.recipe import LITE, SMALL
+from uavdh_lite.registry import names
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import read_table
 from uavdh_lite.training import Trainer
@@ -127,6 +128,22 @@ def training_processes(out):
             if any(Path(file.path).parent.parent == out for file in process.open_files()):
                 found.append(process)
     return found
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("recipe", names("recipe"))
+def test_two_seeds_of_every_recipe_are_trained_and_drawn(recipe, tmp_path, capsys):
+    """Those that learn by reward have rows at different steps: a row for so many flights."""
+    options = ["--steps", "5120", "--validation-interval", "5120", "--validation-episodes", "5"]
+    options += ["--kernels", "2", "--hidden", "8", "--replay-prefill", "512", "--batch-size", "64"]
+    options += ["--labels", "2560"] if recipe == "imitation" else []
+    named = ["--recipe", recipe, "--scenario", "village", "--variants", "as_it_is"]
+    assert main(["study", *named, *options, "--seeds", "2", "--out", str(tmp_path)]) == 0
+    table = read_table(tmp_path / "training.csv.gz")
+    steps = [table["steps"][table["seed"] == seed].tolist() for seed in range(2)]
+    assert all(steps) and (steps[0] != steps[1]) == (recipe == "imitation")
+    assert len(capsys.readouterr().out.splitlines()[1].split()) == 3  # a score for each seed
+    assert (tmp_path / "curves.png").stat().st_size > 5000
 
 
 @pytest.mark.long

@@ -46,7 +46,11 @@ def test_which_cities_it_knows_and_that_a_larger_one_is_refused(agent, corridor)
     for elsewhere in (both, agent.over(TINY)):
         assert elsewhere.knows((corridor,)) and not elsewhere.knows((TINY,))
         assert not elsewhere.knows(elsewhere.cities)
-    assert several.over(corridor).knows((TINY,))
+    assert several.over(corridor).knows((TINY,)) and several.over(TINY).knows((corridor,))
+    # Nor does what the network could see: the largest of them all must be as large as its own.
+    wide = agent.recipe.observation_for(both.environment, 6)
+    assert not replace(several, observation=wide).knows((corridor.embedded(6),))
+    assert not several.knows((TINY, manhattan))
     with pytest.raises(InputError, match="2 cities"):
         _ = several.city
     with pytest.raises(InputError, match=r"up to 5 cells .* 16 .*manhattan"):
