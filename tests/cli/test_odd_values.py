@@ -4,7 +4,7 @@ import pytest
 
 from uavdh_lite.cli import challenge, city, flying, training
 from uavdh_lite.cli.main import COMMANDS, _application, main
-from uavdh_lite.labs import server
+from uavdh_lite.labs import page
 
 ODD = ["", " ", "-1", "0", "1.5", "nan", "inf", "-inf", "1e400", "1e-300", "9" * 19, "9" * 5000]
 ODD += ["x", "none", "true", "[]", "\ud800", "a\0b", "\udcff", "γ" * 300, "/", ".", "-"]
@@ -59,7 +59,7 @@ def test_an_odd_value_gives_one_line_or_the_work_begins(
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(training.torch, "set_num_threads", lambda number: None)
-    monkeypatch.setattr(server, "serve", begin)
+    monkeypatch.setattr(page, "write_page", begin)
     for module, works in (
         (challenge, ["flown_score"]),
         (challenge.Challenge, ["save"]),
