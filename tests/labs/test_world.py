@@ -209,8 +209,8 @@ def by_chromium(asked: dict, folder: Path) -> str:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         page = browser.new_page()
         page.goto(path.as_uri())
-        call = "(asked) => JSON.stringify(twin_js.answer(asked))"
-        return page.evaluate(call, asked)
+        call = "(asked) => JSON.stringify(twin_js.answer(JSON.parse(asked)))"
+        return page.evaluate(call, json.dumps(asked))
 
 
 @pytest.fixture(scope="module", params=["node", "chromium"])
