@@ -10,25 +10,29 @@ import json
 import os
 import shutil
 import subprocess
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
+from uavdh_lite.agent import Agent
 from uavdh_lite.beyond.cities import random_cities
 from uavdh_lite.beyond.failsafe import SafeEnvironment
-from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.beyond.recipes import TOLD, BeyondRecipe
+from uavdh_lite.checkpoint import load_agent, save_agent
 from uavdh_lite.city import City, load_city, shipped_cities
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.labs.page import AGENTS, bundle, packed
 from uavdh_lite.missions import Mission, as_json, mission_from_json
 from uavdh_lite.planners import Greedy
+from uavdh_lite.recipe import PAPER
 from uavdh_lite.scenario import Scenario, find_scenario
-from uavdh_lite.streams import Portable, Use, stream
+from uavdh_lite.streams import Portable, Use, stream, torch_seed
 
 CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
 TWIN = Path(__file__).with_name("twin.js")
@@ -127,19 +131,41 @@ def flown():
     return cases
 
 
+# Untrained agents with the parts that those of the page do not have: map in place, no LayerNorm,
+# what is told without the failsafe
+SMALL = {"kernels": 5, "hidden": (9, 8)}
+MADE = (
+    replace(PAPER, **SMALL),
+    replace(PAPER, observation="non_centred", kernel_size=4, strides=(3, 2), **SMALL),
+    replace(BeyondRecipe(**asdict(PAPER)), told=True, observation="non_centred", **SMALL),
+    replace(TOLD, pooling=4, local_size=21, **SMALL),
+)
+
+
 @pytest.fixture(scope="module")
-def agents():
-    """For each agent of the page its file in half precision, a city, states and their Q-values."""
-    cases = []
+def agents(tmp_path_factory):
+    """For each agent its file, half precision for those of the page, a city, states, Q-values."""
+    made, file = [], tmp_path_factory.mktemp("agents") / "agent.safetensors"
     for name in AGENTS:
         agent = load_agent(name)
         agent.network.half().float()  # the weights that the page has
+        made.append((agent, packed(agent)))
+    for number, recipe in enumerate(MADE):
+        cities = load_city("village"), load_city("manhattan")
+        observation = recipe.observation_for(recipe.environment_for(cities))
+        torch.manual_seed(torch_seed(Use.EXERCISE, number))
+        network = recipe.network_for(observation)
+        agent = Agent(network, observation, recipe, find_scenario("village"))
+        save_agent(file, agent)
+        made.append((agent, file.read_bytes()))
+    cases = []
+    for agent, content in made:
         several = len(agent.cities) > 1  # then a smaller city, too
         known = ("manhattan", "village") if several else (agent.city.name,)
         for city in (city for city in CITIES if city.name in known):
             state = draw_states(agent.over(city).environment, agent.scenario, STATES, 7)
             values = agent.over(city).q_values(state).numpy()
-            cases.append((packed(agent), city, state, values))
+            cases.append((content, city, state, values))
     return cases
 
 
