@@ -10,7 +10,7 @@ RUN useradd --create-home --uid 1000 jovyan
 RUN pip install torch==2.13.0 --index-url https://download.pytorch.org/whl/cpu
 COPY --chown=jovyan . /home/jovyan/uavdh_lite
 WORKDIR /home/jovyan/uavdh_lite
-RUN pip install ".[app,classroom,notebooks]"
+RUN pip install ".[classroom]"
 
 USER jovyan
 WORKDIR /home/jovyan/uavdh_lite/notebooks

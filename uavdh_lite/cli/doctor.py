@@ -9,7 +9,6 @@ from uavdh_lite.provenance import provenance
 
 EXTRAS = {
     "notebooks": "the course in JupyterLab",
-    "app": "the labs as a web page",
     "classroom": "grading a class",
     "gym": "Gymnasium",
     "onnx": "export",
