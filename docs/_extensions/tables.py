@@ -559,14 +559,20 @@ def real_city(radio: str) -> str:
 
 def worth_of_telling() -> str:
     """What other beliefs add to the return of `any_city`, next to being told the paper's model."""
-    rows = {policy: [TOLD[policy]] for policy in ("nothing", "line_100", "link_100", "truth")}
+    policies = "nothing", "line_1", "line_100", "link_100", "truth"
+    rows = {policy: [TOLD[policy]] for policy in policies}
     for radio in ("model", "ray-traced"):
         flown = _flown_over_places(radio)
         for policy, row in rows.items():
             added = flown[policy]["return"] - flown["model"]["return"]
             mean, low, high = (f"{v:+.2f}".replace("-", "−") for v in bootstrap_interval(added))
             row.append(_together(mean, f"({low} to {high})"))
-    return _table(["", "in the paper's radio", "in the ray-traced radio"], rows.values())
+            if radio == "ray-traced":
+                place = flown[policy]["place"]
+                row.append(_numbers([added[place == one].mean() for one in np.unique(place)], 1))
+    names = ", ".join(name.replace("_", " ").title() for name in shipped_places())
+    head = ["", "in the paper's radio", "in the ray-traced radio", f"in {names}"]
+    return _table(head, rows.values())
 
 
 def _flown_over_places(radio: str) -> dict[str, dict[str, np.ndarray]]:
