@@ -11,8 +11,8 @@ export const KINDS = {
   N: { name: "no-fly zone", hatch: "m0 .5l.5 -.5m-.5 1l1 -1m-.5 1l.5 -.5" },
 };
 const START = '<path class="start" d="M0 -.36L.36 .28H-.36z"/>';
-const LANDED = '<circle class="landed" r=".36"/><path class="mark" d="M-.17 0l.13 .14 .22 -.28"/>';
-const CRASHED = '<circle class="crashed" r=".36"/><path class="mark" d="M-.2-.2l.4.4m0-.4-.4.4"/>';
+const LANDED = '<path class="landed" d="M0 -.42L.42 0 0 .42 -.42 0z"/>'; // the marks of plotting.py
+const CRASHED = `<path class="crashed" d="M0 -.5L.12 -.16 .48 -.15 .19 .06 .29 .4 0 .2 -.29 .4 -.19 .06 -.48 -.15 -.12 -.16z"/>`;
 const rotor = (turn) => `<circle cx=".34" r=".14" transform="rotate(${turn})"/>`;
 const ROTORS = [45, 135, 225, 315].map(rotor).join("");
 export const UAV = `<path d="M-.24 -.24l.48 .48m0 -.48-.48 .48"/>${ROTORS}`;

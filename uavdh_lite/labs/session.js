@@ -96,15 +96,15 @@ export class Session {
     this.answered += 1;
     this.fresh = false;
     try {
-      this.render(refused);
+      this.render(refused, told.number);
     } catch (error) {
       Object.assign(this, { stage, hangar, race }); // what cannot be drawn is not kept
-      this.render(reasonOf(error));
+      this.render(reasonOf(error), told.number);
     }
   }
 
   /** Shows what the stage looks like now. */
-  render(refused = "") {
+  render(refused = "", number = 0) {
     const { stage, hangar } = this;
     const flights = this.flights();
     const film = filmOf(hangar, flights);
@@ -118,6 +118,7 @@ export class Session {
       panel: { ...this.panel(flights), ...this.extra },
       warnings: warnings(hangar.environment, stage.mission).map(sentence),
       refused,
+      number,
       answered: this.answered,
       fresh: this.fresh,
       working: Boolean(this.work),

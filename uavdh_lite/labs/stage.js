@@ -1,12 +1,13 @@
 // The stage: one page with the map, the controls and the panel of a tool. `paint` draws what the
 // session sent, the scene; whatever is done is told to the session, which answers with the next scene.
 
-import { CONTROLS, SQUARE, escaped, flightPanels, lastStep, legend, playback, showing } from "../player.js";
+import { CONTROLS, escaped, flightPanels, lastStep, legend, playback, showing } from "../player.js";
 import { attend } from "./hands.js";
-import { TOOLS, WAYS, brush, button, looks, options } from "./tools.js";
+import { TOOLS, brush, button, options } from "./tools.js";
 
 const MORE = "Cells, numbers and files";
 const LINK = "stage=";
+const LONG = ["many", "duel"]; // they show how far they are, and others do not wait for them
 const SLOW = 300; // ms without an answer after which a word is due
 const FULL = `<svg viewBox="0 0 16 16" width="16" aria-hidden="true"><path d="M1 6V1h5M10 1h5v5M15 10v5h-5M6 15H1v-5"/></svg>`;
 
@@ -41,7 +42,8 @@ const tab = (tool) => `<button type="button" role="tab" id="tab-${tool}" data-to
 export function draw(el, model) {
   const find = (selector) => el.querySelector(selector);
   let [scene, version, drawnTool, update] = [null, null, null, () => []];
-  let [waiting, next, slow] = [false, null, null]; // for an answer; what is asked when it has come
+  let [asked, waiting] = [0, null]; // the numbers of the last question, and of that whose answer is awaited
+  let [next, slow] = [null, null]; // what is asked when it has come
   let [answered, quiet, refusing] = [0, false, null]; // quiet: what was asked is no action of the reader
   let [link, story] = [null, null]; // of this state; the captions that are still to come
   let clock = null;
@@ -57,13 +59,17 @@ export function draw(el, model) {
     ask(told) {
       if (told.show !== undefined) return clock.show(told.show);
       if (told.kind === "tool") clock.show(clock.now.time); // pauses, so that the step is kept
-      [waiting, quiet] = [true, ["show", "values", "shadow"].includes(told.kind) || told.quiet];
-      clearTimeout(slow);
-      slow = setTimeout(() => busy("Flying …"), SLOW);
-      model.send(told);
+      quiet = ["show", "values", "shadow"].includes(told.kind) || told.quiet;
+      asked += 1;
+      if (!LONG.includes(told.kind)) {
+        waiting = asked;
+        clearTimeout(slow);
+        slow = setTimeout(() => busy("Flying …"), SLOW);
+      }
+      model.send({ ...told, number: asked });
     },
     askWhenFree(told) {
-      if (waiting) next = told;
+      if (waiting !== null) next = told;
       else stage.ask(told);
     },
     /** Shows that something was not done, until the answer to what is done next; 8 seconds at most. */
@@ -282,25 +288,28 @@ export function draw(el, model) {
     scene(told) {
       const first = !scene;
       ({ scene } = told);
-      waiting = false;
-      clearTimeout(slow);
       if (first) return begin();
-      if (!scene.working) busy("");
+      if (scene.number >= waiting) {
+        waiting = null;
+        clearTimeout(slow);
+        if (!scene.working) busy("");
+      }
       const fresh = scene.answered !== answered && (!quiet || scene.refused);
       if (fresh) stage.refuse(scene.refused && `Not done: ${scene.refused}.`);
       answered = scene.answered;
       if (brush.cells) return; // a stroke is drawn until it is over
       paint();
       const ask = next;
+      if (!ask || waiting !== null) return;
       next = null;
-      if (ask) stage.askWhenFree(ask);
+      stage.ask(ask);
     },
     link({ link: found }) {
       link = found;
       if (!scene.fresh && model.own) history.replaceState(null, "", `#${LINK}${link}`);
     },
     progress({ text, share }) {
-      if (share !== undefined || !text) busy(text, share);
+      if (text || (share === undefined && waiting === null)) busy(text, share);
     },
     file({ name, blob }) {
       const href = URL.createObjectURL(blob);

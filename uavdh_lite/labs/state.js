@@ -83,7 +83,7 @@ export function withMission(stage, mission, shelf) {
 }
 
 /** What missions over a city are drawn from; over a painted one, time to cross it twice. */
-export function scenarioOf(city, { cities, scenarios }) {
+function scenarioOf(city, { cities, scenarios }) {
   const shipped = Object.values(cities).find((each) => each.sameAs(city));
   if (shipped) return scenarios[shipped.name];
   const most = Math.min(3, sum(city.openToDevices));

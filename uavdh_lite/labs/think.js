@@ -13,7 +13,7 @@ const STAKE = 1; // data units that are still to be had
 const order = (values) => [...values.keys()].sort((one, other) => values[other] - values[one]);
 
 /** How far the best action is ahead of the second at each step; Infinity where nothing else is allowed. */
-export const gaps = (values) =>
+const gaps = (values) =>
   values.map((each) => {
     const [best, second] = order(each);
     return each[best] - each[second];

@@ -35,7 +35,7 @@ const towards = ({ device, by, home, who }) =>
       : "";
 
 /** A sentence for each kind of fact. Steps are counted from 0 in facts and from 1 in sentences. */
-export const TEMPLATES = {
+const TEMPLATES = {
   air: () => "One flight is still in the air.",
   empty: () => "One flight has not begun: fly it in the tool Fly.",
   level: () => "Nearly level.",
