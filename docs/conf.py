@@ -1,8 +1,6 @@
 """The site: `python -m sphinx -W docs build/site`, without a network or a kernel."""
 
-import filecmp
 import re
-import shutil
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -68,7 +66,7 @@ def copy_notebooks(app: Sphinx) -> None:
     source, target = HERE.parent / "notebooks", HERE / "tutorials"
     wanted = {
         path.relative_to(source)
-        for pattern in ("[0-9][0-9]_*.ipynb", "exercises/*/*.ipynb")
+        for pattern in ("[0-9][0-9]_*.ipynb", "exercises/*/*.ipynb", "project/*.ipynb")
         for path in source.glob(pattern)
     }
     for path in target.rglob("*.ipynb"):
@@ -76,9 +74,11 @@ def copy_notebooks(app: Sphinx) -> None:
             path.unlink()
     for path in wanted:
         copy = target / path
-        if not copy.exists() or not filecmp.cmp(source / path, copy, shallow=False):
+        # From `notebooks` a page is at ../docs/PAGE, from here at ../PAGE
+        text = (source / path).read_text(encoding="utf-8").replace("](../docs/", "](../")
+        if not copy.exists() or copy.read_text(encoding="utf-8") != text:
             copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source / path, copy)
+            copy.write_text(text, encoding="utf-8")
 
 
 def leave_out(app: Sphinx, name: str, source: list[str]) -> None:

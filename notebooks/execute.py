@@ -7,6 +7,7 @@ The scripts are the source (jupytext's percent format). A notebook keeps hashes 
 it was executed from, and of the files of `data` that it read; the tests compare them, so that no
 outputs of another source are kept. The exercises, scripts/exercises/NN_topic.py, become
 solutions/NN_topic/NN_topic.ipynb, and from these exercises/NN_topic/NN_topic.ipynb for students.
+scripts/project/ has the project's template and two examples, which become project/NAME.ipynb.
 """
 
 import argparse
@@ -53,12 +54,20 @@ def exercise_scripts() -> list[Path]:
     return sorted((HERE / "scripts" / "exercises").glob("[0-9][0-9]_*.py"))
 
 
+def project_scripts() -> list[Path]:
+    """Of the project's template and its two worked examples."""
+    return sorted((HERE / "scripts" / "project").glob("*.py"))
+
+
 def is_exercise(script: Path) -> bool:
     return script.parent.name == "exercises"
 
 
 def notebook_of(script: Path) -> Path:
-    folder = HERE / "solutions" / script.stem if is_exercise(script) else HERE
+    folder = {
+        "exercises": HERE / "solutions" / script.stem,
+        "project": HERE / "project",
+    }.get(script.parent.name, HERE)
     return folder / f"{script.stem}.ipynb"
 
 
@@ -87,10 +96,9 @@ def from_script(script: Path) -> nbformat.NotebookNode:
         language_info={"name": "python"},
         uavdh_lite={"source_sha256": source_hash(notebook)},
     )
-    if is_exercise(script):  # not paired: students' copies must not find the solutions
+    # Not paired by jupytext: it would refuse to open a notebook that is newer than its script
+    if is_exercise(script):
         mark_cells(notebook)
-    else:
-        notebook.metadata.jupytext = {"formats": "ipynb,scripts//py:percent"}
     return notebook
 
 
@@ -155,7 +163,7 @@ def main() -> int:
     parser.add_argument("numbers", nargs="*", metavar="NN", help="notebooks, by their number")
     options = parser.parse_args()
     known: dict[str, list[Path]] = {}
-    for script in scripts() + exercise_scripts():
+    for script in scripts() + exercise_scripts() + project_scripts():
         known.setdefault(script.name[:2], []).append(script)
     unknown = [number for number in options.numbers if number not in known]
     if unknown:

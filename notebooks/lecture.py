@@ -19,7 +19,7 @@ from execute import HERE, SECONDS, from_script, scripts
 from nbclient import NotebookClient
 from nbconvert.filters import markdown2html
 
-COURSE = [f"{number:02d}" for number in range(8)]
+COURSE = [f"{number:02d}" for number in range(10)]
 BOTH_KINDS = "%config InlineBackend.figure_formats = ['png', 'svg']"
 PAGE = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>{title}</title>

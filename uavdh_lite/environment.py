@@ -117,7 +117,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Rewards:
-    """The reward's constants (eq. 9).
+    """The reward's constants (section III).
 
     The paper gives none of them. These are the defaults of the classes in the authors' code.
     """
@@ -349,7 +349,7 @@ class Environment:
         return after, Outcome(served, uploaded, intervened, landed, crashed, flew)
 
     def snr_db(self, state: State, next_cell: np.ndarray, fading: np.ndarray) -> np.ndarray:
-        """SNR of every device in every slot of a step, dB; (B, δ, K) float32 (eq. 1–4).
+        """SNR of every device in every slot of a step, dB; (B, δ, K) float32 (eq. 2).
 
         Arguments:
             next_cell: (B,), the UAV's cell after the step: the same, or a neighbour.

@@ -309,7 +309,7 @@ def draw_maps(
         ax.add_patch(Rectangle((0, 0), 1, 1, transform=ax.transAxes, fill=False, edgecolor="0.5"))
         ax.set_title(name, fontsize="medium")
         if uav:
-            ax.plot(uav[1], uav[0], "^", color="black", ms=4)
+            ax.plot(uav[1], uav[0], "^", color="black", mec="white", ms=6)
         for (row, col), value in np.ndenumerate(values) if numbers else ():
             colour = "white" if abs(value) > 0.6 * most else "black"
             ax.text(col, row, f"{value.round(1) + 0:g}", ha="center", va="center", color=colour)

@@ -463,7 +463,7 @@ def sessions(name: str) -> list[tuple[str, int, list[tuple[str, int, list[str]]]
     for session in plan["session"]:
         parts = []
         for what, *rest in session["parts"]:
-            if isinstance(rest[0], int):
+            if rest and isinstance(rest[0], int):
                 parts.append((what, rest[0], []))
                 continue
             taken = sum(minutes[number] for number in rest)

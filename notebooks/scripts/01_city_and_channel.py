@@ -8,16 +8,19 @@
 # every colour, given the cells in sight.
 
 # %% tags=["remove-cell"]
-# Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
 from glob import glob
 from importlib.metadata import distributions
 
-project = [path for path in ("..", ".", *glob("*")) if glob(f"{path}/uavdh_lite/city.py")]
-assert project, "the project's folder is not here: clone or upload it, then run this cell again"
-# %cd -q {project[0]}/notebooks
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
 if not any(distributions(name="uavdh_lite")):
-    print("installing uavdh_lite from its folder")
-    # %pip install -q .. ipywidgets
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
 
 # %%
 # %matplotlib inline
@@ -38,7 +41,7 @@ figure
 # | **What you'll learn** | Decibels, path loss with and without line of sight, the link budget, Shannon's rate, shadow fading |
 # | **What you'll need** | Notebook 0, logarithms, the normal distribution. 45 minutes to read, 10 seconds to run; 25 minutes of exercises |
 #
-# The bright area is not a disc. It reaches far down two streets and hardly bends round any corner. Buildings do that.
+# The bright area is not a disc. It reaches far down two streets and hardly bends round corners, because buildings are in the way.
 #
 # ## 1.1 Three layers
 #
@@ -56,10 +59,17 @@ figure
 # %% [markdown]
 # Black means yes. May the UAV start and land here? May it *not* fly here? Does a building block the radio here?
 #
-# Compare the second and the third layer. Most buildings are in both: they are tall, so the UAV cannot fly over them. Two
-# blocks are only in the third. They are low: the UAV can fly over them, but they block the radio too. The 5 × 4 cells at
-# the lower left of the second layer are a no-fly zone with one building in it and three at its edge. A device may stand
-# anywhere, even in the no-fly zone, except on a building or in a landing zone. No two devices share a cell.
+# Compare the second and the third layer. A cell that is in both is a *tall* building: the UAV may not enter it, and it blocks the radio. A cell in the
+# third layer alone is a *low* building, which the UAV may fly over and which blocks the radio all the same. A cell in the second alone is a no-fly zone without a building.
+
+# %%
+tall, low = city.buildings & city.no_fly, city.buildings & ~city.no_fly
+closed = city.no_fly & ~city.buildings
+print(f"{tall.sum()} tall cells, {low.sum()} low ones, {closed.sum()} only closed")
+
+# %% [markdown]
+# The paper's UAV is “not allowed to fly over buildings” at all, so a low building is an addition of other maps. A device may stand anywhere, even in the no-fly zone, except on a building or in a
+# landing zone. No two devices share a cell.
 #
 # ## 1.2 Path loss
 #
@@ -68,7 +78,7 @@ figure
 # about a factor of two. Negative numbers mean less than one: −10 dB is a tenth. Products become sums.
 #
 # What counts is the signal compared with the noise, the random hiss in every receiver. Their ratio is the
-# *signal-to-noise ratio*, SNR. It falls with a power of the distance $d$ in metres (paper, eq. 3):
+# *signal-to-noise ratio*, SNR. It falls with a power of the distance $d$ in metres (paper, eq. 2):
 #
 # $$\mathrm{SNR} = \frac{P}{\sigma^2} \cdot d^{-\alpha_l} \cdot 10^{\eta_l/10}$$
 #
@@ -115,8 +125,8 @@ print(f"to the corner: {edge_m:.1f} m, budget: {budget_db:.1f} dB")
 assert np.isclose(budget_db, channel.transmit_snr_db(16))
 
 # %% [markdown]
-# We call this the *link budget*: the SNR that a link would have at a distance of 1 m. The path loss spends it. Elsewhere
-# the name often means the whole sum, with the losses.
+# We call this the *link budget*: the SNR that a link would have at a distance of 1 m. Path loss eats into it. (Elsewhere, “link
+# budget” often means the whole calculation, losses included.)
 #
 # A link behind a building has the same budget, because the transmitter does not know what stands in the way. So without
 # luck, every SNR is now a single subtraction:
@@ -132,7 +142,7 @@ print(f"above the device {snr_db(0, 2.27):.1f} dB, 30 m away {snr_db(30, 2.27):.
 # ## 1.4 From SNR to data
 #
 # How much data fits through a link? Claude Shannon found the limit in 1948. In one communication *slot* a device can send
-# (paper, eq. 4)
+# (paper, eq. 1)
 #
 # $$R = \log_2(1 + \mathrm{SNR})$$
 #
@@ -147,10 +157,8 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("behind_a_corner")
 
 # %%
-def rate(decibels):
-    return np.log2(1 + 10 ** (decibels / 10))
+from uavdh_lite.channel import rate  # this formula, for SNRs in dB; exercise 1.1 asks you for it
 
-# %%
 ground_m = np.linspace(0, 120)
 figure = Figure(figsize=(5.5, 3.4), layout="constrained")
 ax = figure.subplots()
@@ -169,7 +177,7 @@ for distance in (0, 10, 20, 30, 100):
 # - **Near is fast.** Three cells away, the UAV gets about a fifth of what it gets directly above the device.
 # - **Far still counts.** A hundred metres down a street little arrives, but it adds up slot by slot while the UAV flies
 #   on.
-# - **A building all but ends the link.** Even 10 m away it takes more than nine tenths of the data.
+# - **A building all but ends the link.** Even at 10 m it cuts the data by more than nine tenths.
 #
 # ## 1.5 Shadow fading
 #
@@ -179,26 +187,36 @@ for distance in (0, 10, 20, 30, 100):
 # sight and 5 dB² behind a building. The paper calls it $\sigma_l^2$. Do not confuse it with $\sigma^2$, the power of
 # the noise.
 #
+# A radio engineer will object here. In a real street shadow fading is *correlated*: the tree that is in the way now is still in the way one
+# step later, over tens of metres. The paper draws it anew in every slot all the same, and so do we, for a reason that notebook 3 explains: if good
+# luck came in runs, the luck of the past would say something about the future, and the agent would have to remember it. Independent draws keep
+# the problem simple. They also make it milder, because over the four slots of a step much of the luck averages out.
+#
 # A random number generator expects the *standard deviation*, the square root of the variance. They are easy to
-# mix up. Draw many slots at 30 m in sight:
-
-# %%
-fading_db = np.random.default_rng(0).normal(0, np.sqrt(2), 20_000)
-mean_db = snr_db(30, 2.27)
-lucky = rate(mean_db + fading_db).mean()
-
-# %% [markdown]
+# mix up.
+#
 # In decibels, good and bad luck cancel out on average. What do they do to the data?
 
 # %%
 Quiz("luck_on_average")
 
+# %% [markdown]
+# To find the mean, take all amounts of luck from very bad to very good, and weight the rate of each by how likely it is, the bell curve of the
+# normal distribution. (Exercise 1.3 does it in another way, by drawing.)
+
 # %%
-print(f"data units per slot: {rate(mean_db):.3f} without fading, {lucky:.3f} with it, on average")
-assert lucky > rate(mean_db)
+luck_db, mean_db = np.linspace(-12, 12, 481), snr_db(30, 2.27)
+
+# %%
+for kind, variance, exponent in (("in sight", 2, 2.27), ("behind a building", 5, 3.64)):
+    likely = np.exp(-(luck_db**2) / (2 * variance))
+    alone = snr_db(30, exponent)
+    lucky = np.average(rate(alone + luck_db), weights=likely)
+    print(f"30 m {kind}: {rate(alone):.3f} without fading, {lucky:.3f} with it, on average")
+    assert lucky > rate(alone)
 
 # %% [markdown]
-# In sight fading helps a little; behind a building it adds a tenth or so. A drawing shows why. The curve is the rate,
+# In line of sight, fading helps a little; behind a building it adds about a tenth. A drawing shows why. The curve is the rate,
 # and the dashed line joins a slot with bad luck to one with good luck. 6 dB of luck are very rare, and shown only to
 # make the bend visible:
 
@@ -229,7 +247,7 @@ figure
 for name, ground, exponent in (
     ("above the device", 0, 2.27),
     ("30 m down the street", 30, 2.27),
-    ("14 m away, over a low building", 14.1, 3.64),
+    ("14 m away, behind a building", 14.1, 3.64),
     ("36 m away, round a corner", 36.1, 3.64),
 ):
     here = rate(snr_db(ground, exponent))
@@ -238,13 +256,12 @@ for name, ground, exponent in (
 # %% [markdown]
 # - Directly above, two steps are enough.
 # - Down the street it takes six. Flying two cells nearer and back takes four, because data comes in on the way.
-# - Over the low building, in cell (5, 6), the UAV is only half as far away, and gets a tenth. The building below it blocks the view in this
-#   flat model, as notebook 2 explains.
+# - Behind a building the UAV may be only half as far away and still gets no more than a tenth.
 # - Round the corner it takes longer than any flight lasts.
 #
 # So the answer to the first question is: anywhere *in sight* and not too far. Where that is depends on the buildings,
-# and the agent is never told. In the labs (`python -m uavdh_lite app`) you can drag a device around and watch its map
-# change, with the tool *Channel*.
+# and the agent is never told. In the lab *Channel* (`python -m uavdh_lite app`) you can drag a device around and watch its map
+# change.
 #
 # ## Recap
 #

@@ -7,16 +7,20 @@
 # follows one straight ray to each cell and asks what it crosses. The hard part is getting the answer right every time.
 
 # %% tags=["remove-cell"]
-# Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
 from glob import glob
 from importlib.metadata import distributions
 
-project = [path for path in ("..", ".", *glob("*")) if glob(f"{path}/uavdh_lite/city.py")]
-assert project, "the project's folder is not here: clone or upload it, then run this cell again"
-# %cd -q {project[0]}/notebooks
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
 if not any(distributions(name="uavdh_lite")):
-    print("installing uavdh_lite from its folder")
-    # %pip install -q .. ipywidgets
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
+
 # %%
 # %matplotlib inline
 from matplotlib.figure import Figure
@@ -46,8 +50,8 @@ figure
 # line crosses the inside of a building, seen from above. It is also blocked if it slips through the corner that two
 # diagonal buildings share. Then the link is NLoS, and notebook 1 says what that costs.
 #
-# The model is flat: it knows no heights. A UAV above a low building sees nobody, though from a real roof you could look
-# down into the street. That is a simplification.
+# The model is flat: it knows no heights. In a city with low buildings, such as `harbour`, a UAV above one of them sees nobody, though from a
+# real roof you could look down into the street. That is a simplification.
 #
 # Here is a ray from cell (0, 0) to cell (2, 5). The blue cells are those that it crosses:
 
@@ -205,8 +209,8 @@ print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 # The authors of the paper trace their rays in another way. In 1962 Jack Bresenham wrote an algorithm that draws a line
 # as a row of pixels. Their variant walks from cell to cell, one row or one column at a time, and keeps a running error:
 # how far the centre of the cell is off the straight line. This error decides whether the next step goes along the row
-# or the column. It is quick, and it errs in both directions: it skips cells that the true ray clips, and enters cells
-# that it never crosses.
+# or the column. It is quick, but errs in two ways: it skips cells that the true ray clips, and enters cells that it never
+# crosses.
 #
 # Their code sends a fan of such lines from the device to every cell of the border. A cell is in sight if some line
 # reaches it before it meets a building. One question before you see the result:
@@ -238,7 +242,7 @@ assert 0.05 < share < 0.2
 
 # %% [markdown]
 # The fan usually errs by seeing too much. Rounding is to blame. Seen from the other end, the same line is rounded to
-# other cells, and may run into a building there. Radio works the same both ways.
+# different cells, and may run into a building there. Radio works the same both ways.
 #
 # Does it matter to an agent? We do not know, because we trained none with Bresenham's shadows.
 #

@@ -4,19 +4,23 @@
 # The agent looks at its mission and picks one of six actions. **What does it look at?** It gets one number, the flying
 # time that is left, and five pictures.
 #
-# Here they are for a UAV over cell (8, 4) and devices at (4, 7) and (11, 11). Dark blue is large and white is zero.
+# Here they are for a UAV over cell (8, 4), at the start of a mission with devices at (4, 7) and (11, 11). Dark blue is large and
+# white is zero. The UAV itself is in no picture, because it is always in the middle, where the small triangle is.
 
 # %% tags=["remove-cell"]
-# Without uavdh_lite installed, as on Colab: find the project's folder and install it from there.
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
 from glob import glob
 from importlib.metadata import distributions
 
-project = [path for path in ("..", ".", *glob("*")) if glob(f"{path}/uavdh_lite/city.py")]
-assert project, "the project's folder is not here: clone or upload it, then run this cell again"
-# %cd -q {project[0]}/notebooks
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
 if not any(distributions(name="uavdh_lite")):
-    print("installing uavdh_lite from its folder")
-    # %pip install -q .. ipywidgets
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
 
 # %%
 # %matplotlib inline
@@ -31,21 +35,23 @@ torch.set_num_threads(1)  # small networks
 agent = load_agent("manhattan_ddqn")
 city, centred = agent.city, Observation(agent.environment)
 maps, time = centred(Mission(city, (8, 4), [(4, 7), (11, 11)], [15, 10], 50).state)
-draw_maps(dict(zip(LAYERS, maps[0])))
+draw_maps(dict(zip(LAYERS, maps[0])), uav=(15, 15))
 
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Look through the agent's eyes, stop its clock, build a small network |
-# | **What you'll learn** | The layers of the map, map centring, neurons, gradient descent, convolutions |
-# | **What you'll need** | Notebooks 0 to 3. 45 minutes to read, 30 seconds to run; 39 minutes of exercises |
+# | **What you'll do** | Look through the agent's eyes, stop its clock, and move the world around the UAV |
+# | **What you'll learn** | The layers of the map, map centring, and why the input has this form and no other |
+# | **What you'll need** | Notebooks 0 to 3. 30 minutes to read, 30 seconds to run; 24 minutes of exercises |
 #
 # ## 4.1 The layers
 #
-# Each picture is a **layer** of the map. Three show the city. Two show the data: what each device still has, and what
-# the UAV has collected. The last one is empty because the flight has not begun.
+# Each picture is a **layer** of the map. Three show the city: where to land, where not to fly, and what blocks the radio. Two show
+# the data: what each device still has, and what the UAV has collected from it. The last one is empty because the flight has not
+# begun. The fading, the rate of a link and the shadows of notebook 2 are in none of them. So what the agent knows about shadows, it
+# has to work out from the layer of buildings.
 #
-# The UAV is always in the middle. This is **map centring**, the paper's main idea.
+# The UAV is always in the middle. This is **map centring**, the paper's main idea (section III-C).
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -53,12 +59,13 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("frame_size")
 
 # %% [markdown]
-# A city with $M$ cells on each side needs a frame of $2M-1$. Outside the city the layer "no-fly zone" is 1, because
-# leaving the city is refused just as entering a no-fly zone is. All others are 0 there.
+# A city with $M$ cells on each side needs a frame of $2M-1$, so that all of it is in the picture wherever the UAV is. Outside the
+# city the layer "no-fly zone" is 1, because leaving the city is refused just as entering a no-fly zone is. All other layers are 0
+# there.
 #
 # ## 4.2 The stopped clock
 #
-# Why does it need the time? Keep the picture and change the time:
+# Why does the network need the time? Keep the picture and change the time:
 
 # %%
 from dataclasses import replace
@@ -67,6 +74,7 @@ import numpy as np
 
 from uavdh_lite.environment import ACTIONS
 
+# %%
 def at_time(state, units):
     return replace(state, time_left=np.full_like(state.time_left, units))
 
@@ -76,13 +84,12 @@ for units in (50, 14, 10):
     print(units, "units left:", ACTIONS[agent.act(at_time(street, units))[0]])
 
 # %% [markdown]
-# One device is far in the north, the other near in the east, and home is in the south-east. With plenty of time the
-# agent goes for the far device. With less time it goes for the near one. With just enough it flies home another way,
-# and not well: the way past the near device is as short and brings more. From the picture alone it would have to do the
-# same each time.
+# One device is far in the north, the other near in the east, and home is in the south-east. The three answers need not be the same,
+# although the five pictures are: with plenty of time the far device can come first, with less only the near one pays, and with just
+# enough the way home is all that is left. From the picture alone the agent would have to do the same each time.
 #
-# The agent flies 200 missions with a **stopped clock**. It sees the true picture, but always the same time. The true
-# time runs out all the same.
+# To see what the time is worth, let the agent fly 200 missions with a **stopped clock**. It sees the true picture, but always the
+# same time. The true time runs out all the same.
 
 # %%
 from uavdh_lite.evaluation import FunctionPolicy, evaluate
@@ -93,6 +100,7 @@ def fly(policy):
 def fly_with_clock_at(units):
     return fly(FunctionPolicy(lambda state: agent.act(at_time(state, units))))
 
+# %%
 times = (5, 10, 20, 30, 40, 50, 60)
 stopped, running = [fly_with_clock_at(units) for units in times], fly(agent)
 
@@ -107,176 +115,83 @@ ax.set(xlabel="units of time on the stopped clock", ylabel="share")
 figure.legend(loc="outside right upper", fontsize="small");
 
 # %% [markdown]
-# A clock that shows little time sends most UAVs home with little data. The others wait in the air. In the middle, UAVs collect nearly everything, but many are late. With a clock that shows a lot of time they do
-# not land even when nothing is left to collect. No orange point comes near the black line.
+# A clock that shows little time sends most UAVs home with little data; the others wait in the air until the true time is up. A
+# clock in the middle of its range lets them collect nearly everything, but many come home too late. A clock that shows a lot of time
+# keeps them in the air even when nothing is left to collect, because an agent that believes in 60 more units sees no hurry. No orange
+# point comes near the black line.
+#
+# In the words of notebook 3: without the time the observation is not a **Markov** state, because the future depends on something
+# that cannot be seen. A problem in which the agent sees only a part of the state is called a *partially observable* Markov decision
+# process, a **POMDP**. With the time, ours is none: map and time together hold all of the state that matters.
 #
 # ## 4.3 Two frames
 #
-# To centre a layer, put a wide border around it, then cut out the window with the UAV in its middle.
+# How is the map centred? Every layer is shifted by as many cells as the UAV is away from the middle, and what is beyond the city's border is filled in. Exercise 4.1 asks
+# you to write that. Here are the buildings, the dark ones, and the no-fly zone, the pale one, as the network sees them
+# from three places. (A building that may be flown over is in between.)
 
 # %%
-def centre(layer, row, col, outside):
-    wide = np.pad(layer.astype(float), len(layer) - 1, constant_values=outside)
-    size = 2 * len(layer) - 1
-    # the border has moved everything, so the window begins at the UAV's own row and column
-    return wide[row : row + size, col : col + size]
+def seen_from(uav):
+    layers = centred(Mission(city, uav, [(4, 7)], [15], 50).state)[0][0]
+    return 0.3 * layers[1] + 0.7 * layers[2]
+
+draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))}, uav=(15, 15))
 
 # %% [markdown]
-# Tall buildings are dark, low ones mid-blue, and the no-fly zone is pale.
-
-# %%
-world = 0.3 * city.no_fly + 0.7 * city.buildings
-draw_maps({f"UAV at {uav}": centre(world, *uav, 0.3) for uav in ((0, 0), (8, 7), (15, 15))})
-
-# %% [markdown]
-# The world moves around the UAV. Without centring, the city stays **in place**, and the UAV needs a layer of its own
-# with a single 1 that moves. Both frames hold the same facts.
+# The world moves around the UAV. Without centring, the city would stay **in place**, and the UAV would need a layer of its own with a
+# single 1 that moves. Both frames hold the same facts. What differs is what a single weight of the network stands for. In the centred
+# frame a place of the picture is a *relative* one, "three cells north of me". In the frame that stays it is an *absolute* one, "cell
+# (4, 7)". Most of what a pilot has to know is relative: a wall to the north is a wall to the north in any street. Notebook 5 shows in a
+# small example what that is worth, and notebook 8 asks whether it helps an agent to fly.
 #
-# ## 4.4 What a network computes
+# Why not simply *roll* the layer, so that what leaves the picture on one side comes in again on the other? The picture would need
+# only $M$ cells a side, a quarter of the work. But a roll lies about distance: a device at the far eastern edge would appear just west
+# of a UAV at the western edge, as if the world were a doughnut. The frame of $2M-1$ cells is the smallest in which every cell has a
+# place of its own.
 #
-# A network is made of **neurons**. Each multiplies its inputs by **weights** and adds up the products and a constant, the
-# *bias*:
+# ## 4.4 Why pictures?
 #
-# $$\text{output}=w_1x_1+w_2x_2+\dots+w_nx_n+w_0$$
+# The mission could be told in fewer numbers: the UAV's cell, and for each device its cell and its data. Three things speak for
+# pictures.
 #
-# Here the bias is 0.
-
-# %%
-inputs = np.array([[0, 1, 1], [0, 1, 1], [0, 0, 1]])
-weights = np.array([[-1, 0, 1]] * 3)
-draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, numbers=True)
-
-# %% [markdown]
-# The output is 3. It is large because something is on the right and nothing on the left.
+# - **The number of devices may vary.** A list for five devices has no room for a sixth, and with two devices three of its entries mean
+#   nothing. On a map any number of devices fits, so the size of the input **does not depend on the number of devices**, and neither
+#   does the network. One agent flies missions with two devices and with five.
+# - **The order does not matter.** In a list "device 1 here, device 2 there" and "device 2 here, device 1 there" look different, though
+#   they are the same mission, and a network would have to learn each. On the map they are one picture.
+# - **The city can be seen beside the devices.** That a device lies behind a building is a pattern in the picture. In a list of numbers
+#   the building is not there at all, so everything about the city would have to be learned by heart.
 #
-# Now move this neuron across a larger picture, like a window, and write down its output at each place. That is a
-# **convolution**, and its weights are a *kernel*. It finds the western edge of a building anywhere in the city.
-
-# %%
-picture = np.pad(np.ones((4, 2)), ((1, 1), (2, 2)))  # a building
-windows = np.lib.stride_tricks.sliding_window_view(picture, (3, 3))
-result = (windows * weights).sum(axis=(2, 3))
-draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, numbers=True)
-
-# %% [markdown]
-# Blue marks western edges and red eastern ones. The window fits in only four positions along each side, so the result is
-# smaller.
+# The price is size: 4805 numbers instead of a few. A fully connected network could hardly make use of them, and that is why the agent's
+# network begins with convolutions. They are the subject of the next notebook.
 #
-# The agent's kernels read all five pictures at once. Each has 5 × 5 weights for every picture and adds up all the
-# products. So one kernel makes one new picture, and 16 kernels make 16.
+# Because the map is made anew from the state at each step, changing the *task* often means adding or taking away a layer. Three tasks
+# to think about before you go on. What would you change in the state, in the reward, and in what the network sees?
 #
-# Neurons with the same inputs are a **layer** of the network. A layer of the *map* is a picture. A layer is
-# **fully connected** if each neuron has a weight for every input. Plotted against an input, a neuron's output is a
-# straight line, and sums of straight lines are straight. So two such layers in a row could do no more than one. A
-# **ReLU** between them bends the line: it replaces each negative number by 0. Sums of bent lines can follow any curve.
+# - **Parcels.** The UAV delivers parcels instead of collecting data, one at a time, and fetches each in the landing zone.
+# - **A battery that is swapped.** Landing does not end the mission: on the ground the UAV gets a full battery, for three units of time.
+# - **Buffers that refill.** Every device gets new data in each step, and loses what does not fit into its memory.
 #
-# ## 4.5 How it learns
+# <details><summary>One answer to each</summary>
 #
-# At first all weights are random. A **loss** measures how wrong the output is. Its *slope* says which way is down, and
-# the weight takes a step that way: the slope times a small number, the **learning rate**. This is **gradient descent**.
-# Here the input is 3 and the output should be 6, so the weight should become 2.
-
-# %%
-w = [0.0]
-for _ in range(8):
-    slope = 2 * 3 * (3 * w[-1] - 6)  # of the loss (3w − 6)²
-    w.append(w[-1] - 0.02 * slope)  # 0.02 is the learning rate
-
-# %%
-line = np.linspace(-0.2, 4.2)
-figure, ax = plt.subplots(figsize=(5, 2.6), layout="constrained")
-ax.plot(line, (3 * line - 6) ** 2, "-", w, (3 * np.array(w) - 6) ** 2, "o")
-ax.set(xlabel="weight", ylabel="loss");
-
-# %% [markdown]
-# The steps get shorter as the slope gets flatter, and the weight settles at the bottom. A million weights learn in the
-# same way. The library PyTorch computes their slopes. Its optimiser **Adam** adapts the step size to each weight.
-
-# %%
-from torch import nn
-
-def network(inputs):
-    # 32 neurons, a ReLU behind each, and one neuron that adds up what they give
-    return nn.Sequential(nn.Linear(inputs, 32), nn.ReLU(), nn.Linear(32, 1))
-
-def train(model, x, y, steps=100):
-    # it changes the model's weights; lr is the learning rate
-    optimiser = torch.optim.Adam(model.parameters(), lr=0.02)
-    for _ in range(steps):
-        # how far the outputs are from y: squared, then the mean over all examples
-        loss = ((model(x)[:, 0] - y) ** 2).mean()
-        optimiser.zero_grad()  # forget the last slopes: PyTorch adds new ones to the old
-        loss.backward()  # the slope of the loss for every weight
-        optimiser.step()  # a step downhill with every weight
-
-# %% [markdown]
-# ## 4.6 The square of weights
+# *Parcels:* the state says whether a parcel is on board, and the layer "data left" becomes "parcels expected here". The reward is for
+# a delivery, and no shadow map is needed, because the UAV has to be above the place. With or without a parcel the same picture asks for
+# different actions, so "on board" goes in as one more number beside the time.
 #
-# Which frame makes this question easier: **is a device near?** Near means within three rows and three columns. The answer
-# should be +1 if so and −1 if not.
-
-# %%
-Quiz("linear_model")
-
-# %% [markdown]
-# Half of our pairs of places are near. The centred frame has a 1 at
-# the device's place *as seen from the UAV*. The other frame has two pictures: a 1 at the device's place in the city,
-# and a 1 at the UAV's.
-
-# %%
-def one_at(cells):
-    # a picture of 31 × 31 cells, written as a list: cell (r, c) is number 31 r + c of it
-    return nn.functional.one_hot(torch.tensor(cells @ (31, 1)), 31 * 31).float()
-
-uav, device = np.random.default_rng(0).integers(16, size=(2, 40_000, 2))
-near = abs(uav - device).max(axis=1) <= 3
-# 4000 pairs of each kind, the near ones first
-pairs = np.r_[np.flatnonzero(near)[:4000], np.flatnonzero(~near)[:4000]]
-uav, device, y = uav[pairs], device[pairs], torch.tensor(2 * near[pairs] - 1)
-
-# %% [markdown]
-# On each frame we first train a single neuron, then a network of 33 neurons.
-
-# %%
-torch.manual_seed(0)
-neurons = {}
-# centred: the UAV is in the middle, at (15, 15); in place: the city's cell (0, 0) is at (7, 7)
-for frame, x in (("centred", one_at(device - uav + 15)),
-                 ("in place", torch.cat([one_at(device + 7), one_at(uav + 7)], 1))):
-    neurons[frame] = nn.Linear(x.shape[1], 1)
-    for model in (neurons[frame], network(x.shape[1])):
-        train(model, x[::2], y[::2])  # every other pair; the rest is for the test
-        right = (torch.sign(model(x)[:, 0]) == y).float()
-        print(f"{frame}: {right[::2].mean():.0%} in training, {right[1::2].mean():.0%} in the test")
-
-# %% [markdown]
-# Centred, even the single neuron, printed first, is nearly always right. In place it is little better than a guess.
-# There the network has memorised its training pairs, and fails on many new ones. The weights of the two neurons show
-# why.
-
-# %%
-# a picture of 31 × 31 weights for each picture that the neuron sees
-relative, absolute = (neuron.weight.detach().view(-1, 31, 31) for neuron in neurons.values())
-draw_maps({"centred": relative[0], "device in place": absolute[0], "UAV in place": absolute[1]})
-
-# %% [markdown]
-# The left picture is the answer itself: **a square of weights**, three cells to each side of the UAV. White places never
-# occurred in training. The others show no square, only more blue in the middle of the city, where more pairs are near. A
-# weight of the centred frame belongs to a *relative* place, such as "three cells to the north". It means the same
-# wherever the UAV is.
+# *Swapped battery:* there are two times now, that of the battery and that of the mission. Both belong to the state and to the input. The
+# crash is an empty battery; `land` ends an episode only when the mission's time is up, and costs three units before.
 #
-# A weight of the other frame belongs to an *absolute* place, such as "cell (4, 7)". Whether a device there is near
-# depends on the UAV's place, and a sum of one weight for each cannot ask about both together. A network can, but has to
-# learn it pair by pair. Notebook 7 asks whether this helps an agent to *fly*.
+# *Refilling buffers:* an episode no longer has an amount of data that can be "all collected", so *collected and landed* must be replaced, for
+# example by data per unit of time, or by what was lost. "Data left" stays as a layer. If the devices fill at different rates that cannot be
+# seen, the task becomes a POMDP: give the rates as a layer, or the agent has to guess them.
+# </details>
 #
 # ## Recap
 #
-# - The agent sees five layers and the time that is left. With a stopped clock it does not know when to go
-#   home.
-# - Centring puts the UAV in the middle of a frame of $2M-1$ cells.
-# - A neuron is a weighted sum. A convolution moves it across pictures. A ReLU puts a kink in the line.
-# - Gradient descent moves each weight downhill, by the learning rate times the slope of the loss.
-# - Weights of the centred frame stand for relative places, so one weighted sum can tell what is near.
+# - The agent sees five layers and the time that is left. With a stopped clock it does not know when to go home.
+# - Centring puts the UAV in the middle of a frame of $2M-1$ cells, so that a place in the picture is relative to the UAV.
+# - A map takes any number of devices in any order, and shows the city beside them.
+# - If the observation holds all that matters, it is a Markov state. If not, the problem is a POMDP.
 #
 # ## Exercises
 #

@@ -356,6 +356,14 @@ MISTAKES = {
         (centred(fill=0), "the map is `outside`"),
         (centred(dtype=int), "Make a map of floats"),
     ],
+    "data_layer": [
+        (lambda size, uav, devices, data: np.zeros((size, size)), r"expected \(5, 5\)"),
+        (lambda size, uav, devices, data: np.zeros((2 * size - 1,) * 2), "its data stands there"),
+    ],
+    "fitted_line": [
+        (lambda x, y, rate, steps: (0.0, 0.0), "rate times its slope"),
+        (lambda x, y, rate, steps: checks.fitted_line.solution(x, y, rate, 1), "without a step"),
+    ],
     "convolve": [
         (lambda layer, kernel, bias: layer * kernel[0, 0], "the shape"),
         (

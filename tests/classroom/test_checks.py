@@ -17,7 +17,7 @@ from mistakes import MISTAKES
 from uavdh_lite.course import checks
 from uavdh_lite.course.checks import exercise as module
 from uavdh_lite.course.checks.exercise import Exercise
-from uavdh_lite.course.checks.notebook_06 import RUNS
+from uavdh_lite.course.checks.notebook_07 import RUNS
 from uavdh_lite.course.checks.values import difference
 from uavdh_lite.environment import Rewards
 from uavdh_lite.storage import read_table
@@ -202,7 +202,7 @@ def test_the_notebooks_have_every_exercise_in_order():
             f"{script.name}: a heading or check differs"
         )
         assert text.count("<details><summary>Hint") >= len(own)
-    assert len(SCRIPTS) == 13
+    assert len(SCRIPTS) == 14
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)

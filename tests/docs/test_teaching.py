@@ -11,7 +11,7 @@ from uavdh_lite.course.checks import EXERCISES
 DOCS = Path(__file__).parents[2] / "docs"
 sys.path.insert(0, str(DOCS / "_extensions"))
 tables = pytest.importorskip("tables")
-COURSE = [f"{number:02d}" for number in range(8)]
+COURSE = [f"{number:02d}" for number in range(10)]
 
 
 @pytest.mark.parametrize("name", ["three_afternoons", "two_afternoons", "four_weeks", "lecture"])

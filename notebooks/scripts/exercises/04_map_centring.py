@@ -1,7 +1,7 @@
 # %% [markdown]
 # # Exercises 4 · What the network sees
 #
-# They go with notebook `04_map_centring`. You need indexing of numpy arrays, and what a convolution and a fully connected layer are.
+# They go with notebook `04_map_centring`. You need indexing of numpy arrays.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
 # right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
@@ -55,112 +55,39 @@ def centre(layer, uav, outside):
 checks.centre(centre)
 
 # %% [markdown]
-# ## 4.2 · A kernel moves over a map (2 points, 12 minutes)
+# ## 4.2 · The devices on the map (2 points, 12 minutes)
 #
-# A convolution moves a small window over the map. Compute what one kernel makes of one layer, without padding and with stride 1.
+# Make the centred layer "data left" directly from a list of devices.
 #
-# - `layer`: an array (rows, columns) of numbers
-# - `kernel`: an array of numbers, not larger than the layer; it need not be square
-# - `bias`: a number
+# - `size`: M, the cells on a side of the city
+# - `uav`: a pair `(row, col)`, the cell over which the UAV is
+# - `devices`: a list of such pairs, one for each device, none of them twice; the list may be empty
+# - `data`: an array with the data left of each device
 #
-# At each place where the kernel lies wholly inside the layer, multiply window and kernel cell by cell, add up the products, and add the
-# bias. Then apply ReLU: a number below 0 becomes 0. Give back the array of these values. An example: the layer [[1, 2], [3, 4]] with the
-# kernel [[1, −1]] and the bias 0 has two places. The sums are −1 and −1, so ReLU gives [[0], [0]].
+# Give back an array (2M − 1, 2M − 1): at each device's place *as seen from the UAV*, which is in the middle, its data, and 0 everywhere else.
+#
+# How does the shape of your answer depend on the number of devices? That is the point of the exercise.
 #
 # <details><summary>Hint</summary>
 #
-# Do one place first: lay the kernel on the corner, multiply cell by cell, add up, add the bias. How many places
-# are there along a side?
+# A device in the UAV's own cell lies in the middle, at (M − 1, M − 1). Where does one lie that is a row further south?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# There are rows − k + 1 places along the rows. At (i, j) the window is layer[i : i + k, j : j + k]; its value
-# is (window * kernel).sum() + bias, or 0 if that is negative.
+# row − uav[0] says how many rows further south the device is, and may be negative. Add M − 1.
 # </details>
 
 # %%
-def convolve(layer, kernel, bias):
-    """The values of one kernel at all places of a layer, after ReLU."""
+def data_layer(size, uav, devices, data):
+    """The centred layer "data left", (2M − 1, 2M − 1)."""
     ### BEGIN SOLUTION
-    height, width = kernel.shape
-    rows, cols = layer.shape[0] - height + 1, layer.shape[1] - width + 1
-    result = np.zeros((rows, cols))
-    for i in range(rows):
-        for j in range(cols):
-            window = layer[i : i + height, j : j + width]
-            result[i, j] = max((window * kernel).sum() + bias, 0)
-    return result
+    layer = np.zeros((2 * size - 1, 2 * size - 1))
+    for k in range(len(devices)):
+        row, col = devices[k]
+        layer[row - uav[0] + size - 1, col - uav[1] + size - 1] = data[k]
+    return layer
     ### END SOLUTION
 
 # %%
-checks.convolve(convolve)
-
-# %% [markdown]
-# ## 4.3 · How many weights? (3 points, 15 minutes)
-#
-# The Q-network takes the centred map of a city with M×M cells, and the flying time that is left. It gives one Q-value
-# for each of the six actions. Its parts, in order:
-#
-# - convolutions, one for each number in `strides`, each with `kernels` kernels of `kernel_size`×`kernel_size` cells.
-#   A kernel sees all the layers that its convolution is given: first those of the map, then one for each kernel of
-#   the convolution before. There is no padding: a kernel is only put where it lies wholly inside its input, first in
-#   the corner, then each time `stride` cells further, along the rows and the columns, as long as it fits;
-# - flattening into a list, to which the flying time is appended as one more number;
-# - fully connected layers, one for each number in `hidden`, with that many neurons;
-# - a fully connected output layer.
-#
-# Each kernel and each neuron, also those of the output, has a bias. How many numbers does the network learn, weights
-# and biases together?
-#
-# - `layers`: the layers of the map, 5 in the paper
-# - `size`: M, the cells a side of the *city*; the map is larger
-# - `kernels`, `kernel_size`: whole numbers, 16 and 5 in the paper
-# - `strides`: one stride for each convolution, `(1, 1)` in the paper; may have any length from 1 on
-# - `hidden`: the neurons of each hidden layer, `(256, 256, 256)` in the paper; any length from 1 on
-#
-# An example, counted by hand: M = 2, so that the map has 3×3 cells, and 2 layers. One convolution has 3 kernels of
-# 2×2 cells, with stride 1. Each of them sees both layers, so it has 2 · 2 · 2 = 8 weights and a bias: 3 · 9 = 27
-# numbers. A kernel fits at 2×2 places and makes one layer of 2×2 of them, so there are 3 layers of 2×2. As a list these
-# are 12 numbers, 13 with the flying time. A hidden layer of 4 neurons has 4 · (13 + 1) = 56 numbers, the output
-# 6 · (4 + 1) = 30. That makes 27 + 56 + 30 = 113 for `weights(2, 2, 3, 2, (1,), (4,))`. A second convolution
-# would see these 3 layers, not the 2 of the map.
-#
-# Try to do it with plain arithmetic, without torch, that is the point of the exercise. For the paper's network in a city
-# with M = 16 it is 2,308,854.
-#
-# <details><summary>Hint</summary>
-#
-# Follow the shape of the map through the network, as in a table: layers and side before and after each
-# convolution, then the length of the list, then layer by layer. Each kernel and each neuron has a bias.
-# </details>
-#
-# <details><summary>Another hint</summary>
-#
-# A convolution has c·k·k weights and one bias a kernel, where c is the number of layers that it gets, and
-# leaves (side − k) // stride + 1 cells a side. The list has kernels · side² numbers and the flying time. From n
-# to m neurons: n·m + m. The output has 6.
-# </details>
-
-# %%
-def weights(layers, size, kernels, kernel_size, strides, hidden):
-    """The number of weights and biases of the Q-network."""
-    ### BEGIN SOLUTION
-    side, total = 2 * size - 1, 0
-    for stride in strides:
-        total += kernels * (layers * kernel_size**2 + 1)
-        side = (side - kernel_size) // stride + 1
-        layers = kernels
-    width = layers * side**2 + 1
-    for neurons in (*hidden, 6):
-        total += neurons * (width + 1)
-        width = neurons
-    return total
-    ### END SOLUTION
-
-# %%
-checks.network_weights(weights)
-
-# %% [markdown]
-# Print how many of them are in the first fully connected layer, with strides of 1 and of 2. That is where the size of
-# the map is paid for.
+checks.data_layer(data_layer)

@@ -9,8 +9,8 @@ from uavdh_lite.course.checks.exercise import EXERCISES, CheckFailed, Exercise
 # isort: off
 from uavdh_lite.course.checks import notebook_00, notebook_01, notebook_02, notebook_03  # noqa: F401
 from uavdh_lite.course.checks import notebook_04, notebook_05, notebook_06, notebook_07  # noqa: F401
-from uavdh_lite.course.checks import notebook_08, notebook_09, notebook_10, notebook_11  # noqa: F401
-from uavdh_lite.course.checks import notebook_12  # noqa: F401
+from uavdh_lite.course.checks import notebook_08, notebook_10, notebook_11, notebook_12  # noqa: F401
+from uavdh_lite.course.checks import notebook_13, notebook_14  # noqa: F401
 # isort: on
 
 __all__ = ["EXERCISES", "CheckFailed", "Exercise"]

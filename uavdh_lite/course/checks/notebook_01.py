@@ -35,7 +35,7 @@ from uavdh_lite.streams import Use, stream
     smallest=1e-15,
 )
 def rate_from_snr(snr_db):
-    """`rate(snr_db)`: data units in a slot, for numbers and arrays (eq. 4)."""
+    """`rate(snr_db)`: data units in a slot, for numbers and arrays (eq. 1)."""
     return np.log2(1 + 10 ** (snr_db / 10))
 
 

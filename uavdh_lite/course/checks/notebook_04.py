@@ -49,96 +49,37 @@ def centre(layer, uav, outside):
     return wide[row : row + 2 * m - 1, col : col + 2 * m - 1]
 
 
-def windows(layer, kernel, bias, steps=1):
-    seen = np.lib.stride_tricks.sliding_window_view(layer, kernel.shape)[::steps, ::steps]
-    return (seen * kernel).sum((2, 3)) + bias
-
-
-def drawn(rows, cols, height, width, bias=0.0):
-    generator = stream(Use.EXERCISE, 10 * rows + cols)
-    layer = generator.normal(0, 1, (rows, cols)).round(1)
-    return layer, generator.normal(0, 1, (height, width)).round(1), bias
+def scattered(size, uav, count):
+    """Arguments of `data_layer` for so many devices in a city of this size."""
+    generator = stream(Use.EXERCISE, 10 * size + count)
+    cells = generator.permutation(size * size)[:count]
+    places = [divmod(int(cell), size) for cell in cells]
+    return size, uav, places, generator.uniform(1, 20, count).round(1)
 
 
 @exercise(
-    "4.2 · A kernel moves over a map (2 points, 12 minutes)",
+    "4.2 · The devices on the map (2 points, 12 minutes)",
     rules={
-        "The window at (i, j) is as large as the kernel. The value is the sum of window times "
-        "kernel, cell by cell. The kernel lies wholly inside, so rows − k + 1 places fit.": [
-            (np.ones((2, 2)), np.ones((1, 1)), 0.0), (np.ones((3, 3)), np.ones((2, 2)), 0.0),
-            (np.arange(9.0).reshape(3, 3), np.full((2, 2), 3.0), 0.0),
-            (np.arange(16.0).reshape(4, 4), np.array([[1.0, 1, 1], [1, 5, 1], [1, 1, 1]]), 0.0),
+        "The map has (2M − 1)×(2M − 1) cells. A device lies as far from its middle, at (M − 1, "
+        "M − 1), as its cell lies from the UAV's, and its data stands there; all else is 0.": [
+            (3, (1, 1), 1), (3, (0, 2), 2), (4, (3, 1), 2), (8, (0, 6), 5), (2, (1, 0), 1),
         ],
-        "The kernel is applied as it is: neither turned nor mirrored.": [
-            (np.arange(9.0).reshape(3, 3), np.array(kernel), 0.0)
-            for kernel in ([[0.0, 1.0], [2.0, 0.0]], [[0.0, 0.0], [1.0, 3.0]])
-        ],
-        "The bias is added once at every place, then ReLU: what is below 0 becomes 0.": [
-            (np.ones((3, 3)), np.ones((2, 2)), 1.5), (np.ones((2, 2)), np.ones((1, 1)), -2.0),
-            (-np.ones((2, 2)), np.ones((1, 1)), 1.5), drawn(5, 5, 3, 3, 0.4),
-        ],
-        "Layer and kernel need not be square.": [
-            drawn(3, 6, 2, 2, 0.3), drawn(6, 4, 2, 3, 0.9), drawn(4, 7, 4, 1, -0.2),
+        "Any number of devices fits, also none, and so does a device below the UAV.": [
+            (3, (2, 0), 0), (3, (1, 2), 9), (1, (0, 0), 1), (16, (15, 0), 40),
         ],
     },
     mistakes={
-        "ReLU is missing: what is below 0 becomes 0.": windows,
-        "ReLU comes after the bias, not before it.": (
-            lambda layer, kernel, bias: np.maximum(windows(layer, kernel, 0), 0) + bias
-        ),
-        "A kernel moves by one cell at a time, not by its own size.": (
-            lambda layer, kernel, bias: np.maximum(windows(layer, kernel, bias, len(kernel)), 0)
+        "The map shows the city's own cells: shift them, so that the UAV is in the middle.": (
+            lambda size, uav, devices, data: data_layer.solution(
+                size, (size - 1, size - 1), devices, data
+            )
         ),
     },
+    case=scattered,
 )
-def convolve(layer, kernel, bias):
-    """`convolve(layer, kernel, bias)`: one kernel's map after ReLU, without padding."""
-    return np.maximum(windows(layer, kernel, bias), 0)
-
-
-HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
-
-
-@exercise(
-    "4.3 · How many weights? (3 points, 15 minutes)",
-    rules={
-        "The map has 2M − 1 cells a side; without padding, side − kernel_size + 1 places fit. A "
-        "kernel has a weight for each cell of its square and each layer that it sees, a neuron one "
-        "for each number that it is given. Each kernel and each neuron, the output's 6 too, has a "
-        "bias of its own. The first fully connected layer reads kernels · side² numbers, and the "
-        "flying time.": [
-            (2, 2, 3, 2, (1,), (4,)), (1, 2, 1, 1, (1,), (1,)), (3, 3, 2, 3, (1,), (5,)),
-            (4, 2, 7, 2, (1,), (3, 2)), (5, 5, 2, 9, (1,), (4,)), (1, 1, 6, 1, (1,), (2,)),
-        ],
-        "(side − kernel_size) // stride + 1 cells a side are left: kernels lie wholly inside. "
-        "Divide side − kernel_size by the stride and round down, and add the 1 after that.": [
-            (2, 3, 4, 2, (2,), (6,)), (2, 3, 4, 2, (3,), (6,)), (2, 3, 4, 2, (4,), (6,)),
-            (3, 12, 9, 3, (3,), (20,)), (2, 9, 3, 4, (6,), (8,)),
-        ],
-        "A second convolution sees as many layers as the first has kernels, and has its own "
-        "stride, and so on, for any number of convolutions and hidden layers. The paper's "
-        "network has 2,308,854.": [
-            (5, 16, 16, 5, (1, 1), (256, 256, 256)), (4, 13, 8, 4, (3, 2), (64, 32)),
-        ]
-        + [(4, 16, 9, 3, s, h) for s in ((1,), (2, 1), (1, 2, 2)) for h in HIDDEN],
-    },
-    mistakes={
-        "The flying time is missing: it is one more number in the list.": (
-            lambda *case: network_weights.solution(*case, time=0)
-        ),
-        "The map has 2M − 1 cells a side, not M.": (
-            lambda *case: network_weights.solution(*case, side_of=int)
-        ),
-    },
-)
-def network_weights(layers, size, kernels, kernel_size, strides, hidden, side_of=None, time=1):
-    """`weights(layers, size, kernels, kernel_size, strides, hidden)`: of the centred Q-network."""
-    side, total = side_of(size) if side_of else 2 * size - 1, 0
-    for stride in strides:
-        total += kernels * (layers * kernel_size**2 + 1)
-        side, layers = (side - kernel_size) // stride + 1, kernels
-    width = kernels * side**2 + time
-    for neurons in (*hidden, 6):
-        total += neurons * (width + 1)
-        width = neurons
-    return float(total)
+def data_layer(size, uav, devices, data):
+    """`data_layer(size, uav, devices, data)`: the centred layer “data left”, (2M − 1, 2M − 1)."""
+    layer = np.zeros((2 * size - 1, 2 * size - 1))
+    for (row, col), left in zip(devices, data, strict=True):
+        layer[row - uav[0] + size - 1, col - uav[1] + size - 1] = left
+    return layer

@@ -1,324 +1,141 @@
-"""Exercises of notebook 5, from Q-learning to DDQN: the parts of a DQN, one after the other."""
+"""Exercises of notebook 5, a network by hand."""
 
 import numpy as np
-import torch
 
-from uavdh_lite.course.checks.exercise import CheckFailed, exercise
-from uavdh_lite.course.checks.values import show
-from uavdh_lite.course.small_city import (
-    CELLS,
-    START,
-    flights_of,
-    learn_network,
-    learn_table,
-    small_city,
-)
+from uavdh_lite.course.checks.exercise import exercise
 from uavdh_lite.streams import Use, stream
 
 
-def table_values(learn, flights, gamma, alpha, *where):
-    """The largest Q-value of each cell in the table that an answer learns, (4, 4)."""
-    q = learn(small_city(*where), START, flights, gamma, alpha, stream(Use.EXERCISE, 0))
-    if np.shape(q) != (4, 4, 4):
-        raise CheckFailed(f"Give back the table, an array of shape (4, 4, 4), not {show(q)}.")
-    return np.max(q, axis=2)
-
-
-def called_table(flights, gamma, alpha, *where):
-    return f"After {flights} flights with γ = {gamma} and α = {alpha}, the table's largest Q-value"
-
-
-EASTWARD = (3, 3), 0.0, 4 * [(0, 1)]  # device, price and moves: whatever it does, it goes east
+def examples(count, rate, steps):
+    """Inputs and outputs of so many examples, not quite on a line, and the other arguments."""
+    generator = stream(Use.EXERCISE, count)
+    x = generator.uniform(-1, 2, count).round(2)
+    return x, (3 * x - 1 + generator.normal(0, 0.3, count)).round(2), rate, steps
 
 
 @exercise(
-    "5.1 · A table that learns (3 points, 20 minutes)",
+    "5.1 · A neuron that learns (3 points, 15 minutes)",
     rules={
-        "In a street where every action leads east, one flight teaches the last cell alone: its "
-        "entry goes the share α of the way to y = 10, all others stay 0. Learn in each step.": [
-            (1, 0.95, 1.0, *EASTWARD), (1, 0.95, 0.25, *EASTWARD), (1, 0.5, 0.5, *EASTWARD),
+        "Both begin at 0, and without a step they stay there.": [(3, 0.1, 0)],
+        "The slope of the loss is the mean over all examples of 2 · error · x for w, and of "
+        "2 · error for b, with error = w·x + b − y. Each goes the rate times its slope *down*.": [
+            (1, 0.1, 1), (2, 0.1, 1), (5, 0.05, 1), (4, 0.2, 1),
         ],
-        "y is the reward plus γ times the largest Q-value of the next cell. The start becomes "
-        "worth 6.7 with γ = 0.95.": [(200, 0.95, 0.5), (200, 0.95, 1.0), (200, 1.0, 0.5)],
-        "With another γ, or a device elsewhere, or another price of a step, other values come "
-        "out.": [(200, 0.5, 0.5), (200, 0.9, 0.5, (1, 1), 0.5), (200, 0.0, 0.8, (2, 3), 1.0)],
+        "Every step begins where the last one ended, and moves w and b at the same time, with the "
+        "errors from before the step.": [(2, 0.1, 2), (5, 0.05, 3), (8, 0.1, 40), (30, 0.3, 40)],
     },
-    ask=table_values,
-    call=called_table,
-    tolerance=0.01,
-    smallest=0.03,
+    mistakes={
+        "It goes uphill: subtract the rate times the slope.": (
+            lambda x, y, rate, steps: fitted_line.solution(x, y, -rate, steps)
+        ),
+        "Take the mean over the examples, not the sum.": (
+            lambda x, y, rate, steps: fitted_line.solution(x, y, rate * len(x), steps)
+        ),
+        "The 2 of the square's derivative is missing.": (
+            lambda x, y, rate, steps: fitted_line.solution(x, y, rate / 2, steps)
+        ),
+    },
+    case=examples,
 )
-def learned_table(step, start, flights, gamma, alpha, generator):
-    """`learn_table(step, start, flights, gamma, alpha, generator)`: Q, (4, 4, 4)."""
-    return learn_table(step, start, flights, gamma, alpha, generator)
+def fitted_line(x, y, rate, steps):
+    """`fit(x, y, rate, steps)`: w and b of a neuron after gradient descent from 0."""
+    w = b = 0.0
+    for _ in range(steps):
+        error = w * x + b - y
+        w, b = w - rate * 2 * np.mean(error * x), b - rate * 2 * np.mean(error)
+    return w, b
 
 
-def network_values(learn, seed, *case):
-    """The largest Q-values that a network learns from the steps of 100 flights, (15,)."""
-    torch.manual_seed(seed)
-    *constants, device, price = case
-    memory = flights_of(small_city(device, price), 100)
-    network = learn(memory, *constants, 1000)
-    if not callable(network):
-        raise CheckFailed(f"Give back the network. You give back {show(network)}.")
-    q = network(CELLS)
-    if np.shape(q) != (16, 4):
-        raise CheckFailed(f"For 16 cells your network gives {show(q)}, not a tensor (16, 4).")
-    elsewhere = (torch.tensor(device) != CELLS).any(dim=1)  # no step begins at the device
-    return q.detach().amax(1)[elsewhere]
+def windows(layer, kernel, bias, steps=1):
+    seen = np.lib.stride_tricks.sliding_window_view(layer, kernel.shape)[::steps, ::steps]
+    return (seen * kernel).sum((2, 3)) + bias
 
 
-def called_network(seed, gamma, *more):
-    return f"With γ = {gamma}, seed {seed}, the network's largest Q-value of a cell"
-
-
-def draw_explosion(ax, learn):
-    memory, updates = flights_of(small_city(), 100), range(0, 601, 150)
-    for seed in range(2):
-        values = []
-        for count in updates:
-            torch.manual_seed(seed)
-            values.append(learn(memory, 0.95, count)(CELLS)[12].max().item())
-        ax.plot(updates, values, "o-", label=f"seed {seed}")
-    ax.axhline(6.7, color="gray", label="right: 6.7")
-    ax.set(xlabel="updates", ylabel="value of the start", yscale="symlog", title="γ = 0.95")
+def drawn(rows, cols, height, width, bias=0.0):
+    generator = stream(Use.EXERCISE, 10 * rows + cols)
+    layer = generator.normal(0, 1, (rows, cols)).round(1)
+    return layer, generator.normal(0, 1, (height, width)).round(1), bias
 
 
 @exercise(
-    "5.2 · A network in the table's place (3 points, 20 minutes)",
-    figure=draw_explosion,
+    "5.2 · A kernel moves over a map (2 points, 12 minutes)",
     rules={
-        "y is the reward plus γ times the largest Q-value of the next cell, and the network's "
-        "Q-value of the action that was taken learns it. A cell far from the device is worth "
-        "little with so small a γ. After the end nothing follows: there y is the reward alone.": [
-            (0, 0.5, (0, 3), 0.2),
+        "The window at (i, j) is as large as the kernel. The value is the sum of window times "
+        "kernel, cell by cell. The kernel lies wholly inside, so rows − k + 1 places fit.": [
+            (np.ones((2, 2)), np.ones((1, 1)), 0.0), (np.ones((3, 3)), np.ones((2, 2)), 0.0),
+            (np.arange(9.0).reshape(3, 3), np.full((2, 2), 3.0), 0.0),
+            (np.arange(16.0).reshape(4, 4), np.array([[1.0, 1, 1], [1, 5, 1], [1, 1, 1]]), 0.0),
         ],
-        "With another γ, or a device elsewhere, other values come out.": [
-            (1, 0.3, (3, 3), 1.0),
+        "The kernel is applied as it is: neither turned nor mirrored.": [
+            (np.arange(9.0).reshape(3, 3), np.array(kernel), 0.0)
+            for kernel in ([[0.0, 1.0], [2.0, 0.0]], [[0.0, 0.0], [1.0, 3.0]])
+        ],
+        "The bias is added once at every place, then ReLU: what is below 0 becomes 0.": [
+            (np.ones((3, 3)), np.ones((2, 2)), 1.5), (np.ones((2, 2)), np.ones((1, 1)), -2.0),
+            (-np.ones((2, 2)), np.ones((1, 1)), 1.5), drawn(5, 5, 3, 3, 0.4),
+        ],
+        "Layer and kernel need not be square.": [
+            drawn(3, 6, 2, 2, 0.3), drawn(6, 4, 2, 3, 0.9), drawn(4, 7, 4, 1, -0.2),
         ],
     },
-    ask=network_values,
-    call=called_network,
-    tolerance=0.1,
-    smallest=0.8,
+    mistakes={
+        "ReLU is missing: what is below 0 becomes 0.": windows,
+        "ReLU comes after the bias, not before it.": (
+            lambda layer, kernel, bias: np.maximum(windows(layer, kernel, 0), 0) + bias
+        ),
+        "A kernel moves by one cell at a time, not by its own size.": (
+            lambda layer, kernel, bias: np.maximum(windows(layer, kernel, bias, len(kernel)), 0)
+        ),
+    },
 )
-def learned_network(memory, gamma, updates):
-    """`learn_network(memory, gamma, updates)`: a network from (B, 2) cells to (B, 4) Q-values."""
-    return learn_network(memory, gamma, 1.0, updates)[0]
+def convolve(layer, kernel, bias):
+    """`convolve(layer, kernel, bias)`: one kernel's map after ReLU, without padding."""
+    return np.maximum(windows(layer, kernel, bias), 0)
 
 
-def draws(ring: type, capacity: int, added: int, size: int, count: int = 1, seed: int = 0):
-    """The numbers of the items in so many samples, 1 for the first added; another ring has more."""
-    items = [(np.full(2, n % 3), n % 6, n / 10, f"state {n % 4}") for n in range(added)]
-    numbers = {id(item): number for number, item in enumerate(items, 1)}
-    own, other, generator = ring(capacity), ring(3), stream(Use.EXERCISE, seed)
-    for item in items:
-        own.add(item)
-        other.add((item,))
-    samples = [list(own.sample(size, generator)) for _ in range(count)]
-    for sample in samples:
-        strange = [item for item in sample if id(item) not in numbers]
-        if len(sample) != size or strange:
-            said = f"{asked(capacity, added, size)} gives back"
-            if len(sample) != size:
-                said = f"{said} a list of length {len(sample)}, expected {size}. An item may come "
-                raise CheckFailed(f"{said}more than once: draw size − 1 places, add the newest.")
-            said = f"{said} {show(strange[0])}, which was never added. Give back the very tuples"
-            raise CheckFailed(f"{said} that were added, not copies or parts of them.")
-    return [[numbers[id(item)] for item in sample] for sample in samples]
-
-
-Unquoted = type("Unquoted", (str,), {"__repr__": str.__str__})  # as it stands in a message
-
-
-def items_drawn(ring, *case):
-    numbers = sorted(set(*draws(ring, *case)))
-    return Unquoted(f"item{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
-
-
-def asked(capacity, added, size):
-    return f"Ring({capacity}), after {added} × add(item), sample({size}, generator)"
-
-
-def wrong_chance(ring: type) -> str:
-    """Besides one newest item all are equally likely; a right answer fails once in 1e7."""
-    one, again, other = (draws(ring, 8, 8, 60, seed=seed) for seed in (1, 1, 2))
-    if one != again or one == other:
-        return "All chance must come from the generator that is passed in."
-    for capacity, added, limit in ((8, 3, 37.0), (8, 27, 52.0), (8, 8, 52.0)):
-        drawn, stored = np.array(draws(ring, capacity, added, 9, 600)), min(capacity, added)
-        counts = np.bincount(drawn.ravel())[-stored:] - 600 * (np.arange(stored) == stored - 1)
-        if not (drawn == added).any(1).all():
-            return "A sample of 1 is the newest item, but larger samples do not always have it."
-        if ((counts - counts.mean()) ** 2).sum() / counts.mean() > limit:
-            said = f"After {added} items, besides the newest, the oldest to the newest are drawn "
-            return f"{said}{counts.tolist()} times: each must be equally likely."
-        different = [len(set(sample)) for sample in draws(ring, capacity, added, 3, 1800)]
-        right = 1 + (stored - 1) * (1 - (1 - 1 / stored) ** 2)
-        if abs(np.mean(different) - right) > 6 * np.std(different) / 1800**0.5 + 1e-9:
-            return "Draw every place by itself: generator.integers(0, number stored, size − 1)."
-    return ""
+HIDDEN = (9,), (30, 8), (8, 9, 10, 7)
 
 
 @exercise(
-    "5.3 · A replay memory (3 points, 15 minutes)",
+    "5.3 · How many weights? (3 points, 15 minutes)",
     rules={
-        "The newest item is in every sample, so that a sample of 1 is the newest alone.": [
-            (5, added, 1) for added in range(1, 5)
+        "The map has 2M − 1 cells a side; without padding, side − kernel_size + 1 places fit. A "
+        "kernel has a weight for each cell of its square and each layer that it sees, a neuron one "
+        "for each number that it is given. Each kernel and each neuron, the output's 6 too, has a "
+        "bias of its own. The first fully connected layer reads kernels · side² numbers, and the "
+        "flying time.": [
+            (2, 2, 3, 2, (1,), (4,)), (1, 2, 1, 1, (1,), (1,)), (3, 3, 2, 3, (1,), (5,)),
+            (4, 2, 7, 2, (1,), (3, 2)), (5, 5, 2, 9, (1,), (4,)), (1, 1, 6, 1, (1,), (2,)),
         ],
-        "When the ring is full, each new item still goes in, in the place of the oldest. So the "
-        "newest is no longer at the end: it is one place before that to be overwritten next.": [
-            (size, added, 1) for size, most in ((5, 17), (1, 4)) for added in range(size, most)
+        "(side − kernel_size) // stride + 1 cells a side are left: kernels lie wholly inside. "
+        "Divide side − kernel_size by the stride and round down, and add the 1 after that.": [
+            (2, 3, 4, 2, (2,), (6,)), (2, 3, 4, 2, (3,), (6,)), (2, 3, 4, 2, (4,), (6,)),
+            (3, 12, 9, 3, (3,), (20,)), (2, 9, 3, 4, (6,), (8,)),
         ],
-        "The other items of a sample are drawn from all stored ones, only from places that are "
-        "filled, and may come more than once.": [(5, added, 300) for added in range(1, 6)],
-        "When the ring is full, each new item must overwrite the oldest, and no other: the ring "
-        "does not grow. generator.integers leaves out its upper end already.": [
-            (1, 3, 60), (3, 8, 200), (7, 22, 420)
+        "A second convolution sees as many layers as the first has kernels, and has its own "
+        "stride, and so on, for any number of convolutions and hidden layers. The paper's "
+        "network has 2,308,854.": [
+            (5, 16, 16, 5, (1, 1), (256, 256, 256)), (4, 13, 8, 4, (3, 2), (64, 32)),
         ]
-        + [(5, added, 300) for added in range(6, 17)],
-    },
-    takes=type,
-    ask=items_drawn,
-    call=asked,
-    also=wrong_chance,
-)
-class ring_buffer:
-    """The class `Ring(capacity)` with `add(item)` and `sample(size, generator)`."""
-
-    def __init__(self, capacity):
-        self.capacity, self.items, self.newest = capacity, [], -1
-
-    def add(self, item):
-        self.newest = (self.newest + 1) % self.capacity
-        self.items[self.newest : self.newest + 1] = [item]
-
-    def sample(self, size, generator):
-        rest = generator.integers(0, len(self.items), size - 1)
-        return [self.items[k] for k in (self.newest, *rest)]
-
-
-@exercise(
-    "5.4 · A target network (2 points, 15 minutes)",
-    rules={
-        "y comes from the target network. After each update every one of its weights becomes "
-        "(1 − τ) times itself plus τ times the online one. So nothing explodes, and the start is "
-        "worth 6.7.": [(0, 0.95, 0.05, (0, 3), 0.2)],
-        "With τ = 0 the target network stays what it was at the start. y is the reward, plus a "
-        "guess near 0.": [(0, 0.5, 0.0, (0, 3), 1.0)],
-    },
-    ask=network_values,
-    call=called_network,
-    tolerance=0.1,
-    smallest=0.8,
-)
-def learned_calmly(memory, gamma, tau, updates):
-    """`learn_calmly(memory, gamma, tau, updates)`: the network of 5.2, with a target network."""
-    return learn_network(memory, gamma, tau, updates)[0]
-
-
-def value(chooser, judge):
-    return judge.gather(1, chooser.argmax(1, True)).squeeze(1)
-
-
-def transitions(size, discount, ends=0.4, at=5.0, kind=np.float32, apart=2.0):
-    """Arguments of `target` for so many transitions, with Q-values near `at`."""
-    generator = stream(Use.EXERCISE, 10 * size + int(10 * discount))
-    online = generator.normal(at, apart, (size, 6)).round(2 if apart > 1 else 6)
-    target = generator.normal(at, 3, (size, 6)).round(2)
-    reward, terminal = generator.normal(1, 2, size).round(2), generator.random(size) < ends
-    reward, online, target = (torch.tensor(a.astype(kind)) for a in (reward, online, target))
-    return reward, torch.tensor(terminal), discount, online, target
-
-
-@exercise(
-    "5.5 · The double-DQN target (2 points, 10 minutes)",
-    rules={
-        "There is one target for each transition, (B,): the reward, plus γ times the entry of "
-        "target_next, in the same row, for the action that online_next rates highest.": [
-            (1, 1.0, 0), (2, 1.0, 0), (8, 1.0, 0), (3, 1, 0, 5.0, np.float64),
-            (4, 1.0, 0, -50.0), (2, 1.0, 0, 1.0, np.float32, 1e-4),
-        ],
-        "The value of the next state is multiplied by γ, the one that is handed in; the reward "
-        "counts in full.": [(2, 0.5, 0), (2, 0.99, 0), (2, 0.0, 0), (2, 1, 0)],
-        "At a terminal transition the target is the reward alone. Elsewhere the next state "
-        "counts.": [
-            (1, 0.9, 2), (1, 1.0, 2), (2, 0.8), (6, 0.8), (32, 0.8), (7, 0.8),
-        ],
+        + [(4, 16, 9, 3, s, h) for s in ((1,), (2, 1), (1, 2, 2)) for h in HIDDEN],
     },
     mistakes={
-        "That is the wrong function: one network both chooses and judges, and a value is added "
-        "after the end of an episode.": lambda r, t, d, online, target: r + d * target.amax(1),
-        "You take the largest Q-value of the target network: that is the target of plain DQN, "
-        "with its bias. The online network must choose the action.": (
-            lambda r, t, d, online, target: r + d * target.amax(1) * ~t
+        "The flying time is missing: it is one more number in the list.": (
+            lambda *case: network_weights.solution(*case, time=0)
         ),
-        "The networks are swapped: the online network chooses the action (argmax), the target "
-        "network says what it is worth.": (
-            lambda r, t, d, online, target: r + d * value(target, online) * ~t
+        "The map has 2M − 1 cells a side, not M.": (
+            lambda *case: network_weights.solution(*case, side_of=int)
         ),
     },
-    tolerance=1e-5,
-    smallest=1e-5,
-    case=transitions,
 )
-def double_target(reward, terminal, discount, online_next, target_next):
-    """`target(reward, terminal, discount, online_next, target_next)`: y, (B,) (eq. 8)."""
-    return reward + discount * value(online_next, target_next) * ~terminal
-
-
-def draw_policy(ax, policy):
-    q_values = torch.tensor([[1000, 999.75, 999.5, 999, 998, 997]])
-    for k, temperature in enumerate((0.1, 0.5, 2.0)):
-        shares = policy(q_values, temperature)[0].numpy()
-        ax.bar(np.arange(6) + 0.27 * (k - 1), shares, 0.27, label=f"β = {temperature}")
-    ax.set_xticks(range(6), q_values[0].tolist())
-    ax.set(xlabel="Q-value of an action", ylabel="probability")
-
-
-def few(count, temperature, kind=torch.float32):
-    """Q-values of so many states, and a temperature."""
-    rows = stream(Use.EXERCISE, count).integers(-8, 9, (count, 6)) / 4
-    return torch.tensor(rows, dtype=kind), temperature
-
-
-def rows(temperature, *several):
-    return torch.tensor(np.array(several, np.float32)), temperature
-
-
-NEAR = np.array([1000, 999.875, 999.75, 999.5, 999, 998], np.float32)
-
-
-@exercise(
-    "5.6 · A softmax that does not overflow (2 points, 10 minutes)",
-    figure=draw_policy,
-    rules={
-        "Each row is exp(Q/β), divided by the sum of its own row (dim=1), so that it sums to 1; "
-        "keepdim=True makes a column of the sums.": [
-            few(1, 1.0), few(2, 1.0), few(5, 1, torch.float64), few(6, 1),
-        ],
-        "Divide Q by β inside of exp: a small β makes the best action likelier, a large one all "
-        "alike.": [few(1, 0.25), few(2, 2.0), few(6, 0.7), few(3, 40.0)],
-        "No exponent may be above 0, since exp(1000 / 0.1) is infinite: it overflows, and infinity "
-        "over infinity is nan. Subtract the state's largest Q-value first; that changes no "
-        "probability.": [rows(0.125, NEAR), rows(0.125, NEAR[::-1])],
-        "All Q-values of a state may be far below 0. Then every exp(Q/β) is 0, and 0/0 is nan. "
-        "Subtract the maximum first.": [rows(0.125, -NEAR), rows(0.1, [-1000.0] * 6)],
-        "Within a row the best action may be far above the others, whichever it is: subtract the "
-        "maximum of the row, nothing smaller than the maximum.": [
-            rows(0.1, [0.0, 0, 0, 1000, 0, 0]), rows(0.1, [1000.0, 0, 0, 0, 0, 0]),
-            rows(0.5, [0.0, -1000, 1000, 0, 1000, 0]),
-        ],
-        "Rows of a batch may be far apart: subtract from each row its own maximum.": [
-            rows(0.125, NEAR, NEAR - 1000), rows(0.125, NEAR - 1500, NEAR, 0 * NEAR),
-        ],
-    },
-    mistakes={
-        "These are the probabilities' logarithms.": lambda q, beta: torch.log_softmax(q / beta, 1),
-    },
-    tolerance=1e-4,
-    smallest=1e-7,
-)
-def stable_policy(q_values, temperature):
-    """`policy(q_values, temperature)`: the softmax policy (eq. 10), (B, 6), for any Q-values."""
-    return torch.softmax(q_values / temperature, 1)
+def network_weights(layers, size, kernels, kernel_size, strides, hidden, side_of=None, time=1):
+    """`weights(layers, size, kernels, kernel_size, strides, hidden)`: of the centred Q-network."""
+    side, total = side_of(size) if side_of else 2 * size - 1, 0
+    for stride in strides:
+        total += kernels * (layers * kernel_size**2 + 1)
+        side, layers = (side - kernel_size) // stride + 1, kernels
+    width = kernels * side**2 + time
+    for neurons in (*hidden, 6):
+        total += neurons * (width + 1)
+        width = neurons
+    return float(total)

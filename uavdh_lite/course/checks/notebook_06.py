@@ -1,215 +1,324 @@
-"""Exercises of notebook 6, training."""
-
-import itertools
-from dataclasses import fields, replace
+"""Exercises of notebook 6, from Q-learning to DDQN: the parts of a DQN, one after the other."""
 
 import numpy as np
 import torch
 
-from uavdh_lite.city import load_cities
-from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise
 from uavdh_lite.course.checks.values import show
-from uavdh_lite.environment import Environment, Rewards
-from uavdh_lite.evaluation import FunctionPolicy, evaluate
-from uavdh_lite.planners import Random
-from uavdh_lite.recipe import SMALL, Recipe
-from uavdh_lite.scenario import find_scenario
+from uavdh_lite.course.small_city import (
+    CELLS,
+    START,
+    flights_of,
+    learn_network,
+    learn_table,
+    small_city,
+)
 from uavdh_lite.streams import Use, stream
-from uavdh_lite.training import Trainer
-
-ROUNDS, REWARDS = 2000, Rewards(movement=-0.1, crash=-20.0)  # of the student's own DQN
-LEAST_LEAD = 0.2  # over random, in collected and landed
 
 
-def wrong_training(train) -> str:
-    """What is wrong with an agent that an answer trains, after 500 test missions of the village."""
-    scenario, environment = find_scenario("village"), Environment(load_cities("village"))
-    print(f"Training for {ROUNDS:,} rounds, about half a minute …", flush=True)
-    torch.manual_seed(0)
-    torch.set_num_threads(1)  # quicker, as the network is small
-    q_values = train(environment, scenario, REWARDS, ROUNDS, stream(Use.EXERCISE, 0))
-    if not callable(q_values):
-        return f"Give back a function q_values(state). You give back {show(q_values)}."
-    q = q_values(scenario.sample(environment, 3, stream(Use.EXERCISE, 1)))
-    if np.shape(q) != (3, 6):
-        return f"For three states q_values gives {show(q)}, not a tensor of shape (3, 6)."
-    if not torch.isfinite(q).all():
-        return "The Q-values are not finite: they have exploded. Is y made by the target network?"
-
-    def score(policy):
-        records = evaluate(environment, policy, scenario, 500, seed=0).records()
-        return {name: float(values.mean()) for name, values in records.items()}
-
-    own = score(FunctionPolicy(lambda state: q_values(state).detach().argmax(1).numpy()))
-    chance = score(Random(0))
-    names = ("landed", "collected", "collected_and_landed")
-    said = ", ".join(f"{name.replace('_', ' ')} {own[name]:.0%}" for name in names)
-    print(f"{said}; random: {chance['collected_and_landed']:.0%}")
-    if own["collected_and_landed"] >= chance["collected_and_landed"] + LEAST_LEAD:
-        return ""
-    why = "It collects and does not come home: does y end with the reward where an episode ended?"
-    if own["landed"] > 0.8:
-        why = "It lands and hardly collects: is β large at first, and are all actions tried?"
-    return f"{said}: {LEAST_LEAD:.0%} more than random are asked for. {why}"
+def table_values(learn, flights, gamma, alpha, *where):
+    """The largest Q-value of each cell in the table that an answer learns, (4, 4)."""
+    q = learn(small_city(*where), START, flights, gamma, alpha, stream(Use.EXERCISE, 0))
+    if np.shape(q) != (4, 4, 4):
+        raise CheckFailed(f"Give back the table, an array of shape (4, 4, 4), not {show(q)}.")
+    return np.max(q, axis=2)
 
 
-@exercise("6.1 · Your own DQN flies the village (6 points, 45 minutes)", also=wrong_training)
-def village_dqn(environment, scenario, rewards, rounds, generator):
-    """`train(environment, scenario, rewards, rounds, generator)`: a function of states, Q-values.
-
-    Here the library's own trainer; the exercise asks for one made of the answers of notebook 5.
-    """
-    recipe = replace(SMALL, steps=rounds * SMALL.environments)
-    trainer = Trainer(scenario, recipe, 0, environment.city)
-    while not trainer.finished:
-        trainer.step()
-    return trainer.agent.q_values
+def called_table(flights, gamma, alpha, *where):
+    return f"After {flights} flights with γ = {gamma} and α = {alpha}, the table's largest Q-value"
 
 
-# Of data/runs/deviations-manhattan, by variant, seed and thousand steps: landed, collected, time
-RUNS = {
-    "all-0-300": (0.987, 0.895, 0.738),
-    "without_return_steps-0-100": (0.527, 0.409, 0.812),
-    "without_crash_reward-1-300": (1.000, 0.100, 0.153),
-    "without_crash_reward-0-100": (0.000, 0.237, 1.000),
-    "without_exploring_starts-0-100": (0.873, 0.616, 0.645),
-    "without_layer_norm-0-300": (1.000, 0.170, 0.318),
-    "without_learning_rate-0-300": (0.943, 0.478, 0.727),
-    "without_crash_reward-0-300": (0.998, 0.000, 0.022),
-    "without_return_steps-0-300": (0.992, 0.858, 0.880),
-}
-# The recorded runs, and all that is at a limit, a little off it, or far from it
-NEAR = [(0, 0.5, 0.89, limit - 1e-6, limit, limit + 1e-6, 1.0, 1) for limit in (0.9, 0.8, 0.25)]
-AGENTS = [*RUNS.values(), *itertools.product(*NEAR)]
-SENTENCES = {
-    "wanders": "It uses 25 % of its time or more and 90 % or more land, so it is neither lazy "
-    "nor crashing: if it collects less than 80 %, 0.8, it wanders.",
-    "good": "It uses 25 % of its time or more and 90 % or more land: if it collects at least 80 %, "
-    "it is good.",
-    "crashes": "It uses 25 % of its time or more, so it is not lazy: if fewer than 90 % of its "
-    "missions land, it crashes, whatever it collects.",
-    "lazy": "If it uses less than 25 % of the flying time, it is lazy, whatever else it does.",
-}
-
-
-def judged(landed, collected, used):
-    if used < 0.25:
-        return "lazy"
-    return "crashes" if landed < 0.9 else "good" if collected >= 0.8 else "wanders"
+EASTWARD = (3, 3), 0.0, 4 * [(0, 1)]  # device, price and moves: whatever it does, it goes east
 
 
 @exercise(
-    "6.2 · What is wrong with this agent? (1 point, 5 minutes)",
+    "6.1 · A table that learns (3 points, 20 minutes)",
     rules={
-        sentence: [one for one in AGENTS if judged(*one) == name]
-        for name, sentence in SENTENCES.items()
+        "In a street where every action leads east, one flight teaches the last cell alone: its "
+        "entry goes the share α of the way to y = 10, all others stay 0. Learn in each step.": [
+            (1, 0.95, 1.0, *EASTWARD), (1, 0.95, 0.25, *EASTWARD), (1, 0.5, 0.5, *EASTWARD),
+        ],
+        "y is the reward plus γ times the largest Q-value of the next cell. The start becomes "
+        "worth 6.7 with γ = 0.95.": [(200, 0.95, 0.5), (200, 0.95, 1.0), (200, 1.0, 0.5)],
+        "With another γ, or a device elsewhere, or another price of a step, other values come "
+        "out.": [(200, 0.5, 0.5), (200, 0.9, 0.5, (1, 1), 0.5), (200, 0.0, 0.8, (2, 3), 1.0)],
+    },
+    ask=table_values,
+    call=called_table,
+    tolerance=0.01,
+    smallest=0.03,
+)
+def learned_table(step, start, flights, gamma, alpha, generator):
+    """`learn_table(step, start, flights, gamma, alpha, generator)`: Q, (4, 4, 4)."""
+    return learn_table(step, start, flights, gamma, alpha, generator)
+
+
+def network_values(learn, seed, *case):
+    """The largest Q-values that a network learns from the steps of 100 flights, (15,)."""
+    torch.manual_seed(seed)
+    *constants, device, price = case
+    memory = flights_of(small_city(device, price), 100)
+    network = learn(memory, *constants, 1000)
+    if not callable(network):
+        raise CheckFailed(f"Give back the network. You give back {show(network)}.")
+    q = network(CELLS)
+    if np.shape(q) != (16, 4):
+        raise CheckFailed(f"For 16 cells your network gives {show(q)}, not a tensor (16, 4).")
+    elsewhere = (torch.tensor(device) != CELLS).any(dim=1)  # no step begins at the device
+    return q.detach().amax(1)[elsewhere]
+
+
+def called_network(seed, gamma, *more):
+    return f"With γ = {gamma}, seed {seed}, the network's largest Q-value of a cell"
+
+
+def draw_explosion(ax, learn):
+    memory, updates = flights_of(small_city(), 100), range(0, 601, 150)
+    for seed in range(2):
+        values = []
+        for count in updates:
+            torch.manual_seed(seed)
+            values.append(learn(memory, 0.95, count)(CELLS)[12].max().item())
+        ax.plot(updates, values, "o-", label=f"seed {seed}")
+    ax.axhline(6.7, color="gray", label="right: 6.7")
+    ax.set(xlabel="updates", ylabel="value of the start", yscale="symlog", title="γ = 0.95")
+
+
+@exercise(
+    "6.2 · A network in the table's place (3 points, 20 minutes)",
+    figure=draw_explosion,
+    rules={
+        "y is the reward plus γ times the largest Q-value of the next cell, and the network's "
+        "Q-value of the action that was taken learns it. A cell far from the device is worth "
+        "little with so small a γ. After the end nothing follows: there y is the reward alone.": [
+            (0, 0.5, (0, 3), 0.2),
+        ],
+        "With another γ, or a device elsewhere, other values come out.": [
+            (1, 0.3, (3, 3), 1.0),
+        ],
+    },
+    ask=network_values,
+    call=called_network,
+    tolerance=0.1,
+    smallest=0.8,
+)
+def learned_network(memory, gamma, updates):
+    """`learn_network(memory, gamma, updates)`: a network from (B, 2) cells to (B, 4) Q-values."""
+    return learn_network(memory, gamma, 1.0, updates)[0]
+
+
+def draws(ring: type, capacity: int, added: int, size: int, count: int = 1, seed: int = 0):
+    """The numbers of the items in so many samples, 1 for the first added; another ring has more."""
+    items = [(np.full(2, n % 3), n % 6, n / 10, f"state {n % 4}") for n in range(added)]
+    numbers = {id(item): number for number, item in enumerate(items, 1)}
+    own, other, generator = ring(capacity), ring(3), stream(Use.EXERCISE, seed)
+    for item in items:
+        own.add(item)
+        other.add((item,))
+    samples = [list(own.sample(size, generator)) for _ in range(count)]
+    for sample in samples:
+        strange = [item for item in sample if id(item) not in numbers]
+        if len(sample) != size or strange:
+            said = f"{asked(capacity, added, size)} gives back"
+            if len(sample) != size:
+                said = f"{said} a list of length {len(sample)}, expected {size}. An item may come "
+                raise CheckFailed(f"{said}more than once: draw size − 1 places, add the newest.")
+            said = f"{said} {show(strange[0])}, which was never added. Give back the very tuples"
+            raise CheckFailed(f"{said} that were added, not copies or parts of them.")
+    return [[numbers[id(item)] for item in sample] for sample in samples]
+
+
+Unquoted = type("Unquoted", (str,), {"__repr__": str.__str__})  # as it stands in a message
+
+
+def items_drawn(ring, *case):
+    numbers = sorted(set(*draws(ring, *case)))
+    return Unquoted(f"item{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
+
+
+def asked(capacity, added, size):
+    return f"Ring({capacity}), after {added} × add(item), sample({size}, generator)"
+
+
+def wrong_chance(ring: type) -> str:
+    """Besides one newest item all are equally likely; a right answer fails once in 1e7."""
+    one, again, other = (draws(ring, 8, 8, 60, seed=seed) for seed in (1, 1, 2))
+    if one != again or one == other:
+        return "All chance must come from the generator that is passed in."
+    for capacity, added, limit in ((8, 3, 37.0), (8, 27, 52.0), (8, 8, 52.0)):
+        drawn, stored = np.array(draws(ring, capacity, added, 9, 600)), min(capacity, added)
+        counts = np.bincount(drawn.ravel())[-stored:] - 600 * (np.arange(stored) == stored - 1)
+        if not (drawn == added).any(1).all():
+            return "A sample of 1 is the newest item, but larger samples do not always have it."
+        if ((counts - counts.mean()) ** 2).sum() / counts.mean() > limit:
+            said = f"After {added} items, besides the newest, the oldest to the newest are drawn "
+            return f"{said}{counts.tolist()} times: each must be equally likely."
+        different = [len(set(sample)) for sample in draws(ring, capacity, added, 3, 1800)]
+        right = 1 + (stored - 1) * (1 - (1 - 1 / stored) ** 2)
+        if abs(np.mean(different) - right) > 6 * np.std(different) / 1800**0.5 + 1e-9:
+            return "Draw every place by itself: generator.integers(0, number stored, size − 1)."
+    return ""
+
+
+@exercise(
+    "6.3 · A replay memory (3 points, 15 minutes)",
+    rules={
+        "The newest item is in every sample, so that a sample of 1 is the newest alone.": [
+            (5, added, 1) for added in range(1, 5)
+        ],
+        "When the ring is full, each new item still goes in, in the place of the oldest. So the "
+        "newest is no longer at the end: it is one place before that to be overwritten next.": [
+            (size, added, 1) for size, most in ((5, 17), (1, 4)) for added in range(size, most)
+        ],
+        "The other items of a sample are drawn from all stored ones, only from places that are "
+        "filled, and may come more than once.": [(5, added, 300) for added in range(1, 6)],
+        "When the ring is full, each new item must overwrite the oldest, and no other: the ring "
+        "does not grow. generator.integers leaves out its upper end already.": [
+            (1, 3, 60), (3, 8, 200), (7, 22, 420)
+        ]
+        + [(5, added, 300) for added in range(6, 17)],
+    },
+    takes=type,
+    ask=items_drawn,
+    call=asked,
+    also=wrong_chance,
+)
+class ring_buffer:
+    """The class `Ring(capacity)` with `add(item)` and `sample(size, generator)`."""
+
+    def __init__(self, capacity):
+        self.capacity, self.items, self.newest = capacity, [], -1
+
+    def add(self, item):
+        self.newest = (self.newest + 1) % self.capacity
+        self.items[self.newest : self.newest + 1] = [item]
+
+    def sample(self, size, generator):
+        rest = generator.integers(0, len(self.items), size - 1)
+        return [self.items[k] for k in (self.newest, *rest)]
+
+
+@exercise(
+    "6.4 · A target network (2 points, 15 minutes)",
+    rules={
+        "y comes from the target network. After each update every one of its weights becomes "
+        "(1 − τ) times itself plus τ times the online one. So nothing explodes, and the start is "
+        "worth 6.7.": [(0, 0.95, 0.05, (0, 3), 0.2)],
+        "With τ = 0 the target network stays what it was at the start. y is the reward, plus a "
+        "guess near 0.": [(0, 0.5, 0.0, (0, 3), 1.0)],
+    },
+    ask=network_values,
+    call=called_network,
+    tolerance=0.1,
+    smallest=0.8,
+)
+def learned_calmly(memory, gamma, tau, updates):
+    """`learn_calmly(memory, gamma, tau, updates)`: the network of 5.2, with a target network."""
+    return learn_network(memory, gamma, tau, updates)[0]
+
+
+def value(chooser, judge):
+    return judge.gather(1, chooser.argmax(1, True)).squeeze(1)
+
+
+def transitions(size, discount, ends=0.4, at=5.0, kind=np.float32, apart=2.0):
+    """Arguments of `target` for so many transitions, with Q-values near `at`."""
+    generator = stream(Use.EXERCISE, 10 * size + int(10 * discount))
+    online = generator.normal(at, apart, (size, 6)).round(2 if apart > 1 else 6)
+    target = generator.normal(at, 3, (size, 6)).round(2)
+    reward, terminal = generator.normal(1, 2, size).round(2), generator.random(size) < ends
+    reward, online, target = (torch.tensor(a.astype(kind)) for a in (reward, online, target))
+    return reward, torch.tensor(terminal), discount, online, target
+
+
+@exercise(
+    "6.5 · The double-DQN target (2 points, 10 minutes)",
+    rules={
+        "There is one target for each transition, (B,): the reward, plus γ times the entry of "
+        "target_next, in the same row, for the action that online_next rates highest.": [
+            (1, 1.0, 0), (2, 1.0, 0), (8, 1.0, 0), (3, 1, 0, 5.0, np.float64),
+            (4, 1.0, 0, -50.0), (2, 1.0, 0, 1.0, np.float32, 1e-4),
+        ],
+        "The value of the next state is multiplied by γ, the one that is handed in; the reward "
+        "counts in full.": [(2, 0.5, 0), (2, 0.99, 0), (2, 0.0, 0), (2, 1, 0)],
+        "At a terminal transition the target is the reward alone. Elsewhere the next state "
+        "counts.": [
+            (1, 0.9, 2), (1, 1.0, 2), (2, 0.8), (6, 0.8), (32, 0.8), (7, 0.8),
+        ],
     },
     mistakes={
-        "Exactly 90 % landed is enough: *fewer* is a crash.": (
-            lambda landed, collected, used: judged(landed - 1e-9, collected, used)
+        "That is the wrong function: one network both chooses and judges, and a value is added "
+        "after the end of an episode.": lambda r, t, d, online, target: r + d * target.amax(1),
+        "You take the largest Q-value of the target network: that is the target of plain DQN, "
+        "with its bias. The online network must choose the action.": (
+            lambda r, t, d, online, target: r + d * target.amax(1) * ~t
         ),
-        "Exactly 25 % of the time is not lazy: *less* than 25 % is.": (
-            lambda landed, collected, used: judged(landed, collected, used - 1e-9)
+        "The networks are swapped: the online network chooses the action (argmax), the target "
+        "network says what it is worth.": (
+            lambda r, t, d, online, target: r + d * value(target, online) * ~t
         ),
     },
+    tolerance=1e-5,
+    smallest=1e-5,
+    case=transitions,
 )
-def diagnosis(landed, collected, time_used):
-    """`diagnose(landed, collected, time_used)`: one of `SENTENCES`."""
-    return judged(landed, collected, time_used)
+def double_target(reward, terminal, discount, online_next, target_next):
+    """`target(reward, terminal, discount, online_next, target_next)`: y, (B,) (eq. 8)."""
+    return reward + discount * value(online_next, target_next) * ~terminal
 
 
-def stored(length, ends, n, discount):
-    """Rewards, terminals and values of a stored sequence, and the other two arguments."""
-    generator = stream(Use.EXERCISE, 10 * length + len(ends))
-    rewards, values = generator.normal(1, 1, length), generator.normal(8, 3, length + 1)
-    kind, digits = (int, 0) if length == 3 else (float, 2)
-    rewards, values = (array.round(digits).astype(kind) for array in (rewards, values))
-    return rewards, np.isin(np.arange(length), ends), values, n, discount
+def draw_policy(ax, policy):
+    q_values = torch.tensor([[1000, 999.75, 999.5, 999, 998, 997]])
+    for k, temperature in enumerate((0.1, 0.5, 2.0)):
+        shares = policy(q_values, temperature)[0].numpy()
+        ax.bar(np.arange(6) + 0.27 * (k - 1), shares, 0.27, label=f"β = {temperature}")
+    ax.set_xticks(range(6), q_values[0].tolist())
+    ax.set(xlabel="Q-value of an action", ylabel="probability")
+
+
+def few(count, temperature, kind=torch.float32):
+    """Q-values of so many states, and a temperature."""
+    rows = stream(Use.EXERCISE, count).integers(-8, 9, (count, 6)) / 4
+    return torch.tensor(rows, dtype=kind), temperature
+
+
+def rows(temperature, *several):
+    return torch.tensor(np.array(several, np.float32)), temperature
+
+
+NEAR = np.array([1000, 999.875, 999.75, 999.5, 999, 998], np.float32)
 
 
 @exercise(
-    "6.3 · The n-step return (2 points, 12 minutes)",
+    "6.6 · A softmax that does not overflow (2 points, 10 minutes)",
+    figure=draw_policy,
     rules={
-        "With n = 1 it is rewards[0] plus γ times values[1], the value of the next state.": [
-            (3, (), 1, 0.5), (2, (), 1, 0.9), (2, (), 1, 1.0), (2, (), 1, 0.0),
+        "Each row is exp(Q/β), divided by the sum of its own row (dim=1), so that it sums to 1; "
+        "keepdim=True makes a column of the sums.": [
+            few(1, 1.0), few(2, 1.0), few(5, 1, torch.float64), few(6, 1),
         ],
-        "Reward k is multiplied by γ^k. After m rewards γ^m values[m] comes, of state m.": [
-            (3, (), 2, 0.5), (3, (), 2, 1), (6, (), 2, 0.9), (6, (), 3, 0.8), (6, (), 5, 0.3),
+        "Divide Q by β inside of exp: a small β makes the best action likelier, a large one all "
+        "alike.": [few(1, 0.25), few(2, 2.0), few(6, 0.7), few(3, 40.0)],
+        "No exponent may be above 0, since exp(1000 / 0.1) is infinite: it overflows, and infinity "
+        "over infinity is nan. Subtract the state's largest Q-value first; that changes no "
+        "probability.": [rows(0.125, NEAR), rows(0.125, NEAR[::-1])],
+        "All Q-values of a state may be far below 0. Then every exp(Q/β) is 0, and 0/0 is nan. "
+        "Subtract the maximum first.": [rows(0.125, -NEAR), rows(0.1, [-1000.0] * 6)],
+        "Within a row the best action may be far above the others, whichever it is: subtract the "
+        "maximum of the row, nothing smaller than the maximum.": [
+            rows(0.1, [0.0, 0, 0, 1000, 0, 0]), rows(0.1, [1000.0, 0, 0, 0, 0, 0]),
+            rows(0.5, [0.0, -1000, 1000, 0, 1000, 0]),
         ],
-        "A terminal step among the m ends the sum with its own reward, and no value is added.": [
-            (6, (2, 4), 3, 0.8), (6, (2, 4), 4, 0.95), (6, (2, 4), 5, 1.0),
-            (5, (0,), 1, 0.7), (5, (0,), 3, 0.95), (4, (0, 1, 2, 3), 2, 0.6),
-        ],
-        "A terminal step after the first m belongs to the future: the value of state m counts.": [
-            (6, (2, 4), 1, 0.8), (6, (2, 4), 2, 0.8), (6, (5,), 4, 0.9), (6, (5,), 5, 0.9),
-        ],
-        "Where fewer than n steps are stored, m = T: sum those, then add γ^T values[T].": [
-            (6, (), 7, 0.9), (1, (), 3, 0.4), (3, (), 3, 0.5), (3, (), 1000, 0.5),
-        ],
-        "Where fewer than n steps are stored, a terminal step still ends the sum.": [
-            (6, (2, 4), 9, 0.8), (4, (3,), 5, 0.9), (1, (0,), 2, 0.9),
+        "Rows of a batch may be far apart: subtract from each row its own maximum.": [
+            rows(0.125, NEAR, NEAR - 1000), rows(0.125, NEAR - 1500, NEAR, 0 * NEAR),
         ],
     },
-    case=stored,
+    mistakes={
+        "These are the probabilities' logarithms.": lambda q, beta: torch.log_softmax(q / beta, 1),
+    },
+    tolerance=1e-4,
+    smallest=1e-7,
 )
-def n_step_return(rewards, terminals, values, n, discount):
-    """`n_step(rewards, terminals, values, n, discount)`: the target of the first state."""
-    m, total = min(n, len(rewards)), 0.0
-    for k in range(m):
-        total += float(discount**k * rewards[k])
-        if terminals[k]:
-            return total
-    return total + float(discount**m * values[m])
-
-
-LAZY = replace(
-    SMALL,
-    name="lazy",
-    steps=20_000,
-    crash_reward=-150.0,
-    crash_reward_end=-150.0,
-    huber_delta=None,
-    temperature=0.1,
-    exploring_starts=0.0,
-)
-MOST_STEPS, LEAST_PENALTY, LEAST_SCORE = 24_000, -40.0, 0.35
-MAY_CHANGE = (
-    "steps", "crash_reward", "crash_reward_end", "crash_reward_growth", "huber_delta",
-    "temperature", "temperature_end", "temperature_decay", "exploring_starts",
-)
-
-
-def wrong_recipe(recipe: Recipe) -> str:
-    """What is wrong with a recipe; it trains an agent and flies 500 test missions."""
-    changed = {f.name for f in fields(Recipe) if getattr(recipe, f.name) != getattr(LAZY, f.name)}
-    if fixed := sorted(changed - {*MAY_CHANGE, "name"}):
-        return f"{fixed[0]} must stay {getattr(LAZY, fixed[0])}: start from replace(lazy, …)."
-    if recipe.steps > MOST_STEPS:
-        return f"{recipe.steps:,} steps: at most {MOST_STEPS:,} may be."
-    if recipe.crash_reward_end > LEAST_PENALTY or recipe.crash_reward > 0:
-        return f"A crash must cost {-LEAST_PENALTY:g} at the end, and never be rewarded."
-    if not changed - {"name"}:
-        return "That is the lazy recipe, unchanged: its agent lands at once and collects nothing."
-    print(f"Training for {recipe.steps:,} steps, about half a minute …", flush=True)
-    torch.set_num_threads(1)  # quicker, as the network is small
-    trainer = Trainer(find_scenario("village"), recipe, 0)
-    while not trainer.finished:
-        trainer.step()
-    flights = evaluate(trainer.environment, trainer.agent, trainer.scenario, 500, seed=0)
-    means = {name: float(values.mean()) for name, values in flights.records().items()}
-    names = ("landed", "collected", "time_used", "collected_and_landed")
-    said = ", ".join(f"{name} {means[name]:.1%}" for name in names).replace("_", " ")
-    print(said)
-    if means["collected_and_landed"] >= LEAST_SCORE:
-        return ""
-    why = "Let it explore more at first, use all the steps, and let the price grow in time."
-    if recipe.crash_reward < -20:
-        why = "A crash costs so much from the start: begin with a small price and let it grow."
-    elif recipe.crash_reward_end < 1.5 * LEAST_PENALTY:
-        why = f"The price of a crash drowns all else at the end: {LEAST_PENALTY:g} is enough."
-    return f"{said}, and {LEAST_SCORE:.0%} collected and landed are asked for. {why}"
-
-
-@exercise("6.4 · Mend a lazy agent (4 points, 15 minutes)", takes=Recipe, also=wrong_recipe)
-def mended_recipe():
-    """A recipe that differs from `LAZY` in `MAY_CHANGE` and trains a useful agent."""
+def stable_policy(q_values, temperature):
+    """`policy(q_values, temperature)`: the softmax policy (eq. 10), (B, 6), for any Q-values."""
+    return torch.softmax(q_values / temperature, 1)

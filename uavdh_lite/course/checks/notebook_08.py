@@ -1,105 +1,164 @@
-"""Exercises of notebook 8, evaluation."""
+"""Exercises of notebook 8, the ablation of map centring."""
+
+from itertools import combinations
 
 import numpy as np
 
-from uavdh_lite.checkpoint import load_agent
-from uavdh_lite.city import City
 from uavdh_lite.course.checks.exercise import exercise
-from uavdh_lite.environment import Environment
-from uavdh_lite.errors import InputError
-from uavdh_lite.evaluation import evaluate
-from uavdh_lite.planners import Greedy
+from uavdh_lite.streams import Use, stream
 
-Z = 1.96  # 95 % of a standard normal lie within ± this
+RISES = [0.1, 0.35, 0.6, 0.75, 0.5, 0.8, 0.9, 0.85]
 
 
-def draw_wilson(ax, wilson):
-    successes = np.arange(21)
-    share = successes / 20
-    low, high = np.transpose([wilson(k, 20) for k in successes])
-    ax.errorbar(share, share, np.abs([share - low, high - share]), fmt="o", markersize=3, capsize=3)
-    ax.set(xlabel="share observed in 20 trials", ylabel="share and its 95 % interval")
+def curve(values, threshold, steps=None):
+    """Arguments of `steps_to`, with validations every 50,000 steps or at these ones."""
+    every = 50_000 * np.arange(1, len(values) + 1)
+    return np.array(every if steps is None else steps), np.array(values), threshold
 
 
-def normal(successes, trials):
-    p = successes / trials
-    half = Z * np.sqrt(p * (1 - p) / trials)
-    return p - half, p + half
-
-
-def score_interval(successes, trials):
-    """Both ends before they are divided by 1 + z²/n."""
-    p, n = successes / trials, trials
-    half = Z * np.sqrt(p * (1 - p) / n + Z**2 / (4 * n**2))
-    return p + Z**2 / (2 * n) - half, p + Z**2 / (2 * n) + half
+def random_curves():
+    for n in (2, 3, 4, 5, 8, 8, 8, 13) * 2:
+        values = (generator := stream(Use.EXERCISE, n)).uniform(0.4, 1, n).round(1)
+        for threshold in (0.5, 0.6, 0.8):
+            yield values, threshold, np.cumsum(generator.integers(1, 9_000, n)) - 1
 
 
 @exercise(
-    "8.1 · An interval for a share (2 points, 12 minutes)",
-    figure=draw_wilson,
+    "8.1 · How many steps to a threshold (1 point, 8 minutes)",
     rules={
-        "At both ends of the interval |p − q| equals z sqrt(q (1 − q) / n), with z = 1.96: solve "
-        "for q exactly. The interval is not centred on p; its low end is the first.": [
-            (7, 10), (5, 20), (33, 40), (11, 271),
+        "The result is one of `steps`: from there on all values are at least the threshold, and "
+        "the value before it is below.": [
+            ([0.2, 0.9], 0.5), ([0.6, 0.4, 0.8], 0.5), ([0.1, 0.7, 0.8, 0.9], 0.6),
+            (RISES, 0.7), (RISES, 0.84), (RISES, 0.6, range(3, 11)),
         ],
-        "It must hold for few and for many trials, and if none or all succeed. Do not round.": [
-            (1, 2), (2, 3), (0, 12), (20, 20), (0, 1), (1, 1), (0, 500),
-            (997, 1000), (1, 50_000), (31_000, 50_000),
+        "If no value is below the threshold, it is the first validation, even at 0 steps.": [
+            (RISES, 0.05), ([0.5], 0.1, [7]), ([0.3, 0.2, 0.9], 0, [0, 100, 200]),
+        ],
+        "If the last value is below the threshold, there is no such validation: return None. "
+        "np.argmax of a condition that is nowhere true is 0, the first place.": [
+            (RISES, 0.95), (RISES, 0.88), ([0.5], 0.6), ([0.9, 0.8], 0.85),
+        ],
+        "A value that equals the threshold has reached it: only a smaller one, however little, is "
+        "below. That holds for all curves and all distances between validations.": [
+            (RISES, 0.85), ([0.2, 0.7, 0.7 - 1e-9, 0.7], 0.7), *random_curves(),
         ],
     },
     mistakes={
-        "That is the normal approximation, p ± z sqrt(p (1 − p) / n). The root must hold the "
-        "unknown share, not the observed one; solve for it.": normal,
-        "That is the normal approximation, cut off at 0 and 1. The root must hold the unknown "
-        "share, not the observed one.": lambda k, n: tuple(np.clip(normal(k, n), 0, 1)),
-        "The denominator 1 + z²/n is missing.": score_interval,
+        "That is the first crossing. The curve falls back later: ask that it stays.": (
+            lambda steps, values, threshold: next(
+                (float(s) for s, v in zip(steps, values, strict=True) if v >= threshold), None
+            )
+        ),
+        "That is the position in the list, not the number of environment steps: look it up in "
+        "`steps`.": lambda steps, *others: steps_to.solution(range(len(steps)), *others),
+    },
+    case=curve,
+)
+def steps_to(steps, values, threshold):
+    """`steps_to(steps, values, threshold)`: the steps from which on it stays there, or None."""
+    below = np.flatnonzero(values < threshold)
+    first = below[-1] + 1 if len(below) else 0
+    return float(steps[first]) if first < len(steps) else None
+
+
+def interval(d, error=None):
+    half = 1.96 * (d.std(ddof=1) / np.sqrt(len(d)) if error is None else error)
+    return float(d.mean()), float(d.mean() - half), float(d.mean() + half)
+
+
+def unpaired(a, b):
+    return interval(a - b, np.sqrt((a.var(ddof=1) + b.var(ddof=1)) / len(a)))
+
+
+def results(count, together, ahead=0.3, scale=1.0):
+    """Random results of two policies that have this much in common; or those that are given."""
+    if isinstance(count, list):
+        return np.array(count), np.array(together)
+    generator = stream(Use.EXERCISE, count)
+    common = generator.standard_normal(count)
+    a, b = generator.normal((ahead, 0), 1, (count, 2)).T
+    return scale * (a + together * common), scale * (b + abs(together) * common)
+
+
+@exercise(
+    "8.2 · Paired or not (2 points, 8 minutes)",
+    rules={
+        "With d = a − b of each pair: the mean of d, and 1.96 standard errors, "
+        "d.std(ddof=1) / sqrt(n), to either side, in the order (mean, low, high).": [
+            ([3.0, 5.0, 10.0], [1.0, 4.0, 2.0]), ([1.0, 4.0, 2.0], [3.0, 5.0, 10.0]),
+            ([9, 5], [1, 2]), (8, 1.0),
+        ],
+        "It must hold whether the two results go together or not, for few and many missions. If "
+        "all differences are equal, the interval has the width 0.": [
+            (30, 2.0), (300, 0.5), (15, -0.7), (9, 0.0), (2, 3.0, 2.0), (40, 1.0, -2.0, 50.0),
+            (25, 1.0, 3.0, 0.001), ([4.0, 6.0, 11.0], [3.0, 5.0, 10.0]),
+        ],
+    },
+    mistakes={
+        "The sign is wrong: positive means that a is ahead of b.": lambda a, b: interval(b - a),
+        "That is the unpaired interval: it adds both variances, as if each policy had flown "
+        "missions of its own. Take the standard deviation of the differences a − b.": unpaired,
+        "You take the size of each difference, abs(a − b): so even of two equally good policies "
+        "one would be ahead. Keep the sign.": lambda a, b: interval(abs(a - b)),
     },
     tolerance=1e-3,
-    smallest=1e-7,
+    smallest=1e-6,
+    case=results,
 )
-def wilson(successes, trials):
-    """`wilson(successes, trials)`: low and high end of the 95 % score interval."""
-    low, high = score_interval(successes, trials)
-    return low / (1 + Z**2 / trials), high / (1 + Z**2 / trials)
+def lead(a, b):
+    """`lead(a, b)`: (mean, low, high) of a − b, in pairs."""
+    return interval(a - b)
 
 
-MISSIONS, SEED, GREEDY, BEHIND, CHANGED, SIZE = 100, 92, 0.90, 0.30, 16, 16
+def differences(a, b):
+    """The difference of the two means for each split of all values."""
+    values = np.r_[a, b]
+    splits = (list(own) for own in combinations(range(len(values)), len(a)))
+    return np.array([np.mean(values[own]) - np.mean(np.delete(values, own)) for own in splits])
 
 
-def scores(city: City) -> list[float]:
-    """Collected and landed of greedy and of the agent, on the fixed missions over this city."""
-    environment, agent = Environment(city), load_agent("manhattan_ddqn")
-    flown = (
-        evaluate(environment, policy, agent.scenario, MISSIONS, SEED)
-        for policy in (Greedy(environment), agent.over(city))
-    )
-    return [float(flights.records()["collected_and_landed"].mean()) for flights in flown]
+def groups(a, b, parts=1):
+    """Two groups of values; or so many random whole numbers, no two equal, divided by `parts`."""
+    if isinstance(a, list):
+        return np.array(a), np.array(b)
+    values = stream(Use.EXERCISE, 10 * a + b).permutation(np.arange(-99, 99)) / parts
+    return values[:a], values[a : a + b]
 
 
-def wrong_city(text: str) -> str:
-    try:
-        city = City.from_text("mine", text)
-    except InputError as error:
-        return f"That is no valid city: {error}."
-    if city.size != SIZE:
-        return f"Your city has {city.size}×{city.size} cells; it must have {SIZE}×{SIZE}."
-    changed = int((city.kinds != load_agent("manhattan_ddqn").city.kinds).sum())
-    if changed > CHANGED:
-        return f"It differs from `home` in {changed} of its {SIZE**2} cells; at most {CHANGED} may."
-    cut_off = np.argwhere(~city.no_fly & (city.landing_distance < 0)).tolist()
-    if cut_off:
-        said = f"There is no way to the landing zone from {cut_off[0]}"
-        return f"{said}; number of such cells: {len(cut_off)}."
-    greedy, agent = scores(city)
-    said = f"Collected and landed: greedy {greedy:.1%}, the agent {agent:.1%}"
-    print(said)
-    if greedy < GREEDY:
-        return f"{said}. Greedy must reach {GREEDY:.0%}, so that the missions are possible."
-    if greedy - agent < BEHIND:
-        return f"{said}. The agent is too good: what was the same in all missions of its training?"
-    return ""
-
-
-@exercise("8.2 · A city that defeats the agent (3 points, 12 minutes)", takes=str, also=wrong_city)
-def defeat():
-    """The text of a 16×16 city in which greedy does well and the shipped agent does not."""
+@exercise(
+    "8.3 · A p-value for a few seeds (2 points, 15 minutes)",
+    rules={
+        "Go through all splits, each once, without chance and without a formula. p is the share of "
+        "those whose difference of the means is at least as large as the observed one, in absolute "
+        "value; the observed split is one of them.": [
+            ([1, 2, 3], [4, 5, 6]), ([1.5, 4], [0.25, 8]), ([1], [2]), (3, 3), (2, 2), (4, 4),
+        ],
+        "The groups may differ in size: the first group of each split is as large as a, and the "
+        "difference is that of the means, not of sums.": [
+            ([7], [1, 2, 4]), ([1, 2, 4, 9], [3]), (2, 4), (4, 3), (3, 2), (3, 5), (1, 6),
+        ],
+        "Two equal values count as two: deal out positions, range(len(a) + len(b)), not values.": [
+            ([1.0, 1.0, 6.0], [2.0, 8.0]), ([1, 2, 2], [2, 5]), ([3, 3], [3, 3]),
+            ([0, 1, 1], [1, 0, 0]), ([5.0], [5.0, 5.0, 1.0]),
+        ],
+        "Differences that are equal up to 1e-9 count as equal: sums of decimals are rounded. "
+        "Others count as different, however small that is.": [
+            ([0.5, 0.1], [0.4, 0.9, 0.2]), ([0.1, 0.7, 0.3], [0.2, 0.6, 0.4]),
+            (3, 4, 100), (4, 3, 100), (2, 5, 100), (3, 3, 100), (4, 4, 100),
+            ([1e-6, 2e-6, 4e-6], [0, 0.5e-6, 1e-6]), ([0.5, 0.900001], [0.5, 0.9]),
+        ],
+    },
+    mistakes={
+        "That is one-sided: the other direction counts too, so take the absolute value of both "
+        "differences.": lambda a, b: float(
+            np.mean(differences(a, b) >= np.mean(a) - np.mean(b) - 1e-9)
+        ),
+        "The observed difference may be below 0: take its absolute value, too.": (
+            lambda a, b: float(np.mean(abs(differences(a, b)) >= np.mean(a) - np.mean(b) - 1e-9))
+        ),
+    },
+    case=groups,
+)
+def permutation_p(a, b):
+    """`permutation_p(a, b)`: exact and two-sided, of the difference of the means."""
+    return float(np.mean(abs(differences(a, b)) >= abs(np.mean(a) - np.mean(b)) - 1e-9))

@@ -1,105 +1,105 @@
-"""Exercises of notebook 10, four ways past the paper."""
+"""Exercises of notebook 10, evaluation."""
 
 import numpy as np
 
+from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City
 from uavdh_lite.course.checks.exercise import exercise
-from uavdh_lite.environment import LAND, Environment
-from uavdh_lite.streams import Use, stream
+from uavdh_lite.environment import Environment
+from uavdh_lite.errors import InputError
+from uavdh_lite.evaluation import evaluate
+from uavdh_lite.planners import Greedy
 
-SMALL = "L . . B\n. N B .\n. . . N\n. . . ."  # no way home from cell 7
-
-
-def situation(name, cell, time_left):
-    """Arguments of `fits` for cells of a city; for a number, so many at random, with about that."""
-    city = City.load(name) if name == "village" else City.from_text("small", name)
-    distance = city.landing_distance.ravel()
-    if isinstance(cell, int):
-        generator = stream(Use.EXERCISE, cell)
-        cell = generator.choice(np.flatnonzero(~city.no_fly.ravel()), cell)
-        time_left = np.maximum(distance[cell] + generator.integers(-1, time_left, len(cell)), 1)
-    return distance, Environment(city).next_cell[0], np.array(cell), np.array(time_left)
+Z = 1.96  # 95 % of a standard normal lie within ± this
 
 
-@exercise(
-    "10.1 · The failsafe's mask (2 points, 12 minutes)",
-    rules={
-        "An action fits if it, the way home after it and the landing take at most time_left units. "
-        "That also goes for `land` outside the zone, which is the same as hovering.": [
-            (SMALL, [9], [3]), (SMALL, [9], [4]), (SMALL, [9], [5]), (SMALL, [9], [6]),
-            (SMALL, [9], [9]), (SMALL, [8], [3]), (SMALL, [4, 14, 2], [4, 6, 3]),
-        ],
-        "To land at once always fits, but in the zone only: elsewhere it is no landing, and costs "
-        "a unit of time, as hovering does.": [
-            (SMALL, [0], [1]), (SMALL, [0], [2]), (SMALL, [0], [3]),
-            (SMALL, [1], [1]), (SMALL, [1], [2]), (SMALL, [1], [3]),
-            (SMALL, [0, 1, 0], [1, 1, 2]),
-        ],
-        "Where there is no way home, distance −1, nothing fits: −1 is a marker, not a distance.": [
-            (SMALL, [7], [3]), (SMALL, [7, 0], [10**6, 10**6]),
-        ],
-        "It must hold for all UAVs of a batch, each with its own time, in any city. A column of "
-        "times is time_left[:, None].": [
-            (SMALL, 30, 4), ("village", 1, 4), ("village", 6, 4), ("village", 40, 4),
-        ],
-    },
-    mistakes={
-        "You leave too little time: action and landing take one unit each, besides the way home.": (
-            lambda *case: failsafe_mask.solution(*case, spare=1)
-        ),
-        "Ask for the distance from the cell that the action leads to, not from the cell where the "
-        "UAV is.": lambda distance, next_cell, *others: failsafe_mask.solution(
-            distance, np.arange(len(distance))[:, None].repeat(6, 1), *others
-        ),
-        "Only in the zone is a landing sure to fit. Elsewhere it is refused, and costs a unit of "
-        "time, as hovering does.": lambda distance, next_cell, *others: (
-            failsafe_mask.solution(distance, next_cell, *others) | (np.arange(6) == LAND)
-        ),
-    },
-    case=situation,
-)
-def failsafe_mask(distance, next_cell, cell, time_left, spare=2):
-    """`fits(distance, next_cell, cell, time_left)`: the actions that leave time to land, (B, 6)."""
-    home = np.where(distance < 0, np.inf, distance)
-    fits = home[next_cell[cell]] + spare <= time_left[:, None]
-    fits[:, LAND] |= distance[cell] == 0
-    return fits
+def draw_wilson(ax, wilson):
+    successes = np.arange(21)
+    share = successes / 20
+    low, high = np.transpose([wilson(k, 20) for k in successes])
+    ax.errorbar(share, share, np.abs([share - low, high - share]), fmt="o", markersize=3, capsize=3)
+    ax.set(xlabel="share observed in 20 trials", ylabel="share and its 95 % interval")
 
 
-def links(devices, size, *left):
-    """Mean rates of so many devices to every cell, and their data left."""
-    rate = stream(Use.EXERCISE, 10 * devices + size).uniform(0, 7, (devices, size, size)).round(2)
-    return rate, np.array(left)
+def normal(successes, trials):
+    p = successes / trials
+    half = Z * np.sqrt(p * (1 - p) / trials)
+    return p - half, p + half
+
+
+def score_interval(successes, trials):
+    """Both ends before they are divided by 1 + z²/n."""
+    p, n = successes / trials, trials
+    half = Z * np.sqrt(p * (1 - p) / n + Z**2 / (4 * n**2))
+    return p + Z**2 / (2 * n) - half, p + Z**2 / (2 * n) + half
 
 
 @exercise(
-    "10.2 · What a cell has to offer (2 points, 10 minutes)",
+    "10.1 · An interval for a share (2 points, 12 minutes)",
+    figure=draw_wilson,
     rules={
-        "A step has four communication slots: a device sends 4 times its mean rate.": [
-            links(1, 2, 100.0), links(1, 3, 1000),
+        "At both ends of the interval |p − q| equals z sqrt(q (1 − q) / n), with z = 1.96: solve "
+        "for q exactly. The interval is not centred on p; its low end is the first.": [
+            (7, 10), (5, 20), (33, 40), (11, 271),
         ],
-        "But no more than the device has left: one without data offers nothing.": [
-            links(1, 2, 5.0), links(1, 3, 0.0), links(1, 4, 9.5),
-        ],
-        "A cell is worth the most that one device can send there: the maximum over the devices, "
-        "each with its own limit. It is not the sum.": [
-            links(2, 2, 100.0, 100.0), links(2, 2, 3.0, 100.0), links(3, 3, 4.0, 9.0, 30.0),
-            links(4, 4, 0.0, 2.0, 11.0, 6.0), links(5, 5, 1, 20, 3, 14, 8),
-            links(3, 2, 0, 0, 0), links(3, 3, 7.5, 30.0, 30.0),
+        "It must hold for few and for many trials, and if none or all succeed. Do not round.": [
+            (1, 2), (2, 3), (0, 12), (20, 20), (0, 1), (1, 1), (0, 500),
+            (997, 1000), (1, 50_000), (31_000, 50_000),
         ],
     },
     mistakes={
-        "A step has four slots, not one: 4 times the rate.": (
-            lambda rate, left: expected_data.solution(rate, left, slots=1)
-        ),
-        "Only one device has a slot: take the maximum over the devices, not the sum.": (
-            lambda rate, left: np.minimum(4 * rate, left[:, None, None]).sum(0)
-        ),
-        "What a device has left limits what it sends: take the smaller of the two.": (
-            lambda rate, left: 4 * rate.max(0)
-        ),
+        "That is the normal approximation, p ± z sqrt(p (1 − p) / n). The root must hold the "
+        "unknown share, not the observed one; solve for it.": normal,
+        "That is the normal approximation, cut off at 0 and 1. The root must hold the unknown "
+        "share, not the observed one.": lambda k, n: tuple(np.clip(normal(k, n), 0, 1)),
+        "The denominator 1 + z²/n is missing.": score_interval,
     },
+    tolerance=1e-3,
+    smallest=1e-7,
 )
-def expected_data(rate, left, slots=4):
-    """`told(rate, left)`: the data units that the best device sends from each cell, (M, M)."""
-    return np.minimum(slots * rate, left[:, None, None]).max(0)
+def wilson(successes, trials):
+    """`wilson(successes, trials)`: low and high end of the 95 % score interval."""
+    low, high = score_interval(successes, trials)
+    return low / (1 + Z**2 / trials), high / (1 + Z**2 / trials)
+
+
+MISSIONS, SEED, GREEDY, BEHIND, CHANGED, SIZE = 100, 92, 0.90, 0.30, 16, 16
+
+
+def scores(city: City) -> list[float]:
+    """Collected and landed of greedy and of the agent, on the fixed missions over this city."""
+    environment, agent = Environment(city), load_agent("manhattan_ddqn")
+    flown = (
+        evaluate(environment, policy, agent.scenario, MISSIONS, SEED)
+        for policy in (Greedy(environment), agent.over(city))
+    )
+    return [float(flights.records()["collected_and_landed"].mean()) for flights in flown]
+
+
+def wrong_city(text: str) -> str:
+    try:
+        city = City.from_text("mine", text)
+    except InputError as error:
+        return f"That is no valid city: {error}."
+    if city.size != SIZE:
+        return f"Your city has {city.size}×{city.size} cells; it must have {SIZE}×{SIZE}."
+    changed = int((city.kinds != load_agent("manhattan_ddqn").city.kinds).sum())
+    if changed > CHANGED:
+        return f"It differs from `home` in {changed} of its {SIZE**2} cells; at most {CHANGED} may."
+    cut_off = np.argwhere(~city.no_fly & (city.landing_distance < 0)).tolist()
+    if cut_off:
+        said = f"There is no way to the landing zone from {cut_off[0]}"
+        return f"{said}; number of such cells: {len(cut_off)}."
+    greedy, agent = scores(city)
+    said = f"Collected and landed: greedy {greedy:.1%}, the agent {agent:.1%}"
+    print(said)
+    if greedy < GREEDY:
+        return f"{said}. Greedy must reach {GREEDY:.0%}, so that the missions are possible."
+    if greedy - agent < BEHIND:
+        return f"{said}. The agent is too good: what was the same in all missions of its training?"
+    return ""
+
+
+@exercise("10.2 · A city that defeats the agent (3 points, 12 minutes)", takes=str, also=wrong_city)
+def defeat():
+    """The text of a 16×16 city in which greedy does well and the shipped agent does not."""

@@ -1,99 +1,43 @@
-"""Exercises of notebook 11, any city."""
+"""Exercises of notebook 11, replay."""
 
 import numpy as np
 
 from uavdh_lite.course.checks.exercise import exercise
-from uavdh_lite.streams import Use, stream
 
 
-def numbered(channels, side, *asked):
-    """A map in which no two cells are alike, and what is asked."""
-    return np.arange(channels * side**2).reshape(channels, side, side), *asked
-
-
-@exercise(
-    "11.1 · Turn the map, turn the action (2 points, 10 minutes)",
-    rules={
-        "Without a turn and a mirror, map and action stay as they are.": [
-            (1, 2, action, 0, False) for action in (0, 3)
-        ],
-        "Turn the last two axes to the left: what was north comes to the west, and west to the "
-        "south. A turn takes 1 from the number of a move; below 0 it wraps round to 3.": [
-            (1, 2, action, turns, False) for turns in (1, 2, 3) for action in range(4)
-        ],
-        "A mirror image swaps left and right: east and west change places, north and south stay.": [
-            (2, 3, action, 0, True) for action in range(4)
-        ],
-        "The map is mirrored first, and then turned. So is the action.": [
-            (3, 3, action, turns, True) for turns in (1, 2, 3) for action in range(4)
-        ],
-        "Hover and land are the same on every map.": [
-            (1, 3, 4, 1, False), (1, 3, 5, 0, True), (1, 3, 4, 3, True), (1, 3, 5, 3, False),
-        ],
-    },
-    mistakes={
-        "You turn to the right: a turn to the left brings north to the west.": (
-            lambda layers, action, turns, mirrored: view.solution(layers, action, -turns, mirrored)
-        ),
-        "The map is right, but the action is that of the old map.": (
-            lambda layers, action, *how: (view.solution(layers, action, *how)[0], action)
-        ),
-        "You turn first and mirror then; it is the other way round.": (
-            lambda layers, action, turns, mirrored: view.solution(
-                layers, action, -turns if mirrored else turns, mirrored
-            )
-        ),
-    },
-    case=numbered,
-)
-def view(layers, action, turns, mirrored):
-    """`view(layers, action, turns, mirrored)`: the other map, and the action's number on it."""
-    seen = np.rot90(layers[:, :, ::-1] if mirrored else layers, turns, axes=(1, 2))
-    if action > 3:
-        return seen, action
-    return seen, ((0, 3, 2, 1)[action] - turns if mirrored else action - turns) % 4
-
-
-def usual(values, city):
-    return float(1.96 * np.std(values, ddof=1) / np.sqrt(len(values)))
-
-
-def missions(values, city):
-    """Values and their cities; or, if there are fewer, so many missions of each city, at random."""
-    if len(values) > len(set(city)):
-        return np.array(values), np.array(city)
-    generator = stream(Use.EXERCISE, sum(values))
-    shared = np.repeat(generator.normal(0.8, 0.1, len(city)), values)
-    order = generator.permutation(sum(values))
-    drawn = (shared + generator.normal(0, 0.1, sum(values))).round(3)
-    return drawn[order], np.repeat(city, values)[order]
+def draw_old_share(ax, old_share):
+    steps = np.arange(0, 120_001, 1000)
+    for capacity in (10_000, 50_000, 100_000):
+        shares = [old_share(capacity, 60_000, int(after)) for after in steps]
+        ax.plot(steps, shares, label=f"capacity {capacity:,}")
+    ax.set(xlabel="steps since the city changed", ylabel="share from the old city")
+    ax.set_title("60,000 steps before the change")
 
 
 @exercise(
-    "11.2 · How sure, if missions share a city? (2 points, 12 minutes)",
+    "11.1 · What a memory still holds (1 point, 8 minutes)",
+    figure=draw_old_share,
     rules={
-        "Subtract the mean from the values, add up the differences in each city, and square these "
-        "sums. Multiply their total by C/(C − 1), take the root, and multiply it by 1.96 / N.": [
-            ([4.0, 6, 1, 1], [0, 0, 1, 1]), ([3, 3, 3], range(3)), ([4] * 6, range(6)),
+        "As long as nothing is overwritten, all items are there: the share is before / (before + "
+        "after).": [(100, 30, 10), (100, 50, 50), (7, 1, 2)],
+        "A full memory holds `capacity` items, and each new item overwrites the oldest.": [
+            (100, 100, 10), (50, 80, 20), (10, 1000, 3), (20, 15, 8),
         ],
-        "Cities may have different numbers of missions. The mean is that of all N missions, not of "
-        "the cities' means.": [([1, 3], [0, 1]), ([5, 1, 2, 9], [0, 1, 2, 3])],
-        "The cities' numbers are names: any ints, in any order. C is how many there are.": [
-            ([2, 3], [7, 4]), ([2, 5, 1], [-1, -2, 10**6]), ([1] * 4, range(4)),
+        "Once `capacity` items came after the change, nothing old is left, and it stays so.": [
+            (10, 30, 10), (10, 30, 11), (10, 5, 400),
         ],
-        "Whole numbers and Booleans are values, too, such as whether each UAV landed.": [
-            ([3, 4, 4, 9, 1], [1, 1, 0, 0, 2]), ([True, True, False, True], [5, 5, 0, 0]),
-        ],
+        "With nothing added after the change, all is old.": [(10, 30, 0), (10, 3, 0)],
     },
     mistakes={
-        "That is the usual interval, as if all missions were independent: add up the differences "
-        "of a city before you square them.": usual,
+        "That is the share of all that was added. The memory holds `capacity` items at most.": (
+            lambda capacity, before, after: before / (before + after)
+        ),
+        "The memory need not be full: divide by the number of items that it holds.": (
+            lambda capacity, before, after: min(before, max(capacity - after, 0)) / capacity
+        ),
     },
-    case=missions,
 )
-def clustered_half_width(values, city):
-    """`half_width(values, city)`: of the 95 % interval of the mean, cities drawn at random."""
-    off = values - np.mean(values)
-    sums = np.array([off[city == name].sum() for name in np.unique(city)])
-    count, n = len(sums), len(values)
-    return float(1.96 * np.sqrt(count / (count - 1) * (sums**2).sum()) / n)
+def old_share(capacity, before, after):
+    """`old_share(capacity, before, after)`: the share of a ring's items from before a change."""
+    stored = min(capacity, before + after)
+    return 1.0 - min(capacity, after) / stored

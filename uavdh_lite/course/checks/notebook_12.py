@@ -1,80 +1,105 @@
-"""Exercises of notebook 12, a real city."""
+"""Exercises of notebook 12, four ways past the paper."""
 
 import numpy as np
 
+from uavdh_lite.city import City
 from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.environment import LAND, Environment
+from uavdh_lite.streams import Use, stream
+
+SMALL = "L . . B\n. N B .\n. . . N\n. . . ."  # no way home from cell 7
 
 
-def arrays(*rows):
-    return tuple(np.array(row, float) for row in rows)
-
-
-def fitted(distance_m, snr_db, times=10.0, keep=np.isfinite, sign=-1):
-    x, y = times * np.log10(distance_m[keep(snr_db)]), snr_db[keep(snr_db)]
-    slope, level = np.polyfit(x, y, 1)
-    return sign * slope, np.std(y - slope * x - level)
-
-
-def around_the_mean(distance_m, snr_db):
-    return fitted(distance_m, snr_db)[0], np.std(snr_db[np.isfinite(snr_db)])
-
-
-@exercise(
-    "12.1 · The exponent of a place (2 points, 10 minutes)",
-    rules={
-        "Fit the line SNR = level − α · 10 log10 d by least squares. α is its slope with the sign "
-        "changed; σ is the root of the mean square of what is left.": [
-            ([10, 100], [0, -20]), ([10, 20, 40], [5, -3, -14]), ([10, 30, 90, 15], [9, -8, -9, 6]),
-        ],
-        "Where no ray arrives the SNR is −inf: leave these links out.": [
-            ([10, 100, 50], [0, -30, -np.inf]), ([80, 10, 20, 40], [-np.inf, 5, -3, -14]),
-        ],
-        "α can be small, and even negative. Do not cut it off.": [
-            ([10, 100, 1000], [3, 3, 4]), ([20, 25, 60], [-40, -35, -39]),
-        ],
-    },
-    mistakes={
-        "The slope is −α: change its sign.": lambda d, snr: fitted(d, snr, sign=1),
-        "That is the slope over log10 d; take 10 log10 d, as the SNR is in dB.": (
-            lambda d, snr: fitted(d, snr, times=1.0)
-        ),
-        "σ is the spread around the line, and not around the mean SNR.": around_the_mean,
-    },
-    case=arrays,
-    smallest=1e-9,
-)
-def exponent(distance_m, snr_db):
-    """`exponent(distance_m, snr_db)`: α and σ of the line through the links that are heard."""
-    return fitted(distance_m, snr_db)
-
-
-def prior(line_db, heard_db, weight):
-    return line_db[0], heard_db, weight
+def situation(name, cell, time_left):
+    """Arguments of `fits` for cells of a city; for a number, so many at random, with about that."""
+    city = City.load(name) if name == "village" else City.from_text("small", name)
+    distance = city.landing_distance.ravel()
+    if isinstance(cell, int):
+        generator = stream(Use.EXERCISE, cell)
+        cell = generator.choice(np.flatnonzero(~city.no_fly.ravel()), cell)
+        time_left = np.maximum(distance[cell] + generator.integers(-1, time_left, len(cell)), 1)
+    return distance, Environment(city).next_cell[0], np.array(cell), np.array(time_left)
 
 
 @exercise(
-    "12.2 · Believe what you heard (2 points, 12 minutes)",
+    "12.1 · The failsafe's mask (2 points, 12 minutes)",
     rules={
-        "Add to the line the weighted sum of the errors, heard − line, over 1 + the sum of the "
-        "weights.": [
-            ([-10], [-20], [1]), ([-10], [-20, -30], [1, 0.5]), ([3], [5, 1, 9], [0.2, 1, 0.6]),
+        "An action fits if it, the way home after it and the landing take at most time_left units. "
+        "That also goes for `land` outside the zone, which is the same as hovering.": [
+            (SMALL, [9], [3]), (SMALL, [9], [4]), (SMALL, [9], [5]), (SMALL, [9], [6]),
+            (SMALL, [9], [9]), (SMALL, [8], [3]), (SMALL, [4, 14, 2], [4, 6, 3]),
         ],
-        "If nothing was heard nearby, the line stays.": [([-7.5], [], []), ([-7.5], [4], [0])],
-        "Much that was heard outweighs the line.": [([0], [-15] * 50, [1] * 50)],
+        "To land at once always fits, but in the zone only: elsewhere it is no landing, and costs "
+        "a unit of time, as hovering does.": [
+            (SMALL, [0], [1]), (SMALL, [0], [2]), (SMALL, [0], [3]),
+            (SMALL, [1], [1]), (SMALL, [1], [2]), (SMALL, [1], [3]),
+            (SMALL, [0, 1, 0], [1, 1, 2]),
+        ],
+        "Where there is no way home, distance −1, nothing fits: −1 is a marker, not a distance.": [
+            (SMALL, [7], [3]), (SMALL, [7, 0], [10**6, 10**6]),
+        ],
+        "It must hold for all UAVs of a batch, each with its own time, in any city. A column of "
+        "times is time_left[:, None].": [
+            (SMALL, 30, 4), ("village", 1, 4), ("village", 6, 4), ("village", 40, 4),
+        ],
     },
     mistakes={
-        "The line must count as one measurement: the 1 below is missing.": (
-            lambda line, heard, w: line + np.sum(w * (heard - line)) / max(np.sum(w), 1e-300)
+        "You leave too little time: action and landing take one unit each, besides the way home.": (
+            lambda *case: failsafe_mask.solution(*case, spare=1)
         ),
-        "Divide by 1 + the sum of the weights, not by 1 + their number.": (
-            lambda line, heard, w: line + np.sum(w * (heard - line)) / (1 + len(w))
+        "Ask for the distance from the cell that the action leads to, not from the cell where the "
+        "UAV is.": lambda distance, next_cell, *others: failsafe_mask.solution(
+            distance, np.arange(len(distance))[:, None].repeat(6, 1), *others
         ),
-        "The weights belong to the errors, heard − line, and not to the SNRs themselves.": (
-            lambda line, heard, w: line + np.sum(w * heard) / (1 + np.sum(w))
+        "Only in the zone is a landing sure to fit. Elsewhere it is refused, and costs a unit of "
+        "time, as hovering does.": lambda distance, next_cell, *others: (
+            failsafe_mask.solution(distance, next_cell, *others) | (np.arange(6) == LAND)
         ),
     },
-    case=lambda *row: prior(*arrays(*row)),
+    case=situation,
 )
-def corrected(line_db, heard_db, weight):
-    """`corrected(line_db, heard_db, weight)`: the SNR of a link, dB, after what was heard."""
-    return line_db + np.sum(weight * (heard_db - line_db)) / (1 + np.sum(weight))
+def failsafe_mask(distance, next_cell, cell, time_left, spare=2):
+    """`fits(distance, next_cell, cell, time_left)`: the actions that leave time to land, (B, 6)."""
+    home = np.where(distance < 0, np.inf, distance)
+    fits = home[next_cell[cell]] + spare <= time_left[:, None]
+    fits[:, LAND] |= distance[cell] == 0
+    return fits
+
+
+def links(devices, size, *left):
+    """Mean rates of so many devices to every cell, and their data left."""
+    rate = stream(Use.EXERCISE, 10 * devices + size).uniform(0, 7, (devices, size, size)).round(2)
+    return rate, np.array(left)
+
+
+@exercise(
+    "12.2 · What a cell has to offer (2 points, 10 minutes)",
+    rules={
+        "A step has four communication slots: a device sends 4 times its mean rate.": [
+            links(1, 2, 100.0), links(1, 3, 1000),
+        ],
+        "But no more than the device has left: one without data offers nothing.": [
+            links(1, 2, 5.0), links(1, 3, 0.0), links(1, 4, 9.5),
+        ],
+        "A cell is worth the most that one device can send there: the maximum over the devices, "
+        "each with its own limit. It is not the sum.": [
+            links(2, 2, 100.0, 100.0), links(2, 2, 3.0, 100.0), links(3, 3, 4.0, 9.0, 30.0),
+            links(4, 4, 0.0, 2.0, 11.0, 6.0), links(5, 5, 1, 20, 3, 14, 8),
+            links(3, 2, 0, 0, 0), links(3, 3, 7.5, 30.0, 30.0),
+        ],
+    },
+    mistakes={
+        "A step has four slots, not one: 4 times the rate.": (
+            lambda rate, left: expected_data.solution(rate, left, slots=1)
+        ),
+        "Only one device has a slot: take the maximum over the devices, not the sum.": (
+            lambda rate, left: np.minimum(4 * rate, left[:, None, None]).sum(0)
+        ),
+        "What a device has left limits what it sends: take the smaller of the two.": (
+            lambda rate, left: 4 * rate.max(0)
+        ),
+    },
+)
+def expected_data(rate, left, slots=4):
+    """`told(rate, left)`: the data units that the best device sends from each cell, (M, M)."""
+    return np.minimum(slots * rate, left[:, None, None]).max(0)

@@ -1,0 +1,272 @@
+# %% [markdown]
+# # 7 · Training
+#
+# Two agents fly the same mission below. Both were trained by the **recipe** `lite`: all constants and choices that
+# define a training run. The left one had 300,000 steps to learn, the right one is the best agent of a run of four
+# million. **What happens in all these steps, and how can you tell that it is going well?**
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
+
+# %%
+# %matplotlib inline
+import torch
+from matplotlib import pyplot as plt
+
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.evaluation import evaluate
+from uavdh_lite.plotting import draw_trajectory
+
+torch.set_num_threads(1)  # small networks
+figure, axes = plt.subplots(1, 2, figsize=(9, 5), layout="constrained")
+for ax, name in zip(axes, ("manhattan_ddqn_early", "manhattan_ddqn")):
+    agent = load_agent(name)
+    flights = evaluate(agent.environment, agent, agent.scenario, 40, seed=0)
+    draw_trajectory(ax, agent.environment, flights.trajectory(20)).set_title(name)
+
+# %% [markdown]
+# | | |
+# | --- | --- |
+# | **What you'll do** | Train an agent for a village, read its curves, and make training fail |
+# | **What you'll learn** | The training loop, what each curve says, two ways to fail, what a recipe is |
+# | **What you'll need** | Notebooks 3 and 6. 45 minutes to read, 45 seconds to run; 77 minutes of exercises |
+#
+# The captions give the time used and the data collected. The early agent leaves more of the data behind.
+# The late one, `manhattan_ddqn`, is the agent of this course.
+#
+# ## 7.1 One step of the loop
+#
+# Everything so far comes together in one method of the library:
+
+# %%
+import inspect
+
+from uavdh_lite.training import Trainer
+
+print(inspect.getsource(Trainer.step))
+
+# %% [markdown]
+# | in the code | what it does | where you met it |
+# | --- | --- | --- |
+# | `self._act` | **act**: draw an action from the softmax policy (eq. 10) | 6.4 |
+# | `environment.step` | **step**: fly it, and see what happens | notebook 3 |
+# | `replay.add` | **add** the step to the memory | 6.2 |
+# | `replay.sample` | **sample** a minibatch that includes the newest steps | 6.2 |
+# | `learner.update` | **update**: DDQN targets (eq. 8), a step downhill (eq. 7), the soft update | 6.3, 6.5 |
+#
+# Then it begins again at the top. It is a circle: the agent makes the data that it learns from, so that a bad agent collects bad data, and
+# a lucky one good data. That is what makes reinforcement learning harder to watch over than learning from a fixed set of examples.
+#
+# Five more things are worth knowing:
+#
+# - Several UAVs fly side by side, one step each for every update.
+# - `_restart_ended` replaces an episode that has ended with a new random mission, so the agent cannot memorise one.
+# - Until the memory holds `replay_prefill` steps, the agent flies at random and learns nothing.
+# - The memory holds states: 19 numbers each, for Manhattan. Their maps, 4805 numbers, are made just before the network reads
+#   them, which saves memory.
+# - The agent learns from `training_rewards_at`, where the cost of a crash may grow, and is measured by `REPORTED`, which is fixed.
+#
+# ## 7.2 Train one now
+#
+# A village of 8 × 8 cells with one or two devices is small enough to train while you wait. The recipe `small` sets all **hyperparameters**,
+# the numbers that are chosen before the learning: the network, the learning rate, $\gamma$, $\tau$, $\beta$ and the rewards. The next cell takes half a
+# minute and prints how far it is.
+
+# %%
+from dataclasses import replace
+
+from uavdh_lite.recipe import find_recipe
+from uavdh_lite.scenario import find_scenario
+
+def train(**changes):
+    trainer = Trainer(find_scenario("village"), replace(find_recipe("small"), **changes), seed=0)
+    trainer.validate()
+    while not trainer.finished:
+        if trainer.advance():  # a step and, now and then, a validation
+            print(f"{trainer.steps:,} of {trainer.recipe.steps:,} steps", flush=True)
+    return trainer
+
+# %%
+trainer = train()
+print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
+
+# %% [markdown]
+# In `small` 16 UAVs fly side by side, so after the 2000 steps of the prefill there is one update for every 16 steps.
+#
+# Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions that are always the
+# same, and always takes the best action, without exploring (eq. 9). Validation also chooses: a run keeps its best agent. The
+# late one at the top was chosen so. Such a choice is partly luck, so its final score comes from a third set of
+# missions, the *test*. The three sets share no mission. A *seed*, which starts the random numbers, makes every agent fly the same
+# missions.
+
+# %%
+def draw(ax, rows, title):
+    for name, style in (("collected", "C0--"), ("collected_and_landed", "C1-"), ("landed", "C2^:")):
+        shares = [row[name] for row in rows]
+        ax.plot([row["steps"] for row in rows], shares, style, label=name.replace("_", " "))
+    ax.set(title=title, xlabel="steps", ylabel="share", ylim=(-0.03, 1.03))
+    ax.legend(fontsize="small")
+
+figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
+draw(ax, trainer.validation_rows, "the village")
+
+# %% [markdown]
+# At step 0 the weights are random, and yet such an agent may *collect* half of the data: the village is so small that
+# even hovering in the start zone brings that much. But a UAV that crashes brings nothing home. So look at **collected
+# and landed**, the data of the flights that also landed. To watch networks learn in this village, open the lab
+# *Watch* (`python -m uavdh_lite app`).
+
+# %%
+last = trainer.validation_rows[-1]
+assert last["collected_and_landed"] > 0.6
+print(f"landed {last['landed']:.0%}, collected and landed {last['collected_and_landed']:.0%}")
+
+# %% [markdown]
+# ## 7.3 Reading the curves of a real run
+#
+# This is the run that made the agent, in bins of 5000 steps. It shows *training* flights, which explore. Half of the
+# flights begin in mid-air, so that the agent practises the way home. They are left out.
+
+# %%
+from uavdh_lite.storage import read_table
+
+def curves(file, name):
+    table = read_table(f"../data/runs/{file}.csv.gz")
+    return {column: values[table["agent"] == name] for column, values in table.items()}
+
+run = curves("agents-training", "manhattan_ddqn")
+figure, axes = plt.subplots(2, 2, figsize=(8, 4.4), layout="constrained")
+for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
+    ax.plot(run["steps"] / 1e6, run[name], lw=0.8)
+    ax.set(ylabel=name, xlabel="million steps")
+
+# %% [markdown]
+# During this run the cost of a crash grew from 10 to 150. The curve of the return has 150 throughout.
+#
+# At first the agent learns to land. Then **collected** rises while **landed** and the **return** dive: it flies
+# farther, and exploring makes it late. Later they recover. By then the agent explores less and crashes cost more; this run
+# cannot say which of the two helped.
+#
+# Everybody looks at the **loss** first, and it tells you least. In notebook 5 the examples were fixed, so a falling loss meant better answers. Here
+# the loss measures how far the Q-values are from their targets, and the targets move with the network. A lazy agent that only ever
+# lands has a tiny loss, because there is nothing to predict. Here the loss rises for a while as the agent collects more. Two possible
+# reasons: a bolder agent has more to predict, and each crash counts for more.
+#
+# ## 7.4 Two ways to fail
+
+# %%
+from uavdh_lite.course.quiz import Quiz
+
+Quiz("huge_penalty")
+
+# %% [markdown]
+# **The lazy agent.** What if a crash costs 150 from the start? This was recorded over Manhattan, with three seeds each.
+# The runs have 300,000 steps. $\beta$, the cost of a crash and the learning rate change within them as they do in longer
+# runs, only faster. So these agents are ahead of longer runs at that step.
+
+# %%
+study = read_table("../data/runs/deviations-manhattan.csv.gz")
+names = {"all": "10, later 150", "without_crash_reward": "150 from the start"}  # lite, paper
+for variant, crash in names.items():
+    rows = (study["variant"] == variant) & (study["steps"] == study["steps"].max())
+    for name in ("landed", "collected_and_landed"):
+        print(f"{crash:<20}{name:<21}", *(f"{share:4.0%}" for share in study[name][rows]))
+
+# %% [markdown]
+# With the large penalty all three agents land safely and leave most of the data where it is. The paper's recipe
+# has the same penalty and gets past that, as 7.5 shows.
+#
+# **The agent that never lands.** If a crash costs nothing, there is hardly any reason to fly home. Try it in the village:
+
+# %%
+crashing = train(crash_reward=0.0, crash_reward_end=0.0, steps=16_000, validation_interval=4000)
+assert crashing.validation_rows[-1]["collected_and_landed"] < 0.5
+figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
+draw(ax, crashing.validation_rows, "a crash costs nothing")
+
+# %% [markdown]
+# It collects, but little or nothing comes home. Nothing is wrong with the learning: the agent did what we asked for. The
+# reward was wrong.
+#
+# How large must the penalty be? The agent sees it through the discount. Ten steps before the end, a penalty of 20 counts
+# $20 \cdot 0.95^{10} \approx 12$. Even in the village a device may hold 15 units, so a crash can pay. A penalty of 150
+# counts 90.
+#
+# ## 7.5 Two recipes
+#
+# Two recipes share centred maps, the softmax policy, double Q-learning, the soft update with τ = 0.005, combined replay
+# and γ = 0.95. `paper` has the constants of the authors' code. `lite` is ours and trained the agent without a graphics
+# card. It changes the network, the loss and the starts, too: `docs/project/differences_from_the_paper.md` lists
+# everything. Four departures show the idea:
+#
+# | in `lite` | what it is for |
+# | --- | --- |
+# | 32 UAVs fly side by side | more flights for each update |
+# | three rewards before the Q-value in the target | news spreads faster |
+# | $\beta$ from 2 to 0.1 | explore first, then get it right |
+# | crash from −10 to −150 | first fly far, then land in time |
+#
+# The target of such a *three-step return* is
+#
+# $$y=r_t+\gamma r_{t+1}+\gamma^2r_{t+2}+\gamma^3\,Q_{\bar\theta}\big(s_{t+3},\arg\max_{a'}Q_\theta(s_{t+3},a')\big)$$
+#
+# If the episode ends within these steps, the sum ends there, without a $Q$.
+#
+# `lite` also lowers the cost of a step from 0.2 to 0.1: with 0.2 its agents collected two points less on another map,
+# hardly more than the spread between seeds.
+#
+# The **paper's own recipe** makes an update for every single step, once its memory holds 25,000 random steps. The
+# picture shows *training* flights of such a run, as far as it was recorded, and of three runs of `lite`.
+
+# %%
+paper = read_table("../data/runs/paper-manhattan-training.csv.gz")
+lite = read_table("../data/runs/centring-manhattan-training.csv.gz")
+figure, ax = plt.subplots(figsize=(5.5, 2.6), layout="constrained")
+for seed in range(3):
+    rows = (lite["variant"] == "centred") & (lite["seed"] == seed)
+    ax.semilogx(lite["steps"][rows], lite["collected_and_landed"][rows], "C0", lw=0.7)
+ax.semilogx(paper["steps"], paper["collected_and_landed"], "C1o-", ms=3)
+ax.set(title="orange: paper, one run; blue: lite, three runs",
+       xlabel="steps, logarithmic", ylabel="collected and landed");
+
+# %%
+for name, table in (("paper", paper), ("lite", lite)):
+    steps, updates = table["steps"].max(), table["updates"].max()
+    print(f"{name}: {steps:,.0f} steps with {updates:,.0f} updates")
+
+ends = (lite["variant"] == "centred") & (lite["steps"] == lite["steps"].max())
+print("minutes of the blue runs:", *(f"{seconds / 60:.0f}" for seconds in lite["seconds"][ends]))
+
+# %% [markdown]
+# In the picture the paper's run rises after fewer steps. It makes many more updates, and explores less: β is 0.1
+# throughout. So the picture compares steps and not work. The paper's million steps would take about a day on one core,
+# as `docs/results/paper_recipe.md` says. One run does not decide which recipe is better.
+#
+# ## Recap
+#
+# - Training is a loop: act, step, add, sample, update. The agent makes its own data.
+# - A validation flies missions that training never sees, always with the best action.
+# - Look at landed and collected together. The loss tells you least.
+# - With a large penalty from the start an agent may get lazy, and without one it has hardly any reason to come home.
+# - A recipe defines a training run. Every departure from the paper's recipe needs a reason.
+#
+# ## Exercises
+#
+# The [exercises of this notebook](exercises/07_training/07_training.ipynb) come with checks and hints.
+#
+# An agent that does not learn is the normal case, before it is made to. [My agent does not learn](../docs/tutorials/does_not_learn.md) is a checklist of
+# what to look at, and in which order.
+#
+# Further reading: Henderson et al., *Deep Reinforcement Learning that Matters*, 2018.

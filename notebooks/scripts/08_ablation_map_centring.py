@@ -1,0 +1,294 @@
+# %% [markdown]
+# # 8 · Ablation: map centring
+#
+# Notebook 4 put the UAV in the middle of its map, and notebook 5 showed in an example why that might help. **Does it help an agent to fly?** To find out, take it away and train
+# again. Such an experiment is called an **ablation**. Here are the first 600,000 steps of six training runs: three with
+# the centred map, and three with the city in place.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
+
+# %%
+# %matplotlib inline
+from matplotlib import pyplot as plt
+
+from uavdh_lite.plotting import draw_study
+from uavdh_lite.storage import read_table
+
+figure = plt.figure(figsize=(9, 3.6), layout="constrained")
+draw_study(figure, read_table("../data/runs/centring-manhattan-training.csv.gz"))
+for ax in figure.axes:
+    ax.set(xlim=(0, 600_000), xticks=(0, 200_000, 400_000, 600_000))
+
+# %% [markdown]
+# | | |
+# | --- | --- |
+# | **What you'll do** | Read the paper's main figure, look at single runs, compute what they prove, and move the landing zones |
+# | **What you'll learn** | Ablations, baselines, paired differences, intervals over runs, and why one seed proves nothing |
+# | **What you'll need** | Notebooks 4, 5 and 7. 50 minutes to read, 20 seconds to run; 31 minutes of exercises |
+#
+# ## 8.1 One thing changed
+#
+# An ablation says something only if all else is equal. Both kinds of run have the same number of steps, missions drawn
+# in the same way, and the same missions for validation. What differs is one field of the recipe, and the number of
+# threads, which only changes rounding:
+
+# %%
+from uavdh_lite.experiments.study import centring
+from uavdh_lite.recipe import LITE
+
+for name, recipe in centring(LITE).items():
+    print(name, {k: v for k, v in recipe.as_json().items() if v != LITE.as_json()[k]})
+
+# %% [markdown]
+# Both networks see 31 × 31 cells, because the city in place gets a rim of no-fly cells. So they are equally large,
+# except for the layer that shows the position: 246,006 weights with the centred map, 246,406 without.
+#
+# Chance differs, too. A **seed** sets it: the first weights, the missions, the fading, and every action that is drawn.
+# There are three seeds of each kind.
+#
+# ## 8.2 The paper's figure
+#
+# The figure at the top has the form of the paper's. On the left is the return, on the right what is collected and landed.
+# Each point is a bin of 5000 steps of training flights. The line is the mean of three runs, and the pale band around it
+# holds 99 % of the values.
+#
+# Be careful with that band. With three values, it reaches almost exactly from the smallest to the largest. Imagine a
+# fourth run. It is the lowest of the four with a chance of one in four, and the highest with the same chance. So it falls
+# outside the band half of the time.
+#
+# The two pictures do not agree. On the left the centred agents do *worse* for a good part of the time, on the right they do better. They collect
+# more and crash more often while they explore, and each crash costs 150. Two measures tell two stories, so always say which one you
+# mean. (The paper's own picture of the reward shows the centred agents ahead; on the left this is not reproduced here.)
+#
+# Training flights explore, and that hides what an agent can do. Here are the validations of the same six runs, without
+# exploring, each run with a line of its own.
+
+# %%
+METRIC = "collected_and_landed"
+KINDS = {"centred": "C0o-", "non_centred": "C1s--"}
+
+def draw_runs(ax, table, seeds):
+    for variant, style in KINDS.items():
+        for seed in seeds:
+            rows = (table["variant"] == variant) & (table["seed"] == seed)
+            ax.plot(table["steps"][rows] / 1000, table[METRIC][rows], style, ms=3,
+                    label=variant.replace("_", " ") if seed == seeds[0] else None)
+
+# %%
+manhattan = read_table("../data/runs/centring-manhattan.csv.gz")
+figure, ax = plt.subplots(figsize=(6.5, 3.4), layout="constrained")
+draw_runs(ax, manhattan, range(3))
+ax.set(xlabel="thousand steps", ylabel="collected and landed")
+ax.legend();
+
+# %% [markdown]
+# After 200,000 and 300,000 steps all centred runs are far ahead of all others. Later the gap shrinks to about one
+# point. At the end every centred run is still above every non-centred one, but by too little to see in the figure. In the paper's
+# figure the gap is larger. The paper has another recipe and other maps, so the two figures do not contradict each
+# other.
+#
+# ## 8.3 One seed, and six
+#
+# Let us repeat the ablation in the village, with short runs of 16,000 steps. Their schedules (β, crash penalty, learning
+# rate) run faster, so the curves differ from those in notebook 7. One seed of each kind:
+
+# %%
+village = read_table("../data/runs/centring-village.csv.gz")
+figure, ax = plt.subplots(figsize=(4.5, 3), layout="constrained")
+draw_runs(ax, village, [4])
+ax.set(xlabel="thousand steps", ylabel="collected and landed", ylim=(-0.02, 0.62))
+ax.legend();
+
+# %% [markdown]
+# A clear result: at the end, the centred map wins by far. Would you publish it? Here is the same comparison with six
+# seeds. The one above is seed 4.
+
+# %%
+figure, axes = plt.subplots(2, 3, figsize=(8, 4.4), sharex=True, sharey=True,
+                            layout="constrained")
+for seed, ax in enumerate(axes.flat):
+    draw_runs(ax, village, [seed])
+    ax.set_title(f"seed {seed}", fontsize="medium")
+figure.supxlabel("thousand steps")
+figure.supylabel("collected and landed");
+
+# %% [markdown]
+# **With one seed you could have shown anything**: that the centred map is far better, as with seed 4, that it makes no
+# difference, as with seed 3, or that it is far worse, as with seed 5. Nobody would have been lying. Each of these
+# figures comes from a correct experiment that was done only once.
+#
+# ## 8.4 How sure can you be?
+#
+# ### Intervals over runs
+#
+# Six other runs would give a different mean. How different? The **standard error** gives an idea: it is the standard
+# deviation $s$ of the results, divided by the square root of their number $n$. The standard error of the gap
+# combines both:
+#
+# $$\text{error} = \sqrt{\frac{s_1^2}{n} + \frac{s_2^2}{n}}$$
+#
+# A **95 % interval** extends a few standard errors to either side. With many runs it takes two, or 1.96 to be exact.
+# With few runs $s$ itself is uncertain, so it takes more. *Student's t distribution* says how many: 2.6 with six runs,
+# 4.3 with three. For two kinds together the number is a little smaller; we take this one, to be safe. If all runs were
+# made again and again, at least 95 % of such intervals would hold the true gap.
+
+# %%
+import numpy as np
+
+def gap(table, steps):
+    rows = table["steps"] == table["steps"][table["steps"] >= steps].min()
+    one, other = (table[METRIC][rows & (table["variant"] == kind)] for kind in KINDS)
+    # ddof=1 divides by n - 1, because the mean comes from the same few results
+    error = np.sqrt(one.var(ddof=1) / len(one) + other.var(ddof=1) / len(other))
+    return one.mean() - other.mean(), {6: 2.6, 3: 4.3}[len(one)] * error
+
+# %%
+gaps = {"Manhattan, 300,000 steps": gap(manhattan, 300_000),
+        "Manhattan, at the end": gap(manhattan, 2_000_000), "village": gap(village, 16_000)}
+figure, ax = plt.subplots(figsize=(6.5, 2), layout="constrained")
+for name, (middle, width) in gaps.items():
+    ax.errorbar(100 * middle, name, xerr=100 * width, fmt="C0o", capsize=4)
+ax.axvline(0, color="black")
+ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
+
+# %% [markdown]
+# Each bar is such an interval, of at least 95 %. After 300,000 steps the whole bar lies on one side of 0: the centred
+# agents seem to learn **sooner**. At the end of the long runs the interval contains 0, so these runs do not say which
+# kind is **better in the end**. In the village it also contains 0, and is wide. One caution: we chose the 300,000 steps
+# after we had seen the curves, so the first gap is a little less certain than it looks.
+
+# %%
+from uavdh_lite.course.quiz import Quiz
+
+Quiz("three_seeds")
+
+# %% [markdown]
+# Every run of one kind above every run of the other: we saw that after 300,000 steps, and by a hair at the end. Look at the ranks alone, from the best of
+# the six runs to the worst. If the methods were equally good, each of the 20 ways to give three of the six ranks to one of them would be equally likely, and in two of the
+# 20 one method has all the best ranks. Judged by rank alone, equally good methods would produce each of these results 10 % of the time.
+#
+# The interval uses more than ranks, namely the sizes: after 300,000 steps the gap is over three times as large as the standard deviation of either
+# kind. In return it assumes that results have a normal distribution, and three runs are too few to check that.
+#
+# ### Baselines
+#
+# Is an agent that brings home 96 % a good one? The paper's agent collected 94.8 % and landed in 99.5 % of its missions.
+# Its collected and landed was 94.6 %, but over another map. A baseline flies the same missions. Here are `random` and
+# `greedy`, the pilots of notebook 0, and the agent in 1000 missions:
+
+# %%
+from uavdh_lite.evaluation import bootstrap_interval
+
+flights = read_table("../data/runs/comparison-manhattan.csv.gz")
+share = {name: flights[METRIC][flights["policy"] == name]
+         for name in ("random", "greedy", "manhattan_ddqn")}
+for name, values in share.items():
+    print("{:<15} {:6.1%}, from {:.1%} to {:.1%}".format(name, *bootstrap_interval(values)))
+
+# %% [markdown]
+# The agent is far better than chance, but a simple rule does at least as well.
+#
+# These intervals are over missions. The *bootstrap* makes them: it draws 1000 of these 1000 results, some of them twice,
+# some not at all, and takes the mean. It does so many times, and records how much the mean varies.
+#
+# ### Paired differences
+#
+# Do the two differ at all? Their intervals overlap, but that is no answer: what counts is the interval of the difference.
+# There are two ways to get it. One adds the errors of both, as above. The other makes use of the fact that both flew the
+# *same* missions. A hard mission is hard for both, so subtract mission by mission, and much of
+# that luck cancels.
+
+# %%
+agent, greedy = share["manhattan_ddqn"], share["greedy"]
+apart = 1.96 * np.sqrt((agent.var() + greedy.var()) / len(agent))
+mean, low, high = bootstrap_interval(agent - greedy)
+
+# %%
+print(f"agent minus greedy: {100 * mean:+.2f} percentage points")
+print(f"not paired: from {100 * (mean - apart):+.2f} to {100 * (mean + apart):+.2f}")
+print(f"paired:     from {100 * low:+.2f} to {100 * high:+.2f}")
+assert high < 0 and high - low < 1.4 * apart
+
+# %% [markdown]
+# Here neither contains 0, so **overlapping intervals do not mean “no difference”**. Pairing makes the interval narrower.
+# Here it gains more than doubling the number of missions would.
+#
+# So `greedy` is ahead, by about one point here. That is a result, too, and it belongs in the report. The rule was thought
+# up by people who knew the task. The agent learned from rewards alone.
+
+# %%
+Quiz("more_missions")
+
+# %% [markdown]
+# ## 8.5 What has it learned?
+#
+# An ablation changes the agent. One can also change the *world* and see whether what was learned still holds. Move both landing zones of the city by two cells, and fly the same
+# agent and the same rule. Predict first: how many of the agent's missions will land?
+
+# %%
+from dataclasses import replace
+
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.environment import Environment
+from uavdh_lite.evaluation import evaluate
+from uavdh_lite.planners import Greedy
+
+pilot = load_agent("manhattan_ddqn")
+rows, cols = np.nonzero(pilot.city.landing)
+landing = np.zeros_like(pilot.city.landing)
+landing[np.where(rows < 8, rows + 2, rows - 2), cols] = True  # both zones, towards the middle
+print("still free cells:", not (landing & (pilot.city.no_fly | pilot.city.buildings)).any())
+
+# %%
+moved = Environment(replace(pilot.city, name="zones moved", landing=landing))
+for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.items():
+    flown = evaluate(moved, one, pilot.scenario, 500, seed=0).metrics()
+    print(f"{name:<7} landed {flown['landed'].mean:.0%}, collected {flown['collected'].mean:.0%}")
+
+# %% [markdown]
+# Greedy does not care. It looks up the way home in the map, wherever home is. The agent is lost in most missions, although the layer with the
+# landing zones is in its input and was moved, too. In training the zones were always in the same two corners. A network that learns "towards the corner" earns as much as one that learns
+# "towards the landing zone", so nothing made it tell the two apart. **Part of what it knows are places, learned by heart.** This is overfitting again, to a city
+# this time and not to examples.
+#
+# So do not ask only how good an agent is, but also what would have to stay the same for it to be as good. Two notebooks on, we ask for an agent that has never seen its city.
+#
+# ## 8.6 What the evidence shows
+#
+# | question | what these runs say |
+# | --- | --- |
+# | Does an agent learn sooner with the centred map? | Very likely, by what it collects and lands with, in this city and with this recipe |
+# | Is it better in the end? | Open: every centred run ended higher, but three of each kind cannot settle it |
+# | Is the paper's larger gap wrong? | They cannot say: it comes from another recipe and other maps |
+# | Is the recipe fair to both? | Not quite: we tuned it with the centred map |
+# | Is it the centring alone? | Open: the other frame also gives the position differently, as a single 1 |
+#
+# An ablation answers one question. Write it down beforehand, and also which result would mean *no*.
+#
+# ## Recap
+#
+# - Change one thing, keep all else equal, and run several seeds.
+# - With one seed you can show anything. The runs are the sample, and their number is what counts.
+# - A gap comes with an interval. If it contains 0, the question is open.
+# - Put baselines next to every number, and compare on the same missions, pair by pair.
+# - Centred agents very likely learn sooner here. Whether they are better in the end, these runs leave open.
+#
+# ## Exercises
+#
+# The [exercises of this notebook](exercises/08_ablation_map_centring/08_ablation_map_centring.ipynb) come with checks
+# and hints.
+#
+# Further reading: Agarwal et al., *Deep RL at the Edge of the Statistical Precipice*, 2021.

@@ -1,0 +1,253 @@
+# %% [markdown]
+# # 9 · The finale
+#
+# A rule of a few lines has been ahead of our agent since notebook 0, and notebook 8 showed why: much of what the agent knows is places
+# that it has learned by heart. **Can an agent beat the rule, and can it fly a city that it has never seen?** Each point below is a pilot over
+# the same 1000 missions. The grey line is the rule.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
+
+# %% tags=["remove-cell"]
+# %matplotlib inline
+import numpy as np
+from matplotlib.figure import Figure
+
+from uavdh_lite.evaluation import bootstrap_interval
+from uavdh_lite.plotting import BLUE, VERMILION
+from uavdh_lite.storage import read_table
+
+TITLES = {
+    "random": "random",
+    "manhattan_ddqn": "DDQN, strengthened",
+    "greedy": "greedy: the rule",
+    "agent": "told, guarded, copying, learning",
+    "genie": "genie: knows every mean rate",
+}
+table = read_table("../data/runs/comparison-manhattan.csv.gz")
+returns = {
+    TITLES.get(name, name): table["return"][table["policy"] == name]
+    for name in sorted(set(table["policy"]) - {"genie_data"})
+}
+ladder = dict(sorted(returns.items(), key=lambda row: row[1].mean()))
+rule = ladder["greedy: the rule"]
+
+# %% tags=["hide-input"]
+def draw_ladder(ax, rows):
+    for name, values in rows.items():
+        mean, low, high = bootstrap_interval(values)
+        colour = VERMILION if values is rule else BLUE
+        ax.errorbar(mean, name, xerr=[[mean - low], [high - mean]], fmt="o", color=colour)
+    ax.axvline(rule.mean(), color="grey", ls=":")
+    ax.set(xlabel="return, mean of 1000 missions with its 95 % interval")
+
+figure = Figure(figsize=(7.5, 0.9 + 0.4 * len(ladder)), layout="constrained")
+draw_ladder(figure.subplots(), {k: v for k, v in ladder.items() if k != "random"})
+figure
+
+# %% [markdown]
+# | | |
+# | --- | --- |
+# | **What you'll do** | Put rungs on a ladder above the rule, fly a city that you type yourself, and begin a project of your own |
+# | **What you'll learn** | Guarantee, tell, copy, learn: four ways to get knowledge into an agent, and what each of them costs |
+# | **What you'll need** | Notebooks 0 to 8. 30 minutes to read, 40 seconds to run; the project takes an afternoon |
+#
+# (Random is left out of the picture, far to the left of it; it is in the table below.)
+#
+# ## 9.1 Where we stand
+#
+# Look back at what you have done. You know what a link is worth and why (1, 2), what a step earns (3), what the network sees (4), how it computes (5) and
+# how it learns (6, 7). If you did the exercises, you have built all of it once yourself. And you know how to say honestly how good an agent is (8): the
+# strengthened DDQN brings home about as much as the paper's, and a little less than a rule that needs no training.
+#
+# Should we have stopped at the rule, then? Our agent learned from reward alone. It was told no street map, no formula, no way home. It paid for every
+# piece of knowledge with crashes and with millions of steps. That is the paper's point: it would work in a city whose radio nobody can compute. But *our* city
+# can be computed. So let us give the agent what we have, one gift after the other.
+#
+# ## 9.2 Guarantee
+#
+# The DDQN agent learned to land from crashes. A rule needs no crash: from the map one can count the moves from each cell to the nearest landing zone, and an
+# action is *too late* if the way home would then take longer than the time that is left. The **failsafe** replaces such an action by the first move home.
+# Every commercial drone has a function like it. Does it hold for any pilot? Try the worst one:
+
+# %%
+from uavdh_lite.beyond.failsafe import SafeEnvironment
+from uavdh_lite.city import City
+from uavdh_lite.environment import Environment
+from uavdh_lite.evaluation import evaluate
+from uavdh_lite.planners import Greedy, Random
+from uavdh_lite.scenario import find_scenario
+
+# %%
+city, scenario = City.load("manhattan"), find_scenario("manhattan")
+worlds = {"as in the paper": Environment(city), "with a failsafe": SafeEnvironment(city)}
+for name, world in worlds.items():
+    flights = evaluate(world, Random(), scenario, 500, seed=0)
+    print(f"random, {name}: landed {flights.metrics()['landed'].mean:.0%}")
+assert flights.end.landed.all()
+
+# %% [markdown]
+# Every flight lands, by construction. What a rule guarantees need not be learned, and no crash of −150 disturbs the Q-values any more. So from here on
+# "landed 100 %" is no achievement of the agent, and we shall look at the return.
+#
+# ## 9.3 Tell
+#
+# The network sees buildings, and has to find out from reward what they do to the radio. But whoever knows the city and the constants of notebook 1 can compute,
+# before the flight, how much data a unit of time over each cell would bring. That is a picture, and a network that reads five pictures can read
+# six:
+
+# %%
+from uavdh_lite.beyond.told import ToldObservation
+from uavdh_lite.missions import Mission
+
+world = SafeEnvironment(city)
+state = Mission(city, (8, 4), [(4, 7), (11, 11)], [15, 6], flying_time=50).state
+expected_data = ToldObservation(world).told(state)[0, 0].reshape(16, 16)
+
+# %%
+figure = Figure(figsize=(5, 4), layout="constrained")
+ax = figure.subplots()
+picture = ax.imshow(expected_data, cmap="magma")
+ax.plot([7, 11], [4, 11], "wx", ms=9)
+ax.plot(4, 8, "w^", ms=8)
+ax.set(xlabel="column", ylabel="row", title="triangle: UAV, crosses: devices")
+figure.colorbar(picture, label="data units in one unit of time, without fading")
+figure
+
+# %% [markdown]
+# The dark wedges around the devices are the shadows of notebook 2. The agent is told two more pictures of this kind: how far home is from each cell, and how
+# far each cell is from the UAV.
+#
+# ## 9.4 Copy
+#
+# The *genie* is a planner that knows the mean rate of every link and searches over whole flights. It is better than any agent here. But it has to search
+# anew for each mission, and it needs the formulas. Can a network learn to do at a glance what the genie does after a search? Let the genie fly, write down for each
+# state what it did, and train a network on these examples. The network gives a score for each action, a softmax turns scores into probabilities, and the loss is the
+# **cross-entropy**, the surprise about what the genie did:
+#
+# $$L=-\log\pi(a_\text{genie}\mid s)$$
+#
+# This is **imitation learning**, or *behavioural cloning*. It is the training loop of notebook 5 with another loss; nothing in it knows what a reward is.
+#
+# ## 9.5 Learn on
+#
+# A copy makes mistakes that it does not know of, and the genie plans with mean rates, so it does not know luck. Only reward can teach the rest. The agent
+# flies each mission several times, drawing its actions, and looks at which of the flights were better than their mean. What it did in those becomes likelier, what it did
+# in the others less likely:
+#
+# $$L=-A\,\log\pi(a\mid s)$$
+#
+# where $A$, the **advantage**, says by how much the flight was better than the mean. It is the loss of the copy with a weight. Such a method is called a **policy
+# gradient**: no values are learned, the probabilities themselves are.
+#
+# ## 9.6 The ladder
+#
+# Here are all pilots in the same 1000 missions, each compared with the rule mission by mission, as notebook 8 taught:
+
+# %%
+print(f"{'':<34}{'return':>8}{'ahead of greedy':>18}{'95 % interval':>20}")
+for name, values in ladder.items():
+    mean, low, high = bootstrap_interval(values - rule)
+    interval = "" if values is rule else f"{low:+.2f} to {high:+.2f}"
+    print(f"{name:<34}{values.mean():8.2f}{mean:+18.2f}{interval:>20}")
+
+# %% [markdown]
+# Read it from below. The agent that was told, guarded, and taught by a planner is **ahead of the rule**, and its interval stays away from 0. It took all four gifts to
+# get there. What they cost:
+#
+# | gift | what somebody had to know | what it cannot do |
+# | --- | --- | --- |
+# | guarantee | the map, and that it is right | it lands; it does not collect |
+# | tell | the map and the constants of the channel | with reward alone it helps little in a single city, where places can be learned by heart |
+# | copy | a planner, that is, all equations and a search | be better than its teacher |
+# | learn on | nothing but the reward | begin from nothing in reasonable time |
+#
+# So the order of the table is not "good methods beat bad ones". The pilots differ in what they were told, and *a comparison is fair only between pilots
+# that were told as much*. Greedy knows the street map and the shortest ways. The genie knows every mean rate. The DDQN agent knows nothing.
+#
+# Even the genie does not collect everything. Some missions offer more data than the time allows, a device may stand in a courtyard that costs too much to enter, and fading is
+# luck. **So no pilot reaches 100 %**, and the distance to the genie says more than the distance to 100. How each gift was measured, with seeds and minutes, is in
+# [notebook 12](12_four_ways.ipynb).
+#
+# ## 9.7 A city that you have just typed
+#
+# One question is left. Notebook 8 moved the landing zones by two cells, and the agent was lost, because it had learned places and not streets. What if an agent learns in
+# *thousands* of cities, a new one for each mission? It cannot know any of them by heart. `any_city` learned in that way, with the four gifts. Type a city, and let it fly.
+# `L` is the landing zone, `N` a no-fly zone, `B` a building, and a dot a free cell. Any size up to 16 × 16 will do. Change it as you like:
+
+# %%
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.player import play
+
+any_city = load_agent("any_city")
+mine = City.from_text("mine", """
+    L L . . . . . . . .
+    . . . B B . B B B .
+    . . . B B . . . B .
+    . B . . . . B . B .
+    . B . B B . B . . .
+    . . . B . . B B B .
+    . N N . . . . . . .
+    . N N . B B B . B .
+    . . . . B . . . B .
+    . . . . B B B . . .
+""")
+
+# %%
+pilot = any_city.over(mine)
+pilots = {"any_city": pilot, "greedy": Greedy(pilot.environment)}
+flown = {name: evaluate(pilot.environment, one, any_city.scenario, 300, seed=5)
+         for name, one in pilots.items()}
+play(pilot.environment, {name: each.trajectory(0) for name, each in flown.items()})
+
+# %%
+for name, each in flown.items():
+    print(f"{name:<9} return {each.returns.mean():5.1f} over 300 missions in your city")
+
+# %% [markdown]
+# Nobody trained it for this city; a minute ago the city did not exist. The network sees walls and zones around itself, in the centred map of the paper, and a wall to the north
+# is a wall to the north in any city. That is what the centring is good for in the end. Is it ahead of greedy here? Over many cities it is a narrow race, and in a
+# single one either may win. [Notebook 13](13_any_city.ipynb) takes care with the answer.
+#
+# This is what learning is for. One agent **for each mission** would be an optimiser: it would search until it had a good flight, and begin again with the next. One agent
+# **for all missions** has paid for its search once, in training, and decides in a few thousandths of a second wherever it is put.
+#
+# ## 9.8 Your turn
+#
+# The course ends with something of your own: [the project](project/project.ipynb). Choose a city or a reward, write down what you expect, train with three seeds,
+# and report a paired interval against greedy, on one page. The notebook there is a template that runs; two finished projects stand beside it, one better than the other, so that you can
+# see what makes the difference.
+#
+# And there is a **challenge**. Write a pilot, any function from states to actions: a rule, a planner, the network of exercise 7.1. The practice set scores it on missions that are the same for everybody:
+#
+# ```text
+# python -m uavdh_lite challenge score my_policy.py greedy --leaderboard board.json
+# python -m uavdh_lite challenge show board.json
+# ```
+#
+# The second line prints your own board. The guide to [comparing policies](../docs/how_to/compare.md) shows what a policy looks like. Greedy is the one to beat. You know by now that it can be done.
+#
+# ## Recap
+#
+# - A rule that always holds need not be learned; what can be computed can be told; a planner can be copied; reward teaches the rest.
+# - With all four an agent beats the rule in its own city. With reward alone it comes close, and needs to know nothing.
+# - An agent that learned in thousands of cities flies one that was typed a minute ago.
+# - Say what a pilot was told before you compare it, and put the rule beside every number.
+#
+# ## Exercises
+#
+# The [project](project/project.ipynb) is the exercise of this notebook. [What you can do now](../docs/tutorials/what_you_can_do.md) has twelve questions to test yourself.
+#
+# Going further: [evaluation](10_evaluation.ipynb), [replay](11_replay.ipynb), [four ways to knowledge](12_four_ways.ipynb), [any city](13_any_city.ipynb), in any order.

@@ -1,0 +1,405 @@
+# %% [markdown]
+# # 10 · Evaluation
+#
+# The agent brings home 96 % of the data. **Is that good? How sure can you be? And what does a mean hide?** The
+# picture has part of an answer: the agent beside a simple rule and beside a search that knows the channel, each with a 95 %
+# interval.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
+
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
+# %matplotlib inline
+from matplotlib.figure import Figure
+
+from uavdh_lite.evaluation import mean_interval
+from uavdh_lite.plotting import BLUE
+from uavdh_lite.storage import read_table
+
+figure = Figure(figsize=(8, 2.2), layout="constrained")
+for ax, city in zip(figure.subplots(1, 2, sharey=True), ("manhattan", "open_field")):
+    table = read_table(f"../data/runs/comparison-{city}.csv.gz")
+    for policy in ("genie_data", "greedy", f"{city}_ddqn"):
+        mean, low, high = mean_interval(table["collected_and_landed"][table["policy"] == policy])
+        name = {"genie_data": "genie", "greedy": "greedy"}.get(policy, "the agent")
+        ax.errorbar(mean, name, xerr=[[mean - low], [high - mean]], fmt="o", capsize=4, color=BLUE)
+    ax.set(title=city, xlabel="collected and landed", xlim=(0.945, 1))
+figure
+
+# %% [markdown]
+# | | |
+# | --- | --- |
+# | **What you'll do** | Compare the agent with the paper, with chance and with two planners on the same 1000 missions; find the missions in which it falls behind; fly one mission again with other luck |
+# | **What you'll learn** | Random streams, Wilson's interval, why the best checkpoint looks too good, how many missions a claim needs |
+# | **What you'll need** | Notebooks 3, 7 and 8. 55 minutes to read, 20 seconds to run; 24 minutes of exercises |
+#
+# ## 10.1 Where the numbers come from
+#
+# Most flights of this notebook are recorded. Four policies flew the same 1000 missions over
+# each of two cities, with the same fading:
+#
+# | policy | what it knows |
+# | --- | --- |
+# | the agent | the map, the devices, their data and the time that is left. It has learned what to do, by the paper's method |
+# | greedy | the same. A person wrote its rule: fly to the nearest device with data, and be home in time |
+# | genie | also the mean rate from every cell to every device. It searches whole flights for the most data |
+# | random | nothing. It draws its actions |
+#
+# Each city has an agent of its own: `manhattan_ddqn`, which you know from the course, and `open_field_ddqn`.
+
+# %%
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+
+from uavdh_lite.evaluation import bootstrap_interval, mean_interval, wilson_interval
+from uavdh_lite.storage import read_table
+
+torch.set_num_threads(1)  # the networks are small
+BOTH = "collected_and_landed"
+
+def recorded(city):
+    table = read_table(f"../data/runs/comparison-{city}.csv.gz")
+    names = {"agent": f"{city}_ddqn", "greedy": "greedy", "genie": "genie_data", "random": "random"}
+    rows = {name: table["policy"] == own for name, own in names.items()}
+    return {name: {k: v[own] for k, v in table.items()} for name, own in rows.items()}
+
+cities = {city: recorded(city) for city in ("manhattan", "open_field")}
+
+# %% [markdown]
+# The score is *collected and landed*: the share of the data that a flight brings home, and 0 if it crashes. It needs no
+# constants. The *return* does: a step costs 0.2 and a crash 150, as in notebook 3.
+#
+# ### Random numbers
+#
+# "The same missions" is easily said. A test is worth nothing if training has seen its missions. So training, validation
+# and test each need random numbers of their own. A common habit is to seed them with `seed`, `seed + 1` and `seed + 2`. Do
+# you see the trap? Compare the validation missions of seed 0 with the training missions of seed 1:
+
+# %%
+from uavdh_lite.streams import Use, stream
+
+def habit(use, seed):
+    return np.random.default_rng(seed + use)
+
+for way in (habit, stream):
+    validation, training = way(Use.VALIDATION, 0), way(Use.TRAINING, 1)
+    equal = np.array_equal(validation.random(9), training.random(9))
+    print(f"{way.__name__:<7} equal numbers: {equal}")
+
+# %% [markdown]
+# With the habit, the run of seed 1 trains on the missions that choose the agent of seed 0. Two runs that should
+# be independent share their luck.
+#
+# The library makes every generator with `stream(use, seed)`. Use and seed go into numpy's
+# `SeedSequence` as two numbers and are never added. So no two uses share a stream, whatever the seeds.
+#
+# There is a second trap. If a policy drew its actions from the generator of the missions, a long flight would take more
+# numbers than a short one, and the next mission would be a different one. Here all missions are drawn first, and
+# the fading is drawn for every mission in every step, whatever the policy does.
+#
+# ## 10.2 The paper's table
+#
+# The paper flies 1000 random missions with each agent and prints three shares. Here are ours with 95 % intervals, and the paper's
+# beside them:
+
+# %%
+from uavdh_lite.paper import RESULTS
+
+for city, results in cities.items():
+    for metric, paper in RESULTS[city].items():
+        mean, low, high = mean_interval(results["agent"][metric])
+        print(f"{city:<11}{metric:<21}{mean:7.1%} ({low:.1%} to {high:.1%})  paper {paper:.1%}")
+
+# %% [markdown]
+# Our agents are above the paper's in every line. Are they better? The table cannot say. The paper's maps were never published. Ours
+# are drawn from its text, and they may be easier. What the table does say is this: on maps of the same
+# description, the same method reaches the same level.
+#
+# ### What three shares tell
+#
+# A table of means can tell more than it prints. Take the paper's Manhattan column: 99.5 % landed, 94.8 % collected, 94.6 % both. The
+# difference between the last two is data that was collected and then lost in a crash. Divide it by the share of crashes:
+
+# %%
+landed, collected, both = RESULTS["manhattan"].values()
+print(f"the flights that crashed had collected {(collected - both) / (1 - landed):.0%}")
+print(f"the flights that landed had collected  {both / landed:.0%}")
+
+# %% [markdown]
+# In the paper's own test, the flights that crashed had collected about 40 % of their data. The paper does not print this
+# number, but its table holds it. It is a rough one. With shares rounded to a tenth of a percent, anything
+# from 20 to 60 % is possible. Even so, it is far below the 95 % of the others. So staying out for the last bit of
+# data cannot explain all of those crashes. The only crash of our own agent is of just that kind, as you will see in 10.6.
+#
+# ### All of them landed
+#
+# The open field's first line has an interval although every flight landed. What can you conclude from 1000 landings in a row?
+
+# %%
+from uavdh_lite.course.quiz import Quiz
+
+Quiz("all_landed")
+
+# %% [markdown]
+# For a share $p$ of $n$ missions, the simple interval is $p$ plus and minus 1.96 standard errors $\sqrt{p(1-p)/n}$. At
+# $p = 1$ the standard error is 0, and the interval says that a crash is impossible. *Wilson's* interval asks instead: for which true
+# shares would this result be no surprise? With $z = 1.96$ the answer is
+#
+# $$\frac{p + z^2/2n \pm z\sqrt{p(1-p)/n + z^2/4n^2}}{1 + z^2/n}$$
+#
+# Both, for three results:
+
+# %%
+for count in (995, 999, 1000):
+    share, low, high = wilson_interval(np.arange(1000) < count)
+    error = 1.96 * np.sqrt(share * (1 - share) / 1000)
+    simple = f"{share - error:.2%} to {share + error:.2%}"
+    print(f"{count:>4} landed: simple {simple:<19} Wilson {low:.2%} to {high:.2%}")
+
+# %% [markdown]
+# The simple interval goes past 100 % in the second line and shrinks to a point in the third. Wilson's does neither. After 1000
+# landings it says: at least 99.6 %.
+#
+# Is an agent that landed 999 times safer than one that landed 995 times? Together they crashed six times. If both were equally safe,
+# each crash would be a coin toss between the two. Six tosses split 5–1 or 6–0 about one time in five. So the difference is
+# no proof.
+#
+# The other means use notebook 8's bootstrap. Either kind of interval covers luck in the missions, not in training. For a claim
+# about a *method*, the runs are the sample.
+#
+# ## 10.3 Next to the planners
+#
+# Is 96 % good? The number needs something simple beside it, and something near the best that can be done.
+
+# %%
+for city, results in cities.items():
+    for policy, one in results.items():
+        means = [f"{metric} {one[metric].mean():6.1%}" for metric in ("landed", "collected", BOTH)]
+        print(f"{city:<11}{policy:<8}", *means, f"return {one['return'].mean():6.2f}", sep="  ")
+
+# %% [markdown]
+# Random lands in four of five missions, because it starts in the landing zone and soon draws `land`. It
+# brings home next to nothing.
+#
+# Greedy does about as well as the trained network, as you saw in notebook 8. A paper without such a baseline does not show that
+# its learner was worth the training. Which of the two is ahead? The paired differences:
+
+# %%
+for city, results in cities.items():
+    for metric in (BOTH, "return"):
+        lead = results["agent"][metric] - results["greedy"][metric]
+        mean, low, high = bootstrap_interval(lead)
+        print(f"{city:<11}{metric:<21}agent - greedy {mean:+.3f} ({low:+.3f} to {high:+.3f})")
+
+# %% [markdown]
+# Over Manhattan, greedy is ahead in both scores, and no interval contains 0. Over the open field, the two collect
+# the same amount as far as these missions can tell, but the agent's return is higher. It wastes less time. Greedy flies
+# to the last unit of data, whatever that costs. So which of them is better depends on the question that you ask.
+#
+# All of this is about two agents. Another training seed would have made others.
+#
+# ## 10.4 The best of many checkpoints
+#
+# While an agent learns, it is validated again and again. What it has learned up to then is a *checkpoint*, and the
+# best one is kept. Its validation score is then too high. To see why, imagine 20 checkpoints that are all
+# equally good. Each flies missions of its own, drawn from the 1000 above. You report the best of the 20. Repeat that 300
+# times:
+
+# %%
+values = cities["manhattan"]["agent"][BOTH]
+generator = np.random.default_rng(0)
+for missions in (200, 1000):
+    scores = generator.choice(values, (300, 20, missions)).mean(2)
+    best = scores.max(1).mean()
+    print(f"{missions:>4} missions: true mean {values.mean():.1%}, best of 20 {best:.1%}")
+
+# %% [markdown]
+# All checkpoints are equal, and yet the best one seems better than it is. It was chosen for its luck. With 200 missions
+# the illusion is worth more than a point. More missions shrink it, but do not
+# remove it. What helps is another set of missions that had no say in the choice. That is why validation and test
+# are two different streams.
+#
+# ## 10.5 Which missions go badly?
+#
+# A mean hides where it comes from. Split the missions by what was drawn, and ask in each group how far the agent
+# is behind:
+
+# %%
+from uavdh_lite.experiments.comparison import breakdown
+from uavdh_lite.plotting import BLUE, ORANGE
+
+city = cities["manhattan"]
+figure = Figure(figsize=(8, 3), layout="constrained")
+for ax, by in zip(figure.subplots(1, 2, sharey=True), ("flying_time", "devices")):
+    for reference, colour in (("genie", BLUE), ("greedy", ORANGE)):
+        behind = 100 * (city[reference][BOTH] - city["agent"][BOTH])
+        for label, _, (mean, low, high) in breakdown(behind, city["agent"][by]):
+            ax.errorbar(label, mean, [[mean - low], [high - mean]], fmt="o", color=colour)
+    ax.axhline(0, color="black", lw=1)
+    ax.set(xlabel=by.replace("_", " "))
+figure.axes[0].set_ylabel("points behind\ngenie (blue), greedy (orange)")
+figure
+
+# %% [markdown]
+# On the left, the agent is furthest behind the genie where flying time is short, and it catches up as time grows. Greedy has the
+# same trouble with short flights, so the orange points show no such trend. A likely reason: when time is short, a detour to the wrong
+# device cannot be made up for, and only the genie knows beforehand what a device will yield.
+#
+# On the right, the agent is behind greedy mainly in missions with two devices. Those are the easy ones, where greedy brings
+# home 99 %. So what is hard is hard for both, and in easy missions the agent could do better. With eight groups
+# in one figure, treat any single one as no more than a hint.
+#
+# ## 10.6 Failures, one by one
+#
+# To see *what* goes wrong, fly the worst missions again, those in which the agent is furthest behind the genie:
+
+# %%
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.evaluation import evaluate
+
+agent = load_agent("manhattan_ddqn")
+flights = evaluate(agent.environment, agent, agent.scenario, 1000, seed=0)
+lost = city["genie"][BOTH] - city["agent"][BOTH]
+worst = np.argsort(-lost)[:2]
+
+# %%
+from uavdh_lite.plotting import add_legend, draw_trajectory
+
+figure = Figure(figsize=(10, 7), layout="constrained")
+for ax, mission in zip(figure.subplots(1, 2), worst):
+    draw_trajectory(ax, agent.environment, flights.trajectory(mission))
+    ax.set_title(f"{lost[mission]:.0%} lost")
+add_legend(figure, 3)
+figure
+
+# %% [markdown]
+# Left, the one crash in a thousand missions. The flight has collected everything, and turns for home too late. Right, a flight
+# that serves the nearest device and goes home, with plenty of time left for the others. Watch the crash step by step. When the
+# last data comes in, the way home is already longer than the time that is left:
+
+# %%
+from uavdh_lite.player import play
+
+play(agent.environment, flights.trajectory(worst[0]))
+
+# %% [markdown]
+# Such flights catch the eye. How much do they matter? Sort all missions by what was lost:
+
+# %%
+much, little = lost >= 0.3, (lost > 0) & (lost < 0.3)
+for name, own in {"30 points or more": much, "less": little, "nothing": lost <= 0}.items():
+    print(f"{name:<18}{own.sum():>4} missions, {lost[own].sum() / lost.sum():z4.0%} of the loss")
+
+# %% [markdown]
+# One mission in forty makes more than a third of the loss. The rest is spread thin over one mission in four, and in most
+# missions nothing is lost at all. So a mean of 96 % is not a thousand flights that bring 96 %. Most of them are
+# as good as the genie's, and a few are bad.
+#
+# ## 10.7 How many missions does a claim need?
+#
+# An interval shrinks with the square root of the number of missions. Half the width takes four times as many. If $\sigma$ is
+# the standard deviation over missions, the half width is $1.96\,\sigma/\sqrt{n}$, so a half width $h$ takes
+# $n = (1.96\,\sigma/h)^2$ missions. Say you want to know greedy's lead to within half a point:
+
+# %%
+for name, results in cities.items():
+    greedy, own = results["greedy"][BOTH], results["agent"][BOTH]
+    apart, paired = greedy.var() + own.var(), (greedy - own).var()
+    needed = [(1.96 / 0.005) ** 2 * variance for variance in (apart, paired)]
+    print(f"{name:<11}missions of their own {needed[0]:5.0f}, the same missions {needed[1]:5.0f}")
+
+# %% [markdown]
+# Flying the same missions saves more than half of them. What is hard for one policy is hard for the other, and in the
+# difference this cancels.
+#
+# Is a half width of half a point enough to *find* a lead of half a point? Only in half of all tries. The measured lead
+# falls as often below the true one as above it, and when it falls below, the interval contains 0. To find such a
+# lead in eight of ten tries takes twice as many missions.
+#
+# ## 10.8 The same mission with other luck
+#
+# Fading is luck too. How much of a result is due to it? Here is one mission with five devices, flown with 40 draws of the fading:
+
+# %%
+from dataclasses import replace
+
+from uavdh_lite.missions import Mission
+
+def with_luck(mission, pilot, draws):
+    flown = [replace(mission, seed=seed).fly(pilot.environment, pilot) for seed in range(draws)]
+    home = [float(flight.end.collected[0] * flight.end.landed[0]) for flight in flown]
+    steps = [int(flight.steps[0]) for flight in flown]
+    print(f"brought home {min(home):.0%} to {max(home):.0%} in {min(steps)} to {max(steps)} steps")
+    return flown
+
+places = ((4, 8), (11, 8), (7, 14), (8, 1), (0, 12))
+first, second, *_ = with_luck(Mission(agent.city, (0, 0), places, (18,) * 5, 60), agent, 40)
+
+# %%
+two = {"one draw": first.trajectory(0), "another": second.trajectory(0)}
+play(agent.environment, two)
+
+# %% [markdown]
+# The flights begin alike and part later. The agent sees luck only as data that is left, and a little more or less of
+# it tips a decision. Yet luck hardly changes what is brought home. A flight has some two hundred
+# communication slots, and over so many most of the luck averages out.
+#
+# ## 10.9 One thing changed
+#
+# The paper shows its open-field agent in two missions that differ in one thing only. First both devices hold the same data. Then the far one
+# holds a quarter of that. Guess first:
+
+# %%
+Quiz("one_quarter")
+
+# %%
+pilot = load_agent("open_field_ddqn")
+equal = Mission(pilot.city, (14, 1), ((6, 3), (10, 12)), (20, 20), 45, max_devices=2)
+missions = {"equal data": equal, "a quarter at the far device": equal.fill(1, 5)}
+flown = {name: with_luck(mission, pilot, 20) for name, mission in missions.items()}
+
+# %%
+figure = Figure(figsize=(10, 7), layout="constrained")
+for ax, (name, draws) in zip(figure.subplots(1, 2), flown.items()):
+    draw_trajectory(ax, pilot.environment, draws[0].trajectory(0)).set_title(name)
+add_legend(figure, 2)
+figure
+
+# %% [markdown]
+# It is the same network in the same places. Both times it empties the near device first and then flies towards the
+# far one until it hears it well enough. With a quarter of the data there, it turns back earlier. One flight might be
+# luck. The 20 draws printed above say that it is not: every flight with a quarter of the data is shorter than every flight with equal data.
+#
+# Nobody trained the agent for this mission. It reacts to the data because the data is in the state. But what it does is learned
+# and not computed. To trust it, count over many missions, and look at the worst.
+#
+# ## Recap
+#
+# - A result is a mean with an interval, over missions that neither training nor the choice of the agent has seen.
+# - Training, validation and test draw from streams of their own.
+# - Put something simple and something near the best beside it, on the same missions.
+# - The best of many checkpoints looks better than it is.
+# - A mean does not say what goes wrong. Fly the failures again and look.
+#
+# ## Exercises
+#
+# The exercises of this notebook are in [`exercises/08_evaluation`](exercises/10_evaluation/10_evaluation.ipynb).
+#
+# ## Further reading
+#
+# - Agarwal et al.: *Deep Reinforcement Learning at the Edge of the Statistical Precipice*, NeurIPS 2021.
+# - Efron and Tibshirani: *An Introduction to the Bootstrap*, 1993.
+# - Bayerlein et al., Globecom 2020, Table II.

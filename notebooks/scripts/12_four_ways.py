@@ -1,0 +1,331 @@
+# %% [markdown]
+# # 12 · Four ways to knowledge
+#
+# An agent of the paper learns from reward alone: it is told nothing but the map, and finds out the rest by flying. How else
+# can knowledge get into an agent? You can **guarantee** it by a rule, **tell** it as one more layer of the map, let the agent
+# **copy** a planner, or let it **learn** from reward. This figure shows what each way is worth.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
+
+# %% tags=["remove-cell"]
+# %matplotlib inline
+import numpy as np
+from matplotlib.figure import Figure
+
+from uavdh_lite.plotting import BLUE, GREEN, ORANGE, PINK, VERMILION
+from uavdh_lite.storage import read_table
+
+WAYS = {
+    "learn": ORANGE,
+    "guarantee_learn": VERMILION,
+    "tell_learn": GREEN,
+    "guarantee_tell_learn": BLUE,
+    "copy": ORANGE,
+    "guarantee_copy": VERMILION,
+    "tell_copy": GREEN,
+    "guarantee_tell_copy": BLUE,
+    "guarantee_tell_copy_learn": PINK,
+}
+
+def last_returns(study, way):
+    runs = [(study["variant"] == way) & (study["seed"] == seed) for seed in range(3)]
+    return [study["return"][run][-1] for run in runs]
+
+def draw_ways():
+    study = read_table("../data/runs/four_ways-manhattan.csv.gz")
+    figure = Figure(figsize=(8, 3.6), layout="constrained")
+    ax = figure.subplots()
+    for place, (way, colour) in enumerate(WAYS.items()):
+        ax.plot(last_returns(study, way), [place] * 3, "o", color=colour, ms=8, alpha=0.8)
+    ax.set(xlabel="return, mean of 1000 missions; a point is a run", yticks=range(len(WAYS)))
+    ax.set_yticklabels([way.replace("_", " + ") for way in WAYS])
+    ax.invert_yaxis()
+    ax.grid(axis="x", alpha=0.3)
+    return figure
+
+# %%
+draw_ways()
+
+# %% [markdown]
+# | | |
+# | --- | --- |
+# | **What you'll do** | Watch a rule bring a random policy home, look at maps of what can be computed, follow a planner, and compare agents that know more and less |
+# | **What you'll learn** | How a guarantee, told layers, copied moves and reward each put knowledge into an agent, what each costs, and what it is worth |
+# | **What you'll need** | The course, notebooks 0 to 9. 40 minutes to read, 30 seconds to run; 22 minutes of exercises |
+#
+# Each row is one recipe over `manhattan`, three seeds of each. The upper four learn from reward, the next four copy a planner, and the last
+# one learns from reward after it has copied. Runs of a group are equally long. The plain row *learn* has the rewards and starts of the recipe `lite` of notebook 7. Higher returns
+# lie further right. The rest of this notebook explains the words.
+#
+# ## 12.1 Guarantee: the failsafe
+#
+# The paper's agent learns to land from crashes, each of which costs 150. A rule needs no crash. From the map one can count
+# the moves from each cell to the nearest landing zone, so one knows the last moment to turn back:
+
+# %%
+from uavdh_lite.beyond.failsafe import SafeEnvironment
+from uavdh_lite.city import City
+
+city = City.load("manhattan")
+environment = SafeEnvironment(city)
+
+# %%
+figure = Figure(figsize=(5.2, 4.4), layout="constrained")
+ax = figure.subplots()
+time = np.where(city.no_fly, np.nan, environment.time_to_land[0].reshape(16, 16))
+picture = ax.imshow(time, cmap="viridis")
+ax.set(xlabel="column", ylabel="row", title="white: no-fly zones and tall buildings")
+figure.colorbar(picture, label="units of time to fly home and land")
+figure
+
+# %% [markdown]
+# The rule is one line: an action is *too late* if, after it, the way home takes longer than the time that is left.
+#
+# $$\text{time to land}(\text{next cell}) > b - 1$$
+#
+# The failsafe replaces such an action by the first move home. Every commercial drone has a function like this. Does it hold
+# for any policy? Try one that knows nothing:
+
+# %%
+from uavdh_lite.course.quiz import Quiz
+
+Quiz("random_with_a_failsafe")
+
+# %%
+from uavdh_lite.environment import Environment
+from uavdh_lite.evaluation import evaluate
+from uavdh_lite.planners import Random
+from uavdh_lite.scenario import find_scenario
+
+scenario = find_scenario("manhattan")
+for name, one in {"paper": Environment(city), "failsafe": environment}.items():
+    flights = evaluate(one, Random(), scenario, 500, seed=0).records()
+    landed, earned = flights["landed"].mean(), flights["return"].mean()
+    print(f"{name:<9} landed {landed:6.1%}, return {earned:6.1f}")
+assert flights["landed"].all()
+
+# %% [markdown]
+# All land. The return is still poor, because random moves collect little. What a rule guarantees need not be learned. No
+# crash disturbs the Q-values, and no schedule of penalties is needed. But somebody must know the rule, and it
+# holds only as long as the map is right.
+#
+# ## 12.2 Tell: maps of what can be computed
+#
+# The network of notebook 4 sees buildings. Where data can be heard, and which way goes around a block, it must find out from
+# reward. But the environment knows the channel and the city, so both can be computed and laid over the map as three more layers:
+
+# %%
+from uavdh_lite.beyond.told import TOLD, ToldObservation
+from uavdh_lite.missions import Mission
+
+state = Mission(city, (8, 4), [(4, 7), (11, 11)], [15, 6], flying_time=50).state
+told = ToldObservation(environment).told(state)[0].reshape(3, 16, 16)
+
+# %%
+figure = Figure(figsize=(9, 3.2), layout="constrained")
+for ax, layer, name in zip(figure.subplots(1, 3), told, TOLD):
+    ax.imshow(layer, cmap="magma")
+    ax.plot([7, 11], [4, 11], "x", color="white")
+    ax.plot(4, 8, "^", color="white")
+    ax.set(title=name, xticks=[], yticks=[])
+figure
+
+# %% [markdown]
+# Bright is large; the triangle is the UAV, the crosses are devices. *Expected data* is what one unit of time over a cell would bring without
+# fading:
+#
+# $$\max_k \min(\delta \cdot R_k,\; \text{data left}_k)$$
+#
+# Around each device lies a bright spot with dark wedges: the shadows of notebook 2. *Way home* and *way there* count moves, from
+# the landing zones and from the UAV. Both flow around buildings. Anyone who knows the city and the constants of the channel can work
+# all of it out before the flight. A network has to find it out by flying.
+
+# %%
+Quiz("what_may_be_told")
+
+# %% [markdown]
+# ## 12.3 Copy: a planner as teacher
+#
+# The *genie* is a search over whole flights. It knows the mean rate of every link at every place, and keeps the best candidates for each
+# cell and moment. It flies better than any agent here, and takes much longer to decide. Can a network learn what the genie
+# does, and do it at once?
+
+# %%
+from uavdh_lite.beyond.genie import Genie
+
+plan = Genie(environment, beam=1, grow=False).plans(state)[0]
+arrows = np.array(list("↑→↓←○L"))
+print("".join(arrows[plan.actions[: (plan.actions != 5).sum() + 1]]))
+
+# %% [markdown]
+# That is a whole flight: arrows are moves, and L is the landing. Each state on the way, with the
+# genie's action, is a *labelled example*. The network gives a score to each action, and a softmax turns scores into probabilities $\pi(a \mid s)$. The loss is the
+# *cross-entropy*, the surprise about what the genie did:
+#
+# $$L = -\log \pi(a_{\text{genie}} \mid s)$$
+#
+# It is 0 if the network was sure and right, and large if it was sure and wrong. In the library it is one line of
+# `Cloning.loss`; the loop around it is that of notebook 7, with the genie in the place of the softmax policy.
+#
+# How often does the trained copy agree with its teacher? Fly the genie's plans of 100 missions, and ask the agent at each step:
+
+# %%
+import torch
+
+from uavdh_lite.checkpoint import load_agent
+
+torch.set_num_threads(1)  # the network is small
+
+copy = load_agent("manhattan")
+start = scenario.sample(environment, 100, np.random.default_rng(3))
+plans = Genie(environment, beam=1, grow=False).plans(start)
+
+# %%
+agree, generator = [], np.random.default_rng(4)
+state = start
+while not state.ended.all():
+    genie = np.array([plan.actions[-max(t, 1)] for plan, t in zip(plans, state.time_left)])
+    flying = ~state.ended
+    agree += (copy.act(state)[flying] == genie[flying]).tolist()
+    state, _ = environment.step(state, genie, generator)
+print(f"the copy takes the genie's action in {np.mean(agree):.0%} of {len(agree)} steps")
+assert np.mean(agree) > 0.85
+
+# %% [markdown]
+# Where they differ, both actions are often equally good: two ways around a block are equally long.
+#
+# There is a trap. The genie never flies into a dead end, so its flights show no way out of one. A copy that errs once comes to places
+# that it has never seen, and errs again. The remedy is to let the *learner* fly, and to ask the genie what it would do from there. A third of
+# the labels are made so. This is called DAgger, for *dataset aggregation*.
+
+# %%
+Quiz("why_own_starts")
+
+# %% [markdown]
+# ## 12.4 Learn: what only reward can say
+#
+# The genie plans with mean rates, so it does not know luck. And a copy makes errors that it does not know of. Reward needs neither
+# teacher nor formula: it asks only how good a flight was. So agents trained for a single city go on to learn from reward. They draw their actions from
+# $\pi$, and fly each mission eight times:
+
+# %%
+from uavdh_lite.beyond.reinforce import advantages
+from uavdh_lite.ddqn import draw_actions, softmax_policy
+from uavdh_lite.evaluation import FunctionPolicy, fly
+
+def draw(state):
+    return draw_actions(softmax_policy(copy.q_values(state), 1.0), generator)
+
+mission = start[[7] * 8]
+returns = fly(environment, FunctionPolicy(draw), mission, generator).returns
+print("return   ", *(f"{value:6.1f}" for value in returns))
+print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
+
+# %% [markdown]
+# The *advantage* $A$ of a flight is how much more it brought than the mean of the other seven, in standard deviations. The loss is that of the copy, with a weight:
+#
+# $$L = -A\,\log \pi(a \mid s)$$
+#
+# What the agent did in a good flight becomes likelier, as if the genie had done it. What it did in a bad one becomes less likely. This is
+# a *policy gradient*: no network has to learn values. For an agent that knows nothing it would take very long, since hardly any flight is
+# good. After copying, it takes five minutes.
+#
+# The paper's agents know nothing but reward, and that is their point. They would learn in a city whose channel nobody can compute.
+#
+# ## 12.5 What each way is worth
+#
+# Here are the validations of the recorded runs over the minutes that they took on one core. Other programs ran beside some of
+# them, so all three runs of each way are scaled to the length of the quickest. Returns below 10 are left out here:
+
+# %%
+from uavdh_lite.planners import Greedy
+from uavdh_lite.streams import Use
+
+flights = evaluate(environment, Greedy(environment), scenario, 1000, 0, Use.VALIDATION)
+greedy = flights.returns.mean()
+
+# %%
+study = read_table("../data/runs/four_ways-manhattan.csv.gz")
+figure = Figure(figsize=(8, 3.8), layout="constrained")
+ax = figure.subplots()
+for way, colour in WAYS.items():
+    runs = [(study["variant"] == way) & (study["seed"] == seed) for seed in range(3)]
+    quickest = min(study["seconds"][run].max() for run in runs) / 60
+    style = "--" if "copy" in way else "-"
+    for run in runs:
+        minutes = study["seconds"][run] / study["seconds"][run].max() * quickest
+        label = way.replace("_", " + ") if run is runs[0] else None
+        ax.plot(minutes, study["return"][run], style, color=colour, label=label)
+ax.axhline(greedy, color="grey", lw=1, ls=":", label="greedy")
+ax.set(xlabel="minutes", ylabel="return in validation", ylim=(10, 37))
+ax.legend(fontsize="small", loc="lower right", ncols=2)
+figure
+
+# %%
+for way in WAYS:
+    end = last_returns(study, way)
+    print(f"{way.replace('_', ' + '):<28}" + "".join(f"{value:8.1f}" for value in end))
+print(f"{'greedy':<28}{greedy:8.1f}")
+
+# %% [markdown]
+# - **Guarantee** matters most in runs this short. Without it, those who learn from reward crash in most missions, or collect
+#   little. Even the copies still crash in about one mission of ten.
+# - **Tell** helps the copies. Learning from reward gains nothing from it here: in a single city a network can also
+#   learn by heart what it is not told.
+# - **Copy** is ahead of learning from reward under the guarantee. With the told layers both collect about as much. The copy does so in two thirds of
+#   the flying time; the learner uses nearly all of it.
+# - **Learn**, after copying, adds 0.4 to 1.3 units within a minute.
+#
+# Look at the dashed and the solid lines of one colour to compare copying with learning, and at the colours to see what the
+# guarantee and the told layers add. None of these short runs is ahead of greedy yet.
+#
+# Runs this short say what learns sooner, not what is better in the end. The DDQN agent of the course learned for most of an
+# hour, without a guarantee, and lands.
+#
+# ## 12.6 What the labels cost
+#
+# A planner's labels are not free. Somebody has to know the channel's equations and the city, and to write a search. Where both hold, copying is
+# the shortest way to a good agent. Where the channel can only be measured by flying, reward is all there is, and that is the problem
+# of the paper. So compare agents only with others that were told as much.
+#
+# Here are two agents that you can load, on 300 missions that are new to both:
+
+# %%
+agents = {"manhattan_ddqn": "reward, no more", "manhattan": "all four"}
+for name, knows in agents.items():
+    agent = load_agent(name)
+    records = evaluate(agent.environment, agent, scenario, 300, seed=12).records()
+    print(f"{name:<15} {knows:<22} return {records['return'].mean():5.1f}, "
+          f"time used {records['time_used'].mean():4.0%}")
+
+# %% [markdown]
+# ## Recap
+#
+# - A rule that always holds need not be learned: the failsafe brings any policy home.
+# - What can be computed can be told, as a layer of the map.
+# - A planner's moves can be copied by cross-entropy, from its own starts and from where the learner flies.
+# - Reward needs no teacher. Alone it is slow, and it works where nobody knows the equations. After copying, it repairs what the copy got wrong.
+# - Say what an agent was told before you compare it.
+#
+# ## Exercises
+#
+# Two exercises are in [`exercises/12_four_ways`](exercises/12_four_ways/12_four_ways.ipynb).
+#
+# ## Further reading
+#
+# - Ross, Gordon and Bagnell, [*A reduction of imitation learning and structured prediction to no-regret online
+#   learning*](https://arxiv.org/abs/1011.0686), AISTATS 2011: DAgger.
+# - The page *Four ways to knowledge* on the site, under Results, has commands, seeds and what else was tried.

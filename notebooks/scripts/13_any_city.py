@@ -1,0 +1,322 @@
+# %% [markdown]
+# # 13 · Any city
+#
+# The agent of the course knows one city. **Can one network fly over a city that it has never seen, the moment it is drawn?**
+# The picture shows four flights over four such cities.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
+
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
+# %matplotlib inline
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.city import load_cities
+from uavdh_lite.evaluation import evaluate
+from uavdh_lite.plotting import caption, draw_trajectory
+
+torch.set_num_threads(1)  # the network is small
+agent = load_agent("any_city")
+unseen = load_cities("random:100:1")
+pilot = agent.over(unseen)
+flown = evaluate(pilot.environment, pilot, agent.scenario, 300, seed=0)
+kind_of = np.array([unseen[city].name.rsplit("_", 2)[0] for city in flown.start.city])
+
+figure = Figure(figsize=(8, 8.6), layout="constrained")
+for ax, kind in zip(figure.subplots(2, 2).flat, np.unique(kind_of)):
+    path = flown.trajectory(int(np.argmax(kind_of == kind)))
+    draw_trajectory(ax, pilot.environment, path)
+    ax.set(title=kind.replace("_", " "), xlabel=caption(path), ylabel="", xticks=[], yticks=[])
+figure
+
+# %% [markdown]
+# | | |
+# | --- | --- |
+# | **What you'll do** | Draw cities by the hundred, fly over one that you type yourself, compare seen with unseen cities, and look at the flights that go wrong |
+# | **What you'll learn** | Why a centred map carries over to a new city; what "unseen" proves; why missions in one city are worth less than missions in many |
+# | **What you'll need** | Notebooks 4, 8, 10 and 12. 45 minutes to read, 50 seconds to run; 22 minutes of exercises |
+#
+# ## 13.1 Cities by the thousand
+#
+# Nobody draws thousands of cities by hand. A generator does it at random, in four kinds: streets with blocks, courtyards with
+# gates, an old town with narrow lanes, and scattered houses.
+
+# %%
+from matplotlib.figure import Figure
+
+from uavdh_lite.beyond.cities import CityGenerator
+from uavdh_lite.plotting import draw_cities
+
+figure = Figure(figsize=(10, 2.2), layout="constrained")
+draw_cities(figure, CityGenerator().draw(6, seed=1), columns=6)
+figure
+
+# %% [markdown]
+# Every city has what a city needs. There are one to three landing zones, and every cell over which the UAV may fly can be
+# reached. Equal seeds give equal cities, so `random:100:1` always means the same hundred: the first hundred of seed 1.
+#
+# Every city is eight cities at no cost. Turn it by a right angle, or reflect it in a mirror, and it is another city with the same
+# task. Only the actions have to turn with it: north becomes west, and so on.
+#
+# The agent `any_city` learned in cities of seed 0, one of them drawn for each mission. Are any of the hundred among them? A city's *fingerprint*
+# is a number computed from its cells:
+
+# %%
+import numpy as np
+import torch
+
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.city import City, load_cities
+
+torch.set_num_threads(1)  # the network is small
+agent = load_agent("any_city")
+unseen = load_cities("random:100:1")
+
+# %%
+learned = {city.fingerprint for city in agent.cities}
+both = sum(city.fingerprint in learned for city in unseen)
+print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in both")
+
+# %% [markdown]
+# That is what *unseen* means here: other cities, from the same generator. It says nothing yet about cities that no such
+# generator would draw.
+#
+# ## 13.2 Is one network enough?
+#
+# What has to change in the network? Hardly anything. It is that of the agent `manhattan`, which copies a planner (notebook 12),
+# but its first fully connected layer is twice as wide. Its maps have always shown buildings, no-fly zones and landing
+# zones. An agent with a single city can learn by heart what to do in each place, and need not look at
+# the buildings. An agent that wakes up in another city each time has to look.
+#
+# Let it fly 300 missions over the hundred unseen cities. Beside it fly the greedy rule, a random pilot, and an agent that has
+# learned in Manhattan only. All fly with the *failsafe*: a move that would make it impossible to be home in time is
+# never flown.
+
+# %%
+from uavdh_lite.evaluation import bootstrap_interval, evaluate
+from uavdh_lite.planners import Greedy, Random
+
+BOTH, missions, pilot = "collected_and_landed", agent.scenario, agent.over(unseen)
+pilots = {"any_city": pilot, "manhattan": load_agent("manhattan").over(unseen),
+          "greedy": Greedy(pilot.environment), "random": Random()}
+
+# %%
+flights = {name: evaluate(pilot.environment, policy, missions, 300, seed=0)
+           for name, policy in pilots.items()}
+records = {name: flown.records() for name, flown in flights.items()}
+for name, record in records.items():
+    print(f"{name:<10}landed {record['landed'].mean():4.0%}  "
+          f"collected and landed {record[BOTH].mean():5.1%}  return {record['return'].mean():5.1f}")
+
+# %% [markdown]
+# All land, so the differences are in the data. The specialist of Manhattan brings home far more than the random pilot. Something
+# of what it learned holds elsewhere, too. But it falls well behind the agent that has learned in many cities. The
+# unknown streets are one reason. Its missions had narrower ranges than these, which may be another.
+#
+# The greedy rule is a strong rival here. It knows the shortest way between any two cells of any city.
+# Whether the difference between the two is luck is a question for 13.5.
+#
+# What helps an agent in a new city? Think of the map in two frames, in place and centred:
+
+# %%
+from uavdh_lite.course.quiz import Quiz
+
+Quiz("centred_in_a_new_city")
+
+# %% [markdown]
+# This was also measured, with three seeds of each: networks that saw the city in place and learned in 2000 cities bring home about half
+# as much. The runs are in the table that 13.4 reads.
+#
+# ## 13.3 Draw your own
+#
+# Type a city, and fly over it. Ten cells on a side will do. `L` is the landing zone, `N` a no-fly zone, `B` a tall building, `b` a low one, and
+# a dot a free cell. Change it as you like:
+
+# %%
+mine = City.from_text("mine", """
+    L L . . . . . . . .
+    . . . B B . B B B .
+    . . . B B . . . B .
+    . b . . . . B . B .
+    . b . B B . B . . .
+    . . . B . . B B B .
+    . N N . . . . . . .
+    . N N . B B B . B .
+    . . . . B . . . B .
+    . . . . B B B . . .
+""")
+
+# %%
+from uavdh_lite.player import play
+
+own = agent.over(mine)
+flight = evaluate(own.environment, own, missions, 1, seed=5)
+play(own.environment, flight.trajectory(0))
+
+# %% [markdown]
+# The network was made for 16 cells on a side. How does it take ten? A city that is too small is surrounded by no-fly cells, as every
+# city is at its border. They say what is true: the UAV cannot get there. The agent learned in cities of eight to sixteen cells on a side, so it has seen cities like that. A city that is too large does not fit, because the first
+# fully connected layer has a weight for every place of the map.
+#
+# The labs do the same with the mouse. In the lab *Paint* (`python -m uavdh_lite app`), paint a city and let the agent fly.
+#
+# ## 13.4 Seen and unseen
+#
+# Does the agent know the cities that it learned in better than new ones? If it does, it has learned some of them by heart, and
+# more cities would help.
+#
+# To see learning by heart, take cities away. Twelve networks learned from reward in 1, 10, 100 or 2000 cities, three seeds of each, with
+# 200,000 steps of a recipe of version 0.1.0. They flew 500 missions over the cities that they learned in, and 500 over 300 others. The two sets are
+# not equally hard, so greedy flies the same missions, and each network is compared with it:
+
+# %%
+from uavdh_lite.environment import Environment
+from uavdh_lite.storage import read_table
+
+table = read_table("../data/runs/unseen_cities.csv.gz")
+counts = (1, 10, 100, 2000)
+
+# %%
+def greedy_over(cities):
+    environment = Environment(load_cities(cities))
+    return evaluate(environment, Greedy(environment), missions, 500, seed=9).records()[BOTH].mean()
+
+# %%
+def networks(learned_in, flown_over):
+    wanted = {"learned_in": learned_in, "flown_over": flown_over}
+    wanted |= {"variant": "global_local", "views": 1}  # the table has other experiments, too
+    return table[BOTH][np.all([table[name] == value for name, value in wanted.items()], axis=0)]
+
+# %%
+elsewhere, points = greedy_over("random:300:9"), {"seen": [], "unseen": []}
+for count in counts:
+    own = f"random:{count}:0"
+    points["seen"].append(100 * (networks(own, own) - greedy_over(own)))
+    points["unseen"].append(100 * (networks(own, "random:300:9") - elsewhere))
+    for kind, values in points.items():
+        print(f"{count:>4} cities, {kind:<7}", " ".join(f"{value:+5.1f}" for value in values[-1]))
+
+# %%
+from uavdh_lite.plotting import BLUE, VERMILION
+
+figure = Figure(figsize=(6.5, 3.4), layout="constrained")
+ax = figure.subplots()
+for (kind, values), colour in zip(points.items(), (BLUE, VERMILION)):
+    ax.plot(counts, np.mean(values, axis=1), color=colour, label=f"{kind} cities")
+    ax.plot(counts, values, "o", color=colour, alpha=0.6)
+ax.axhline(0, color="black", ls="--", label="greedy, the same missions")
+ax.set(xscale="log", xticks=counts, xticklabels=counts)
+ax.set(xlabel="cities to learn in", ylabel="points ahead of greedy")
+ax.legend(fontsize="small")
+figure
+
+# %% [markdown]
+# The curves close on each other. A single city is learned by heart: level with greedy there, and almost twenty points behind it
+# elsewhere. With ten cities the gap between the curves is about ten points, and with a hundred still about five. With 2000 cities it
+# is gone. That the curves even cross may be luck, as each point is a mean over 500 missions only.
+#
+# Notice what happens on the way. The blue curve falls, because many cities are harder to know than one. The red curve rises,
+# because what holds in many cities also holds in the next. Where they meet, nothing more is learned by
+# heart. What still holds it back is something other than memorising. After only 200,000 steps, all twelve are far behind greedy in new
+# cities. The shipped agent copies a planner instead, as notebook 12 explains.
+#
+# From 100 to 2000 cities the red curve rises by about a point. That is no more than the seeds differ, so three short runs cannot tell
+# whether it helps. All seeds learned in the same cities, so their spread says nothing about other choices of ten or a hundred.
+
+# %%
+Quiz("what_unseen_proves")
+
+# %% [markdown]
+# ## 13.5 What is a mission worth?
+#
+# A hundred missions in one city say little about cities, because they all share its walls. How much less are they worth? Fly 400
+# missions in 12 cities, and take the interval twice: once as if missions were independent, and once resampling whole
+# cities.
+
+# %%
+few = agent.over(load_cities("random:12:7"))
+flown = evaluate(few.environment, few, missions, 400, seed=2)
+values = flown.records()[BOTH]
+for what, groups in (("missions", None), ("cities", flown.start.city)):
+    mean, low, high = bootstrap_interval(values, groups=groups)
+    print(f"{what:<9}drawn again: {mean:.3f} ({low:.3f} to {high:.3f}), width {high - low:.3f}")
+
+# %% [markdown]
+# The second interval is clearly wider. Which one is right? If you want to know about these twelve cities, take the first. If you
+# want to know about *cities*, take the second, because next time twelve others will be drawn. A city for each mission would make
+# the two the same. So if you can choose, take many cities with few missions each.
+
+# %%
+Quiz("draw_cities_again")
+
+# %% [markdown]
+# Now look at 13.2 again: is the agent ahead of greedy? Take the paired difference, and draw whole cities:
+
+# %%
+lead = 100 * (records["any_city"][BOTH] - records["greedy"][BOTH])
+cities = flights["any_city"].start.city
+mean, low, high = bootstrap_interval(lead, groups=cities)
+print(f"ahead by {mean:+.1f} points ({low:+.1f} to {high:+.1f})")
+
+# %% [markdown]
+# Read the interval, and not only the mean. It is several points wide, although there were a hundred cities. In 3000 other missions over
+# 300 cities the lead was only 0.6 points, and its interval reached below 0 (see the results page). So these hundred cities were
+# kind to the agent. To find a lead of
+# half a point takes thousands of missions over hundreds of cities.
+#
+# ## 13.6 Where it fails
+#
+# A mean hides the flights that went wrong. These are the three of the 300 missions of 13.2 in which the agent is furthest behind greedy:
+
+# %%
+from uavdh_lite.plotting import caption, draw_trajectory
+
+figure = Figure(figsize=(10, 4), layout="constrained")
+for ax, mission in zip(figure.subplots(1, 3), lead.argsort()):
+    path = flights["any_city"].trajectory(int(mission))
+    draw_trajectory(ax, pilot.environment, path)
+    ax.set(title=f"{lead[mission]:+.0f} points", xlabel=caption(path), ylabel="")
+figure
+
+# %% [markdown]
+# Sort them by what the captions and the arrows say:
+#
+# - Most of the time is used, and few arrows can be seen. Then the arrows lie on top of one another. The UAV went back and forth,
+#   because to the network several cells looked equally good.
+# - Much time was left when it landed. In that case it gave up, although there was enough data and time.
+# - The data lies behind walls or a no-fly zone, with a long way round. The greedy rule has that way in a table.
+#
+# Change `lead.argsort()` to `(-lead).argsort()`, and you see the missions in which greedy is furthest behind.
+#
+# ## Recap
+#
+# - A network with a single city can learn it by heart. One that wakes up in another city each time has to look.
+# - In the centred map, a wall to the east looks the same in every city.
+# - The more cities to learn in, the closer seen and unseen come to each other.
+# - *Unseen* is a claim about where the cities come from. Say it with the number.
+# - Missions in one city share its walls. For a claim about cities, draw whole cities again.
+#
+# ## Exercises
+#
+# The exercises of this notebook are in [`exercises/13_any_city`](exercises/13_any_city/13_any_city.ipynb).
+#
+# ## Further reading
+#
+# - Cobbe, Klimov, Hesse, Kim, Schulman: *Quantifying Generalization in Reinforcement Learning*, ICML 2019: how many levels one must see.
+# - Kirk, Zhang, Grefenstette, Rocktäschel: *A Survey of Zero-shot Generalisation in Deep Reinforcement Learning*, JAIR 2023.
+# - The page *One agent for any city* on the site, under Results.

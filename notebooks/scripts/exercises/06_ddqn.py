@@ -1,0 +1,371 @@
+# %% [markdown]
+# # Exercises 6 · From Q-learning to DDQN
+#
+# They go with notebook `06_ddqn`. Here you build a deep Q-network yourself, in six steps: a table that learns, a network in its
+# place, a memory, a target network, the double target and the softmax policy. In the exercises of notebook 7 the six become one
+# program that learns to fly over the village.
+#
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
+# right, and if not, what is probably wrong. It looks at what your code *does*, not at how it is written. Hints are folded away
+# below each task. An answer runs in this notebook: if it never ends, interrupt the kernel with the stop button.
+#
+# Nobody gets stuck: a step that builds on the one before it begins with a solution of that one, folded away. Open it when you
+# have yours, or when you want to go on without.
+
+# %%
+# %matplotlib inline
+import numpy as np
+import torch
+from torch import nn
+
+from uavdh_lite.course import checks
+
+torch.set_num_threads(1)  # quickest for small networks
+MOVES = ((-1, 0), (0, 1), (1, 0), (0, -1))  # north, east, south, west
+
+def step(cell, action):
+    """The city of 4 × 4 cells of the notebook: next cell, reward, and whether the episode ended."""
+    after = tuple(np.clip(np.add(cell, MOVES[action]), 0, 3).tolist())
+    at_device = after == (0, 3)
+    return after, 10 * at_device - 0.2, at_device
+
+# %% [markdown]
+# ## 6.1 · A table that learns (3 points, 20 minutes)
+#
+# Write the whole loop of Q-learning. The UAV flies a number of flights, always from `start`, and picks each of its four moves at
+# random. After every step one entry of the table moves towards its target:
+#
+# $$y = r + \gamma \max_{a'} Q(s', a'), \qquad Q(s, a) \leftarrow Q(s, a) + \alpha\,(y - Q(s, a)),$$
+#
+# and $y = r$ if the episode ended with this step.
+#
+# - `step`: a function as above; the check hands in other cities, too
+# - `start`: the cell, (row, column), in which each flight begins; a flight goes on until `step` says that it has ended
+# - `flights`: how many; `gamma`, `alpha`: $\gamma$ and $\alpha$
+# - `generator`: a `numpy.random.Generator`, for example for `generator.integers(4)`
+#
+# Give back the table: an array of shape (4, 4, 4), `q[row, column, action]`, all zeros at first.
+#
+# <details><summary>Hint</summary>
+#
+# Two loops, one inside the other: over the flights, and over the steps of a flight. In which of them does the table change?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# A step needs five things: the cell, the action, what it earned, the next cell, and whether that was the end. `q[cell]` are the four
+# Q-values of a cell, if `cell` is a tuple. At the bottom of the inner loop the next cell becomes the cell.
+# </details>
+
+# %%
+def learn_table(step, start, flights, gamma, alpha, generator):
+    """The Q-values of all cells and moves after so many random flights, (4, 4, 4)."""
+    ### BEGIN SOLUTION
+    q = np.zeros((4, 4, 4))
+    for _ in range(flights):
+        cell, ended = start, False
+        while not ended:
+            action = generator.integers(4)
+            next_cell, reward, ended = step(cell, action)
+            target = reward
+            if not ended:
+                target += gamma * q[next_cell].max()
+            q[cell][action] += alpha * (target - q[cell][action])
+            cell = next_cell
+    return q
+    ### END SOLUTION
+
+# %%
+checks.learned_table(learn_table)
+
+# %% [markdown]
+# ## 6.2 · A network in the table's place (3 points, 20 minutes)
+#
+# Now a network computes the four Q-values of a cell from its row and column. It learns from recorded steps. Here are those of
+# 100 random flights, one in each row of a tensor: row and column of the cell, the action, the reward, row and column of the next
+# cell, and 1 if the episode ended, else 0.
+
+# %%
+from uavdh_lite.course.small_city import flights_of
+
+memory = flights_of(step, 100)
+print(memory.shape)
+print(memory[:3])
+
+# %% [markdown]
+# Write a function that makes a network and trains it.
+#
+# - `memory`: a tensor like the one above; `gamma`: $\gamma$
+# - `updates`: how many steps of gradient descent
+#
+# Give back the network: called with a tensor of cells, $(B, 2)$, it gives their Q-values, $(B, 4)$. One hidden layer of 64 units
+# with ReLU, Adam with a learning rate of 0.01 and minibatches of 32 random rows do well. The loss is the mean of $(y - Q(s, a))^2$
+# (paper, eq. 7), where $Q(s, a)$ belongs to the action that was taken and $y = r + \gamma \max_{a'} Q(s', a')$ comes from the
+# **same** network; after the end, $y = r$. The target is a fixed number: no gradient goes through it.
+#
+# The check asks for small $\gamma$ only. When your answer is right, it shows what the same code does with $\gamma = 0.95$.
+#
+# <details><summary>Hint</summary>
+#
+# A minibatch: `memory[torch.randint(len(memory), (32,))]`. Its columns: `batch.split([2, 1, 1, 2, 1], dim=1)`, each of shape
+# (32, width). The training loop is that of notebook 5: loss, `zero_grad`, `backward`, `step`.
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Inside `with torch.no_grad():` compute y, of shape (32, 1), with `amax(1, keepdim=True)`; the product with (1 − ended) takes away
+# what follows the end. Outside, `network(cell).gather(1, action.long())` has the same shape.
+# </details>
+
+# %%
+def learn_network(memory, gamma, updates):
+    """A network from cells, (B, 2), to their Q-values, (B, 4), trained on the memory."""
+    ### BEGIN SOLUTION
+    network = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
+    optimiser = torch.optim.Adam(network.parameters(), lr=0.01)
+    for _ in range(updates):
+        batch = memory[torch.randint(len(memory), (32,))]
+        cell, action, reward, after, ended = batch.split([2, 1, 1, 2, 1], dim=1)
+        with torch.no_grad():
+            y = reward + gamma * (1 - ended) * network(after).amax(1, keepdim=True)
+        q = network(cell).gather(1, action.long())
+        loss = ((y - q) ** 2).mean()
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+    return network
+    ### END SOLUTION
+
+# %%
+checks.learned_network(learn_network)
+
+# %% [markdown]
+# With $\gamma = 0.95$ it explodes: the network is its own teacher, and every lesson raises the next one. Notebook 6 says why. 6.4
+# mends it.
+
+# %% [markdown]
+# ## 6.3 · A replay memory (3 points, 15 minutes)
+#
+# In 6.2 the memory was there from the beginning. An agent that flies while it learns needs one that it can add to. Write such a
+# replay memory. It stores the last `capacity` items, in a ring, and a sample of it always holds the newest item (**combined
+# experience replay**), so that every step is learned from at least once.
+#
+# - `Ring(capacity)`: an empty memory for `capacity` ≥ 1 items.
+# - `add(item)`: stores an item. If the memory is full, it takes the place of the oldest one.
+# - `sample(size, generator)`: a list of `size` ≥ 1 items in any order. One is the newest. Each of the other `size` − 1 is
+#   drawn from *all* stored items, the newest included, all equally likely and independent of each other, so that an item
+#   may come more than once. `generator` is a `numpy.random.Generator`; all chance must come from it, for example by
+#   `generator.integers(0, n, count)`: `count` whole numbers from 0 to `n` − 1. `sample` is never called on an empty memory.
+#
+# An item is a tuple of any content; give back the very tuples that were added. Adding should not get slower when the
+# memory is large: try to do without shifting all items by a place (as `pop(0)` does), that is the point of a ring.
+#
+# <details><summary>Hint</summary>
+#
+# Keep two things apart: how many places are filled, and where the newest item is. The places are used in a
+# circle: which operator takes the last one back to the first?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# The remainder of a division by the capacity runs in such a circle. While the memory is not full, only the
+# places filled so far may be drawn; draw places, not items. And of the size items one is the newest, drawn or
+# not.
+# </details>
+
+# %%
+class Ring:
+    """The last `capacity` items; the newest is in every sample."""
+
+    def __init__(self, capacity):
+        ### BEGIN SOLUTION
+        self.capacity = capacity
+        self.items = []
+        self.newest = -1
+        ### END SOLUTION
+
+    def add(self, item):
+        """Store an item; the oldest makes room."""
+        ### BEGIN SOLUTION
+        self.newest = (self.newest + 1) % self.capacity
+        if len(self.items) < self.capacity:
+            self.items.append(item)
+        else:
+            self.items[self.newest] = item
+        ### END SOLUTION
+
+    def sample(self, size, generator):
+        """A list of `size` items: the newest, the others drawn uniformly from all stored."""
+        ### BEGIN SOLUTION
+        places = generator.integers(0, len(self.items), size - 1)
+        return [self.items[self.newest], *(self.items[place] for place in places)]
+        ### END SOLUTION
+
+# %%
+checks.ring_buffer(Ring)
+
+# %% [markdown]
+# ## 6.4 · A target network (2 points, 15 minutes)
+#
+# Mend the network of 6.2: a second network, the target network, makes the targets. It begins as a copy of the online network and
+# follows it slowly. After every update each of its weights becomes
+#
+# $$\bar\theta \leftarrow (1 - \tau)\,\bar\theta + \tau\,\theta$$
+#
+# All else is as in 6.2: give back the online network.
+#
+# <details><summary>Begin here: a solution of 6.2</summary>
+#
+# ```python
+# def learn_network(memory, gamma, updates):
+#     network = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
+#     optimiser = torch.optim.Adam(network.parameters(), lr=0.01)
+#     for _ in range(updates):
+#         batch = memory[torch.randint(len(memory), (32,))]
+#         cell, action, reward, after, ended = batch.split([2, 1, 1, 2, 1], dim=1)
+#         with torch.no_grad():
+#             y = reward + gamma * (1 - ended) * network(after).amax(1, keepdim=True)
+#         q = network(cell).gather(1, action.long())
+#         loss = ((y - q) ** 2).mean()
+#         optimiser.zero_grad()
+#         loss.backward()
+#         optimiser.step()
+#     return network
+# ```
+# </details>
+#
+# <details><summary>Hint</summary>
+#
+# Four lines are new or changed: one makes the copy, one computes y, and two follow after `optimiser.step()`. Do not forget to stop
+# the gradient there.
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# `copy.deepcopy(online)` is a copy. `zip(target.parameters(), online.parameters())` gives the weights in pairs, and
+# `old.lerp_(new, tau)` moves a tensor the share tau of the way to another, in place.
+# </details>
+
+# %%
+def learn_calmly(memory, gamma, tau, updates):
+    """A network from cells to Q-values, trained with a target network."""
+    ### BEGIN SOLUTION
+    online = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
+    target = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
+    target.load_state_dict(online.state_dict())
+    optimiser = torch.optim.Adam(online.parameters(), lr=0.01)
+    for _ in range(updates):
+        batch = memory[torch.randint(len(memory), (32,))]
+        cell, action, reward, after, ended = batch.split([2, 1, 1, 2, 1], dim=1)
+        with torch.no_grad():
+            y = reward + gamma * (1 - ended) * target(after).amax(1, keepdim=True)
+        q = online(cell).gather(1, action.long())
+        loss = ((y - q) ** 2).mean()
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        with torch.no_grad():
+            for old, new in zip(target.parameters(), online.parameters()):
+                old.lerp_(new, tau)
+    return online
+    ### END SOLUTION
+
+# %%
+checks.learned_calmly(learn_calmly)
+
+# %% [markdown]
+# ## 6.5 · The double-DQN target (2 points, 10 minutes)
+#
+# The function below is wrong in two ways. Mend it. It is to compute the targets $y$ of a minibatch of $B$ transitions
+# from a state to the next state $s'$:
+#
+# - `reward`: $(B,)$ floats, the reward $r$ of the transition
+# - `terminal`: $(B,)$ bools, whether the episode ended with it; there is no next state then, and the Q-values given for it
+#   mean nothing
+# - `discount`: the number $\gamma$
+# - `online_next`, `target_next`: $(B, 6)$ floats, the Q-values of $s'$ by the online and by the target network
+#
+# $$y = r + \gamma\, Q_{\bar\theta}\big(s', \arg\max_{a'} Q_\theta(s', a')\big) \qquad \text{(paper, eq. 8)}$$
+#
+# where $\theta$ are the weights of the online and $\bar\theta$ those of the target network. At a terminal transition
+# $y = r$. This is the wrong function:
+#
+# ```python
+# def target(reward, terminal, discount, online_next, target_next):
+#     value = target_next.amax(dim=1)
+#     return reward + discount * value
+# ```
+#
+# An example with $\gamma = 0.9$ and three actions: $r = 1$, the online Q-values of $s'$ are 2, 5, 3 and the target network's 4, 2, 6.
+# The best action is the second, and the target network says that it is worth 2: $y = 1 + 0.9 \cdot 2 = 2.8$.
+#
+# <details><summary>Hint</summary>
+#
+# One network is asked which action is best in the next state, the other what that action is worth. And what is
+# a next state worth after the episode has ended?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# The wrong function lets one network do both. argmax says which action is best; with the number of that action
+# in each row, look up its worth. And a Boolean counts as 0 or 1 in a product: which of the two terms falls away
+# at the end?
+# </details>
+
+# %%
+def target(reward, terminal, discount, online_next, target_next):
+    """The double-DQN target of each transition, (B,)."""
+    ### BEGIN SOLUTION
+    best = online_next.argmax(dim=1)
+    value = target_next[torch.arange(len(best)), best]
+    return reward + discount * ~terminal * value
+    ### END SOLUTION
+
+# %%
+checks.double_target(target)
+
+# %% [markdown]
+# ## 6.6 · A softmax that does not overflow (2 points, 10 minutes)
+#
+# An agent that only ever takes the action with the largest Q-value never finds out what the others would have brought. The
+# softmax policy takes action $a$ in state $s$ with the probability
+#
+# $$\pi(a \mid s) = \frac{\exp(Q(s,a)/\beta)}{\sum_{a'} \exp(Q(s,a')/\beta)} \qquad \text{(paper, eq. 10)}$$
+#
+# Compute it for a batch of $B$ states: `q_values` is a float tensor of shape $(B, 6)$ with a row for each state and a
+# column for each action, `temperature` is the number $\beta > 0$. Give back the probabilities as a new tensor of the same
+# shape; leave `q_values` as it is.
+#
+# The Q-values may be near 1000 or −1000 and the temperature may be 0.1, also with very different values in different
+# rows of a batch. A float32 overflows above $\exp(88)$. Use `torch.exp`, and try to do without `torch.softmax` and its
+# relatives: they solve the problem in the way that you are to find, and that is the point of the exercise.
+#
+# A reminder: `x.amax(dim=1)` is the largest number of each row of `x`. For `x` = `[[1., 5.], [3., 2.]]` it is `[5., 3.]`,
+# of shape `(2,)`. With `keepdim=True` the dimension stays, with length 1: `x.amax(dim=1, keepdim=True)` is
+# `[[5.], [3.]]`, a column of shape `(2, 1)`, and in a sum or a quotient with `x` each row meets its own number. `x.sum`
+# takes the same arguments.
+#
+# <details><summary>Hint</summary>
+#
+# exp(10 000) is infinite. But the probabilities depend on the gaps between a state's Q-values only: what may
+# you subtract from all of them?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# A factor that all exponentials of a row share cancels when you divide by their sum; exp(−c/β) is such a
+# factor, and makes exp((Q − c)/β) of exp(Q/β). Which c, another one in each row, leaves no exponent above 0,
+# and one that is exactly 0?
+# </details>
+
+# %%
+def policy(q_values, temperature):
+    """The probabilities of all actions in each state, (B, 6)."""
+    ### BEGIN SOLUTION
+    gaps = q_values - q_values.amax(dim=1, keepdim=True)
+    powers = torch.exp(gaps / temperature)
+    return powers / powers.sum(dim=1, keepdim=True)
+    ### END SOLUTION
+
+# %%
+checks.stable_policy(policy)

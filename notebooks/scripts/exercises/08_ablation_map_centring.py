@@ -1,0 +1,136 @@
+# %% [markdown]
+# # Exercises 8 · Ablation: map centring
+#
+# They go with notebook `08_ablation_map_centring`. You need numpy, means and standard deviations, and the idea of a p-value.
+#
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
+# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
+# never ends, interrupt the kernel with the stop button.
+
+# %%
+# %matplotlib inline
+import math
+from itertools import combinations
+
+import numpy as np
+
+from uavdh_lite.course import checks
+
+# %% [markdown]
+# ## 8.1 · How many steps to a threshold (1 point, 8 minutes)
+#
+# A training run is validated now and then. `steps` says after how many environment steps, in increasing order, and
+# `values` what came out: two arrays of numbers, equally long. Such curves rise, but fall back in between. So the first
+# crossing of a threshold, as one reads it off, may be luck. Ask for more: that the curve stays there for good.
+#
+# Return the environment steps of the first validation from which on *all* values, up to the last, are at least
+# `threshold`: an element of `steps`. Return `None` if there is none, that is, if the last value is below.
+#
+# <details><summary>Hint</summary>
+#
+# At which validations is the curve below the threshold? The one after the last of them is asked for. And if
+# there is none below, or if it is the last of all?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Go from the end backwards, through zip(steps[::-1], values[::-1]), and keep the steps of each value that is at
+# least threshold, until one is below. If you kept none: None.
+# </details>
+
+# %%
+def steps_to(steps, values, threshold):
+    """The environment steps from which on the curve stays at or above the threshold, or None."""
+    ### BEGIN SOLUTION
+    reached = None
+    for step, value in zip(steps[::-1], values[::-1]):
+        if value < threshold:
+            break
+        reached = int(step)
+    return reached
+    ### END SOLUTION
+
+# %%
+checks.steps_to(steps_to)
+
+# %% [markdown]
+# Such a number is as coarse as the validations are apart, and one unlucky validation late in the run makes it much
+# larger. What the first crossing says is too small after a lucky one.
+
+# %% [markdown]
+# ## 8.2 · Paired or not (2 points, 8 minutes)
+#
+# Two policies flew the *same* $n$ missions; `a` and `b` are their results, two arrays of shape (n,), where `a[k]` and
+# `b[k]` belong to the same mission. By how much is the first ahead, and how sure is that?
+#
+# Return `(mean, low, high)`: the mean of $a - b$ and the ends of its 95 % interval, by the normal approximation
+# (1.96 standard errors), with the standard deviation estimated with $n - 1$. Make use of the pairs, and leave `a` and `b`
+# as they are.
+#
+# <details><summary>Hint</summary>
+#
+# Both policies flew the same missions, so every mission gives one difference. Of these you have n, and you know
+# how to give a mean with an interval.
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# With d = a − b: d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The variances of a and of b do not appear.
+# </details>
+
+# %%
+def lead(a, b):
+    """Mean lead of a over b with its 95 % interval: (mean, low, high)."""
+    ### BEGIN SOLUTION
+    difference = a - b
+    half = 1.96 * difference.std(ddof=1) / math.sqrt(len(difference))
+    return difference.mean(), difference.mean() - half, difference.mean() + half
+    ### END SOLUTION
+
+# %%
+checks.lead(lead)
+
+# %% [markdown]
+# ## 8.3 · A p-value for a few seeds (2 points, 15 minutes)
+#
+# Two kinds of training, a few seeds each, one result a seed: `a` and `b`, two short arrays of numbers, not always equally
+# long. Say the kind made no difference. Then any other way to deal the same values out, `len(a)` of them to a first
+# group and the rest to a second one, would have been as likely as the one observed. Two equal values still count as two.
+#
+# Go through *all* such splits. Return the share of them whose difference of the two groups' means is, in absolute value,
+# at least as large as the observed one: the two-sided p-value of the exact permutation test. The observed split is one
+# of them. Let differences that are equal up to 1e-9 count as equal, since sums of floats are rounded. numpy and the
+# standard library are enough; no random numbers.
+#
+# <details><summary>Hint</summary>
+#
+# If the kind made no difference, every way to deal the values out to the two groups would be as likely as the
+# one that you saw. How many of them differ as much?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first group; the rest are
+# the second. Count where abs(difference) >= abs(observed) - 1e-9, and divide by the number of splits.
+# </details>
+
+# %%
+def permutation_p(a, b):
+    """The exact two-sided p-value of the difference of the means, a number from 0 to 1."""
+    ### BEGIN SOLUTION
+    values = np.concatenate([a, b])
+    observed = abs(np.mean(a) - np.mean(b))
+    as_large = []
+    for chosen in combinations(range(len(values)), len(a)):
+        first = np.isin(np.arange(len(values)), chosen)
+        difference = abs(values[first].mean() - values[~first].mean())
+        as_large.append(difference >= observed - 1e-9)
+    return float(np.mean(as_large))
+    ### END SOLUTION
+
+# %%
+checks.permutation_p(permutation_p)
+
+# %% [markdown]
+# The test assumes nothing about how results are distributed, but it can say something of these two groups only: which
+# values there are is taken as given.

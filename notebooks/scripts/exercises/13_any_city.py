@@ -1,0 +1,110 @@
+# %% [markdown]
+# # Exercises 13 · Any city
+#
+# They go with notebook `13_any_city`. You need numpy and the standard error of a mean.
+#
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
+# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
+# never ends, interrupt the kernel with the stop button.
+
+# %%
+# %matplotlib inline
+import numpy as np
+
+from uavdh_lite.course import checks
+
+# %% [markdown]
+# ## 13.1 · Turn the map, turn the action (2 points, 10 minutes)
+#
+# Every city is eight cities at no cost: four turns, and the same four of its mirror image. If the map is turned, the best action
+# turns with it. You are given
+#
+# - `layers`: a map, $(C, W, W)$, north at the top,
+# - `action`: the number of an action: north 0, east 1, south 2, west 3, hover 4, land 5,
+# - `turns`: how many quarter turns to the left, 0 to 3,
+# - `mirrored`: whether left and right are swapped before that.
+#
+# Return the other map and the number that the action has on it.
+#
+# An example: `np.rot90(layers, 1, axes=(1, 2))` is the map turned to the left once. What was north of the UAV is now west of it. So
+# the action 0, north, becomes 3, west.
+#
+# <details><summary>Hint</summary>
+#
+# Write down for each of the four moves where it points after one turn, and where in a mirror. Which two actions never change?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# layers[:, :, ::-1] is the mirror image. A turn takes 1 from the number of a move, and % 4 brings −1 back to 3. The mirror swaps
+# 1 and 3.
+# </details>
+
+# %%
+def view(layers, action, turns, mirrored):
+    """The map, mirrored and turned, and the action's number on it."""
+    ### BEGIN SOLUTION
+    if mirrored:
+        layers = layers[:, :, ::-1]
+    seen = np.rot90(layers, turns, axes=(1, 2))
+    if action < 4:
+        move = [0, 3, 2, 1][action] if mirrored else action
+        action = (move - turns) % 4
+    return seen, action
+    ### END SOLUTION
+
+# %%
+checks.view(view)
+
+# %% [markdown]
+# ## 13.2 · How sure, if missions share a city? (2 points, 12 minutes)
+#
+# An agent flew $N$ missions in $C$ random cities, and you want the mean over *all* cities that the generator could draw. Some cities
+# are harder than others, so missions in one city tend to be good or bad together. The half-width of a 95 % interval of the
+# mean $\bar x$ is then
+#
+# $$1.96\;\frac{1}{N}\,\sqrt{\frac{C}{C-1}\;\sum_{\text{cities}}\Big(\sum_{i \text{ in the city}} (x_i - \bar x)\Big)^2}$$
+#
+# Why: the cities are what was drawn independently, so the sum of each city is *one* random number, and the spread of these sums says how
+# far off the mean may be.
+#
+# - `values`: $(N,)$, $x_i$ of each mission: floats, whole numbers or Booleans,
+# - `city`: $(N,)$, the number of each mission's city. Numbers are names: any ints, in any order. There are at least two cities, and they may have
+#   different numbers of missions.
+#
+# Return the half-width, one number.
+#
+# An example: values 4, 6, 1, 1 in the cities 0, 0, 1, 1. The mean is 3, the differences from it are 1, 3, −2, −2. Their sums are 4 in city 0
+# and −4 in city 1. The half-width is 1.96/4 · √(2/1 · (16 + 16)) = 1.96 · 8/4 = 3.92. As if the four missions were independent, it would
+# be 1.96 · √6/√4 = 2.40: too sure.
+#
+# The limit case: if each mission has a city of its own, then $C = N$ and each sum is a single difference. The formula becomes
+# $1.96\, s/\sqrt{N}$ with $s^2 = \frac{1}{N-1}\sum_i (x_i - \bar x)^2$, the usual half-width.
+#
+# <details><summary>Hint</summary>
+#
+# Do the example by hand: the mean, the differences from it, one sum for each city. How does Python find the
+# missions of one city?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# off = values − values.mean(). For each `one` in np.unique(city) the sum is off[city == one].sum(); C is how
+# many sums there are.
+# </details>
+
+# %%
+def half_width(values, city):
+    """Half the width of the 95 % interval of the mean, if cities are drawn at random."""
+    ### BEGIN SOLUTION
+    off = values - values.mean()
+    sums = np.array([off[city == one].sum() for one in np.unique(city)])
+    count = len(sums)
+    return 1.96 * np.sqrt(count / (count - 1) * (sums**2).sum()) / len(values)
+    ### END SOLUTION
+
+# %%
+checks.clustered_half_width(half_width)
+
+# %% [markdown]
+# Try it: a hundred cities, with 1, 10 and 100 missions each. When does another mission in the same city no longer help?

@@ -1,0 +1,125 @@
+# %% [markdown]
+# # A project of your own
+#
+# **Choose a city or a reward, say what you expect, train, and report what happened, on one page.** This notebook is the template. It runs as it is, with a small question of its own; put yours in
+# its place. Plan an afternoon: an hour to choose and to predict, 15 minutes of computing, and the rest for writing.
+#
+# Two finished projects lie beside it: [one](example_careful.ipynb) and [another](example_hasty.ipynb). Read both before you begin. Which of them would you believe, and why?
+#
+# ## 1 · The question
+#
+# *One sentence that can turn out to be wrong.* Some that fit into an afternoon:
+#
+# - Does an agent that pays more for each step land sooner, and does it leave data behind?
+# - Does a discount of 0.9 do as well as 0.95 in so small a city?
+# - In my city the landing zone lies behind a wall. Is learning harder there than in the village?
+# - Does my own DQN of exercise 7.1 profit from a larger memory?
+# - What happens if data is worth less towards the end of a flight?
+#
+# Here, as an example: *is an agent that has trained for 16,000 steps over the village level with greedy?*
+#
+# ## 2 · What I expect
+#
+# *Write it before you run anything, with a number, and say which result would mean “no”.* Here: I expect it to be behind, by more than 5 points of collected and landed. If the interval of the mean
+# difference reaches above −5, I was wrong.
+#
+# ## 3 · What I do
+#
+# Three seeds of everything, because one run shows what can happen and not what usually does. `recipe` has all hyperparameters; change one thing, and keep the rest.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
+
+# %%
+# %matplotlib inline
+from dataclasses import replace
+
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+
+from uavdh_lite.evaluation import bootstrap_interval, evaluate
+from uavdh_lite.planners import Greedy
+from uavdh_lite.recipe import find_recipe
+from uavdh_lite.scenario import find_scenario
+from uavdh_lite.training import Trainer
+
+torch.set_num_threads(1)  # quickest for small networks
+
+scenario = find_scenario("village")
+recipe = replace(find_recipe("small"), steps=16_000)  # take 48,000 for your project
+# A city of your own: city = City.from_text("mine", "L . . .\n. B B .\n. . . .\n. N . ."), and Trainer(…, city=city)
+
+# %%
+def train(recipe, seed):
+    trainer = Trainer(scenario, recipe, seed)
+    while not trainer.finished:
+        trainer.step()
+    print("trained, seed", seed, flush=True)
+    return trainer.agent
+
+agents = [train(recipe, seed) for seed in range(3)]
+
+# %% [markdown]
+# The test missions are the same 500 for every agent and for greedy, so that they can be compared mission by mission.
+
+# %%
+METRIC = "collected_and_landed"
+
+def fly(policy, environment):
+    return evaluate(environment, policy, scenario, 500, seed=0).records()[METRIC]
+
+environment = agents[0].environment
+rule = fly(Greedy(environment), environment)
+ahead = [100 * (fly(agent, environment) - rule) for agent in agents]
+
+# %% [markdown]
+# ## 4 · What came out
+
+# %%
+figure = Figure(figsize=(6, 2), layout="constrained")
+ax = figure.subplots()
+for seed, differences in enumerate(ahead):
+    mean, low, high = bootstrap_interval(differences)
+    ax.errorbar(mean, f"seed {seed}", xerr=[[mean - low], [high - mean]], fmt="o", color="C0")
+    print(f"seed {seed}: {mean:+.1f} points ({low:+.1f} to {high:+.1f})")
+ax.axvline(0, color="black", lw=1)
+ax.set(xlabel="ahead of greedy, points, with the 95 % interval over missions")
+figure
+
+# %%
+means = np.array([differences.mean() for differences in ahead])
+error = 4.3 * means.std(ddof=1) / np.sqrt(len(means))  # Student's t, three seeds
+print(f"over seeds: {means.mean():+.1f} points, 95 % interval {means.mean() - error:+.1f} to {means.mean() + error:+.1f}")
+
+# %% [markdown]
+# ## 5 · What I conclude, and what I do not
+#
+# *Three to five sentences. Was the prediction right? How sure are you, and over what: missions, seeds, cities? What else could explain it? What would you do next?*
+#
+# The intervals of single seeds say how sure we are of *that agent*. The last line is about agents trained in this way, and with three seeds it is wide. Look at a few flights before you
+# write: `trajectory_figure(environment, evaluate(…).trajectory(k))`.
+#
+# ## How it is judged
+#
+# | | 0 | 1 | 2 |
+# | --- | --- | --- | --- |
+# | question | vague | clear | could turn out wrong, and somebody would care |
+# | prediction | none, or made afterwards | before, without a number | before, with a number and a “no” |
+# | experiment | several things changed | one thing changed | and three seeds, equal missions |
+# | comparison | none | greedy beside it | and a paired interval |
+# | conclusion | more than the data says | what the data says | and what it does not say, and why it may be so |
+#
+# Eight of ten is a good project. It does not matter whether the prediction was right.
