@@ -3,8 +3,9 @@
     python benchmarks/labs.py --minutes 1
 
 Prints the size of the file, the time to the first picture, pictures a second, the time from a key
-to the picture, pictures a second while a device is dragged, a city of 100×100 cells, and the memory
-of the page's drawing over some minutes of flying. Needs Chromium, or its path in CHROMIUM.
+to the picture, pictures a second while a device is dragged, a city of 100×100 cells, how long an
+agent takes to be read and for an action, and the memory of the page's drawing over some minutes of
+flying. Needs Chromium, or its path in CHROMIUM.
 """
 
 import argparse
@@ -19,7 +20,7 @@ import numpy as np
 from playwright.sync_api import Page, expect, sync_playwright
 
 from uavdh_lite.city import City
-from uavdh_lite.labs.page import write_page
+from uavdh_lite.labs.page import PACKAGE, bundle, data, write_page
 
 FRAMES = """async () => {
     document.querySelector(".play").click();
@@ -67,6 +68,23 @@ KEY = """(key) => new Promise((resolve) => {
     document.querySelector("#panel").dispatchEvent(event);
 })"""
 
+# Milliseconds to read an agent, and the median of its forward passes in the first city
+PASSES = """([agent, { rows, scenario }]) => {
+    const began = performance.now();
+    const read = pilots_js.readAgent(pilots_js.bytesOf(agent.base64));
+    const reading = performance.now() - began;
+    const environment = new world_js.Environment(world_js.City.fromText("it", rows.join("\\n")));
+    const ranges = { ...scenario, flyingTime: scenario.flying_time };
+    const { state } = world_js.Mission.draw(ranges, environment.city, 0);
+    const flier = read.over(environment);
+    const passes = Array.from({ length: 300 }, () => {
+        const began = performance.now();
+        flier.qValues(state);
+        return performance.now() - began;
+    });
+    return [reading, passes.sort((one, other) => one - other)[150]];
+}"""
+
 
 def large_city(folder: Path) -> Path:
     """A city of 100×100 cells with a building in every ninth cell."""
@@ -90,6 +108,14 @@ def heap(page: Page) -> float:
     session = page.context.new_cdp_session(page)
     session.send("HeapProfiler.collectGarbage")
     return session.send("Runtime.getHeapUsage")["usedSize"] / 1e6
+
+
+def time_agents(page: Page) -> None:
+    page.add_script_tag(content=bundle(PACKAGE / "labs" / "pilots.js"))
+    known = data(None, False)
+    for agent in known["agents"]:
+        reading, one = page.evaluate(PASSES, [agent, known["cities"][0]])
+        print(f"{agent['name']:<20}read {reading:6.0f} ms, an action {one:.2f} ms")
 
 
 def main() -> None:
@@ -131,6 +157,7 @@ def main() -> None:
             page.get_by_role("button", name="New").click()
             page.locator(".play").click()
             page.wait_for_timeout(1000)
+        time_agents(browser.new_page())
         print(f"memory                    {before:6.1f} MB, then {heap(page):.1f} MB")
 
 
