@@ -47,7 +47,7 @@ from torch.nn import functional
 import uavdh_lite.beyond  # noqa: F401 (its recipes are found by name, installed or not)
 from uavdh_lite.checkpoint import save_agent
 from uavdh_lite.ddqn import ddqn_target
-from uavdh_lite.environment import ACTIONS, LAND, Environment, State
+from uavdh_lite.environment import ACTIONS, LAND, REPORTED, Environment, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.experiments.runs import SAVED
 from uavdh_lite.experiments.study import variants_of
@@ -57,7 +57,7 @@ from uavdh_lite.recipe import find_recipe
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import write_json, write_table
 from uavdh_lite.streams import Use, stream, torch_seed
-from uavdh_lite.training import BIN, CURVES, REPORTED, VALIDATION_SEED, Trainer
+from uavdh_lite.training import BIN, CURVES, VALIDATION_SEED, Trainer
 from uavdh_lite.training import EPISODES_PER_GREEDY_FLIGHT as PER_FLIGHT
 
 FLIGHTS = 64  # greedy flights for a row of the learning curve, at most
@@ -392,7 +392,7 @@ class Fleet:
             }  # no moments before the first update
             parts = zip(*of_name.values(), strict=True)
             vectors.append(torch.stack([self.networks.vector(list(part)) for part in parts]))
-            extra = np.stack([trainer.counts, trainer.returns], axis=1)
+            extra = np.stack([trainer.from_start, trainer.returns], axis=1)
             lanes.append(np.concatenate([packed(trainer.state), extra], axis=1))
             replay = trainer.replay
             flat = {k: v.reshape(-1, *v.shape[2:]) for k, v in replay.states.items()}
@@ -659,7 +659,7 @@ class Fleet:
             if memory is None:
                 continue
             trainer.state = unpacked(lanes[r, :, : self.F])
-            trainer.counts, trainer.returns = lanes[r, :, -2] > 0, lanes[r, :, -1].astype(float)
+            trainer.from_start, trainer.returns = lanes[r, :, -2] > 0, lanes[r, :, -1].astype(float)
             replay, rows = trainer.replay, memory[r].reshape(self.L * self.N, -1)
             states = vars(unpacked(rows[:, : self.F]))
             states |= {"action": rows[:, -3], "reward": rows[:, -2], "terminal": rows[:, -1]}
@@ -714,11 +714,11 @@ class Flights:
 
 def starts(trainer: Trainer, count: int) -> np.ndarray:
     """Lanes at the start of new episodes, drawn as the trainer draws them; (count, F + 2)."""
-    kept = trainer.counts, trainer.returns
-    trainer.counts, trainer.returns = np.ones(count, bool), np.zeros(count)
+    kept = trainer.from_start, trainer.returns
+    trainer.from_start, trainer.returns = np.ones(count, bool), np.zeros(count)
     state = trainer._starts(np.arange(count))
-    extra = np.stack([trainer.counts, trainer.returns], axis=1)
-    trainer.counts, trainer.returns = kept
+    extra = np.stack([trainer.from_start, trainer.returns], axis=1)
+    trainer.from_start, trainer.returns = kept
     return np.concatenate([packed(state), extra], axis=1, dtype=np.float32)
 
 

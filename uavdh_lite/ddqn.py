@@ -1,4 +1,4 @@
-"""Double deep Q-learning: the paper's equations, and nothing else."""
+"""Double deep Q-learning: the target, the loss, and one update of the networks (section III-B)."""
 
 import copy
 

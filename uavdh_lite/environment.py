@@ -144,6 +144,9 @@ class Rewards:
         return sum(others, start=first)
 
 
+REPORTED = Rewards()  # of every return that is reported, whatever an agent learns from
+
+
 @dataclass(frozen=True, eq=False)
 class Environment:
     """A UAV over a city collects data from devices on the ground and must land in time.

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from uavdh_lite.city import described, fingerprint_of
-from uavdh_lite.environment import HOVER, Environment, Outcome, Rewards, State, checked_actions
+from uavdh_lite.environment import HOVER, REPORTED, Environment, Outcome, State, checked_actions
 from uavdh_lite.errors import InputError
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream
@@ -172,7 +172,7 @@ def fly(
     start: State,
     generator: np.random.Generator,
 ) -> Flights:
-    """Fly all episodes of `start` to their end; rewards have the constants of `Rewards()`.
+    """Fly all episodes of `start` to their end; rewards are `REPORTED`.
 
     Fading is drawn for all episodes in every step, so it does not depend on what the policy does:
     two policies with the same start and equal generators have the same fading.
@@ -181,12 +181,12 @@ def fly(
     action.
     """
     _require_made_for(policy, environment)
-    policy, state, rewards = policy.begin(start), start, Rewards()
+    policy, state = policy.begin(start), start
     history: list[Step] = []
     while not state.ended.all():
         action = policy.act(state)
         after, outcome = environment.step(state, action, generator)
-        history.append(Step(state, action, outcome, rewards(outcome)))
+        history.append(Step(state, action, outcome, REPORTED(outcome)))
         state = after
     return Flights(start, state, history)
 
@@ -217,7 +217,7 @@ def evaluate(
 ) -> Flights:
     """Fly `episodes` random missions; the same seed draws the same missions and fading.
 
-    The return always has the constants of `Rewards()`, so agents trained with others compare.
+    The return is of the rewards `REPORTED`, so agents trained with others compare.
 
     Raises `InputError` as `fly` does, and unless `episodes` is at least 1.
     """

@@ -14,7 +14,7 @@ import numpy as np
 
 from uavdh_lite.city import City, load_city
 from uavdh_lite.config import require, shown
-from uavdh_lite.environment import Environment, Outcome, Rewards, State
+from uavdh_lite.environment import REPORTED, Environment, Outcome, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import Flights, Policy, Step, fly
 from uavdh_lite.scenario import LEAST_DATA, LIMIT, MAX_DEVICES, Scenario
@@ -190,7 +190,7 @@ class HandFlight:
             raise InputError("this flight is over: start another one")
         taken = np.array([action])
         after, outcome = self.environment.step(self.state, taken, self._generator)
-        self._history.append(Step(self.state, taken, outcome, Rewards()(outcome)))
+        self._history.append(Step(self.state, taken, outcome, REPORTED(outcome)))
         self.state = after
         return outcome
 

@@ -21,11 +21,11 @@ from uavdh_lite.observation import Observation
 class Recipe:
     """The constants of a training run; the defaults make the recipe `paper`.
 
-    The paper's text describes the method and gives none of these numbers. They are the defaults of
-    the classes in the authors' code.
+    The paper's text describes the method and gives none of these numbers. Those that the method has
+    are the defaults of the classes in the authors' code; what it does not have is off.
 
     A subclass may have more fields, and other parts: it overrides the methods that make them, and
-    names the class that runs the training.
+    names the class that runs the training. That is a name, since trainings stand above recipes.
     """
 
     trainer: ClassVar[str] = "uavdh_lite.training:Trainer"  # imported when a training begins
@@ -108,18 +108,24 @@ class Recipe:
 
     def observation_for(self, environment: Environment, size: int = 0) -> Observation:
         """What the network sees, for cities of up to `size` cells on a side if that is more."""
-        scales = self.data_scale, self.time_scale
-        return Observation(environment, self.observation, *scales, size)
+        return Observation(environment, self.observation, self.data_scale, self.time_scale, size)
 
     def network_for(self, observation: Observation) -> nn.Module:
         """The network that learns; its weights come from torch's global generator."""
-        layers = self.kernels, self.kernel_size, self.strides, self.hidden
-        return QNetwork(observation.map_shape, *layers, self.layer_norm, self.leak)
+        return QNetwork(
+            observation.map_shape,
+            self.kernels,
+            self.kernel_size,
+            self.strides,
+            self.hidden,
+            self.layer_norm,
+            self.leak,
+        )
 
     def learner_for(self, observation: Observation, network: nn.Module) -> DDQN:
         """The algorithm that trains the network."""
-        optimiser, tau = self.optimiser_for(network), self.target_update_rate
-        return DDQN(observation, network, optimiser, tau, self.huber_delta)
+        optimiser = self.optimiser_for(network)
+        return DDQN(observation, network, optimiser, self.target_update_rate, self.huber_delta)
 
     def optimiser_for(self, network: nn.Module) -> torch.optim.Optimizer:
         """Adam over the network's weights, with the ε of the authors' framework, Keras."""

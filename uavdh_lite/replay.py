@@ -68,7 +68,9 @@ class Replay:
         self.action = np.zeros(lead, np.int8)
         self.reward = np.zeros(lead, np.float32)
         self.terminal = np.zeros(lead, bool)
-        self.head = 0  # where the newest state is
+        # age (n = 3)   …  1    0    –    –    none    the transition that begins with this state;
+        # step          …  –4   –3   –2   –1   head    until its n steps are stored it has no age
+        self.head = 0  # where the newest state is, which has no action yet
         self.filled = 0  # steps stored
 
     def __len__(self) -> int:

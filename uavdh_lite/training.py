@@ -14,7 +14,7 @@ from uavdh_lite.checkpoint import load, save
 from uavdh_lite.city import City, described, fingerprint_of, load_cities
 from uavdh_lite.config import shown
 from uavdh_lite.ddqn import draw_actions, softmax_policy
-from uavdh_lite.environment import Rewards, State
+from uavdh_lite.environment import REPORTED, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate, fly
 from uavdh_lite.provenance import provenance
@@ -27,7 +27,6 @@ CURVES = ("return", "landed", "collected", "collected_and_landed")  # in a row o
 BIN = 5000  # environment steps a row of training.csv, as in the paper's figure
 EPISODES_PER_GREEDY_FLIGHT = 10  # as in the paper (section IV)
 VALIDATION_SEED = 0
-REPORTED = Rewards()  # of the returns in tables, whatever an agent learns from
 
 
 class Trainer:
@@ -36,8 +35,8 @@ class Trainer:
     The same scenario, cities, recipe, seed, device and number of torch's threads give the same
     weights on one machine.
 
-    An episode counts in the curves if it began as missions do: at a landing zone, with all the
-    data to collect. The others, exploring starts, compare with no evaluation.
+    The curves have the episodes that began as missions do: at a landing zone, with all the data to
+    collect. The others, exploring starts, compare with no evaluation.
 
     Arguments:
         city: the city or cities to fly over; the scenario's own if None.
@@ -47,8 +46,16 @@ class Trainer:
     """
 
     # The attributes that `save` writes as JSON; a subclass adds its own
-    PROGRESS: tuple[str, ...] = ("steps", "updates", "seconds", "training_rows", "validation_rows")
-    PROGRESS += ("episodes", "ended", "losses")
+    PROGRESS: tuple[str, ...] = (
+        "steps",
+        "updates",
+        "seconds",
+        "training_rows",
+        "validation_rows",
+        "episodes",
+        "ended",
+        "losses",
+    )
 
     def __init__(
         self,
@@ -87,11 +94,11 @@ class Trainer:
         self.seconds = 0.0  # spent training, resumed parts included
         self.training_rows: list[dict] = []
         self.validation_rows: list[dict] = []
-        # Since the last row: `CURVES` of the episodes that count, how many ended at all, the losses
+        # Since the last row: `CURVES` of the episodes from a start, how many ended at all, losses
         self.episodes: list[list[float]] = []
         self.ended = 0
         self.losses: list[float] = []
-        self.counts = np.ones(recipe.environments, bool)  # whether the episode in flight does
+        self.from_start = np.ones(recipe.environments, bool)  # whether the episode in flight is one
         self.returns = np.zeros(recipe.environments)  # so far, with the reported rewards
         self.state = self._starts(np.arange(recipe.environments))
 
@@ -107,7 +114,10 @@ class Trainer:
         return due
 
     def step(self) -> None:
-        """One step of all environments and, once the replay memory is prefilled, one update."""
+        """A step of every episode in flight, B in all, and an update once the memory is prefilled.
+
+        Each of the B = `recipe.environments` steps counts as an environment step.
+        """
         recipe, state = self.recipe, self.state
         action = self._act(state)
         next_state, outcome = self.environment.step(state, action, self.generator)
@@ -132,11 +142,11 @@ class Trainer:
         return draw_actions(softmax_policy(q_values, temperature), self.generator)
 
     def _restart_ended(self, state: State) -> State:
-        """Note how those that ended went, if they count, and start new ones in their place."""
+        """Note how those from a start went that ended, and begin new ones in place of all."""
         ended = np.flatnonzero(state.ended)
         landed, collected = state.landed.astype(float), state.collected.astype(float)
         metrics = np.stack([self.returns, landed, collected, collected * landed], axis=1)
-        self.episodes += metrics[ended[self.counts[ended]]].tolist()
+        self.episodes += metrics[ended[self.from_start[ended]]].tolist()
         self.ended += len(ended)
         return state.with_rows(ended, self._starts(ended)) if len(ended) else state
 
@@ -150,7 +160,7 @@ class Trainer:
                 self.environment, exploring.sum(), self.generator, recipe.exploring_spare_time
             )
             state = state.with_rows(exploring, under_way)
-        self.counts[environments], self.returns[environments] = ~exploring, 0
+        self.from_start[environments], self.returns[environments] = ~exploring, 0
         return state
 
     def _add_row(self) -> None:
@@ -182,9 +192,15 @@ class Trainer:
         They are the same for every run of a scenario. The agent with the highest return in them is
         the one to keep; see `is_best`.
         """
-        count = self.recipe.validation_episodes
-        flown = (self.environment, self.agent, self.scenario, count, VALIDATION_SEED)
-        records = evaluate(*flown, Use.VALIDATION).records()
+        flights = evaluate(
+            self.environment,
+            self.agent,
+            self.scenario,
+            self.recipe.validation_episodes,
+            VALIDATION_SEED,
+            Use.VALIDATION,
+        )
+        records = flights.records()
         means = {name: float(values.mean()) for name, values in records.items()}
         self.validation_rows.append(self.done | means)
 
@@ -227,7 +243,7 @@ class Trainer:
             "ddqn": self.learner.state_dict(),
             "replay": self.replay.state_dict(),
             "state": {name: array.copy() for name, array in vars(self.state).items()},
-            "episodes": {"counts": self.counts, "returns": self.returns},
+            "in_flight": {"from_start": self.from_start, "returns": self.returns},
         }
         tensors = {
             f"{part}.{name}": torch.as_tensor(value)
@@ -257,7 +273,7 @@ class Trainer:
         self.learner.load_state_dict(arrays["ddqn"])
         self.replay.load_state_dict(arrays["replay"])
         self.state = State(**arrays["state"])
-        self.counts, self.returns = (arrays["episodes"][k] for k in ("counts", "returns"))
+        self.from_start, self.returns = (arrays["in_flight"][k] for k in ("from_start", "returns"))
         for name in self.PROGRESS:
             setattr(self, name, about[name])
         for generator, state in zip(

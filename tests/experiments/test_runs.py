@@ -122,30 +122,3 @@ def test_a_damaged_about_hides_no_error(trainer, tmp_path):
     (tmp_path / "about.json").write_text("[")
     with pytest.raises(InputError, match=r"another seed than asked for: 0 there, 1 here$"):
         train(trainer(1, steps=400), tmp_path, resume=True)
-
-
-def test_a_run_that_would_never_learn_is_refused(trainer, tmp_path):
-    with pytest.raises(InputError, match="steps is 1000, must be at least 2048"):
-        train(trainer(steps=1000, replay_prefill=2000), tmp_path / "run")
-    assert not (tmp_path / "run").exists()
-
-
-def test_a_training_that_diverges_stops_with_its_last_good_state(trainer, tmp_path):
-    own = trainer(steps=4 * BIN, environments=50, batch_size=64, validation_interval=BIN)
-    update = own.learner.update
-
-    def diverging(*minibatch):
-        loss = update(*minibatch)
-        if own.steps > 1.5 * BIN:
-            with torch.no_grad():
-                next(own.learner.online.parameters()).fill_(float("nan"))
-        return loss
-
-    own.learner.update = diverging
-    with pytest.raises(TrainingDiverged, match=f"not finite after {2 * BIN} steps: the last good"):
-        train(own, tmp_path)
-    tensors, about = load(tmp_path / SAVED, "training")
-    assert about["steps"] == BIN
-    assert all(torch.isfinite(t).all() for t in tensors.values() if t.is_floating_point())
-    agent = load_agent(tmp_path / "best.safetensors")
-    assert all(torch.isfinite(p).all() for p in agent.network.parameters())

@@ -74,7 +74,7 @@ def test_a_share_of_the_episodes_starts_under_way(trainer):
         own = trainer(exploring_starts=share, environments=32)
         under_way = ~own.environment.landing[0][own.state.uav_cell]
         assert least <= under_way.sum() <= most
-        assert not own.counts[under_way].any() and own.counts.all() == (share == 0)
+        assert not own.from_start[under_way].any() and own.from_start.all() == (share == 0)
 
 
 @pytest.mark.parametrize("stop", [16, 208, 400])
@@ -145,7 +145,7 @@ def test_a_row_of_the_learning_curve_has_the_means_of_the_counted_episodes(train
     own = trainer(exploring_starts=0.5, replay_prefill=2000)
     returns, ended, all_ended = np.zeros(16), [], 0
     while not own.training_rows:
-        counted = own.counts.copy()
+        counted = own.from_start.copy()
         (after, outcome), *_ = given_by(own.environment, "step", own.step)
         all_ended += after.ended.sum()
         returns += Rewards()(outcome)

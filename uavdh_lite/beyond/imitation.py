@@ -76,7 +76,8 @@ class Imitation(Trainer):
     learner: Cloning
 
     def __init__(self, scenario: Scenario, recipe: Recipe, *arguments, **options):
-        # The planned actions of each environment, and the planned flights that have not begun
+        # The planned actions of each environment, and the planned flights that have not begun. Both
+        # come first, since the first flights begin in `Trainer.__init__`
         self.plans: list[list[int]] = [[]] * recipe.environments
         self.waiting: list[tuple[bool, list[int], Sequence]] = []
         super().__init__(scenario, recipe, *arguments, **options)
@@ -92,14 +93,14 @@ class Imitation(Trainer):
             self.waiting += self._planned()
         rows = []
         for environment in environments:
-            self.counts[environment], self.plans[environment], row = self.waiting.pop(0)
+            self.from_start[environment], self.plans[environment], row = self.waiting.pop(0)
             rows.append(row)
         self.returns[environments] = 0
         types = [self.replay.states[f.name].dtype for f in fields(State)]
         return State(*map(np.array, zip(*rows, strict=True), types))
 
     def _planned(self) -> list[tuple[bool, list[int], Sequence]]:
-        """Draw starts of every kind and plan their flights: (counts, actions, start) each."""
+        """Draw starts of every kind and plan their flights: (from a start, actions, state) each."""
         recipe, generator = self.recipe, self.generator
         start = self.scenario.sample(self.environment, PLANNED_AT_A_TIME, generator)
         drawn = generator.random(PLANNED_AT_A_TIME)

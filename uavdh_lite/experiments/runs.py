@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 from filelock import FileLock, Timeout
@@ -13,7 +14,6 @@ from tqdm.auto import tqdm
 from uavdh_lite.checkpoint import save_agent
 from uavdh_lite.errors import InputError, TrainingDiverged
 from uavdh_lite.experiments.stopping import deferred_stop
-from uavdh_lite.recipe import Recipe
 from uavdh_lite.storage import read_json, read_table, remove_unfinished, write_json, write_table
 from uavdh_lite.training import Trainer
 
@@ -63,7 +63,6 @@ def train(
     """
     out, saved, recipe = Path(out), Path(out) / SAVED, trainer.recipe
     board_of = _board() if tensorboard else lambda *_: nullcontext()
-    _require_updates(recipe)
     _require_whole(out, resume)
     keep_freed_memory()
     end = min(recipe.steps, stop_after or recipe.steps)
@@ -97,15 +96,6 @@ def train(
         if stopped and not trainer.finished:
             raise KeyboardInterrupt
     return out / "best.safetensors"
-
-
-def _require_updates(recipe: Recipe) -> None:
-    least = recipe.replay_prefill + recipe.return_steps * recipe.environments
-    if recipe.steps < least:
-        raise InputError(
-            f"recipe {recipe.name}: steps is {recipe.steps}, must be at least {least}, or nothing "
-            f"is learned: the first {recipe.replay_prefill} steps only fill the replay memory"
-        )
 
 
 def _require_whole(out: Path, resume: bool) -> None:
@@ -162,10 +152,9 @@ def _board() -> Callable[..., AbstractContextManager]:
 
 def _write_results(trainer: Trainer, out: Path, command: str) -> str:
     """Write the tables and, if it is the best so far, the agent; the newest result in words."""
-    agent = trainer.agent
-    agent.training.update(_write_about(trainer, out, command))
+    training = _write_about(trainer, out, command)
     if trainer.is_best:
-        save_agent(out / "best.safetensors", agent)
+        save_agent(out / "best.safetensors", replace(trainer.agent, training=training))
     if trainer.training_rows:
         write_table(out / "training.csv", trainer.training_rows)
     write_table(out / "validation.csv", trainer.validation_rows)
@@ -174,7 +163,7 @@ def _write_results(trainer: Trainer, out: Path, command: str) -> str:
 
 
 def _write_about(trainer: Trainer, out: Path, command: str) -> dict:
-    """Write how the run is made; returns it without what defines the run."""
+    """Write how the run is made; returns what an agent's file says of its training."""
     training = trainer.agent.training | {"command": command}
     write_json(out / "about.json", training | trainer.identity())
     return training
