@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from uavdh_lite.checkpoint import load, load_agent
-from uavdh_lite.errors import InputError, TrainingDiverged
+from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments import runs
 from uavdh_lite.experiments.runs import SAVED, train
