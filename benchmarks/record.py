@@ -1,6 +1,7 @@
-"""The recorded studies: which there are, which are of today's program, how they are recorded.
+"""The recorded studies: which there are, which are of today's program, how they are made.
 
     python benchmarks/record.py                        # what is missing, or not of today's program
+    python benchmarks/record.py --make STUDY --jobs 2  # make it, or go on with it, and record it
     python benchmarks/record.py --gather STUDY FOLDER  # record the runs in that folder
     python benchmarks/record.py --gather STUDY FOLDER --commit 08f434d  # made by that program
 
@@ -16,7 +17,9 @@ computed changes, have the digest that they had when the study was recorded.
 
 import argparse
 import io
+import shlex
 import subprocess
+import sys
 import tomllib
 from hashlib import sha256
 from pathlib import Path
@@ -72,6 +75,31 @@ def state(study: str) -> str:
     if made_by in (digest(), *_list()["same"]):
         return ""
     return f"made by another program, whose golden arrays are {made_by or 'not known'}"
+
+
+def make(study: str, jobs: int = 1, cluster: str = "") -> None:
+    """Run a study's command, which goes on where it was stopped, and record what it made.
+
+    Raises `InputError` for a study whose command is only described, or that flies over other maps
+    than those in `data/cities`.
+    """
+    entry = studies()[study]
+    command, maps = shlex.split(entry["command"]), entry.get("maps", "data/cities")
+    if command[0] != "python" or {"AGENT", "SEED"} & set(command):
+        raise InputError(f"{study}: not made by one command: {entry['command']}")
+    for path in sorted((ROOT / maps).glob("*.png")):
+        if path.read_bytes() != (ROOT / "data" / "cities" / path.name).read_bytes():
+            raise InputError(f"{study}: flies over {maps}/{path.name}; put it into data/cities")
+    if "runs" in entry:
+        command += ["--out", f"runs/{study}"]
+    if command[1:4] == ["-m", "uavdh_lite", "study"]:
+        command += ["--cluster", cluster] if cluster else ["--jobs", str(jobs)]
+    subprocess.run([sys.executable, *command[1:]], cwd=ROOT, check=True)
+    if "runs" in entry:
+        gather(study, ROOT / "runs" / study)
+    else:
+        about = RUNS / f"{study}.json"
+        write_json(about, read_json(about) | {"golden": digest()})
 
 
 def gather(study: str, folder: Path, commit: str = "") -> None:
@@ -134,13 +162,27 @@ def rounded(source: Path, target: Path) -> None:
     load_agent(target)
 
 
+def report() -> str:
+    """A line for each study, and what is outstanding in all."""
+    lines, hours = [], 0.0
+    for study, entry in studies().items():
+        because = "; ".join(filter(None, (entry.get("outstanding"), state(study))))
+        hours += entry["core_hours"] if because else 0
+        lines.append(f"{study}: {because or 'of today'} ({entry['core_hours']:g} core-hours)")
+    return "\n".join([*lines, f"outstanding: {hours:g} core-hours"])
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--make", metavar="STUDY", choices=studies())
+    parser.add_argument("--jobs", type=int, default=1, help="runs at a time")
+    parser.add_argument("--cluster", default="", help="address of a Dask cluster")
     parser.add_argument("--gather", nargs=2, metavar=("STUDY", "FOLDER"))
     parser.add_argument("--commit", default="", help="of the program that made the runs")
     options = parser.parse_args()
     torch.set_num_threads(1)
+    if options.make:
+        make(options.make, options.jobs, options.cluster)
     if options.gather:
         gather(options.gather[0], Path(options.gather[1]), options.commit)
-    for study, entry in studies().items():
-        print(f"{study}: {state(study) or entry.get('outstanding', 'of today')}")
+    print(report())

@@ -100,6 +100,47 @@ def test_the_digest_is_of_what_world_and_learning_compute(tmp_path, monkeypatch)
     assert changed("flights") == today
 
 
+def test_what_is_recorded_is_of_today_or_said_to_be_outstanding():
+    listed = record.studies()
+    for study, entry in listed.items():
+        assert "outstanding" in entry or record.state(study) == "", study
+    names = {path.name.split(".")[0].removesuffix("-training") for path in record.RUNS.glob("*.*z")}
+    assert names <= listed.keys()
+    agents = {path.stem for path in record.AGENTS.glob("*.safetensors")}
+    made_by = {
+        f"{study}-{variant}-{seed}"
+        for study, entry in listed.items()
+        for variant in entry.get("runs", ())
+        for seed in range(3)
+    }
+    assert agents and agents <= made_by
+
+
+def test_a_command_makes_its_runs_and_they_are_recorded(folder, monkeypatch):
+    def run(command, cwd, check):
+        assert command[1:] == [*["-m", "uavdh_lite", "study", "--out", "runs/tiny", "--jobs", "2"]]
+        (cwd / "runs/tiny").mkdir()
+        for name in ("one-3", "other-3"):
+            (folder / name).rename(cwd / "runs/tiny" / name)
+
+    monkeypatch.setattr(record, "ROOT", folder)
+    monkeypatch.setattr(record.subprocess, "run", run)
+    monkeypatch.setattr(record, "digest", lambda commit="": "0123456789abcdef")
+    record.make("tiny", jobs=2)
+    assert record.state("tiny") == ""
+
+
+def test_a_study_over_other_maps_is_not_made(folder, monkeypatch):
+    text = (folder / "runs/list.toml").read_text() + 'maps = "maps"\n'
+    (folder / "runs/list.toml").write_text(text)
+    monkeypatch.setattr(record, "ROOT", folder)
+    for where, content in {"maps": b"new", "data/cities": b"old"}.items():
+        (folder / where).mkdir(parents=True)
+        (folder / where / "village.png").write_bytes(content)
+    with pytest.raises(InputError, match=r"flies over maps/village\.png"):
+        record.make("tiny")
+
+
 def test_weights_that_do_not_fit_float16_are_refused(folder):
     agent = load_agent(folder / "one-3/best.safetensors")
     next(iter(agent.network.parameters())).data[:] = 1e6

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -128,6 +129,50 @@ def training_processes(out):
             if any(Path(file.path).parent.parent == out for file in process.open_files()):
                 found.append(process)
     return found
+
+
+def test_a_cluster_that_loses_a_worker_makes_the_same_runs(finished, tmp_path):
+    """The first worker that is seen with a run of its own is killed while it trains."""
+    distributed = pytest.importorskip("dask.distributed")
+    killed = []
+
+    def kill_one():
+        while not killed and not over.is_set():
+            for process in training_processes(tmp_path):
+                process.kill()
+                killed.append(process.pid)
+                return
+
+    over = threading.Event()
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None
+    ) as cluster:
+        with distributed.Client(cluster) as client:
+            workers = set(client.run(os.getpid).values())
+        watching = threading.Thread(target=kill_one)
+        watching.start()
+        try:
+            scenario, variants = find_scenario("village"), centring(RECIPE)
+            address = cluster.scheduler_address
+            run_study(scenario, variants, 2, tmp_path, command="a command", cluster=address)
+        finally:
+            over.set()
+            watching.join()
+    assert killed and killed[0] in workers
+    assert_same_runs(tmp_path, finished[0])
+
+
+def test_a_cluster_must_be_there_and_its_workers_have_one_thread(tmp_path):
+    distributed = pytest.importorskip("dask.distributed")
+    variants = centring(RECIPE)
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None
+    ) as cluster:
+        address = cluster.scheduler_address
+        with pytest.raises(InputError, match="--nthreads 1"):
+            run_study(find_scenario("village"), variants, 1, tmp_path, cluster=address)
+    with pytest.raises(InputError, match="no Dask scheduler at nowhere"):
+        run_study(find_scenario("village"), variants, 1, tmp_path, cluster="nowhere://x")
 
 
 @pytest.mark.long

@@ -100,6 +100,7 @@ def study(arguments: list[str]) -> Callable[..., None]:
         recipe: str = named_recipe.name,
         seeds: Count = 3,
         jobs: PositiveInt = 1,
+        cluster: str = "",
         out: Path = Path("runs", "study"),
         recipe_values: recipe_options = None,  # type: ignore[valid-type]
         command_line: CommandLine,
@@ -117,13 +118,16 @@ def study(arguments: list[str]) -> Callable[..., None]:
             recipe: how to train, as in train.
             seeds: number of runs of each variant, with the seeds 0, 1, and so on.
             jobs: number of runs at a time.
+            cluster: address of a Dask scheduler, whose workers make the runs.
             out: folder of the runs.
         """
         changed = with_values(named_recipe, recipe_values)
         trained = studies.variants_of(changed, variants) if variants else studies.centring(changed)
         studies.require_fit(named_scenario, trained)
         jobs = min(jobs, seeds * len(trained))
-        folders = studies.run_study(named_scenario, trained, seeds, out, jobs, command_line)
+        folders = studies.run_study(
+            named_scenario, trained, seeds, out, jobs, command_line, cluster
+        )
         training, validation = studies.collect_curves(folders, out, command_line)
         print("collected and landed at the end, validation missions, by seed:")
         scores = studies.final_scores(validation)

@@ -5,7 +5,8 @@ import json
 import os
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from tqdm.auto import tqdm
 
 from uavdh_lite.city import load_cities
 from uavdh_lite.config import shown
-from uavdh_lite.errors import InputError
+from uavdh_lite.errors import InputError, extra
 from uavdh_lite.experiments.runs import train
 from uavdh_lite.experiments.stopping import deferred_stop
 from uavdh_lite.recipe import Recipe
@@ -85,6 +86,7 @@ def run_study(
     out: str | Path,
     jobs: int = 1,
     command: str = "",
+    cluster: str = "",
 ) -> dict[str, list[Path]]:
     """Train every variant with the seeds 0, 1, …; returns the folders of the runs by variant.
 
@@ -94,9 +96,12 @@ def run_study(
     `KeyboardInterrupt`.
 
     Arguments:
-        jobs: runs at a time.
+        jobs: runs at a time, on this machine.
+        cluster: the address of a Dask cluster's scheduler; then its workers make the runs. They see
+            `out` under the same path. If one is lost, another goes on with its run.
 
-    Raises `InputError` for runs that are too short for a curve.
+    Raises `InputError` for runs that are too short for a curve, and for a cluster that cannot be
+    reached or whose workers have several threads; `MissingExtra` if Dask is not installed.
     """
     for recipe in variants.values():
         if recipe.steps < BIN:
@@ -106,8 +111,8 @@ def run_study(
     out.mkdir(parents=True, exist_ok=True)
     stop.unlink(missing_ok=True)  # left by a study that was killed
     grid = [(name, seed) for seed in range(seeds) for name in variants]
-    with deferred_stop(stop.touch) as stopped:
-        done = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(
+    with _workers(cluster, jobs) as parallel, deferred_stop(stop.touch) as stopped:
+        done = parallel(
             joblib.delayed(_run)(scenario, variants[name], seed, out / f"{name}-{seed}", command)
             for name, seed in grid
         )
@@ -119,6 +124,24 @@ def run_study(
         print("stopped; the same command continues", file=sys.stderr)
         raise KeyboardInterrupt
     return {name: [out / f"{name}-{seed}" for seed in range(seeds)] for name in variants}
+
+
+@contextmanager
+def _workers(cluster: str, jobs: int) -> Iterator[joblib.Parallel]:
+    """What makes the runs: processes of this machine, or the workers of a cluster."""
+    if not cluster:
+        yield joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
+        return
+    with extra("cluster"):
+        from dask.distributed import Client
+    try:
+        client = Client(cluster)
+    except (OSError, ValueError) as error:
+        raise InputError(f"no Dask scheduler at {cluster} ({error})") from None
+    with client, joblib.parallel_config(backend="dask"):
+        if any(threads != 1 for threads in client.nthreads().values()):
+            raise InputError(f"{cluster}: start its workers with --nthreads 1: a run is a process")
+        yield joblib.Parallel(n_jobs=-1)
 
 
 def _run(scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: str) -> Path | None:
