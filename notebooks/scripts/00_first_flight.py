@@ -1,7 +1,7 @@
 # %% [markdown]
 # # 0 · First flight
 #
-# **Five devices have data to send. A drone has 64 units of time to collect it and get home. Who decides where it
+# **Five devices have data to send. A drone has 67 units of time to collect it and get home. Who decides where it
 # flies?**
 #
 # Here a neural network does. Nobody gave it a route. This is one of its flights; section 0.2 explains the picture.

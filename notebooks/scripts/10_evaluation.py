@@ -396,7 +396,7 @@ figure
 #
 # ## Exercises
 #
-# The exercises of this notebook are in [`exercises/08_evaluation`](exercises/10_evaluation/10_evaluation.ipynb).
+# The exercises of this notebook are in [`exercises/10_evaluation`](exercises/10_evaluation/10_evaluation.ipynb).
 #
 # ## Further reading
 #
