@@ -58,6 +58,13 @@ def test_a_wider_beam_finds_little_more():
     assert max(narrow, 0.998 * wide) < total() + 1e-3
 
 
+def test_a_last_search_four_times_as_wide_finds_what_the_others_miss():
+    environment = Environment(load_city("village"))
+    start = find_scenario("village").sample(environment, 30, stream(Use.TEST))[[0]]
+    narrow, wide = (Genie(environment, 1, grow).plans(start)[0] for grow in (False, True))
+    assert (narrow.beam, wide.beam) == (1, 4) and wide.value > narrow.value + 0.1
+
+
 def test_it_flies_and_lands_with_fading_in_several_cities():
     environment = Environment((CITY, OTHER))
     scenario = Scenario("s", "s", (1, 2), (3.0, 8.0), (8, 14))

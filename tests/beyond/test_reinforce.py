@@ -128,6 +128,15 @@ def test_reward_makes_a_poor_copy_better(corridor, corridor_scenario, recipe):
     assert returns[1] > returns[0] + 1
 
 
+def test_learning_by_reward_begins_without_the_moments_of_copying(
+    corridor, corridor_scenario, recipe
+):
+    run = trainer(corridor, corridor_scenario, recipe, 944)
+    assert run.learner.optimiser.state
+    run.step()
+    assert run.steps == 960 and not run.learner.optimiser.state
+
+
 def test_the_learning_rate_falls_twice(recipe):
     two = replace(recipe, steps=2000, labels=1000, learning_rate=0.4, learning_rate_end=0.0)
     two = replace(two, reward_learning_rate=0.1)

@@ -31,7 +31,7 @@ from uavdh_lite.experiments.study import (
 from uavdh_lite.recipe import LITE, SMALL
 from uavdh_lite.registry import names
 from uavdh_lite.scenario import find_scenario
-from uavdh_lite.storage import read_table
+from uavdh_lite.storage import read_table, write_table
 from uavdh_lite.training import Trainer
 
 CHANGES = {"steps": 5120, "validation_interval": 2560, "validation_episodes": 5, "kernels": 2}
@@ -91,6 +91,15 @@ def test_the_curves_of_all_runs_come_as_two_tables(finished, tmp_path):
     last = read_table(out / "non_centred-1" / "validation.csv")["collected_and_landed"][-1]
     scores = final_scores(paths[1])
     assert list(scores) == ["centred", "non_centred"] and scores["non_centred"][1] == last
+
+
+def test_the_scores_are_those_at_the_end_of_each_run_in_the_order_of_the_seeds(tmp_path):
+    rows = [("b", 1, 9, 0.1), ("b", 1, 18, 0.2), ("b", 0, 9, 0.7), ("b", 0, 18, 0.3)]
+    rows += [("a", 0, 9, 0.6), ("a", 0, 18, 0.5)]
+    columns = ("variant", "seed", "steps", "collected_and_landed")
+    table = [dict(zip(columns, row, strict=True)) for row in rows]
+    write_table(tmp_path / "validation.csv", table)
+    assert final_scores(tmp_path / "validation.csv") == {"b": [0.3, 0.2], "a": [0.5]}
 
 
 def test_a_variant_is_the_recipe_with_what_its_text_says():

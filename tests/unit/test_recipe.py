@@ -1,6 +1,8 @@
 from dataclasses import replace
 
 import pytest
+import torch
+from torch import nn
 
 from uavdh_lite import registry
 from uavdh_lite.errors import InputError
@@ -56,3 +58,28 @@ def test_a_run_in_which_nothing_would_be_learned_is_refused():
 def test_what_is_no_recipe_is_named(values, named):
     with pytest.raises(InputError, match=named):
         recipe_from_json(values)
+
+
+@pytest.mark.parametrize("amsgrad", [False, True])
+def test_the_optimiser_is_adam_with_the_epsilon_of_keras(amsgrad):
+    """A first step is the rate times g / (|g| + ε); amsgrad remembers the largest slope."""
+    weight = torch.nn.Linear(1, 1, bias=False)
+    recipe = replace(PAPER, learning_rate=0.5, amsgrad=amsgrad)
+    optimiser, before = recipe.optimiser_for(weight), weight.weight.item()
+    weight.weight.grad = torch.tensor([[3e-7]])
+    optimiser.step()
+    assert before - weight.weight.item() == pytest.approx(0.5 * 3 / 4, rel=1e-3)
+    assert ("max_exp_avg_sq" in optimiser.state[weight.weight]) == amsgrad
+
+
+def test_the_network_has_the_sizes_and_options_of_the_recipe(corridor):
+    options = {"kernels": 3, "kernel_size": 3, "strides": (2,), "hidden": (7, 5)}
+    recipe = replace(PAPER, **options, layer_norm=True, leak=0.25)
+    observation = recipe.observation_for(recipe.environment_for(corridor))
+    layers = [*recipe.network_for(observation).modules()]
+    (convolution,) = (layer for layer in layers if isinstance(layer, nn.Conv2d))
+    assert (convolution.out_channels, convolution.kernel_size) == (3, (3, 3))
+    assert convolution.stride == (2, 2)
+    assert [one.out_features for one in layers if isinstance(one, nn.Linear)] == [7, 5, 6]
+    assert [one.normalized_shape for one in layers if isinstance(one, nn.LayerNorm)] == [(7,), (5,)]
+    assert [one.negative_slope for one in layers if isinstance(one, nn.LeakyReLU)] == [0.25] * 3

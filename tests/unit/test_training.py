@@ -75,6 +75,9 @@ def test_a_share_of_the_episodes_starts_under_way(trainer):
         under_way = ~own.environment.landing[0][own.state.uav_cell]
         assert least <= under_way.sum() <= most
         assert not own.from_start[under_way].any() and own.from_start.all() == (share == 0)
+        state = own.state[under_way]
+        home = own.environment.time_to_land[state.city, state.uav_cell]
+        assert (state.time_left >= home + own.recipe.exploring_spare_time).all()
 
 
 @pytest.mark.parametrize("stop", [16, 208, 400])
@@ -82,6 +85,7 @@ def test_a_restored_run_goes_on_to_the_same_weights(trainer, tmp_path, monkeypat
     """Before the prefill, right after it, and when the ring is full; in the middle of a row."""
     monkeypatch.setattr(training, "BIN", 512)
     options = {"steps": 560, "replay_prefill": 200, "replay_capacity": 300, "return_steps": 3}
+    options["amsgrad"] = True  # Adam has a third moment then
     whole, half, again = (trainer(**options) for _ in range(3))
     run(half, stop)
     half.save(tmp_path / "t.safetensors")

@@ -203,6 +203,7 @@ def final_scores(validation: str | Path) -> dict[str, list[float]]:
     table, scores = read_table(validation), {}
     for variant in dict.fromkeys(table["variant"].tolist()):
         own = table["variant"] == variant
-        runs = [np.flatnonzero(own & (table["seed"] == seed)) for seed in np.unique(table["seed"])]
+        seeds = np.unique(table["seed"][own])
+        runs = [np.flatnonzero(own & (table["seed"] == seed)) for seed in seeds]
         scores[variant] = [float(table["collected_and_landed"][run[-1]]) for run in runs]
     return scores
