@@ -189,8 +189,9 @@ def test_a_cluster_must_be_there_and_its_workers_have_one_thread(tmp_path):
 def test_two_seeds_of_every_recipe_are_trained_and_drawn(recipe, tmp_path, capsys):
     """Those that learn by reward have rows at different steps: a row for so many flights."""
     options = ["--steps", "5120", "--validation-interval", "5120", "--validation-episodes", "5"]
-    options += ["--kernels", "2", "--hidden", "8", "--replay-prefill", "512", "--batch-size", "64"]
-    options += ["--labels", "2560"] if recipe == "imitation" else []
+    options += ["--kernels", "2", "--kernel-size", "3", "--hidden", "8", "--batch-size", "64"]
+    rewarded = ["--labels", "2560", "--replay-prefill", "512"]
+    options += rewarded if recipe == "imitation" else ["--replay-prefill", "4608"]
     named = ["--recipe", recipe, "--scenario", "village", "--variants", "as_it_is"]
     assert main(["study", *named, *options, "--seeds", "2", "--out", str(tmp_path)]) == 0
     table = read_table(tmp_path / "training.csv.gz")

@@ -15,6 +15,7 @@ def test_schedules():
     )
     steps = (0, 500, 1000, 1800)
     assert [recipe.training_rewards_at(s).crash for s in steps] == [-5, -32.5, -60, -60]
+    assert {recipe.training_rewards_at(s).movement for s in steps} == {recipe.movement_reward}
     assert [recipe.temperature_at(s) for s in steps] == pytest.approx([1.0, 0.55, 0.1, 0.1])
     assert [recipe.learning_rate_at(s) for s in (1000, 2000)] == pytest.approx([1e-3, 0])
 
