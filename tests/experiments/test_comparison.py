@@ -70,6 +70,8 @@ def test_share_pairs_the_episodes(generator):
     [
         (np.repeat([2, 3, 5], [10, 20, 30]), ["2", "3", "5"], [10, 20, 30]),
         (np.arange(40), ["0 to 9", "10 to 19", "20 to 29", "30 to 39"], [10] * 4),
+        # An edge, such as 10, begins a range
+        (np.arange(41), ["0 to 9", "10 to 19", "20 to 29", "30 to 40"], [10, 10, 10, 11]),
         (
             np.repeat([1, 2, 3, 4, 5, 6], [6, 3, 3, 6, 3, 3]),
             ["1", "2 to 3", "4", "5 to 6"],

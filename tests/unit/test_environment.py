@@ -268,3 +268,10 @@ def test_states_are_taken_apart_and_put_together(generator):
 def test_what_is_no_city_is_refused_at_once(given, named):
     with pytest.raises(InputError, match=named):
         Environment(*given)
+
+
+def test_of_landing_cells_that_are_equally_near_the_way_leads_to_the_first():
+    """To the west, although east comes first among the actions."""
+    city = City.from_text("both", ". . . \n L . L \n . . .")
+    way = Environment(city).way_home[0].reshape(3, 3)
+    assert way[:, 1].tolist() == [SOUTH, WEST, NORTH] and way[1, 0] == way[1, 2] == LAND
