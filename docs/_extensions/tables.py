@@ -51,6 +51,29 @@ PLANNERS = {
 }
 BEST_GENIE = {BOTH: "genie_data", "return": "genie"}
 SEEDS = ["seed 0", "seed 1", "seed 2"]
+PARTS_OF_RUN = (0.075, 0.25, 0.5, 0.75, 1)
+LADDER = {
+    "random": "random",
+    "greedy": "greedy: to the nearest device, home in time",
+    "orienteering": "orienteering: the best order of devices",
+    "plain": "the paper's algorithm with nothing added: agents of {steps} of a million steps",
+    "ddqn": "strengthened DDQN, `lite`",
+    "ddqn_failsafe": "the same with the failsafe",
+    "ddqn_told": "the same with failsafe and told layers",
+    "any_city": "`any_city`: imitation and reward in 3000 other cities",
+    "copy": "imitation of the teacher",
+    "imitation": "imitation, then reward",
+    "teacher": "the teacher, a narrow genie",
+    "genie_data": "genie, plans for the data",
+    "genie": "genie, plans for the return",
+}
+KNOWLEDGE = {
+    "map": "map",
+    "mean_rates": "mean rates",
+    "failsafe": "failsafe",
+    "moves": "a planner's moves",
+    "reward": "reward",
+}
 
 
 def _table(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
@@ -64,8 +87,8 @@ def _percent(interval: Interval) -> str:
     return _together(f"{mean} %", f"({low} to {high})")
 
 
-def _number(interval: Interval) -> str:
-    mean, low, high = (f"{value:.1f}".replace("-", "−") for value in interval)
+def _number(interval: Interval, digits: int = 1) -> str:
+    mean, low, high = (f"{value:.{digits}f}".replace("-", "−") for value in interval)
     return _together(mean, f"({low} to {high})")
 
 
@@ -179,12 +202,16 @@ def agents() -> str:
 
 def _made_with(name: str) -> str:
     """A line with the command and the versions of a result."""
-    about = json.loads((RUNS / f"{name}.json").read_text())
+    about = _json(name)
     versions = (f"{what} {about[what]}" for what in ("torch", "numpy"))
     return (
         f"Made with `{about['command']}`, uavdh_lite {about['version']}, "
         f"Python {about['python']}, {', '.join(versions)}, {about['machine']}.\n"
     )
+
+
+def _json(name: str) -> dict:
+    return json.loads((RUNS / f"{name}.json").read_text())
 
 
 def _parts(table: dict[str, np.ndarray], column: str) -> dict[str, dict[str, np.ndarray]]:
@@ -333,18 +360,74 @@ def _change(values: np.ndarray, usual: np.ndarray, digits: int) -> str:
     return f"{values.mean() - usual.mean():+.{digits}f}".replace("-", "−")
 
 
-def centring() -> str:
-    """Each run of the centring study: steps to thresholds, and the end, in validation."""
-    seconds = json.loads((RUNS / "centring-manhattan.json").read_text())["seconds"]
+def by_steps(name: str) -> str:
+    """Validations on the way: what the greedy policies of all seeds reach after some steps."""
     rows = []
-    for variant, runs in _runs("centring-manhattan").items():
-        for seed, run in enumerate(runs):
-            reached = [run["steps"][run[BOTH] >= threshold] for threshold in (0.8, 0.9)]
-            first = [f"{int(steps[0]):,}" if len(steps) else "" for steps in reached]
-            minutes = f"{seconds[variant][seed] / 60:.1f}"
-            rows.append([f"`{variant}`", seed, *first, f"{run[BOTH][-1]:.3f}", minutes])
-    head = ["map", "seed", "steps to 0.8", "steps to 0.9", "collected and landed at the end"]
-    return _table([*head, "minutes"], rows)
+    for variant, runs in _runs(name).items():
+        every = runs[0]["steps"]
+        chosen = [every[np.abs(every - part * every[-1]).argmin()] for part in PARTS_OF_RUN]
+        for step in dict.fromkeys(chosen):
+            ends = [{key: v[run["steps"] == step][0] for key, v in run.items()} for run in runs]
+            shown = [_numbers([e[m] for e in ends], d) for m, d in ((BOTH, 3), ("return", 1))]
+            landed = _numbers([e["landed"] for e in ends], 3)
+            rows.append([variant.replace("_", " "), f"{int(step):,}", landed, *shown])
+    head = ["variant", "steps", "landed, by seed", "collected and landed, by seed"]
+    return f"{_table([*head, 'return, by seed'], rows)}\n{_run_by(name)}"
+
+
+def _run_by(name: str) -> str:
+    """A line with the command, the version and the machine of a study's runs."""
+    about = _json(name)
+    on = about.get("device", about["machine"])
+    return f"Made with `{about['command']}`, uavdh_lite {about['version']}, {on}.\n"
+
+
+def ladder(scenario: str) -> str:
+    """All ways to fly over one of the paper's maps, what each of them knows, and what is missing.
+
+    The paper's own agent is below them, as a number from another map.
+    """
+    table, about = read_table(RUNS / "ladder.csv.gz"), _json("ladder")
+    here = table["scenario"] == scenario
+    found = {str(name): i for i, name in zip(np.flatnonzero(here), table["row"][here], strict=True)}
+    rows = []
+    for name, title in LADDER.items():
+        if name not in found:
+            if name in about["outstanding"][scenario]:
+                title = title.partition(":")[0]
+                rows.append([title, *[""] * (len(KNOWLEDGE) + 5), "*outstanding*"])
+            continue
+        one = {key: values[found[name]] for key, values in table.items()}
+        interval = lambda what: Interval(one[what], one[f"{what}_low"], one[f"{what}_high"])  # noqa: B023, E731
+        seeds = int(one["seeds"]) if one["steps"] else ""
+        ahead = "" if name == "greedy" else _number(interval("return_ahead"), 2)
+        knows = ["✓" if one[f"knows_{what}"] else "" for what in KNOWLEDGE]
+        rows.append([title.format(steps=f"{round(one['steps'], -3):,.0f}"), *knows, seeds])
+        rows[-1] += [int(one["missions"]), *(_percent(interval(m)) for m in ("landed", BOTH))]
+        rows[-1] += [_number(interval("return")), ahead]
+    paper = [f"{100 * RESULTS[scenario][metric]:g} %" for metric in ("landed", BOTH)]
+    knows = ["✓" if what in ("map", "reward") else "" for what in KNOWLEDGE]
+    rows.append(["the paper's agent, on its own map", *knows, 1, 1000, *paper, "", ""])
+    head = [
+        "",
+        *KNOWLEDGE.values(),
+        "seeds",
+        "missions",
+        "landed",
+        "collected and landed",
+        "return",
+    ]
+    return f"{_table([*head, 'return, ahead of greedy'], rows)}\n{_made_with('ladder')}"
+
+
+def outstanding() -> str:
+    """The studies that today's program has not made, and the hours of one core that they need."""
+    rows = [
+        [f"`{name}`", study["what"], study["outstanding"], f"{study['core_hours']:g}"]
+        for name, study in tomllib.loads((RUNS / "list.toml").read_text())["studies"].items()
+        if "outstanding" in study
+    ]
+    return _table(["study", "what it is", "what is outstanding", "core-hours"], rows)
 
 
 def sb3() -> str:
@@ -375,6 +458,32 @@ def paper_run() -> str:
     metrics = ["landed", "collected", "collected and landed", "return"]
     head = ["steps", *(f"`{name}`: {metric}" for name in ("paper", "lite") for metric in metrics)]
     return _table(head, rows)
+
+
+def paper_validations() -> str:
+    """Greedy flights of the recorded run of `paper`: validations, and the agents in test missions.
+
+    Below them the paper's agent.
+    """
+    (run,) = _runs("paper-manhattan")["paper"]
+    shown = [("`paper`, validation", f"{run['steps'][i]:,.0f}", run, i) for i in range(8)]
+    rows = [
+        [name, steps, *(f"{100 * r[m][i]:.1f} %" for m in SHARES), _numbers([r["return"][i]], 1)]
+        for name, steps, r, i in shown
+    ]
+    test, flown = _json("paper-manhattan")["test"], _flown("manhattan")
+    trained = load_agent("manhattan_ddqn").training["steps"]
+    tested = {
+        ("`manhattan_paper`, test", "250,000"): test,
+        ("`manhattan_ddqn`, of `lite`, test", f"{trained:,}"): flown["manhattan_ddqn"],
+        ("greedy, test", ""): flown["greedy"],
+    }
+    for (name, steps), metrics in tested.items():
+        shares = (f"{100 * np.mean(metrics[metric]):.1f} %" for metric in SHARES)
+        rows.append([name, steps, *shares, _numbers([np.mean(metrics["return"])], 1)])
+    paper = (f"{100 * RESULTS['manhattan'][metric]:g} %" for metric in SHARES)
+    rows.append(["the paper's agent on its own map", "over a million", *paper, ""])
+    return _table(["", "steps", "landed", "collected", "collected and landed", "return"], rows)
 
 
 def paper_centring() -> str:

@@ -1,0 +1,192 @@
+"""The ladder: every way to fly, over the paper's two maps, on the same missions, in one table.
+
+    python benchmarks/ladder.py [--missions 3000] [--genie-missions 200] [--jobs 2]
+
+All rows fly the same random missions of seed 50000, which nothing else uses, with the same fading.
+Of what is learned, the agents of all seeds fly. A row has means over missions and seeds, and the
+differences to the greedy rule, mission by mission. Its 95 % intervals draw missions and seeds
+again, both at once (`crossed_interval`).
+
+The genie takes longest, so it flies fewer missions of the seed, and greedy flies these with it.
+They are drawn together, so they are not the first ones of the others.
+
+Writes `data/runs/ladder.csv.gz`, a row for each map and way, and `ladder.json`. What has been flown
+is kept in `build/ladder`, so a command that was stopped goes on.
+"""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+
+import joblib
+import numpy as np
+import torch
+
+from uavdh_lite import registry
+from uavdh_lite.beyond.genie import Genie
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.city import load_city
+from uavdh_lite.environment import Environment
+from uavdh_lite.evaluation import Interval, Policy, evaluate, mean_interval
+from uavdh_lite.planners import Greedy, Random
+from uavdh_lite.provenance import provenance
+from uavdh_lite.scenario import find_scenario
+from uavdh_lite.storage import write_atomically, write_json, write_table
+from uavdh_lite.streams import Use, stream
+
+DATA = Path(__file__).parents[1] / "data"
+KEPT = DATA.parent / "build" / "ladder"
+AGENTS, OUT = DATA / "agents", DATA / "runs" / "ladder.csv.gz"
+MISSIONS, GENIE_MISSIONS, SEED = 3000, 200, 50_000
+MAPS = ("manhattan", "open_field")
+METRICS = ("landed", "collected", "collected_and_landed", "return", "time_used")
+COMPARED = ("collected_and_landed", "return")  # with greedy
+KNOWS = ("map", "mean_rates", "failsafe", "moves", "reward")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A way to fly: what it knows, and a policy, or the file names of agents.
+
+    `knows` are some of `KNOWS`: where buildings and zones are; every link's mean rate; the way
+    home, flown by the environment when the time just suffices; a planner's moves to copy; a reward
+    to learn from. `agents` is a pattern below `data/agents` with `{}` for the map, or the name of
+    a shipped agent.
+    """
+
+    name: str
+    knows: tuple[str, ...]
+    policy: Callable[[Environment], Policy] | None = None
+    agents: str = ""
+    slow: bool = False
+
+
+def planner(name: str) -> Callable[[Environment], Policy]:
+    return lambda environment: registry.find("policy", name)(environment, 0)
+
+
+ROWS = (
+    Row("random", (), lambda environment: Random()),
+    Row("greedy", ("map",), Greedy),
+    Row("orienteering", ("map",), planner("orienteering")),
+    Row("plain", ("map", "reward"), agents="centring_plain-{}-centred-*"),
+    Row("ddqn", ("map", "reward"), agents="ddqn-{}-lite-*"),
+    Row("ddqn_failsafe", ("map", "failsafe", "reward"), agents="failsafe-{}-safe-*"),
+    Row("ddqn_told", ("map", "mean_rates", "failsafe", "reward"), agents="failsafe-{}-told-*"),
+    Row("any_city", KNOWS, agents="any_city"),
+    Row("copy", KNOWS[:-1], agents="copy-{}-copy-*"),
+    Row("imitation", KNOWS, agents="imitation-{}-imitation-*"),
+    Row("teacher", KNOWS[:2], lambda environment: Genie(environment, beam=1, grow=False)),
+    Row("genie_data", KNOWS[:2], lambda world: Genie(world, time_cost=0.01), slow=True),
+    Row("genie", KNOWS[:2], Genie, slow=True),
+)
+
+
+def environment_of(scenario: str) -> Environment:
+    return Environment(load_city(AGENTS / "maps" / f"{scenario}.png"))
+
+
+def policies(row: Row, scenario: str) -> list[str]:
+    """A name for each policy of a row: the files of the agents, or the row's own."""
+    if row.policy or row.agents == "any_city":
+        return [row.agents or row.name]
+    files = sorted(AGENTS.glob(f"{row.agents.format(scenario)}.safetensors"))
+    return [str(path.relative_to(DATA.parent)) for path in files]
+
+
+def fly(row: Row, name: str, scenario: str, missions: int) -> tuple[dict[str, np.ndarray], int]:
+    """The records of one policy over a map, (missions,) each, and the steps that an agent made."""
+    torch.set_num_threads(1)
+    agent_file = DATA.parent / name
+    of_agent = sha256(agent_file.read_bytes()).hexdigest()[:16] if agent_file.is_file() else ""
+    kept = KEPT / f"{scenario}-{row.name}-{of_agent}-{missions}.npz"
+    if kept.exists():
+        with np.load(kept) as arrays:
+            records = dict(arrays)
+        return records, int(records.pop("steps"))
+    environment, steps = environment_of(scenario), 0
+    if row.policy:
+        policy = row.policy(environment)
+    else:
+        agent = load_agent(DATA.parent / name if "/" in name else name)
+        policy = agent.over(environment.cities)
+        environment, steps = policy.environment, agent.training["steps"]
+    flights = evaluate(environment, policy, find_scenario(scenario), missions, SEED)
+    records = {metric: flights.records()[metric] for metric in METRICS}
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(kept, lambda temporary: np.savez(temporary, steps=steps, **records))
+    return records, steps
+
+
+def crossed_interval(values: np.ndarray) -> Interval:
+    """The mean of values of S seeds on N missions, (S, N), with its 95 % interval.
+
+    It draws missions again and, if there are several, seeds: 2000 times, both at once. Of one seed
+    it says nothing about others. For values of one seed that are all 0 or 1 it is Wilson's.
+    """
+    seeds, missions = values.shape
+    if seeds == 1:
+        return mean_interval(values[0])
+    generator = stream(Use.BOOTSTRAP)
+    means = np.empty(2000)
+    for i in range(len(means)):
+        of_seeds = values[generator.integers(0, seeds, seeds)].mean(axis=0)
+        means[i] = of_seeds[generator.integers(0, missions, missions)].mean()
+    return Interval(float(values.mean()), *map(float, np.quantile(means, [0.025, 0.975])))
+
+
+def summary(flown: list[dict[str, np.ndarray]], greedy: dict[str, np.ndarray]) -> dict[str, float]:
+    """Means of a row, and what it is ahead of greedy on the same missions, with intervals."""
+    found: dict[str, float] = {}
+    values = {metric: np.stack([records[metric] for records in flown]) for metric in METRICS}
+    for metric in COMPARED:
+        values[f"{metric}_ahead"] = values[metric] - greedy[metric]
+    for name, value in values.items():
+        ends = (name, f"{name}_low", f"{name}_high")
+        found |= dict(zip(ends, crossed_interval(value), strict=True))
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--missions", type=int, default=MISSIONS)
+    parser.add_argument("--genie-missions", type=int, default=GENIE_MISSIONS)
+    parser.add_argument("--jobs", type=int, default=1)
+    options = parser.parse_args()
+    numbers = {False: options.missions, True: options.genie_missions}
+    greedy_again = replace(ROWS[1], name="greedy_again", slow=True)
+    grid = [
+        (row, name, on)
+        for row in sorted((*ROWS, greedy_again), key=lambda row: row.slow)
+        for on in MAPS
+        for name in policies(row, on)
+    ]
+    results = joblib.Parallel(n_jobs=options.jobs, verbose=10)(
+        joblib.delayed(fly)(row, name, scenario, numbers[row.slow]) for row, name, scenario in grid
+    )
+    flown: dict[tuple[str, str], list[dict[str, np.ndarray]]] = {}
+    made: dict[tuple[str, str], list[int]] = {}
+    for (row, _, scenario), (records, steps) in zip(grid, results, strict=True):
+        flown.setdefault((scenario, row.name), []).append(records)
+        made.setdefault((scenario, row.name), []).append(steps)
+    rows = [
+        {"scenario": scenario, "row": row.name, "seeds": len(flown[scenario, row.name])}
+        | {"missions": numbers[row.slow], "steps": int(np.mean(made[scenario, row.name]))}
+        | {f"knows_{what}": int(what in row.knows) for what in KNOWS}
+        | summary(flown[scenario, row.name], flown[scenario, "greedy" + "_again" * row.slow][0])
+        for scenario in MAPS
+        for row in ROWS
+        if (scenario, row.name) in flown
+    ]
+    write_table(OUT, rows)
+    missing = {on: [r.name for r in ROWS if (on, r.name) not in flown] for on in MAPS}
+    agents = {on: [name for row, name, its in grid if its == on and row.agents] for on in MAPS}
+    about = {"command": "python benchmarks/ladder.py", "seed": SEED, "outstanding": missing}
+    about |= {"agents": agents, "maps": "data/agents/maps", **provenance()}
+    write_json(OUT.with_name("ladder.json"), about)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,57 @@
+"""The ladder's intervals, and its rows on the same missions."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT))
+from benchmarks import ladder  # noqa: E402
+from uavdh_lite.storage import read_json, read_table  # noqa: E402
+
+
+def test_intervals_draw_seeds_as_well_as_missions():
+    generator = np.random.default_rng(0)
+    missions = generator.standard_normal(400)
+    alike = missions + 0.01 * generator.standard_normal((3, 400))
+    apart = alike + np.array([[-1.0], [0.0], [1.0]])
+    mean, low, high = ladder.crossed_interval(alike)
+    assert mean == pytest.approx(alike.mean())
+    assert high - low == pytest.approx(2 * 1.96 / 20, rel=0.1)  # missions alone
+    _, low, high = ladder.crossed_interval(apart)
+    assert high - low > 1.3  # three seeds, a unit apart
+    assert ladder.crossed_interval(alike[:1]).high < ladder.crossed_interval(apart).high
+
+
+def test_the_recorded_rows_say_what_they_know_and_are_ahead_of_greedy_in_pairs():
+    table = read_table(ladder.OUT)
+    rows = {(s, r): i for i, (s, r) in enumerate(zip(table["scenario"], table["row"], strict=True))}
+    for scenario in ladder.MAPS:
+        for row in ladder.ROWS:
+            if (scenario, row.name) not in rows:
+                assert (
+                    row.name
+                    in read_json(ladder.OUT.with_name("ladder.json"))["outstanding"][scenario]
+                )
+                continue
+            at = rows[scenario, row.name]
+            knows = {what for what in ladder.KNOWS if table[f"knows_{what}"][at]}
+            assert knows == set(row.knows)
+            if not row.slow:
+                greedy = table["return"][rows[scenario, "greedy"]]
+                ahead = table["return"][at] - greedy
+                assert table["return_ahead"][at] == pytest.approx(ahead, abs=2e-4)
+
+
+def test_a_rule_flies_the_missions_that_an_agent_flies(monkeypatch, tmp_path):
+    monkeypatch.setattr(ladder, "KEPT", tmp_path)
+    rows = {row.name: row for row in ladder.ROWS}
+    (name, *_) = ladder.policies(rows["ddqn"], "manhattan")
+    for row, policy in (("greedy", "greedy"), ("ddqn", name)):
+        records, steps = ladder.fly(rows[row], policy, "manhattan", 20)
+        assert (steps > 0) == (row == "ddqn") and records["landed"].shape == (20,)
+        again, _ = ladder.fly(rows[row], policy, "manhattan", 20)  # from what was kept
+        np.testing.assert_array_equal(again["return"], records["return"])
+    assert len(list(tmp_path.glob("*.npz"))) == 2
