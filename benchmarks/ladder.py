@@ -103,7 +103,7 @@ def fly(row: Row, name: str, scenario: str, missions: int) -> tuple[dict[str, np
     of_agent = sha256(agent_file.read_bytes()).hexdigest()[:16] if agent_file.is_file() else ""
     kept = KEPT / f"{scenario}-{row.name}-{of_agent}-{missions}.npz"
     if kept.exists():
-        with np.load(kept) as arrays:
+        with np.load(kept, allow_pickle=False) as arrays:
             records = dict(arrays)
         return records, int(records.pop("steps"))
     environment, steps = environment_of(scenario), 0

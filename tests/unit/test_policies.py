@@ -9,7 +9,7 @@ from uavdh_lite.policies import find_policy, known_policies, policies_for
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.streams import Use, stream
 
-PLANNERS = ["greedy", "genie", "random"]
+PLANNERS = ["greedy", "genie", "orienteering", "random"]
 
 
 @pytest.fixture(scope="module")

@@ -93,8 +93,8 @@ ALLOWED = {
     "streams.py": {"default_rng", "SeedSequence"},
     "training.py": {"manual_seed"},
     "fleet.py": {"manual_seed"},  # of the generator on the accelerator
-    "notebook_05.py": {"manual_seed"},  # of the networks that an answer makes
-    "notebook_06.py": {"manual_seed"},
+    "notebook_06.py": {"manual_seed"},  # of the networks that an answer makes
+    "notebook_07.py": {"manual_seed"},
 }
 
 
