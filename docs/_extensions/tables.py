@@ -610,7 +610,7 @@ def exercises() -> str:
 TOLD = {
     "greedy": "greedy",
     "ddqn": "`manhattan_ddqn`, the paper's method, made for one other city",
-    "nothing": "`any_city`, told nothing about the radio",
+    "nothing": "`any_city`, told silence: that no data can be had anywhere",
     "model": "`any_city`, told the paper's model",
     **{
         f"{kind}_{count}": f"`any_city`, told {what} from {count} earlier flight{'s' * (count > 1)}"
@@ -638,11 +638,15 @@ def places() -> str:
             spread_db = (traced_db[inside] - slope * log_m - level).std()
             row += [f"{-slope:.2f}", f"{spread_db:.1f} dB"]
         silent = 1 - inside.sum() / (known & state).sum()
-        rates = rate(model_db[known]), rate(traced_db[known])
-        row += [f"{100 * silent:.0f} %", f"{np.corrcoef(*rates)[0, 1]:.2f}"]
-        rows.append([*row, *(f"{values.mean():.3f}" for values in rates)])
+        row.append(f"{100 * silent:.0f} %")
+        for pairs in (known & ~world.sight[0], known):  # the last of them are all
+            rates = rate(model_db[pairs]), rate(traced_db[pairs])
+            row.append(f"{np.corrcoef(*rates)[0, 1]:.2f}")
+        error = np.sqrt(np.square(rates[1] - rates[0]).mean()) / rates[0].mean()
+        rows.append([*row, f"{error:.2f}", *(f"{values.mean():.3f}" for values in rates)])
     head = ["place", "pairs in sight", "exponent in sight", "spread", "exponent behind buildings"]
-    head += ["spread", "of these, without any ray", "correlation of rates", "mean rate, model"]
+    head += ["spread", "of these, without any ray", "correlation of rates behind buildings"]
+    head += ["correlation, all pairs", "error of the rates (RMS) / mean", "mean rate, model"]
     return _table([*head, "mean rate, ray-traced"], rows)
 
 
@@ -668,7 +672,7 @@ def real_city(radio: str) -> str:
 
 def worth_of_telling() -> str:
     """What other beliefs add to the return of `any_city`, next to being told the paper's model."""
-    policies = "nothing", "line_1", "line_100", "link_100", "truth"
+    policies = "nothing", "line_1", "line_10", "line_100", "link_10", "link_100", "truth"
     rows = {policy: [TOLD[policy]] for policy in policies}
     for radio in ("model", "ray-traced"):
         flown = _flown_over_places(radio)
@@ -677,10 +681,11 @@ def worth_of_telling() -> str:
             mean, low, high = (f"{v:+.2f}".replace("-", "−") for v in bootstrap_interval(added))
             row.append(_together(mean, f"({low} to {high})"))
             if radio == "ray-traced":
-                place = flown[policy]["place"]
-                row.append(_numbers([added[place == one].mean() for one in np.unique(place)], 1))
+                for key, digits in (("seed", 2), ("place", 1)):
+                    of = flown[policy][key]
+                    row.append(_numbers((added[of == one].mean() for one in np.unique(of)), digits))
     names = ", ".join(name.replace("_", " ").title() for name in shipped_places())
-    head = ["", "in the paper's radio", "in the ray-traced radio", f"in {names}"]
+    head = ["", "in the paper's radio", "in the ray-traced radio", "by seed", f"in {names}"]
     return _table(head, rows.values())
 
 

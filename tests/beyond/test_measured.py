@@ -272,8 +272,13 @@ def test_a_place_needs_its_own_finished_table(model, tmp_path):
         save_gains(tmp_path / "town.npz", gain_db, {})
         with pytest.raises(InputError, match=r"town\.npz: not the finished"):
             load_place(path)
-    save_gains(tmp_path / "town.npz", complete, {})
-    assert np.ptp(load_place(path).mean_snr_db) == 0
+    for key in ("cell_size_m", "altitude_m"):
+        save_gains(tmp_path / "town.npz", complete, {key: 20.0})
+        with pytest.raises(InputError, match=rf"town\.npz: {key} is 20\.0; .* 10 only"):
+            load_place(path)
+    for about in ({}, {"cell_size_m": 10.0, "altitude_m": 10}):
+        save_gains(tmp_path / "town.npz", complete, about)
+        assert np.ptp(load_place(path).mean_snr_db) == 0
 
 
 def test_distances_are_those_of_the_uav_above_its_cell(model):

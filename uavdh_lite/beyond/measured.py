@@ -19,7 +19,7 @@ import numpy as np
 
 from uavdh_lite.agent import Agent
 from uavdh_lite.beyond.failsafe import SafeEnvironment
-from uavdh_lite.channel import rate
+from uavdh_lite.channel import Channel, rate
 from uavdh_lite.city import City
 from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import InputError
@@ -100,12 +100,18 @@ def shipped_places() -> list[str]:
 def load_place(name: str | Path) -> MeasuredEnvironment:
     """A shipped place by its name, or a city's PNG with its table of gains beside it, `.npz`.
 
-    Raises `CityError` or `InputError` that names the file if one of the two cannot be used.
+    Raises `CityError` or `InputError` that names the file if one of the two cannot be used, or if
+    the table was made for other cells or another altitude than the channel's.
     """
     path = data_folder() / "places" / f"{name}.png" if name in shipped_places() else Path(name)
-    city, (gain_db, _) = City.load(path), load_gains(path.with_suffix(".npz"))
+    table, channel = path.with_suffix(".npz"), Channel()
+    city, (gain_db, about) = City.load(path), load_gains(table)
     if gain_db.shape != (city.size**2,) * 2 or np.isnan(gain_db).any():
-        raise InputError(f"{path.with_suffix('.npz')}: not the finished gains of {path.name}")
+        raise InputError(f"{table}: not the finished gains of {path.name}")
+    for key in ("cell_size_m", "altitude_m"):
+        found, right = about.get(key), getattr(channel, key)
+        if found not in (None, right):
+            raise InputError(f"{table}: {key} is {found}; the agents' radio has {right:g} only")
     return MeasuredEnvironment(city, mean_snr_db=levelled(SafeEnvironment(city), gain_db))
 
 

@@ -52,7 +52,7 @@ checks.exponent(exponent)
 # %% [markdown]
 # ## 14.2 · Believe what you heard (2 points, 12 minutes)
 #
-# A line says what to expect of a link. Nearby, a few SNRs were measured. What should the agent believe of this link? As in 12.6,
+# A line says what to expect of a link. Nearby, a few SNRs were measured. What should the agent believe of this link? As in 14.6,
 #
 # $$\widehat{\mathrm{SNR}} = \text{line} + \frac{\sum_i w_i\,(\text{heard}_i - \text{line})}{1 + \sum_i w_i}$$
 #
