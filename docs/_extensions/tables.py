@@ -495,10 +495,12 @@ def paper_centring() -> str:
     }
     rows = []
     for step in range(20_000, int(other["steps"].max()) + 1, 20_000):
-        means = [_training_means(run, step, ("landed", BOTH)) for run in runs.values()]
-        shares = np.transpose(means).ravel()
-        rows.append([f"{step:,}", *(f"{100 * share:.0f} %" for share in shares)])
-    head = [f"{metric}: {name}" for metric in ("landed", "collected and landed") for name in runs]
+        means = [_training_means(run, step, ("landed", BOTH, "return")) for run in runs.values()]
+        *shares, total = np.transpose(means)
+        shown = [f"{100 * share:.0f} %" for share in np.ravel(shares)]
+        rows.append([f"{step:,}", *shown, *(_numbers([value], 1) for value in total)])
+    metrics = ("landed", "collected and landed", "return")
+    head = [f"{metric}: {name}" for metric in metrics for name in runs]
     return _table(["steps", *head], rows)
 
 
@@ -609,7 +611,7 @@ def exercises() -> str:
 
 TOLD = {
     "greedy": "greedy",
-    "ddqn": "`manhattan_ddqn`, the paper's method, made for one other city",
+    "ddqn": "`manhattan_ddqn`, a strengthened DDQN, made for one other city",
     "nothing": "`any_city`, told silence: that no data can be had anywhere",
     "model": "`any_city`, told the paper's model",
     **{

@@ -25,7 +25,7 @@ from uavdh_lite.storage import write_json
 
 FLOWN = {  # in `demo`, where there is such a policy: its name, from that of the city
     "beyond it: copies a planner": "{}",
-    "the paper's method: DDQN": "{}_ddqn",
+    "a strengthened DDQN": "{}_ddqn",
     "DDQN, the paper's constants": "{}_paper",
     "greedy rule": "greedy",
 }
