@@ -1,16 +1,23 @@
 """The page of the labs, opened from a disk, without a network: what a person does and sees."""
 
+import base64
 import json
 import os
 import re
 import shutil
 from contextlib import contextmanager
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import expect, sync_playwright
 
+from uavdh_lite.beyond.measured import load_place
+from uavdh_lite.environment import ACTIONS
 from uavdh_lite.labs.page import write_page
+from uavdh_lite.missions import HandFlight, Mission
+from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import data_folder
 
 CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium")
@@ -290,6 +297,31 @@ def test_a_city_is_painted_and_its_shadow_follows_the_pointer(page):
     )
     page.mouse.move(*place(page, 6, 4))
     expect(page.locator(".map .shadow.live")).to_have_attribute("d", re.compile("M3.5 2.5"))
+
+
+def test_a_real_place_is_chosen_and_flown_by_its_table(page):
+    choose(page, "city", "munich")
+    expect(page.locator(".place")).to_contain_text("© OpenStreetMap contributors, ODbL")
+    open_tool(page, "Channel")
+    expect(page.locator(".ledger")).to_contain_text("in flights, from traced rays")
+    open_tool(page, "Fly")
+    for key in ("ArrowLeft", "ArrowUp", "ArrowUp"):
+        page.keyboard.press(key)
+        page.wait_for_timeout(300)
+    expect(page.locator(".head")).to_contain_text("17 units of time left")
+    content = (data_folder() / "places" / "munich.json").read_text(encoding="utf-8")
+    place = json.loads(content)
+    halves = np.frombuffer(base64.b64decode(place["gain"]), np.uint8).reshape(256, 256)
+    table = np.where(halves == 255, -np.inf, place["level_db"] - halves / 2)
+    world = replace(load_place("munich"), mean_snr_db=table)
+    flight = HandFlight(world, Mission.draw(find_scenario("any_city"), world.city, 0))
+    for action in ("west", "north", "north"):
+        flight.step(ACTIONS.index(action))
+    left = [f"{each:.1f}" for each in flight.state.data_left[0]]
+    shown = re.findall(r"device \d\s+([\d.]+) of", page.locator(".flight").inner_text())
+    assert shown == left[: len(shown)] and len(shown) == 5
+    choose(page, "city", "village")
+    expect(page.locator(".place")).to_have_count(0)
 
 
 def test_what_is_thought_is_shown_step_by_step_and_as_layers(page):

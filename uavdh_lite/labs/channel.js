@@ -15,6 +15,7 @@ import { CHANNEL, pathLossDb, rate } from "./world.js";
  * | `rate`, `free` | data units a slot, and what they would be with a line of sight |
  * | `dearest` | the cell over which a building costs most data |
  * | `range` | SNRs over this city from the weakest to the strongest, in steps of 10 dB |
+ * | `traced` | over a real place, the SNRs and rates that flights have; null elsewhere |
  * | `fading` | its standard deviation without a line of sight and with one, dB |
  * @param {import("./world.js").Environment} environment
  * @param {[number, number]} device row and column
@@ -44,8 +45,14 @@ export function ledger(environment, [row, col]) {
     free,
     dearest: city.position(lost.indexOf(Math.max(...lost))),
     range: [10 * Math.floor(weakest / 10), 10 * Math.ceil(strongest / 10)],
+    traced: environment.meanSnrDb ? tracedLink(environment, from) : null,
     fading: CHANNEL.fadingVariance.map(Math.sqrt),
   };
+}
+
+function tracedLink(environment, cell) {
+  const snr = Array.from(environment.tracedSnrs(cell));
+  return { snr, rate: snr.map(rate) };
 }
 
 /** For each row of the city, `#` where a device in this cell is out of sight; none on a building. */

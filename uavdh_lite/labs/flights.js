@@ -1,8 +1,8 @@
 // Who flies, and the flights of one mission, each flown once.
 
 import { hiddenRows } from "./channel.js";
-import { Greedy, Random } from "./pilots.js";
-import { ACTIONS, Environment, HandFlight, sum } from "./world.js";
+import { Greedy, Random, bytesOf } from "./pilots.js";
+import { ACTIONS, Environment, HandFlight, MeasuredEnvironment, sum } from "./world.js";
 import { LETTERS, YOU } from "./state.js";
 
 /**
@@ -24,10 +24,16 @@ export function whoIs(name, agents) {
 
 /** The flights of one mission, each flown when it is first asked for. */
 export class Hangar {
-  /** @param {Hangar | null} before its environment serves again if the city is the same */
-  constructor(mission, agents, before = null) {
-    const same = before && before.mission.city === mission.city;
-    this.environment = same ? before.environment : new Environment(mission.city);
+  /**
+   * @param {object[]} places the real places, each with rows and table
+   * @param {Hangar | null} before its environment serves again if the city is the same
+   */
+  constructor(mission, agents, places, before = null) {
+    const { city } = mission;
+    const same = before && before.mission.city === city;
+    /** The real place that the city is, null if it is none. */
+    this.place = places.find(({ rows }) => rows.join() === city.rows.join()) ?? null;
+    this.environment = same ? before.environment : environmentOf(city, this.place);
     this.pilots = same ? before.pilots : new Map();
     Object.assign(this, { mission, agents, flown: new Map() });
   }
@@ -63,6 +69,10 @@ export class Hangar {
     }
     return this.pilots.get(name);
   }
+}
+
+function environmentOf(city, place) {
+  return place ? new MeasuredEnvironment(city, bytesOf(place.gain), place.level_db) : new Environment(city);
 }
 
 /** How a flight went: data units, steps and the return. */

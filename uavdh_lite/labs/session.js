@@ -47,7 +47,7 @@ const givenAgent = (name, read) =>
 
 export class Session {
   /**
-   * @param {object} data what the page holds: `cities` with rows and scenario, `agents` with title and
+   * @param {object} data what the page holds: `cities` with rows and scenario, and a table if they are real places, `agents` with title and
    *   base64, recorded `races`; where it begins elsewhere than with the story, a `mission` or a `tool` alone
    * @param {(told: object) => void} post takes what the page is told
    */
@@ -58,6 +58,7 @@ export class Session {
       cities[name] = City.fromText(name, rows.join("\n"));
       scenarios[name] = { ...scenario, flyingTime: scenario.flying_time };
     }
+    this.places = data.cities.filter(({ gain }) => gain);
     this.shelf = { cities, scenarios, known: (city) => this.known(city) };
     this.agents = {};
     for (const each of data.agents) this.agents[each.name] = shelved(each, cities[each.city] ?? null);
@@ -69,7 +70,7 @@ export class Session {
       : newStage(randomMission(Object.values(cities)[0], STORY, this.shelf), this.shelf);
     this.fresh = !data.mission && !data.tool;
     this.stage = data.tool ? CHANGES.tool(first, { tool: data.tool }) : first;
-    this.hangar = new Hangar(this.stage.mission, this.agents);
+    this.hangar = new Hangar(this.stage.mission, this.agents, this.places);
     this.history = [this.stage];
   }
 
@@ -116,6 +117,7 @@ export class Session {
       film,
       version: this.version,
       panel: { ...this.panel(flights), ...this.extra },
+      place: hangar.place && sentence({ kind: "place", ...hangar.place }),
       warnings: warnings(hangar.environment, stage.mission).map(sentence),
       refused,
       number,
@@ -265,7 +267,7 @@ export class Session {
     this.extra = {};
     this.race = { ...this.race, point: null };
     this.stage = stage;
-    this.hangar = new Hangar(stage.mission, this.agents, this.hangar);
+    this.hangar = new Hangar(stage.mission, this.agents, this.places, this.hangar);
   }
 
   /** Runs what takes long: others have their turn meanwhile, and most of what they do ends it. */

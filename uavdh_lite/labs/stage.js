@@ -140,7 +140,8 @@ export function draw(el, model) {
     const giveBack = heldFocus();
     if (changed) drawMaps(film, state.tool);
     const warnings = scene.warnings.map((text) => `<p class="warning">${escaped(text)}</p>`).join("");
-    stage.fill(".tool", `${tool.html(scene, stage)}${warnings}${legend(film)}`);
+    const place = scene.place ? `<p class="place"><small>${escaped(scene.place)}</small></p>` : "";
+    stage.fill(".tool", `${tool.html(scene, stage)}${warnings}${place}${legend(film)}`);
     el.querySelectorAll(".map svg").forEach((map, k) => {
       map.querySelector(".under").innerHTML = tool.under?.(scene, k) ?? "";
       map.querySelector(".over").innerHTML = `${tool.over?.(scene, k) ?? ""}<path class="cursor"/>`;

@@ -284,7 +284,8 @@ export const TOOLS = {
       const there = KINDS[film.city[row][col]]?.name ?? "open ground";
       const head = hidden ? `Behind a building: it costs ${cost.toFixed(1)} ${term("dB")}.` : "In sight.";
       const instead = hidden ? ` instead of ${units(panel.free[number])}` : "";
-      stage.fill(".sentence", `${head} Row ${row}, column ${col}, ${there}: ${units(panel.rate[number])} units a ${term("slot")}${instead}.`);
+      const traced = panel.traced ? ` in the model; ${units(panel.traced.rate[number])} in flights` : "";
+      stage.fill(".sentence", `${head} Row ${row}, column ${col}, ${there}: ${units(panel.rate[number])} units a ${term("slot")}${instead}${traced}.`);
       const entry = (name, value) => `<tr><th scope="row">${name}</th><td>${value} dB</td></tr>`;
       const lines = [
         ["signal at 1 m", signed(panel.transmit)],
@@ -293,6 +294,10 @@ export const TOOLS = {
         [term("SNR"), signed(panel.snr[number])],
         [term("fading"), `± ${panel.fading[Number(!hidden)].toFixed(1)}`],
       ];
+      if (panel.traced) {
+        const snr = panel.traced.snr[number];
+        lines.push([`${term("SNR")} in flights, from traced rays`, Number.isFinite(snr) ? signed(snr) : "−∞"]);
+      }
       stage.fill(".ledger", lines.map((each) => entry(...each)).join(""));
     },
   },

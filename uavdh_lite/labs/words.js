@@ -66,6 +66,11 @@ const TEMPLATES = {
     return `${action}${why}; ${close ? "a close call: " : ""}${gapOf(gap)} ahead of ${second}.`;
   },
 
+  place: ({ source, licence }) =>
+    "A real place. In flights a table of traced rays says how well the UAV hears each device; there is no fading, and where " +
+    "no ray arrives, nothing is heard. Shadows and the tool Channel show the paper's model, which is also what agents are told. " +
+    `Traced with Sionna RT; source: ${source}, ${licence}`,
+
   // What is wrong with a mission or a city
   sealed: ({ cells, where: [row, col] }) =>
     

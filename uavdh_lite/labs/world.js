@@ -1,5 +1,5 @@
 // The world in JavaScript: what streams, city, shadowing, channel, environment, beyond/failsafe,
-// scenario, missions and evaluation do in Python, in their order and by their names. Whoever changes
+// beyond/measured, scenario, missions and evaluation do in Python, in their order and by their names. Whoever changes
 // one changes the other; tests/labs/test_world.py compares them.
 //
 // A cell is a number, row · M + column, where M is the number of cells on a side; n = M². A mask is a
@@ -380,6 +380,33 @@ export class Environment {
       const sight = this.sight(device)[share < 0.5 ? state.uavCell : nextCell];
       const loss = pathLossDb(CHANNEL.altitude ** 2 + down ** 2 + right ** 2, sight);
       return this.transmitSnrDb - loss + fadingDb(draw, sight);
+    });
+  }
+}
+
+/** A city in which a table says what is heard. What agents are told stays the model's; see beyond/measured.py. */
+export class MeasuredEnvironment extends Environment {
+  /**
+   * @param {City} city
+   * @param {Uint8Array} gain (n · n), device cell by UAV cell: q for a gain of −q/2 dB, 255 for nothing heard
+   * @param {number} levelDb what makes an SNR of a gain, dB
+   */
+  constructor(city, gain, levelDb) {
+    super(city);
+    this.meanSnrDb = Float32Array.from(gain, (q) => (q === 255 ? -Infinity : levelDb - q / 2));
+  }
+
+  /** From a device's cell to the UAV over each, dB; (n,). */
+  tracedSnrs(cell) {
+    return this.meanSnrDb.subarray(cell * this.cells, (cell + 1) * this.cells);
+  }
+
+  snrDb(state, nextCell, fading) {
+    const devices = state.deviceCells.length;
+    return fading.map((_, place) => {
+      const share = (Math.floor(place / devices) + 1) / CHANNEL.slots;
+      const snrs = this.tracedSnrs(state.deviceCells[place % devices]);
+      return snrs[share < 0.5 ? state.uavCell : nextCell];
     });
   }
 }
