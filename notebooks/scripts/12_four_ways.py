@@ -128,7 +128,7 @@ assert flights["landed"].all()
 # reward. But the environment knows the channel and the city, so both can be computed and laid over the map as three more layers:
 
 # %%
-from uavdh_lite.beyond.told import TOLD, ToldObservation
+from uavdh_lite.beyond.told import TOLD_LAYERS, ToldObservation
 from uavdh_lite.missions import Mission
 
 state = Mission(city, (8, 4), [(4, 7), (11, 11)], [15, 6], flying_time=50).state
@@ -136,7 +136,7 @@ told = ToldObservation(environment).told(state)[0].reshape(3, 16, 16)
 
 # %%
 figure = Figure(figsize=(9, 3.2), layout="constrained")
-for ax, layer, name in zip(figure.subplots(1, 3), told, TOLD):
+for ax, layer, name in zip(figure.subplots(1, 3), told, TOLD_LAYERS):
     ax.imshow(layer, cmap="magma")
     ax.plot([7, 11], [4, 11], "x", color="white")
     ax.plot(4, 8, "^", color="white")

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from uavdh_lite.beyond.told import TOLD, ToldObservation
+from uavdh_lite.beyond.told import TOLD_LAYERS, ToldObservation
 from uavdh_lite.channel import rate
 from uavdh_lite.city import City
 from uavdh_lite.environment import Environment
@@ -63,7 +63,7 @@ def test_layers_lie_in_the_frame_as_the_others_do(kind, environment, states):
     assert maps.shape[1:] == told.map_shape and torch.equal(time, plain(states)[1])
     count = plain.map_shape[0]
     assert torch.equal(maps[:, :count], plain(states)[0])
-    assert told.map_shape[0] == count + len(TOLD)
+    assert told.map_shape[0] == count + len(TOLD_LAYERS)
     # A landing cell is where the way home is 1, in either frame; outside all is 0.
     landing = LAYERS.index("landing zone")
     assert torch.equal(maps[:, count + 1] == 1, maps[:, landing] == 1)

@@ -22,16 +22,16 @@ from uavdh_lite.environment import State
 from uavdh_lite.observation import Observation
 from uavdh_lite.planners import shortest_paths
 
-TOLD = ("expected data", "way home", "way there")
+TOLD_LAYERS = ("expected data", "way home", "way there")
 
 
 class ToldObservation(Observation):
-    """An `Observation` with the layers of `TOLD` after the others.
+    """An `Observation` with the layers of `TOLD_LAYERS` after the others.
 
     Tables of all pairs of cells, 5·M⁴ bytes a city, are made at the first use.
     """
 
-    layers = TOLD
+    layers = TOLD_LAYERS
 
     @property
     def map_shape(self) -> tuple[int, int, int]:
