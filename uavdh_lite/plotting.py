@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PatchCollection
-from matplotlib.colors import to_rgb
+from matplotlib.colors import LogNorm, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
@@ -29,6 +30,7 @@ from uavdh_lite.storage import write_atomically
 # from these and from each other, for readers with red-green blindness, too.
 ORANGE, BLUE, GREEN = "#E69F00", "#0072B2", "#009E73"
 PINK, VERMILION, SKY_BLUE = "#CC79A7", "#D55E00", "#56B4E9"
+WHITE_BELOW = colormaps["viridis"].with_extremes(under="white")
 RED = "#C1272D"  # no-fly zones, crashes, errors, wrong answers
 DEVICE_COLOURS = (
     *(ORANGE, BLUE, GREEN, PINK, VERMILION, SKY_BLUE),
@@ -121,17 +123,45 @@ def draw_trajectory(ax: Axes, environment: Environment, trajectory: Trajectory) 
     return ax
 
 
-def draw_rates(ax: Axes, environment: Environment, device: tuple[int, int]) -> Axes:
+def draw_rates(
+    ax: Axes,
+    environment: Environment,
+    device: tuple[int, int],
+    limits: tuple[float, float] | None = None,
+) -> Axes:
     """Data units a slot, without fading, from a device to a UAV over each cell of the first city.
 
     Cells that the UAV may not enter stay as on the map.
+
+    Arguments:
+        limits: of the colours, for maps that share a bar, which is then left to the caller; cells
+            with less, or with nothing, are white.
     """
     city = environment.cities[0]
     rates = environment.rate_map(device[0] * environment.size + device[1])
-    rates = np.where(city.no_fly, np.nan, rates)
-    picture = draw_city(ax, city).imshow(rates, norm="log", zorder=1.5)
+    scale, picture_ax = {"norm": "log", "zorder": 1.5}, draw_city(ax, city)
+    if limits:
+        rates = np.maximum(rates, limits[0] / 2)
+        scale["norm"], scale["cmap"] = LogNorm(*limits), WHITE_BELOW
+    picture = picture_ax.imshow(np.where(city.no_fly, np.nan, rates), **scale)
     ax.plot(device[1], device[0], "X", color="white", mec="black", ms=12, zorder=6)
-    ax.figure.colorbar(picture, label="data units per slot, logarithmic scale")
+    if not limits:
+        ax.figure.colorbar(picture, label="data units per slot, logarithmic scale")
+    return ax
+
+
+def draw_links(ax: Axes, distance_m: np.ndarray, snr_db: np.ndarray, model_db: np.ndarray) -> Axes:
+    """SNRs of links over their distance, (N,) each, the line fitted to them, and the model's."""
+    heard = np.isfinite(snr_db)
+    x = 10 * np.log10(distance_m)
+    fitted = np.polyval(np.polyfit(x[heard], snr_db[heard], 1), x)
+    ax.plot(distance_m, snr_db, ".", ms=1.5, color=BLUE, rasterized=True, label="ray-traced")
+    ax.plot(distance_m, model_db, color=ORANGE, lw=3, label="paper")
+    ax.plot(distance_m, fitted, color=GREEN, lw=2, label="fitted to the rays")
+    below = (heard & (snr_db < -90)).sum()
+    ax.set_title(f"not shown: {below} below −90 dB, {(~heard).sum()} without a ray", size="small")
+    ax.set(xscale="log", xlabel="3-D distance, m", ylabel="SNR, dB", ylim=(-90, 25))
+    ax.set_xticks(ticks := [10, 30, 100], map(str, ticks))
     return ax
 
 
