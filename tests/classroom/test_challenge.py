@@ -1,6 +1,8 @@
 """The challenge: scores are those of `evaluate`, and a bad submission costs only itself."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -98,6 +100,39 @@ def test_a_submission_that_hangs_ends_in_time(kind, submit):
     assert time.monotonic() - started < 10
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no process groups")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_submission_ends_with_the_command_that_flies_it(number, submit, tmp_path):
+    noted = tmp_path / "pid"
+    text = f"import os, time\nopen({str(noted)!r}, 'w').write(str(os.getpid()))\ntime.sleep(60)"
+    command = [sys.executable, "-m", "uavdh_lite", "challenge", "score", submit(text)]
+    process = subprocess.Popen([*command, "--scenario", "village"])
+    while not noted.exists() or not noted.read_text():
+        assert process.poll() is None
+        time.sleep(0.1)
+    process.send_signal(number)
+    assert process.wait(20) == 130
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(noted.read_text()), 0)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no fork")
+def test_an_ended_submission_is_noticed_while_a_process_of_its_own_keeps_its_pipes(submit):
+    text = "import os, time\nif not os.fork():\n    os.setsid()\n    time.sleep(25)\nos._exit(0)"
+    started = time.monotonic()
+    assert score(SMALL, submit(text), seconds=20)["failed"] == "gave no answer"
+    assert time.monotonic() - started < 15
+
+
+@pytest.mark.parametrize("error", [MemoryError, ValueError])
+def test_whatever_goes_wrong_in_flight_is_a_failure(error, submit, monkeypatch):
+    def fails(*missions):
+        raise error("too much")
+
+    monkeypatch.setattr("uavdh_lite.course.challenge.evaluate", fails)
+    assert score(SMALL, submit(GREEDY))["failed"] == f"{error.__name__}: too much"
+
+
 def test_an_unknown_submission_is_refused():
     with pytest.raises(InputError, match=r"nobody\.py"):
         score(SMALL, "nobody.py")
@@ -152,7 +187,14 @@ def test_hidden_missions_differ_and_are_not_overwritten(tmp_path):
         second.save(tmp_path / "secret.json")
     if sys.platform != "win32":
         assert (tmp_path / "secret.json").stat().st_mode & 0o777 == 0o600
-    wrong = [{}, {"seed": None}, {"episodes": 1.5}, {"scenario": "nowhere"}, {"scenario": [1]}]
+    wrong = [
+        {},
+        {"seed": None},
+        {"episodes": 1.5},
+        {"episodes": 10**18},
+        {"scenario": "nowhere"},
+        {"scenario": [1]},
+    ]
     for values in ([], *(one and asdict(first) | one for one in wrong)):
         (tmp_path / "other.json").write_text(json.dumps(values))
         with pytest.raises(InputError, match=r"other\.json"):

@@ -141,6 +141,10 @@ FILES = {  # what others handed in instead of a notebook under its name
     "empty": (lambda text: "", FILE, [0, 0, 0], "set aside: not a notebook"),
     "other": (lambda text: OTHER.read_text(), FILE, [0, 0, 0], "set aside: another notebook"),
     "nothing": (lambda text: None, FILE, [0, 0, 0], "nothing handed in"),
+    "no_character": (
+        lambda text: text.replace("snr_db / 10", "snr_db / 10 # \\ud800"), FILE, [0, 0, 0],
+        "set aside: not a notebook (UnicodeEncodeError",
+    ),
     "twin": (lambda text: text + " ", FILE, [1, 2, 2], "the same file as twin_too"),
     "twin_too": (lambda text: text + " ", FILE, [1, 2, 2], "the same file as twin"),
 }  # fmt: skip
@@ -149,7 +153,7 @@ NOTES = {name: row[-1] for name, row in {**STUDENTS, **FILES}.items()}
 
 
 def hand_in(root: Path) -> None:
-    """A class of 31, of whom most are odd in one way."""
+    """A class of 32, of whom most are odd in one way."""
     for student, (made, _, _) in STUDENTS.items():
         notebook = made(nbformat.read(NOTEBOOKS / "exercises" / FILE, as_version=4))
         path = root / "submitted" / student / FILE
@@ -255,6 +259,74 @@ def test_moodle_s_zip_comes_in_and_the_feedback_goes_back(tmp_path, capsys):
     archive.write_text("no zip")
     with pytest.raises(InputError, match=r"all\.zip"):
         handed_in.collect(archive, tmp_path, ASSIGNMENT)
+
+
+def test_what_is_no_file_sets_one_student_aside(tmp_path):
+    shutil.copytree(NOTEBOOKS / "exercises" / ASSIGNMENT, tmp_path / "exercises" / ASSIGNMENT)
+    shutil.copytree(NOTEBOOKS / "exercises" / ASSIGNMENT, tmp_path / "submitted/good" / ASSIGNMENT)
+    (tmp_path / "submitted" / "folder" / FILE).mkdir(parents=True)
+    (tmp_path / "submitted" / "link" / ASSIGNMENT).mkdir(parents=True)
+    (tmp_path / "submitted" / "link" / FILE).symlink_to("nowhere")
+    folder, good, link = handed_in.look_through(tmp_path, ASSIGNMENT)
+    assert not good.notes and good.notebook
+    for sheet in (folder, link):
+        assert sheet.notes == [f"set aside: {FILE} is not a file", "nothing handed in"]
+
+
+@pytest.mark.parametrize("damage", ["this is no notebook", '{"cells": 5}', OTHER, b"\xff"])
+def test_a_damaged_release_is_named(tmp_path, damage, capsys):
+    release = tmp_path / "exercises" / FILE
+    release.parent.mkdir(parents=True)
+    (tmp_path / "submitted" / "one").mkdir(parents=True)
+    if damage is OTHER:
+        notebook = nbformat.read(OTHER, as_version=4)
+        notebook.cells = [c for c in notebook.cells if "nbgrader" not in c.metadata]
+        damage = json.dumps(notebook)
+    release.write_bytes(damage if isinstance(damage, bytes) else damage.encode())
+    assert main(["classroom", "check", ASSIGNMENT, "--course", str(tmp_path)]) == 2
+    assert f"{release}: " in (said := capsys.readouterr().err) and said.count("\n") == 1
+
+
+def damaged(content):
+    place = content.index(b"PK\1\2") - 40  # within the compressed bytes
+    return content[:place] + bytes(30) + content[place + 30 :]
+
+
+def central(offset, value):
+    def change(content):
+        place = content.index(b"PK\1\2") + offset
+        content = content[:place] + bytes([value]) + content[place + 1 :]
+        place = content.index(b"PK\3\4") + offset - 2
+        return content[:place] + bytes([value]) + content[place + 1 :]
+
+    return change
+
+
+@pytest.mark.parametrize("change", [damaged, central(8, 1), central(10, 99)])
+def test_a_zip_that_cannot_be_unpacked_is_named(tmp_path, change, capsys):
+    """Damaged, encrypted, compressed in a way that nobody knows."""
+    archive = tmp_path / "all.zip"
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
+        packed.writestr("a_1_assignsubmission_file_/x.ipynb", bytes(range(256)) * 9)
+    archive.write_bytes(change(archive.read_bytes()))
+    assert main(["classroom", "collect", str(archive), ASSIGNMENT, "--course", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "all.zip: a_1_assignsubmission_file_/x.ipynb: " in said and said.count("\n") == 1
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_what_is_set_aside_of_a_zip_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(handed_in, "LARGEST", 50)
+    with zipfile.ZipFile(tmp_path / "all.zip", "w") as packed:
+        for name, size in ((f"{'x' * 250}.ipynb", 1), ("..", 1), ("big.ipynb", 101)):
+            packed.writestr(f"a_1_assignsubmission_file_/{name}", "x" * size)
+        packed.writestr("b_2_assignsubmission_file_/y.ipynb", "first")
+        packed.writestr("b_2_assignsubmission_file_/y.ipynb", "second")
+    students, odd = handed_in.collect(tmp_path / "all.zip", tmp_path, ASSIGNMENT)
+    assert students == ["b_2"] and len(odd) == 4
+    assert "x.ipynb is set aside: File name too long" in odd[0]
+    assert "/.. is set aside" in odd[1] and "/big.ipynb is set aside: 0 MB" in odd[2]
+    assert "b_2_assignsubmission_file_/y.ipynb is there twice" in odd[3]
 
 
 @pytest.fixture(scope="module")

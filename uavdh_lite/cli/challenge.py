@@ -1,5 +1,6 @@
 """`challenge`: a competition for a class."""
 
+import signal
 from pathlib import Path
 from typing import Annotated
 
@@ -65,6 +66,8 @@ def score(
         raise InputError(f"two submissions would be {twice[0]}: score them one by one, with --name")
     if leaderboard:
         opened(leaderboard, flown)
+    # As Ctrl-C: else the submission would fly on for ever
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     for path in every:
         result = flown_score(flown, path, seconds, name)
         if result["failed"]:

@@ -19,7 +19,8 @@ def collect(archive: Path, assignment: str, /, *, course: Path = COURSE) -> None
         assignment: its name, such as 01_city_and_channel.
         course: the folder with exercises/ in it.
     """
-    students = handed_in.collect(archive, course, assignment)
+    students, odd = handed_in.collect(archive, course, assignment)
+    print(*(f"- {note}\n" for note in odd), sep="", end="")
     print(f"{course / 'submitted'}: {assignment} of {len(students)} students")
 
 

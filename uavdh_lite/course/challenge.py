@@ -51,10 +51,10 @@ class Challenge:
         if not isinstance(self.scenario, str):
             raise InputError(f"scenario {self.scenario!r}: must be the name of a preset")
         find_scenario(self.scenario)
-        for name, least in (("episodes", 1), ("seed", 0)):
+        for name, least, most in (("episodes", 1, 100_000), ("seed", 0, 2**63 - 1)):
             value = getattr(self, name)
-            if type(value) is not int or not least <= value < 2**63:
-                raise InputError(f"{name} {value!r}: must be a whole number, {least} or more")
+            if type(value) is not int or not least <= value <= most:
+                raise InputError(f"{name} {value!r}: must be a whole number, {least} to {most}")
 
     @property
     def fingerprint(self) -> str:
@@ -163,20 +163,28 @@ def score(
             outcome["failed"] = ""  # it has ended: what it said last is the reason
         except InputError as error:
             outcome["failed"] = str(error)
+        except Exception as error:  # one submission's affair: the others are scored
+            outcome["failed"] = f"{type(error).__name__}: {error}"
 
     # Threads that nobody has to wait for: a pipe may stay open in what a submission has started
     listener, pilot = (threading.Thread(target=work, daemon=True) for work in (listen, fly))
-    listener.start()
-    pilot.start()
-    pilot.join(seconds)
-    late = pilot.is_alive()
-    with suppress(ProcessLookupError):
-        os.killpg(process.pid, 9) if hasattr(os, "killpg") else process.kill()
-    process.wait()
+    try:
+        listener.start()
+        pilot.start()
+        ends = time.monotonic() + seconds
+        while pilot.is_alive() and process.poll() is None and time.monotonic() < ends:
+            pilot.join(min(0.1, seconds))
+        if ended := process.poll() is not None:
+            pilot.join(5)  # for what is left in the pipe, if no other process keeps that open
+        unfinished = pilot.is_alive()
+    finally:  # also after Ctrl-C
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, 9) if hasattr(os, "killpg") else process.kill()
+        process.wait()
     listener.join(1)
-    if late:
-        outcome = {"failed": f"took more than {seconds:g} s"}
-    elif outcome.get("failed") == "":
+    if unfinished:
+        outcome = {"failed": "" if ended else f"took more than {seconds:g} s"}
+    if outcome.get("failed") == "":
         last = said.decode(errors="replace").strip().split("\n")[-1][:300]
         outcome["failed"] = last or "gave no answer"
     taken = round(time.time() - started, 1)

@@ -7,6 +7,7 @@ mended copy to `checked/`, which the course's `nbgrader_config.py` has nbgrader 
 
 import ast
 import copy
+import errno
 import re
 import warnings
 import zipfile
@@ -49,14 +50,22 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
 
     A student whose file cannot be used gets an empty sheet, so that the feedback says why.
 
-    Raises `InputError` if the course has no such assignment, or nobody has handed in anything.
+    Raises `InputError` if the course has no such assignment, if what students got is damaged, or if
+    nobody has handed in anything.
     """
     release = course / "exercises" / assignment / f"{assignment}.ipynb"
     students = sorted(p for p in (course / "submitted").glob("*") if p.is_dir())
     if not release.is_file() or not students:
         missing = course / "submitted" if release.is_file() else release
         raise InputError(f"{missing} is not there: run this in the folder of the course")
-    empty = nbformat.read(release, as_version=4)
+    try:
+        empty = _notebook(release)
+        whole = _mended(empty.cells, empty, Sheet("")) is not None
+    except Exception as error:  # whatever a damaged file makes a parser say
+        said = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+        raise InputError(f"{release}: not a notebook ({said}): get it anew") from None
+    if not whole:
+        raise InputError(f"{release}: has no exercises: get it anew")
     sheets = [_sheet(student, assignment, empty) for student in students]
     for sheet in sheets:
         same = [o.student for o in sheets if o is not sheet and o.fingerprint == sheet.fingerprint]
@@ -66,6 +75,7 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
         if sheet.notes:
             said = "".join(f"\n- {note}" for note in sheet.notes)
             text = f"**Before this was graded, it was looked through.** What was found:\n{said}"
+            text = text.encode("utf-8", "backslashreplace").decode()  # a file's name may be odd
             graded.cells.insert(0, nbformat.v4.new_markdown_cell(text))
         path = course / "checked" / sheet.student / assignment / release.name
         write_atomically(path, lambda temporary, graded=graded: nbformat.write(graded, temporary))
@@ -77,7 +87,10 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
 def _sheet(student: Path, assignment: str, empty: nbformat.NotebookNode) -> Sheet:
     sheet = Sheet(student.name)
     every = [p for p in student.rglob("*.ipynb") if not any(x[0] == "." for x in p.parts[-3:])]
-    own = [p for p in every if p.parent.name == assignment or assignment in p.name]
+    named = [p for p in every if p.parent.name == assignment or assignment in p.name]
+    own = [p for p in named if p.is_file()]
+    for path in (p for p in named if p not in own):
+        sheet.notes.append(f"set aside: {path.relative_to(student).as_posix()} is not a file")
     if not own:
         sheet.notes.append("nothing handed in")
         return sheet
@@ -90,16 +103,22 @@ def _sheet(student: Path, assignment: str, empty: nbformat.NotebookNode) -> Shee
     if path.stat().st_size > LARGEST:
         sheet.notes.append(f"set aside: {path.stat().st_size / 1e6:.0f} MB, too large to read")
         return sheet
-    content = path.read_bytes()
-    sheet.fingerprint = sha256(content).hexdigest()
     try:
-        with warnings.catch_warnings(action="ignore"):  # of ids that are missing, or there twice
-            cells = nbformat.reads(content.decode("utf-8-sig"), as_version=4).cells
-        sheet.notebook = _mended(cells, empty, sheet)
+        sheet.fingerprint = sha256(path.read_bytes()).hexdigest()
+        mended = _mended(_notebook(path).cells, empty, sheet)
+        if mended is not None:
+            nbformat.writes(mended).encode()  # JSON can say what is no character
+        sheet.notebook = mended
     except Exception as error:  # whatever a student's file makes a parser say
+        sheet.answered = 0
         said = " ".join(f"{type(error).__name__}: {error}".split())[:120]
         sheet.notes.append(f"set aside: not a notebook ({said})")
     return sheet
+
+
+def _notebook(path: Path) -> nbformat.NotebookNode:
+    with warnings.catch_warnings(action="ignore"):  # of ids that are missing, or there twice
+        return nbformat.reads(path.read_bytes().decode("utf-8-sig"), as_version=4)
 
 
 def _mended(
@@ -203,31 +222,47 @@ def _is_honest(
     return not taken
 
 
-def collect(archive: Path, course: Path, assignment: str) -> list[str]:
-    """Unpack Moodle's zip of all submissions into `submitted/`; returns the students.
+def collect(archive: Path, course: Path, assignment: str) -> tuple[list[str], list[str]]:
+    """Unpack Moodle's zip of all submissions into `submitted/`.
 
-    Raises `InputError` if it is no such zip.
+    Returns the students, and what is odd: files that are set aside, and two of one name. Raises
+    `InputError` if it is no such zip, or damaged, or encrypted.
     """
-    students = []
+    odd: list[str] = []
+    written: list[Path] = []
     try:
-        with zipfile.ZipFile(archive) as packed:
-            for entry in packed.infolist():
-                match = MOODLE.fullmatch(entry.filename)
-                if match and entry.file_size <= 2 * LARGEST:
-                    path = (
-                        course / "submitted" / match["who"] / assignment / Path(match["file"]).name
-                    )
-                    write_atomically(
-                        path, lambda to, entry=entry: to.write_bytes(packed.read(entry))
-                    )
-                    students.append(match["who"])
-    except zipfile.BadZipFile as error:
+        packed = zipfile.ZipFile(archive)
+    except OSError:
+        raise
+    except Exception as error:  # whatever a damaged zip makes its reader say
         raise InputError(f"{archive}: {error}") from None
-    if not students:
+    with packed:
+        for entry in packed.infolist():
+            if not (match := MOODLE.fullmatch(entry.filename)):
+                continue
+            if entry.file_size > 2 * LARGEST:
+                odd.append(f"{entry.filename} is set aside: {entry.file_size / 1e6:.0f} MB")
+                continue
+            try:
+                content = packed.read(entry)
+            except Exception as error:  # damaged, encrypted, or compressed in an unknown way
+                raise InputError(f"{archive}: {entry.filename}: {error}") from None
+            path = course / "submitted" / match["who"] / assignment / Path(match["file"]).name
+            try:
+                write_atomically(path, lambda to, content=content: to.write_bytes(content))
+            except OSError as error:
+                if error.errno not in (errno.ENAMETOOLONG, errno.EISDIR, errno.EBUSY):
+                    raise
+                odd.append(f"{entry.filename} is set aside: {error.strerror}")
+                continue
+            if path in written:
+                odd.append(f"{entry.filename} is there twice: the later one counts")
+            written.append(path)
+    if not written and not odd:
         raise InputError(
             f"{archive}: no NAME_NUMBER_assignsubmission_file_/FILE in it, as Moodle has"
         )
-    return sorted(set(students))
+    return sorted({path.parts[-3] for path in written}), odd
 
 
 def give_back(archive: Path, course: Path, assignment: str) -> list[str]:
