@@ -62,7 +62,7 @@ def remove_unfinished(folder: Path) -> None:
 def write_table(path: str | Path, rows: list[dict]) -> None:
     """Write rows with equal keys as CSV, compressed if the name ends in `.gz`; None is empty.
 
-    Floats keep six digits. Equal rows give equal bytes.
+    Floats keep six digits. Equal rows give equal bytes, and a file that has them is left alone.
     """
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
@@ -72,7 +72,8 @@ def write_table(path: str | Path, rows: list[dict]) -> None:
     content = _bytes(text.getvalue())
     if Path(path).suffix == ".gz":
         content = gzip.compress(content, mtime=0)
-    write_atomically(path, lambda temporary: temporary.write_bytes(content))
+    if not Path(path).is_file() or Path(path).read_bytes() != content:
+        write_atomically(path, lambda temporary: temporary.write_bytes(content))
 
 
 def read_table(path: str | Path) -> dict[str, np.ndarray]:
@@ -115,7 +116,7 @@ def read_json(path: str | Path) -> dict:
     """The object in a JSON file; raises `InputError` if the file holds none."""
     try:
         values = json.loads(Path(path).read_bytes())
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not JSON, or damaged ({error})") from None
     if not isinstance(values, dict):
         raise InputError(f"{path}: holds no JSON object")

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from uavdh_lite.checkpoint import load, load_agent
-from uavdh_lite.errors import InputError
+from uavdh_lite.errors import CheckpointError, InputError
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments import runs
 from uavdh_lite.experiments.runs import SAVED, train
@@ -95,6 +95,22 @@ def test_the_same_call_with_resume_begins_and_continues_and_ends(trainer, tmp_pa
     assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
     rows = [read_table(folder / "validation.csv") for folder in (out, tmp_path / "whole")]
     assert rows[0]["return"].tolist() == rows[1]["return"].tolist()
+
+
+@pytest.mark.parametrize("damage", ["", "steps,return\n", "a,b\n1,2\n", "steps\nx\n", None])
+@pytest.mark.parametrize("name", ["training.csv", "validation.csv", "about.json"])
+def test_what_was_lost_or_damaged_is_written_again(trainer, tmp_path, name, damage):
+    options = {"steps": BIN + 50, "environments": 50, "batch_size": 64, "validation_interval": 2500}
+    train(trainer(**options), tmp_path, command="a command")
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    (tmp_path / name).unlink()
+    if damage is not None:
+        (tmp_path / name).write_text(damage)
+    train(trainer(**options), tmp_path, resume=True, command="a command")
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+    (tmp_path / "best.safetensors").write_text("x")
+    with pytest.raises(CheckpointError, match=r"best\.safetensors"):
+        train(trainer(**options), tmp_path, resume=True)
 
 
 def test_a_run_is_saved_by_time_too_and_goes_on_only_with_its_own_threads(

@@ -15,6 +15,7 @@ import numpy as np
 import psutil
 import pytest
 import torch
+from filelock import FileLock
 
 from uavdh_lite.beyond.recipes import TOLD
 from uavdh_lite.checkpoint import load, load_agent
@@ -199,6 +200,26 @@ def test_two_seeds_of_every_recipe_are_trained_and_drawn(recipe, tmp_path, capsy
     assert all(steps) and (steps[0] != steps[1]) == (recipe == "imitation")
     assert len(capsys.readouterr().out.splitlines()[1].split()) == 3  # a score for each seed
     assert (tmp_path / "curves.png").stat().st_size > 5000
+
+
+def test_a_study_goes_on_when_the_shell_that_began_it_ends(tmp_path):
+    """With one job the runs are made by the study's own process, whose parent is the shell."""
+    command = " ".join([sys.executable, "-m", "uavdh_lite", *study(tmp_path, "--seeds", "1")])
+    begun = f"until ls {tmp_path}/*/about.json; do sleep 0.05; done"
+    subprocess.run(["sh", "-c", f"{command} > {tmp_path}/log 2>&1 & {begun}"], check=True)
+    for _ in range(600):
+        if (tmp_path / "curves.png").exists():
+            break
+        time.sleep(0.1)
+    assert (tmp_path / "curves.png").exists(), (tmp_path / "log").read_text()
+
+
+def test_two_studies_share_no_folder(tmp_path):
+    with (
+        FileLock(tmp_path / "lock"),
+        pytest.raises(InputError, match="another process is training there"),
+    ):
+        run_study(find_scenario("village"), centring(RECIPE), 1, tmp_path)
 
 
 @pytest.mark.long

@@ -47,9 +47,11 @@ def columns(environment: Environment, flights: Flights) -> Columns:
     """What was drawn for each episode, then its metrics from `Flights.records`; (N,) each.
 
     `devices`, `flying_time` and `data`, the sum over the devices in data units, were drawn; over
-    several cities also `city`, a name.
+    several cities also `city`, a name, with its number where two cities share one.
     """
     start, names = flights.start, np.array([city.name for city in environment.cities])
+    if len(set(names)) < len(names):
+        names = np.array([f"{name} {number}" for number, name in enumerate(names)])
     return {
         **({"city": names[start.city]} if len(names) > 1 else {}),
         "devices": (start.data_initial > 0).sum(axis=1),

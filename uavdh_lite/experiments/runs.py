@@ -11,7 +11,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 from tqdm.auto import tqdm
 
-from uavdh_lite.checkpoint import save_agent
+from uavdh_lite.checkpoint import load, save_agent
 from uavdh_lite.errors import InputError, TrainingDiverged
 from uavdh_lite.experiments.stopping import deferred_stop
 from uavdh_lite.storage import read_json, read_table, remove_unfinished, write_json, write_table
@@ -66,7 +66,7 @@ def train(
     _require_whole(out, resume)
     keep_freed_memory()
     end = min(recipe.steps, stop_after or recipe.steps)
-    with _locked(out):
+    with locked(out):
         remove_unfinished(out)
         if saved.exists():
             _restore(trainer, out, command)
@@ -115,7 +115,7 @@ def _refuse_part(out: Path, missing: str) -> None:
 
 
 @contextmanager
-def _locked(out: Path) -> Iterator[None]:
+def locked(out: Path) -> Iterator[None]:
     """Keep other processes out of the folder, which is made if need be."""
     out.mkdir(parents=True, exist_ok=True)
     try:
@@ -135,13 +135,29 @@ def _restore(trainer: Trainer, out: Path, command: str) -> None:
         except (OSError, InputError, KeyError):
             begun = ""
         raise InputError(f"{error}{begun}") from None
-    if not trainer.validation_rows:
-        return
-    table, newest = out / "validation.csv", trainer.validation_rows[-1]["steps"]
-    if not table.exists() or read_table(table)["steps"][-1] < newest:  # killed between the writes
+    if trainer.validation_rows:
+        _mend(trainer, out, command)
+
+
+def _mend(trainer: Trainer, out: Path, command: str) -> None:
+    """Write again what is lost or damaged, or was left out by a kill; agents alone cannot be."""
+    newest = trainer.validation_rows[-1]["steps"]
+    try:
+        written = read_table(out / "validation.csv")["steps"][-1] == newest
+    except (OSError, InputError, LookupError):
+        written = False
+    if trainer.steps == newest and not written:
         _write_results(trainer, out, command)
+    _write_tables(trainer, out)
+    try:
+        intact = read_json(out / "about.json").get("seed") == trainer.seed
+    except (OSError, InputError):
+        intact = False
+    if not intact:
+        _write_about(trainer, out, command)
     if not (out / "best.safetensors").exists():
         _refuse_part(out, "best.safetensors")
+    load(out / "best.safetensors", "agent")
 
 
 def _board() -> Callable[..., AbstractContextManager]:
@@ -155,11 +171,15 @@ def _write_results(trainer: Trainer, out: Path, command: str) -> str:
     training = _write_about(trainer, out, command)
     if trainer.is_best:
         save_agent(out / "best.safetensors", replace(trainer.agent, training=training))
+    _write_tables(trainer, out)
+    newest = trainer.validation_rows[-1]
+    return f"landed {newest['landed']:.1%}, return {newest['return']:.1f}"
+
+
+def _write_tables(trainer: Trainer, out: Path) -> None:
     if trainer.training_rows:
         write_table(out / "training.csv", trainer.training_rows)
     write_table(out / "validation.csv", trainer.validation_rows)
-    newest = trainer.validation_rows[-1]
-    return f"landed {newest['landed']:.1%}, return {newest['return']:.1f}"
 
 
 def _write_about(trainer: Trainer, out: Path, command: str) -> dict:

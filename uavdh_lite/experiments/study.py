@@ -19,7 +19,7 @@ from tqdm.auto import tqdm
 from uavdh_lite.city import load_cities
 from uavdh_lite.config import shown
 from uavdh_lite.errors import InputError, extra
-from uavdh_lite.experiments.runs import train
+from uavdh_lite.experiments.runs import locked, train
 from uavdh_lite.experiments.stopping import deferred_stop
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
@@ -100,8 +100,9 @@ def run_study(
         cluster: the address of a Dask cluster's scheduler; then its workers make the runs. They see
             `out` under the same path. If one is lost, another goes on with its run.
 
-    Raises `InputError` for runs that are too short for a curve, and for a cluster that cannot be
-    reached or whose workers have several threads; `MissingExtra` if Dask is not installed.
+    Raises `InputError` for runs that are too short for a curve, for a folder in which another study
+    runs, and for a cluster that cannot be reached or whose workers have several threads;
+    `MissingExtra` if Dask is not installed.
     """
     for recipe in variants.values():
         if recipe.steps < BIN:
@@ -109,13 +110,11 @@ def run_study(
     out = Path(out).absolute()
     stop = out / STOP
     out.mkdir(parents=True, exist_ok=True)
-    stop.unlink(missing_ok=True)  # left by a study that was killed
     grid = [(name, seed) for seed in range(seeds) for name in variants]
-    with _workers(cluster, jobs) as parallel, deferred_stop(stop.touch) as stopped:
-        done = parallel(
-            joblib.delayed(_run)(scenario, variants[name], seed, out / f"{name}-{seed}", command)
-            for name, seed in grid
-        )
+    with locked(out), _workers(cluster, jobs) as parallel, deferred_stop(stop.touch) as stopped:
+        stop.unlink(missing_ok=True)  # left by a study that was killed
+        runs = ((variants[name], seed, out / f"{name}-{seed}") for name, seed in grid)
+        done = parallel(joblib.delayed(_run)(scenario, *run, command, os.getpid()) for run in runs)
         for folder in tqdm(done, total=len(grid), unit="run"):
             if folder is not None:
                 tqdm.write(f"finished: {folder}", file=sys.stderr)
@@ -144,13 +143,19 @@ def _workers(cluster: str, jobs: int) -> Iterator[joblib.Parallel]:
         yield joblib.Parallel(n_jobs=-1)
 
 
-def _run(scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: str) -> Path | None:
+def _run(
+    scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: str, study: int
+) -> Path | None:
     """One training run, from its start or from where it was saved; None if it was stopped.
 
-    It stops when the study does: when the file `STOP` is there, or the process that began this one
-    is gone, however that ended.
+    It stops when the study does: when the file `STOP` is there, or the process `study` is gone that
+    began this one, however that ended.
     """
-    parent, stop = os.getppid(), folder.parent / STOP
+    stop, is_worker = folder.parent / STOP, os.getppid() == study
+
+    def orphaned() -> bool:
+        return is_worker and os.getppid() != study
+
     if stop.exists():
         return None
     torch.set_num_threads(1)
@@ -161,10 +166,10 @@ def _run(scenario: Scenario, recipe: Recipe, seed: int, folder: Path, command: s
             resume=True,
             command=command,
             show_progress=False,
-            stop=lambda: os.getppid() != parent or stop.exists(),
+            stop=lambda: orphaned() or stop.exists(),
         )
     except KeyboardInterrupt:
-        if os.getppid() != parent:
+        if orphaned():
             os._exit(130)  # nobody is left to tell, and an idle worker would wait for minutes
         stop.touch()  # it may have been a Ctrl-C that only this process got
         return None
