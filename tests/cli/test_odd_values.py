@@ -2,6 +2,7 @@
 
 import pytest
 
+from uavdh_lite.bridges import sionna
 from uavdh_lite.cli import challenge, city, flying, training
 from uavdh_lite.cli.main import COMMANDS, _application, main
 from uavdh_lite.labs import page
@@ -63,7 +64,8 @@ def test_an_odd_value_gives_one_line_or_the_work_begins(
     for module, works in (
         (challenge, ["flown_score"]),
         (challenge.Challenge, ["save"]),
-        (city, ["city_of_footprints", "Tracer"]),
+        (city, ["city_of_footprints"]),
+        (sionna, ["Tracer"]),
         (flying.evaluation, ["evaluate"]),
         (flying.missions.Mission, ["fly"]),
         (flying.comparison, ["compare"]),
