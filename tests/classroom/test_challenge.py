@@ -145,7 +145,7 @@ def test_no_score_is_lost_when_ten_processes_write_at_once(tmp_path):
         "from uavdh_lite.course.challenge import SCORED, Challenge, enter; "
         "input(); path, own = Path(sys.argv[1]), sys.argv[2]; "
         "[enter(path, Challenge('village', 40), dict.fromkeys(SCORED, [0, 0, 0]) "
-        "| {'name': own + str(k), 'failed': None, 'file': None}) for k in range(4)]"
+        "| {'name': own + str(k), 'failed': None, 'file': None, 'when': ''}) for k in range(4)]"
     )
     writers = [
         subprocess.Popen([sys.executable, "-c", code, path, f"{k}-"], stdin=subprocess.PIPE)
@@ -168,8 +168,8 @@ def test_the_board_ranks_and_keeps_failures_apart(tmp_path):
     board = tmp_path / "board.json"
     for name, share in (("second", 0.5), ("first", 0.9)):
         numbers = {name: [share] * 3 for name in SCORED}
-        enter(board, SMALL, {"name": name, "file": None, "failed": None, **numbers})
-    enter(board, SMALL, {"name": "first", "file": None, "failed": "a reason"})
+        enter(board, SMALL, {"name": name, "file": None, "failed": None, "when": "", **numbers})
+    enter(board, SMALL, {"name": "first", "file": None, "failed": "a reason", "when": ""})
     table = leaderboard(board)
     places = [table.index(part) for part in ("| 1 | first", "| 2 | second", "failed: first: a")]
     assert places == sorted(places)
@@ -208,6 +208,66 @@ def test_the_commands(tmp_path, capsys, submit):
     assert main(command.split()) == 0
     assert main(f"challenge show {board}".split()) == 0
     assert "| 1 |" in capsys.readouterr().out
+
+
+BROKEN = [  # what stands in a board instead of what belongs there
+    *({"scores": value} for value in ([], None, {"a": {}}, {"a": 5}, {"a": None})),
+    *({"failures": value} for value in (5, None, [{}], ["a"], {})),
+    *({"scenario": value} for value in (5, None, "nowhere")),
+    *({"episodes": None}, {"fingerprint": 5}),
+]
+ENTRY = {"name": "a", "file": None, "failed": None, "when": "", **{n: [0, 0, 0] for n in SCORED}}
+BROKEN += [
+    {"scores": {"a": ENTRY | {key: value}}}
+    for key, value in [
+        *(("name", 5), ("when", None), ("file", 5), ("return", 5), ("return", "abc")),
+        *(("return", [1, 2]), ("return", [1, 2, None]), ("return", [1, 2, 10**400])),
+        *(("return", [0, 0, float("nan")]), ("return", None)),
+    ]
+]
+
+
+@pytest.mark.parametrize("values", [*BROKEN, "[" * 100_000, "null", "[]"])
+def test_a_damaged_board_is_named(values, tmp_path, capsys):
+    path = tmp_path / "board.json"
+    board = {"scenario": "village", "episodes": 40, "fingerprint": SMALL.fingerprint}
+    board |= {"scores": {"a": ENTRY}, "failures": []}
+    path.write_text(json.dumps(board))
+    assert main(["challenge", "show", str(path)]) == 0
+    path.write_text(values if isinstance(values, str) else json.dumps(board | values))
+    for command in (["show", str(path)], ["score", "greedy", "--leaderboard", str(path)]):
+        capsys.readouterr()
+        assert main(["challenge", *command]) == 2
+        said = capsys.readouterr().err
+        assert f"{path}: " in said and said.count("\n") == 1
+
+
+def test_a_deeply_nested_secret_is_named(tmp_path):
+    (tmp_path / "secret.json").write_text("[" * 100_000)
+    with pytest.raises(InputError, match=r"secret\.json: expected"):
+        Challenge.load(tmp_path / "secret.json")
+
+
+def test_what_a_terminal_or_a_table_would_not_show_is_escaped(submit, tmp_path):
+    text = "raise RuntimeError('\\x1b[2J a | b \\u202e')"
+    failed = score(SMALL, submit(text))["failed"]
+    assert failed == "RuntimeError: \\x1b[2J a | b \\u202e"
+    path = tmp_path / "board.json"
+    for odd in ({"failed": "\x1b|\n"}, {}):
+        enter(path, SMALL, ENTRY | {"name": "\x1b|\n"} | odd)
+    table = leaderboard(path)
+    assert "- failed: \\x1b&#124;\\n: \\x1b&#124;\\n" in table
+    assert "| 1 | \\x1b&#124;\\n | 0.0%" in table
+
+
+def test_scenarios_that_would_not_be_flown_are_refused(tmp_path, capsys):
+    secret = tmp_path / "secret.json"
+    assert main(["challenge", "new", str(secret), "--scenario", "any_city"]) == 2
+    assert "has many cities" in capsys.readouterr().err and not secret.exists()
+    SMALL.save(secret)
+    both = ["--secret", str(secret), "--scenario", "manhattan"]
+    assert main(["challenge", "score", "greedy", *both]) == 2
+    assert "--secret has its own" in capsys.readouterr().err
 
 
 def test_two_with_one_name_do_not_overwrite_each_other(tmp_path, capsys):

@@ -153,6 +153,10 @@ def test_the_landing_zone_is_free_and_near_the_point_and_not_in_a_courtyard(made
         ([feature("Point", [8.0, 50.0])], "1 features and no polygon"),
         ([square(0, 0, 10), {"geometry": 7}], "feature 1 is broken"),
         ([3], "feature 0 is broken"),
+        ([feature("Polygon", [])], "no polygon"),
+        ([feature("Polygon", [[]])], "no polygon|feature 0 is broken"),
+        ([feature("MultiPolygon", [])], "no polygon"),
+        ([feature("Polygon", [[[8, 50], [8, 51], [10**400, 51], [8, 50]]])], "feature 0 is broken"),
         ([feature("Polygon", [[[8, 50], [8.1, 50]]])], "feature 0 is broken"),
         ([feature("Polygon", [["a", "b", "c", "d"]])], "feature 0 is broken"),
         ([feature("Polygon", [[[8, 50], [8, 51], [9, math.nan], [8, 50]]])], "finite"),
@@ -178,6 +182,19 @@ def test_what_cannot_be_used_is_named(tmp_path, content, named):
 def test_bad_options_are_named(wrong):
     with pytest.raises(InputError, match=next(iter(wrong))):
         Raster(**{"centre": CENTRE, **wrong})
+
+
+def test_a_landing_zone_outside_the_city_is_refused(made):
+    longitude, latitude = degrees(21, 0)
+    with pytest.raises(InputError, match=r"landing .* is outside the city"):
+        made(square(-20, 10, 10), landing=(latitude, longitude))
+
+
+def test_a_byte_order_mark_does_no_harm(tmp_path):
+    path = tmp_path / "campus.geojson"
+    path.write_bytes(b"\xef\xbb\xbf" + CAMPUS.read_bytes())
+    city = city_of_footprints(path, Raster(CENTRE))[0]
+    assert city.text == City.from_text("campus", DRAWN).text
 
 
 def test_too_few_cells_for_the_landing_zone_is_an_error_of_the_city():

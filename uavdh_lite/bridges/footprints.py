@@ -80,6 +80,11 @@ def city_of_footprints(path: str | Path, raster: Raster) -> tuple[City, Counter[
     corners = np.concatenate([shapely.get_coordinates(shape) for shape, _ in buildings])
     _require_degrees(path, corners, raster)
     half = raster.cells * raster.cell_size_m / 2
+    if raster.landing is not None and (abs(raster.metres(raster.landing[::-1])) > half).any():
+        raise InputError(
+            f"footprints: landing {raster.landing} is outside the city: it has {half:g} m "
+            f"on each side of the centre {raster.centre}"
+        )
     edges = np.linspace(-half, half, raster.cells + 1)
     west, north = np.meshgrid(edges[:-1], edges[:0:-1])
     squares = shapely.box(west, north - raster.cell_size_m, west + raster.cell_size_m, north)
@@ -146,7 +151,7 @@ def _buildings(path: Path) -> list[tuple[Any, dict]]:
     if path.stat().st_size > LARGEST:
         raise InputError(f"{path}: {path.stat().st_size} bytes: export a smaller area")
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a JSON file: {error}") from None
     if not isinstance(content, dict) or not isinstance(content.get("features"), list):
@@ -160,11 +165,13 @@ def _buildings(path: Path) -> list[tuple[Any, dict]]:
                     shape = shapely.geometry.shape(geometry)
                 if not np.isfinite(shapely.get_coordinates(shape)).all():
                     raise ValueError("a coordinate is not a finite number")
-                polygons.append((shape, dict(properties)))
+                if not shape.is_empty:  # as GeoJSON says "no geometry", too
+                    polygons.append((shape, dict(properties)))
         except (
             ValueError,
             TypeError,
             LookupError,
+            OverflowError,
             AttributeError,
             shapely.errors.ShapelyError,
         ) as error:

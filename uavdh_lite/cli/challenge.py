@@ -24,7 +24,7 @@ def new(file: Path, /, *, scenario: str = "manhattan", episodes: Count = 1000) -
 
     Arguments:
         file: the secret file; do not hand it out.
-        scenario: a preset's name.
+        scenario: a preset's name, of a single city.
         episodes: number of missions.
     """
     Challenge.hidden(scenario, episodes).save(file)
@@ -38,7 +38,7 @@ def score(
     *submissions: str,
     secret: Path | None = None,
     leaderboard: Path | None = None,
-    scenario: str = "manhattan",
+    scenario: str | None = None,
     seconds: Annotated[float, Parameter(validator=Number(gt=0, lte=86_400))] = 300,
     name: str | None = None,
 ) -> None:
@@ -53,11 +53,13 @@ def score(
         submissions: more of them.
         secret: the file that challenge new made.
         leaderboard: a file to enter the scores in.
-        scenario: the practice set's preset.
+        scenario: the practice set's preset, by default manhattan; a secret has its own.
         seconds: time limit of a submission.
         name: the name to enter one submission under; it may replace a score of that name.
     """
-    flown = Challenge.load(secret) if secret else Challenge(scenario)
+    if secret and scenario is not None:
+        raise InputError("--scenario is that of the practice set: --secret has its own")
+    flown = Challenge.load(secret) if secret else Challenge(scenario or "manhattan")
     every = (submission, *submissions)
     if name is not None and submissions:
         raise InputError("--name names one submission: score the others by themselves")

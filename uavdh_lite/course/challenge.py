@@ -50,7 +50,10 @@ class Challenge:
     def __post_init__(self):
         if not isinstance(self.scenario, str):
             raise InputError(f"scenario {self.scenario!r}: must be the name of a preset")
-        find_scenario(self.scenario)
+        if find_scenario(self.scenario).city.startswith("random:"):
+            raise InputError(
+                f"scenario {self.scenario}: has many cities; a challenge flies over one"
+            )
         for name, least, most in (("episodes", 1, 100_000), ("seed", 0, 2**63 - 1)):
             value = getattr(self, name)
             if type(value) is not int or not least <= value <= most:
@@ -84,6 +87,12 @@ class Challenge:
             return cls(**values)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
+
+
+def _shown(text: str) -> str:
+    """A text in one line, with nothing that a terminal would obey."""
+    escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return "".join(escaped)
 
 
 def entry_name(submission: str, name: str | None = None) -> str:
@@ -187,6 +196,8 @@ def score(
     if outcome.get("failed") == "":
         last = said.decode(errors="replace").strip().split("\n")[-1][:300]
         outcome["failed"] = last or "gave no answer"
+    if "failed" in outcome:
+        outcome["failed"] = _shown(outcome["failed"])
     taken = round(time.time() - started, 1)
     return {**result, **outcome, "when": time.ctime(started), "seconds": taken}
 
@@ -220,7 +231,7 @@ def opened(path: Path, challenge: Challenge) -> dict:
     """The leaderboard in a file, or an empty one; `InputError` if it is another challenge's."""
     empty = {"scenario": challenge.scenario, "episodes": challenge.episodes}
     empty |= {"fingerprint": challenge.fingerprint, "scores": {}, "failures": []}  # no seed
-    board = _read(path, [*empty]) if path.exists() else empty
+    board = _board(path) if path.exists() else empty
     if board["fingerprint"] != challenge.fingerprint:
         raise InputError(f"{path} is the board of another challenge: take another")
     return board
@@ -240,7 +251,7 @@ def enter(path: Path, challenge: Challenge, score: dict, replace: bool = False) 
         board = opened(path, challenge)
         before = board["scores"].get(score["name"])
         if before and before["file"] != file and not replace:
-            said = f"{path} has a score of {score['name']}, from {before['file']}"
+            said = f"{path} has a score of {score['name']}, from {_shown(str(before['file']))}"
             raise InputError(f"{said}: give {file} another --name")
         if score["failed"]:
             board["failures"].append({**score, "file": file})
@@ -252,7 +263,7 @@ def enter(path: Path, challenge: Challenge, score: dict, replace: bool = False) 
 
 def leaderboard(path: Path) -> str:
     """A leaderboard as a Markdown table, the largest share collected and landed first."""
-    board = _read(path, ["scenario", "episodes", "fingerprint", "scores", "failures"])
+    board = _board(path)
     practice = Challenge(board["scenario"], board["episodes"]).fingerprint == board["fingerprint"]
     kind = "practice" if practice else "hidden"
     said = f"{board['scenario']}, {board['episodes']} {kind} missions ({board['fingerprint']})"
@@ -261,15 +272,47 @@ def leaderboard(path: Path) -> str:
     for rank, one in enumerate(ranked, 1):
         forms = ("{:.1%} ({:.1%} to {:.1%})",) * 2 + ("{:.1f} ({:.1f} to {:.1f})",)
         cells = [form.format(*one[name]) for form, name in zip(forms, SCORED, strict=True)]
-        lines.append(f"| {rank} | {one['name'].replace('|', '&#124;')} | {' | '.join(cells)} |")
-    lines += [f"- failed: {one['name']}: {one['failed']}" for one in board["failures"]]
+        lines.append(f"| {rank} | {_cell(one['name'])} | {' | '.join(cells)} |")
+    failures = board["failures"]
+    lines += [f"- failed: {_cell(one['name'])}: {_cell(one['failed'])}" for one in failures]
     return "\n".join(lines)
+
+
+def _cell(text: str) -> str:
+    return _shown(text).replace("|", "&#124;")
+
+
+def _board(path: Path) -> dict:
+    """The leaderboard in a file; `InputError` that names the file if it is none."""
+    board = _read(path, ["scenario", "episodes", "fingerprint", "scores", "failures"])
+    try:
+        Challenge(board["scenario"], board["episodes"])
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    scores, failures = board["scores"], board["failures"]
+    if not isinstance(board["fingerprint"], str) or not isinstance(scores, dict):
+        raise InputError(f"{path}: fingerprint must be a text, and scores an object")
+    if not isinstance(failures, list):
+        raise InputError(f"{path}: failures must be a list")
+    for entry in [*scores.values(), *failures]:
+        whole = isinstance(entry, dict) and all(type(entry.get(k)) is str for k in ("name", "when"))
+        if not whole or not isinstance(entry.get("file"), str | None):
+            raise InputError(
+                f"{path}: each score and failure needs a name, a file, and when it was"
+            )
+    if not all(isinstance(entry.get("failed"), str) for entry in failures):
+        raise InputError(f"{path}: each failure needs a text, failed")
+    for values in (entry.get(name) for entry in scores.values() for name in SCORED):
+        numbers = [n for n in values if type(n) in (int, float)] if type(values) is list else []
+        if len(numbers) != 3 or values != numbers or not all(abs(n) < 1e9 for n in numbers):
+            raise InputError(f"{path}: {', '.join(SCORED)} of each score must be three numbers")
+    return board
 
 
 def _read(path: Path, expected: list[str]) -> dict:
     """A JSON object with exactly these keys; `InputError` that names the file otherwise."""
     values = None
-    with suppress(OSError, ValueError):
+    with suppress(OSError, ValueError, RecursionError):
         values = json.loads(path.read_text(encoding="utf-8"))
     if not isinstance(values, dict) or set(values) != set(expected):
         raise InputError(f"{path}: expected a JSON object with {', '.join(expected)}")
