@@ -92,7 +92,7 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 # Gains are no SNRs yet. We shift all gains of a place by one
 # offset, so that the pairs in sight have the mean SNR of the paper's model. That the radios agree in sight is thus by construction; what the comparison tests is
 # *where* the signal goes. The offset is the ratio of transmit power to noise: 69 dB, as little as 0.1 µW in a bandwidth of 1 MHz. A
-# real sensor sends a thousand times more: its place would be louder, and its shadows would matter less.
+# real sensor sends 1 to 100 mW, 40 to 60 dB more: its place would be louder, and even hidden links would carry data (14.3).
 #
 # Take a device in a street in the west of the old town. **Before you run the cell:** where will the two maps differ most?
 
@@ -137,7 +137,7 @@ figure
 
 # %% [markdown]
 # One cloud hugs a line, the other does not. Fit a straight line to each over $10\log_{10} d$; its slope is $-\alpha$, the **path loss exponent**. (Compare
-# lines, not exponents: here the level is free, and behind buildings the median link is 11 dB *above* the paper's line. Links without a ray are left out.)
+# lines, not exponents: here the level is free, and behind buildings the median link with a ray is 11 dB *above* the paper's line. Count the third without a ray as the weakest, and it is 2.5 dB; the fits leave them out.)
 
 # %%
 for kind, state in kinds.items():
@@ -152,11 +152,11 @@ for kind, state in kinds.items():
 #
 # - **In sight** the exponent is *below* 2, that of free space: at a distance the ground and the walls add up to 3 dB here, and 5 to 7 dB in the narrow streets of
 #   Florence and San Francisco, the **street canyon**.
-#   The 3 % of points far below make up most of the spread of 3.3 dB: without them it is 0.8 dB.
+#   The 3 % of points far below are blocked by walls that our grid misses, and make up most of the spread of 3.3 dB: without them it is 0.8 dB.
 # - **Behind buildings** a single line says little. At one distance, links differ by 60 dB and more, and for a third the tracer finds no path of its kinds. In reality
 #   something would arrive, round two corners, over the roofs or scattered.
 # - **The spread is of another kind.** In the paper, $\eta$ is **shadow fading**, drawn anew for each device and slot. Real shadow fading is correlated over some
-#   10 m, and here it belongs to the place: fly by again, and the link is as bad as before. It is a *map*, which could be learned.
+#   10 m and belongs to the place, as it does here: fly by again, and the link is as bad as before. It is a *map*, which could be learned.
 #
 # Is the model a bad one, then? The rate is $\log_2(1+\mathrm{SNR})$. Below −20 dB it is next to nothing, whether at −30 or at −80 dB:
 
@@ -168,7 +168,8 @@ print(f"correlation of the rates {np.corrcoef(*rates)[0, 1]:.2f}")
 
 # %% [markdown]
 # Over all pairs the rates are correlated, because both are high near by and in sight, and low elsewhere. That is not agreement link by link: behind
-# buildings the correlation is 0.54, and the RMS error over all pairs is half the mean rate. It matters little *at this SNR level*; with a transmitter 40 dB stronger the hidden links would count.
+# buildings the correlation is 0.54, and the RMS error over all pairs is more than half the mean rate, most of it from near links in sight. Hidden links carry only
+# 4 % of the summed rate *at this SNR level*; with a transmitter 40 dB stronger it would be 15 %.
 #
 # For each cell of the UAV, the errors summed over all devices:
 
@@ -189,8 +190,8 @@ figure
 # Behind buildings the rays bring *more*, next to corners. Nine tenths of it comes from links within 3 dB of free space: our shadow map calls them hidden, but the device is in view past a wall
 # that does not fill its cell. Reflection and diffraction alone reach further, but at 10 to 15 dB less and more they bring little data.
 #
-# Beware: the ray tracer is a model, too. It knows no trees, no cars, no rough walls that scatter a wave, no windows that let it in, and no wave that bends twice, or
-# bends and is then reflected; deep in the shadow it is therefore too pessimistic. It shows what *another* radio does to our agent, and not what Munich's radio is.
+# Beware: the ray tracer is a model, too. It knows no trees and no cars, so there it is too optimistic; and no rough walls that scatter a wave, no windows that let it in, and no wave
+# that bends twice, or bends and is then reflected, so deep in the shadow it is too pessimistic. It shows what *another* radio does to our agent, and not what Munich's radio is.
 #
 # ## 14.4 Does the agent still fly?
 #
@@ -283,8 +284,8 @@ found = heard(munich, survey, stream(Use.LAB, 12))
 print(f"{len(found.snr_db)} SNRs heard, some of them twice; {possible.sum()} pairs of cells")
 
 # %% [markdown]
-# 1. **Two lines.** Fit a line to the SNRs in sight and one to those behind buildings, as in 14.3. The expected data is
-#    the mean rate over their spread.
+# 1. **Two lines.** Fit a line to the SNRs in sight and one to those behind buildings. Unlike in 14.3, links too weak to hear count as −30 dB, so the
+#    second line is much flatter and promises too much deep in the shadow. The expected data is the mean rate over their spread.
 # 2. **Link by link.** Take these lines as the first guess, and correct each link by what was heard *nearby*: if a device in the next cell was 15 dB below the line, this one probably is, too.
 #
 # For the second way, let $e$ be the errors of the line and $w$ weights that fall from 1 with the distance between the devices and between the UAVs, to 0.6 at one cell:
