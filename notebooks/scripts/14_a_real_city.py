@@ -86,8 +86,7 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 # it: `gain_db[device cell, UAV cell]`, for a UAV 10 m above the ground, which is 8.5 m above the devices. It holds for this height only.
 #
 # Our table has up to five reflections or one diffraction, a carrier of 3.5 GHz, isotropic antennas, and no ray
-# through a wall. Powers are averaged over a cell and added without their phases, so there is no small-scale fading, the ups and downs within a wavelength
-# of 9 cm. We fly without $\eta$ as well, so the two worlds differ in fading, too.
+# through a wall. Powers are averaged over a cell and added without their phases, so there is no small-scale fading. We fly without $\eta$ as well, so the two worlds differ in fading, too.
 #
 # Gains are no SNRs yet. We shift all gains of a place by one
 # offset, so that the pairs in sight have the mean SNR of the paper's model. That the radios agree in sight is thus by construction; what the comparison tests is
@@ -137,7 +136,7 @@ figure
 
 # %% [markdown]
 # One cloud hugs a line, the other does not. Fit a straight line to each over $10\log_{10} d$; its slope is $-\alpha$, the **path loss exponent**. (Compare
-# lines, not exponents: here the level is free, and behind buildings the median link with a ray is 11 dB *above* the paper's line. Count the third without a ray as the weakest, and it is 2.5 dB; the fits leave them out.)
+# lines, not exponents: here the level is free, and behind buildings the median link with a ray is 11 dB *above* the paper's line, and 2.5 dB with the third that has no ray, which the fits leave out.)
 
 # %%
 for kind, state in kinds.items():
@@ -154,7 +153,7 @@ for kind, state in kinds.items():
 #   Florence and San Francisco, the **street canyon**.
 #   The 3 % of points far below are blocked by walls that our grid misses, and make up most of the spread of 3.3 dB: without them it is 0.8 dB.
 # - **Behind buildings** a single line says little. At one distance, links differ by 60 dB and more, and for a third the tracer finds no path of its kinds. In reality
-#   something would arrive, round two corners, over the roofs or scattered.
+#   something would arrive.
 # - **The spread is of another kind.** In the paper, $\eta$ is **shadow fading**, drawn anew for each device and slot. Real shadow fading is correlated over some
 #   10 m and belongs to the place, as it does here: fly by again, and the link is as bad as before. It is a *map*, which could be learned.
 #
@@ -309,7 +308,7 @@ figure.colorbar(ax.images[-1], ax=figure.axes, extend="min", label="data units a
 figure
 
 # %% [markdown]
-# The same device as in 14.2, and the return of a hundred missions with each belief. With two lines the shadows stay sharp. Link by link, a quarter of the hidden links change by 3 dB and more, where the survey has been; for this device they hardly do.
+# The same device as in 14.2, and the return of a hundred missions with each belief. Link by link, a quarter of the hidden links change by 3 dB and more, where the survey has been; for this device they hardly do.
 #
 # The recorded runs have three seeds, each with its own survey, over four places. How many earlier flights does it take? The lead over greedy again (`line`: two lines, `link`: link by link):
 
@@ -326,16 +325,16 @@ for radio in worlds:
 # paper's line was kept, which here is the right one: that happens in about 70 of 100 flights.)
 #
 # In the ray-traced radio, two lines win next to nothing. *Which* link is bad is what counts, and that takes the second way and many flights: with ten it has hardly moved, and one survey of the three loses; with a hundred it is more than half-way to the truth. The gain is 0.55 of 32, mostly in Munich;
-# whether it is worth a hundred flights depends on how often one returns. (The results page *Four real places* has the intervals.)
+# whether it is worth a hundred flights depends on how often one returns.
 #
 # ## 14.7 Before you fly there
 #
 # Before a real UAV takes off (the guide *Fly over your own campus* has the map):
 #
-# 1. **Ask.** Where a UAV may fly, how high, and over whom is regulated almost everywhere.
+# 1. **Ask.** Flying is regulated almost everywhere.
 # 2. **Check the map.** Heights are often assumed; trees, cranes and wires are missing. Count a cell as tall if any part of it is within a safety distance, sideways and vertically.
 # 3. **Measure before you trust**, at the height and with the antennas of the mission, in sight of somebody who can take over. Calibrate transmit power, noise and interference in the air, and the antenna pattern
-#    on the airframe (a vertical dipole is deaf straight below). Average over some metres, so that fast fading drops out. Know your position to better than a cell, which
+#    on the airframe (a vertical dipole is deaf straight below). Average over some metres. Know your position to better than a cell, which
 #    GNSS between walls may not give. And the link by which you command the UAV is another one: test it first.
 # 4. **Keep the failsafe**, with a margin.
 #
