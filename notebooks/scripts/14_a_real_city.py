@@ -308,7 +308,7 @@ figure.colorbar(ax.images[-1], ax=figure.axes, extend="min", label="data units a
 figure
 
 # %% [markdown]
-# The same device as in 14.2, and the return of a hundred missions with each belief. Link by link, a quarter of the hidden links change by 3 dB and more, where the survey has been; for this device they hardly do.
+# The return is of a hundred missions with each belief. Link by link, a quarter of the hidden links change by 3 dB and more, where the survey has been; for this device they hardly do.
 #
 # The recorded runs have three seeds, each with its own survey, over four places. How many earlier flights does it take? The lead over greedy again (`line`: two lines, `link`: link by link):
 
@@ -341,7 +341,6 @@ for radio in worlds:
 # ## Recap
 #
 # - A ray tracer computes each link; the paper's path loss model draws two lines through all of them. Behind buildings these are off by about 20 dB (RMS).
-# - The world decides what happens, the belief what the agent expects.
 #
 # ## Exercises
 #
