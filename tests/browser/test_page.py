@@ -374,6 +374,7 @@ def test_files_are_saved_opened_and_dropped(page, tmp_path):
         json.loads((tmp_path / "stage.json").read_text())["mission"]["city"]["name"] == "manhattan"
     )
     choose(page, "city", "village")
+    page.wait_for_timeout(1500)  # until it is drawn: a file is opened over what is there
     page.get_by_label("Open").set_input_files(tmp_path / "stage.json")
     expect(page.locator("[data-set='city']")).to_have_value("manhattan")
     page.keyboard.press("Escape")
