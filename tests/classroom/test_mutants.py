@@ -17,6 +17,11 @@ MUTATED = [
     if name not in LEARNING
 ]
 EQUIVALENT = {  # by exercise: which faults change no result, and why
+    "exponent": {
+        "slope * x + level": "a constant does not change a standard deviation",
+        "(y - slope * x)": "a constant does not change a standard deviation",
+        "slope * x - y - level": "nor does the sign",
+    },
     "mean_rate": {"rate(snr_db - fading_db)": "the fading is symmetric"},
     "crosses": {"abs(cols * r - rows * c)": "the absolute value is the same"},
     "tdma_slot": {
