@@ -289,7 +289,8 @@ def drawn_again(groups: np.ndarray | None, *columns: np.ndarray) -> np.ndarray:
 
     All columns get the same draws. Returns (columns, 2000).
     """
-    groups = np.arange(len(columns[0])) if _alone(groups) else groups
+    if groups is None or _alone(groups):
+        groups = np.arange(len(columns[0]))
     _, member = np.unique(groups, return_inverse=True)
     by_group = [np.bincount(member, column) for column in columns]
     generator, count = stream(Use.BOOTSTRAP), len(by_group[0])

@@ -242,8 +242,8 @@ def mission_from_json(values: Any) -> Mission:
     return Mission(
         City.from_text(values["city"]["name"], "\n".join(values["city"]["rows"])),
         values["start"],
-        [device["cell"] for device in values["devices"]],
-        [device["data"] for device in values["devices"]],
+        tuple(device["cell"] for device in values["devices"]),
+        tuple(device["data"] for device in values["devices"]),
         values["flying_time"],
         values["seed"],
         values["max_devices"],

@@ -139,7 +139,8 @@ def draw_rates(
     """
     city = environment.cities[0]
     rates = environment.rate_map(device[0] * environment.size + device[1])
-    scale, picture_ax = {"norm": "log", "zorder": 1.5}, draw_city(ax, city)
+    scale: dict[str, Any] = {"norm": "log", "zorder": 1.5}
+    picture_ax = draw_city(ax, city)
     if limits:
         rates = np.maximum(rates, limits[0] / 2)
         scale["norm"], scale["cmap"] = LogNorm(*limits), WHITE_BELOW

@@ -80,7 +80,10 @@ def city_of_footprints(path: str | Path, raster: Raster) -> tuple[City, Counter[
     corners = np.concatenate([shapely.get_coordinates(shape) for shape, _ in buildings])
     _require_degrees(path, corners, raster)
     half = raster.cells * raster.cell_size_m / 2
-    if raster.landing is not None and (abs(raster.metres(raster.landing[::-1])) > half).any():
+    if (
+        raster.landing is not None
+        and (abs(raster.metres(np.array(raster.landing[::-1]))) > half).any()
+    ):
         raise InputError(
             f"footprints: landing {raster.landing} is outside the city: it has {half:g} m "
             f"on each side of the centre {raster.centre}"

@@ -44,7 +44,7 @@ def main(arguments: list[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _warn
+            warnings.showwarning = _warn  # type: ignore[assignment]
             _run(arguments)
     except CycloptsError as error:
         error.verbose = False  # without what helps only the developers of a command line

@@ -18,6 +18,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from filelock import FileLock
@@ -123,9 +124,9 @@ class _Pilot(Policy):
         buffer = io.BytesIO()
         np.savez(buffer, **vars(state))  # type: ignore[arg-type]
         question = buffer.getvalue()
-        self.process.stdin.write(len(question).to_bytes(8, "big") + question)
-        self.process.stdin.flush()
-        answer = np.frombuffer(self.process.stdout.read(len(state)), np.uint8)
+        self.process.stdin.write(len(question).to_bytes(8, "big") + question)  # type: ignore[union-attr]
+        self.process.stdin.flush()  # type: ignore[union-attr]
+        answer = np.frombuffer(self.process.stdout.read(len(state)), np.uint8)  # type: ignore[union-attr]
         if len(answer) < len(state):
             raise EOFError
         return answer
@@ -142,7 +143,8 @@ def score(
         seconds: limit of time for its process, from its start to the last landing.
         name: see `entry_name`.
     """
-    started, outcome, said = time.time(), {}, bytearray()
+    outcome: dict[str, Any] = {}
+    started, said = time.time(), bytearray()
     result = {"name": entry_name(submission, name), "file": None, "failed": None}
     if submission not in known_policies():
         result["file"] = str(Path(submission).resolve())
@@ -157,15 +159,15 @@ def score(
     )
 
     def listen() -> None:
-        with process.stderr as stream:
-            while part := stream.read1(KEPT):
+        with process.stderr as stream:  # type: ignore[union-attr]
+            while part := stream.read1(KEPT):  # type: ignore[union-attr]
                 said.extend(part)
                 del said[:-KEPT]
 
     def fly() -> None:
         missions = scenario, challenge.episodes, challenge.seed, Use.CHALLENGE
         try:
-            with process.stdout, process.stdin:
+            with process.stdout, process.stdin:  # type: ignore[union-attr]
                 metrics = evaluate(environment, _Pilot(process), *missions).metrics()
             outcome.update({one: list(metrics[one]) for one in SCORED})
         except (EOFError, OSError):

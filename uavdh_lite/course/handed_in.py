@@ -78,7 +78,7 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
             text = text.encode("utf-8", "backslashreplace").decode()  # a file's name may be odd
             graded.cells.insert(0, nbformat.v4.new_markdown_cell(text))
         path = course / "checked" / sheet.student / assignment / release.name
-        write_atomically(path, lambda temporary, graded=graded: nbformat.write(graded, temporary))
+        write_atomically(path, lambda temporary, graded=graded: nbformat.write(graded, temporary))  # type: ignore[misc]
         stamp = f"{datetime.fromtimestamp(sheet.when, UTC):%Y-%m-%d %H:%M:%S} UTC"
         path.with_name("timestamp.txt").write_text(stamp)  # nbgrader grades anew what is newer
     return sheets
@@ -176,7 +176,7 @@ def _place(cell: nbformat.NotebookNode, release: list) -> int | None:
         marked, answer = "nbgrader" in one.metadata, None
         if marked and one.metadata.nbgrader.solution:
             check = next(c for c in release[k:] if c.metadata.get("nbgrader", {}).get("grade"))
-            answer = re.search(r"\((\w+)\)", check.source)[1]
+            answer = re.search(r"\((\w+)\)", check.source)[1]  # type: ignore[index]
         if (
             one.source.strip() == cell.source.strip()
             or (called and one.source.startswith(called[0]))
@@ -249,7 +249,7 @@ def collect(archive: Path, course: Path, assignment: str) -> tuple[list[str], li
                 raise InputError(f"{archive}: {entry.filename}: {error}") from None
             path = course / "submitted" / match["who"] / assignment / Path(match["file"]).name
             try:
-                write_atomically(path, lambda to, content=content: to.write_bytes(content))
+                write_atomically(path, lambda to, content=content: to.write_bytes(content))  # type: ignore[misc]
             except OSError as error:
                 if error.errno not in (errno.ENAMETOOLONG, errno.EISDIR, errno.EBUSY):
                     raise

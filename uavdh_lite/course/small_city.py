@@ -56,7 +56,7 @@ def learn_table(
     for _ in range(flights):
         cell, ended = start, False
         while not ended:
-            action = generator.integers(4)
+            action = int(generator.integers(4))
             after, reward, ended = step(cell, action)
             y = reward if ended else reward + gamma * q[after].max()
             q[cell][action] += alpha * (y - q[cell][action])
