@@ -126,6 +126,9 @@ def load_agent(path: str | Path) -> Agent:
             City.from_kinds(one["name"], kinds[: one["size"], : one["size"]])
             for one, kinds in zip(about.cities, tensors.pop("cities").numpy(), strict=True)
         )
+        for one, city in zip(about.cities, cities, strict=True):
+            if one["size"] != city.size:
+                raise InputError(f"{city.name} has {city.size} cells on a side, not {one['size']}")
         observation = recipe.observation_for(recipe.environment_for(cities), about.size)
         with torch.device("meta"):  # without weights: they are in the file
             network = recipe.network_for(observation)

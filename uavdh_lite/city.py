@@ -67,8 +67,9 @@ class City:
     own_size: int = 0
 
     def __post_init__(self):
-        # A name that is no text of Unicode, as a file may have, fits into no figure and no file
-        object.__setattr__(self, "name", str(self.name).encode("utf-8", "replace").decode())
+        # From a file: half a character fits into no figure, and a terminal obeys some
+        name = "".join(sign if sign.isprintable() else "?" for sign in str(self.name))
+        object.__setattr__(self, "name", name)
         for layer in ("landing", "no_fly", "buildings"):
             copy = np.array(getattr(self, layer), bool)
             object.__setattr__(self, layer, read_only(copy))

@@ -55,6 +55,15 @@ def require(config: Any, name: str) -> None:
             raise InputError(f"{name:.80}: {each.name} is {shown(found)}, must be {right}")
 
 
+def require_name(name: str, kind: str) -> None:
+    """Raise `InputError` unless a name, which a file may bring, can be a part of a file's name."""
+    if not name.isprintable() or not 1 <= len(name) <= 50 or set(name) & set('/\\:*?"<>|'):
+        raise InputError(
+            f"{kind} {shown(name)}: its name must have 1 to 50 characters that can be printed, and "
+            'none of / \\ : * ? " < > |'
+        )
+
+
 def _right_bounds(value: Any, bounds: dict[str, float] | None) -> str:
     """What a value, or each number of a tuple, must be and is not; empty if it is all right."""
     numbers = [n for n in (value if isinstance(value, tuple) else (value,)) if type(n) in NUMBERS]

@@ -108,7 +108,7 @@ def draw_cities(figure: Figure, cities: Sequence[City], columns: int) -> None:
     for ax, city in zip(axes, cities, strict=False):
         draw_city(ax, city)
         ax.set(xticks=[], yticks=[], xlabel="", ylabel="")
-        ax.set_title(city.name, fontsize="small")
+        ax.set_title(city.name, fontsize="small", parse_math=False)
     for ax in axes[len(cities) :]:
         ax.set_axis_off()
 

@@ -9,7 +9,7 @@ from torch import nn
 
 from uavdh_lite import registry
 from uavdh_lite.city import City
-from uavdh_lite.config import from_json, option, require
+from uavdh_lite.config import from_json, option, require, require_name
 from uavdh_lite.ddqn import DDQN
 from uavdh_lite.environment import Environment, Rewards
 from uavdh_lite.errors import InputError
@@ -75,6 +75,7 @@ class Recipe:
 
     def __post_init__(self):
         require(self, f"recipe {self.name}")
+        require_name(self.name, "recipe")
         # A minibatch holds the newest transition of each environment, and no transition twice
         growing = ("environments", "batch_size", "replay_prefill", "replay_capacity")
         for less, more in (*pairwise(growing), ("replay_prefill", "steps")):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavdh_lite import registry
-from uavdh_lite.config import from_json, option, require
+from uavdh_lite.config import from_json, option, require, require_name
 from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import InputError
 
@@ -26,6 +26,7 @@ class Scenario:
 
     def __post_init__(self):
         require(self, f"scenario {self.name}")
+        require_name(self.name, "scenario")
         for name, low, high in (("devices", 1, 1), ("data", 0, LEAST_DATA), ("flying_time", 1, 1)):
             least, most = getattr(self, name)
             limit = MAX_DEVICES if name == "devices" else LIMIT - 1

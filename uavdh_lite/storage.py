@@ -38,8 +38,8 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> None:
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     # The same folder, so that the rename stays within one file system; the same suffix, because
-    # Pillow and matplotlib choose the format by it.
-    temporary = path.parent / f".{path.stem}-{secrets.token_hex(8)}.unfinished{path.suffix}"
+    # Pillow and matplotlib choose the format by it; not the name, which may leave no room for more.
+    temporary = path.parent / f".{secrets.token_hex(8)}.unfinished{path.suffix}"
     try:
         temporary.open("xb").close()  # like any new file: the umask says who may read it
         write(temporary)
@@ -70,7 +70,7 @@ def write_table(path: str | Path, rows: list[dict]) -> None:
     for row in rows:
         writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
     content = _bytes(text.getvalue())
-    if Path(path).suffix == ".gz":
+    if _is_packed(path):
         content = gzip.compress(content, mtime=0)
     if not Path(path).is_file() or Path(path).read_bytes() != content:
         write_atomically(path, lambda temporary: temporary.write_bytes(content))
@@ -83,7 +83,7 @@ def read_table(path: str | Path) -> dict[str, np.ndarray]:
     """
     content = Path(path).read_bytes()
     try:
-        content = gzip.decompress(content) if Path(path).suffix == ".gz" else content
+        content = gzip.decompress(content) if _is_packed(path) else content
         rows = list(csv.reader(io.StringIO(content.decode("utf-8-sig")), strict=True))
     except (OSError, EOFError, zlib.error, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: not a table ({error})") from None
@@ -92,6 +92,10 @@ def read_table(path: str | Path) -> dict[str, np.ndarray]:
     names, *values = rows
     columns = zip(*values, strict=True) if values else [()] * len(names)
     return {name: _column(column) for name, column in zip(names, columns, strict=True)}
+
+
+def _is_packed(path: str | Path) -> bool:
+    return Path(path).suffix.lower() == ".gz"
 
 
 def _column(values: tuple[str, ...]) -> np.ndarray:

@@ -36,12 +36,13 @@ from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import data_folder
 from uavdh_lite.streams import Use, stream
 
+VILLAGE = City.load("village")
 ANY = Scenario("any", devices=(1, 3), data=(1.0, 25.0), flying_time=(20, 40))
 
 
 @pytest.fixture(scope="module")
 def model():
-    return SafeEnvironment(City.load("village"))
+    return SafeEnvironment(VILLAGE)
 
 
 def table(environment, **entries):
@@ -192,20 +193,19 @@ def test_world_and_belief_are_two_things(model):
 
 
 @pytest.mark.parametrize(
-    ("snr_db", "named"),
-    [(np.zeros((3, 3)), "3 × 3"), (np.zeros(64), "64 for 1"), (np.full((64, 64), np.nan), "NaN")],
+    ("given", "snr_db", "named"),
+    [
+        ([VILLAGE], np.zeros((3, 3)), "3 × 3"),
+        ([VILLAGE], np.zeros(64), "64 for 1"),
+        ([VILLAGE], np.full((64, 64), np.nan), "NaN"),
+        ([(VILLAGE, VILLAGE)], np.zeros((64, 64)), "2 cities"),
+        (["village"], np.zeros((64, 64)), "a City or a tuple of them, here is 'village'"),
+        ([VILLAGE, 10.0], np.zeros((64, 64)), "channel is a Channel, here is 10.0"),
+    ],
 )
-def test_a_table_that_does_not_fit_is_named(snr_db, named):
-    city = City.load("village")
-    assert city.size**2 == 64 or named != "NaN"
+def test_a_table_that_does_not_fit_is_named(given, snr_db, named):
     with pytest.raises(InputError, match=named):
-        MeasuredEnvironment(city, mean_snr_db=snr_db)
-
-
-def test_a_table_takes_one_city():
-    cities = City.load("village"), City.load("village")
-    with pytest.raises(InputError, match="2 cities"):
-        MeasuredEnvironment(cities, mean_snr_db=np.zeros((64, 64)))
+        MeasuredEnvironment(*given, mean_snr_db=snr_db)
 
 
 def test_gains_come_back_in_half_precision(tmp_path):
@@ -221,10 +221,11 @@ def test_a_file_without_gains_is_named(tmp_path):
     broken.write_bytes(broken.read_bytes()[:-30])
     np.savez(tmp_path / "other.npz", table=np.zeros(3))
     (tmp_path / "text.npz").write_text("no")
+    np.savez(tmp_path / "list.npz", gain_db=np.zeros((4, 4)), about="[]")
     np.savez(tmp_path / "pickled.npz", gain_db=np.array([{}], object), about="{}")
     for path in (
         broken,
-        *(tmp_path / f"{name}.npz" for name in ("other", "text", "pickled", "no")),
+        *(tmp_path / f"{name}.npz" for name in ("other", "text", "list", "pickled", "no")),
     ):
         with pytest.raises(InputError, match=path.name):
             load_gains(path)

@@ -72,13 +72,14 @@ def submit(tmp_path):
 
 def test_a_policy_in_its_own_process_scores_what_it_scores_in_this_one(submit):
     own, known = score(SMALL, submit(GREEDY)), score(SMALL, "greedy")
+    by_import = score(SMALL, submit("from submission import policy", "IMPORTS.PY"))
     environment = Environment(City.load("village"))
     metrics = evaluate(
         environment, Greedy(environment), find_scenario("village"), 40, SMALL.seed, Use.CHALLENGE
     ).metrics()
     assert own["failed"] is None and own["name"].endswith("/submission")
     for name in SCORED:
-        assert own[name] == known[name] == list(metrics[name])
+        assert own[name] == known[name] == by_import[name] == list(metrics[name])
 
 
 def test_a_checkpoint_is_flown(tmp_path):
@@ -205,7 +206,8 @@ def test_the_commands(tmp_path, capsys, submit):
     secret, board = tmp_path / "secret.json", tmp_path / "board.json"
     assert main(f"challenge new {secret} --scenario village --episodes 5".split()) == 0
     command = f"challenge score greedy {submit(GREEDY)} --secret {secret} --leaderboard {board}"
-    assert main(command.split()) == 0
+    before = signal.getsignal(signal.SIGTERM)
+    assert main(command.split()) == 0 and signal.getsignal(signal.SIGTERM) == before
     assert main(f"challenge show {board}".split()) == 0
     assert "| 1 |" in capsys.readouterr().out
 

@@ -133,6 +133,7 @@ STUDENTS = {
 OTHER = NOTEBOOKS / "exercises/02_shadow_ray_tracing/02_shadow_ray_tracing.ipynb"
 FILES = {  # what others handed in instead of a notebook under its name
     "(1)": (lambda text: text, f"{ASSIGNMENT}/{ASSIGNMENT} (1).ipynb", [1, 2, 2], "was named"),
+    "capitals": (lambda text: text, f"{ASSIGNMENT}/{ASSIGNMENT}.IPYNB", [1, 2, 2], "was named"),
     "above": (lambda text: text, f"{ASSIGNMENT}.ipynb", [1, 2, 2], "was named"),
     "notepad": (lambda text: "\ufeff" + text, FILE, [1, 2, 2], None),
     "garbage": (lambda text: "this is no notebook", FILE, [0, 0, 0], "set aside: not a notebook"),
@@ -153,7 +154,7 @@ NOTES = {name: row[-1] for name, row in {**STUDENTS, **FILES}.items()}
 
 
 def hand_in(root: Path) -> None:
-    """A class of 32, of whom most are odd in one way."""
+    """A class of whom most are odd in one way."""
     for student, (made, _, _) in STUDENTS.items():
         notebook = made(nbformat.read(NOTEBOOKS / "exercises" / FILE, as_version=4))
         path = root / "submitted" / student / FILE

@@ -5,6 +5,7 @@ import shlex
 import subprocess
 import sys
 from dataclasses import fields
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from PIL import Image
 
 from uavdh_lite import registry
 from uavdh_lite.beyond.recipes import BeyondRecipe
+from uavdh_lite.bridges import sionna
 from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import City, load_cities
 from uavdh_lite.cli import training
@@ -192,6 +194,8 @@ def test_help_shows_the_values_of_the_scenario_that_is_named(capsys):
         ("fly --out a.pgf", "must end in .png"),
         ("compare --out r.json", "must end in .csv"),
         ("export --checkpoint manhattan --out a.txt", "must end in .onnx"),
+        ("evaluate --json a.png", "must end in .json"),
+        ("fly --save-mission a.png", "must end in .json"),
         ("evaluate --checkpoint=", "--checkpoint is empty"),
         ("evaluate --city=", "--city is empty"),
         ("train --out=", "--out is empty"),
@@ -230,6 +234,7 @@ def test_help_shows_the_values_of_the_scenario_that_is_named(capsys):
         ("challenge score nobody", "nobody"),
         ("challenge show nowhere.json", "nowhere.json"),
         ("app --port 65536", "--port"),
+        ("app --no-browser --out city.png", "city.png: must end in .html"),
     ],
 )
 def test_bad_values_give_one_line_and_status_2(capsys, tmp_path, monkeypatch, arguments, named):
@@ -241,8 +246,49 @@ def test_bad_values_give_one_line_and_status_2(capsys, tmp_path, monkeypatch, ar
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
+        ("fly --city x.png --out x.png", "x.png: the command reads it"),
+        ("fly --city cities --out cities/../cities/a.png", "a.png: the command reads it"),
+        ("fly --mission m.json --save-mission m.json --out f.png", "m.json: the command reads it"),
+        ("evaluate --checkpoint r.json --json r.json", "r.json: the command reads it"),
+        ("compare --out r.csv.gz", "r.json exists, and is not that of r.csv.gz"),
+        ("compare --out R.CSV", "R.json exists, and is not that of R.CSV"),
+        ("compare", "comparison-manhattan.csv.gz exists"),
+        ("export --checkpoint a.onnx --out a.onnx", "a.onnx: the command reads it"),
+        ("export --checkpoint manhattan", "agent.onnx exists"),
+        ("city x.png --centre 50,8 --out x.png", "x.png: the command reads it"),
+        ("city streets.geojson --centre 50,8", "city.png exists"),
+        ("fly", "flight.png exists"),
+        ("demo", "demo.png exists"),
+        ("app --no-browser", "labs.html exists, and has no labs in it"),
+        ("train --out study", "study: holds a study"),
+        ("study --recipe small --out run", "run: holds a single run"),
+        ("classroom return 01 handed_in.zip", "handed_in.zip exists"),
+    ],
+)
+def test_what_is_there_is_not_overwritten_unasked(capsys, tmp_path, monkeypatch, arguments, named):
+    """Neither what a command reads, nor what has the name of its default output."""
+    monkeypatch.chdir(tmp_path)
+    there = "x.png cities/a.png r.json r.csv R.json a.onnx agent.onnx city.png flight.png demo.png"
+    there += " labs.html handed_in.zip comparison-manhattan.csv.gz streets.geojson m.json"
+    there += " study/training.csv.gz run/training.safetensors feedback/a/01/01.html"
+    for name in there.split():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("mine")
+    assert named in failing(capsys, *arguments.split())
+    left = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
+    assert left == set(there.split())
+    assert {(tmp_path / name).read_text() for name in left} == {"mine"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
         ("fly --out file/c.png", "file: File exists"),
-        ("evaluate --checkpoint manhattan --episodes 2 --json folder", "folder: Is a directory"),
+        (
+            "evaluate --checkpoint manhattan --episodes 2 --json folder.json",
+            "folder.json: Is a directory",
+        ),
         ("fly --mission nowhere.json", "nowhere.json: No such file"),
         ("city nowhere.geojson --centre -50,8", "nowhere.geojson: No such file"),
     ],
@@ -250,10 +296,21 @@ def test_bad_values_give_one_line_and_status_2(capsys, tmp_path, monkeypatch, ar
 def test_files_give_one_line_and_status_1(capsys, tmp_path, monkeypatch, arguments, named):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("")
-    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder.json").mkdir()
     assert main(arguments.split()) == 1
     error = capsys.readouterr().err
     assert error.startswith(f"uavdh_lite: error: {named}") and error.count("\n") == 1
+
+
+def test_trace_keeps_another_city_and_goes_on_with_its_own(corridor, tmp_path, monkeypatch, capsys):
+    """The scene's city is the corridor, without Sionna RT."""
+    tracer = SimpleNamespace(city=lambda *_: corridor, trace=lambda *_: None)
+    monkeypatch.setattr(sionna, "Tracer", lambda place: tracer)
+    monkeypatch.chdir(tmp_path)
+    assert main(["trace", "munich"]) == main(["trace", "munich"]) == 0
+    City.load("village").save("place.png")
+    assert "place.png: holds another city" in failing(capsys, "trace", "munich")
+    assert City.load("place.png").size == 8
 
 
 def test_city_writes_what_it_made_of_footprints(tmp_path, capsys):

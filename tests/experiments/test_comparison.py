@@ -99,8 +99,8 @@ def test_in_each_part_of_a_breakdown_whole_cities_are_drawn_again(generator):
 
 def test_a_comparison_is_kept_as_a_table_and_how_it_was_made(results, tmp_path):
     save_comparison(tmp_path / "a.b.csv", results, {"command": "another"})
-    save_comparison(tmp_path / "a.csv.gz", results, {"command": "a command"})
-    table = read_table(tmp_path / "a.csv.gz")
+    save_comparison(tmp_path / "a.CSV.gz", results, {"command": "a command"})
+    table = read_table(tmp_path / "a.CSV.gz")
     assert list(table)[:5] == ["policy", "episode", "devices", "flying_time", "data"]
     for policy, columns in results.items():
         of_policy = table["policy"] == policy

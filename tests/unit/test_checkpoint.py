@@ -58,7 +58,8 @@ def test_another_kind_and_another_format_are_named(path, monkeypatch):
 def test_an_agent_that_does_not_fit_is_refused(path):
     """Another version might write a field more, another size, another tensor, a city less."""
     tensors, about = load(path, "agent")
-    recipe, cities = about["recipe"], tensors["cities"]
+    recipe, cities, own = about["recipe"], tensors["cities"], about["cities"]
+    odd = [{"scenario": {**about["scenario"], "name": n}} for n in ("", "../x", "a\x1b[2J", "a\nb")]
     for part, change in (
         (about, {"recipe": {**recipe, "wings": 2}}),
         (about, {"recipe": {**recipe, "kind": "Strange"}}),
@@ -74,6 +75,9 @@ def test_an_agent_that_does_not_fit_is_refused(path):
         (about, {"recipe": {**recipe, "steps": 1.5}}),
         (about, {"recipe": {**recipe, "observation": "polar"}}),
         (about, {"cities": []}),
+        *((about, {"cities": [{**own[0], "size": n}, own[1]]}) for n in (-1, 0, 99, 4.0)),
+        *((about, name) for name in odd),
+        (about, {"recipe": {**recipe, "name": "a/b"}}),
         (about, {"cities": [{"name": "a"}, 3]}),
         (tensors, {"cities": cities + 100}),
         (tensors, {"network.head.0.weight": torch.zeros(3, 2)}),

@@ -175,7 +175,8 @@ def test_kinds_that_are_none_are_refused(kinds):
 
 
 def test_a_name_that_no_file_could_hold_becomes_one_that_can():
-    assert City.from_kinds("M\udcfcnchen", DRAWN.kinds).name == "M?nchen"
+    """Nor a terminal obey."""
+    assert City.from_kinds("M\udcfcn\x1b[2Jchen\n", DRAWN.kinds).name == "M?n?[2Jchen?"
 
 
 def test_a_map_of_zeros_and_ones_is_told_so(tmp_path):

@@ -48,16 +48,19 @@ def markers(ax):
 def test_a_city_has_each_kind_of_cell_in_its_style(ax):
     plotting.draw_city(ax, DRAWN)
     drawn = [each for each in ax.collections if isinstance(each, PatchCollection)]
-    assert [len(each.get_paths()) for each in drawn] == [
-        1,
-        1,
-        1,
-        2,
-    ]  # as in `CELL_STYLES`
+    assert [len(each.get_paths()) for each in drawn] == [1, 1, 1, 2]  # as in `CELL_STYLES`
     for collection, style in zip(drawn, plotting.CELL_STYLES.values(), strict=True):
         assert collection.get_hatch() == style.get("hatch")
     bottom, top = ax.get_ylim()
     assert bottom > top  # row 0, the north, is up
+
+
+def test_small_maps_have_the_names_of_their_cities_whatever_these_are():
+    figure = Figure()
+    plotting.draw_cities(figure, [replace(DRAWN, name=r"$\frac$"), DRAWN, DRAWN], columns=2)
+    plotting.pixels(figure)
+    assert [ax.get_title() for ax in figure.axes] == [r"$\frac$", "drawn", "drawn", ""]
+    assert [ax.axison for ax in figure.axes] == [True, True, True, False]
 
 
 def test_the_shadow_counts_devices_out_of_sight_and_is_never_as_dark_as_buildings(ax):

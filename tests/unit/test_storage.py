@@ -25,7 +25,7 @@ ROWS = [
 ]
 
 
-@pytest.mark.parametrize("name", ["table.csv", "table.csv.gz"])
+@pytest.mark.parametrize("name", ["table.csv", "table.csv.gz", "TABLE.CSV.GZ", f"{'n' * 251}.csv"])
 def test_a_table_comes_back_and_equal_rows_give_equal_bytes(name, tmp_path):
     write_table(tmp_path / name, ROWS)
     table = read_table(tmp_path / name)
@@ -33,8 +33,10 @@ def test_a_table_comes_back_and_equal_rows_give_equal_bytes(name, tmp_path):
     assert table["policy"].tolist() == ["a", "b, c"]
     assert table["steps"].tolist() == [5, 10]
     np.testing.assert_array_equal(table["ratio"], [0.123457, np.nan])
-    write_table(tmp_path / f"again-{name}", ROWS)
-    assert (tmp_path / name).read_bytes() == (tmp_path / f"again-{name}").read_bytes()
+    write_table(tmp_path / "again" / name, ROWS)
+    content = (tmp_path / name).read_bytes()
+    assert content == (tmp_path / "again" / name).read_bytes()
+    assert content.startswith(b"\x1f\x8b") == name.lower().endswith(".gz")
 
 
 @pytest.mark.parametrize(

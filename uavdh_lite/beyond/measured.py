@@ -48,6 +48,7 @@ class MeasuredEnvironment(SafeEnvironment):
     fading: bool = field(default=False, kw_only=True)
 
     def __post_init__(self):
+        super().__post_init__()
         found, cells = np.shape(self.mean_snr_db), self.size**2
         if len(self.cities) > 1 or found != (cells, cells):
             raise InputError(
@@ -205,7 +206,10 @@ def load_gains(path: str | Path) -> tuple[np.ndarray, dict]:
     """Read what `save_gains` wrote; `InputError` names the file if it is none."""
     try:
         with Path(path).open("rb") as content, np.load(content, allow_pickle=False) as file:
-            return file["gain_db"].astype(np.float32), json.loads(str(file["about"]))
+            gain_db, about = file["gain_db"].astype(np.float32), json.loads(str(file["about"]))
+        if not isinstance(about, dict):
+            raise ValueError("about is no JSON object")
+        return gain_db, about
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except (OSError, EOFError, ValueError, LookupError, zipfile.BadZipFile, zlib.error) as error:

@@ -1,6 +1,8 @@
 """`challenge`: a competition for a class."""
 
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -68,10 +70,9 @@ def score(
         raise InputError(f"two submissions would be {twice[0]}: score them one by one, with --name")
     if leaderboard:
         opened(leaderboard, flown)
-    # As Ctrl-C: else the submission would fly on for ever
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     for path in every:
-        result = flown_score(flown, path, seconds, name)
+        with _terminated_as_interrupted():
+            result = flown_score(flown, path, seconds, name)
         if result["failed"]:
             print(f"{result['name']}: failed: {result['failed']}")
         else:
@@ -79,6 +80,16 @@ def score(
             print(f"{result['name']}: {', '.join(means).replace('_', ' ')}, {result['seconds']} s")
         if leaderboard and (before := enter(leaderboard, flown, result, name is not None)):
             print(f"{result['name']}: replaces the score of {before['when']}")
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM does what Ctrl-C does: else a submission would fly on for ever."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @challenge.command

@@ -8,7 +8,7 @@ from cyclopts.types import PositiveFloat, PositiveInt
 
 from uavdh_lite.bridges.footprints import Raster, city_of_footprints
 from uavdh_lite.city import City
-from uavdh_lite.cli.options import named
+from uavdh_lite.cli.options import named, output
 from uavdh_lite.errors import InputError
 
 Pair = Annotated[str, Parameter(allow_leading_hyphen=True)]  # two numbers; the first may be < 0
@@ -26,7 +26,7 @@ def city(
     assumed: PositiveFloat = 12.0,
     landing: Pair | None = None,
     landing_cells: PositiveInt = 6,
-    out: Annotated[Path, named(".png")] = Path("city.png"),
+    out: Annotated[Path | None, named(".png")] = None,
 ) -> None:
     """Make a city from the footprints of buildings.
 
@@ -41,8 +41,9 @@ def city(
         landing: LATITUDE,LONGITUDE; the free cells nearest to it are the landing zone. By default
             the middle.
         landing_cells: how many of them.
-        out: the city's PNG.
+        out: the city's PNG, by default city.png.
     """
+    out = output(out, "city.png", footprints)
     raster = Raster(
         _pair("centre", centre),
         cells,
@@ -85,6 +86,8 @@ def trace(
 
     tracer = Tracer(Place(scene, _pair("centre", centre), cells, rays=rays))
     made = tracer.city(out.stem, landing_cells)
+    if out.exists() and City.load(out).fingerprint != made.fingerprint:
+        raise InputError(f"{out}: holds another city: name another file with --out")
     _save(made, out)
     tracer.trace(made, out.with_suffix(".npz"))
     print(f"{out.with_suffix('.npz')}: the gains between its cells")

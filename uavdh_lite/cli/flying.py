@@ -12,7 +12,7 @@ from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.bridges.onnx import export_onnx
 from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import City, load_cities
-from uavdh_lite.cli.options import PICTURES, Checkpoint, Cities, CommandLine, Count, named
+from uavdh_lite.cli.options import PICTURES, Checkpoint, Cities, CommandLine, Count, named, output
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.experiments import comparison
@@ -58,16 +58,17 @@ def _where(agent: Agent) -> str:
 def demo(
     *,
     episodes: Count = 1000,
-    out: Annotated[Path, named(*PICTURES)] = Path("demo.png"),
+    out: Annotated[Path | None, named(*PICTURES)] = None,
     seed: NonNegativeInt = 0,
 ) -> None:
     """Fly the shipped agents next to a simple rule and the paper's results, and draw four flights.
 
     Arguments:
         episodes: number of random missions.
-        out: the figure.
+        out: the figure, by default demo.png.
         seed: seed of the missions and the fading.
     """
+    out = output(out, "demo.png")
     figure = Figure(figsize=(11, 13), layout="constrained")
     axes = figure.subplots(2, 2)
     for (name, paper), row in zip(RESULTS.items(), axes, strict=True):
@@ -102,9 +103,9 @@ def fly(
     checkpoint: Checkpoint = None,
     city: Cities = None,
     mission: Path | None = None,
-    save_mission: Path | None = None,
+    save_mission: Annotated[Path | None, named(".json")] = None,
     seed: NonNegativeInt | None = None,
-    out: Annotated[Path, named(*PICTURES, ".gif", ".html")] = Path("flight.png"),
+    out: Annotated[Path | None, named(*PICTURES, ".gif", ".html")] = None,
 ) -> None:
     """Fly one mission and draw it: a random one, or that of a file.
 
@@ -112,10 +113,15 @@ def fly(
         mission: a mission's file, from --save-mission or from the labs.
         save_mission: write the mission to this file, to change or to share it.
         seed: seed of the random mission and its fading, by default 0.
-        out: the figure; a name that ends in .gif makes an animation, in .html a page that plays it.
+        out: the figure, by default flight.png; a name that ends in .gif makes an animation, in
+            .html a page that plays it.
     """
     if mission is not None and (city is not None or seed is not None):
         raise InputError("a mission has its own city and seed: leave out --city and --seed")
+    read = city, mission, checkpoint
+    out = output(out, "flight.png", *read)
+    if save_mission is not None:
+        output(save_mission, "", *read)
     given = None if mission is None else missions.load_mission(mission)
     name, agent = open_agent(checkpoint, city if given is None else given.city)
     if len(agent.cities) > 1:
@@ -141,7 +147,7 @@ def evaluate(
     city: Cities = None,
     episodes: Count = 1000,
     seed: NonNegativeInt = 0,
-    json: Path | None = None,
+    json: Annotated[Path | None, named(".json")] = None,
 ) -> None:
     """Fly an agent on many random missions.
 
@@ -150,6 +156,8 @@ def evaluate(
         seed: seed of the missions and the fading.
         json: file to write the mean, low and high of each metric to.
     """
+    if json is not None:
+        output(json, "", checkpoint, city)
     name, agent = open_agent(checkpoint, city)
     flights = evaluation.evaluate(agent.environment, agent, agent.scenario, episodes, seed)
     metrics = flights.metrics()
@@ -185,6 +193,10 @@ def compare(
     """
     opened, agent = open_agent(checkpoint, city)
     environment, name = Environment(agent.cities), agent.scenario.name
+    out = output(out, f"comparison-{name}.csv.gz", checkpoint, city)
+    beside = output(comparison.json_beside(out), "", checkpoint, city)
+    if beside.exists() and not out.exists():
+        raise InputError(f"{beside} exists, and is not that of {out}: name another file with --out")
     planners = {
         each: find_policy(each, environment, seed) for each in (*others, "random", "greedy")
     }
@@ -192,7 +204,6 @@ def compare(
     policies = {"agent": agent, **planners, **genies}
     jobs = min(jobs, len(policies))
     results = comparison.compare(environment, agent.scenario, policies, episodes, seed, jobs)
-    out = out or Path(f"comparison-{name}.csv.gz")
     about = {"command": command_line, "seed": seed, **provenance(), "agent": agent.training}
     comparison.save_comparison(out, results, about)
     drawn = f"{episodes} random missions over {_where(agent)}, seed {seed}"
@@ -209,15 +220,16 @@ def export(
     *,
     checkpoint: Checkpoint,
     city: Cities = None,
-    out: Annotated[Path, named(".onnx")] = Path("agent.onnx"),
+    out: Annotated[Path | None, named(".onnx")] = None,
 ) -> None:
     """Write an agent's network as an ONNX file.
 
     The file is written only if ONNX Runtime decides with it as the agent does.
 
     Arguments:
-        out: the file.
+        out: the file, by default agent.onnx.
     """
+    out = output(out, "agent.onnx", checkpoint, city)
     name, agent = open_agent(checkpoint, city)
     error = export_onnx(agent, out)
     print(f"{out}: decides as {name} does over {_where(agent)}")

@@ -13,6 +13,7 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 from cyclopts import Group, Parameter
 from cyclopts.validators import Number
 
+from uavdh_lite.errors import InputError
 from uavdh_lite.recipe import Recipe, find_recipe
 from uavdh_lite.scenario import Scenario, find_scenario
 
@@ -46,6 +47,21 @@ def named(*suffixes: str) -> Parameter:
             raise ValueError(f"{path}: must end in {' or '.join(suffixes)}.")
 
     return Parameter(validator=require)
+
+
+def output(typed: Path | None, default: str, *inputs: str | Path | None) -> Path:
+    """The file that a command writes: the typed one, or the default one.
+
+    Raises `InputError` if the default one exists, which may be somebody's, or if it is one of those
+    that the command reads, or lies in a folder of them.
+    """
+    out = Path(default) if typed is None else typed
+    if typed is None and out.exists():
+        raise InputError(f"{out} exists: name another file with --out, or delete it")
+    for read in (Path(each) for each in inputs if each is not None):
+        if out.exists() and read.exists() and any(map(read.samefile, (out, out.parent))):
+            raise InputError(f"{out}: the command reads it: write to another file")
+    return out
 
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg", ".webp")

@@ -139,7 +139,7 @@ def score(
 
     Arguments:
         submission: a known policy's name, a checkpoint, or a Python file with
-            `policy(environment, state)`.
+            `policy(environment, state)`, which may import files beside it.
         seconds: limit of time for its process, from its start to the last landing.
         name: see `entry_name`.
     """
@@ -212,7 +212,8 @@ def _serve(submission: str, scenario: str) -> None:
     environment = Environment(load_city(find_scenario(scenario).city))
     if submission in known_policies():
         policy = find_policy(submission, environment)
-    elif submission.endswith(".py"):
+    elif submission.lower().endswith(".py"):
+        sys.path.insert(0, str(Path(submission).resolve().parent))  # as `python FILE` has it
         function = runpy.run_path(submission).get("policy")
         if not callable(function):
             raise InputError(f"{submission} has no function policy(environment, state)")

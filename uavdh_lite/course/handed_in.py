@@ -86,7 +86,8 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
 
 def _sheet(student: Path, assignment: str, empty: nbformat.NotebookNode) -> Sheet:
     sheet = Sheet(student.name)
-    every = [p for p in student.rglob("*.ipynb") if not any(x[0] == "." for x in p.parts[-3:])]
+    notebooks = (p for p in student.rglob("*") if p.suffix.lower() == ".ipynb")
+    every = [p for p in notebooks if not any(x[0] == "." for x in p.parts[-3:])]
     named = [p for p in every if p.parent.name == assignment or assignment in p.name]
     own = [p for p in named if p.is_file()]
     for path in (p for p in named if p not in own):
@@ -268,13 +269,15 @@ def collect(archive: Path, course: Path, assignment: str) -> tuple[list[str], li
 def give_back(archive: Path, course: Path, assignment: str) -> list[str]:
     """Pack nbgrader's feedback as Moodle takes it back, "feedback files in a zip".
 
-    Returns the students; raises `InputError` if there is no feedback.
+    Returns the students; raises `InputError` if there is no feedback, or the archive exists.
     """
     pages = sorted((course / "feedback").glob(f"*/{assignment}/{assignment}.html"))
     if not pages:
         raise InputError(
             f"{course / 'feedback'}: none for {assignment}: run generate_feedback first"
         )
+    if archive.exists():
+        raise InputError(f"{archive} exists: name another file, or delete it")
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
         for page in pages:
             who = page.parts[-3]

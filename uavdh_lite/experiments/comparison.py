@@ -1,5 +1,6 @@
 """Policies side by side: the same missions with the same fading."""
 
+import re
 from pathlib import Path
 
 import joblib
@@ -117,4 +118,9 @@ def save_comparison(path: Path, results: dict[str, Columns], about: dict) -> Non
             metrics = dict(zip(of_policy, row, strict=True))
             rows.append({"policy": policy, "episode": episode, **metrics})
     write_table(path, rows)
-    write_json(path.with_name(path.name.removesuffix(".gz").removesuffix(".csv") + ".json"), about)
+    write_json(json_beside(path), about)
+
+
+def json_beside(table: Path) -> Path:
+    """The file that says how a table was made, `NAME.json`."""
+    return table.with_name(re.sub(r"(\.csv)?(\.gz)?$", "", table.name, flags=re.I) + ".json")

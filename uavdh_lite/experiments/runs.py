@@ -19,6 +19,7 @@ from uavdh_lite.training import Trainer
 
 SAVED = "training.safetensors"
 RESULTS = ("best.safetensors", "training.csv", "validation.csv")
+STUDY = ("training.csv.gz", "validation.csv.gz")  # what a study leaves in its own folder
 SAVE_SECONDS = 600  # a run that is killed loses no more than this
 LOCK_SECONDS = 10  # what a process that was told to stop may take for it
 
@@ -56,10 +57,10 @@ def train(
     Arguments:
         stop: asked before each step; a run for which it is true stops as by Ctrl-C.
 
-    Raises `InputError` if the folder holds a run and `resume` is False, or another one, or only a
-    part of one, and it is True, or if another process is training there; `MissingExtra` if
-    TensorBoard is asked for and not installed; `TrainingDiverged` if the loss or a weight is no
-    longer finite, with the files as they were when they were last written.
+    Raises `InputError` if the folder holds a study, if it holds a run and `resume` is False, or
+    another one, or only a part of one, and it is True, or if another process is training there;
+    `MissingExtra` if TensorBoard is asked for and not installed; `TrainingDiverged` if the loss or
+    a weight is no longer finite, with the files as they were when they were last written.
     """
     out, saved, recipe = Path(out), Path(out) / SAVED, trainer.recipe
     board_of = _board() if tensorboard else lambda *_: nullcontext()
@@ -100,6 +101,8 @@ def train(
 
 def _require_whole(out: Path, resume: bool) -> None:
     """Refuse a folder that holds a run which is not to be continued, or only a part of one."""
+    if (out / STUDY[0]).exists():
+        raise InputError(f"{out}: holds a study; choose another folder")
     there = [name for name in (SAVED, *RESULTS) if (out / name).exists()]
     if there and not resume:
         raise InputError(f"{out}: holds a run already; add --resume, or choose another folder")

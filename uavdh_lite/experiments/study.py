@@ -19,7 +19,7 @@ from tqdm.auto import tqdm
 from uavdh_lite.city import load_cities
 from uavdh_lite.config import shown
 from uavdh_lite.errors import InputError, extra
-from uavdh_lite.experiments.runs import locked, train
+from uavdh_lite.experiments.runs import SAVED, STUDY, locked, train
 from uavdh_lite.experiments.stopping import deferred_stop
 from uavdh_lite.recipe import Recipe
 from uavdh_lite.scenario import Scenario
@@ -100,14 +100,16 @@ def run_study(
         cluster: the address of a Dask cluster's scheduler; then its workers make the runs. They see
             `out` under the same path. If one is lost, another goes on with its run.
 
-    Raises `InputError` for runs that are too short for a curve, for a folder in which another study
-    runs, and for a cluster that cannot be reached or whose workers have several threads;
-    `MissingExtra` if Dask is not installed.
+    Raises `InputError` for runs that are too short for a curve, for a folder that holds a single
+    run or in which another study runs, and for a cluster that cannot be reached or whose workers
+    have several threads; `MissingExtra` if Dask is not installed.
     """
     for recipe in variants.values():
         if recipe.steps < BIN:
             raise InputError(f"runs of {recipe.steps} steps: a study's curves need at least {BIN}")
     out = Path(out).absolute()
+    if (out / SAVED).exists():
+        raise InputError(f"{out}: holds a single run; choose another folder")
     stop = out / STOP
     out.mkdir(parents=True, exist_ok=True)
     grid = [(name, seed) for seed in range(seeds) for name in variants]
@@ -184,7 +186,7 @@ def collect_curves(folders: dict[str, list[Path]], out: Path, command: str) -> t
     """
     runs = {folder: name for name, of_variant in folders.items() for folder in of_variant}
     about = {folder: read_json(folder / "about.json") for folder in runs}
-    paths = out / "training.csv.gz", out / "validation.csv.gz"
+    paths = out / STUDY[0], out / STUDY[1]
     for path in paths:
         rows = []
         for folder, name in runs.items():
