@@ -80,7 +80,7 @@ def test_the_rule_that_fails_first_is_told_with_its_smallest_case_and_the_digits
         (lambda x: None): "gives None, expected 2. Is there a `return` in every branch?",
         (lambda x: (x,)): r"gives \(1,\), but one number is expected",
         (lambda x: x + 99_999.0 + (x == 12)): r"gives 100000, expected 2\. One",
-        (lambda x: print): "gives back <built-in function print>, which cannot be compared",
+        (lambda x: print): "returns <built-in function print>, which cannot be compared",
         (lambda x: {}[x]): r"stops with KeyError: 1, in line \d+, `\(lambda x: {}\[x\]\)",
         (lambda x: sys.exit()): "stops with SystemExit.*One more",
         (lambda x: [][x]): r"\(1\) stops with IndexError: .*,`\.$",

@@ -1,11 +1,11 @@
 # %% [markdown]
 # # Exercises 0 · First flight
 #
-# They go with notebook `00_first_flight`. You need Python, and no more.
+# These exercises go with notebook `00_first_flight`. You need Python, and no more.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
-# never ends, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
+# If it never finishes, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -23,7 +23,7 @@ from uavdh_lite.course.checks.notebook_00 import flights_to_tell_apart, mission,
 #   not all of them
 # - `landed`: `True` or `False`
 #
-# Give back one number between 0 and 1. All data units count the same, whichever device they come from.
+# Return one number between 0 and 1. All data units count the same, whichever device they come from.
 #
 # <details><summary>Hint</summary>
 #

@@ -1,11 +1,11 @@
 # %% [markdown]
 # # Exercises 1 · The city and the channel
 #
-# They go with notebook `01_city_and_channel`. You need logarithms, the normal distribution and a little numpy.
+# These exercises go with notebook `01_city_and_channel`. You need logarithms, the normal distribution and a little numpy.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
-# never ends, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
+# If it never finishes, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline

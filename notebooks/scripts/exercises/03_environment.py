@@ -1,11 +1,11 @@
 # %% [markdown]
 # # Exercises 3 · The environment
 #
-# They go with notebook `03_environment`. You need arithmetic, Boolean arrays and a little numpy.
+# These exercises go with notebook `03_environment`. You need arithmetic, Boolean arrays and a little numpy.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
-# never ends, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
+# If it never finishes, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -23,8 +23,8 @@ from uavdh_lite.channel import rate
 # - `snr_db`: array (K,), the SNR of each device in this slot, in dB; often negative, no two are equal
 # - `data_left`: array (K,), the data units that each device has left, 0 or more
 #
-# Give back two numbers: the device that is served, an index from 0 to K − 1, and the data units that it uploads. If no
-# device has data left, give back −1 and 0. Leave the two arrays as they are.
+# Return two numbers: the device that is served, an index from 0 to K − 1, and the data units that it uploads. If no
+# device has data left, return −1 and 0. Leave the two arrays as they are.
 #
 # <details><summary>Hint</summary>
 #
@@ -80,7 +80,7 @@ checks.tdma_slot(slot)
 # | 2 | 2 | land | not in the landing zone: hovers instead | 1.0 |
 # | 3 | 1 | land | not in the landing zone: hovers instead | 1.5 |
 #
-# Work out the reward of each step with pencil and paper. Give back two lists: six numbers for flight A, three for
+# Work out the reward of each step with pencil and paper. Return two lists: six numbers for flight A, three for
 # flight B.
 #
 # <details><summary>Hint</summary>
@@ -122,7 +122,7 @@ checks.rewards_by_hand(rewards_by_hand)
 # - `city.no_fly`: where the UAV may not fly, no-fly zones and tall buildings
 # - `city.buildings`: what blocks radio links, tall and low buildings; low ones may be flown over
 #
-# Give back two things: the cell in which the UAV is after the step, a pair `(row, col)`, and whether the controller
+# Return two things: the cell in which the UAV is after the step, a pair `(row, col)`, and whether the controller
 # intervened, `True` or `False`.
 #
 # <details><summary>Hint</summary>

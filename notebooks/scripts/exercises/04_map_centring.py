@@ -1,11 +1,11 @@
 # %% [markdown]
 # # Exercises 4 · What the network sees
 #
-# They go with notebook `04_map_centring`. You need indexing of numpy arrays.
+# These exercises go with notebook `04_map_centring`. You need indexing of numpy arrays.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
-# never ends, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
+# If it never finishes, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -24,7 +24,7 @@ from uavdh_lite.course import checks
 # - `outside`: the value of all places outside the city, 1 for the no-fly zone and 0 for the other layers, or any
 #   other number
 #
-# Give back the centred map, a new array (2M − 1, 2M − 1): the layer, shifted so that the UAV's cell is in the middle,
+# Return the centred map, a new array (2M − 1, 2M − 1): the layer, shifted so that the UAV's cell is in the middle,
 # and `outside` everywhere else. Fractions must survive, in the layer (there may be 7.5 data units left) and in `outside`.
 #
 # <details><summary>Hint</summary>
@@ -64,7 +64,7 @@ checks.centre(centre)
 # - `devices`: a list of such pairs, one for each device, none of them twice; the list may be empty
 # - `data`: an array with the data left of each device
 #
-# Give back an array (2M − 1, 2M − 1): at each device's place *as seen from the UAV*, which is in the middle, its data, and 0 everywhere else.
+# Return an array (2M − 1, 2M − 1): at each device's place *as seen from the UAV*, which is in the middle, its data, and 0 everywhere else.
 #
 # How does the shape of your answer depend on the number of devices? That is the point of the exercise.
 #

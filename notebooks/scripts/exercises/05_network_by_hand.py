@@ -1,11 +1,11 @@
 # %% [markdown]
 # # Exercises 5 · A network by hand
 #
-# They go with notebook `05_network_by_hand`. You need numpy, slopes, and what a convolution is.
+# These exercises go with notebook `05_network_by_hand`. You need numpy, slopes, and what a convolution is.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
-# never ends, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
+# If it never finishes, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -25,7 +25,7 @@ from uavdh_lite.course import checks
 # - `rate`: the learning rate
 # - `steps`: how many steps of gradient descent, each with all examples
 #
-# Both numbers begin at 0. In each step both move downhill at the same time. Give back the pair $w$, $b$.
+# Both numbers begin at 0. In each step both move downhill at the same time. Return the pair $w$, $b$.
 #
 # <details><summary>Hint</summary>
 #
@@ -64,7 +64,7 @@ checks.fitted_line(fit)
 # - `bias`: a number
 #
 # At each place where the kernel lies wholly inside the layer, multiply window and kernel cell by cell, add up the products, and add the
-# bias. Then apply ReLU: a number below 0 becomes 0. Give back the array of these values. An example: the layer [[1, 2], [3, 4]] with the
+# bias. Then apply ReLU: a number below 0 becomes 0. Return the array of these values. An example: the layer [[1, 2], [3, 4]] with the
 # kernel [[1, −1]] and the bias 0 has two places. The sums are −1 and −1, so ReLU gives [[0], [0]].
 #
 # <details><summary>Hint</summary>

@@ -1,13 +1,14 @@
 # %% [markdown]
 # # Exercises 6 · From Q-learning to DDQN
 #
-# They go with notebook `06_ddqn`. Here you build a deep Q-network yourself, in six steps: a table that learns, a network in its
+# These exercises go with notebook `06_ddqn`. Here you build a deep Q-network yourself, in six steps: a table that learns, a network in its
 # place, a memory, a target network, the double target and the softmax policy. In the exercises of notebook 7 the six become one
 # program that learns to fly over the village.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
 # right, and if not, what is probably wrong. It looks at what your code *does*, not at how it is written. Hints are folded away
-# below each task. An answer runs in this notebook: if it never ends, interrupt the kernel with the stop button.
+# below each task. Your code runs inside this notebook.
+# If it never finishes, interrupt the kernel with the stop button.
 #
 # Nobody gets stuck: a step that builds on the one before it begins with a solution of that one, folded away. Open it when you
 # have yours, or when you want to go on without.
@@ -44,7 +45,7 @@ def step(cell, action):
 # - `flights`: how many; `gamma`, `alpha`: $\gamma$ and $\alpha$
 # - `generator`: a `numpy.random.Generator`, for example for `generator.integers(4)`
 #
-# Give back the table: an array of shape (4, 4, 4), `q[row, column, action]`, all zeros at first.
+# Return the table: an array of shape (4, 4, 4), `q[row, column, action]`, all zeros at first.
 #
 # <details><summary>Hint</summary>
 #
@@ -98,7 +99,7 @@ print(memory[:3])
 # - `memory`: a tensor like the one above; `gamma`: $\gamma$
 # - `updates`: how many steps of gradient descent
 #
-# Give back the network: called with a tensor of cells, $(B, 2)$, it gives their Q-values, $(B, 4)$. One hidden layer of 64 units
+# Return the network: called with a tensor of cells, $(B, 2)$, it gives their Q-values, $(B, 4)$. One hidden layer of 64 units
 # with ReLU, Adam with a learning rate of 0.01 and minibatches of 32 random rows do well. The loss is the mean of $(y - Q(s, a))^2$
 # (paper, eq. 7), where $Q(s, a)$ belongs to the action that was taken and $y = r + \gamma \max_{a'} Q(s', a')$ comes from the
 # **same** network; after the end, $y = r$. The target is a fixed number: no gradient goes through it.
@@ -157,7 +158,7 @@ checks.learned_network(learn_network)
 #   may come more than once. `generator` is a `numpy.random.Generator`; all chance must come from it, for example by
 #   `generator.integers(0, n, count)`: `count` whole numbers from 0 to `n` − 1. `sample` is never called on an empty memory.
 #
-# An item is a tuple of any content; give back the very tuples that were added. Adding should not get slower when the
+# An item is a tuple of any content; return the very tuples that were added. Adding should not get slower when the
 # memory is large: try to do without shifting all items by a place (as `pop(0)` does), that is the point of a ring.
 #
 # <details><summary>Hint</summary>
@@ -212,7 +213,7 @@ checks.ring_buffer(Ring)
 #
 # $$\bar\theta \leftarrow (1 - \tau)\,\bar\theta + \tau\,\theta$$
 #
-# All else is as in 6.2: give back the online network.
+# Everything else is as in 6.2: return the online network.
 #
 # <details><summary>Begin here: a solution of 6.2</summary>
 #
@@ -333,7 +334,7 @@ checks.double_target(target)
 # $$\pi(a \mid s) = \frac{\exp(Q(s,a)/\beta)}{\sum_{a'} \exp(Q(s,a')/\beta)} \qquad \text{(paper, eq. 10)}$$
 #
 # Compute it for a batch of $B$ states: `q_values` is a float tensor of shape $(B, 6)$ with a row for each state and a
-# column for each action, `temperature` is the number $\beta > 0$. Give back the probabilities as a new tensor of the same
+# column for each action, `temperature` is the number $\beta > 0$. Return the probabilities as a new tensor of the same
 # shape; leave `q_values` as it is.
 #
 # The Q-values may be near 1000 or −1000 and the temperature may be 0.1, also with very different values in different

@@ -1,12 +1,12 @@
 # %% [markdown]
 # # Exercises 7 · Training
 #
-# They go with notebook `07_training`. You need the curves and the recipe of the notebook, and for the first one the parts that you
+# These exercises go with notebook `07_training`. You need the curves and the recipe of the notebook, and for the first one the parts that you
 # built in the exercises of notebook 6.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
-# never ends, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
+# If it never finishes, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -63,7 +63,7 @@ print("a batch of", len(pair))
 # 5. **sample** a minibatch, compute the double target, and make one step downhill
 # 6. the **target network** follows
 #
-# Give back a function `q_values(state)`: the Q-values of all six actions for a batch of states, a tensor $(B, 6)$.
+# Return a function `q_values(state)`: the Q-values of all six actions for a batch of states, a tensor $(B, 6)$.
 #
 # What worked for us: a convolution of 16 kernels 3 × 3 with stride 2, then 64 units; a minibatch of 64, a ring of 20,000, a first
 # hundred rounds without learning; Adam with a learning rate of 0.002, $\gamma = 0.95$, $\tau = 0.02$; $\beta$ falls from 1 to 0.05 in
@@ -248,7 +248,7 @@ for name, shares in RUNS.items():
 # - `n`: whole number, at least 1; `discount`: $\gamma$
 #
 # Here $m = n$, or $m = T$ if fewer than $n$ steps are stored. If one of these $m$ steps is terminal, the sum ends with the
-# reward of the first such step, and no value is added. Give back the number $y$; leave the arrays as they are.
+# reward of the first such step, and no value is added. Return the number $y$; leave the arrays as they are.
 #
 # <details><summary>Hint</summary>
 #

@@ -1,11 +1,11 @@
 # %% [markdown]
 # # Exercises 8 · Ablation: map centring
 #
-# They go with notebook `08_ablation_map_centring`. You need numpy, means and standard deviations, and the idea of a p-value.
+# These exercises go with notebook `08_ablation_map_centring`. You need numpy, means and standard deviations, and the idea of a p-value.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
-# never ends, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
+# If it never finishes, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline

@@ -1,11 +1,11 @@
 # %% [markdown]
 # # Exercises 10 · Evaluation
 #
-# They go with notebook `10_evaluation`. You need means, standard deviations and the normal distribution.
+# These exercises go with notebook `10_evaluation`. You need means, standard deviations and the normal distribution.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
-# never ends, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
+# If it never finishes, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline

@@ -1,11 +1,11 @@
 # %% [markdown]
 # # Exercises 11 · Replay
 #
-# They go with notebook `11_replay`. You need the ring of exercise 6.3.
+# These exercises go with notebook `11_replay`. You need the ring of exercise 6.3.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
-# never ends, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
+# If it never finishes, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -21,7 +21,7 @@ from uavdh_lite.course import checks
 # - `before`: how many items were added before the change, at least 1
 # - `after`: how many were added since, 0 or more
 #
-# Give back the share of the items in the memory that come from before the change, a number from 0 to 1. The ring overwrites its oldest item.
+# Return the share of the items in the memory that come from before the change, a number from 0 to 1. The ring overwrites its oldest item.
 #
 # <details><summary>Hint</summary>
 #

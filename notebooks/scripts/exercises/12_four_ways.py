@@ -1,11 +1,11 @@
 # %% [markdown]
 # # Exercises 12 · Four ways past the paper
 #
-# They go with notebook `12_four_ways`. You need numpy: indexing with arrays, and tables made of a row and a column.
+# These exercises go with notebook `12_four_ways`. You need numpy: indexing with arrays, and tables made of a row and a column.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. An answer runs in this notebook: if it
-# never ends, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
+# If it never finishes, interrupt the kernel with the stop button.
 
 # %%
 # %matplotlib inline
@@ -72,7 +72,7 @@ checks.failsafe_mask(fits)
 # - `rate`: (K, M, M), the mean rate of each device to a UAV over each cell, data units a slot
 # - `left`: (K,), the data units that each device has left
 #
-# Give back the layer, (M, M): for each cell the most data units that one device sends in a step there. Leave the arrays as they are.
+# Return the layer, (M, M): for each cell the most data units that one device sends in a step there. Leave the arrays as they are.
 #
 # <details><summary>Hint</summary>
 #

@@ -153,7 +153,7 @@ class Exercise:
         try:
             return difference(given, right, self.tolerance, self.smallest)
         except Exception:  # a value of the student's own that refuses to be looked at
-            return f"gives back {show(given)}, which cannot be compared"
+            return f"returns {show(given)}, which cannot be compared"
 
     def _called(self, answer, case: tuple) -> str:
         if self.call:

@@ -51,7 +51,7 @@ def tdma_slot(snr_db, left, empty=-np.inf):
 def step_of(answer, flight, step):
     given = answer()
     if [len(part) for part in given] != [6, 3]:
-        raise CheckFailed("Give back two lists: six rewards of flight A, three of flight B.")
+        raise CheckFailed("Return two lists: six rewards of flight A, three of flight B.")
     return given["AB".index(flight)][step - 1]
 
 

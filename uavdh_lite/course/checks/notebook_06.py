@@ -20,7 +20,7 @@ def table_values(learn, flights, gamma, alpha, *where):
     """The largest Q-value of each cell in the table that an answer learns, (4, 4)."""
     q = learn(small_city(*where), START, flights, gamma, alpha, stream(Use.EXERCISE, 0))
     if np.shape(q) != (4, 4, 4):
-        raise CheckFailed(f"Give back the table, an array of shape (4, 4, 4), not {show(q)}.")
+        raise CheckFailed(f"Return the table, an array of shape (4, 4, 4), not {show(q)}.")
     return np.max(q, axis=2)
 
 
@@ -60,7 +60,7 @@ def network_values(learn, seed, *case):
     memory = flights_of(small_city(device, price), 100)
     network = learn(memory, *constants, 1000)
     if not callable(network):
-        raise CheckFailed(f"Give back the network. You give back {show(network)}.")
+        raise CheckFailed(f"Return the network. You returned {show(network)}.")
     q = network(CELLS)
     if np.shape(q) != (16, 4):
         raise CheckFailed(f"For 16 cells your network gives {show(q)}, not a tensor (16, 4).")
@@ -119,11 +119,11 @@ def draws(ring: type, capacity: int, added: int, size: int, count: int = 1, seed
     for sample in samples:
         strange = [item for item in sample if id(item) not in numbers]
         if len(sample) != size or strange:
-            said = f"{asked(capacity, added, size)} gives back"
+            said = f"{asked(capacity, added, size)} returns"
             if len(sample) != size:
                 said = f"{said} a list of length {len(sample)}, expected {size}. An item may come "
                 raise CheckFailed(f"{said}more than once: draw size − 1 places, add the newest.")
-            said = f"{said} {show(strange[0])}, which was never added. Give back the very tuples"
+            said = f"{said} {show(strange[0])}, which was never added. Return the very tuples"
             raise CheckFailed(f"{said} that were added, not copies or parts of them.")
     return [[numbers[id(item)] for item in sample] for sample in samples]
 

@@ -29,7 +29,7 @@ def wrong_training(train) -> str:
     torch.set_num_threads(1)  # quicker, as the network is small
     q_values = train(environment, scenario, REWARDS, ROUNDS, stream(Use.EXERCISE, 0))
     if not callable(q_values):
-        return f"Give back a function q_values(state). You give back {show(q_values)}."
+        return f"Return a function q_values(state). You returned {show(q_values)}."
     q = q_values(scenario.sample(environment, 3, stream(Use.EXERCISE, 1)))
     if np.shape(q) != (3, 6):
         return f"For three states q_values gives {show(q)}, not a tensor of shape (3, 6)."

@@ -1,4 +1,4 @@
-"""What an answer gives back: compared with the solution's value, and shown in a message.
+"""What an answer returns: compared with the solution's value, and shown in a message.
 
 The solution's value says what is expected: for an `int` a whole number, for a `float` one number of
 any type, for a tuple or list as many values in any sequence, for an array or tensor the same.
