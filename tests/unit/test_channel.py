@@ -2,10 +2,7 @@ import numpy as np
 import pytest
 
 from uavdh_lite.channel import Channel, rate
-from uavdh_lite.city import City
-from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
-from uavdh_lite.scenario import Scenario
 
 
 def test_link_budget_by_hand():
@@ -33,14 +30,3 @@ def test_fading_has_the_given_variance(generator):
 def test_impossible_constants_name_the_field(field):
     with pytest.raises(InputError, match=field):
         Channel(**{field: -1})
-
-
-def test_a_map_of_rates_agrees_with_a_uav_that_hovers(generator):
-    """Over an embedded city, too, whose constants are those of its own size."""
-    environment = Environment((City.load("village"), City.load("manhattan")))
-    state = Scenario("one", devices=(1, 1)).sample_anywhere(environment, 60, generator, 0)
-    snr_db = environment.snr_db(state, state.uav_cell, np.zeros((60, 4, 1), np.float32))
-    for row, city in enumerate(state.city):
-        rates = environment.rate_map(state.device_cells[row, 0], city)
-        expected = rates.flat[state.uav_cell[row]]
-        assert rate(snr_db[row]) == pytest.approx(expected, rel=1e-3, abs=1e-6)

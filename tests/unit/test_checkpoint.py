@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from safetensors import safe_open
 from safetensors.torch import save_file
 
 from uavdh_lite import checkpoint
@@ -52,6 +53,18 @@ def test_another_kind_and_another_format_are_named(path, monkeypatch):
         load(path, "training")
     monkeypatch.setattr(checkpoint, "FORMAT", checkpoint.FORMAT + 1)
     with pytest.raises(CheckpointError, match=f"format {checkpoint.FORMAT - 1}"):
+        load_agent(path)
+
+
+def test_half_precision_comes_back_as_float32_and_another_shape_is_damage(path):
+    tensors, about = load(path, "agent")
+    halves = {k: v.half() if k.startswith("network.") else v for k, v in tensors.items()}
+    save(path, "agent", halves, about)
+    assert {p.dtype for p in load_agent(path).network.parameters()} == {torch.float32}
+    with safe_open(path, "pt") as file:
+        metadata = file.metadata()
+    save_file({k: v.reshape(-1) for k, v in halves.items()}, path, metadata)
+    with pytest.raises(CheckpointError, match="its checksum is wrong"):
         load_agent(path)
 
 

@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pytest
 import torch
@@ -55,10 +57,14 @@ def test_targets_by_hand():
 
 
 @pytest.mark.parametrize(
-    ("huber_delta", "loss", "slope"), [(None, 9.0, 6.0), (1.0, 2.5, 1.0), (4.0, 4.5, 3.0)]
+    ("huber_delta", "loss", "slope", "next_slope"),
+    [(None, 9.0, 6.0, 4.8), (1.0, 2.5, 1.0, 1.0), (4.0, 4.5, 3.0, 2.7)],
 )
-def test_an_update_descends_the_loss_of_the_action_taken(huber_delta, loss, slope):
-    """Q is 0, its target 3: the loss is 3², or 1 · (3 − 1/2), or 3²/2; τ is 1/4."""
+def test_an_update_descends_the_loss_of_the_action_taken(huber_delta, loss, slope, next_slope):
+    """Q is 0, its target 3: the loss is 3², or 1 · (3 − 1/2), or 3²/2; τ is 1/4.
+
+    The next slope is that of the error that is left, and of nothing before.
+    """
     own = learner(torch.optim.SGD, 1.0, target_update_rate=0.25, huber_delta=huber_delta)
     own.set_learning_rate(0.1)
     assert own.update(batch([2], [1], [3], [0], [0])) == loss
@@ -66,6 +72,24 @@ def test_an_update_descends_the_loss_of_the_action_taken(huber_delta, loss, slop
     moved[1, 2] = 0.1 * slope
     assert torch.allclose(own.online.weight, moved)
     assert torch.allclose(own.target.weight, moved / 4)
+    own.update(batch([2], [1], [3], [0], [0]))
+    assert own.online.weight[1, 2].item() == pytest.approx(0.1 * (slope + next_slope))
+
+
+@pytest.mark.parametrize("amsgrad", [False, True])
+def test_a_learner_goes_on_as_the_one_that_was_saved(amsgrad):
+    """Where slopes shrink, amsgrad goes by the largest one."""
+    first, second = (
+        learner(partial(torch.optim.Adam, amsgrad=amsgrad), 0.1, target_update_rate=0.5)
+        for _ in range(2)
+    )
+    first.update(batch([2, 1], [1, 0], [30, 2], [0, 0], [0, 0]))
+    second.load_state_dict({name: value.clone() for name, value in first.state_dict().items()})
+    for own in (first, second):
+        own.update(batch([2, 1], [1, 0], [3, 2], [0, 0.9], [0, 2]))
+    ours, theirs = first.state_dict(), second.state_dict()
+    assert ours.keys() == theirs.keys() and ("max_exp_avg_sq.weight" in ours) == amsgrad
+    assert all(torch.equal(value, theirs[name]) for name, value in ours.items())
 
 
 def test_it_learns_the_exact_values_of_a_chain(generator):

@@ -9,6 +9,7 @@ from reference import ReferenceEpisode, exact_sight
 from strategies import cities
 
 from uavdh_lite.channel import Channel
+from uavdh_lite.channel import rate as mean_rate
 from uavdh_lite.city import City
 from uavdh_lite.environment import (
     ACTIONS,
@@ -217,6 +218,17 @@ def test_an_upload_is_capped_by_what_is_left_and_then_the_next_device_has_its_tu
 
 
 # Tables, and states
+
+
+def test_a_map_of_rates_agrees_with_a_uav_that_hovers(generator):
+    """Over an embedded city, too, whose constants are those of its own size."""
+    environment = Environment((City.load("village"), City.load("manhattan")))
+    state = Scenario("one", devices=(1, 1)).sample_anywhere(environment, 60, generator, 0)
+    snr_db = environment.snr_db(state, state.uav_cell, np.zeros((60, 4, 1), np.float32))
+    for row, city in enumerate(state.city):
+        rates = environment.rate_map(state.device_cells[row, 0], city)
+        expected = rates.flat[state.uav_cell[row]]
+        assert mean_rate(snr_db[row]) == pytest.approx(expected, rel=1e-3, abs=1e-6)
 
 
 def test_each_of_many_devices_has_its_number():

@@ -43,6 +43,8 @@ def test_maps_against_a_slow_reference(kind, cities, size, generator):
     observation = Observation(environment, kind, data_scale=4, time_scale=10, size=size)
     state = SCENARIO.sample_anywhere(environment, 100, generator, spare_time=5)
     state = replace(state, data_left=state.data_left * np.float32(0.75))
+    # Two places may share a cell, as those without data do in a mission
+    state = replace(state, device_cells=state.device_cells[:, [0, 1, 1]])
     map, time = observation(state)
     assert observation.width == 2 * (size or 5) - 1
     for episode in range(100):
@@ -51,16 +53,11 @@ def test_maps_against_a_slow_reference(kind, cities, size, generator):
     assert np.allclose(time[:, 0], state.time_left / 10)
 
 
-def test_an_unknown_kind_is_refused():
-    with pytest.raises(InputError, match=r"'polar'.*centred, non_centred"):
-        Observation(Environment(SMALL), "polar")
-
-
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
         ({"environment": "manhattan"}, "of an Environment, here is 'manhattan'"),
-        ({"kind": "polar"}, "unknown observation 'polar'"),
+        ({"kind": "polar"}, r"unknown observation 'polar'.*centred, non_centred"),
         ({"kind": ["centred"]}, "unknown observation"),
         ({"size": -1}, "size -1: must be from 0 to 100"),
         ({"size": 10**9}, "size 1000000000"),

@@ -44,6 +44,8 @@ def test_impossible_recipes_name_the_field(field, value):
 def test_a_run_in_which_nothing_would_be_learned_is_refused():
     with pytest.raises(InputError, match="replay_prefill is 25000, must be at most steps, 20000"):
         replace(PAPER, steps=20_000)
+    least = {"environments": 9, "batch_size": 9, "replay_prefill": 9, "replay_capacity": 9}
+    assert replace(PAPER, steps=9, **least).batch_size == 9  # each may be as large as the next
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,10 @@ def test_three_step_returns_by_hand(generator):
 @settings(derandomize=True, deadline=None, max_examples=50)
 @given(*(st.integers(1, most) for most in (40, 4, 60, 4, 2**32)))
 def test_samples_are_those_of_a_slow_memory(steps, environments, capacity, n, seed):
-    """The ring keeps the newest steps; sums go on over n steps or to the end of the episode."""
+    """The ring keeps the newest steps; sums go on over n steps or to the end of the episode.
+
+    What is saved comes back.
+    """
     generator = np.random.default_rng(seed)
     rewards = generator.integers(0, 9, (steps, environments))
     ended = generator.random((steps, environments)) < 0.2
@@ -54,6 +57,9 @@ def test_samples_are_those_of_a_slow_memory(steps, environments, capacity, n, se
     if not len(replay):
         return
 
+    saved = {name: array.copy() for name, array in replay.state_dict().items()}
+    replay = Replay(capacity, environments, 2, 0.5, return_steps=n)
+    replay.load_state_dict(saved)
     size = int(generator.integers(environments, len(replay) + 1))
     batch = replay.sample(size, generator)
     found = batch.state.uav_cell.tolist()

@@ -168,6 +168,43 @@ def test_a_row_of_the_learning_curve_has_the_means_of_the_counted_episodes(train
     assert [row[f"greedy_{name}"] for name in CURVES] == [means[name].mean() for name in CURVES]
 
 
+def test_validations_come_when_they_are_due_and_tell_which_agent_is_best(trainer):
+    """Always the same missions; of equal returns the first one counts."""
+    own = trainer(validation_interval=48, validation_episodes=20, steps=128, replay_prefill=64)
+    due = []
+    while not own.finished:
+        if own.advance():
+            due.append(own.steps)
+    assert due == [48, 96, 128] == [row["steps"] for row in own.validation_rows]
+    flights = evaluate(own.environment, own.agent, own.scenario, 20, 0, Use.VALIDATION)
+    means = {name: values.mean() for name, values in flights.records().items()}
+    assert means.items() <= own.validation_rows[-1].items()
+    for returns, best in (([1], True), ([1, 2], True), ([1, 2, 2], False), ([2, 1], False)):
+        own.validation_rows = [{"return": each} for each in returns]
+        assert own.is_best == best
+
+
+def test_a_row_has_the_losses_since_the_row_before_and_actions_the_temperature_of_their_step(
+    trainer, monkeypatch
+):
+    monkeypatch.setattr(training, "BIN", 160)
+    drawn, policy = [], training.softmax_policy
+
+    def softmax_policy(q_values, temperature):
+        drawn.append(temperature)
+        return policy(q_values, temperature)
+
+    monkeypatch.setattr(training, "softmax_policy", softmax_policy)
+    own = trainer(replay_prefill=160, steps=640)
+    losses = []
+    for row in range(4):
+        given = [given_by(own.learner, "update", own.step) for _ in range(10)]
+        losses = [float(loss) for of_step in given for loss in of_step]
+        assert own.training_rows[row]["loss"] == (np.mean(losses) if losses else None)
+    assert len(own.training_rows) == 4 and losses
+    assert drawn == [own.recipe.temperature_at(step) for step in range(192, 640, 16)]
+
+
 def test_what_is_learned_from_follows_the_schedule_and_what_is_reported_does_not(trainer):
     own = trainer(
         return_steps=1,
