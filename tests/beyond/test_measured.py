@@ -160,6 +160,25 @@ def test_too_few_snrs_leave_the_models_line(model):
     assert (belief.mean_snr_db - still.mean_snr_db)[links(model)].max() < 1.0
 
 
+def test_one_snr_moves_its_link_half_way_and_those_nearby_less(model):
+    """With a weight n = exp(−d² / 2r²), by n / (n + 1); the spread is divided by √(n + 1).
+
+    The belief has the rate that is expected then, here as an integral over the fading.
+    """
+    device, uav = 0, 9
+    line = modelled_snr_db(model)
+    found = Heard(np.array([device]), np.array([uav]), line[[device], [uav]] + 8)
+    belief = expected(model, found, nearby_cells=1.0).mean_snr_db
+    z = np.linspace(-8, 8, 4001)
+    density = np.exp(-(z**2) / 2) / np.exp(-(z**2) / 2).sum()
+    for cell, squared_cells in ((uav, 0), (uav + 1, 1), (uav + model.size, 1), (uav + 9, 2)):
+        heard_here = np.exp(-squared_cells / 2)
+        mean_db = line[device, cell] + 8 * heard_here / (heard_here + 1)
+        spread_db = model.channel.fading_db(1, model.sight[0, device, cell])
+        rates = rate(mean_db + spread_db / np.sqrt(heard_here + 1) * z)
+        assert rate(belief[device, cell]) == pytest.approx(rates @ density, rel=1e-4)
+
+
 def test_link_by_link_a_shadow_that_is_not_on_the_map_is_learned_where_it_was_heard(model):
     """A device's corner of the city is 15 dB worse than any line says."""
     truth = modelled_snr_db(model)

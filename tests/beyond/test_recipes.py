@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch.nn.utils import parameters_to_vector
 
-from uavdh_lite.beyond.recipes import TOLD, BeyondRecipe, ImitationRecipe
+from uavdh_lite.beyond.recipes import IMITATION, TOLD, BeyondRecipe, ImitationRecipe
 from uavdh_lite.checkpoint import load_agent, save_agent
 from uavdh_lite.city import City
 from uavdh_lite.errors import InputError
@@ -103,3 +103,26 @@ def test_two_resolutions_need_the_centred_map():
     with pytest.raises(InputError, match="found non_centred"):
         replace(TOLD, observation="non_centred")
     assert replace(TOLD, observation="non_centred", pooling=0).told
+
+
+def test_the_middle_of_a_small_map_is_all_of_it():
+    recipe = replace(TOLD, local_size=17, strides=(1,))
+    observation = recipe.observation_for(recipe.environment_for(CITY))
+    assert recipe.network_for(observation).network.local_size == observation.width == 9
+
+
+def test_the_learning_rate_falls_twice():
+    two = replace(
+        IMITATION,
+        replay_prefill=500,
+        replay_capacity=1000,
+        steps=2000,
+        labels=1000,
+        learning_rate=0.4,
+        learning_rate_end=0.0,
+    )
+    two = replace(two, reward_learning_rate=0.1)
+    rates = [two.learning_rate_at(steps) for steps in (0, 500, 1000, 1500, 2000)]
+    assert rates == pytest.approx([0.4, 0.2, 0.1, 0.05, 0])
+    for labels in (None, 5000):  # a run without a part for reward
+        assert replace(two, labels=labels).learning_rate_at(1000) == pytest.approx(0.2)

@@ -135,12 +135,3 @@ def test_learning_by_reward_begins_without_the_moments_of_copying(
     assert run.learner.optimiser.state
     run.step()
     assert run.steps == 960 and not run.learner.optimiser.state
-
-
-def test_the_learning_rate_falls_twice(recipe):
-    two = replace(recipe, steps=2000, labels=1000, learning_rate=0.4, learning_rate_end=0.0)
-    two = replace(two, reward_learning_rate=0.1)
-    rates = [two.learning_rate_at(steps) for steps in (0, 500, 1000, 1500, 2000)]
-    assert rates == pytest.approx([0.4, 0.2, 0.1, 0.05, 0])
-    for labels in (None, 5000):  # a run without a part for reward
-        assert replace(two, labels=labels).learning_rate_at(1000) == pytest.approx(0.2)

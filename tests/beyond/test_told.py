@@ -46,9 +46,11 @@ def test_expected_data_is_what_hovering_there_brings_without_fading(environment,
             )
 
 
-def test_ways_are_those_of_the_greedy_planner(environment, states):
-    told = ToldObservation(environment).told(states).numpy()
-    far = 2 * environment.size
+@pytest.mark.parametrize("size", [0, 8])
+def test_ways_are_those_of_the_greedy_planner(size, environment, states):
+    """As shares of what is far in the largest city that the network is to see."""
+    told = ToldObservation(environment, size=size).told(states).numpy()
+    far = 2 * (size or environment.size)
     there = Greedy(environment).moves[states.city, states.uav_cell].astype(float)
     assert np.allclose(told[:, 2], 1 - there.clip(max=far) / far)
     home = environment.landing_distance[states.city]

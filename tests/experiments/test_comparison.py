@@ -8,6 +8,7 @@ from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import bootstrap_interval, evaluate
 from uavdh_lite.experiments.comparison import (
     breakdown,
+    columns,
     compare,
     save_comparison,
     share,
@@ -51,6 +52,9 @@ def test_over_several_cities_each_episode_names_its_city():
     flights = evaluate(environment, Greedy(environment), scenario, 20, seed=4)
     expected = [cities[c].name for c in flights.start.city]
     assert found["greedy"]["city"].tolist() == expected and len(set(expected)) == 3
+    twins = Environment((VILLAGE.city, VILLAGE.city))
+    named = columns(twins, evaluate(twins, Greedy(twins), scenario, 20, seed=4))["city"]
+    assert set(named) == {"village 0", "village 1"}
 
 
 def test_share_pairs_the_episodes(generator):
@@ -58,8 +62,10 @@ def test_share_pairs_the_episodes(generator):
     exact = share(0.9 * reference, reference)
     assert exact == pytest.approx((0.9, 0.9, 0.9))  # unpaired, it would be some 0.9 ± 0.1
     assert share(0.9 * reference, reference, np.arange(200) // 9) == pytest.approx((0.9, 0.9, 0.9))
-    noisy = share(0.9 * reference + generator.normal(0, 5, 200), reference)
+    values = 0.9 * reference + generator.normal(0, 5, 200)
+    noisy = share(values, reference)
     assert noisy.low < noisy.mean < noisy.high
+    assert noisy.mean == pytest.approx(values.sum() / reference.sum())
     ones, groups = np.ones(200), np.arange(200) // 9
     assert share(reference, ones) == bootstrap_interval(reference)  # a mean and its 95 %
     assert share(reference, ones, groups) == bootstrap_interval(reference, groups)
@@ -102,10 +108,10 @@ def test_a_comparison_is_kept_as_a_table_and_how_it_was_made(results, tmp_path):
     save_comparison(tmp_path / "a.CSV.gz", results, {"command": "a command"})
     table = read_table(tmp_path / "a.CSV.gz")
     assert list(table)[:5] == ["policy", "episode", "devices", "flying_time", "data"]
-    for policy, columns in results.items():
+    for policy, flown in results.items():
         of_policy = table["policy"] == policy
         assert table["episode"][of_policy].tolist() == list(range(12))
-        for name, column in columns.items():
+        for name, column in flown.items():
             np.testing.assert_allclose(table[name][of_policy], column, rtol=1e-5)
     assert json.loads((tmp_path / "a.json").read_text()) == {"command": "a command"}
     assert json.loads((tmp_path / "a.b.json").read_text()) == {"command": "another"}

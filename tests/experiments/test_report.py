@@ -8,6 +8,7 @@ def test_a_line_for_each_policy_and_the_papers_in_columns():
     paper = {"landed": 0.995, "collected": 0.948, "collected_and_landed": 0.946}
     lines = policies_table({"agent": metrics, "a rule": metrics}, paper).splitlines()
     assert len(lines) == 4 and len({len(line) for line in lines}) == 1
+    assert [line.split("  ")[0] for line in lines[1:3]] == ["agent", "a rule"]  # to the left
     cells = [" ".join(line.split()) for line in lines]
     assert cells[0] == "landed collected collected and landed return time used"
     share = "90.0 (81.2 to 100.0) %"

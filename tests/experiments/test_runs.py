@@ -1,6 +1,7 @@
 """A run in its folder."""
 
 import json
+import signal
 
 import numpy as np
 import pytest
@@ -8,28 +9,25 @@ import torch
 
 from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.errors import CheckpointError, InputError
-from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments import runs
 from uavdh_lite.experiments.runs import SAVED, train
+from uavdh_lite.experiments.stopping import SIGNALS, deferred_stop
 from uavdh_lite.provenance import provenance
 from uavdh_lite.recipe import recipe_from_json
 from uavdh_lite.storage import read_table
-from uavdh_lite.streams import Use
-from uavdh_lite.training import BIN, VALIDATION_SEED
+from uavdh_lite.training import BIN
 
 
-def test_a_validation_is_a_row_of_means_and_says_if_the_return_is_the_highest(trainer):
-    own = trainer()
-    own.validate()
-    assert own.is_best  # the first one is
-    flown = (own.environment, own.agent, own.scenario, 50, VALIDATION_SEED, Use.VALIDATION)
-    (row,) = own.validation_rows
-    for name, values in evaluate(*flown).records().items():
-        assert row[name] == values.mean()
-    own.validate()
-    assert not own.is_best  # it is the same
-    own.validation_rows[0] |= {"return": row["return"] - 1, "landed": 2.0}
-    assert own.is_best
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_signal_is_noted_and_a_second_one_interrupts(number):
+    before, notes = [signal.getsignal(each) for each in SIGNALS], []
+    with deferred_stop(lambda: notes.append(number)) as asked:
+        assert not asked()
+        signal.raise_signal(number)
+        assert asked() and notes == [number]
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
+    assert [signal.getsignal(each) for each in SIGNALS] == before
 
 
 def test_files_of_a_run(trainer, tmp_path):
@@ -54,7 +52,9 @@ def test_files_of_a_run(trainer, tmp_path):
 
 
 def test_a_folder_with_a_run_is_not_overwritten(trainer, tmp_path):
-    train(trainer(steps=400), tmp_path)
+    own = trainer(steps=400)
+    train(own, tmp_path, stop_after=1000)
+    assert own.steps == 400
     with pytest.raises(InputError, match="holds a run already"):
         train(trainer(steps=400), tmp_path)
     before = (tmp_path / SAVED).read_bytes()

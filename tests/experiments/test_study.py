@@ -33,7 +33,7 @@ from uavdh_lite.recipe import LITE, SMALL
 from uavdh_lite.registry import names
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import read_table, write_table
-from uavdh_lite.training import Trainer
+from uavdh_lite.training import BIN, Trainer
 
 CHANGES = {"steps": 5120, "validation_interval": 2560, "validation_episodes": 5, "kernels": 2}
 CHANGES |= {"hidden": (8,), "environments": 64, "replay_capacity": 1000, "replay_prefill": 320}
@@ -75,6 +75,9 @@ def test_a_run_for_each_variant_and_seed_which_is_kept(finished):
     before = {path: path.stat().st_mtime_ns for path in out.glob("*/*")}
     assert run_study(find_scenario("village"), centring(RECIPE), 2, out) == folders
     assert {path: path.stat().st_mtime_ns for path in out.glob("*/*")} == before
+    (out / "stop").touch()  # left by one that was killed
+    assert run_study(find_scenario("village"), centring(RECIPE), 2, out) == folders
+    assert not (out / "stop").exists()
 
 
 def test_the_curves_of_all_runs_come_as_two_tables(finished, tmp_path):
@@ -212,6 +215,17 @@ def test_a_study_goes_on_when_the_shell_that_began_it_ends(tmp_path):
             break
         time.sleep(0.1)
     assert (tmp_path / "curves.png").exists(), (tmp_path / "log").read_text()
+
+
+def test_a_run_of_the_shortest_curve_takes_one_thread(tmp_path):
+    recipe = replace(RECIPE, steps=BIN, environments=50, batch_size=50)
+    torch.set_num_threads(2)
+    try:
+        run_study(find_scenario("village"), {"a": recipe}, 1, tmp_path)
+        assert torch.get_num_threads() == 1
+    finally:
+        torch.set_num_threads(1)
+    assert read_table(tmp_path / "a-0" / "training.csv")["steps"].tolist() == [BIN]
 
 
 def test_two_studies_share_no_folder(tmp_path):
