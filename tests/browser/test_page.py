@@ -373,9 +373,15 @@ def test_files_are_saved_opened_and_dropped(page, tmp_path):
     assert (
         json.loads((tmp_path / "stage.json").read_text())["mission"]["city"]["name"] == "manhattan"
     )
+    with page.expect_file_chooser() as chooser:
+        page.get_by_label("Open").click()
+    choose(page, "city", "village")  # what is drawn meanwhile leaves the open chooser alone
+    expect(page.locator(".map .kind-N").first).to_be_attached()
+    page.locator(".map g[data-device='0']").first.wait_for()
+    chooser.value.set_files(tmp_path / "stage.json")
+    expect(page.locator("[data-set='city']")).to_have_value("manhattan")
     choose(page, "city", "village")
-    page.wait_for_timeout(1500)  # until it is drawn: a file is opened over what is there
-    page.get_by_label("Open").set_input_files(tmp_path / "stage.json")
+    page.get_by_label("Open").set_input_files(tmp_path / "stage.json")  # at once
     expect(page.locator("[data-set='city']")).to_have_value("manhattan")
     page.keyboard.press("Escape")
     expect(page.locator(".drawer")).to_be_hidden()

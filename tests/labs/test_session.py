@@ -166,6 +166,35 @@ def test_a_table_of_a_hundred_missions_belongs_to_its_pair(tell):
     assert "many" not in tell("policy", which=0, name="greedy")["panel"]
 
 
+def test_a_file_is_opened_though_the_step_is_kept_meanwhile_and_gives_way_to_what_is_done_later(
+    modules, tell, saved
+):
+    tell("city", name="manhattan")
+    stage = saved("stage").decode()
+    script = """async ([stage, ...later]) => {
+        lab.post = () => {};
+        const open = lab.hear({ kind: "open", file: new File([stage], "a.json") });
+        await Promise.all([open, ...later.map((told) => lab.hear(told))]);
+        return [lab.stage.mission.city.name, lab.work];
+    }"""
+    city, show = {"kind": "city", "name": "open_field"}, {"kind": "show", "step": 0}
+    for later, there in (([show], "manhattan"), ([city, show], "open_field")):
+        tell("city", name="village")
+        assert modules(script, [stage, *later]) == [there, None]
+
+
+def test_a_device_that_is_chosen_while_a_duel_is_looked_for_stays_chosen(modules, tell):
+    tell("add", cell=[3, 3])
+    script = """async () => {
+        lab.post = () => {};
+        const duel = lab.hear({ kind: "duel", wanted: -1 });
+        await Promise.all([duel, lab.hear({ kind: "look", device: 1 })]);
+        return [lab.stage.device, lab.stage.mission.seed > 0];
+    }"""
+    tell("tool", tool="channel")
+    assert modules(script) == [1, True]
+
+
 def test_what_takes_long_is_ended_by_what_is_done_meanwhile(modules, tell):
     script = """async () => {
         const answers = [];

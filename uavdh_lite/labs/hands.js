@@ -106,11 +106,7 @@ export function attend(stage) {
   const does = {
     skip: stage.skipStory,
     copy: stage.copyLink,
-    more: stage.toggleDrawer,
-    close() {
-      stage.toggleDrawer();
-      find(".more").focus();
-    },
+    more: () => (find(".drawer").open ? find(".drawer").close() : find(".drawer").show()),
     full: () => (document.fullscreenElement ? document.exitFullscreen() : el.requestFullscreen()),
   };
   el.addEventListener("click", (event) => {
@@ -164,7 +160,7 @@ export function attend(stage) {
       cell[name === "row" ? 0 : 1] = value;
       ask({ kind: "move", device, cell });
     }
-    find(".drawer").written = null; // so that a refused number is put back
+    for (const place of [".devices", ".fields"]) find(place).written = null; // so that a refused number is put back
   }
 
   const open = (file) => {
@@ -230,7 +226,7 @@ export function attend(stage) {
     if (elsewhere || event.target.matches("input, select, textarea")) return;
     if (event.key === "Escape") {
       el.classList.remove("adding");
-      if (!find(".drawer").hidden) does.close();
+      find(".drawer").close();
       stage.paint();
       return stage.endStory();
     }

@@ -20,7 +20,7 @@ const TRIES = 200; // missions that are looked at for a duel
 const FIRST = 1_000_000; // the number of the first of the hundred missions: "New" does not come so far
 const STORY = 248; // the mission that the page begins with, chosen because it shows a difference
 const TURN = 50; // ms of a computation after which others have their turn
-const BESIDE = ["show", "values", "shadow", "look", "many"]; // what does not end a computation
+const BESIDE = ["show", "values", "shadow", "look"]; // what does not end what takes long
 const STOPPED = new InputError("stopped");
 
 /** Why something was not done, for people; nothing if they ended it themselves. */
@@ -85,7 +85,6 @@ export class Session {
   /** Does what the page tells, or says why it was not done. */
   async hear(told) {
     if (!BESIDE.includes(told.kind)) this.work = null;
-    const { stage, hangar, race } = this;
     let refused = "";
     try {
       if (this.does[told.kind]) await this.does[told.kind].call(this, told);
@@ -99,14 +98,14 @@ export class Session {
     try {
       this.render(refused, told.number);
     } catch (error) {
-      Object.assign(this, { stage, hangar, race }); // what cannot be drawn is not kept
+      Object.assign(this, this.drawn); // what cannot be drawn is not kept
       this.render(reasonOf(error), told.number);
     }
   }
 
   /** Shows what the stage looks like now. */
   render(refused = "", number = 0) {
-    const { stage, hangar } = this;
+    const { stage, hangar, race, extra } = this;
     const flights = this.flights();
     const film = filmOf(hangar, flights);
     const text = JSON.stringify(film);
@@ -125,6 +124,7 @@ export class Session {
       fresh: this.fresh,
       working: Boolean(this.work),
     };
+    this.drawn = { stage, hangar, race, extra };
     this.post({ kind: "scene", scene });
     linkOf(stage).then((link) => stage === this.stage && this.post({ kind: "link", link }));
   }
@@ -270,9 +270,15 @@ export class Session {
     this.hangar = new Hangar(stage.mission, this.agents, this.places, this.hangar);
   }
 
-  /** Runs what takes long: others have their turn meanwhile, and most of what they do ends it. */
+  /**
+   * Runs what takes long, and returns what it finds. Others have their turn meanwhile, and most of what they
+   * do ends it: what was asked for earlier never replaces what was done later.
+   */
   async long(text, run) {
     const mine = (this.work = {});
+    const requireWanted = () => {
+      if (this.work !== mine) throw STOPPED;
+    };
     let before = performance.now();
     const turn = async (share) => {
       if (performance.now() - before > TURN) {
@@ -280,10 +286,12 @@ export class Session {
         await new Promise((resolve) => setTimeout(resolve));
         before = performance.now();
       }
-      if (this.work !== mine) throw STOPPED;
+      requireWanted();
     };
     try {
-      return await run(turn);
+      const found = await run(turn);
+      requireWanted();
+      return found;
     } finally {
       if (this.work === mine) this.work = null;
       this.post({ kind: "progress", text: "" });
@@ -326,7 +334,7 @@ export class Session {
         }
         throw new InputError(`no such duel among the next ${TRIES} missions: try other rivals`);
       });
-      this.take({ ...withMission(stage, found, this.shelf), policies: pair }, "duel");
+      this.take({ ...withMission(this.stage, found, this.shelf), policies: pair }, "duel");
     },
     /** The means of both policies over a hundred random missions, with their intervals. */
     async many({ quiet }) {
@@ -381,9 +389,7 @@ export class Session {
       this.race = { ...this.race, point };
     },
     async open({ file, link }) {
-      const before = this.stage;
-      const stage = await this.opened(file, link);
-      if (this.stage === before) this.take(stage, "open");
+      this.take(await this.long("", () => this.opened(file, link)), "open");
     },
     async save({ what }) {
       const { stage } = this;

@@ -20,12 +20,23 @@ const page = (tools) => `<h1>uavdh_lite labs</h1><div class="top">
       ${button("↶", { kind: "undo", by: -1 }, 'class="undo" aria-label="undo"')}
       ${button("↷", { kind: "undo", by: 1 }, 'class="redo" aria-label="redo"')}
       <button type="button" class="copy">Link</button>
-      <button type="button" class="more" aria-expanded="false" title="${MORE}">More</button>
+      <button type="button" class="more" aria-haspopup="dialog" title="${MORE}">More</button>
       <button type="button" class="full" aria-label="full screen">${FULL}</button>
     </div></div>
   <div class="main"><div class="inside"><div class="stages"></div>
     <div class="tool" id="panel" role="tabpanel" tabindex="0"></div></div>
-    <div class="drawer" role="region" aria-label="${MORE}" hidden></div>
+    <dialog class="drawer" aria-label="${MORE}">
+      <form method="dialog"><h2>${MORE}</h2><button class="close" aria-label="close">×</button></form>
+      <table class="devices"></table>
+      <div class="row fields"></div>
+      <div class="row"><button type="button" data-set="place">Add a device</button><span class="hint" role="status"></span></div>
+      <div class="row">${button("Save", { kind: "save", what: "stage" })}
+        ${button("Save the mission alone", { kind: "save", what: "mission" })}
+        <label class="file">Open <input type="file" accept=".json,.png,.safetensors"></label>
+        <label>or a link <input type="text" data-set="link" placeholder="…#${LINK}…"></label></div>
+      <p>Save keeps city, mission, rivals and step in a file. Open reads it, a mission, a city's PNG or an agent's
+      checkpoint; dropping the file onto the page does the same. On the map, drag devices and the start; or press Tab
+      and move them with the arrow keys; Delete removes one.</p></dialog>
     <div class="caption" role="status" hidden></div>
     <div class="notice refusal" role="alert"></div>
     <div class="notice busy" role="status" hidden><span></span><progress></progress>
@@ -97,11 +108,6 @@ export function draw(el, model) {
       const end = clock.now.time >= clock.now.last;
       endStory();
       if (!end) clock.show(clock.now.last);
-    },
-    toggleDrawer() {
-      const drawer = find(".drawer");
-      drawer.hidden = !drawer.hidden;
-      find(".more").setAttribute("aria-expanded", !drawer.hidden);
     },
     async copyLink() {
       const told = `${location.href.split("#")[0]}#${LINK}${link}`;
@@ -204,26 +210,18 @@ export function draw(el, model) {
     const { state } = scene;
     const full = state.devices.length >= state.most;
     const adding = el.classList.contains("adding") && !full;
-    const hint = full ? `at most ${state.most} devices here` : adding ? "Press a free cell on the map." : "";
     const field = (name, label, value) =>
       `<label>${label} <input type="number" data-field="${name}" value="${value}" step="any"></label>`;
     const row = ({ cell, data }, k) => `<tr><th>device ${k}</th>
       <td>${field(`row ${k}`, "row", cell[0])}</td><td>${field(`col ${k}`, "column", cell[1])}</td>
       <td>${field(`data ${k}`, "data", data)}</td>
       <td>${button("remove", { kind: "remove", device: k })}</td></tr>`;
-    stage.fill(".drawer", `<h2>${MORE}</h2><button type="button" class="close" aria-label="close">×</button>
-      <table>${state.devices.map(row).join("")}</table>
-      <div class="row">${field("time", "flying time", state.flyingTime)}
-        ${field("row -1", "start: row", state.start[0])} ${field("col -1", "column", state.start[1])}</div>
-      <div class="row"><button type="button" data-set="place" aria-pressed="${adding}"
-        ${full ? "disabled" : ""}>Add a device</button><span role="status">${hint}</span></div>
-      <div class="row">${button("Save", { kind: "save", what: "stage" })}
-        ${button("Save the mission alone", { kind: "save", what: "mission" })}
-        <label class="file">Open <input type="file" accept=".json,.png,.safetensors"></label>
-        <label>or a link <input type="text" data-set="link" placeholder="…#${LINK}…"></label></div>
-      <p>Save keeps city, mission, rivals and step in a file. Open reads it, a mission, a city's PNG or an agent's
-      checkpoint; dropping the file onto the page does the same. On the map, drag devices and the start; or press Tab
-      and move them with the arrow keys; Delete removes one.</p>`);
+    stage.fill(".devices", state.devices.map(row).join(""));
+    stage.fill(".fields", `${field("time", "flying time", state.flyingTime)}
+      ${field("row -1", "start: row", state.start[0])} ${field("col -1", "column", state.start[1])}`);
+    find("[data-set=place]").setAttribute("aria-pressed", adding);
+    find("[data-set=place]").disabled = full;
+    stage.fill(".hint", full ? `at most ${state.most} devices here` : adding ? "Press a free cell on the map." : "");
   }
 
   // The address and the saved file know the step, too

@@ -63,7 +63,7 @@ function stageOf(given) {
 export const newStage = (mission, shelf, tool = "compare") =>
   stageOf({ mission, policies: usualPolicies(mission.city, shelf), tool, flown: "", step: -1, device: 0 });
 
-/** The agent and its rival: the paper's method where it was trained for the city. */
+/** The agent and its rival: the agent of the recipe `lite`, a strengthened DDQN, where one was trained for the city. */
 function usualPolicies(city, { known }) {
   const names = known(city);
   const agent = names.find((name) => name.endsWith("_ddqn")) ?? names[0];
@@ -117,8 +117,8 @@ export function readFile(text, shelf) {
   const mission = missionFromJson(values.mission);
   const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
   const there = policies.map((name, k) => (names.includes(name) ? name : usual[k]));
-  const tool = values.tool === "train" ? "watch" : values.tool; // its name in earlier files
-  return stageOf({ mission, policies: there, tool, flown, step: values.step, device: values.device });
+  const { tool, step, device } = values;
+  return stageOf({ mission, policies: there, tool, flown, step, device });
 }
 
 const base64 = (bytes) => btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));

@@ -24,8 +24,8 @@ const WORDS = {
   collected: "the share of the data that was collected, landed or not",
   ghost: "the flight of your rival in the same mission, with the same fading, as far as you are",
   "path loss": "what the signal loses on its way, where nothing hides it: 22.7 dB each time the distance is ten times as long",
-  layer: "a map laid over the city: five that the network sees, and the value of each cell",
-  "DDQN agent": "a neural network that learned by double deep Q-learning, from its own trials",
+  layer: "a map laid over the city: five of those that the network sees, and the value of each cell",
+  "DDQN agent": "a neural network that learned by a strengthened double deep Q-learning, from its own trials",
   "imitation agent": "a neural network that learned to copy a planner, then from its own trials; a failsafe brings it home in time",
   "any-city agent": "one neural network for any city of at most 16 by 16 cells; a failsafe brings it home in time",
 };
@@ -368,11 +368,11 @@ const CURVES = ["collected_and_landed", "collected", "landed", "return"];
 const FAR = 10; // below the best value: bars do not tell what is farther
 const CENTRED = "The network sees all layers shifted so that the UAV is in the middle.";
 const MEANINGS = {
-  "landing zone": "One of five layers that the network sees: where it may land.",
-  "no-fly zone": "One of five layers: where it may not fly. Outside of the city, too.",
-  buildings: "One of five layers: what blocks the radio link.",
-  "data left": "One of five layers: data still to be collected, in the cells of the devices.",
-  "data collected": "One of five layers: data that it has collected, in the same cells.",
+  "landing zone": "A layer that the network sees: where it may land.",
+  "no-fly zone": "A layer: where it may not fly. Outside of the city, too.",
+  buildings: "A layer: what blocks the radio link.",
+  "data left": "A layer: data still to be collected, in the cells of the devices.",
+  "data collected": "A layer: data that it has collected, in the same cells.",
 };
 const SEEN = Object.keys(MEANINGS);
 
