@@ -43,7 +43,7 @@ DRAG = """async () => {
     main.setPointerCapture = () => {};
     const send = (type, k) => {
         const where = { clientX: x + k * side, clientY: y, pointerId: 1, bubbles: true };
-        const target = stages.querySelector("g[data-device='0'] circle");
+        const target = stages.querySelector("g[data-device='0'] path");
         (type === "pointerdown" ? target : main).dispatchEvent(new PointerEvent(type, where));
     };
     const watch = new MutationObserver(() => drawn.add(performance.now()));

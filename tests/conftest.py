@@ -1,6 +1,7 @@
 """A small city and quick recipes that several tests share."""
 
 import os
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -30,6 +31,18 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if "solutions" in item.path.parts:
             item.add_marker("long")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium. Without it, tests that need it are skipped."""
+    chromium = os.environ.get("CHROMIUM") or shutil.which("chromium")
+    if chromium is None:
+        pytest.skip("no Chromium: name one in CHROMIUM")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
 
 
 CORRIDOR = """

@@ -10,8 +10,10 @@ export const KINDS = {
   B: { name: "tall building", hatch: "" },
   N: { name: "no-fly zone", hatch: "m0 .5l.5 -.5m-.5 1l1 -1m-.5 1l.5 -.5" },
 };
+// The marks of plotting.py
+const CROSS = '<path d="M-.5 -.25l.25 -.25L0 -.25 .25 -.5l.25 .25L.25 0l.25 .25-.25 .25L0 .25-.25 .5l-.25 -.25L-.25 0z"/>';
 const START = '<path class="start" d="M0 -.36L.36 .28H-.36z"/>';
-const LANDED = '<path class="landed" d="M0 -.42L.42 0 0 .42 -.42 0z"/>'; // the marks of plotting.py
+const LANDED = '<path class="landed" d="M0 -.42L.42 0 0 .42 -.42 0z"/>';
 const CRASHED = `<path class="crashed" d="M0 -.5L.12 -.16 .48 -.15 .19 .06 .29 .4 0 .2 -.29 .4 -.19 .06 -.48 -.15 -.12 -.16z"/>`;
 const rotor = (turn) => `<circle cx=".34" r=".14" transform="rotate(${turn})"/>`;
 const ROTORS = [45, 135, 225, 315].map(rotor).join("");
@@ -322,19 +324,21 @@ function arrow(width, aside = 0.16) {
 }
 
 const deviceSign = ({ number, colour }) =>
-  `<g class="device" ${coloured(colour)}><circle r=".42"/><text>${number}</text></g>`;
+  `<g class="device" ${coloured(colour)}>${CROSS}<text>${number}</text></g>`;
 
+// What all signs mean, in the words of `add_legend` in plotting.py.
 export function legend({ city, devices }) {
   const kinds = Object.keys(KINDS).filter((sign) => city.some((row) => row.includes(sign)));
   const move = (width) => `<g transform="translate(-.5)">${arrow(width, 0)}</g>`;
   const entries = [
     ...kinds.map((sign) => [KINDS[sign].name, cells([sign], sign)]),
-    ["shadow: no line of sight to the device", shadow(["#"])],
-    ["device", deviceSign({ ...devices[0], number: "" })],
+    ["shadow: no line of sight to a device", shadow(["#"])],
+    ...devices.map((device) => [`device ${device.number}`, deviceSign(device)]),
+    ["UAV", `<g class="uav">${UAV}</g>`],
     ["start", START],
     ["landing", LANDED],
     ["crash", CRASHED],
-    ["move: thicker for more data, in the device's colour", move(0.16)],
+    ["move: thicker for more data, in the colour of its device", move(0.16)],
     ["hovering", '<circle class="ring" r=".46" stroke-width=".08"/>'],
   ];
   const draw = ([name, sign]) => `<span><svg viewBox="-.6 -.6 1.2 1.2">${sign}</svg>${name}</span>`;

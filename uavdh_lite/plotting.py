@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from matplotlib.colors import LogNorm, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
+from matplotlib.path import Path as Outline
 from matplotlib.patheffects import withStroke
 
 from uavdh_lite.city import City
@@ -57,6 +59,10 @@ THIN, THICK = 0.05, 0.17  # width of an arrow, cells: for a step without data, a
 MUCH = 4.0  # data units in a step; more of them make no arrow thicker
 ASIDE = 0.14  # of a cell: arrows lie to the right of the path, so that there and back differ
 FRAMES_A_SECOND, FRAMES_OF_THE_END = 7, 12  # of an animation; a frame is a step
+UAV = Outline.make_compound_path(  # a marker: two arms, and a rotor at each of their ends
+    *(Outline([(-1, turn), (1, -turn)]) for turn in (1, -1)),
+    *(Outline.circle(end, 0.6) for end in product((-1, 1), repeat=2)),
+)
 
 
 def device_colour(device: int | np.integer) -> str:
@@ -179,19 +185,21 @@ def draw_flight(ax: Axes, city: City, trajectory: Trajectory) -> Axes:
 
     Arrows and hover marks have the colour of the device that uploaded most in that step, black if
     none did; the thicker an arrow, the more was uploaded in its step. The number next to a device
-    is its data at the start. A hover mark grows with the time spent there.
+    is its data at the start. A hover mark grows with the time spent there. The UAV itself is shown
+    while it is in the air.
     """
     path = np.stack(np.divmod(trajectory.uav_cell, city.size), axis=1)  # row, column
     _draw_path(ax, path, trajectory)
     _draw_devices(ax, city, trajectory.start)
     (row, col), (last_row, last_col) = path[0], path[-1]
     ax.plot(col, row, "^", color="white", mec="black", ms=9, zorder=7)
-    marker, size, colour = "o", 9, "white"
+    marker: str | Outline = UAV
+    size, colour = 13, "white"
     if trajectory.landed:
         marker, size = "D", 7
     elif trajectory.time_left[-1] <= 0:
         marker, size, colour = "*", 13, RED
-    ax.plot(last_col, last_row, marker, color=colour, mec="black", ms=size, zorder=7)
+    ax.plot(last_col, last_row, marker=marker, color=colour, mec="black", ms=size, zorder=7)
     return ax
 
 
@@ -253,22 +261,21 @@ def caption(trajectory: Trajectory) -> str:
 
 
 def add_legend(figure: Figure, devices: int) -> None:
-    """The legend of trajectory figures, below all Axes, for this number of devices."""
-    signs: list[tuple[str, str, Style]] = [
+    """The legend of trajectory figures, below all Axes; `player.js` has the same words."""
+    ground = CELL_STYLES | {"shadow: no line of sight to a device": {"facecolor": SHADOW}}
+    move = "move: thicker for more data, in the colour of its device"
+    signs: list[tuple[str, str | Outline, Style]] = [
+        *((f"device {k}", "X", {"color": device_colour(k), "ms": 10}) for k in range(devices)),
+        ("UAV", UAV, {"mfc": "white", "ms": 12}),
         ("start", "^", {"mfc": "white", "ms": 9}),
         ("landing", "D", {"mfc": "white", "ms": 7}),
         ("crash", "*", {"mfc": RED, "ms": 13}),
-        ("move: thicker for more data, black for none", "$→$", {"mfc": "black", "ms": 12}),
+        (move, "$→$", {"mfc": "black", "ms": 12}),
         ("hovering", "o", {"mfc": "none", "mew": 1.4, "ms": 8}),
     ]
-    for k in range(devices):
-        colour = device_colour(k)
-        style: Style = {"mfc": colour, "mec": colour, "ms": 10}
-        signs.append((f"device {k}, and moves while it is served", "X", style))
-    ground = CELL_STYLES | {"shadow, deeper for more devices": {"facecolor": SHADOW}}
     handles: list[Artist] = [Patch(label=label, **style) for label, style in ground.items()]
     handles += [
-        Line2D([], [], linestyle="none", marker=marker, label=label, **{"mec": "black", **style})
+        Line2D([], [], linestyle="none", marker=marker, label=label, **{"color": "black"} | style)
         for label, marker, style in signs
     ]
     columns = 3 if figure.get_figwidth() >= 9 else 2

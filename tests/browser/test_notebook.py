@@ -1,8 +1,6 @@
 """The labs and the player in JupyterLab and Notebook 7, as a reader uses them."""
 
 import json
-import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -11,10 +9,8 @@ from urllib.request import urlopen
 
 import nbformat
 import pytest
-from playwright.sync_api import expect, sync_playwright
+from playwright.sync_api import expect
 
-CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: name one in CHROMIUM")
 DEADLINE = 180  # seconds
 LAB = "from uavdh_lite.labs import Lab\nLab(tool='fly', city='village')"
 PLAY = """from uavdh_lite.city import load_city
@@ -62,12 +58,6 @@ def server(folder):
                 time.sleep(0.3)
         yield address
         process.terminate()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
 
 
 def cells(page):

@@ -1,11 +1,8 @@
 """Flights played in a real browser."""
 
-import os
-import shutil
-
 import numpy as np
 import pytest
-from playwright.sync_api import expect, sync_playwright
+from playwright.sync_api import expect
 
 from uavdh_lite.city import City
 from uavdh_lite.environment import HOVER, Environment
@@ -13,16 +10,8 @@ from uavdh_lite.evaluation import FunctionPolicy, fly
 from uavdh_lite.missions import Mission
 from uavdh_lite.planners import Greedy
 from uavdh_lite.player import play
+from uavdh_lite.plotting import trajectory_figure
 from uavdh_lite.streams import Use, stream
-
-CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: name one in CHROMIUM")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
 
 
 @pytest.fixture(scope="module")
@@ -74,12 +63,22 @@ def test_every_step_shows_its_data_and_what_is_served(show, flights):
         texts = page.locator(".bar > :last-child").all_inner_texts()
         assert [float(text.split()[0]) for text in texts] == pytest.approx(left, abs=0.051)
         row, col = divmod(int(trajectory.uav_cell[time]), environment.size)
-        assert page.locator(".uav").get_attribute("transform") == f"translate({col} {row})"
+        assert page.locator(".map .uav").get_attribute("transform") == f"translate({col} {row})"
         moves = np.diff(trajectory.uav_cell[: time + 1]) != 0
         assert page.locator(".map .arrow:visible").count() == moves.sum()
         hidden = page.locator(".link").evaluate_all("all => all.map((e) => e.matches('[hidden]'))")
         assert hidden == (uploads[time - 1] == 0).tolist()
         expect(page.locator(".says")).to_contain_text(f"Step {time}: ")
+
+
+def test_the_legend_has_the_words_of_the_figures(show, flights):
+    environment, trajectory, _ = flights
+    (legend,) = trajectory_figure(environment, trajectory).legends
+    words = {each.get_text() for each in legend.get_texts()}
+    entries = show(play(environment, trajectory)).locator(".legend span")
+    shown = entries.evaluate_all("all => all.map((each) => each.lastChild.textContent)")
+    assert words - set(shown) == {"low building: may be flown over"}  # the village has none
+    assert set(shown) < words
 
 
 def test_it_plays_to_the_end_and_keys_step(show, flights):

@@ -1,15 +1,11 @@
 """The modules of the labs in a real browser, without the page around them."""
 
 import json
-import os
-import shutil
 
 import pytest
-from playwright.sync_api import sync_playwright
 
 from uavdh_lite.labs.page import PACKAGE, bundle, data
 
-CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium")
 DDQN = {"manhattan_ddqn": "manhattan_ddqn"}
 TELL = """async (told) => {
     const answers = [];
@@ -20,15 +16,11 @@ TELL = """async (told) => {
 
 
 @pytest.fixture(scope="module")
-def modules():
+def modules(browser):
     """A function that evaluates JavaScript in which `NAME_js` is what the module NAME exports."""
-    if CHROMIUM is None:
-        pytest.skip("no Chromium: name one in CHROMIUM")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page()
-        page.add_script_tag(content=bundle(PACKAGE / "labs" / "session.js"))
-        yield page.evaluate
+    page = browser.new_page()
+    page.add_script_tag(content=bundle(PACKAGE / "labs" / "session.js"))
+    return page.evaluate
 
 
 @pytest.fixture(scope="module")

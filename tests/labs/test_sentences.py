@@ -161,11 +161,10 @@ def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number):
 
 def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules):
     flight = flown(0, 1, 2, 3, left=[9, 9, 0, 0])
-    call = "(it) => think_js.closestCall(it[0], it[1])"
-    values = [[5, 1], [5, 4], [5, 4.9]]
-    assert modules(call, [values, flight]) == {"step": 1, "gap": 1, "stake": True}
+    call, values = "(flight) => think_js.closestCall(flight)", [[5, 1], [5, 4], [5, 4.9]]
+    assert modules(call, flight | {"values": values}) == {"step": 1, "gap": 1, "stake": True}
     done = flown(0, 1, 2, 3, left=[0, 0, 0, 0])
-    found = modules(call, [values, done])
+    found = modules(call, done | {"values": values})
     assert found["step"] == 2 and found["stake"] is False
 
 
@@ -175,7 +174,7 @@ def test_who_thinks_is_an_agent_and_never_a_planner_under_its_name(tell, planner
     tell("policy", which=0, name=planner)
     scene = tell("tool", tool="think")
     panel = scene["panel"]
-    assert panel["instead"]["title"] == planner and panel["chosen"] == ""
+    assert panel["instead"]["title"] == planner and panel["name"] == "manhattan_ddqn"
     assert [each["name"] for each in scene["film"]["flights"]] == [panel["agent"]] == ["DDQN agent"]
     tell("policy", which=1, name="manhattan_ddqn")
     after = tell("policy", which=0, name="manhattan_ddqn")  # not the same one twice

@@ -20,6 +20,7 @@ SAVED = """async () => {
     const bytes = new Uint8Array(await found[0].arrayBuffer());
     return btoa(String.fromCharCode(...bytes));
 }"""
+LANDING = np.argwhere(load_city("village").landing).tolist()
 OPEN = """async ([name, content]) => {
     const answers = [];
     lab.post = (answer) => answers.push(answer);
@@ -85,21 +86,10 @@ def test_undo_brings_a_mission_back_and_redo_takes_it_again(tell):
         ("move", {"device": 0, "cell": [2, 4]}, "stands on a building"),
         ("move", {"device": 0, "cell": [0, 0]}, "stands in the landing zone"),
         ("move", {"device": 0, "cell": [-1, 0]}, "outside the city of 8 × 8 cells"),
-        ("move", {"device": 0, "cell": [1.5, 0]}, "row 1.5: must be a whole number"),
-        ("move", {"device": 2, "cell": [3, 3]}, "device 2: there are"),
         ("move", {"device": -1, "cell": [2, 4]}, "a building"),
-        ("data", {"device": 0, "value": None}, "must be a number"),
         ("data", {"device": 0, "value": -1}, "must be 0 to below"),
         ("time", {"value": 0}, "flying time 0: must be at least 1"),
-        ("time", {"value": 3.5}, "flying time 3.5: must be a whole number"),
-        ("city", {"name": "atlantis"}, 'no city "atlantis"'),
-        ("policy", {"which": 0, "name": "manhattan"}, "does not fly over this city"),
-        ("policy", {"which": 2, "name": "greedy"}, "there are two"),
-        ("tool", {"tool": "sing"}, "choose one of"),
-        ("show", {"step": -2}, "must be at least -1"),
-        ("paint", {"cells": [[9, 9]], "sign": "B"}, "outside"),
-        ("paint", {"cells": [[0, 0]], "sign": "LB"}, "choose one of"),
-        ("sing", {}, "nothing is done for sing"),
+        ("paint", {"cells": LANDING, "sign": "."}, "no start and landing zone"),
         ("open", {"link": "abc"}, "this link is damaged"),
     ],
 )  # fmt: skip
@@ -184,14 +174,13 @@ def test_a_file_is_opened_though_the_step_is_kept_meanwhile_and_gives_way_to_wha
 
 
 def test_a_device_that_is_chosen_while_a_duel_is_looked_for_stays_chosen(modules, tell):
-    tell("add", cell=[3, 3])
     script = """async () => {
         lab.post = () => {};
         const duel = lab.hear({ kind: "duel", wanted: -1 });
         await Promise.all([duel, lab.hear({ kind: "look", device: 1 })]);
         return [lab.stage.device, lab.stage.mission.seed > 0];
     }"""
-    tell("tool", tool="channel")
+    tell("city", name="manhattan")  # at least two devices in each mission
     assert modules(script) == [1, True]
 
 
@@ -222,7 +211,7 @@ def test_the_ledger_of_the_radio_link_is_that_of_python(tell):
     assert low < snr.min() and snr.max() < high
     shadow = tell("shadow", cell=[4, 0])["panel"]["shadow"]["rows"]
     assert [sign == "." for sign in "".join(shadow)] == environment.sight[0, 32].tolist()
-    assert tell("shadow", cell=[99, 0])["panel"]["shadow"]["rows"] == []
+    assert tell("shadow", cell=[2, 4])["panel"]["shadow"]["rows"] == []  # a building
 
 
 def test_a_mission_goes_to_python_and_back_and_a_stage_keeps_everything(tell, opened, saved):
@@ -267,11 +256,10 @@ def test_a_checkpoint_that_is_opened_flies_and_is_a_rival(opened, tell):
         ("tool", 7, "choose one of"),
         ("policies", ["greedy"], "give two names"),
         ("flown", "nx", "other letters"),
-        ("flown", "h" * 401, "more than 400"),
-        ("flown", 5, "must be a text"),
+        ("flown", 5, "other letters"),
         ("step", 1.5, "must be a whole number"),
-        ("step", -2, "must be at least -1"),
-        ("device", 2, "there are"),
+        ("step", -2, "must be a whole number from -1"),
+        ("device", 5, "must be a whole number from 0"),
         ("device", True, "must be a whole number"),
         ("mission", None, "the file"),
     ],

@@ -7,7 +7,6 @@ If one of these fails after a change in Python, make the same change in `labs/wo
 import base64
 import io
 import json
-import os
 import shutil
 import subprocess
 from dataclasses import asdict, replace
@@ -17,7 +16,6 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
-from playwright.sync_api import sync_playwright
 
 from uavdh_lite.agent import Agent
 from uavdh_lite.beyond.cities import random_cities
@@ -36,7 +34,6 @@ from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.storage import data_folder
 from uavdh_lite.streams import Portable, Use, stream, torch_seed
 
-CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
 TWIN = Path(__file__).with_name("twin.js")
 PLACES = {  # the real places, by name
     name: json.loads((data_folder() / "places" / f"{name}.json").read_text(encoding="utf-8"))
@@ -243,7 +240,9 @@ def as_twin(scenario: Scenario) -> dict:
     }
 
 
-def by_node(asked: dict, folder: Path) -> str:
+def by_node(asked: dict) -> str:
+    if shutil.which("node") is None:
+        pytest.skip("needs node")
     program = f"""
         import {{ answer }} from {json.dumps(TWIN.as_uri())};
         import {{ readFileSync }} from "node:fs";
@@ -255,25 +254,15 @@ def by_node(asked: dict, folder: Path) -> str:
     return done.stdout
 
 
-def by_chromium(asked: dict, folder: Path) -> str:
-    """From a page on the disk, with the modules as the labs' page has them."""
-    path = folder / "twin.html"
-    path.write_text(f"<script>{bundle(TWIN)}</script>", encoding="utf-8")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page()
-        page.goto(path.as_uri())
-        call = "(asked) => JSON.stringify(twin_js.answer(JSON.parse(asked)))"
-        return page.evaluate(call, json.dumps(asked))
-
-
 @pytest.fixture(scope="module", params=["node", "chromium"])
-def answered(request, asked, tmp_path_factory):
-    """What the modules answer."""
-    program, run = {"node": ("node", by_node), "chromium": (CHROMIUM, by_chromium)}[request.param]
-    if program is None or shutil.which(program) is None:
-        pytest.skip(f"needs {request.param}")
-    return json.loads(run(asked, tmp_path_factory.mktemp("twin")))
+def answered(request, asked):
+    """What the modules answer, in Chromium packed as the labs' page has them."""
+    if request.param == "node":
+        return json.loads(by_node(asked))
+    page = request.getfixturevalue("browser").new_page()
+    page.add_script_tag(content=bundle(TWIN))
+    call = "(asked) => JSON.stringify(twin_js.answer(JSON.parse(asked)))"
+    return json.loads(page.evaluate(call, json.dumps(asked)))
 
 
 def test_transitions_are_the_same(flown, answered):

@@ -164,7 +164,7 @@ def test_the_end_says_whether_it_landed(ax, corridor):
     plotting.draw_flight(ax, environment.city, crashed)
     assert markers(ax)[-1] == "*"
     plotting.draw_flight(ax, environment.city, replace(crashed, time_left=crashed.time_left + 1))
-    assert markers(ax)[-1] == "o"  # still in the air
+    assert markers(ax)[-1] is plotting.UAV  # still in the air
 
 
 def test_curves_show_the_mean_and_the_range_over_runs(ax):

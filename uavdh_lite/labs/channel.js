@@ -20,9 +20,9 @@ import { CHANNEL, pathLossDb, rate } from "./world.js";
  * @param {import("./world.js").Environment} environment
  * @param {[number, number]} device row and column
  */
-export function ledger(environment, [row, col]) {
+export function ledger(environment, device) {
   const { city, size, transmitSnrDb: transmit } = environment;
-  const from = row * size + col;
+  const [[row, col], from] = [device, city.cell(device)];
   const squared = (down, right) => (down ** 2 + right ** 2) * CHANNEL.cellSize ** 2 + CHANNEL.altitude ** 2;
   const far = Array.from(city.kinds, (_, cell) => {
     const [r, c] = city.position(cell);
@@ -33,6 +33,7 @@ export function ledger(environment, [row, col]) {
   const rates = Array.from(environment.rateMap(from));
   const free = pathLoss.map((loss) => rate(transmit - loss));
   const lost = free.map((each, cell) => (city.noFly[cell] ? -1 : each - rates[cell]));
+  const traced = environment.meanSnrDb ? Array.from(environment.tracedSnrs(from)) : null;
   const weakest = transmit - pathLossDb(squared(size - 1, size - 1), 0);
   const strongest = transmit - pathLossDb(squared(0, 0), 1);
   return {
@@ -45,21 +46,16 @@ export function ledger(environment, [row, col]) {
     free,
     dearest: city.position(lost.indexOf(Math.max(...lost))),
     range: [10 * Math.floor(weakest / 10), 10 * Math.ceil(strongest / 10)],
-    traced: environment.meanSnrDb ? tracedLink(environment, from) : null,
+    traced: traced && { snr: traced, rate: traced.map(rate) },
     fading: CHANNEL.fadingVariance.map(Math.sqrt),
   };
 }
 
-function tracedLink(environment, cell) {
-  const snr = Array.from(environment.tracedSnrs(cell));
-  return { snr, rate: snr.map(rate) };
-}
-
 /** For each row of the city, `#` where a device in this cell is out of sight; none on a building. */
-export function hiddenRows(environment, [row, col]) {
+export function hiddenRows(environment, position) {
   const { city, size } = environment;
-  const cell = row * size + col;
-  if (!(Math.min(row, col) >= 0 && Math.max(row, col) < size) || city.buildings[cell]) return [];
+  const cell = city.cell(position);
+  if (city.buildings[cell]) return [];
   const signs = Array.from(environment.sight(cell), (seen) => (seen ? "." : "#")).join("");
   return city.rows.map((_, r) => signs.slice(r * size, (r + 1) * size));
 }

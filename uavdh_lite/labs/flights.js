@@ -11,10 +11,6 @@ import { LETTERS, YOU } from "./state.js";
  * @typedef {import("./words.js").Who} Who
  */
 
-// Okabe and Ito's colours, as in plotting.py, which colour-blind readers can tell apart
-const COLOURS = ["#E69F00", "#0072B2", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#8C6D1F", "#5E4FA2", "#A6761D", "#1B9E77"];
-const colourOf = (device) => COLOURS[device % COLOURS.length];
-
 /** How a policy is called. @param {Object<string, Who>} agents by name @returns {Who} */
 export function whoIs(name, agents) {
   if (name === YOU) return { name, title: "you", subject: "you", you: true };
@@ -75,21 +71,28 @@ function environmentOf(city, place) {
   return place ? new MeasuredEnvironment(city, bytesOf(place.gain), place.level_db) : new Environment(city);
 }
 
-/** How a flight went: data units, steps and the return. */
+/** How a flight went: data units and their share, steps and the share of the time, the return. */
 export function numbers(flight) {
   const [data, left] = [flight.dataLeft[0], flight.dataLeft.at(-1)].map(sum);
+  const steps = flight.action.length;
   return {
     landed: flight.landed,
     ended: flight.landed || flight.timeLeft.at(-1) <= 0,
     collected: data - left,
-    steps: flight.action.length,
+    share: (data - left) / data,
+    steps,
     timeLeft: flight.timeLeft.at(-1),
+    timeUsed: steps / flight.timeLeft[0],
     return: sum(flight.reward),
   };
 }
 
-/** What player.js draws; see `film` in player.py. @param {[string, Flight][]} flights with titles */
-export function filmOf({ mission, environment }, flights) {
+/**
+ * What player.js draws; see `film` in player.py.
+ * @param {[string, Flight][]} flights with titles
+ * @param {string[]} colours of the devices
+ */
+export function filmOf({ mission, environment }, flights, colours) {
   const { city, devices } = mission;
   return {
     title: `Flight${flights.length > 1 ? "s" : ""} over ${city.name}`,
@@ -97,7 +100,7 @@ export function filmOf({ mission, environment }, flights) {
     devices: devices.map((cell, number) => ({
       number,
       cell,
-      colour: colourOf(number),
+      colour: colours[number % colours.length],
       hidden: hiddenRows(environment, cell),
     })),
     flights: flights.map(([name, flight]) => ({ name, ...filmedFlight(flight, mission) })),
@@ -129,13 +132,13 @@ export function warnings(environment, { city, start, devices, flyingTime }) {
   const reached = (cell) => city.landingDistance[cell] >= 0;
   const facts = [];
   if (sealed.length) facts.push({ kind: "sealed", cells: sealed.length, where: city.position(sealed[0]) });
-  devices.forEach(([row, col], device) => {
-    const cell = row * city.size + col;
+  devices.forEach((position, device) => {
+    const cell = city.cell(position);
     const heard = [...environment.sight(cell).keys()].some((there) => environment.sight(cell)[there] && reached(there));
     if (!heard) facts.push({ kind: "unheard", device });
     else if (!city.noFly[cell] && !reached(cell)) facts.push({ kind: "unreachable", device });
   });
-  const home = environment.timeToLand[start[0] * city.size + start[1]];
+  const home = environment.timeToLand[city.cell(start)];
   if (home > flyingTime) facts.push({ kind: "late", time: flyingTime, home });
   return facts;
 }

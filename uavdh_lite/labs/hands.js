@@ -93,9 +93,9 @@ export function attend(stage) {
     fresh.setAttribute("d", brush.cells.map(([row, col]) => `M${col - 0.5} ${row - 0.5}${SQUARE}`).join(""));
   }
 
-  /** Where the pointer presses curves beside their points, the nearest point is meant. */
-  const pressed = ({ target, detail, clientX, clientY }) => {
-    const dots = detail ? [...(target.closest(".curves")?.querySelectorAll(".dot") ?? [])] : [];
+  /** Where curves are pressed beside their points, the nearest one is meant. */
+  const pressed = ({ target, clientX, clientY }) => {
+    const dots = [...(target.closest(".curves")?.querySelectorAll(".dot") ?? [])];
     const far = (dot) => {
       const { x, y, width } = dot.getBoundingClientRect();
       return Math.hypot(x + width / 2 - clientX, y + width / 2 - clientY);
@@ -145,8 +145,11 @@ export function attend(stage) {
       looks[set] = target.type === "checkbox" ? target.checked : value;
       stage.paint();
     }
-    if (field) changeField(field, target.valueAsNumber);
-    if (target.files?.length) open(target.files[0]);
+    if (field && target.reportValidity()) changeField(field, target.valueAsNumber);
+    if (target.files?.length) {
+      open(target.files[0]);
+      target.value = ""; // so that the same file can be opened again
+    }
   });
 
   function changeField(field, value) {
@@ -222,15 +225,14 @@ export function attend(stage) {
   // First of all, and whatever has the focus on a page of our own
   window.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || !event.target.closest) return;
-    const elsewhere = event.target !== document.body && !el.contains(event.target);
-    if (elsewhere || event.target.matches("input, select, textarea")) return;
+    if (event.target !== document.body && !el.contains(event.target)) return;
     if (event.key === "Escape") {
       el.classList.remove("adding");
       find(".drawer").close();
       stage.paint();
       return stage.endStory();
     }
-    const does_ = keyed(event);
+    const does_ = event.target.matches("input, select") ? null : keyed(event);
     if (!does_) return;
     event.preventDefault();
     event.stopImmediatePropagation();

@@ -19,6 +19,7 @@ from uavdh_lite.beyond.measured import shipped_places
 from uavdh_lite.checkpoint import load, load_agent, save_agent
 from uavdh_lite.city import City, load_city, shipped_cities
 from uavdh_lite.missions import Mission, as_json
+from uavdh_lite.plotting import DEVICE_COLOURS
 from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.storage import data_folder, write_atomically
 
@@ -82,7 +83,7 @@ def write_page(path: str | Path) -> None:
 
 
 def data(agents: Mapping[str, Agent | str | Path] | None, races: bool) -> dict[str, Any]:
-    """What the page knows: cities with their scenarios, agents, recorded trainings."""
+    """What the page knows: cities with their scenarios, agents, colours, recorded trainings."""
     shipped = (city for name in shipped_cities() if (city := load_city(name)).size <= LARGEST)
     cities = [_city(city, find_scenario(city.name)) for city in shipped]
     cities += map(_place, shipped_places())
@@ -99,7 +100,12 @@ def data(agents: Mapping[str, Agent | str | Path] | None, races: bool) -> dict[s
         about["size"] = agent.observation.size
         about["scores"] = agent.recipe.as_json()["kind"] == "ImitationRecipe"
         shelf.append({**about, "base64": base64.b64encode(packed(agent)).decode()})
-    return {"cities": cities, "agents": shelf, "races": recorded_races() if races else None}
+    return {
+        "cities": cities,
+        "agents": shelf,
+        "colours": DEVICE_COLOURS,
+        "races": recorded_races() if races else None,
+    }
 
 
 def recorded_races() -> dict[str, Any]:

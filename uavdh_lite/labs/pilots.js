@@ -279,11 +279,6 @@ export class Agent {
     this.city = cities.length === 1 ? new City(cities[0].name, tensors.cities) : null;
   }
 
-  /** Whether it was trained for a city: in it, or in many that are as large. */
-  knows(city) {
-    return this.city ? this.city.sameAs(city) : city.size <= this.size;
-  }
-
   /** The same network over a city; raises `InputError` if it is too large for its maps. */
   over(environment) {
     if (environment.size > this.size) {
@@ -311,11 +306,6 @@ class Flier {
     if (!recipe.failsafe) return values;
     const allowed = safeActions(this.environment, state);
     return values.map((value, action) => (allowed[action] ? value : -Infinity));
-  }
-
-  act(state) {
-    const values = this.qValues(state);
-    return values.indexOf(Math.max(...values));
   }
 }
 

@@ -6,11 +6,11 @@ import { isDuel, parting, reasons, verdict } from "./compare.js";
 import { Hangar, filmOf, numbers, warnings, whoIs } from "./flights.js";
 import { bytesOf, readAgent, valueMap } from "./pilots.js";
 import { kinkOf, raceFacts } from "./race.js";
-import { CHANGES, EMPTY, TOOLS, YOU, cityOfPicture, linkOf, newStage, pictureOf, randomMission, readFile, stageAsJson,
+import { CHANGES, TOOLS, YOU, cityOfPicture, linkOf, newStage, overCity, pictureOf, randomMission, readFile, stageAsJson,
   textOfLink, withMission } from "./state.js";
 import { choice, closestCall } from "./think.js";
-import { ACTIONS, City, InputError, bootstrapInterval, records, statesOf, wilsonInterval } from "./world.js";
-import { sentence } from "./words.js";
+import { ACTIONS, City, InputError, bootstrapInterval, wilsonInterval } from "./world.js";
+import { RUNS, grouped, sentence } from "./words.js";
 
 const TOGETHER = 700; // ms between changes of one kind that are undone as one
 const KEPT = 100; // changes that can be undone
@@ -20,6 +20,7 @@ const TRIES = 200; // missions that are looked at for a duel
 const FIRST = 1_000_000; // the number of the first of the hundred missions: "New" does not come so far
 const STORY = 248; // the mission that the page begins with, chosen because it shows a difference
 const TURN = 50; // ms of a computation after which others have their turn
+const EMPTY = [8, 12, 16]; // cells on a side of cities that are still to be painted
 const BESIDE = ["show", "values", "shadow", "look"]; // what does not end what takes long
 const STOPPED = new InputError("stopped");
 
@@ -48,15 +49,19 @@ const givenAgent = (name, read) =>
 export class Session {
   /**
    * @param {object} data what the page holds: `cities` with rows and scenario, and a table if they are real places, `agents` with title and
-   *   base64, recorded `races`; where it begins elsewhere than with the story, a `mission` or a `tool` alone
+   *   base64, `colours` of devices, recorded `races`; where it begins elsewhere than with the story, a `mission` or a `tool` alone
    * @param {(told: object) => void} post takes what the page is told
    */
   constructor(data, post) {
-    Object.assign(this, { data, post, at: 0, last: ["", 0], extra: {}, ranking: [], answered: 0 });
+    Object.assign(this, { data, post, at: 0, last: ["", 0], extra: {}, ranking: [] });
     const [cities, scenarios] = [{}, {}];
     for (const { name, rows, scenario } of data.cities) {
       cities[name] = City.fromText(name, rows.join("\n"));
       scenarios[name] = { ...scenario, flyingTime: scenario.flying_time };
+    }
+    for (const size of EMPTY) {
+      const rows = Array.from({ length: size }, (_, r) => (r < 2 ? "LL" : "").padEnd(size, "."));
+      cities[`empty ${size} × ${size}`] = City.fromText(`empty ${size} × ${size}`, rows.join("\n"));
     }
     this.places = data.cities.filter(({ gain }) => gain);
     this.shelf = { cities, scenarios, known: (city) => this.known(city) };
@@ -88,26 +93,24 @@ export class Session {
     let refused = "";
     try {
       if (this.does[told.kind]) await this.does[told.kind].call(this, told);
-      else if (CHANGES[told.kind]) this.take(CHANGES[told.kind](this.stage, told, this.shelf), told.kind);
-      else throw new InputError(`nothing is done for ${told.kind}`);
+      else this.take(CHANGES[told.kind](this.stage, told, this.shelf), told.kind);
     } catch (error) {
       refused = reasonOf(error);
     }
-    this.answered += 1;
     this.fresh = false;
     try {
-      this.render(refused, told.number);
+      this.render(told, refused);
     } catch (error) {
       Object.assign(this, this.drawn); // what cannot be drawn is not kept
-      this.render(reasonOf(error), told.number);
+      this.render(told, reasonOf(error));
     }
   }
 
-  /** Shows what the stage looks like now. */
-  render(refused = "", number = 0) {
+  /** Shows what the stage looks like now, in answer to what was told. */
+  render({ kind, quiet, number } = {}, refused = "") {
     const { stage, hangar, race, extra } = this;
     const flights = this.flights();
-    const film = filmOf(hangar, flights);
+    const film = filmOf(hangar, flights, this.data.colours);
     const text = JSON.stringify(film);
     if (text !== this.filmed) [this.filmed, this.version] = [text, (this.version ?? 0) + 1];
     const scene = {
@@ -120,7 +123,7 @@ export class Session {
       warnings: warnings(hangar.environment, stage.mission).map(sentence),
       refused,
       number,
-      answered: this.answered,
+      quiet: quiet || BESIDE.includes(kind), // no action of the reader
       fresh: this.fresh,
       working: Boolean(this.work),
     };
@@ -131,7 +134,7 @@ export class Session {
 
   summary() {
     const { mission, ...look } = this.stage;
-    const cities = [...Object.keys(this.shelf.cities), ...Object.keys(EMPTY)];
+    const cities = Object.keys(this.shelf.cities);
     const names = [...this.known(mission.city), ...(look.flown ? [YOU] : [])];
     return {
       ...look,
@@ -163,7 +166,7 @@ export class Session {
     const { tool, policies, flown } = stage;
     if (tool === "watch" && race.point) {
       const steps = this.races[race.runs[race.point[0]]].points[race.point[1]].steps;
-      const title = `${["blue", "orange"][race.point[0]]}'s agent after ${steps.toLocaleString("en")} steps`;
+      const title = `${RUNS[race.point[0]]}'s agent after ${grouped(steps)} steps`;
       return [[title, this.recorded(...race.point)]];
     }
     const names = { fly: [YOU, this.ghost], compare: policies, think: [this.thinker ?? policies[0]] }[tool] ?? [policies[0]];
@@ -209,22 +212,17 @@ export class Session {
       const { policies, mission } = this.stage;
       const name = this.thinker;
       if (!name) return { agent: null };
-      const { environment } = this.hangar;
-      const number = this.agents[name].scores ? "score" : "Q-value";
-      const left = whoIs(policies[0], this.agents);
       const agents = this.known(mission.city).filter((each) => this.agents[each]);
-      const shown = name === policies[0];
-      const home = (cell) => environment.timeToLand[cell];
-      const facts = flight.values.map((_, step) => choice(flight, flight.values, step, home));
+      const facts = flight.values.map((_, step) => choice(flight, step, this.hangar.environment.timeToLand));
       return {
+        name,
         agent: whoIs(name, this.agents).title,
-        instead: shown ? null : left,
-        agents: [...(shown ? [] : [["", "choose an agent"]]), ...agents.map((each) => [each, whoIs(each, this.agents).title])],
-        chosen: shown ? name : "",
-        number,
+        instead: name === policies[0] ? null : whoIs(policies[0], this.agents),
+        agents: agents.map((each) => [each, whoIs(each, this.agents).title]),
+        number: this.agents[name].scores ? "score" : "Q-value",
         actions: ACTIONS,
         values: flight.values.map((each) => Array.from(each)),
-        closest: closestCall(flight.values, flight),
+        closest: closestCall(flight),
         says: facts.map(sentence),
       };
     },
@@ -346,20 +344,18 @@ export class Session {
         for (let k = 0; k < MISSIONS; k += 1) {
           const mission = randomMission(city, FIRST + k, this.shelf);
           for (const [which, name] of names.entries()) {
-            rows[which].push(records(hangar.fly(mission, name)));
+            rows[which].push(numbers(hangar.fly(mission, name)));
             await turn((k + which / 2) / MISSIONS);
           }
         }
       });
       const percent = (interval) => interval.map((share) => Math.round(100 * share));
       const many = rows.map((flown, which) => {
-        const of = (metric) => flown.map((each) => each[metric]);
         return {
           who: whoIs(names[which], this.agents),
-          both: percent(bootstrapInterval(of("collected_and_landed"))),
-          landed: percent(wilsonInterval(of("landed"))),
-          time: percent(bootstrapInterval(of("time_used")))[0],
-          return: bootstrapInterval(of("return"))[0],
+          both: percent(bootstrapInterval(flown.map((each) => Number(each.landed) * each.share))),
+          landed: percent(wilsonInterval(flown.map((each) => Number(each.landed)))),
+          time: percent(bootstrapInterval(flown.map((each) => each.timeUsed)))[0],
         };
       });
       this.extra = { ...this.extra, many };
@@ -368,8 +364,8 @@ export class Session {
     values({ step }) {
       const { hangar, thinker } = this;
       if (!thinker) return;
-      const states = statesOf(hangar.flight(thinker));
-      const at = Math.min(step, states.length - 1);
+      const { states, action } = hangar.flight(thinker);
+      const at = Math.min(step, action.length - 1);
       const map = valueMap(hangar.pilot(thinker), states[at]);
       this.extra = { ...this.extra, map: { step: at, values: Array.from(map, (each) => (Number.isFinite(each) ? each : null)) } };
     },
@@ -380,12 +376,8 @@ export class Session {
     race({ runs, point }) {
       if (runs) this.race = { runs: runs.filter((k) => this.races[k]), point: null };
       if (!point) return;
-      const points = this.races[this.race.runs[point[0]]]?.points ?? [];
-      if (!points[point[1]]) throw new InputError(`run ${point[0]} has no point ${point[1]}`);
       const village = this.shelf.cities[this.data.races.city];
-      if (!this.stage.mission.city.sameAs(village)) {
-        this.take(withMission(this.stage, randomMission(village, 0, this.shelf), this.shelf), "city");
-      }
+      if (!this.stage.mission.city.sameAs(village)) this.take(overCity(this.stage, village, this.shelf), "city");
       this.race = { ...this.race, point };
     },
     async open({ file, link }) {
@@ -409,16 +401,16 @@ export class Session {
     if (link) return readFile(await textOfLink(link), this.shelf);
     if (file.size > 40_000_000) throw new InputError("this file is too large");
     if (/\.png$/i.test(file.name)) {
-      return withMission(this.stage, randomMission(await cityOfPicture(file), 0, this.shelf), this.shelf);
+      const city = await cityOfPicture(file);
+      return overCity(this.stage, city, this.shelf);
     }
     if (!/\.safetensors$/i.test(file.name)) return readFile(await file.text(), this.shelf);
     const name = file.name.replace(/\.safetensors$/i, "");
     const agent = readAgent(new Uint8Array(await file.arrayBuffer()));
     this.agents[name] = givenAgent(name, agent);
-    const { mission } = this.stage;
-    const city = agent.knows(mission.city) ? mission.city : agent.city;
-    if (!city) throw new InputError(`this agent flies over cities of at most ${agent.size} cells on a side`);
-    const there = city === mission.city ? this.stage : withMission(this.stage, randomMission(city, 0, this.shelf), this.shelf);
+    const knows = this.agents[name].knows(this.stage.mission.city);
+    if (!knows && !agent.city) throw new InputError(`this agent flies over cities of at most ${agent.size} cells on a side`);
+    const there = knows ? this.stage : overCity(this.stage, agent.city, this.shelf);
     return CHANGES.policy({ ...there, tool: there.tool === "watch" ? "compare" : there.tool }, { which: 0, name }, this.shelf);
   }
 }

@@ -55,7 +55,7 @@ export function draw(el, model) {
   let [scene, version, drawnTool, update] = [null, null, null, () => []];
   let [asked, waiting] = [0, null]; // the numbers of the last question, and of that whose answer is awaited
   let [next, slow] = [null, null]; // what is asked when it has come
-  let [answered, quiet, refusing] = [0, false, null]; // quiet: what was asked is no action of the reader
+  let [refusing, keeping] = [null, null]; // timers: of what is shown as not done, of the step that is to be kept
   let [link, story] = [null, null]; // of this state; the captions that are still to come
   let clock = null;
   el.classList.add("uavdh-player", "uavdh-stage");
@@ -70,18 +70,13 @@ export function draw(el, model) {
     ask(told) {
       if (told.show !== undefined) return clock.show(told.show);
       if (told.kind === "tool") clock.show(clock.now.time); // pauses, so that the step is kept
-      quiet = ["show", "values", "shadow"].includes(told.kind) || told.quiet;
-      asked += 1;
-      if (!LONG.includes(told.kind)) {
-        waiting = asked;
-        clearTimeout(slow);
-        slow = setTimeout(() => busy("Flying …"), SLOW);
-      }
-      model.send({ ...told, number: asked });
+      else clearTimeout(keeping); // a step of what was there before
+      askNext();
+      send(told);
     },
     askWhenFree(told) {
-      if (waiting !== null) next = told;
-      else stage.ask(told);
+      next = told;
+      if (waiting === null) askNext();
     },
     /** Shows that something was not done, until the answer to what is done next; 8 seconds at most. */
     refuse(text) {
@@ -122,6 +117,21 @@ export function draw(el, model) {
       return Boolean(there);
     },
   };
+
+  function send(told) {
+    asked += 1;
+    if (!LONG.includes(told.kind)) {
+      waiting = asked;
+      clearTimeout(slow);
+      slow = setTimeout(() => busy("Flying …"), SLOW);
+    }
+    model.send({ ...told, number: asked });
+  }
+
+  function askNext() {
+    if (next) send(next);
+    next = null;
+  }
 
   function busy(text, share) {
     find(".busy").hidden = !text;
@@ -210,22 +220,21 @@ export function draw(el, model) {
     const { state } = scene;
     const full = state.devices.length >= state.most;
     const adding = el.classList.contains("adding") && !full;
-    const field = (name, label, value) =>
-      `<label>${label} <input type="number" data-field="${name}" value="${value}" step="any"></label>`;
-    const row = ({ cell, data }, k) => `<tr><th>device ${k}</th>
-      <td>${field(`row ${k}`, "row", cell[0])}</td><td>${field(`col ${k}`, "column", cell[1])}</td>
-      <td>${field(`data ${k}`, "data", data)}</td>
+    const field = (name, label, value, limits) =>
+      `<label>${label} <input type="number" data-field="${name}" value="${value}" required ${limits}></label>`;
+    const axis = `min="0" max="${scene.film.city.length - 1}"`;
+    const cell = (device, [row, col]) => `${field(`row ${device}`, "row", row, axis)} ${field(`col ${device}`, "column", col, axis)}`;
+    const row = ({ cell: place, data }, k) => `<tr><th>device ${k}</th><td>${cell(k, place)}</td>
+      <td>${field(`data ${k}`, "data", data, 'min="0" max="32767" step="any"')}</td>
       <td>${button("remove", { kind: "remove", device: k })}</td></tr>`;
-    stage.fill(".devices", state.devices.map(row).join(""));
-    stage.fill(".fields", `${field("time", "flying time", state.flyingTime)}
-      ${field("row -1", "start: row", state.start[0])} ${field("col -1", "column", state.start[1])}`);
+    stage.fill(".devices", `${state.devices.map(row).join("")}<tr><th>start</th><td>${cell(-1, state.start)}</td></tr>`);
+    stage.fill(".fields", field("time", "flying time", state.flyingTime, 'min="1" max="32767"'));
     find("[data-set=place]").setAttribute("aria-pressed", adding);
     find("[data-set=place]").disabled = full;
     stage.fill(".hint", full ? `at most ${state.most} devices here` : adding ? "Press a free cell on the map." : "");
   }
 
   // The address and the saved file know the step, too
-  let keeping = null;
   function keepStep(time) {
     clearTimeout(keeping);
     const step = time === clock.now.last ? -1 : Math.floor(time);
@@ -293,15 +302,10 @@ export function draw(el, model) {
         clearTimeout(slow);
         if (!scene.working) busy("");
       }
-      const fresh = scene.answered !== answered && (!quiet || scene.refused);
-      if (fresh) stage.refuse(scene.refused && `Not done: ${scene.refused}.`);
-      answered = scene.answered;
+      if (!scene.quiet || scene.refused) stage.refuse(scene.refused && `Not done: ${scene.refused}.`);
       if (brush.cells) return; // a stroke is drawn until it is over
       paint();
-      const ask = next;
-      if (!ask || waiting !== null) return;
-      next = null;
-      stage.ask(ask);
+      if (waiting === null) askNext();
     },
     link({ link: found }) {
       link = found;

@@ -2,15 +2,13 @@
 // `CHANGES` makes the next one from what somebody does. As JSON it is the saved file, and packed into
 // letters the page's address.
 
-import { ACTIONS, City, InputError, MAX_SIZE, Mission, SIGNS, missionFromJson, sum } from "./world.js";
+import { ACTIONS, City, MAX_SIZE, Mission, missionFromJson, require, sum } from "./world.js";
 
 const FORMAT = "uavdh_lite stage";
 const LARGEST = 1_000_000; // characters of a file; the largest city takes a hundredth
 export const TOOLS = ["fly", "compare", "think", "channel", "paint", "watch"];
 export const LETTERS = "neswhl"; // of the actions, in their order
 export const YOU = "you";
-export const EMPTY = { "empty 8 × 8": 8, "empty 12 × 12": 12, "empty 16 × 16": 16 };
-const MOST_FLOWN = 400; // actions by hand
 
 /**
  * @typedef {object} Stage
@@ -27,41 +25,9 @@ const MOST_FLOWN = 400; // actions by hand
  * @property {(city: object) => string[]} known the names of who can fly over a city, agents first
  */
 
-/** Throws the reason, an `InputError`, unless it holds. */
-function require(holds, otherwise) {
-  if (!holds) throw new InputError(otherwise);
-}
-
-function whole(value, name) {
-  const given = value === null || value === undefined ? name : `${name} ${value}`; // null: an empty field
-  require(Number.isInteger(value), `${given}: must be a whole number`);
-  return value;
-}
-
-function finite(value) {
-  require(Number.isFinite(value), `data ${value}: must be a number`);
-  return value;
-}
-
-function cellOf(value) {
-  require(Array.isArray(value) && value.length === 2, `${JSON.stringify(value)} is no cell`);
-  return [whole(value[0], "row"), whole(value[1], "column")];
-}
-
-function stageOf(given) {
-  const { tool, flown, device, step, mission } = given;
-  require(TOOLS.includes(tool), `tool ${JSON.stringify(tool)}: choose one of ${TOOLS.join(", ")}`);
-  require([...flown].every((each) => LETTERS.includes(each)), `flown has other letters than ${LETTERS}`);
-  require(flown.length <= MOST_FLOWN, `flown has more than ${MOST_FLOWN} actions`);
-  require(whole(step, "step") >= -1, `step ${step}: must be at least -1`);
-  whole(device, "device");
-  require(device >= 0 && device < mission.devices.length, `device ${device}: there are ${mission.devices.length}`);
-  return Object.freeze(given);
-}
-
 /** The stage of a mission, with the agent and greedy. */
-export const newStage = (mission, shelf, tool = "compare") =>
-  stageOf({ mission, policies: usualPolicies(mission.city, shelf), tool, flown: "", step: -1, device: 0 });
+export const newStage = (mission, shelf) =>
+  ({ mission, policies: usualPolicies(mission.city, shelf), tool: "compare", flown: "", step: -1, device: 0 });
 
 /** The agent and its rival: the agent of the recipe `lite`, a strengthened DDQN, where one was trained for the city. */
 function usualPolicies(city, { known }) {
@@ -79,18 +45,21 @@ export function withMission(stage, mission, shelf) {
     policies = policies.map((name, k) => (names.includes(name) && name !== before[k] ? name : usual[k]));
   }
   const device = Math.min(stage.device, mission.devices.length - 1);
-  return stageOf({ ...stage, mission, policies, flown: "", step: -1, device });
+  return { ...stage, mission, policies, flown: "", step: -1, device };
 }
 
 /** What missions over a city are drawn from; over a painted one, time to cross it twice. */
 function scenarioOf(city, { cities, scenarios }) {
-  const shipped = Object.values(cities).find((each) => each.sameAs(city));
-  if (shipped) return scenarios[shipped.name];
+  const known = Object.values(cities).find((each) => scenarios[each.name] && each.sameAs(city));
+  if (known) return scenarios[known.name];
   const most = Math.min(3, sum(city.openToDevices));
   return { name: city.name, devices: [1, most], data: [5, 20], flyingTime: [2 * city.size, 4 * city.size] };
 }
 
 export const randomMission = (city, number, shelf) => Mission.draw(scenarioOf(city, shelf), city, number);
+
+/** The stage with a random mission over a city. */
+export const overCity = (stage, city, shelf) => withMission(stage, randomMission(city, 0, shelf), shelf);
 
 /** What the saved file holds. */
 export function stageAsJson({ mission, ...look }) {
@@ -106,19 +75,20 @@ export function readFile(text, shelf) {
   } catch {
     require(false, "this file is no JSON: open one that was saved here");
   }
-  require(values && typeof values === "object", "this file holds no stage and no mission");
-  if (values.format === "uavdh_lite mission") return newStage(missionFromJson(values), shelf);
-  const told = JSON.stringify(values.format) ?? "it has no format";
-  require(values.format === FORMAT && values.version === 1, `this file holds no stage and no mission: ${told}`);
-  const { policies, flown } = values;
-  const pair = Array.isArray(policies) && policies.length === 2;
-  require(pair && policies.every((name) => typeof name === "string"), "policies: give two names");
-  require(typeof flown === "string", `flown ${JSON.stringify(flown)}: must be a text`);
+  if (values?.format === "uavdh_lite mission") return newStage(missionFromJson(values), shelf);
+  require(values?.format === FORMAT && values.version === 1, "this file holds no stage and no mission");
+  const { policies, tool, flown, step, device } = values;
   const mission = missionFromJson(values.mission);
   const [usual, names] = [usualPolicies(mission.city, shelf), [...shelf.known(mission.city), YOU]];
-  const there = policies.map((name, k) => (names.includes(name) ? name : usual[k]));
-  const { tool, step, device } = values;
-  return stageOf({ mission, policies: there, tool, flown, step, device });
+  const index = (value, name, least, most) => require(Number.isInteger(value) && value >= least && value <= most,
+    `${name} ${value}: must be a whole number from ${least} to ${most}`);
+  require(TOOLS.includes(tool), `tool ${JSON.stringify(tool)}: choose one of ${TOOLS.join(", ")}`);
+  require(policies?.length === 2, "policies: give two names");
+  require(/^[neswhl]*$/.test(flown), `flown ${JSON.stringify(flown)}: has other letters than ${LETTERS}`);
+  index(step, "step", -1, mission.flyingTime);
+  index(device, "device", 0, mission.devices.length - 1);
+  const there = usual.map((name, k) => (names.includes(policies[k]) ? policies[k] : name));
+  return { mission, policies: there, tool, flown, step, device };
 }
 
 const base64 = (bytes) => btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
@@ -168,93 +138,64 @@ export function pictureOf({ size, pixels }) {
   return canvas.convertToBlob();
 }
 
-function nearest(city, free, cell) {
-  const far = (number) => {
-    const [row, col] = city.position(number);
-    return Math.abs(row - cell[0]) + Math.abs(col - cell[1]);
-  };
-  const numbers = [...free.keys()].filter((number) => free[number]);
-  require(numbers.length, "no cell is left for the devices: leave some free");
-  const best = numbers.reduce((one, other) => (far(other) < far(one) ? other : one));
-  return city.position(best);
+/** The nearest cell to one among those of a mask. */
+function nearest(city, mask, [row, col]) {
+  const far = ([r, c]) => Math.abs(r - row) + Math.abs(c - col);
+  const cells = [...mask.keys()].filter((number) => mask[number]).map((number) => city.position(number));
+  require(cells.length, "no cell is left for the devices: leave some free");
+  return cells.reduce((one, other) => (far(other) < far(one) ? other : one));
 }
 
-/** The mission over another city: what stands where it may not any more moves to the nearest cell. */
-function overCity(mission, city) {
+/** The mission over a city that was painted: what stands where it may not any more moves to the nearest cell. */
+function repainted(mission, city) {
   const free = Uint8Array.from(city.openToDevices);
   const devices = mission.devices.map((cell) => {
     const there = nearest(city, free, cell);
-    free[there[0] * city.size + there[1]] = 0;
+    free[city.cell(there)] = 0;
     return there;
   });
-  const [row, col] = mission.start;
-  const start = city.noFly[row * city.size + col] ? nearest(city, city.landing, mission.start) : mission.start;
-  return mission.with({ city, devices, start });
+  const { start } = mission;
+  return mission.with({ city, devices, start: city.noFly[city.cell(start)] ? nearest(city, city.landing, start) : start });
 }
 
 const put = (values, index, value) => values.map((each, k) => (k === index ? value : each));
 const without = (values, index) => values.filter((_, k) => k !== index);
-const deviceOf = ({ mission: { devices } }, device) => {
-  require(Number.isInteger(device) && device >= 0 && device < devices.length,
-    `device ${device}: there are ${devices.length}`);
-  return device;
-};
 const change = (stage, shelf, changes) => withMission(stage, stage.mission.with(changes), shelf);
 
 /** What each event makes of a stage: `CHANGES[kind](stage, told, shelf)`; an error says why it was not done. */
 export const CHANGES = {
-  city(stage, { name }, shelf) {
-    if (EMPTY[name]) {
-      const rows = Array.from({ length: EMPTY[name] }, (_, r) => (r < 2 ? "LL" : "..").padEnd(EMPTY[name], "."));
-      return withMission(stage, randomMission(City.fromText("my_city", rows.join("\n")), 0, shelf), shelf);
-    }
-    require(Object.hasOwn(shelf.cities, name), `no city ${JSON.stringify(name)}`);
-    return withMission(stage, randomMission(shelf.cities[name], 0, shelf), shelf);
-  },
+  city: (stage, { name }, shelf) => overCity(stage, shelf.cities[name], shelf),
   /** Moves a device, or with −1 the start. */
-  move(stage, { device, cell }, shelf) {
-    const place = cellOf(cell);
-    if (device === -1) return change(stage, shelf, { start: place });
-    return change(stage, shelf, { devices: put(stage.mission.devices, deviceOf(stage, device), place) });
-  },
-  data: (stage, { device, value }, shelf) =>
-    change(stage, shelf, { data: put(stage.mission.data, deviceOf(stage, device), finite(value)) }),
-  time: (stage, { value }, shelf) => change(stage, shelf, { flyingTime: whole(value, "flying time") }),
+  move: (stage, { device, cell }, shelf) =>
+    change(stage, shelf, device < 0 ? { start: cell } : { devices: put(stage.mission.devices, device, cell) }),
+  data: (stage, { device, value }, shelf) => change(stage, shelf, { data: put(stage.mission.data, device, value) }),
+  time: (stage, { value }, shelf) => change(stage, shelf, { flyingTime: value }),
   add: (stage, { cell }, shelf) =>
     change(stage, shelf, {
-      devices: [...stage.mission.devices, cellOf(cell)],
+      devices: [...stage.mission.devices, cell],
       data: [...stage.mission.data, 10],
     }),
   remove(stage, { device }, shelf) {
     const { devices, data } = stage.mission;
-    deviceOf(stage, device);
     return change(stage, shelf, { devices: without(devices, device), data: without(data, device) });
   },
   new: (stage, told, shelf) =>
     withMission(stage, randomMission(stage.mission.city, stage.mission.seed + 1, shelf), shelf),
-  policy(stage, { which, name }, shelf) {
-    require(which === 0 || which === 1, `policy ${which}: there are two`);
-    const names = [...shelf.known(stage.mission.city), YOU];
-    require(names.includes(name), `${JSON.stringify(name)} does not fly over this city: take ${names.join(", ")}`);
+  policy(stage, { which, name }) {
     const policies = put(stage.policies, which, name);
     if (stage.tool === "think" && policies[0] === policies[1]) policies[1 - which] = stage.policies[which];
-    return stageOf({ ...stage, policies, step: -1 });
+    return { ...stage, policies, step: -1 };
   },
-  fly: (stage, { action }) => stageOf({ ...stage, flown: stage.flown + LETTERS[ACTIONS.indexOf(action)] }),
-  again: (stage) => stageOf({ ...stage, flown: "" }),
-  tool: (stage, { tool }) => stageOf({ ...stage, tool }),
-  show: (stage, { step }) => stageOf({ ...stage, step: whole(step, "step") }),
-  look: (stage, { device }) => stageOf({ ...stage, device: deviceOf(stage, device) }),
+  fly: (stage, { action }) => ({ ...stage, flown: stage.flown + LETTERS[ACTIONS.indexOf(action)] }),
+  again: (stage) => ({ ...stage, flown: "" }),
+  tool: (stage, { tool }) => ({ ...stage, tool }),
+  show: (stage, { step }) => ({ ...stage, step }),
+  look: (stage, { device }) => ({ ...stage, device }),
   /** Paints cells with one of the city's signs. */
   paint(stage, { cells, sign }, shelf) {
-    require(SIGNS.includes(sign) && sign.length === 1, `sign ${JSON.stringify(sign)}: choose one of ${SIGNS}`);
     const rows = stage.mission.city.rows.map((row) => [...row]);
-    for (const [row, col] of cells.map((cell) => cellOf(cell))) {
-      require(rows[row]?.[col], `(${row}, ${col}) is outside of the city`);
-      rows[row][col] = sign;
-    }
+    for (const [row, col] of cells) rows[row][col] = sign;
     const city = City.fromText("my_city", rows.map((row) => row.join("")).join("\n"));
-    return withMission(stage, overCity(stage.mission, city), shelf);
+    return withMission(stage, repainted(stage.mission, city), shelf);
   },
 };
-

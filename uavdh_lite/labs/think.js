@@ -8,40 +8,29 @@ const SOON = 3; // and the steps until then
 const SPARE = 1; // units of time more than the way home takes, with which it has to fly home
 const STAKE = 1; // data units that are still to be had
 
-
-/** The two largest of a step's values, as `[number, number]` of actions, the best first. */
-const order = (values) => [...values.keys()].sort((one, other) => values[other] - values[one]);
-
-/** How far the best action is ahead of the second at each step; Infinity where nothing else is allowed. */
-const gaps = (values) =>
-  values.map((each) => {
-    const [best, second] = order(each);
-    return each[best] - each[second];
-  });
-
-/**
- * The step with the smallest gap while data is left to be had, else the smallest of all.
- * @param {Float32Array[]} values of each step
- * @param {import("./flights.js").Flight} flight
- */
-export function closestCall(values, flight) {
-  const all = gaps(values);
-  const stake = all.map((_, k) => sum(flight.dataLeft[k]) >= STAKE);
-  const some = all.some((gap, k) => stake[k] && Number.isFinite(gap));
-  const step = all.reduce(
-    (best, gap, k) => ((stake[k] || !some) && gap < (all[best] ?? Infinity) ? k : best),
-    -1,
-  );
-  return { step: Math.max(step, 0), gap: all[Math.max(step, 0)], stake: some };
+/** The second best action, and how far the best is ahead of it; Infinity where nothing else is allowed. */
+function runnerUp(values) {
+  const [best, second] = [...values.keys()].sort((one, other) => values[other] - values[one]);
+  return { second, gap: values[best] - values[second] };
 }
 
 /**
- * What it does in a step, what for where its flight shows it, and how sure it is: a fact.
- * @param {(cell: number) => number} timeToLand
+ * The step with the smallest gap while data is left to be had, else the smallest of all.
+ * @param {import("./flights.js").Flight} flight of an agent
  */
-export function choice(flight, values, step, timeToLand) {
-  const [best, second] = order(values[step]);
-  const gap = values[step][best] - values[step][second];
+export function closestCall({ values, dataLeft }) {
+  const all = values.map((each, step) => ({ step, gap: runnerUp(each).gap, stake: sum(dataLeft[step]) >= STAKE }));
+  const serious = all.filter(({ gap, stake }) => stake && Number.isFinite(gap));
+  const { step, gap } = (serious.length ? serious : all).reduce((one, other) => (other.gap < one.gap ? other : one));
+  return { step, gap, stake: serious.length > 0 };
+}
+
+/**
+ * What an agent does in a step, what for where its flight shows it, and how sure it is: a fact.
+ * @param {Int16Array} timeToLand from each cell
+ */
+export function choice(flight, step, timeToLand) {
+  const { second, gap } = runnerUp(flight.values[step]);
   return {
     kind: "chooses",
     action: ACTIONS[flight.action[step]],
@@ -55,7 +44,7 @@ export function choice(flight, values, step, timeToLand) {
 function reasonOf(flight, step, timeToLand) {
   const { uavCell, dataLeft, landed } = flight;
   const [action, left] = [flight.action[step], flight.timeLeft[step]];
-  const [home, after] = [timeToLand(uavCell[step]), timeToLand(uavCell[step + 1])];
+  const [home, after] = [timeToLand[uavCell[step]], timeToLand[uavCell[step + 1]]];
   const given = dataLeft.slice(step + 1).map((later) => dataLeft[step].map((each, k) => each - later[k]));
   const within = given.findIndex((each) => Math.max(...each) >= ENOUGH) + 1;
   if (flight.intervened[step]) return { kind: "refused" };

@@ -2,7 +2,7 @@
 // a moment. `scene` is what the session sent, `stage` is where it is shown.
 
 import { KINDS, SQUARE, UAV, at, cells, escaped, momentAt, tiles } from "../player.js";
-import { gapOf, signed, units, upper } from "./words.js";
+import { RUNS, gapOf, grouped, signed, units, upper } from "./words.js";
 
 const WORDS = {
   UAV: "the drone: it flies 10 m above the ground, one cell in a step",
@@ -21,7 +21,6 @@ const WORDS = {
   slot: "a quarter of a step; each goes to the device that is heard best",
   value: "the best value if the UAV were over that cell now",
   "collected and landed": "the share of the data that was brought home; 0 after a crash",
-  collected: "the share of the data that was collected, landed or not",
   ghost: "the flight of your rival in the same mission, with the same fading, as far as you are",
   "path loss": "what the signal loses on its way, where nothing hides it: 22.7 dB each time the distance is ten times as long",
   layer: "a map laid over the city: five of those that the network sees, and the value of each cell",
@@ -52,7 +51,6 @@ function chooser(label, name, pairs, chosen) {
 }
 const choosePolicy = ({ state }, which, label) =>
   chooser(label, `policy-${which}`, state.known, state.policies[which]);
-const grouped = (number) => number.toLocaleString("en");
 
 // Colours of a scale from 0 to 1, which colour-blind readers can follow too (viridis)
 const SCALE = ["68 1 84", "59 82 139", "33 145 140", "94 201 98", "253 231 37"].map((rgb) => rgb.split(" ").map(Number));
@@ -209,7 +207,7 @@ export const TOOLS = {
         <div class="row">${chooser("layer", "layer", layers, looks.layer)}
         <label><input type="checkbox" data-set="centred" ${looks.centred ? "checked" : ""}> centred, as it sees it</label></div>
         <div class="layer-scale"></div><p class="meaning"></p>
-        <div class="row">${chooser("who thinks", "policy-0", panel.agents, panel.chosen)}</div>`;
+        <div class="row">${chooser("who thinks", "policy-0", panel.agents, panel.name)}</div>`;
     },
     over: () => '<g class="layer"></g>',
     moment(stage, { panel, film }, time) {
@@ -336,10 +334,10 @@ export const TOOLS = {
       const known = settings.map(([title], k) => [k, title]);
       const racer = (colour, pairs, k) => `<span class="racer"><span class="key ${colour}"></span>
         ${chooser(colour, `run-${k}`, pairs, chosen[k] ?? "")}</span>`;
-      const about = chosen.map((run, k) => `${upper(RACERS[k])}: ${escaped(settings[run][1])}`);
+      const about = chosen.map((run, k) => `${upper(RUNS[k])}: ${escaped(settings[run][1])}`);
       const [flight] = film.flights;
       return `<h2>Watch it learn</h2><div class="row">${racer("blue", known, 0)}${racer("orange", [["", "nobody"], ...known], 1)}
-        ${chooser("shown", "metric", CURVES.map((name) => [name, name.replaceAll("_", " ")]), looks.metric)}</div>
+        ${chooser("shown", "metric", CURVES, looks.metric)}</div>
         <p class="setting">${about.join("<br>")}</p>
         <div class="${this.fresh(chosen) ? "draws" : ""}">${curves(panel, looks.metric)}</div>
         <p class="verdict" role="status">${says.map(escaped).join("<br>")}</p>
@@ -363,8 +361,7 @@ export const TOOLS = {
   },
 };
 
-const RACERS = ["blue", "orange"];
-const CURVES = ["collected_and_landed", "collected", "landed", "return"];
+const CURVES = [["landed", "landed"], ["collected_and_landed", "collected and landed"]];
 const FAR = 10; // below the best value: bars do not tell what is farther
 const CENTRED = "The network sees all layers shifted so that the UAV is in the middle.";
 const MEANINGS = {
@@ -400,16 +397,14 @@ function outside(size, name) {
 /** The curves of a race: points by steps; full blue lies on a wider, open orange. Arrow keys choose a point. */
 function curves({ runs, point }, metric) {
   const [width, height, left, bottom] = [420, 195, 44, 26];
-  const share = metric !== "return";
-  const [low, high] = share ? [0, 1] : [-200, 40]; // a crash costs 150
   const steps = Math.max(...runs.map(({ points }) => points.at(-1).steps));
   const x = (each) => left + ((width - left - 12) * each) / steps;
-  const y = (value) => 10 + ((height - bottom - 10) * (high - Math.max(value, low))) / (high - low);
-  const name = (value) => (share ? `${Math.round(100 * value)} %` : value.toFixed(0));
-  const ticks = [low, (low + high) / 2, high].map(
+  const y = (share) => 10 + (height - bottom - 10) * (1 - share);
+  const name = (share) => `${Math.round(100 * share)} %`;
+  const ticks = [0, 0.5, 1].map(
     (tick) => `<path class="grid" d="M${left} ${y(tick)}H${width - 12}"/><text x="${left - 6}" y="${y(tick)}">${name(tick)}</text>`,
   );
-  const about = (run, k) => `${RACERS[run]}, ${runs[run].title}, after ${grouped(runs[run].points[k].steps)} steps: ${name(runs[run].points[k][metric])}`;
+  const about = (run, k) => `${RUNS[run]}, ${runs[run].title}, after ${grouped(runs[run].points[k].steps)} steps: ${name(runs[run].points[k][metric])}`;
   const drawn = ({ points, kink }, run) => {
     const here = kink === null ? "" : `<path class="kink" d="M${x(points[kink].steps)} 4V${height - bottom}"/>`;
     const d = points.map((each, k) => `${k ? "L" : "M"}${x(each.steps)} ${y(each[metric])}`).join("");
@@ -419,7 +414,7 @@ function curves({ runs, point }, metric) {
       return `<circle class="dot ${on}" cx="${x(each.steps)}" cy="${y(each[metric])}" r="${3.5 + 2 * run}" data-ask="${ask}"
         ><title>${about(run, k)}</title></circle>`;
     };
-    return `<g class="${RACERS[run]}">${here}<path class="curve" d="${d}" pathLength="1"/>${points.map(dot).join("")}</g>`;
+    return `<g class="${RUNS[run]}">${here}<path class="curve" d="${d}" pathLength="1"/>${points.map(dot).join("")}</g>`;
   };
   const told = point ? about(...point) : "no point chosen";
   return `<svg class="curves" viewBox="0 0 ${width} ${height}" role="slider" tabindex="0" aria-label="points of the curves"

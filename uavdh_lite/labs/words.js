@@ -17,6 +17,8 @@ export const says = ({ subject, you }, verb, rest = "") =>
 export const upper = (text) => text.slice(0, 1).toUpperCase() + text.slice(1);
 export const units = (amount) => (amount >= 0.1 || amount === 0 ? amount.toFixed(1) : amount.toPrecision(1));
 export const signed = (value) => (value <= -0.05 ? "−" : "") + Math.abs(value).toFixed(1);
+export const grouped = (number) => number.toLocaleString("en");
+export const RUNS = ["blue", "orange"]; // the runs of a race by their colours
 export const gapOf = (gap) => (gap < 0.005 ? "less than 0.01" : gap >= 1 ? gap.toFixed(1) : gap.toFixed(2));
 const steps = (count) => (count === 1 ? "1 step" : `${count} steps`);
 const fromTo = (first, last) => (last > first ? `from step ${first + 1} to ${last + 1}` : `in step ${first + 1}`);
@@ -71,13 +73,23 @@ const TEMPLATES = {
     "no ray arrives, nothing is heard. Shadows and the tool Channel show the paper's model, which is also what agents are told. " +
     `Traced with Sionna RT; source: ${source}, ${licence}`,
 
+  // How a race of recorded trainings went
+  fromTheStart: ({ run }) => `${upper(RUNS[run])} lands from the start.`,
+  never: ({ run }) => `${upper(RUNS[run])} has not learned to land for good.`,
+  kink: ({ run, steps, before, now, episodes }) =>
+    `${upper(RUNS[run])} learns to land for good here, after ${grouped(steps)} steps: ${before} of ${episodes} before, ${now} then.`,
+  forgot: ({ steps, landed }) => `After ${grouped(steps)} steps ${landed} landed, but it forgot how.`,
+  ends({ ends, wins, episodes }) {
+    const told = ends.map(({ landed, home }, k) => `${RUNS[k]} lands ${landed} of ${episodes} and brings ${home}\u00a0% of the data home`);
+    return `${wins === null ? "In the end" : `${upper(RUNS[wins])} wins`}: ${told.join("; ")}.`;
+  },
+
   // What is wrong with a mission or a city
   sealed: ({ cells, where: [row, col] }) =>
-    
     `No way leads from the landing zone to ${cells === 1 ? "a cell" : `${cells} cells`} of this city${cells === 1 ? "," : ", such as"} row ${row}, column ${col}.`,
   unreachable: ({ device }) => `No way leads to device ${device}: it can only be heard from afar.`,
   unheard: ({ device }) => `Device ${device} is sealed in: it is in sight of no cell that a way leads to.`,
-  late: ({ time, home }) => 
+  late: ({ time, home }) =>
     home > 9999 ? "No way leads from the start to a landing zone." : `A flying time of ${time} is too short: the way home alone takes ${home}.`,
 };
 
@@ -97,17 +109,3 @@ const REASONS = {
 
 /** The sentence of a fact. */
 export const sentence = (fact) => TEMPLATES[fact.kind](fact);
-
-const COLOURS = ["blue", "orange"]; // of the runs of a race
-const grouped = (number) => number.toLocaleString("en");
-Object.assign(TEMPLATES, {
-  fromTheStart: ({ run }) => `${upper(COLOURS[run])} lands from the start.`,
-  never: ({ run }) => `${upper(COLOURS[run])} has not learned to land for good.`,
-  kink: ({ run, steps, before, now, episodes }) =>
-    `${upper(COLOURS[run])} learns to land for good here, after ${grouped(steps)} steps: ${before} of ${episodes} before, ${now} then.`,
-  forgot: ({ steps, landed }) => `After ${grouped(steps)} steps ${landed} landed, but it forgot how.`,
-  ends({ ends, wins, episodes }) {
-    const told = ends.map(({ landed, home }, k) => `${COLOURS[k]} lands ${landed} of ${episodes} and brings ${home}\u00a0% of the data home`);
-    return `${wins === null ? "In the end" : `${upper(COLOURS[wins])} wins`}: ${told.join("; ")}.`;
-  },
-});

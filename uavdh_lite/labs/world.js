@@ -9,11 +9,12 @@
 /** A message for people about what they gave. */
 export class InputError extends Error {}
 
-function require(holds, otherwise) {
+/** Throws the reason, an `InputError`, unless it holds. */
+export function require(holds, otherwise) {
   if (!holds) throw new InputError(otherwise);
 }
 
-export const Use = { MISSION: 4, FADING: 5, EXPLORATION: 6, LAB: 7, BOOTSTRAP: 8 };
+export const Use = { MISSION: 4, FADING: 5, EXPLORATION: 6, BOOTSTRAP: 8 };
 
 /** The numbers of one use and seed, the same in every language: the k-th is a hash of k. */
 export class Portable {
@@ -138,6 +139,11 @@ export class City {
 
   sameAs(other) {
     return this.rows.join() === other.rows.join();
+  }
+
+  /** The number of a cell. @param {[number, number]} position row and column */
+  cell([row, col]) {
+    return row * this.size + col;
   }
 
   /** @returns {[number, number]} row and column of a cell */
@@ -520,7 +526,6 @@ export class Mission {
   firstState() {
     const { city, start, devices, data, flyingTime, maxDevices } = this;
     const [count, size, limit] = [devices.length, city.size, 2 ** 15];
-    const cellOf = ([row, col]) => row * size + col;
     const told = ([row, col]) => `(${row}, ${col})`;
     const requireInside = (position, what) => require(
       position.every((axis) => axis >= 0 && axis < size),
@@ -535,10 +540,10 @@ export class Mission {
     const time = Number.isInteger(flyingTime) && flyingTime >= 1 && flyingTime < limit;
     require(time, `flying time ${flyingTime}: must be at least 1 and below ${limit}`);
     requireInside(start, "the UAV");
-    const there = city.buildings[cellOf(start)] ? "a building" : "a no-fly zone";
-    const open = !city.noFly[cellOf(start)];
-    require(open, `the UAV cannot start at ${told(start)}, ${there}: move it`);
-    const cells = devices.map(cellOf);
+    const uavCell = city.cell(start);
+    const there = city.buildings[uavCell] ? "a building" : "a no-fly zone";
+    require(!city.noFly[uavCell], `the UAV cannot start at ${told(start)}, ${there}: move it`);
+    const cells = devices.map((position) => city.cell(position));
     devices.forEach((position, k) => {
       requireInside(position, `device ${k}`);
       const stands = {
@@ -556,8 +561,7 @@ export class Mission {
     deviceCells.set(cells);
     const dataInitial = new Float32Array(maxDevices);
     dataInitial.set(data);
-    const [uavCell, timeLeft] = [cellOf(start), flyingTime];
-    return { uavCell, timeLeft, deviceCells, dataInitial, dataLeft: dataInitial, landed: false };
+    return { uavCell, timeLeft: flyingTime, deviceCells, dataInitial, dataLeft: dataInitial, landed: false };
   }
 
   /** A new generator of this mission's fading, as it is at the start. */
@@ -591,12 +595,11 @@ const [FORMAT, VERSION] = ["uavdh_lite mission", 1];
 
 /**
  * @typedef {object} Trajectory one episode of T steps
- * @property {State} start
+ * @property {State[]} states (T + 1,), of which the next three are parts
  * @property {number[]} uavCell (T + 1,)
  * @property {number[]} timeLeft (T + 1,)
  * @property {Float32Array[]} dataLeft (T + 1, K)
  * @property {number[]} action (T,)
- * @property {Outcome[]} outcome (T,)
  * @property {boolean[]} intervened (T,)
  * @property {number[]} reward (T,)
  * @property {boolean} landed
@@ -631,12 +634,11 @@ export class HandFlight {
   get trajectory() {
     const { states, steps } = this;
     return {
-      start: states[0],
+      states,
       uavCell: states.map((state) => state.uavCell),
       timeLeft: states.map((state) => state.timeLeft),
       dataLeft: states.map((state) => state.dataLeft),
       action: steps.map((step) => step.action),
-      outcome: steps.map((step) => step.outcome),
       intervened: steps.map((step) => step.outcome.intervened),
       reward: steps.map((step) => reward(step.outcome)),
       landed: this.state.landed,
@@ -694,30 +696,6 @@ export function missionFromJson(values) {
 }
 
 // Evaluation
-
-/** The state before each step of a flight. @returns {State[]} */
-export function statesOf(flight) {
-  return flight.action.map((_, step) => ({
-    ...flight.start,
-    uavCell: flight.uavCell[step],
-    timeLeft: flight.timeLeft[step],
-    dataLeft: flight.dataLeft[step],
-  }));
-}
-
-/** The metrics of a flight by name; see `Flights.records` in evaluation.py. */
-export function records(flight) {
-  const [first, last] = [flight.dataLeft[0], flight.dataLeft.at(-1)].map(sum);
-  const [landed, collected] = [Number(flight.landed), (first - last) / first];
-  return {
-    landed,
-    collected,
-    collected_and_landed: collected * landed,
-    return: sum(flight.reward),
-    time_used: flight.action.length / flight.start.timeLeft,
-    safety_interventions: flight.intervened.filter(Boolean).length,
-  };
-}
 
 /** The share of ones with Wilson's 95 % score interval. @returns {[number, number, number]} */
 export function wilsonInterval(values) {
