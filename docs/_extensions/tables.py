@@ -672,6 +672,18 @@ def real_city(radio: str) -> str:
     return f"{_table([*head, f'in {names}'], rows)}\n{_made_with('real_city')}"
 
 
+def change_of_radio() -> str:
+    """What the ray-traced radio adds to the returns of the paper's, at each of the places."""
+    before, after = (_flown_over_places(radio) for radio in ("model", "ray-traced"))
+    told, greedy = (after[name]["return"] - before[name]["return"] for name in ("model", "greedy"))
+    at, rows = before["model"]["place"], []
+    for label, added in ((TOLD["model"], told), ("greedy", greedy), ("the lead", told - greedy)):
+        parts = [added, *(added[at == place] for place in shipped_places())]
+        rows.append([label, *(_number(bootstrap_interval(part), 2) for part in parts)])
+    names = (name.replace("_", " ").title() for name in shipped_places())
+    return _table(["", "all four", *names], rows)
+
+
 def worth_of_telling() -> str:
     """What other beliefs add to the return of `any_city`, next to being told the paper's model."""
     policies = "nothing", "line_1", "line_10", "line_100", "link_10", "link_100", "truth"

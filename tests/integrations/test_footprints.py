@@ -101,6 +101,17 @@ def test_the_height_comes_from_the_first_property_that_has_one(made, properties,
     assert city.text.split()[0] == f"{kind}..." and sources == {source: 1}
 
 
+@pytest.mark.parametrize("altitude_m", [10.0, 12.0, 40.0])
+def test_a_building_of_unknown_height_is_higher_than_the_uav_unless_a_height_is_assumed(
+    made, altitude_m
+):
+    unknown = square(-20, 10, 10, building="yes")
+    city, sources = made(unknown, altitude_m=altitude_m)
+    assert city.text.split()[0] == "B..." and sources == {"assumed": 1}
+    lower, _ = made(unknown, altitude_m=altitude_m, assumed_m=altitude_m - 1)
+    assert lower.text.split()[0] == "b..."
+
+
 def test_half_of_a_cell_decides(made):
     """The parts of tall and low buildings add up to what is built on."""
     tall, low = {"building": "yes", "height": "20"}, {"building": "yes", "height": "5"}

@@ -38,7 +38,9 @@ class Raster:
     cell_size_m: float = option(10.0, "side of a cell, m", gt=0)
     altitude_m: float = option(10.0, "height at which the UAV flies, m", gt=0)
     storey_m: float = option(3.0, "height of a storey, for buildings with `building:levels`", gt=0)
-    assumed_m: float = option(12.0, "height of a building that has no other, m", gt=0)
+    assumed_m: float | None = option(
+        None, "height of a building that has no other, m; none: higher than the UAV flies", gt=0
+    )
     landing: tuple[float, float] | None = option(
         None, "latitude and longitude of the landing zone; none: the middle"
     )
@@ -64,9 +66,10 @@ def city_of_footprints(path: str | Path, raster: Raster) -> tuple[City, Counter[
 
     A cell is a tall building if half of it or more is covered by what is higher than the UAV flies;
     else a low one if half of it or more is built on. A building's height is its `height`, else
-    `building:levels` storeys, else the assumed one; the second result counts these three. Polygons
-    count as buildings if they have the property `building` or `building:part`, or all of them if
-    none has.
+    `building:levels` storeys, else the assumed one; the second result counts these three. Unless a
+    height is to be assumed, a building of unknown height is higher than the UAV flies, at whatever
+    altitude. Polygons count as buildings if they have the property `building` or `building:part`,
+    or all of them if none has.
 
     Raises `InputError` that names the file if it is not GeoJSON or has no building at the centre,
     `CityError` if there is no room for a landing zone or a device, and `MissingExtra` without
@@ -214,4 +217,4 @@ def _height(properties: dict, raster: Raster) -> tuple[float, str]:
         found = NUMBER.fullmatch(str(properties.get(name, "")))
         if found and float(found[1]) > 0:
             return float(found[1]) * unit, name
-    return raster.assumed_m, "assumed"
+    return np.inf if raster.assumed_m is None else raster.assumed_m, "assumed"

@@ -23,7 +23,7 @@ def city(
     cell_size: PositiveFloat = 10.0,
     altitude: PositiveFloat = 10.0,
     storey: PositiveFloat = 3.0,
-    assumed: PositiveFloat = 12.0,
+    assumed: PositiveFloat | None = None,
     landing: Pair | None = None,
     landing_cells: PositiveInt = 6,
     out: Annotated[Path | None, named(".png")] = None,
@@ -37,7 +37,7 @@ def city(
         cell_size: side of a cell, m.
         altitude: at which the UAV flies, m; what is higher may not be flown over.
         storey: height of a storey, m, for buildings with building:levels and no height.
-        assumed: height of buildings with neither, m.
+        assumed: height of buildings with neither, m. By default they are higher than the UAV flies.
         landing: LATITUDE,LONGITUDE; the free cells nearest to it are the landing zone. By default
             the middle.
         landing_cells: how many of them.
