@@ -1,9 +1,8 @@
 # %% [markdown]
 # # 10 · Evaluation
 #
-# The agent brings home 96 % of the data. **Is that good? How sure can you be? And what does a mean hide?** The
-# picture has part of an answer: the agent beside a simple rule and beside a search that knows the channel, each with a 95 %
-# interval.
+# The agent brings home 96 % of the data. **Is that good? How sure can you be? And what does a mean hide?** The picture holds part of
+# the answer. It shows the agent beside a simple rule and beside a search that knows the channel, each with a 95 % interval.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -41,20 +40,20 @@ figure
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Compare the agent with the paper, with chance and with two planners on the same 1000 missions; find the missions in which it falls behind; fly one mission again with other luck |
+# | **What you'll do** | Compare the agent with the paper, with chance and with two planners on the same 1000 missions; find the missions in which it falls behind; fly one mission again with different luck |
 # | **What you'll learn** | Random streams, Wilson's interval, why the best checkpoint looks too good, how many missions a claim needs |
 # | **What you'll need** | Notebooks 3, 7 and 8. 55 minutes to read, 20 seconds to run; 24 minutes of exercises |
 #
 # ## 10.1 Where the numbers come from
 #
-# Most flights of this notebook are recorded. Four policies flew the same 1000 missions over
-# each of two cities, with the same fading:
+# Most of the flights in this notebook were recorded. Four policies flew the same 1000 missions over each of two cities, with the same
+# fading:
 #
 # | policy | what it knows |
 # | --- | --- |
-# | the agent | the map, the devices, their data and the time that is left. It has learned what to do, by the paper's method |
+# | the agent | the map, the devices, their data and the time that is left. It has learned what to do by the paper's method |
 # | greedy | the same. A person wrote its rule: fly to the nearest device with data, and be home in time |
-# | genie | also the mean rate from every cell to every device. It searches whole flights for the most data |
+# | genie | the mean rate from every cell to every device as well. It searches whole flights for the one with the most data |
 # | random | nothing. It draws its actions |
 #
 # Each city has an agent of its own: `manhattan_ddqn`, which you know from the course, and `open_field_ddqn`.
@@ -79,14 +78,14 @@ def recorded(city):
 cities = {city: recorded(city) for city in ("manhattan", "open_field")}
 
 # %% [markdown]
-# The score is *collected and landed*: the share of the data that a flight brings home, and 0 if it crashes. It needs no
-# constants. The *return* does: a step costs 0.2 and a crash 150, as in notebook 3.
+# The score is *collected and landed*: the share of the data that a flight brings home, and 0 if it crashes. This score needs no
+# constants, whereas the *return* does: a step costs 0.2 and a crash 150, as in notebook 3.
 #
 # ### Random numbers
 #
-# "The same missions" is easily said. A test is worth nothing if training has seen its missions. So training, validation
-# and test each need random numbers of their own. A common habit is to seed them with `seed`, `seed + 1` and `seed + 2`. Do
-# you see the trap? Compare the validation missions of seed 0 with the training missions of seed 1:
+# "The same missions" is easily said. But a test is worth nothing if training has seen its missions, so training, validation and test
+# each need random numbers of their own. A common habit is to seed them with `seed`, `seed + 1` and `seed + 2`. Do you see the trap?
+# Compare the validation missions of seed 0 with the training missions of seed 1:
 
 # %%
 from uavdh_lite.streams import Use, stream
@@ -100,20 +99,19 @@ for way in (habit, stream):
     print(f"{way.__name__:<7} equal numbers: {equal}")
 
 # %% [markdown]
-# With the habit, the run of seed 1 trains on the missions that choose the agent of seed 0. Two runs that should
-# be independent share their luck.
+# With this habit, the run of seed 1 trains on the missions that choose the agent of seed 0, and two runs that should be independent
+# share their luck.
 #
-# The library makes every generator with `stream(use, seed)`. Use and seed go into numpy's
-# `SeedSequence` as two numbers and are never added. So no two uses share a stream, whatever the seeds.
+# The library makes every generator with `stream(use, seed)`. The use and the seed go into numpy's `SeedSequence` as two separate
+# numbers and are never added, so no two uses share a stream, whatever the seeds.
 #
-# There is a second trap. If a policy drew its actions from the generator of the missions, a long flight would take more
-# numbers than a short one, and the next mission would be a different one. Here all missions are drawn first, and
-# the fading is drawn for every mission in every step, whatever the policy does.
+# There is a second trap. If a policy drew its actions from the generator of the missions, a long flight would use up more numbers than
+# a short one, and the next mission would then be a different one. That is why all missions are drawn first here, and why the fading is
+# drawn for every mission in every step, whatever the policy does.
 #
 # ## 10.2 The paper's table
 #
-# The paper flies 1000 random missions with each agent and prints three shares. Here are ours with 95 % intervals, and the paper's
-# beside them:
+# The paper flies 1000 random missions with each agent and prints three shares. Here are ours with 95 % intervals, beside the paper's:
 
 # %%
 from uavdh_lite.paper import RESULTS
@@ -124,9 +122,9 @@ for city, results in cities.items():
         print(f"{city:<11}{metric:<21}{mean:7.1%} ({low:.1%} to {high:.1%})  paper {paper:.1%}")
 
 # %% [markdown]
-# Our agents are above the paper's in every line. Are they better? The table cannot say. The paper's maps were never published. Ours
-# are drawn from its text, and they may be easier. What the table does say is this: on maps of the same
-# description, the same method reaches the same level.
+# Our agents are above the paper's in every line. Are they better? The table cannot say, because the paper's maps were never published.
+# Ours are drawn from its text, and may be easier. What the table does say is that on maps that fit the same description, the same
+# method reaches the same level.
 #
 # ### What three shares tell
 #
@@ -139,10 +137,10 @@ print(f"the flights that crashed had collected {(collected - both) / (1 - landed
 print(f"the flights that landed had collected  {both / landed:.0%}")
 
 # %% [markdown]
-# In the paper's own test, the flights that crashed had collected about 40 % of their data. The paper does not print this
-# number, but its table holds it. It is a rough one. With shares rounded to a tenth of a percent, anything
-# from 20 to 60 % is possible. Even so, it is far below the 95 % of the others. So staying out for the last bit of
-# data cannot explain all of those crashes. The only crash of our own agent is of just that kind, as you will see in 10.6.
+# In the paper's own test, the flights that crashed had collected about 40 % of their data. The paper does not print this number, but
+# it is hidden in the table. It is a rough one, since with shares rounded to a tenth of a percent anything from 20 to 60 % is possible.
+# Even so, it is far below the 95 % of the other flights, so staying out for the last bit of data cannot explain all of those crashes.
+# The only crash of our own agent is of just that kind, as you will see in 10.6.
 #
 # ### All of them landed
 #
@@ -170,12 +168,11 @@ for count in (995, 999, 1000):
     print(f"{count:>4} landed: simple {simple:<19} Wilson {low:.2%} to {high:.2%}")
 
 # %% [markdown]
-# The simple interval goes past 100 % in the second line and shrinks to a point in the third. Wilson's does neither. After 1000
-# landings it says: at least 99.6 %.
+# The simple interval goes past 100 % in the second line and shrinks to a point in the third. Wilson's does neither: after 1000
+# landings it says that the share is at least 99.6 %.
 #
 # Is an agent that landed 999 times safer than one that landed 995 times? Together they crashed six times. If both were equally safe,
-# each crash would be a coin toss between the two. Six tosses split 5–1 or 6–0 about one time in five. So the difference is
-# no proof.
+# each crash would be a coin toss between the two. Six tosses split 5–1 or 6–0 about one time in five. So the difference proves nothing.
 #
 # The other means use notebook 8's bootstrap. Either kind of interval covers luck in the missions, not in training. For a claim
 # about a *method*, the runs are the sample.
@@ -191,8 +188,8 @@ for city, results in cities.items():
         print(f"{city:<11}{policy:<8}", *means, f"return {one['return'].mean():6.2f}", sep="  ")
 
 # %% [markdown]
-# Random lands in four of five missions, because it starts in the landing zone and soon draws `land`. It
-# brings home next to nothing.
+# Random lands in four missions out of five, because it starts in the landing zone and soon draws `land`, but it brings home next to
+# nothing.
 #
 # Greedy does about as well as the trained network, as you saw in notebook 8. A paper without such a baseline does not show that
 # its learner was worth the training. Which of the two is ahead? The paired differences:
@@ -206,17 +203,16 @@ for city, results in cities.items():
 
 # %% [markdown]
 # Over Manhattan, greedy is ahead in both scores, and no interval contains 0. Over the open field, the two collect
-# the same amount as far as these missions can tell, but the agent's return is higher. It wastes less time. Greedy flies
-# to the last unit of data, whatever that costs. So which of them is better depends on the question that you ask.
-#
-# All of this is about two agents. Another training seed would have made others.
+the same amount, as far as these missions can tell, but the agent's return is higher because it wastes less time, whereas greedy flies
+to the last unit of data, whatever that costs. So which of them is better depends on the question that you ask.
+
+All of this is about two particular agents. Another training seed would have made others.
 #
 # ## 10.4 The best of many checkpoints
 #
-# While an agent learns, it is validated again and again. What it has learned up to then is a *checkpoint*, and the
-# best one is kept. Its validation score is then too high. To see why, imagine 20 checkpoints that are all
-# equally good. Each flies missions of its own, drawn from the 1000 above. You report the best of the 20. Repeat that 300
-# times:
+# While an agent learns, it is validated again and again. Each time, what it has learned so far is a *checkpoint*, and the best
+# checkpoint is kept. But its validation score is too high. To see why, imagine 20 checkpoints that are all equally good. Each flies
+# missions of its own, drawn from the 1000 above, and you report the best of the 20. Repeat that 300 times:
 
 # %%
 values = cities["manhattan"]["agent"][BOTH]
@@ -227,15 +223,13 @@ for missions in (200, 1000):
     print(f"{missions:>4} missions: true mean {values.mean():.1%}, best of 20 {best:.1%}")
 
 # %% [markdown]
-# All checkpoints are equal, and yet the best one seems better than it is. It was chosen for its luck. With 200 missions
-# the illusion is worth more than a point. More missions shrink it, but do not
-# remove it. What helps is another set of missions that had no say in the choice. That is why validation and test
-# are two different streams.
+# All checkpoints are equally good, and yet the best one seems better than it is, because it was chosen for its luck. With 200 missions
+# the illusion is worth more than a point. More missions shrink it, but do not remove it. What helps is another set of missions, which
+# had no say in the choice. That is why validation and test are two different streams.
 #
 # ## 10.5 Which missions go badly?
 #
-# A mean hides where it comes from. Split the missions by what was drawn, and ask in each group how far the agent
-# is behind:
+# A mean hides what it is made of. Split the missions by what was drawn, and ask in each group how far the agent is behind:
 
 # %%
 from uavdh_lite.experiments.comparison import breakdown
@@ -259,12 +253,12 @@ figure
 # device cannot be made up for, and only the genie knows beforehand what a device will yield.
 #
 # On the right, the agent is behind greedy mainly in missions with two devices. Those are the easy ones, where greedy brings
-# home 99 %. So what is hard is hard for both, and in easy missions the agent could do better. With eight groups
+# home 99 %. So hard missions are hard for both, and it is in easy missions that the agent could do better. With eight groups
 # in one figure, treat any single one as no more than a hint.
 #
 # ## 10.6 Failures, one by one
 #
-# To see *what* goes wrong, fly the worst missions again, those in which the agent is furthest behind the genie:
+# To see *what* goes wrong, fly the worst missions again, that is, those in which the agent is furthest behind the genie:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -286,9 +280,9 @@ add_legend(figure, 3)
 figure
 
 # %% [markdown]
-# Left, the one crash in a thousand missions. The flight has collected everything, and turns for home too late. Right, a flight
-# that serves the nearest device and goes home, with plenty of time left for the others. Watch the crash step by step. When the
-# last data comes in, the way home is already longer than the time that is left:
+# On the left is the one crash in a thousand missions. The flight has collected everything, and turns for home too late. On the right
+# is a flight that serves the nearest device and goes home, with plenty of time left for the others. Watch the crash step by step. When
+# the last data comes in, the way home is already longer than the time that is left:
 
 # %%
 from uavdh_lite.player import play
@@ -304,13 +298,13 @@ for name, own in {"30 points or more": much, "less": little, "nothing": lost <= 
     print(f"{name:<18}{own.sum():>4} missions, {lost[own].sum() / lost.sum():z4.0%} of the loss")
 
 # %% [markdown]
-# One mission in forty makes more than a third of the loss. The rest is spread thin over one mission in four, and in most
-# missions nothing is lost at all. So a mean of 96 % is not a thousand flights that bring 96 %. Most of them are
+# One mission in forty accounts for more than a third of the loss. The rest is spread thin over one mission in four, and in most
+# missions nothing is lost at all. So a mean of 96 % does not stand for a thousand flights that bring home 96 % each. Most of them are
 # as good as the genie's, and a few are bad.
 #
 # ## 10.7 How many missions does a claim need?
 #
-# An interval shrinks with the square root of the number of missions. Half the width takes four times as many. If $\sigma$ is
+# An interval shrinks with the square root of the number of missions, so half the width takes four times as many. If $\sigma$ is
 # the standard deviation over missions, the half width is $1.96\,\sigma/\sqrt{n}$, so a half width $h$ takes
 # $n = (1.96\,\sigma/h)^2$ missions. Say you want to know greedy's lead to within half a point:
 
@@ -322,16 +316,16 @@ for name, results in cities.items():
     print(f"{name:<11}missions of their own {needed[0]:5.0f}, the same missions {needed[1]:5.0f}")
 
 # %% [markdown]
-# Flying the same missions saves more than half of them. What is hard for one policy is hard for the other, and in the
-# difference this cancels.
+# Flying both on the same missions saves more than half of them, because what is hard for one policy is hard for the other, and this
+# cancels out in the difference.
 #
-# Is a half width of half a point enough to *find* a lead of half a point? Only in half of all tries. The measured lead
-# falls as often below the true one as above it, and when it falls below, the interval contains 0. To find such a
-# lead in eight of ten tries takes twice as many missions.
+# Is a half width of half a point enough to *find* a lead of half a point? Only in half of all tries, because the measured lead falls
+# below the true one as often as above it, and when it falls below, the interval contains 0. To find such a lead in eight out of ten
+# tries takes twice as many missions.
 #
-# ## 10.8 The same mission with other luck
-#
-# Fading is luck too. How much of a result is due to it? Here is one mission with five devices, flown with 40 draws of the fading:
+# ## 10.8 The same mission with different luck
+
+Fading is luck, too. How much of a result is due to it? Here is one mission with five devices, flown with 40 draws of the fading:
 
 # %%
 from dataclasses import replace
@@ -353,14 +347,14 @@ two = {"one draw": first.trajectory(0), "another": second.trajectory(0)}
 play(agent.environment, two)
 
 # %% [markdown]
-# The flights begin alike and part later. The agent sees luck only as data that is left, and a little more or less of
-# it tips a decision. Yet luck hardly changes what is brought home. A flight has some two hundred
-# communication slots, and over so many most of the luck averages out.
+# The flights begin alike and part later. The agent sees luck only through the data that is left, where a little more or less can tip a
+# decision. Yet luck hardly changes what is brought home, because a flight has some two hundred communication slots, and over so many
+# slots most of the luck averages out.
 #
 # ## 10.9 One thing changed
 #
-# The paper shows its open-field agent in two missions that differ in one thing only. First both devices hold the same data. Then the far one
-# holds a quarter of that. Guess first:
+# The paper shows its open-field agent in two missions that differ in one thing only. In the first, both devices hold the same amount
+# of data. In the second, the far one holds a quarter of that. Before you look, guess what changes:
 
 # %%
 Quiz("one_quarter")
@@ -379,18 +373,18 @@ add_legend(figure, 2)
 figure
 
 # %% [markdown]
-# It is the same network in the same places. Both times it empties the near device first and then flies towards the
-# far one until it hears it well enough. With a quarter of the data there, it turns back earlier. One flight might be
-# luck. The 20 draws printed above say that it is not: every flight with a quarter of the data is shorter than every flight with equal data.
+# It is the same network in the same places. Both times it empties the near device first and then flies towards the far one until it
+# hears it well enough. With a quarter of the data there, it turns back earlier. A single flight might be luck, but the 20 draws
+# printed above say that it is not: every flight with a quarter of the data is shorter than every flight with equal data.
 #
-# Nobody trained the agent for this mission. It reacts to the data because the data is in the state. But what it does is learned
-# and not computed. To trust it, count over many missions, and look at the worst.
+# Nobody trained the agent for this mission. It reacts to the data because the data is in the state. But what it does is learned rather
+# than computed. Before you trust it, test it on many missions and look at the worst.
 #
 # ## Recap
 #
-# - A result is a mean with an interval, over missions that neither training nor the choice of the agent has seen.
+# - A result is a mean with an interval, over missions that were used neither in training nor in choosing the agent.
 # - Training, validation and test draw from streams of their own.
-# - Put something simple and something near the best beside it, on the same missions.
+# - Put something simple and something close to the best possible beside it, on the same missions.
 # - The best of many checkpoints looks better than it is.
 # - A mean does not say what goes wrong. Fly the failures again and look.
 #

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 11 · Replay
 #
-# The agent learns from a memory of steps that it flew long ago. What if it remembered only the last few flights? And
-# when the flights are forgotten, what is left of them in the network? The picture shows twelve training runs in the village that
-# differ only in the size of the memory.
+# The agent learns from a memory of steps that it flew long ago. What if it remembered only the last few flights? And once the flights
+# are forgotten, what is left of them in the network? The picture shows twelve training runs in the village that differ only in the
+# size of the memory.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -59,8 +59,8 @@ figure
 #
 # ## 11.1 Four sizes of memory
 #
-# The runs of the picture follow the recipe `small`, with 48,000 steps each and three seeds for each size. The recipe's own
-# memory holds 40,000 steps. The cell of the picture has read how they ended into a table:
+# The runs of the picture follow the recipe `small`, with 48,000 steps each and three seeds for each size. The recipe's own memory
+# holds 40,000 steps. The cell that drew the picture has read the runs' final results into a table:
 
 # %%
 for variant, size in SIZES.items():
@@ -68,29 +68,29 @@ for variant, size in SIZES.items():
     print(f"memory of {size:>6,} steps:", " ".join(f"{end:4.0%}" for end in ends))
 
 # %% [markdown]
-# In the picture, the dashed line is greedy and the dotted one random. With 40,000 steps all three runs come close to greedy, and
-# with a tenth of that they do as well. With 1,000 steps two runs get nearly as far. The third collects nearly everything and never lands,
-# one of the two ways to fail in notebook 7. With 250 steps no run brings home half of the data.
+# In the picture, the dashed line is greedy and the dotted one random. With 40,000 steps all three runs come close to greedy, and with
+# a tenth of that they do just as well. With 1,000 steps two runs get nearly as far. The third collects nearly everything and never
+# lands, one of the two ways to fail in notebook 7. With 250 steps no run brings home half of the data.
 #
-# All runs make equally many updates, and each update draws equally many steps. So what is it that a small memory lacks?
+# All runs make the same number of updates, and each update draws the same number of steps. So what is it that a small memory lacks?
 #
 # ## 11.2 How old is what it learns from?
 #
-# A replay memory is a *ring buffer*: when it is full, the newest step takes the place of the oldest. The recipe flies 16
-# missions at once. After each of their steps comes one update, which draws 64 steps from the memory. So a step is drawn
-# $64/16 = 4$ times on average before it is forgotten. That holds for a memory of any size. A larger one keeps a step longer but
-# draws it less often.
+# A replay memory is a *ring buffer*: when it is full, the newest step takes the place of the oldest. The recipe flies 16 missions at
+# once. After each of their steps comes one update, which draws 64 steps from the memory. So a step is drawn $64/16 = 4$ times on
+# average before it is forgotten. That holds for a memory of any size, because a larger one keeps a step longer but draws it less
+# often.
 #
-# What the size does change is how *old* the drawn steps are. A memory of 250 holds the last 16 steps of each of the 16
-# missions. That is less than a flight. A memory of 40,000 holds 2500 steps of each, which are more than a thousand flights in all.
+# What the size does change is how *old* the drawn steps are. A memory of 250 holds the last 16 steps of each of the 16 missions, which
+# is less than a flight. A memory of 40,000 holds 2500 steps of each, which makes more than a thousand flights in all.
 #
 # Is it good or bad to learn from old steps? Both, as a tiny example shows.
 #
 # ## 11.3 A small memory forgets
 #
-# Take a street of twelve cells, with the landing zone in cell 0 and one device somewhere along it. The device holds 10
-# units of data, which are uploaded when the UAV gets there. A step costs 0.2 and a refused `land` costs 1 more, as in notebook 3. So
-# few steps are possible in this world that all of them fit into arrays:
+# Take a street of twelve cells, with the landing zone in cell 0 and one device somewhere along it. The device holds 10 units of data,
+# which are uploaded when the UAV gets there. A step costs 0.2 and a refused `land` costs 1 more, as in notebook 3. There are so few
+# possible steps in this world that all of them fit into arrays:
 
 # %%
 import numpy as np
@@ -106,8 +106,8 @@ uploads = (full == 1) & (after == device) & ~landed
 reward = 10 * uploads - 0.2 * ~landed - ((action == LAND) & (cell > 0))
 
 # %% [markdown]
-# Each step has a number from 0 to 863, so a memory is just a list of numbers. The right Q-values come from the target of
-# notebook 6, computed again and again until nothing changes any more:
+# Each step has a number from 0 to 863, so a memory is just a list of numbers. The right Q-values come from the target of notebook 6,
+# which is computed again and again until nothing changes any more:
 
 # %%
 following = np.ravel_multi_index((after, full * ~uploads, device), (12, 2, 12))  # next states
@@ -116,7 +116,7 @@ for _ in range(300):
     best = (reward + 0.95 * ~landed * best[following].max(1)).reshape(288, 3)
 
 # %% [markdown]
-# Now let a network learn them. Its inputs name the UAV's cell and the device's cell. Each is a 1 among twelve places. An update
+# Now let a network learn them. Its inputs name the UAV's cell and the device's cell, each as a 1 in one of twelve places. An update
 # moves the Q-values of the drawn steps towards their targets:
 
 # %%
@@ -138,9 +138,9 @@ def update(network, optimizer, drawn):
     optimizer.step()
 
 # %% [markdown]
-# Half way, the missions change. For the first 1000 updates the device is *near*, in one of the cells 1 to 5. After that it is
-# *far*, in one of the cells 7 to 11. Before each update, 16 random steps of the present missions go into the memory. Every 50
-# updates we ask: in what share of the states is the network's best action a right one, for near devices and for far ones?
+# Halfway through, the missions change. For the first 1000 updates the device is *near*, in one of the cells 1 to 5. After that it is
+# *far*, in one of the cells 7 to 11. Before each update, 16 random steps of the present missions go into the memory. Every 50 updates
+# we ask in what share of the states the network's best action is a right one, for near devices and for far ones.
 
 # %%
 kinds = {"near": (1 <= device) & (device <= 5), "far": device >= 7}
@@ -165,8 +165,8 @@ def learn(capacity, seed):
     return shares
 
 # %% [markdown]
-# A memory of 32,000 steps holds all that is ever flown here. One of 200 holds the last twelve rounds. There are five runs
-# of each. Thin lines are runs, bold lines are means, and the missions change at the dotted line:
+# A memory of 32,000 steps holds everything that is ever flown here, whereas one of 200 holds only the last twelve rounds. There are
+# five runs of each. Thin lines are runs, bold lines are means, and the missions change at the dotted line:
 
 # %%
 runs = {size: np.array([learn(size, seed) for seed in range(5)]) for size in (200, 32_000)}
@@ -185,33 +185,33 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Look at the left side first. While the device is near, both memories learn such missions. Then the missions change. With a memory
-# of 200 steps the share of right actions drops steeply in every run, on average from nine states in ten to about four. Nothing was
-# wrong with what the network knew. It was overwritten: an update for one state moves weights that other states use as well, and
-# the memory holds no step that would object. Later the share recovers in part, since far and near missions have something in common.
+# Look at the left side first. While the device is near, such missions are learned with both memories. Then the missions change. With a
+# memory of 200 steps the share of right actions drops steeply in every run, on average from nine states in ten to about four. Nothing
+# was wrong with what the network knew. It was overwritten: an update for one state moves weights that other states use as well, and
+# the memory holds no step that would object. Later the share recovers in part, because far and near missions have something in common.
 #
 # With the large memory hardly anything is lost. Near missions are no longer flown, but they are still drawn, so the
 # network has to stay right about them.
 #
-# Now the right side. By the end the small memory is ahead in the mean, though some runs overlap. It holds only far missions, whereas
+# Now look at the right side. By the end the small memory is ahead on average, though some runs overlap. It holds only far missions, whereas
 # even at the end half of the large one's samples come from the past. So a large memory keeps what is no longer flown, and it is
 # slow to follow when the world changes. *Combined* replay, which puts the newest step into every minibatch, softens that.
 #
-# In the village the missions do not change half way. But a memory of 250 steps holds only parts of the flights in the air. As they
-# change, the network is pulled from one handful of missions to the next, and forgets. That is the likely reason for the failures in
-# 11.1.
+# In the village the missions do not change halfway through. But a memory of 250 steps holds only parts of the flights that are in the
+# air. As these change, the network is pulled from one handful of missions to the next, and forgets. That is the likely reason for the
+# failures in 11.1.
 #
 # ## 11.4 What the network knows of shadows
 #
-# When training is over, the memory is thrown away and the network stays. What has it kept of all the flights? One thing
-# worth knowing is that a building in the way takes most of the signal, as in notebook 1. No input says so. The
-# network sees a layer of buildings and a layer of data, and it gets rewards. Has it found out that the two are related?
+# When training is over, the memory is thrown away and the network stays. What has it kept of all the flights? One thing worth knowing
+# is that a building in the way takes most of the signal, as in notebook 1, but no input says so. The network sees only a layer of
+# buildings and a layer of data, and it gets rewards. Has it found out that the two are related?
 #
-# Ask it. Take states in which a device is close but hidden. Wipe out the buildings between the UAV and the device. Do
-# not touch the layer that says where the UAV may fly. If the network knows what walls do, it must now expect more.
+# Let us ask it. Take states in which a device is close but hidden, and wipe out the buildings between the UAV and the device, without
+# touching the layer that says where the UAV may fly. If the network knows what walls do, it must now expect more.
 #
-# First the states. Data is left at one device only, at most five cells away and out of sight, and there are five units of
-# time to spare:
+# First we need the states. In each of them, data is left at only one device, which is at most five cells away and out of sight, and
+# there are five units of time to spare:
 
 # %%
 from dataclasses import replace
@@ -231,8 +231,8 @@ def hidden_devices(agent, generator):
     return state[hidden & (np.hypot(*to_device(state, environment.size)) <= 5)]
 
 # %% [markdown]
-# What lies between? The rectangle that has the UAV at one corner and the device at the opposite one. In the centred map the UAV
-# is in the middle:
+# What lies between? Let us take it to be the rectangle with the UAV at one corner and the device at the opposite one. In the centred
+# map the UAV is in the middle:
 
 # %%
 def between(state, size):
@@ -243,7 +243,7 @@ def between(state, size):
 
 # %% [markdown]
 # A hole in the map may surprise the network, whatever was there before. So we need a control: the same
-# rectangle on the *other* side of the UAV. Only those states count that have at least as many buildings there. An example:
+# rectangle on the *other* side of the UAV. Only states that have at least as many buildings there are counted. Here is an example:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -274,10 +274,9 @@ ax.set(xlim=(8.5, 21.5), ylim=(21.5, 8.5), xticks=range(9, 22, 3), yticks=range(
 figure
 
 # %% [markdown]
-# The triangle is the UAV, the blue cross the device. Wiping out what is orange clears the way between them. Wiping out what is green
-# changes nothing there. How much more does the network expect, in its largest Q-value?
-#
-# Two agents are asked, one for each of the paper's cities. A network of the same shape without any training is asked as well.
+# The triangle is the UAV, and the blue cross is the device. Wiping out what is orange clears the way between them, whereas wiping out
+# what is green changes nothing there. By how much does the network's largest Q-value rise?  We ask two agents, one for each of the
+# paper's cities, and also a network of the same shape without any training.
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -303,22 +302,22 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
               f"above 0 in {(gains[0] > gains[1]).mean():.0%}")
 
 # %% [markdown]
-# The untrained networks hardly notice. Both trained ones expect more when any building disappears, and clearly more when it is one
-# that was in the way. So they have learned from rewards that buildings *between* them and a device cost something, and
-# they look at them.
+# The untrained networks hardly notice. Both trained ones expect more when any buildings disappear, and clearly more when those buildings
+were in the way. So they have learned from rewards that buildings *between* them and a device cost something, and
+they look for them.
+
+Neither network has become a ray tracer. The difference is small next to what these states are worth, and in three states out of ten
+there is none, or it goes the other way. Also, a city with a missing building is new to such a network. The
+test shows what the network looks at, but not how well it would fly there.
 #
-# Neither has become a ray tracer. The difference is small next to what these states are worth, and in three of ten
-# states there is none, or it is the other way round. Also, a city with a missing building is new to such a network. The
-# test shows what it looks at. It does not show how well it would fly there.
-#
-# This is a way of asking that works for any network and any question. Change one thing in the input that should matter, change something like it that
-# should not, and compare.
+# This way of asking works for any network and many questions: change one thing in the input that should matter, change something
+# similar that should not, and compare.
 #
 # ## Recap
 #
 # - Replay learns from each step several times, mixed with steps of other flights.
-# - A small memory holds only what is flown now. What the network knew of other missions is overwritten.
-# - A large memory keeps the past alive, and is slower to follow when the world changes.
+# - A small memory holds only what is being flown now, and what the network knew of other missions is overwritten.
+# - A large memory keeps the past alive, but is slower to follow when the world changes.
 # - A network can learn what no input says, such as that walls cost data.
 # - To see what a network looks at, change the input, with a control beside it.
 #

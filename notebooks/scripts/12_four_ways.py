@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 12 · Four ways to knowledge
 #
-# An agent of the paper learns from reward alone: it is told nothing but the map, and finds out the rest by flying. How else
-# can knowledge get into an agent? You can **guarantee** it by a rule, **tell** it as one more layer of the map, let the agent
-# **copy** a planner, or let it **learn** from reward. This figure shows what each way is worth.
+# The paper's agents learn from reward alone: they are told nothing but the map, and find out the rest by flying. How else can
+# knowledge get into an agent? You can **guarantee** something by a rule, **tell** the agent something as one more layer of the map,
+# let it **copy** a planner, or let it **learn** from reward. This figure shows what each way is worth.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -66,14 +66,14 @@ draw_ways()
 # | **What you'll learn** | How a guarantee, told layers, copied moves and reward each put knowledge into an agent, what each costs, and what it is worth |
 # | **What you'll need** | The course, notebooks 0 to 9. 40 minutes to read, 30 seconds to run; 22 minutes of exercises |
 #
-# Each row is one recipe over `manhattan`, three seeds of each. The upper four learn from reward, the next four copy a planner, and the last
-# one learns from reward after it has copied. Runs of a group are equally long. The plain row *learn* has the rewards and starts of the recipe `lite` of notebook 7. Higher returns
-# lie further right. The rest of this notebook explains the words.
+# Each row is one recipe over `manhattan`, with three seeds. The upper four learn from reward, the next four copy a planner, and the
+# last one copies first and then learns from reward. All runs of a group are equally long. The plain row *learn* has the rewards and
+# starts of the recipe `lite` of notebook 7. Higher returns lie further right. The rest of this notebook explains the words.
 #
 # ## 12.1 Guarantee: the failsafe
 #
-# The paper's agent learns to land from crashes, each of which costs 150. A rule needs no crash. From the map one can count
-# the moves from each cell to the nearest landing zone, so one knows the last moment to turn back:
+# The paper's agent learns from crashes how to land, and each crash costs 150. A rule needs no crashes. From the map one can count the
+# moves from each cell to the nearest landing zone, so one knows the last moment at which to turn back:
 
 # %%
 from uavdh_lite.beyond.failsafe import SafeEnvironment
@@ -96,8 +96,8 @@ figure
 #
 # $$\text{time to land}(\text{next cell}) > b - 1$$
 #
-# The failsafe replaces such an action by the first move home. Every commercial drone has a function like this. Does it hold
-# for any policy? Try one that knows nothing:
+# The failsafe replaces such an action by the first move home. Every commercial drone has a function like this. Does it work for any
+# policy? Try one that knows nothing:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -118,14 +118,14 @@ for name, one in {"paper": Environment(city), "failsafe": environment}.items():
 assert flights["landed"].all()
 
 # %% [markdown]
-# All land. The return is still poor, because random moves collect little. What a rule guarantees need not be learned. No
-# crash disturbs the Q-values, and no schedule of penalties is needed. But somebody must know the rule, and it
-# holds only as long as the map is right.
+# All flights land, but the return is still poor, because random moves collect little. What a rule guarantees need not be learned. No
+# crash disturbs the Q-values, and no schedule of penalties is needed. On the other hand, somebody must know the rule, and it holds
+# only as long as the map is right.
 #
 # ## 12.2 Tell: maps of what can be computed
 #
-# The network of notebook 4 sees buildings. Where data can be heard, and which way goes around a block, it must find out from
-# reward. But the environment knows the channel and the city, so both can be computed and laid over the map as three more layers:
+# The network of notebook 4 sees buildings, but it must find out from reward where devices can be heard and which way leads around a
+# block. The environment, however, knows the channel and the city, so both can be computed and laid over the map as three more layers:
 
 # %%
 from uavdh_lite.beyond.told import TOLD_LAYERS, ToldObservation
@@ -144,14 +144,14 @@ for ax, layer, name in zip(figure.subplots(1, 3), told, TOLD_LAYERS):
 figure
 
 # %% [markdown]
-# Bright is large; the triangle is the UAV, the crosses are devices. *Expected data* is what one unit of time over a cell would bring without
-# fading:
+# Bright is large; the triangle is the UAV, the crosses are devices. *Expected data* is the data that one unit of time over a cell
+# would bring without fading:
 #
 # $$\max_k \min(\delta \cdot R_k,\; \text{data left}_k)$$
 #
-# Around each device lies a bright spot with dark wedges: the shadows of notebook 2. *Way home* and *way there* count moves, from
-# the landing zones and from the UAV. Both flow around buildings. Anyone who knows the city and the constants of the channel can work
-# all of it out before the flight. A network has to find it out by flying.
+# Around each device lies a bright spot with dark wedges: the shadows of notebook 2. *Way home* and *way there* count moves, one from
+# the landing zones and the other from the UAV. Both flow around buildings. Anyone who knows the city and the constants of the channel
+# can work all of this out before the flight, whereas a network has to find it out by flying.
 
 # %%
 Quiz("what_may_be_told")
@@ -159,9 +159,9 @@ Quiz("what_may_be_told")
 # %% [markdown]
 # ## 12.3 Copy: a planner as teacher
 #
-# The *genie* is a search over whole flights. It knows the mean rate of every link at every place, and keeps the best candidates for each
-# cell and moment. It flies better than any agent here, and takes much longer to decide. Can a network learn what the genie
-# does, and do it at once?
+# The *genie* is a search over whole flights. It knows the mean rate of every link at every place, and keeps the best candidates for
+# each cell and moment. It flies better than any agent here, but takes much longer to decide. Can a network learn to do what the genie
+# does, but without the search?
 
 # %%
 from uavdh_lite.beyond.genie import Genie
@@ -171,14 +171,14 @@ arrows = np.array(list("↑→↓←○L"))
 print("".join(arrows[plan.actions[: (plan.actions != 5).sum() + 1]]))
 
 # %% [markdown]
-# That is a whole flight: arrows are moves, and L is the landing. Each state on the way, with the
-# genie's action, is a *labelled example*. The network gives a score to each action, and a softmax turns scores into probabilities $\pi(a \mid s)$. The loss is the
-# *cross-entropy*, the surprise about what the genie did:
+# This is a whole flight, in which arrows are moves and L is the landing. Each state on the way, with the genie's action, is a
+# *labelled example*. The network gives a score to each action, and a softmax turns scores into probabilities $\pi(a \mid s)$. The loss
+# is the *cross-entropy*, the surprise at what the genie did:
 #
 # $$L = -\log \pi(a_{\text{genie}} \mid s)$$
 #
-# It is 0 if the network was sure and right, and large if it was sure and wrong. In the library it is one line of
-# `Cloning.loss`; the loop around it is that of notebook 7, with the genie in the place of the softmax policy.
+# The loss is 0 if the network was sure and right, and large if it was sure and wrong. In the library it is one line of `Cloning.loss`;
+# the loop around it is that of notebook 7, with the genie in place of the softmax policy.
 #
 # How often does the trained copy agree with its teacher? Fly the genie's plans of 100 missions, and ask the agent at each step:
 
@@ -205,11 +205,11 @@ print(f"the copy takes the genie's action in {np.mean(agree):.0%} of {len(agree)
 assert np.mean(agree) > 0.85
 
 # %% [markdown]
-# Where they differ, both actions are often equally good: two ways around a block are equally long.
+# Where they differ, both actions are often equally good, for example when two ways around a block are equally long.
 #
 # There is a trap. The genie never flies into a dead end, so its flights show no way out of one. A copy that errs once comes to places
-# that it has never seen, and errs again. The remedy is to let the *learner* fly, and to ask the genie what it would do from there. A third of
-# the labels are made so. This is called DAgger, for *dataset aggregation*.
+# that it has never seen, and errs again. The remedy is to let the *learner* fly, and to ask the genie what it would do from there. A
+# third of the labels are made in this way, which is called DAgger, for *dataset aggregation*.
 
 # %%
 Quiz("why_own_starts")
@@ -217,9 +217,9 @@ Quiz("why_own_starts")
 # %% [markdown]
 # ## 12.4 Learn: what only reward can say
 #
-# The genie plans with mean rates, so it does not know luck. And a copy makes errors that it does not know of. Reward needs neither
-# teacher nor formula: it asks only how good a flight was. So agents trained for a single city go on to learn from reward. They draw their actions from
-# $\pi$, and fly each mission eight times:
+# The genie plans with mean rates, so it does not reckon with luck, and a copy makes errors that it does not know of. Reward needs
+# neither teacher nor formula, because all it asks is how good a flight was. So agents trained for a single city go on to learn from
+# reward. They draw their actions from $\pi$, and fly each mission eight times:
 
 # %%
 from uavdh_lite.beyond.reinforce import advantages
@@ -235,20 +235,20 @@ print("return   ", *(f"{value:6.1f}" for value in returns))
 print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 
 # %% [markdown]
-# The *advantage* $A$ of a flight is how much more it brought than the mean of the other seven, in standard deviations. The loss is that of the copy, with a weight:
+# The *advantage* $A$ of a flight says how much more it brought than the mean of the other seven, in standard deviations. The loss is
+# that of 12.3, weighted by $A$:
 #
 # $$L = -A\,\log \pi(a \mid s)$$
 #
-# What the agent did in a good flight becomes likelier, as if the genie had done it. What it did in a bad one becomes less likely. This is
-# a *policy gradient*: no network has to learn values. For an agent that knows nothing it would take very long, since hardly any flight is
-# good. After copying, it takes five minutes.
-#
-# The paper's agents know nothing but reward, and that is their point. They would learn in a city whose channel nobody can compute.
+# What the agent did in a good flight becomes likelier, as if the genie had done it, and what it did in a bad one becomes less likely.
+# This is a *policy gradient*: no network has to learn values. It would take an agent that knows nothing very long, because hardly any
+# of its flights are good. After copying, it takes five minutes.  The paper's agents know nothing but reward, and that is the point of
+# them: they could learn in a city whose channel nobody can compute.
 #
 # ## 12.5 What each way is worth
 #
-# Here are the validations of the recorded runs over the minutes that they took on one core. Other programs ran beside some of
-# them, so all three runs of each way are scaled to the length of the quickest. Returns below 10 are left out here:
+# Here are the validations of the recorded runs, plotted over the minutes that they took on one core. Because other programs ran beside
+# some of them, all three runs of each way are scaled to the length of the quickest. Returns below 10 are left out:
 
 # %%
 from uavdh_lite.planners import Greedy
@@ -281,27 +281,27 @@ for way in WAYS:
 print(f"{'greedy':<28}{greedy:8.1f}")
 
 # %% [markdown]
-# - **Guarantee** matters most in runs this short. Without it, those who learn from reward crash in most missions, or collect
-#   little. Even the copies still crash in about one mission of ten.
-# - **Tell** helps the copies. Learning from reward gains nothing from it here: in a single city a network can also
-#   learn by heart what it is not told.
-# - **Copy** is ahead of learning from reward under the guarantee. With the told layers both collect about as much. The copy does so in two thirds of
-#   the flying time; the learner uses nearly all of it.
+# - **Guarantee** matters most in runs this short. Without it, the agents that learn from reward crash in most missions, or collect
+#   little, and even the copies still crash in about one mission in ten.
+# - **Tell** helps the copies. Learning from reward gains nothing from it here, because in a single city a network can also learn by
+#   heart what it is not told.
+# - **Copy** is ahead of learning from reward under the guarantee. With the told layers both collect about the same amount, but the
+#   copy does so in two thirds of the flying time, whereas the learner uses nearly all of it.
 # - **Learn**, after copying, adds 0.4 to 1.3 units within a minute.
 #
 # Look at the dashed and the solid lines of one colour to compare copying with learning, and at the colours to see what the
 # guarantee and the told layers add. None of these short runs is ahead of greedy yet.
 #
-# Runs this short say what learns sooner, not what is better in the end. The DDQN agent of the course learned for most of an
-# hour, without a guarantee, and lands.
+# Runs this short show what learns sooner, not what is better in the end. The course's DDQN agent, for example, has no guarantee, but
+# learned for most of an hour, and it lands.
 #
 # ## 12.6 What the labels cost
 #
-# A planner's labels are not free. Somebody has to know the channel's equations and the city, and to write a search. Where both hold, copying is
-# the shortest way to a good agent. Where the channel can only be measured by flying, reward is all there is, and that is the problem
-# of the paper. So compare agents only with others that were told as much.
+# A planner's labels are not free. Somebody has to know the channel's equations and the city, and to write a search. Where all that is
+# possible, copying is the shortest way to a good agent. Where the channel can only be measured by flying, reward is all there is, and
+# that is the paper's problem. So compare agents only with others that were told the same.
 #
-# Here are two agents that you can load, on 300 missions that are new to both:
+# Here are two agents that you can load, flown on 300 missions that are new to both:
 
 # %%
 agents = {"manhattan_ddqn": "reward, no more", "manhattan": "all four"}
@@ -317,7 +317,8 @@ for name, knows in agents.items():
 # - A rule that always holds need not be learned: the failsafe brings any policy home.
 # - What can be computed can be told, as a layer of the map.
 # - A planner's moves can be copied by cross-entropy, from its own starts and from where the learner flies.
-# - Reward needs no teacher. Alone it is slow, and it works where nobody knows the equations. After copying, it repairs what the copy got wrong.
+# - Reward needs no teacher. Alone it is slow, but it works even where nobody knows the equations. After copying, it repairs what the
+#   copy got wrong.
 # - Say what an agent was told before you compare it.
 #
 # ## Exercises
@@ -328,4 +329,4 @@ for name, knows in agents.items():
 #
 # - Ross, Gordon and Bagnell, [*A reduction of imitation learning and structured prediction to no-regret online
 #   learning*](https://arxiv.org/abs/1011.0686), AISTATS 2011: DAgger.
-# - The page *Four ways to knowledge* on the site, under Results, has commands, seeds and what else was tried.
+# - The page *Four ways to knowledge* on the site, under Results, gives the commands and seeds, and says what else was tried.

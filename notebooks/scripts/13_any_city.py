@@ -2,7 +2,7 @@
 # # 13 · Any city
 #
 # The agent of the course knows one city. **Can one network fly over a city that it has never seen, the moment it is drawn?**
-# The picture shows four flights over four such cities.
+# The picture shows one flight over each of four such cities.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -53,7 +53,7 @@ figure
 #
 # ## 13.1 Cities by the thousand
 #
-# Nobody draws thousands of cities by hand. A generator does it at random, in four kinds: streets with blocks, courtyards with
+# Nobody draws thousands of cities by hand. A generator draws them at random, in four kinds: streets with blocks, courtyards with
 # gates, an old town with narrow lanes, and scattered houses.
 
 # %%
@@ -67,14 +67,14 @@ draw_cities(figure, CityGenerator().draw(6, seed=1), columns=6)
 figure
 
 # %% [markdown]
-# Every city has what a city needs. There are one to three landing zones, and every cell over which the UAV may fly can be
-# reached. Equal seeds give equal cities, so `random:100:1` always means the same hundred: the first hundred of seed 1.
+# Every city has what a mission needs: there are one to three landing zones, and every cell over which the UAV may fly can be reached.
+# Equal seeds give equal cities, so `random:100:1` always means the same hundred: the first hundred of seed 1.
 #
-# Every city is eight cities at no cost. Turn it by a right angle, or reflect it in a mirror, and it is another city with the same
-# task. Only the actions have to turn with it: north becomes west, and so on.
+# Every city is really eight cities, at no cost. Turn it by a right angle, or reflect it in a mirror, and you have another city with
+# the same task. Only the actions have to turn with it, so that north becomes west, and so on.
 #
-# The agent `any_city` learned in cities of seed 0, one of them drawn for each mission. Are any of the hundred among them? A city's *fingerprint*
-# is a number computed from its cells:
+# The agent `any_city` learned in cities of seed 0, with one of them drawn for each mission. Are any of the hundred among them? A
+# city's *fingerprint* is a number computed from its cells:
 
 # %%
 import numpy as np
@@ -93,19 +93,19 @@ both = sum(city.fingerprint in learned for city in unseen)
 print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in both")
 
 # %% [markdown]
-# That is what *unseen* means here: other cities, from the same generator. It says nothing yet about cities that no such
-# generator would draw.
+# That is what *unseen* means here: other cities from the same generator. The word says nothing yet about cities that no such generator
+# would draw.
 #
 # ## 13.2 Is one network enough?
 #
-# What has to change in the network? Hardly anything. It is that of the agent `manhattan`, which copies a planner (notebook 12),
-# but its first fully connected layer is twice as wide. Its maps have always shown buildings, no-fly zones and landing
-# zones. An agent with a single city can learn by heart what to do in each place, and need not look at
-# the buildings. An agent that wakes up in another city each time has to look.
+# What has to change in the network? Hardly anything. It is the network of the agent `manhattan`, which copies a planner (notebook 12),
+# except that its first fully connected layer is twice as wide. The maps that it sees have always shown buildings, no-fly zones and
+# landing zones. But an agent with a single city can learn by heart what to do in each place, and need not look at the buildings,
+# whereas an agent that wakes up in another city each time has to look.
 #
-# Let it fly 300 missions over the hundred unseen cities. Beside it fly the greedy rule, a random pilot, and an agent that has
-# learned in Manhattan only. All fly with the *failsafe*: a move that would make it impossible to be home in time is
-# never flown.
+# Let it fly 300 missions over the hundred unseen cities. The greedy rule, a random pilot and an agent that has learned only in
+# Manhattan fly the same missions. All of them have the *failsafe*, so a move that would make it impossible to be home in time is never
+# flown.
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval, evaluate
@@ -124,12 +124,12 @@ for name, record in records.items():
           f"collected and landed {record[BOTH].mean():5.1%}  return {record['return'].mean():5.1f}")
 
 # %% [markdown]
-# All land, so the differences are in the data. The specialist of Manhattan brings home far more than the random pilot. Something
-# of what it learned holds elsewhere, too. But it falls well behind the agent that has learned in many cities. The
-# unknown streets are one reason. Its missions had narrower ranges than these, which may be another.
+# All flights land, so the differences are in the data. The Manhattan specialist brings home far more than the random pilot, so
+# something of what it learned holds elsewhere, too. But it falls well behind the agent that has learned in many cities. The unknown
+# streets are one reason; another may be that its missions had narrower ranges than these.
 #
-# The greedy rule is a strong rival here. It knows the shortest way between any two cells of any city.
-# Whether the difference between the two is luck is a question for 13.5.
+# The greedy rule is a strong rival here, because it knows the shortest way between any two cells of any city. Whether the difference
+# between greedy and `any_city` is luck is a question for 13.5.
 #
 # What helps an agent in a new city? Think of the map in two frames, in place and centred:
 
@@ -139,8 +139,8 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("centred_in_a_new_city")
 
 # %% [markdown]
-# This was also measured, with three seeds of each: networks that saw the city in place and learned in 2000 cities bring home about half
-# as much. The runs are in the table that 13.4 reads.
+# This was also measured, with three seeds of each kind: networks that saw the city in place and learned in 2000 cities bring home
+# about half as much as networks that saw it centred. The runs are in the table that 13.4 reads.
 #
 # ## 13.3 Draw your own
 #
@@ -169,20 +169,19 @@ flight = evaluate(own.environment, own, missions, 1, seed=5)
 play(own.environment, flight.trajectory(0))
 
 # %% [markdown]
-# The network was made for 16 cells on a side. How does it take ten? A city that is too small is surrounded by no-fly cells, as every
-# city is at its border. They say what is true: the UAV cannot get there. The agent learned in cities of eight to sixteen cells on a side, so it has seen cities like that. A city that is too large does not fit, because the first
-# fully connected layer has a weight for every place of the map.
-#
-# The labs do the same with the mouse. In the lab *Paint* (`python -m uavdh_lite app`), paint a city and let the agent fly.
+# The network was made for 16 cells on a side. How does it cope with ten? A city that is too small is surrounded by no-fly cells, as
+# every city is at its border. These cells say what is true: the UAV cannot get there. And because the agent learned in cities of eight
+# to sixteen cells on a side, it has seen cities like that. A city that is too large does not fit, because the first fully connected
+# layer has a weight for every place on the map.  In the labs you can do the same with the mouse: in the tool *Paint* (`python -m
+# uavdh_lite app`), paint a city and let the agent fly.
 #
 # ## 13.4 Seen and unseen
 #
-# Does the agent know the cities that it learned in better than new ones? If it does, it has learned some of them by heart, and
-# more cities would help.
-#
-# To see learning by heart, take cities away. Twelve networks learned from reward in 1, 10, 100 or 2000 cities, three seeds of each, with
-# 200,000 steps of a recipe of version 0.1.0. They flew 500 missions over the cities that they learned in, and 500 over 300 others. The two sets are
-# not equally hard, so greedy flies the same missions, and each network is compared with it:
+# Does the agent do better in the cities that it learned in than in new ones? If it does, it has learned some of them by heart, and
+# more cities would help.  To see an agent learn by heart, take cities away. Twelve networks learned from reward in 1, 10, 100 or 2000
+# cities, three seeds of each, with 200,000 steps of a recipe of version 0.1.0. They flew 500 missions over the cities that they
+# learned in, and 500 over 300 others. Because the two sets are not equally hard, greedy flies the same missions, and each network is
+# compared with it:
 
 # %%
 from uavdh_lite.environment import Environment
@@ -226,17 +225,18 @@ ax.legend(fontsize="small")
 figure
 
 # %% [markdown]
-# The curves close on each other. A single city is learned by heart: level with greedy there, and almost twenty points behind it
-# elsewhere. With ten cities the gap between the curves is about ten points, and with a hundred still about five. With 2000 cities it
-# is gone. That the curves even cross may be luck, as each point is a mean over 500 missions only.
+# The curves approach each other. A single city is learned by heart: the network is level with greedy there, but almost twenty points
+# behind it elsewhere. With ten cities the gap between the curves is about ten points, and with a hundred it is still about five. With
+# 2000 cities it is gone. That the curves even cross may be luck, because each point is a mean over only 500 missions.
 #
-# Notice what happens on the way. The blue curve falls, because many cities are harder to know than one. The red curve rises,
-# because what holds in many cities also holds in the next. Where they meet, nothing more is learned by
-# heart. What still holds it back is something other than memorising. After only 200,000 steps, all twelve are far behind greedy in new
-# cities. The shipped agent copies a planner instead, as notebook 12 explains.
+# Notice what happens on the way. The blue curve falls, because many cities are harder to know than one. The red curve rises, because
+# what holds in many cities also holds in the next. Where they meet, nothing is learned by heart any more, so what still holds the
+# networks back is something other than memorising. After only 200,000 steps, all twelve are far behind greedy in new cities. The
+# shipped agent copies a planner instead, as notebook 12 explains.
 #
-# From 100 to 2000 cities the red curve rises by about a point. That is no more than the seeds differ, so three short runs cannot tell
-# whether it helps. All seeds learned in the same cities, so their spread says nothing about other choices of ten or a hundred.
+# From 100 to 2000 cities the red curve rises by about a point. That is no more than the spread between seeds, so three short runs
+# cannot tell whether more cities help. And since all seeds learned in the same cities, their spread says nothing about other choices
+# of ten or a hundred.
 
 # %%
 Quiz("what_unseen_proves")
@@ -257,15 +257,15 @@ for what, groups in (("missions", None), ("cities", flown.start.city)):
     print(f"{what:<9}drawn again: {mean:.3f} ({low:.3f} to {high:.3f}), width {high - low:.3f}")
 
 # %% [markdown]
-# The second interval is clearly wider. Which one is right? If you want to know about these twelve cities, take the first. If you
-# want to know about *cities*, take the second, because next time twelve others will be drawn. A city for each mission would make
-# the two the same. So if you can choose, take many cities with few missions each.
+# The second interval is clearly wider. Which one is right? If you want to know about these twelve cities, take the first. If you want
+# to know about *cities*, take the second, because next time twelve others will be drawn. If each mission had a city of its own, the
+# two intervals would be the same. So if you can choose, take many cities with few missions each.
 
 # %%
 Quiz("draw_cities_again")
 
 # %% [markdown]
-# Now look at 13.2 again: is the agent ahead of greedy? Take the paired difference, and draw whole cities:
+# Now look at 13.2 again: is the agent ahead of greedy? Take the paired difference, and resample whole cities:
 
 # %%
 lead = 100 * (records["any_city"][BOTH] - records["greedy"][BOTH])
@@ -274,14 +274,13 @@ mean, low, high = bootstrap_interval(lead, groups=cities)
 print(f"ahead by {mean:+.1f} points ({low:+.1f} to {high:+.1f})")
 
 # %% [markdown]
-# Read the interval, and not only the mean. It is several points wide, although there were a hundred cities. In 3000 other missions over
-# 300 cities the lead was only 0.6 points, and its interval reached below 0 (see the results page). So these hundred cities were
-# kind to the agent. To find a lead of
-# half a point takes thousands of missions over hundreds of cities.
+# Read the interval, and not only the mean. It is several points wide, although there were a hundred cities. In 3000 other missions
+# over 300 cities the lead was only 0.6 points, and its interval reached below 0 (see the results page). So these hundred cities were
+# kind to the agent. Finding a lead of half a point takes thousands of missions over hundreds of cities.
 #
 # ## 13.6 Where it fails
 #
-# A mean hides the flights that went wrong. These are the three of the 300 missions of 13.2 in which the agent is furthest behind greedy:
+# A mean hides the flights that went wrong. Of the 300 missions of 13.2, these are the three in which the agent is furthest behind greedy:
 
 # %%
 from uavdh_lite.plotting import caption, draw_trajectory
@@ -296,10 +295,10 @@ figure
 # %% [markdown]
 # Sort them by what the captions and the arrows say:
 #
-# - Most of the time is used, and few arrows can be seen. Then the arrows lie on top of one another. The UAV went back and forth,
-#   because to the network several cells looked equally good.
-# - Much time was left when it landed. In that case it gave up, although there was enough data and time.
-# - The data lies behind walls or a no-fly zone, with a long way round. The greedy rule has that way in a table.
+# - Most of the time was used, but few arrows can be seen, because they lie on top of one another. The UAV went back and forth, since
+#   several cells looked equally good to the network. - Much time was left when the UAV landed. In that case it gave up, although there
+#   was enough data and time. - The data lies behind walls or a no-fly zone, with a long way round. The greedy rule has that way in a
+#   table.
 #
 # Change `lead.argsort()` to `(-lead).argsort()`, and you see the missions in which greedy is furthest behind.
 #
@@ -309,7 +308,7 @@ figure
 # - In the centred map, a wall to the east looks the same in every city.
 # - The more cities to learn in, the closer seen and unseen come to each other.
 # - *Unseen* is a claim about where the cities come from. Say it with the number.
-# - Missions in one city share its walls. For a claim about cities, draw whole cities again.
+# - Missions in one city share its walls. For a claim about cities, resample whole cities.
 #
 # ## Exercises
 #
