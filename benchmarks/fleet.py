@@ -49,7 +49,7 @@ from uavdh_lite.checkpoint import save_agent
 from uavdh_lite.ddqn import ddqn_target
 from uavdh_lite.environment import ACTIONS, LAND, REPORTED, Environment, State
 from uavdh_lite.errors import InputError
-from uavdh_lite.experiments.runs import SAVED
+from uavdh_lite.experiments.runs import SAVED, identity, restore_run, save_run
 from uavdh_lite.experiments.study import variants_of
 from uavdh_lite.network import QNetwork
 from uavdh_lite.observation import Observation
@@ -141,7 +141,9 @@ class World:
         if observation.kind == "non_centred":
             corner = observation.size - 1 - (observation.width - environment.size) // 2
             top = left = np.full(self.cells, corner)
-        spots = observation._place(cells, top[:, None], left[:, None]) + 3 * observation.width**2
+        spots = (
+            observation._in_window(cells, top[:, None], left[:, None]) + 3 * observation.width**2
+        )
 
         self.moves = torch.tensor(moves.reshape(-1, 3), dtype=torch.float32, device=device)
         self.radio = torch.tensor(radio.reshape(-1, 2 * self.slots), device=device)
@@ -632,7 +634,7 @@ class Fleet:
         for r, run in enumerate(self.runs):
             rows = run.trainer.validation_rows
             means = {name: float(values[r].mean()) for name, values in records.items()}
-            rows.append(run.trainer.done | means)
+            rows.append(run.trainer.progress | means)
             finite = "" if run.trainer.is_finite() else ", NOT FINITE"
             run.write("best" if run.trainer.is_best else None)
             print(
@@ -714,11 +716,8 @@ class Flights:
 
 def starts(trainer: Trainer, count: int) -> np.ndarray:
     """Lanes at the start of new episodes, drawn as the trainer draws them; (count, F + 2)."""
-    kept = trainer.from_start, trainer.returns
-    trainer.from_start, trainer.returns = np.ones(count, bool), np.zeros(count)
-    state = trainer._starts(np.arange(count))
-    extra = np.stack([trainer.from_start, trainer.returns], axis=1)
-    trainer.from_start, trainer.returns = kept
+    state, drawn = trainer._draw_starts(count)
+    extra = np.stack([drawn >= trainer.recipe.exploring_starts, np.zeros(count)], axis=1)
     return np.concatenate([packed(state), extra], axis=1, dtype=np.float32)
 
 
@@ -728,13 +727,13 @@ class Run:
     def __init__(self, folder: Path, trainer: Trainer, how: dict):
         self.folder, self.trainer, self.how = folder, trainer, how
         if (folder / SAVED).exists():
-            trainer.restore(folder / SAVED)
+            restore_run(folder / SAVED, trainer)
 
     def write(self, agent: str | None = None) -> None:
         """Write the tables and how the run was made, and an agent under this name."""
         trainer, folder = self.trainer, self.folder
         training = trainer.agent.training | self.how
-        write_json(folder / "about.json", training | trainer.identity() | self.how)
+        write_json(folder / "about.json", training | identity(trainer) | self.how)
         tables = {"training": trainer.training_rows, "validation": trainer.validation_rows}
         for name, rows in tables.items():
             if rows:
@@ -785,7 +784,7 @@ def train(fleet: Fleet, until: float) -> None:
             fleet.fetch()
             for run in fleet.runs:
                 run.write("last")
-                run.trainer.save(run.folder / SAVED)
+                save_run(run.folder / SAVED, run.trainer)
     rate = (first.steps - before) / fleet.N / seconds
     name = f"{fleet.runs[0].folder.name} and {len(fleet.runs) - 1} more"
     print(f"{name}: {first.steps} steps, {rate:.0f} steps of the fleet a second", flush=True)

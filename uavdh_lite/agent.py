@@ -19,7 +19,9 @@ CHUNK = 256  # states a forward pass: more would only spill out of the processor
 
 @dataclass(frozen=True, eq=False)
 class Agent(Policy):
-    """The greedy policy of a network.
+    """The greedy policy of a network (eq. 9): the action with the largest Q-value, whatever comes.
+
+    The rule `Greedy` is another thing: it looks at no network, and goes for the nearest device.
 
     | field | meaning |
     | --- | --- |

@@ -38,20 +38,18 @@ class Channel:
 
         The square saves a root: 10 log10 d = 5 log10 d².
         """
-        exponent = np.where(
-            line_of_sight,
-            np.float32(5 * self.path_loss_exponent_los),
-            np.float32(5 * self.path_loss_exponent_nlos),
-        )
-        return exponent * np.log10(squared_distance_m2)
+        exponents = 5 * self.path_loss_exponent_los, 5 * self.path_loss_exponent_nlos
+        return _by_sight(line_of_sight, *exponents) * np.log10(squared_distance_m2)
 
     def fading_db(self, standard_normal, line_of_sight):
         """Shadow fading η in dB from standard normal draws; arrays of one shape."""
-        return standard_normal * np.where(
-            line_of_sight,
-            np.float32(math.sqrt(self.fading_variance_los_db2)),
-            np.float32(math.sqrt(self.fading_variance_nlos_db2)),
-        )
+        spreads = math.sqrt(self.fading_variance_los_db2), math.sqrt(self.fading_variance_nlos_db2)
+        return standard_normal * _by_sight(line_of_sight, *spreads)
+
+
+def _by_sight(line_of_sight, los, nlos):
+    """One constant where there is line of sight, the other where there is none; float32."""
+    return np.where(line_of_sight, np.float32(los), np.float32(nlos))
 
 
 def rate(snr_db):

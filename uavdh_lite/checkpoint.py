@@ -17,30 +17,30 @@ from uavdh_lite.city import City
 from uavdh_lite.config import from_json, require
 from uavdh_lite.errors import CheckpointError, InputError
 from uavdh_lite.recipe import recipe_from_json
-from uavdh_lite.scenario import scenario_from_json
+from uavdh_lite.scenario import Scenario
 from uavdh_lite.storage import data_folder, write_atomically
 
 FORMAT = 1
 
 
-def save(path: str | Path, kind: str, tensors: dict[str, Tensor], about: dict) -> None:
+def save(path: str | Path, holds: str, tensors: dict[str, Tensor], about: dict) -> None:
     """Write tensors and JSON values to one file, atomically: on failure the old file survives.
 
     Arguments:
-        kind: what the file holds, `agent` or `training`.
+        holds: what the file is of, `agent` or `training`.
         about: JSON values.
     """
-    header = json.dumps({"format": FORMAT, "kind": kind, **about})
+    header = json.dumps({"format": FORMAT, "kind": holds, **about})
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
     metadata = {"uavdh_lite": header, "sha256": _digest(header, tensors)}
     content = to_bytes(tensors, metadata)
     write_atomically(path, lambda temporary: temporary.write_bytes(content))
 
 
-def load(path: str | Path, kind: str) -> tuple[dict[str, Tensor], dict]:
+def load(path: str | Path, holds: str) -> tuple[dict[str, Tensor], dict]:
     """Read what `save` wrote: tensors and JSON values.
 
-    Raises `CheckpointError` if the file is missing, damaged, of another program or another kind.
+    Raises `CheckpointError` if the file is missing, damaged, of another program or something else.
     """
     try:
         # Not memory-mapped: what is written to the file later must not reach the tensors
@@ -67,8 +67,8 @@ def load(path: str | Path, kind: str) -> tuple[dict[str, Tensor], dict]:
         raise CheckpointError(
             f"{path}: of format {found_format}, this version of uavdh_lite reads {FORMAT}"
         )
-    if found != kind:
-        raise CheckpointError(f"{path}: holds a checkpoint of kind {found!r}, expected {kind!r}")
+    if found != holds:
+        raise CheckpointError(f"{path}: holds a checkpoint of kind {found!r}, expected {holds!r}")
     return tensors, about
 
 
@@ -82,13 +82,13 @@ def _digest(header: str, tensors: dict[str, Tensor]) -> str:
 
 
 @dataclass(frozen=True)
-class _About:
-    """What the header of an agent holds."""
+class _Header:
+    """What the header of an agent's file holds: JSON values from which its parts are made again."""
 
     recipe: dict
     scenario: dict
-    cities: tuple[dict, ...]
-    size: int
+    cities: tuple[dict, ...]  # the name of each, and the cells on a side without what is around it
+    size: int  # of the observation: cells on a side of the largest city that the network can see
     training: dict
 
     def __post_init__(self):
@@ -102,14 +102,9 @@ def save_agent(path: str | Path, agent: Agent) -> None:
     """
     tensors = {f"network.{name}": value for name, value in agent.network.state_dict().items()}
     tensors["cities"] = torch.from_numpy(np.stack([city.kinds for city in agent.trained_in]))
-    about = {
-        "recipe": agent.recipe.as_json(),
-        "scenario": asdict(agent.scenario),
-        "cities": [{"name": city.name, "size": city.own_size} for city in agent.trained_in],
-        "size": agent.observation.size,
-        "training": agent.training,
-    }
-    save(path, "agent", tensors, about)
+    cities = tuple({"name": city.name, "size": city.own_size} for city in agent.trained_in)
+    recipe, scenario, size = agent.recipe.as_json(), asdict(agent.scenario), agent.observation.size
+    save(path, "agent", tensors, vars(_Header(recipe, scenario, cities, size, agent.training)))
 
 
 def load_agent(path: str | Path) -> Agent:
@@ -120,16 +115,17 @@ def load_agent(path: str | Path) -> Agent:
     path = _file(path)
     tensors, about = load(path, "agent")
     try:
-        about = from_json(_About, about, "header")
-        recipe, scenario = recipe_from_json(about.recipe), scenario_from_json(about.scenario)
+        header = from_json(_Header, about, "header")
+        recipe = recipe_from_json(header.recipe)
+        scenario = from_json(Scenario, header.scenario, "scenario")
         cities = tuple(
             City.from_kinds(one["name"], kinds[: one["size"], : one["size"]])
-            for one, kinds in zip(about.cities, tensors.pop("cities").numpy(), strict=True)
+            for one, kinds in zip(header.cities, tensors.pop("cities").numpy(), strict=True)
         )
-        for one, city in zip(about.cities, cities, strict=True):
+        for one, city in zip(header.cities, cities, strict=True):
             if one["size"] != city.size:
                 raise InputError(f"{city.name} has {city.size} cells on a side, not {one['size']}")
-        observation = recipe.observation_for(recipe.environment_for(cities), about.size)
+        observation = recipe.observation_for(recipe.environment_for(cities), header.size)
         with torch.device("meta"):  # without weights: they are in the file
             network = recipe.network_for(observation)
         # Some files hold half-precision weights, to be small
@@ -141,7 +137,7 @@ def load_agent(path: str | Path) -> Agent:
         raise CheckpointError(
             f"{path}: does not fit this version of uavdh_lite ({error})"
         ) from None
-    return Agent(network.eval(), observation, recipe, scenario, about.training)
+    return Agent(network.eval(), observation, recipe, scenario, header.training)
 
 
 def _file(path: str | Path) -> Path:

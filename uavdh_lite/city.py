@@ -6,7 +6,6 @@ import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from PIL import Image
@@ -116,12 +115,7 @@ class City:
 
         Landing there takes one more unit of time.
         """
-        distance, reached, moves = np.full(self.landing.shape, -1), self.landing, 0
-        while reached.any():
-            distance[reached] = moves
-            reached = grow(reached) & ~self.no_fly & (distance < 0)
-            moves += 1
-        return read_only(distance)
+        return read_only(moves_from(self.landing, ~self.no_fly).astype(int))
 
     @cached_property
     def kinds(self) -> np.ndarray:
@@ -169,49 +163,32 @@ class City:
         return cls.from_kinds(name, np.array([[SIGNS.index(sign) for sign in row] for row in rows]))
 
     @classmethod
-    def load(cls, source: str | Path | BinaryIO) -> "City":
-        """Read a city from a PNG: the path of a file, an open file, or the name of a shipped city.
+    def load(cls, source: str | Path) -> "City":
+        """Read a city from a PNG: the path of a file, or the name of a shipped city.
 
-        Raises `CityError` that names the file and the pixel if it is not a city.
+        Raises `CityError` that names the file and the pixel if it is not a city. Warns of a part of
+        the landing zone from which little of the city can be reached.
         """
-        if isinstance(source, str | Path):
-            known, path = shipped_cities(), Path(source)
-            if str(source) in known:
-                path = data_folder() / "cities" / f"{source}.png"
-            elif path.suffix == "" and not path.exists():
-                choices = f"give a PNG's path, or one of {', '.join(known)}"
-                raise CityError(f"no city named {path.name!r}: {choices}")
-            name, where = path.stem, str(path)
-            try:
-                content = path.read_bytes()
-            except (OSError, ValueError) as error:  # ValueError: no system has such a path
-                reason = getattr(error, "strerror", None) or error
-                raise CityError(f"{path}: cannot be read ({reason})") from None
-        else:
-            name, where, content = "city", "city", source.read()
-        kinds = _read_kinds(content, where)
+        known, path = shipped_cities(), Path(source)
+        if str(source) in known:
+            path = data_folder() / "cities" / f"{source}.png"
+        elif path.suffix == "" and not path.exists():
+            choices = f"give a PNG's path, or one of {', '.join(known)}"
+            raise CityError(f"no city named {path.name!r}: {choices}")
+        kinds = _read_kinds(path)
         try:
-            city = cls.from_kinds(name, kinds)
+            city = cls.from_kinds(path.stem, kinds)
         except CityError as error:
-            raise CityError(f"{where}: {str(error).removeprefix(f'{name}: ')}") from None
-        city.warn_of_walls(where)
-        return city
-
-    def warn_of_walls(self, where: str) -> None:
-        """Warn of a part of the landing zone from which little of the city can be reached."""
-        open_cells, unseen = ~self.no_fly, self.landing
-        while unseen.any():
-            reached = np.zeros_like(unseen)
-            reached[tuple(np.argwhere(unseen)[0])] = True
-            while (further := (grow(reached) & open_cells) | reached).sum() > reached.sum():
-                reached = further
-            if reached.sum() < 0.75 * open_cells.sum():
+            raise CityError(f"{path}: {str(error).removeprefix(f'{path.stem}: ')}") from None
+        for part in connected_parts(~city.no_fly):
+            zone, open_cells = part & city.landing, np.count_nonzero(~city.no_fly)
+            if zone.any() and part.sum() < 0.75 * open_cells:
                 warnings.warn(
-                    f"{where}: from the landing zone at {_first(unseen)}, the UAV reaches only "
-                    f"{reached.sum()} of the {open_cells.sum()} cells without a no-fly zone",
-                    stacklevel=3,
+                    f"{path}: from the landing zone at {_first(zone)}, the UAV reaches only "
+                    f"{part.sum()} of the {open_cells} cells without a no-fly zone",
+                    stacklevel=2,
                 )
-            unseen = unseen & ~reached
+        return city
 
     def embedded(self, size: int) -> "City":
         """This city in the north-west corner of size×size cells, with no-fly cells around it."""
@@ -276,14 +253,19 @@ def shipped_cities() -> list[str]:
     return sorted(path.stem for path in (data_folder() / "cities").glob("*.png"))
 
 
-def _read_kinds(content: bytes, where: str) -> np.ndarray:
-    """The kinds of the PNG's pixels, (rows, columns) indices into `KINDS`."""
+def _read_kinds(path: Path) -> np.ndarray:
+    """The kinds of a PNG's pixels, (rows, columns) indices into `KINDS`."""
+    try:
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: no system has such a path
+        reason = getattr(error, "strerror", None) or error
+        raise CityError(f"{path}: cannot be read ({reason})") from None
     try:
         with Image.open(io.BytesIO(content), formats=["PNG"]) as image:
             width, height = image.size
             if max(image.size) > MAX_SIZE:  # known from the header: nothing large is decoded
                 raise CityError(
-                    f"{where}: {width} × {height} pixels, at most {MAX_SIZE} on a side fit"
+                    f"{path}: {width} × {height} pixels, at most {MAX_SIZE} on a side fit"
                 )
             image.verify()  # tests the checksums; afterwards the file must be opened again
         with Image.open(io.BytesIO(content), formats=["PNG"]) as image:
@@ -291,10 +273,10 @@ def _read_kinds(content: bytes, where: str) -> np.ndarray:
     except CityError:
         raise
     except Exception:  # Pillow raises many types for damaged files
-        raise CityError(f"{where}: not a readable PNG file, or a damaged one") from None
+        raise CityError(f"{path}: not a readable PNG file, or a damaged one") from None
     brightest = pixels[..., :3].max()
     if 0 < brightest <= OFF:
-        raise CityError(f"{where}: its brightest value is {brightest}, must be 255: scale all up")
+        raise CityError(f"{path}: its brightest value is {brightest}, must be 255: scale all up")
     on, off = pixels[..., :3] >= ON, pixels[..., :3] <= OFF
     matches = (on[:, :, None] == (COLOURS > 0)).all(-1)
     clear = (on | off).all(-1) & (pixels[..., 3] == 255)
@@ -303,7 +285,7 @@ def _read_kinds(content: bytes, where: str) -> np.ndarray:
         row, col = np.argwhere(unknown)[0]
         shown = pixels[row, col].tobytes().hex()  # red, green, blue and opacity
         known = ", ".join(f"#{colour.tobytes().hex()}" for colour in COLOURS)
-        raise CityError(f"{where}: pixel row {row}, column {col} is #{shown}, not one of {known}")
+        raise CityError(f"{path}: pixel row {row}, column {col} is #{shown}, not one of {known}")
     return matches.argmax(-1)
 
 
@@ -318,6 +300,30 @@ def grow(mask: np.ndarray) -> np.ndarray:
     grown[:, 1:] |= mask[:, :-1]
     grown[:, :-1] |= mask[:, 1:]
     return grown
+
+
+def moves_from(start: np.ndarray, open: np.ndarray) -> np.ndarray:
+    """Moves from the cells of `start` to each cell, over open ones; −1 where no path leads.
+
+    All are (M, M, ...), and the moves int16. Axes after the first two hold more masks.
+    """
+    moves, reached, step = np.full(start.shape, -1, np.int16), start & open, 0
+    while reached.any():  # the cells that are this many moves away
+        np.copyto(moves, step, where=reached)
+        open = open & ~reached
+        reached = grow(reached) & open
+        step += 1
+    return moves
+
+
+def connected_parts(mask: np.ndarray) -> list[np.ndarray]:
+    """The parts of a mask whose cells are connected, (M, M) bool each, the largest one last."""
+    left, parts = mask, []
+    while left.any():
+        first = np.arange(left.size).reshape(left.shape) == left.argmax()
+        parts.append(moves_from(first, left) >= 0)
+        left = left & ~parts[-1]
+    return sorted(parts, key=np.count_nonzero)
 
 
 def _first(mask: np.ndarray) -> str:

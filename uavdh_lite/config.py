@@ -37,7 +37,7 @@ def option(default: Any, help: str, **bounds: float) -> Any:
 def require(config: Any, name: str) -> None:
     """Check the type of each field of a configuration, then its bounds.
 
-    A value of another kind that says the same becomes one of the field's type: a list a tuple, a
+    A value of another type that says the same becomes one of the field's type: a list a tuple, a
     number of numpy one of Python, and 3 the float 3.0.
 
     Raises `InputError` that names the configuration, the field, what was found and what is right.
@@ -71,48 +71,48 @@ def _right_bounds(value: Any, bounds: dict[str, float] | None) -> str:
         return ""
     if not all(math.isfinite(n) for n in numbers if type(n) is float):
         return "a finite number"
-    if not all(BOUNDS[kind][1](n, to) for n in numbers for kind, to in bounds.items()):
-        return " and ".join(f"{BOUNDS[kind][0]} {to}" for kind, to in bounds.items())
+    if not all(BOUNDS[bound][1](n, to) for n in numbers for bound, to in bounds.items()):
+        return " and ".join(f"{BOUNDS[bound][0]} {to}" for bound, to in bounds.items())
     if not all(n == 0 or SMALLEST <= abs(n) <= LARGEST for n in numbers):
         return f"0, or of a size from {SMALLEST:g} to {LARGEST:g}"
     return ""
 
 
-def as_type(value: Any, kind: Any) -> Any:
+def as_type(value: Any, hint: Any) -> Any:
     """The value as an annotated type: a class, `Literal`, a tuple of these, or one `| None`.
 
     Raises TypeError if it is of another, and OverflowError for a number that no float can hold.
     """
-    parts = get_args(kind)
-    if isinstance(kind, UnionType):
+    parts = get_args(hint)
+    if isinstance(hint, UnionType):
         return None if value is None else as_type(value, parts[0])
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
-    if get_origin(kind) is tuple and isinstance(value, list | tuple):
-        kinds = parts[:1] * len(value) if parts[-1] is ... else parts
-        if len(kinds) == len(value):
-            return tuple(map(as_type, value, kinds))
-    elif get_origin(kind) is Literal:
+    if get_origin(hint) is tuple and isinstance(value, list | tuple):
+        hints = parts[:1] * len(value) if parts[-1] is ... else parts
+        if len(hints) == len(value):
+            return tuple(map(as_type, value, hints))
+    elif get_origin(hint) is Literal:
         if type(value) is str and value in parts:
             return value
-    elif kind is float and type(value) is int:
+    elif hint is float and type(value) is int:
         return float(value)
-    elif type(value) is kind or (kind not in NAMES and isinstance(value, kind)):
+    elif type(value) is hint or (hint not in NAMES and isinstance(value, hint)):
         return value  # so True is no whole number
     raise TypeError
 
 
-def in_words(kind: Any) -> str:
+def in_words(hint: Any) -> str:
     """A type as an error says it, such as `a whole number or None`."""
-    parts = get_args(kind)
-    if isinstance(kind, UnionType):
+    parts = get_args(hint)
+    if isinstance(hint, UnionType):
         return " or ".join("None" if part is NoneType else in_words(part) for part in parts)
-    if get_origin(kind) is Literal:
+    if get_origin(hint) is Literal:
         return " or ".join(parts)
-    if get_origin(kind) is tuple:
+    if get_origin(hint) is tuple:
         count = "any number" if parts[-1] is ... else str(len(parts))
         return f"a tuple of {count}, each {in_words(parts[0])}"
-    return NAMES.get(kind) or f"a {kind.__name__}"
+    return NAMES.get(hint) or f"a {hint.__name__}"
 
 
 def shown(value: Any) -> str:
@@ -124,13 +124,13 @@ def shown(value: Any) -> str:
     return text if len(text) <= 80 else f"{text[:77]}…"
 
 
-def from_json(kind: type, values: Any, name: str) -> Any:
+def from_json(config: type, values: Any, name: str) -> Any:
     """A configuration from JSON values; `InputError` names a field that is missing or unknown."""
     if not isinstance(values, dict):
         raise InputError(f"{name}: is {shown(values)}, must be an object with its fields by name")
-    missing = [f.name for f in fields(kind) if f.default is MISSING and f.name not in values]
-    unknown = [key for key in values if key not in {f.name for f in fields(kind)}]
+    missing = [f.name for f in fields(config) if f.default is MISSING and f.name not in values]
+    unknown = [key for key in values if key not in {f.name for f in fields(config)}]
     if missing or unknown:
         what = f"{missing[0]} is missing" if missing else f"{shown(unknown[0])} is no field of it"
         raise InputError(f"{name}: {what}")
-    return kind(**values)
+    return config(**values)

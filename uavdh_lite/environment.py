@@ -147,6 +147,16 @@ class Rewards:
 REPORTED = Rewards()  # of every return that is reported, whatever an agent learns from
 
 
+def _layer(name: str, meaning: str) -> "cached_property[np.ndarray]":
+    """A property of an environment: this layer of all its cities."""
+
+    def layer(environment: "Environment") -> np.ndarray:
+        return read_only(np.stack([getattr(city, name).ravel() for city in environment.cities]))
+
+    layer.__doc__ = meaning
+    return cached_property(layer)
+
+
 @dataclass(frozen=True, eq=False)
 class Environment:
     """A UAV over a city collects data from devices on the ground and must land in time.
@@ -211,33 +221,14 @@ class Environment:
         """The environment of one of the cities alone; its cells keep their numbers."""
         return replace(self, city=self.cities[index]) if len(self.cities) > 1 else self
 
-    @cached_property
-    def landing(self) -> np.ndarray:
-        """The start and landing zones; (C, n) bool."""
-        return self._layer("landing")
-
-    @cached_property
-    def no_fly(self) -> np.ndarray:
-        """The cells that the UAV may not enter; (C, n) bool."""
-        return self._layer("no_fly")
-
-    @cached_property
-    def buildings(self) -> np.ndarray:
-        """The cells that block radio links; (C, n) bool."""
-        return self._layer("buildings")
-
-    @cached_property
-    def landing_distance(self) -> np.ndarray:
-        """Moves to the nearest landing cell, −1 if there is no path; (C, n) ints."""
-        return self._layer("landing_distance")
-
-    @cached_property
-    def open_to_devices(self) -> np.ndarray:
-        """The cells on which a device may stand; (C, n) bool."""
-        return self._layer("open_to_devices")
-
-    def _layer(self, name: str) -> np.ndarray:
-        return read_only(np.stack([getattr(city, name).ravel() for city in self.cities]))
+    landing = _layer("landing", "The start and landing zones; (C, n) bool.")
+    no_fly = _layer("no_fly", "The cells that the UAV may not enter; (C, n) bool.")
+    buildings = _layer("buildings", "The cells that block radio links; (C, n) bool.")
+    open_to_devices = _layer("open_to_devices", "Where a device may stand; (C, n) bool.")
+    landing_distance = _layer(
+        "landing_distance",
+        "Moves to the nearest landing cell, −1 if there is no path; (C, n) ints.",
+    )
 
     @cached_property
     def sight(self) -> np.ndarray:

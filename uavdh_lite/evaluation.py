@@ -42,10 +42,16 @@ def in_flight(state: State, act: Callable[[State], np.ndarray]) -> np.ndarray:
 
 
 class FunctionPolicy(Policy):
-    """A policy from a function of the states in flight, (n,) states, that gives (n,) actions."""
+    """A policy from a function of the states in flight, (n,) states, that gives (n,) actions.
 
-    def __init__(self, function: Callable[[State], np.ndarray]):
-        self.function = function
+    Arguments:
+        environment: the one that it is made for; None if it flies over any city.
+    """
+
+    def __init__(
+        self, function: Callable[[State], np.ndarray], environment: Environment | None = None
+    ):
+        self.function, self.environment = function, environment
 
     def act(self, state: State) -> np.ndarray:
         return in_flight(state, self.function)
@@ -147,8 +153,9 @@ class Flights:
         }
 
     def metrics(self) -> dict[str, Interval]:
-        """The mean of each metric over the episodes; see `intervals`. Cities are drawn whole."""
-        return intervals(self.records(), self.start.city)
+        """The `mean_interval` of each metric over the episodes. Cities are drawn whole."""
+        city = self.start.city
+        return {name: mean_interval(values, city) for name, values in self.records().items()}
 
     def trajectory(self, episode: int) -> Trajectory:
         """One episode step by step."""
@@ -228,25 +235,12 @@ def evaluate(
     return fly(environment, policy, start, generator)
 
 
-def intervals(
-    records: dict[str, np.ndarray], groups: np.ndarray | None = None
-) -> dict[str, Interval]:
-    """The mean of each metric, (N,) values: Wilson's interval for `landed`, else the bootstrap's.
-
-    Whether an episode landed is yes or no, and for rare events the bootstrap is too narrow. Over
-    several `groups`, such as cities, all intervals are those of `bootstrap_interval`.
-    """
-    alone = _alone(groups)
-    return {
-        name: wilson_interval(values)
-        if name == "landed" and alone
-        else bootstrap_interval(values, groups)
-        for name, values in records.items()
-    }
-
-
 def mean_interval(values: np.ndarray, groups: np.ndarray | None = None) -> Interval:
-    """The mean of values, (N,): Wilson's interval if all are 0 or 1 and there is one group."""
+    """The mean of values, (N,), with Wilson's interval if all are 0 or 1, else the bootstrap's.
+
+    What is 0 or 1 says yes or no, such as `landed`. Of rare events the bootstrap would be too sure.
+    Over several `groups`, such as cities, the interval is always that of `bootstrap_interval`.
+    """
     wilson = _alone(groups) and np.isin(values, (0, 1)).all()
     return wilson_interval(values) if wilson else bootstrap_interval(values, groups)
 

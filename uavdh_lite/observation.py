@@ -101,7 +101,7 @@ class Observation(nn.Module):
         own_size = np.array([city.own_size for city in self.environment.cities])[state.city]
         corner = self.size - 1 - (self.width - own_size) // 2
         maps = self._window(state, corner, corner, channels=6)
-        uav = self._tensor(self._place(state.uav_cell, corner, corner))
+        uav = self._tensor(self._in_window(state.uav_cell, corner, corner))
         maps.flatten(2)[:, len(LAYERS)].scatter_(1, uav[:, None], 1.0)
         return maps
 
@@ -118,11 +118,11 @@ class Observation(nn.Module):
         maps[:, :3] = runs.index_select(0, self._tensor(first.ravel())).view(-1, 3, W, W)
         data = self._tensor(np.stack([state.data_left, state.data_collected], axis=1))
         data = data / self.data_scale
-        devices = self._tensor(self._place(state.device_cells, top[:, None], left[:, None]))
+        devices = self._tensor(self._in_window(state.device_cells, top[:, None], left[:, None]))
         maps.flatten(2)[:, 3:5].scatter_add_(2, devices[:, None].expand(-1, 2, -1), data)
         return maps
 
-    def _place(self, cells: np.ndarray, top: np.ndarray, left: np.ndarray) -> np.ndarray:
+    def _in_window(self, cells: np.ndarray, top: np.ndarray, left: np.ndarray) -> np.ndarray:
         """The index of the city's cells in a flattened window with its corner at (top, left)."""
         row, col = np.divmod(cells.astype(int), self.environment.size)
         return (row + self.size - 1 - top) * self.width + col + self.size - 1 - left

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from uavdh_lite import registry
-from uavdh_lite.city import grow, read_only
+from uavdh_lite.city import moves_from, read_only
 from uavdh_lite.environment import ACTIONS, HOVER, Environment, State
 from uavdh_lite.evaluation import Policy, in_flight
 from uavdh_lite.streams import Use, stream
@@ -89,24 +89,18 @@ class Greedy(Policy):
 def shortest_paths(no_fly: np.ndarray) -> np.ndarray:
     """Moves between all pairs of cells of a city, `NO_PATH` where no path leads; (n, n) int16.
 
-    Each round reaches the cells that are one move further, for many goals at once: for as many as
-    the processor's cache holds.
+    They are found for many goals at once: for as many as the processor's cache holds.
 
     Arguments:
         no_fly: (M, M) bool.
     """
     size, cells = len(no_fly), no_fly.size
     goals = np.eye(cells, dtype=bool).reshape(size, size, cells)  # [row, col, goal]
-    moves = np.full(goals.shape, NO_PATH, np.int16)
+    moves = np.empty(goals.shape, np.int16)
     count = CACHED // cells
     for some in (slice(first, first + count) for first in range(0, cells, count)):
-        open = ~no_fly[:, :, None]
-        reached, step = goals[:, :, some] & open, 0
-        while reached.any():
-            np.copyto(moves[:, :, some], step, where=reached)
-            open = open & ~reached
-            reached = grow(reached) & open
-            step += 1
+        moves[:, :, some] = moves_from(goals[:, :, some], ~no_fly[:, :, None])
+    moves[moves < 0] = NO_PATH
     return moves.reshape(cells, cells)
 
 

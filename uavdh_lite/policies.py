@@ -16,11 +16,6 @@ def known_policies() -> list[str]:
     return [*_planners(), *shipped_agents()]
 
 
-def policies_for(environment: Environment) -> list[str]:
-    """The names of the policies that can fly over these cities: the agents, then the planners."""
-    return [*agents_for(environment), *_planners()]
-
-
 def agents_for(environment: Environment) -> list[str]:
     """The names of the shipped agents that know these cities: those of any city come last."""
     knowing = [name for name in shipped_agents() if _shipped(name).knows(environment.cities)]
@@ -42,7 +37,7 @@ def find_policy(name: str, environment: Environment, seed: int = 0) -> Policy:
     agent = _shipped(name)
     if not agent.knows(environment.cities):
         trained, found = agent.trained_in[0].name, environment.cities[0].name
-        choices = ", ".join(policies_for(environment))
+        choices = ", ".join([*agents_for(environment), *_planners()])
         raise InputError(f"agent {name} was trained in {trained}, not in {found}: take {choices}")
     return agent.over(environment.city)
 

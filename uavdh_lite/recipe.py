@@ -113,15 +113,12 @@ class Recipe:
 
     def network_for(self, observation: Observation) -> nn.Module:
         """The network that learns; its weights come from torch's global generator."""
-        return QNetwork(
-            observation.map_shape,
-            self.kernels,
-            self.kernel_size,
-            self.strides,
-            self.hidden,
-            self.layer_norm,
-            self.leak,
-        )
+        return QNetwork(observation.map_shape, **self.network_options())
+
+    def network_options(self) -> dict[str, Any]:
+        """The constants of the network's layers, by the names that networks give them."""
+        names = "kernels", "kernel_size", "strides", "hidden", "layer_norm", "leak"
+        return {name: getattr(self, name) for name in names}
 
     def learner_for(self, observation: Observation, network: nn.Module) -> DDQN:
         """The algorithm that trains the network."""

@@ -111,8 +111,8 @@ class Replay:
         for name, array in self.states.items():
             array[step] = getattr(state, name)
 
-    def _read(self, step: np.ndarray, stream: np.ndarray) -> State:
-        return State(**{name: array[step, stream] for name, array in self.states.items()})
+    def _read(self, step: np.ndarray, column: np.ndarray) -> State:
+        return State(**{name: array[step, column] for name, array in self.states.items()})
 
     def sample(self, size: int, generator: np.random.Generator) -> Batch:
         """Draw `size` different transitions: the newest of each environment, then others uniformly.
@@ -121,16 +121,16 @@ class Replay:
         """
         environments = self.action.shape[1]
         older = generator.choice(len(self) - environments, size - environments, replace=False)
-        age, stream = np.divmod(np.r_[:environments, older + environments], environments)
+        age, column = np.divmod(np.r_[:environments, older + environments], environments)
 
         first = self.head - self.return_steps - age
         reward, discount = np.zeros(size, np.float32), np.ones(size, np.float32)
         steps = np.zeros(size, int)
         for k in range(self.return_steps):
             here = (first + k) % len(self.action)
-            reward += discount * self.reward[here, stream]
+            reward += discount * self.reward[here, column]
             steps += discount > 0
-            discount *= self.discount * ~self.terminal[here, stream]
+            discount *= self.discount * ~self.terminal[here, column]
         first, last = first % len(self.action), (first + steps) % len(self.action)
-        action = self.action[first, stream].astype(np.int64)
-        return Batch(self._read(first, stream), action, reward, discount, self._read(last, stream))
+        action = self.action[first, column].astype(np.int64)
+        return Batch(self._read(first, column), action, reward, discount, self._read(last, column))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavdh_lite import registry
-from uavdh_lite.config import from_json, option, require, require_name
+from uavdh_lite.config import option, require, require_name
 from uavdh_lite.environment import Environment, State
 from uavdh_lite.errors import InputError
 
@@ -132,8 +132,3 @@ for scenario in (
 def find_scenario(name: str) -> Scenario:
     """The preset of this name; raises `InputError` with the known names."""
     return registry.find("scenario", name)
-
-
-def scenario_from_json(values: dict) -> Scenario:
-    """The scenario with these fields; `InputError` names the one that is wrong."""
-    return from_json(Scenario, values, "scenario")

@@ -27,8 +27,28 @@ def line_of_sight(buildings: np.ndarray) -> np.ndarray:
     if buildings.ndim < 2 or buildings.shape[-2] != buildings.shape[-1]:
         raise InputError(f"buildings must be a square array, found shape {buildings.shape}")
     *several, size, _ = buildings.shape
-    cities = buildings.reshape(-1, size, size)
-    return _exact(cities).reshape(*several, *(size,) * 4)
+    # Only a pair's displacement decides which cells a ray meets. So all pairs with one displacement
+    # are computed together, in all cities, which are the last axis here.
+    cities = np.ascontiguousarray(np.moveaxis(buildings.reshape(-1, size, size), 0, -1))
+    sight = np.empty((size, size, size, size, cities.shape[-1]), bool)
+    cells = np.arange(size)
+    for rows in range(size):
+        for cols in range(-size + 1, size):
+            height, width, left = size - rows, size - abs(cols), max(-cols, 0)
+
+            def building_at(cell, height=height, width=width, left=left):
+                r, c = cell
+                return cities[r : r + height, left + c : left + c + width]
+
+            blocked = np.zeros((height, width, cities.shape[-1]), bool)
+            for cell in crossed_cells(rows, cols):
+                blocked |= building_at(cell)
+            for first, second in passed_corners(rows, cols):
+                blocked |= building_at(first) & building_at(second)
+            r, c = cells[:height, None], cells[None, left : left + width]
+            sight[r, c, r + rows, c + cols] = ~blocked
+            sight[r + rows, c + cols, r, c] = ~blocked
+    return np.moveaxis(sight, -1, 0).reshape(*several, *(size,) * 4)
 
 
 def crossed_cells(rows: int, cols: int) -> np.ndarray:
@@ -61,29 +81,3 @@ def passed_corners(rows: int, cols: int) -> np.ndarray:
     corners = (2 * np.arange(common) + 1)[:, None, None] * step  # doubled, to be whole numbers
     aside = np.sign(step) * np.array([(1, -1), (-1, 1)])
     return (corners + aside) // 2
-
-
-def _exact(buildings: np.ndarray) -> np.ndarray:
-    """All pairs with one displacement, of all cities, at once: only it decides which cells a ray
-    meets. Inside, the cities are the last axis: what is next to each other is computed together."""
-    size = buildings.shape[-1]
-    buildings = np.ascontiguousarray(np.moveaxis(buildings, 0, -1))
-    sight = np.empty((size, size, size, size, buildings.shape[-1]), bool)
-    cells = np.arange(size)
-    for rows in range(size):
-        for cols in range(-size + 1, size):
-            height, width, left = size - rows, size - abs(cols), max(-cols, 0)
-
-            def building_at(cell, height=height, width=width, left=left):
-                r, c = cell
-                return buildings[r : r + height, left + c : left + c + width]
-
-            blocked = np.zeros((height, width, buildings.shape[-1]), bool)
-            for cell in crossed_cells(rows, cols):
-                blocked |= building_at(cell)
-            for first, second in passed_corners(rows, cols):
-                blocked |= building_at(first) & building_at(second)
-            r, c = cells[:height, None], cells[None, left : left + width]
-            sight[r, c, r + rows, c + cols] = ~blocked
-            sight[r + rows, c + cols, r, c] = ~blocked
-    return np.moveaxis(sight, -1, 0)

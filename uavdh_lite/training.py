@@ -1,17 +1,18 @@
-"""The training loop: act, step, remember, learn; its whole state is saved and restored."""
+"""The training loop: act, step, remember, learn.
 
-import json
+`Trainer.step` is the loop. The rest keeps the books: the learning curve, the validations, and the
+state from which a stopped run goes on.
+"""
+
 import time
-from dataclasses import asdict
-from pathlib import Path
 from pkgutil import resolve_name
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from uavdh_lite.agent import Agent
-from uavdh_lite.checkpoint import load, save
-from uavdh_lite.city import City, described, fingerprint_of, load_cities
+from uavdh_lite.city import City, load_cities
 from uavdh_lite.config import shown
 from uavdh_lite.ddqn import draw_actions, softmax_policy
 from uavdh_lite.environment import REPORTED, State
@@ -35,8 +36,8 @@ class Trainer:
     The same scenario, cities, recipe, seed, device and number of torch's threads give the same
     weights on one machine.
 
-    The curves have the episodes that began as missions do: at a landing zone, with all the data to
-    collect. The others, exploring starts, compare with no evaluation.
+    The learning curve has only episodes that began as missions do, at a landing zone and with all
+    the data to collect, because exploring starts compare with no evaluation.
 
     Arguments:
         city: the city or cities to fly over; the scenario's own if None.
@@ -45,8 +46,8 @@ class Trainer:
     Raises `InputError` for anything but a scenario, a recipe, a seed and cities.
     """
 
-    # The attributes that `save` writes as JSON; a subclass adds its own
-    PROGRESS: tuple[str, ...] = (
+    # The attributes of which `state_dict` makes JSON values; a subclass adds its own
+    SAVED: tuple[str, ...] = (
         "steps",
         "updates",
         "seconds",
@@ -65,10 +66,10 @@ class Trainer:
         city: City | tuple[City, ...] | None = None,
         device: str = "cpu",
     ):
-        for name, given, kind in (("scenario", scenario, Scenario), ("recipe", recipe, Recipe)):
-            if not isinstance(given, kind):
+        for name, given, right in (("scenario", scenario, Scenario), ("recipe", recipe, Recipe)):
+            if not isinstance(given, right):
                 raise InputError(
-                    f"a training's {name} is a {kind.__name__}, here is {shown(given)}: "
+                    f"a training's {name} is a {right.__name__}, here is {shown(given)}: "
                     f"find_{name} gives that of a name"
                 )
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
@@ -94,12 +95,13 @@ class Trainer:
         self.seconds = 0.0  # spent training, resumed parts included
         self.training_rows: list[dict] = []
         self.validation_rows: list[dict] = []
-        # Since the last row: `CURVES` of the episodes from a start, how many ended at all, losses
-        self.episodes: list[list[float]] = []
-        self.ended = 0
+        # Since the last row of the learning curve
+        self.episodes: list[list[float]] = []  # `CURVES` of each that ended and began as a mission
+        self.ended = 0  # how many ended in all
         self.losses: list[float] = []
-        self.from_start = np.ones(recipe.environments, bool)  # whether the episode in flight is one
-        self.returns = np.zeros(recipe.environments)  # so far, with the reported rewards
+        # Of the episodes in flight: whether they began as missions do, and the reported return
+        self.from_start = np.ones(recipe.environments, bool)
+        self.returns = np.zeros(recipe.environments)
         self.state = self._starts(np.arange(recipe.environments))
 
     def advance(self) -> bool:
@@ -142,7 +144,7 @@ class Trainer:
         return draw_actions(softmax_policy(q_values, temperature), self.generator)
 
     def _restart_ended(self, state: State) -> State:
-        """Note how those from a start went that ended, and begin new ones in place of all."""
+        """Note the metrics of the episodes that ended, and begin new ones in their place."""
         ended = np.flatnonzero(state.ended)
         landed, collected = state.landed.astype(float), state.collected.astype(float)
         metrics = np.stack([self.returns, landed, collected, collected * landed], axis=1)
@@ -151,17 +153,27 @@ class Trainer:
         return state.with_rows(ended, self._starts(ended)) if len(ended) else state
 
     def _starts(self, environments: np.ndarray) -> State:
-        """New episodes for these environments, a share of them exploring starts."""
-        recipe, count = self.recipe, len(environments)
-        state = self.scenario.sample(self.environment, count, self.generator)
-        exploring = self.generator.random(count) < recipe.exploring_starts
+        """The starts of new episodes for these environments."""
+        state, drawn = self._draw_starts(len(environments))
+        self.from_start[environments] = drawn >= self.recipe.exploring_starts
+        self.returns[environments] = 0
+        return state
+
+    def _draw_starts(self, count: int) -> tuple[State, np.ndarray]:
+        """The starts of `count` episodes, and a number from [0, 1) that was drawn for each.
+
+        Where it is below the recipe's share of exploring starts, the episode is under way.
+        """
+        scenario, recipe, generator = self.scenario, self.recipe, self.generator
+        state = scenario.sample(self.environment, count, generator)
+        drawn = generator.random(count)
+        exploring = drawn < recipe.exploring_starts
         if exploring.any():
-            under_way = self.scenario.sample_anywhere(
-                self.environment, exploring.sum(), self.generator, recipe.exploring_spare_time
+            under_way = scenario.sample_anywhere(
+                self.environment, exploring.sum(), generator, recipe.exploring_spare_time
             )
             state = state.with_rows(exploring, under_way)
-        self.from_start[environments], self.returns[environments] = ~exploring, 0
-        return state
+        return state, drawn
 
     def _add_row(self) -> None:
         """A row of the learning curve: means since the row before, None where there are none.
@@ -169,7 +181,8 @@ class Trainer:
         Its greedy flights are over new random missions, one for ten episodes that ended.
         """
         means = np.mean(self.episodes, axis=0).tolist() if self.episodes else [None] * len(CURVES)
-        row = self.done | {"episodes": len(self.episodes)} | dict(zip(CURVES, means, strict=True))
+        row = {**self.progress, "episodes": len(self.episodes)}
+        row |= dict(zip(CURVES, means, strict=True))
         row["loss"] = float(np.mean(self.losses)) if self.losses else None
         row["temperature"] = self.recipe.temperature_at(self.steps)
         row["learning_rate"] = self.recipe.learning_rate_at(self.steps)
@@ -177,7 +190,7 @@ class Trainer:
         self.episodes, self.ended, self.losses = [], 0, []
 
     def _greedy_flights(self) -> dict:
-        """How the agent as it is now flies greedily."""
+        """How the agent as it is now flies by its greedy policy (eq. 9)."""
         flights = self.ended // EPISODES_PER_GREEDY_FLIGHT
         records: dict = {}
         if flights:
@@ -187,7 +200,7 @@ class Trainer:
         return {"greedy_flights": flights} | means
 
     def validate(self) -> None:
-        """Fly the validation missions greedily: a row of their means.
+        """Fly the validation missions by the greedy policy (eq. 9): a row of their means.
 
         They are the same for every run of a scenario. The agent with the highest return in them is
         the one to keep; see `is_best`.
@@ -202,7 +215,7 @@ class Trainer:
         )
         records = flights.records()
         means = {name: float(values.mean()) for name, values in records.items()}
-        self.validation_rows.append(self.done | means)
+        self.validation_rows.append(self.progress | means)
 
     @property
     def is_best(self) -> bool:
@@ -211,7 +224,7 @@ class Trainer:
         return last > max(before, default=-np.inf)
 
     @property
-    def done(self) -> dict:
+    def progress(self) -> dict:
         """Environment steps, updates and seconds so far, for the rows of tables."""
         return {"steps": self.steps, "updates": self.updates, "seconds": round(self.seconds, 1)}
 
@@ -220,9 +233,10 @@ class Trainer:
         """The agent as it is now; it shares the weights with the run."""
         training = {
             "seed": self.seed,
-            **self.done,
+            **self.progress,
             **provenance(),
-            **self._processor(),
+            "device": self.device,
+            "threads": torch.get_num_threads(),
             "validation": self.validation_rows[-1] if self.validation_rows else None,
         }
         learner = self.learner
@@ -230,6 +244,7 @@ class Trainer:
 
     @property
     def finished(self) -> bool:
+        """Whether the recipe's steps are done."""
         return self.steps >= self.recipe.steps
 
     def is_finite(self) -> bool:
@@ -237,8 +252,8 @@ class Trainer:
         weights = (part.isfinite().all() for part in self.learner.online.parameters())
         return bool(np.isfinite(self.losses).all() and all(weights))
 
-    def save(self, path: Path) -> None:
-        """Write everything the run needs to go on as if it had never stopped."""
+    def state_dict(self) -> tuple[dict[str, Tensor], dict]:
+        """What the run needs to go on as if it had never stopped: tensors, and JSON values."""
         parts: dict[str, dict] = {
             "ddqn": self.learner.state_dict(),
             "replay": self.replay.state_dict(),
@@ -250,64 +265,28 @@ class Trainer:
             for part, values in parts.items()
             for name, value in values.items()
         }
-        progress = {name: getattr(self, name) for name in self.PROGRESS}
-        generators = [g.bit_generator.state for g in (self.generator, self.greedy_generator)]
-        others = {"generators": generators, "flown_over": described(self.environment.cities)}
-        save(path, "training", tensors, self.identity() | progress | others)
+        values = {name: getattr(self, name) for name in self.SAVED}
+        generators = self.generator, self.greedy_generator
+        values["generators"] = [generator.bit_generator.state for generator in generators]
+        return tensors, values
 
-    def restore(self, path: Path) -> None:
-        """Go on from what `save` wrote; `InputError` if that is another run."""
-        tensors, about = load(path, "training")
-        for name, value in self.identity().items():
-            if about.get(name) == value:
-                continue
-            if name == "cities":  # fingerprints, which tell a reader nothing
-                there, here = about.get("flown_over"), described(self.environment.cities)
-                raise InputError(f"{path}: its cities have other cells: {there} there, {here} here")
-            difference = _difference(about.get(name), value)
-            raise InputError(f"{path}: another {name} than asked for{difference}")
-        arrays: dict[str, dict] = {}
+    def load_state_dict(self, tensors: dict[str, Tensor], values: dict) -> None:
+        """Go on from what `state_dict` gave for the same run."""
+        parts: dict[str, dict] = {}
         for key, tensor in tensors.items():
             part, name = key.split(".", 1)
-            arrays.setdefault(part, {})[name] = tensor if part == "ddqn" else tensor.numpy()
-        self.learner.load_state_dict(arrays["ddqn"])
-        self.replay.load_state_dict(arrays["replay"])
-        self.state = State(**arrays["state"])
-        self.from_start, self.returns = (arrays["in_flight"][k] for k in ("from_start", "returns"))
-        for name in self.PROGRESS:
-            setattr(self, name, about[name])
-        for generator, state in zip(
-            (self.generator, self.greedy_generator), about["generators"], strict=True
-        ):
-            generator.bit_generator.state = state
-
-    def identity(self) -> dict:
-        """What defines the run: recipe, scenario, cities, seed, device and threads, as JSON values.
-
-        A saved run can only go on as this one if all of it is equal.
-        """
-        values = {
-            "recipe": self.recipe.as_json(),
-            "scenario": asdict(self.scenario),
-            "cities": fingerprint_of(self.environment.cities),
-            "seed": self.seed,
-            **self._processor(),
-        }
-        return json.loads(json.dumps(values))  # tuples become lists, as in a file
-
-    def _processor(self) -> dict:
-        """What computes it; elsewhere, rounding is different, and soon the weights are."""
-        return {"device": self.device, "threads": torch.get_num_threads()}
+            parts.setdefault(part, {})[name] = tensor if part == "ddqn" else tensor.numpy()
+        self.learner.load_state_dict(parts["ddqn"])
+        self.replay.load_state_dict(parts["replay"])
+        self.state = State(**parts["state"])
+        self.from_start, self.returns = (parts["in_flight"][k] for k in ("from_start", "returns"))
+        for name in self.SAVED:
+            setattr(self, name, values[name])
+        first, second = values["generators"]
+        self.generator.bit_generator.state = first
+        self.greedy_generator.bit_generator.state = second
 
 
 def trainer_of(recipe: Recipe) -> type[Trainer]:
     """The class that runs this recipe's training."""
     return resolve_name(recipe.trainer)
-
-
-def _difference(saved, asked) -> str:
-    """The fields in which two JSON values differ, for an error."""
-    if not isinstance(saved, dict):
-        return f": {saved} there, {asked} here"
-    names = [k for k in sorted(saved.keys() | asked.keys()) if saved.get(k) != asked.get(k)]
-    return "; " + ", ".join(f"{k}: {saved.get(k)} there, {asked.get(k)} here" for k in names)

@@ -17,6 +17,7 @@ from benchmarks import fleet as program  # noqa: E402
 from benchmarks.fleet import Fleet, Run, packed  # noqa: E402
 from uavdh_lite.checkpoint import load_agent  # noqa: E402
 from uavdh_lite.environment import ACTIONS, Environment, State  # noqa: E402
+from uavdh_lite.experiments.runs import restore_run  # noqa: E402
 from uavdh_lite.recipe import PAPER, SMALL  # noqa: E402
 from uavdh_lite.replay import Batch  # noqa: E402
 from uavdh_lite.scenario import find_scenario  # noqa: E402
@@ -195,7 +196,8 @@ def test_a_run_that_was_stopped_goes_on_here_and_with_the_library(tmp_path, monk
 
     def trained(seed: int) -> Trainer:
         trainer = Trainer(VILLAGE, replace(TINY, leak=0.0), seed)
-        trainer.restore(tmp_path / "runs" / f"tiny-leak_0-{seed}" / "training.safetensors")
+        folder = tmp_path / "runs" / f"tiny-leak_0-{seed}"
+        restore_run(folder / "training.safetensors", trainer)
         return trainer
 
     ticks = itertools.count(0, 60)

@@ -13,6 +13,7 @@ from uavdh_lite.checkpoint import load_agent, save_agent
 from uavdh_lite.city import City
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
+from uavdh_lite.experiments.runs import restore_run, save_run
 from uavdh_lite.scenario import Scenario
 from uavdh_lite.training import trainer_of
 
@@ -91,8 +92,8 @@ def test_it_is_the_same_after_saving_and_over_an_embedded_city(recipe, agent, st
 def test_it_resumes_to_the_bit(recipe, tmp_path):
     path = tmp_path / "t.safetensors"
     whole, half, again = (trainer_for(recipe) for _ in range(3))
-    ran(half, steps=64).save(path)
-    again.restore(path)
+    save_run(path, ran(half, steps=64))
+    restore_run(path, again)
     ours, theirs = (
         parameters_to_vector(ran(one).learner.online.parameters()) for one in (again, whole)
     )

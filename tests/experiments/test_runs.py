@@ -1,7 +1,9 @@
 """A run in its folder."""
 
 import json
+import re
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,12 +12,12 @@ import torch
 from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.errors import CheckpointError, InputError
 from uavdh_lite.experiments import runs
-from uavdh_lite.experiments.runs import SAVED, train
+from uavdh_lite.experiments.runs import SAVED, restore_run, save_run, train
 from uavdh_lite.experiments.stopping import SIGNALS, deferred_stop
 from uavdh_lite.provenance import provenance
 from uavdh_lite.recipe import recipe_from_json
 from uavdh_lite.storage import read_table
-from uavdh_lite.training import BIN
+from uavdh_lite.training import BIN, Trainer
 
 
 @pytest.mark.parametrize("number", SIGNALS)
@@ -49,6 +51,25 @@ def test_files_of_a_run(trainer, tmp_path):
     assert about["steps"] == 10_050 and about.items() >= provenance().items()
     assert recipe_from_json(about["recipe"]) == own.recipe
     assert about["scenario"]["name"] == own.scenario.name
+
+
+def test_another_run_is_not_restored(trainer, tmp_path, corridor_scenario, quick, corridor):
+    path = tmp_path / "t.safetensors"
+    save_run(path, trainer())
+    tiny = type(corridor).from_text("tiny", "L .\n. .").embedded(5)
+    both, corridors = (corridor, tiny), r"other cells: corridor \(1 of 5 × 5 cells\) there"
+    for other, difference in (
+        (trainer(seed=5), "another seed .*0 there, 5 here"),
+        (trainer(discount=0.9), "another recipe .*discount: 0.95 there, 0.9 here"),
+        (Trainer(corridor_scenario, quick, 0, tiny), f"{corridors}, tiny .*here"),
+        (Trainer(corridor_scenario, quick, 0, both), f"{corridors}, corridor and others .2 of"),
+        (Trainer(replace(corridor_scenario, data=(1, 2)), quick, 0, corridor), "another scenario"),
+    ):
+        with pytest.raises(InputError, match=difference) as refused:
+            restore_run(path, other)
+        assert not re.search("[0-9a-f]{64}", str(refused.value))
+    renamed = replace(corridor, name="avenue")
+    restore_run(path, Trainer(corridor_scenario, quick, 0, renamed))  # the cells decide
 
 
 def test_a_folder_with_a_run_is_not_overwritten(trainer, tmp_path):
@@ -119,8 +140,9 @@ def test_a_run_is_saved_by_time_too_and_goes_on_only_with_its_own_threads(
     monkeypatch.setattr(runs, "SAVE_SECONDS", 0)
     saved = []
     own = trainer(steps=400, validation_interval=400)
-    monkeypatch.setattr(own, "save", lambda path: saved.append(own.steps))
-    train(own, tmp_path / "a")
+    with monkeypatch.context() as patched:
+        patched.setattr(runs, "save_run", lambda path, run: saved.append(run.steps))
+        train(own, tmp_path / "a")
     assert saved[:3] == [16, 32, 48]
     train(trainer(), tmp_path / "b", stop_after=160)
     torch.set_num_threads(2)

@@ -1,5 +1,3 @@
-import io
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -51,8 +49,7 @@ def test_landing_distance_goes_around_what_may_not_be_flown_over():
 def test_round_trips_keep_every_city(tmp_path_factory, city, more):
     path = tmp_path_factory.mktemp("city") / "any.png"
     city.save(path)
-    copies = [City.load(path), City.load(io.BytesIO(path.read_bytes()))]
-    for copy in (*copies, City.from_text("again", city.text)):
+    for copy in (City.load(path), City.from_text("again", city.text)):
         assert np.array_equal(copy.kinds, city.kinds) and copy.fingerprint == city.fingerprint
     embedded = city.embedded(city.size + more)
     own = np.s_[: city.size, : city.size]

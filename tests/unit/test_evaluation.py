@@ -13,7 +13,6 @@ from uavdh_lite.evaluation import (
     bootstrap_interval,
     evaluate,
     fly,
-    intervals,
     mean_interval,
     wilson_interval,
 )
@@ -143,13 +142,6 @@ def test_bootstrap_interval_of_groups_draws_whole_groups_again():
     """Each draw of the two groups has a mean of 0, 2 or 3."""
     groups = np.array([7, -1, -1])
     assert bootstrap_interval(np.array([0.0, 3.0, 3.0]), groups=groups) == (2, 0, 3)
-
-
-def test_only_landed_gets_wilsons_interval_whatever_the_values_are():
-    values = np.r_[np.zeros(3), np.ones(97)]
-    found = intervals({"landed": values, "safety_interventions": values})
-    assert found["landed"] == wilson_interval(values)
-    assert found["safety_interventions"] == bootstrap_interval(values) != found["landed"]
 
 
 def test_over_several_cities_whole_cities_are_drawn_again(corridor, corridor_scenario):

@@ -10,6 +10,7 @@ import torch
 from uavdh_lite.beyond.cities import CityGenerator
 from uavdh_lite.channel import Channel
 from uavdh_lite.city import City
+from uavdh_lite.config import from_json
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import FunctionPolicy, fly
@@ -17,7 +18,7 @@ from uavdh_lite.missions import Mission, as_json, mission_from_json
 from uavdh_lite.observation import Observation
 from uavdh_lite.recipe import recipe_from_json
 from uavdh_lite.registry import find, names
-from uavdh_lite.scenario import Scenario, scenario_from_json
+from uavdh_lite.scenario import Scenario
 from uavdh_lite.streams import Use, stream
 
 VILLAGE, MANHATTAN = Environment(City.load("village")), City.load("manhattan")
@@ -43,7 +44,7 @@ def of_channel(field, value):
 
 def of_scenario(field, value):
     scenario = Scenario(**{"name": "s", "flying_time": (5, 9), field: value})
-    assert scenario_from_json(vars(scenario)) == scenario
+    assert from_json(Scenario, vars(scenario), "scenario") == scenario
     flown(VILLAGE, scenario)
 
 

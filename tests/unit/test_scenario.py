@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from uavdh_lite.city import City
+from uavdh_lite.config import from_json
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
-from uavdh_lite.scenario import Scenario, find_scenario, scenario_from_json
+from uavdh_lite.scenario import Scenario, find_scenario
 
 SMALL = City.from_text("small", "L.B\n..B\nBB.")  # four cells for devices, one cut off
 VILLAGE = City.load("village")
@@ -92,12 +93,12 @@ def test_impossible_ranges_name_the_field(field, value):
 
 def test_numbers_of_numpy_and_lists_come_back_from_json():
     scenario = Scenario("mine", devices=np.array([1, 2]), data=[np.float32(1), 2])
-    text = json.dumps(vars(scenario))
-    assert scenario_from_json(json.loads(text)) == scenario == Scenario(**vars(scenario))
+    read = from_json(Scenario, json.loads(json.dumps(vars(scenario))), "scenario")
+    assert read == scenario == Scenario(**vars(scenario))
     with pytest.raises(InputError, match="scenario: 'more' is no field"):
-        scenario_from_json({"name": "a", "more": 1})
+        from_json(Scenario, {"name": "a", "more": 1}, "scenario")
     with pytest.raises(InputError, match="scenario: is 3, must be"):
-        scenario_from_json(3)
+        from_json(Scenario, 3, "scenario")
 
 
 def test_more_devices_than_cells_name_the_city(generator):

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavdh_lite import registry
-from uavdh_lite.city import SIGNS, City, grow
+from uavdh_lite.city import SIGNS, City, connected_parts, grow
 from uavdh_lite.config import option, require
 from uavdh_lite.environment import MAX_CITIES
 from uavdh_lite.errors import CityError, InputError
@@ -157,10 +157,10 @@ def _find_room(
     buildings: np.ndarray, shape: np.ndarray, generator: np.random.Generator
 ) -> np.ndarray | None:
     """The cells of a random rectangle with a cell's gap to all buildings; None without room."""
-    places = np.argwhere(_rectangles_without(buildings > 0, shape, gap=1))
-    if not len(places):
+    corners = np.argwhere(_rectangles_without(buildings > 0, shape, gap=1))
+    if not len(corners):
         return None
-    row, col = places[generator.integers(len(places))]
+    row, col = corners[generator.integers(len(corners))]
     return buildings[row : row + shape[0], col : col + shape[1]]
 
 
@@ -195,19 +195,6 @@ def _add_no_fly_zones(cells: np.ndarray, count: int, generator: np.random.Genera
         zone[:] = np.where(np.isin(zone, (LOW, TALL)), TALL, NO_FLY)
 
 
-def connected_parts(mask: np.ndarray) -> list[np.ndarray]:
-    """The parts of a mask whose cells are connected, (M, M) bool each, the largest one last."""
-    left, parts = mask.copy(), []
-    while left.any():
-        part = np.zeros_like(left)
-        grown = np.arange(left.size).reshape(left.shape) == left.argmax()  # its first cell
-        while not np.array_equal(grown, part):
-            part, grown = grown, grown | grow(grown) & left
-        parts.append(part)
-        left &= ~part
-    return sorted(parts, key=np.count_nonzero)
-
-
 def _close_what_is_cut_off(cells: np.ndarray) -> int:
     """Let only the largest connected part be flown over; returns how many cells were cut off.
 
@@ -236,10 +223,10 @@ def _add_landing_zones(cells: np.ndarray, count: int, generator: np.random.Gener
         at_edge[[0, -1]] = at_edge[:, [0, -1]] = True
         if generator.random() < 0.8 and (room & at_edge).any():
             room &= at_edge
-        places = np.argwhere(room)
-        if not len(places):
+        corners = np.argwhere(room)
+        if not len(corners):
             return False
-        row, col = places[generator.integers(len(places))]
+        row, col = corners[generator.integers(len(corners))]
         cells[row : row + shape[0], col : col + shape[1]] = LANDING
     return True
 

@@ -153,25 +153,25 @@ class _Flights(Policy):
 class _Problem:
     """The flights from E states, with mean rates: what a move collects, and what is still possible.
 
-    A *place* is an episode and a cell from which its UAV can fly home; there are P of them. In each
+    A *node* is an episode and a cell from which its UAV can fly home; there are P of them. In each
     episode the devices with data come first; K is the largest number of them. A *candidate* of a
-    search is a place and the data left there, (K, n) for n candidates.
+    search is a node and the data left there, (K, n) for n candidates.
     """
 
     def __init__(self, environment: Environment, state: State, time_cost: float):
         self.time_cost = time_cost
         distance = environment.landing_distance[state.city]
-        self.episode, cell = np.nonzero(distance >= 0)  # of each place
-        place = np.full(distance.shape, -1)
-        place[self.episode, cell] = np.arange(len(cell))
-        self.start = place[np.arange(len(state)), state.uav_cell]
+        self.episode, cell = np.nonzero(distance >= 0)  # of each node
+        node = np.full(distance.shape, -1)
+        node[self.episode, cell] = np.arange(len(cell))
+        self.start = node[np.arange(len(state)), state.uav_cell]
         self.start[state.ended] = -1  # as if it could not fly home
         self.home = distance[self.episode, cell]
         self.time = state.time_left[self.episode].astype(int)
 
         here = state.city[self.episode], cell
         next_cell = environment.next_cell[here].T[:LAND]
-        self.target = place[self.episode, next_cell]  # (5, P)
+        self.target = node[self.episode, next_cell]  # (5, P)
         refused = environment.forbidden[here].T[:LAND]
         self.home_after = np.where(refused, np.inf, self.home[self.target])
 
@@ -214,45 +214,45 @@ class _Problem:
             loss.append(np.minimum(loss[-1] + self.part, more))
         self.loss = np.array(loss, np.float32)
 
-    def collect(self, place: np.ndarray, action: np.ndarray, left: np.ndarray) -> np.ndarray:
+    def collect(self, node: np.ndarray, action: np.ndarray, left: np.ndarray) -> np.ndarray:
         """The data left after a move; (K, n). As `environment.schedule`, with mean rates."""
-        left, move = left.copy(), action * len(self.home) + place
+        left, move = left.copy(), action * len(self.home) + node
         for rates in self.rates:
             offered = rates.take(move, axis=1) * (left > 0)
             left -= np.minimum(offered, left) * (offered == offered.max(axis=0))
         return left
 
-    def value(self, place: np.ndarray, left: np.ndarray, step: int) -> np.ndarray:
+    def value(self, node: np.ndarray, left: np.ndarray, step: int) -> np.ndarray:
         """What flights are worth that land after so many steps; (n,)."""
-        return self.total[place] - left.sum(axis=0) - self.time_cost * step
+        return self.total[node] - left.sum(axis=0) - self.time_cost * step
 
-    def bound(self, place: np.ndarray, left: np.ndarray, step: int) -> np.ndarray:
+    def bound(self, node: np.ndarray, left: np.ndarray, step: int) -> np.ndarray:
         """No flight that goes on from here is worth more; (n,).
 
         Of all devices, one costs the most. In the time left, no device gives more than if it were
         alone.
         """
         device = np.arange(len(left))[:, None]
-        level = (left / self.part.take(place, axis=1)).astype(int)
-        loss = self.loss[level, device, place].max(axis=0)
+        level = (left / self.part.take(node, axis=1)).astype(int)
+        loss = self.loss[level, device, node].max(axis=0)
         parts = (self.needed_time <= self.time - step).sum(axis=0, dtype=np.float32)
-        reach = (parts * self.part).take(place, axis=1)
+        reach = (parts * self.part).take(node, axis=1)
         short = np.maximum(left - reach, 0).sum(axis=0)
-        loss = np.maximum(loss, short + self.time_cost * self.home[place])
-        return self.total[place] - self.time_cost * step - loss
+        loss = np.maximum(loss, short + self.time_cost * self.home[node])
+        return self.total[node] - self.time_cost * step - loss
 
     def worth(self, plans: list[Plan]) -> list[Plan]:
         """The plans with their value from here on."""
-        place, left = self.start, self.data[:, self.start]
+        node, left = self.start, self.data[:, self.start]
         value = np.full(len(plans), -np.inf)
-        times = self.time[place]
+        times = self.time[node]
         rest = [plan.actions[-time:] for plan, time in zip(plans, times, strict=True)]
         for step, actions in enumerate(zip_longest(*rest, fillvalue=LAND)):
             action = np.array(actions)
             lands = (action == LAND) & np.isinf(value)
-            value = np.where(lands, self.value(place, left, step), value)
+            value = np.where(lands, self.value(node, left, step), value)
             moved = np.where(action == LAND, HOVER, action)
-            place, left = self.target[moved, place], self.collect(place, moved, left)
+            node, left = self.target[moved, node], self.collect(node, moved, left)
         return [replace(plan, value=worth) for plan, worth in zip(plans, value, strict=True)]
 
 
@@ -262,35 +262,35 @@ def _search(
     """For each episode a better plan than the known one, or else that.
 
     Arguments:
-        beam: (E,), candidates to keep for each place and set of emptied devices.
-        per_cell: candidates to keep for each place; None for `SETS` times the beam.
+        beam: (E,), candidates to keep for each node and set of emptied devices.
+        per_cell: candidates to keep for each node; None for `SETS` times the beam.
     """
     value = np.array([plan.value for plan in known]) + BETTER
     most = beam * SETS if per_cell is None else np.full(len(beam), per_cell)
-    place = problem.start[problem.start >= 0]
-    left = problem.data[:, place]
+    node = problem.start[problem.start >= 0]
+    left = problem.data[:, node]
     layers: list[tuple[np.ndarray, np.ndarray]] = []  # parent and action of each candidate
     ends: dict[int, tuple[int, int]] = {}  # step and candidate that lands, for each episode
     for step in range(problem.time.max()):
         # Land now.
-        home = np.flatnonzero(problem.home[place] == 0)
-        episode = problem.episode[place[home]]
-        landed = problem.value(place[home], left[:, home], step)
+        home = np.flatnonzero(problem.home[node] == 0)
+        episode = problem.episode[node[home]]
+        landed = problem.value(node[home], left[:, home], step)
         for i in np.unique(episode[landed > value[episode]]):
             best = np.where(episode == i, landed, -np.inf).argmax()
             value[i], ends[i] = landed[best], (step, home[best])
         # Move on.
-        in_time = step + 1 + problem.home_after[:, place] < problem.time[place]
+        in_time = step + 1 + problem.home_after[:, node] < problem.time[node]
         parent, action = in_time.T.nonzero()
-        left = problem.collect(place[parent], action, left.take(parent, axis=1))
-        place = problem.target[action, place[parent]]
-        bound = problem.bound(place, left, step + 1)
-        kept = np.flatnonzero(bound > value[problem.episode[place]])
+        left = problem.collect(node[parent], action, left.take(parent, axis=1))
+        node = problem.target[action, node[parent]]
+        bound = problem.bound(node, left, step + 1)
+        kept = np.flatnonzero(bound > value[problem.episode[node]])
         if not len(kept):
             break
-        episode = problem.episode[place[kept]]
-        kept = kept[_best(place[kept], left.take(kept, axis=1), beam[episode], most[episode])]
-        place, left = place[kept], left.take(kept, axis=1)
+        episode = problem.episode[node[kept]]
+        kept = kept[_best(node[kept], left.take(kept, axis=1), beam[episode], most[episode])]
+        node, left = node[kept], left.take(kept, axis=1)
         layers.append((parent[kept], action[kept]))
     plans = list(known)
     for i, (steps, candidate) in ends.items():
@@ -302,17 +302,15 @@ def _search(
     return plans
 
 
-def _best(
-    place: np.ndarray, left: np.ndarray, beam: np.ndarray, per_cell: np.ndarray
-) -> np.ndarray:
+def _best(node: np.ndarray, left: np.ndarray, beam: np.ndarray, per_cell: np.ndarray) -> np.ndarray:
     """Indices of the candidates with the least data left.
 
-    There are at most `beam` for each place and set of emptied devices, and at most `per_cell` for
-    each place. Equal candidates count once.
+    There are at most `beam` for each node and set of emptied devices, and at most `per_cell` for
+    each node. Equal candidates count once.
     All arrays have one entry for each candidate; `left` is (K, n).
     """
     total, sets = left.sum(axis=0), 2 ** len(left)
-    group = place * sets + 2 ** np.arange(len(left)) @ (left == 0)
+    group = node * sets + 2 ** np.arange(len(left)) @ (left == 0)
     order = _ranked(group, total)
     # Equal candidates become neighbours.
     alike = (np.diff(group[order]) == 0) & (np.diff(total[order]) == 0)
@@ -324,8 +322,8 @@ def _best(
     order = np.delete(order, pairs[again.all(axis=0)] + 1)
     order = order[_rank(group[order]) < beam[order]]
     if (per_cell < beam * sets).any():
-        order = order[_ranked(place[order], total[order])]
-        order = order[_rank(place[order]) < per_cell[order]]
+        order = order[_ranked(node[order], total[order])]
+        order = order[_rank(node[order]) < per_cell[order]]
     return order
 
 

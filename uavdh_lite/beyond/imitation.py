@@ -71,7 +71,7 @@ class Imitation(Trainer):
     An environment step is a label. The recipe is an `ImitationRecipe`.
     """
 
-    PROGRESS = (*Trainer.PROGRESS, "plans", "waiting")
+    SAVED = (*Trainer.SAVED, "plans", "waiting")
     recipe: Any
     learner: Cloning
 
@@ -101,14 +101,9 @@ class Imitation(Trainer):
 
     def _planned(self) -> list[tuple[bool, list[int], Sequence]]:
         """Draw starts of every kind and plan their flights: (from a start, actions, state) each."""
-        recipe, generator = self.recipe, self.generator
-        start = self.scenario.sample(self.environment, PLANNED_AT_A_TIME, generator)
-        drawn = generator.random(PLANNED_AT_A_TIME)
-        under_way = drawn < recipe.exploring_starts
-        own = drawn >= 1 - recipe.own_starts * bool(self.updates)  # not before it has learned
-        if under_way.any():
-            anywhere = (self.environment, under_way.sum(), generator, recipe.exploring_spare_time)
-            start = start.with_rows(under_way, self.scenario.sample_anywhere(*anywhere))
+        start, drawn = self._draw_starts(PLANNED_AT_A_TIME)
+        under_way = drawn < self.recipe.exploring_starts
+        own = drawn >= 1 - self.recipe.own_starts * bool(self.updates)  # not before it has learned
         if own.any():
             start = start.with_rows(own, self._own_states(start[own]))
         plans = Genie(self.environment, beam=1, grow=False).plans(start)

@@ -34,11 +34,11 @@ class Orienteering(Greedy):
 
     def _act(self, state: State) -> np.ndarray:
         city, devices = state.city, state.device_cells.shape[1]
-        # Place 0 is where the UAV is, place k the cell from which device k is served
+        # Stop 0 is where the UAV is, stop k the cell from which device k is served
         goals = self.approach[city[:, None], state.device_cells]
-        place = np.concatenate([state.uav_cell[:, None], goals], axis=1)
-        moves = self.moves[city[:, None, None], place[:, :, None], place[:, None]].astype(int)
-        home = self.environment.time_to_land[city[:, None], place].astype(int)
+        stop = np.concatenate([state.uav_cell[:, None], goals], axis=1)
+        moves = self.moves[city[:, None, None], stop[:, :, None], stop[:, None]].astype(int)
+        home = self.environment.time_to_land[city[:, None], stop].astype(int)
         time, data = [home[:, :1]], [np.zeros((len(state), 1))]
         for order in orders(devices):  # all of one length at a time
             there = moves[:, 0, order[:, 0]] + moves[:, order[:, :-1], order[:, 1:]].sum(axis=2)
@@ -49,7 +49,7 @@ class Orienteering(Greedy):
         worth[:, 0] = np.maximum(worth[:, 0], -1)  # the empty order is always one
         first = np.concatenate([[0], *(order[:, 0] for order in orders(devices))])
         chosen = first[worth.argmax(axis=1)]
-        action = self.towards(city, state.uav_cell, place[np.arange(len(state)), chosen])
+        action = self.towards(city, state.uav_cell, stop[np.arange(len(state)), chosen])
         return np.where(chosen == 0, super().act(state), action)
 
 

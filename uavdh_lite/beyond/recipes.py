@@ -1,7 +1,7 @@
 """Recipes with ideas from beyond the paper."""
 
 from dataclasses import asdict, dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from torch import nn
 
@@ -14,7 +14,6 @@ from uavdh_lite.city import City
 from uavdh_lite.config import option
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
-from uavdh_lite.network import QNetwork
 from uavdh_lite.observation import Observation
 from uavdh_lite.recipe import LITE, PAPER, Recipe, ramp
 
@@ -60,14 +59,12 @@ class BeyondRecipe(Recipe):
         return kind(environment, self.observation, self.data_scale, self.time_scale, size)
 
     def network_for(self, observation: Observation) -> nn.Module:
-        options: Any = (self.kernels, self.kernel_size, self.strides, self.hidden)
-        options = (*options, self.layer_norm, self.leak)
         network: nn.Module
         if self.pooling:
             maps = (self.pooling, min(self.local_size, observation.width))
-            network = GlobalLocalNetwork(observation.map_shape, *maps, *options)
+            network = GlobalLocalNetwork(observation.map_shape, *maps, **self.network_options())
         else:
-            network = QNetwork(observation.map_shape, *options)
+            network = super().network_for(observation)
         return MaskedNetwork(network) if self.failsafe else network
 
 

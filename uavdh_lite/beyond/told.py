@@ -41,9 +41,9 @@ class ToldObservation(Observation):
     def _window(self, state: State, top: np.ndarray, left: np.ndarray, channels: int) -> Tensor:
         maps = super()._window(state, top, left, channels + len(self.layers))
         cells = np.arange(self.environment.size**2)
-        place = self._tensor(self._place(cells, top[:, None], left[:, None]))
+        where = self._tensor(self._in_window(cells, top[:, None], left[:, None]))
         told = maps.flatten(2)[:, channels:]
-        told.scatter_(2, place[:, None].expand(-1, len(self.layers), -1), self.told(state))
+        told.scatter_(2, where[:, None].expand(-1, len(self.layers), -1), self.told(state))
         return maps
 
     def told(self, state: State) -> Tensor:

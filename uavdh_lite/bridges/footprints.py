@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from uavdh_lite.beyond.cities import FREE, LANDING, LOW, TALL, connected_parts
-from uavdh_lite.city import MAX_SIZE, City
+from uavdh_lite.beyond.cities import FREE, LANDING, LOW, TALL
+from uavdh_lite.city import MAX_SIZE, City, connected_parts
 from uavdh_lite.config import option, require
 from uavdh_lite.errors import CityError, InputError, extra
 

@@ -8,7 +8,7 @@ import numpy as np
 from uavdh_lite.city import load_cities
 from uavdh_lite.environment import ACTIONS, Environment, Rewards, State
 from uavdh_lite.errors import InputError, extra
-from uavdh_lite.evaluation import Flights, Policy, Step, in_flight
+from uavdh_lite.evaluation import Flights, FunctionPolicy, Policy, Step
 from uavdh_lite.observation import Observation
 from uavdh_lite.scenario import Scenario, find_scenario
 from uavdh_lite.streams import Use, stream
@@ -144,17 +144,11 @@ def as_policy(env: gymnasium.Env, predict: Callable, masked: bool = False) -> Po
     """
     one: Any = env.unwrapped  # a DataHarvesting
 
-    class Predicted(Policy):
-        environment = one.environment
-
-        def act(self, state: State) -> np.ndarray:
-            return in_flight(state, ask)
-
-    def ask(state: State) -> np.ndarray:
+    def act(state: State) -> np.ndarray:
         masks = [one.environment.allowed_actions(state)] if masked else []
         return predict(one.observe(state), *masks)
 
-    return Predicted()
+    return FunctionPolicy(act, one.environment)
 
 
 gymnasium.register(id=ID, entry_point="uavdh_lite.bridges.gymnasium:DataHarvesting")

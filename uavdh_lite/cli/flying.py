@@ -10,7 +10,7 @@ from uavdh_lite import evaluation, missions, plotting
 from uavdh_lite.agent import Agent
 from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.bridges.onnx import export_onnx
-from uavdh_lite.checkpoint import load_agent, shipped_agents
+from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.city import City, load_cities
 from uavdh_lite.cli.options import PICTURES, Checkpoint, Cities, CommandLine, Count, named, output
 from uavdh_lite.environment import Environment
@@ -19,7 +19,7 @@ from uavdh_lite.experiments import comparison
 from uavdh_lite.experiments.report import TABLE_METRICS, policies_table
 from uavdh_lite.paper import RESULTS
 from uavdh_lite.player import play
-from uavdh_lite.policies import find_policy, known_policies, policies_for
+from uavdh_lite.policies import agents_for, find_policy, known_policies
 from uavdh_lite.provenance import provenance
 from uavdh_lite.storage import write_json
 
@@ -41,8 +41,8 @@ def open_agent(checkpoint: str | None, city: str | City | None) -> tuple[str, Ag
         name = checkpoint or "manhattan"
         return name, load_agent(name)
     environment = Environment(load_cities(city) if isinstance(city, str) else city)
-    name = checkpoint or policies_for(environment)[0]
-    if checkpoint is None and name not in shipped_agents():
+    name = checkpoint or next(iter(agents_for(environment)), None)
+    if name is None:
         raise InputError(
             f"no shipped agent flies over {environment.size} × {environment.size} cells: train an "
             "agent for it (train --city), and give its file as --checkpoint"
@@ -209,7 +209,9 @@ def compare(
     drawn = f"{episodes} random missions over {_where(agent)}, seed {seed}"
     print(f"{name}: {drawn}; agent is {opened}")
     metrics = {
-        policy: evaluation.intervals({m: columns[m] for m in TABLE_METRICS}, columns.get("city"))
+        policy: {
+            m: evaluation.mean_interval(columns[m], columns.get("city")) for m in TABLE_METRICS
+        }
         for policy, columns in results.items()
     }
     print(policies_table(metrics))

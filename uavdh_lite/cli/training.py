@@ -69,13 +69,9 @@ def train(arguments: list[str]) -> Callable[..., None]:
                 from torch.utils import tensorboard as _  # noqa: F401
         torch.set_num_threads(threads)
         out = out or Path("runs", f"{scenario}-{recipe}-{seed}")
-        chosen = with_values(named_recipe, recipe_values)
-        trainer = trainer_of(chosen)(
-            with_values(named_scenario, scenario_values),
-            chosen,
-            seed,
-            device=device,
-        )
+        changed_scenario = with_values(named_scenario, scenario_values)
+        changed_recipe = with_values(named_recipe, recipe_values)
+        trainer = trainer_of(changed_recipe)(changed_scenario, changed_recipe, seed, device=device)
         best = runs.train(
             trainer, out, resume, command_line, stop_after=stop_after, tensorboard=tensorboard
         )

@@ -1,17 +1,21 @@
 """A training run in a folder: validations, progress, CSV files, checkpoints, Ctrl-C and resume."""
 
 import ctypes
+import json
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
-from dataclasses import replace
+from contextlib import closing, contextmanager, nullcontext
+from dataclasses import asdict, replace
 from pathlib import Path
 
+import torch
 from filelock import FileLock, Timeout
 from tqdm.auto import tqdm
 
-from uavdh_lite.checkpoint import load, save_agent
+from uavdh_lite.bridges.tensorboard import Board
+from uavdh_lite.checkpoint import load, save, save_agent
+from uavdh_lite.city import described, fingerprint_of
 from uavdh_lite.errors import InputError, TrainingDiverged
 from uavdh_lite.experiments.stopping import deferred_stop
 from uavdh_lite.storage import read_json, read_table, remove_unfinished, write_json, write_table
@@ -63,7 +67,6 @@ def train(
     a weight is no longer finite, with the files as they were when they were last written.
     """
     out, saved, recipe = Path(out), Path(out) / SAVED, trainer.recipe
-    board_of = _board() if tensorboard else lambda *_: nullcontext()
     _require_whole(out, resume)
     keep_freed_memory()
     end = min(recipe.steps, stop_after or recipe.steps)
@@ -76,12 +79,13 @@ def train(
         progress = tqdm(total=recipe.steps, unit="step", unit_scale=True, disable=not show_progress)
         progress.update(min(trainer.steps, recipe.steps))
         kept = time.monotonic()
-        with progress, board_of(out / "tensorboard", trainer) as board, deferred_stop() as asked:
+        board = Board(out / "tensorboard", trainer) if tensorboard else None
+        with progress, closing(board) if board else nullcontext(), deferred_stop() as asked:
             while trainer.steps < end and not asked() and not stop():
                 validated = trainer.advance()
                 if validated or time.monotonic() - kept > SAVE_SECONDS:
                     _require_finite(trainer, saved)
-                    trainer.save(saved)  # first: what the state tells can be written again
+                    save_run(saved, trainer)  # first: what the state tells can be written again
                     kept = time.monotonic()
                     if validated:
                         progress.set_postfix_str(_write_results(trainer, out, command))
@@ -91,7 +95,7 @@ def train(
             stopped = asked() or stop()
             if not trainer.finished:
                 _require_finite(trainer, saved)
-                trainer.save(saved)
+                save_run(saved, trainer)
         if not trainer.finished and show_progress:
             print(f"\nstopped after {trainer.steps} steps; add --resume to continue", flush=True)
         if stopped and not trainer.finished:
@@ -131,7 +135,7 @@ def locked(out: Path) -> Iterator[None]:
 def _restore(trainer: Trainer, out: Path, command: str) -> None:
     """Go on where the run was saved; if it is another run, the error says how that was begun."""
     try:
-        trainer.restore(out / SAVED)
+        restore_run(out / SAVED, trainer)
     except InputError as error:
         try:
             begun = f". That run was begun by: {read_json(out / 'about.json')['command']}"
@@ -163,12 +167,6 @@ def _mend(trainer: Trainer, out: Path, command: str) -> None:
     load(out / "best.safetensors", "agent")
 
 
-def _board() -> Callable[..., AbstractContextManager]:
-    from uavdh_lite.bridges.tensorboard import Board  # an extra
-
-    return lambda *arguments: closing(Board(*arguments))
-
-
 def _write_results(trainer: Trainer, out: Path, command: str) -> str:
     """Write the tables and, if it is the best so far, the agent; the newest result in words."""
     training = _write_about(trainer, out, command)
@@ -188,8 +186,51 @@ def _write_tables(trainer: Trainer, out: Path) -> None:
 def _write_about(trainer: Trainer, out: Path, command: str) -> dict:
     """Write how the run is made; returns what an agent's file says of its training."""
     training = trainer.agent.training | {"command": command}
-    write_json(out / "about.json", training | trainer.identity())
+    write_json(out / "about.json", training | identity(trainer))
     return training
+
+
+def save_run(path: Path, trainer: Trainer) -> None:
+    """Write everything a training needs to go on as if it had never stopped."""
+    tensors, values = trainer.state_dict()
+    flown_over = {"flown_over": described(trainer.environment.cities)}
+    save(path, "training", tensors, identity(trainer) | values | flown_over)
+
+
+def restore_run(path: Path, trainer: Trainer) -> None:
+    """Let a training go on from what `save_run` wrote; `InputError` if that is another one."""
+    tensors, values = load(path, "training")
+    for name, asked in identity(trainer).items():
+        saved = values.get(name)
+        if saved == asked:
+            continue
+        if name == "cities":  # fingerprints, which tell a reader nothing
+            there, here = values.get("flown_over"), described(trainer.environment.cities)
+            raise InputError(f"{path}: its cities have other cells: {there} there, {here} here")
+        difference = f": {saved} there, {asked} here"
+        if isinstance(saved, dict):
+            names = [k for k in sorted(saved.keys() | asked.keys()) if saved.get(k) != asked.get(k)]
+            both = (f"{k}: {saved.get(k)} there, {asked.get(k)} here" for k in names)
+            difference = f"; {', '.join(both)}"
+        raise InputError(f"{path}: another {name} than asked for{difference}")
+    trainer.load_state_dict(tensors, values)
+
+
+def identity(trainer: Trainer) -> dict:
+    """What defines a run: recipe, scenario, cities, seed, device and threads, as JSON values.
+
+    A saved run can only go on as this one if all of it is equal. On another device, or with another
+    number of threads, rounding is different, and soon the weights are.
+    """
+    values = {
+        "recipe": trainer.recipe.as_json(),
+        "scenario": asdict(trainer.scenario),
+        "cities": fingerprint_of(trainer.environment.cities),
+        "seed": trainer.seed,
+        "device": trainer.device,
+        "threads": torch.get_num_threads(),
+    }
+    return json.loads(json.dumps(values))  # tuples become lists, as in a file
 
 
 def _require_finite(trainer: Trainer, saved: Path) -> None:
