@@ -13,7 +13,7 @@ from uavdh_lite.environment import LAND
 from uavdh_lite.evaluation import evaluate
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def recipe(quick):
     """A tiny network that sees everything, and copies the genie."""
     return replace(
@@ -36,8 +36,13 @@ def trainer(corridor, corridor_scenario, recipe, steps):
     return run
 
 
-def test_the_memory_holds_what_the_planner_does(corridor, corridor_scenario, recipe):
-    run = trainer(corridor, corridor_scenario, recipe, 1600)
+@pytest.fixture(scope="module")
+def run(corridor, corridor_scenario, recipe):
+    """A run that several tests look at, and none changes but by drawing more."""
+    return trainer(corridor, corridor_scenario, recipe, 1600)
+
+
+def test_the_memory_holds_what_the_planner_does(run):
     batch = run.replay.sample(200, np.random.default_rng(0))
     plans = Genie(run.environment, beam=1, grow=False).plans(batch.state)
     values = {(plan.value, plan.actions[0]) for plan in plans}
@@ -74,8 +79,7 @@ def test_a_flight_that_cannot_land_any_more_is_not_copied(
     assert len(run._planned()) == 32
 
 
-def test_starts_are_of_every_kind_and_plans_land(corridor, corridor_scenario, recipe):
-    run = trainer(corridor, corridor_scenario, recipe, 1600)
+def test_starts_are_of_every_kind_and_plans_land(run, corridor_scenario):
     planned = [flight for _ in range(5) for flight in run._planned()]
     ordinary = np.array([flight[0] for flight in planned])
     assert 0.2 < ordinary.mean() < 0.6
@@ -86,8 +90,7 @@ def test_starts_are_of_every_kind_and_plans_land(corridor, corridor_scenario, re
     assert times.max() <= longest
 
 
-def test_the_loss_is_the_cross_entropy_over_the_eight_views(corridor, corridor_scenario, recipe):
-    run = trainer(corridor, corridor_scenario, recipe, 640)
+def test_the_loss_is_the_cross_entropy_over_the_eight_views(run):
     batch = run.replay.sample(32, np.random.default_rng(0))
     map, time, allowed = run.learner.observation(batch.state)
     inner = run.learner.online.network  # without the mask

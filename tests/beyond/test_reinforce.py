@@ -1,4 +1,6 @@
+from copy import deepcopy
 from dataclasses import asdict, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from uavdh_lite.environment import State
 from uavdh_lite.evaluation import evaluate
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def recipe(quick):
     """Hardly any labels, and then reward."""
     return replace(
@@ -27,11 +29,24 @@ def recipe(quick):
     )
 
 
-def trainer(corridor, corridor_scenario, recipe, steps):
-    run = Reinforced(corridor_scenario, replace(recipe, steps=steps), 0, corridor)
-    while not run.finished:
-        run.step()
-    return run
+@pytest.fixture(scope="module")
+def trained(corridor, corridor_scenario, recipe):
+    """A function that gives the run after so many steps; those of one number share the training."""
+
+    @cache
+    def once(steps):
+        run = Reinforced(corridor_scenario, replace(recipe, steps=steps), 0, corridor)
+        while not run.finished:
+            run.step()
+        return run
+
+    return lambda steps: deepcopy(once(steps))
+
+
+@pytest.fixture
+def run(trained):
+    """All labels are copied, and nothing is learned by reward yet."""
+    return trained(960)
 
 
 def test_a_flight_is_compared_with_the_others_of_its_mission():
@@ -44,10 +59,7 @@ def test_a_flight_is_compared_with_the_others_of_its_mission():
     assert not advantages(np.zeros(2 * FLIGHTS, np.float32)).any()
 
 
-def test_a_choice_is_pushed_by_how_its_flight_did_among_those_of_its_mission(
-    corridor, corridor_scenario, recipe, monkeypatch
-):
-    run = trainer(corridor, corridor_scenario, recipe, 960)
+def test_a_choice_is_pushed_by_how_its_flight_did_among_those_of_its_mission(run, monkeypatch):
     drawn, pushed, draw = [], [], run._drawn_flights
     monkeypatch.setattr(run, "_drawn_flights", lambda start: drawn.append(draw(start)) or drawn[0])
     monkeypatch.setattr(run, "_update", lambda *one: pushed.append(one) or 0.0)
@@ -75,25 +87,29 @@ def described(state, action, row):
     return *map(int, numbers), *state.data_initial[row], *state.data_left[row], int(action[row])
 
 
+def surprise_of(run, state, action):
+    scores = run.learner.q_values(state)
+    return cross_entropy(scores, torch.tensor(action), reduction="none").numpy()
+
+
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_update_makes_actions_likelier_by_their_gain(corridor, corridor_scenario, recipe, sign):
-    run = trainer(corridor, corridor_scenario, recipe, 960)
+def test_the_update_makes_actions_likelier_by_their_gain(run, sign):
+    """A little: an action that has become so much likelier, or unlikelier, is not pushed on."""
     state = run.replay.sample(32, np.random.default_rng(0)).state
     action, gain = run.agent.act(state), np.full(32, sign, np.float32)
-    surprise = cross_entropy(run.learner.q_values(state), torch.tensor(action), reduction="none")
+    before = surprise_of(run, state, action)
     run.learner.set_learning_rate(1e-3)
     for _ in range(10):
-        run._update(state, action, gain, surprise.numpy())
-    after = cross_entropy(run.learner.q_values(state), torch.tensor(action))
-    assert sign * (surprise.mean() - after) > 0.02
-    for _ in range(60):  # the ratio is clipped: it goes a little further, but not on and on
-        run._update(state, action, gain, surprise.numpy())
-    last = cross_entropy(run.learner.q_values(state), torch.tensor(action))
-    assert sign * (surprise.mean() - last) < 1
+        run._update(state, action, gain, before)
+    assert sign * (before - surprise_of(run, state, action)).mean() > 0.02
+    for ratio, pushed in ((1 + sign * 0.3, False), (1 - sign * 0.3, True)):
+        run.learner.optimiser.state.clear()
+        before = surprise_of(run, state, action)
+        run._update(state, action, gain, before + np.float32(np.log(ratio)))
+        assert (surprise_of(run, state, action) != before).any() == pushed
 
 
-def test_before_an_update_the_ratio_is_1(corridor, corridor_scenario, recipe):
-    run = trainer(corridor, corridor_scenario, recipe, 960)
+def test_before_an_update_the_ratio_is_1(run, corridor_scenario):
     start = corridor_scenario.sample(run.environment, 20, np.random.default_rng(0))
     flights, _, surprise = run._drawn_flights(start)
     flown = [~step.state.ended for step in flights.history]
@@ -105,8 +121,7 @@ def test_before_an_update_the_ratio_is_1(corridor, corridor_scenario, recipe):
     assert len(ratio) > 100 and ratio.numpy() == pytest.approx(1, abs=1e-4)
 
 
-def test_flights_draw_actions_and_know_which_were_unsure(corridor, corridor_scenario, recipe):
-    run = trainer(corridor, corridor_scenario, recipe, 960)
+def test_flights_draw_actions_and_know_which_were_unsure(run, corridor_scenario):
     start = corridor_scenario.sample(run.environment, 50, np.random.default_rng(0))
     flights, unsure, surprise = run._drawn_flights(start)
     states = [step.state[~step.state.ended] for step in flights.history]
@@ -118,20 +133,16 @@ def test_flights_draw_actions_and_know_which_were_unsure(corridor, corridor_scen
     assert np.exp(-surprise) == pytest.approx(shares.numpy()[np.arange(len(taken)), taken])
 
 
-def test_reward_makes_a_poor_copy_better(corridor, corridor_scenario, recipe):
-    returns = []
-    for steps in (960, 40_000):
-        run = trainer(corridor, corridor_scenario, recipe, steps)
-        returns.append(
-            evaluate(run.environment, run.agent, corridor_scenario, 200, seed=0).returns.mean()
-        )
-    assert returns[1] > returns[0] + 1
+def test_reward_makes_a_poor_copy_better(trained, corridor_scenario):
+    poor, better = (
+        evaluate(run.environment, run.agent, corridor_scenario, 200, seed=0).returns.mean()
+        for run in map(trained, (960, 40_000))
+    )
+    assert better > poor + 1
 
 
-def test_learning_by_reward_begins_without_the_moments_of_copying(
-    corridor, corridor_scenario, recipe
-):
-    run = trainer(corridor, corridor_scenario, recipe, 944)
+def test_learning_by_reward_begins_without_the_moments_of_copying(trained):
+    run = trained(944)
     assert run.learner.optimiser.state
     run.step()
     assert run.steps == 960 and not run.learner.optimiser.state

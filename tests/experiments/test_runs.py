@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import signal
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ import pytest
 import torch
 
 from uavdh_lite.checkpoint import load, load_agent
-from uavdh_lite.errors import CheckpointError, InputError
+from uavdh_lite.errors import CheckpointError, InputError, TrainingDiverged
 from uavdh_lite.experiments import runs
 from uavdh_lite.experiments.runs import SAVED, restore_run, save_run, train
 from uavdh_lite.experiments.stopping import SIGNALS, deferred_stop
@@ -118,20 +119,29 @@ def test_the_same_call_with_resume_begins_and_continues_and_ends(trainer, tmp_pa
     assert rows[0]["return"].tolist() == rows[1]["return"].tolist()
 
 
+@pytest.fixture(scope="module")
+def finished(corridor, corridor_scenario, quick, tmp_path_factory):
+    """What begins a run, and the folder of one that has ended."""
+    options = {"steps": BIN + 50, "environments": 50, "batch_size": 64, "validation_interval": 2500}
+    recipe, out = replace(quick, **options), tmp_path_factory.mktemp("finished")
+    train(Trainer(corridor_scenario, recipe, 0, corridor), out, command="a command")
+    return lambda: Trainer(corridor_scenario, recipe, 0, corridor), out
+
+
 @pytest.mark.parametrize("damage", ["", "steps,return\n", "a,b\n1,2\n", "steps\nx\n", None])
 @pytest.mark.parametrize("name", ["training.csv", "validation.csv", "about.json"])
-def test_what_was_lost_or_damaged_is_written_again(trainer, tmp_path, name, damage):
-    options = {"steps": BIN + 50, "environments": 50, "batch_size": 64, "validation_interval": 2500}
-    train(trainer(**options), tmp_path, command="a command")
+def test_what_was_lost_or_damaged_is_written_again(finished, tmp_path, name, damage):
+    begin, folder = finished
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     (tmp_path / name).unlink()
     if damage is not None:
         (tmp_path / name).write_text(damage)
-    train(trainer(**options), tmp_path, resume=True, command="a command")
+    train(begin(), tmp_path, resume=True, command="a command")
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
     (tmp_path / "best.safetensors").write_text("x")
     with pytest.raises(CheckpointError, match=r"best\.safetensors"):
-        train(trainer(**options), tmp_path, resume=True)
+        train(begin(), tmp_path, resume=True)
 
 
 def test_a_run_is_saved_by_time_too_and_goes_on_only_with_its_own_threads(
@@ -160,3 +170,28 @@ def test_a_damaged_about_hides_no_error(trainer, tmp_path):
     (tmp_path / "about.json").write_text("[")
     with pytest.raises(InputError, match=r"another seed than asked for: 0 there, 1 here$"):
         train(trainer(1, steps=400), tmp_path, resume=True)
+
+
+@pytest.mark.parametrize("part", ["loss", "weight"])
+def test_a_run_that_diverges_ends_and_the_last_good_state_stays(trainer, tmp_path, part):
+    """Whether it would be saved at a validation or because it is stopped."""
+
+    def diverging():
+        own = trainer(steps=800, validation_interval=400)
+
+        def update(batch):
+            if part == "weight":
+                next(own.learner.online.parameters()).data[0] = torch.nan
+            return torch.tensor(1.0 if part == "weight" else torch.nan)
+
+        own.learner.update = update
+        return own
+
+    train(trainer(steps=800, validation_interval=400), tmp_path, stop_after=400)
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    for stop_after in (480, None):
+        with pytest.raises(TrainingDiverged, match=r"last good state is .*training\.safetensors"):
+            train(diverging(), tmp_path, resume=True, stop_after=stop_after)
+        assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+    with pytest.raises(TrainingDiverged, match="not finite after 400 steps: nothing was saved yet"):
+        train(diverging(), tmp_path / "new")
