@@ -158,7 +158,7 @@ Quiz("all_landed")
 #
 # $$\frac{p + z^2/2n \pm z\sqrt{p(1-p)/n + z^2/4n^2}}{1 + z^2/n}$$
 #
-# Both, for three results:
+# Here are both intervals for three results:
 
 # %%
 for count in (995, 999, 1000):
@@ -248,9 +248,9 @@ figure.axes[0].set_ylabel("points behind\ngenie (blue), greedy (orange)")
 figure
 
 # %% [markdown]
-# On the left, the agent is furthest behind the genie where flying time is short, and it catches up as time grows. Greedy has the
-# same trouble with short flights, so the orange points show no such trend. A likely reason: when time is short, a detour to the wrong
-# device cannot be made up for, and only the genie knows beforehand what a device will yield.
+# On the left, the agent is furthest behind the genie where flying time is short, and it catches up as time grows. Greedy has the same
+# trouble with short flights, so the orange points show no such trend. A likely reason is that, when time is short, a detour to the
+# wrong device cannot be made up for, and only the genie knows beforehand what a device will yield.
 #
 # On the right, the agent is behind greedy mainly in missions with two devices. Those are the easy ones, where greedy brings
 # home 99 %. So hard missions are hard for both, and it is in easy missions that the agent could do better. With eight groups
@@ -373,9 +373,9 @@ add_legend(figure, 2)
 figure
 
 # %% [markdown]
-# It is the same network in the same places. Both times it empties the near device first and then flies towards the far one until it
-# hears it well enough. With a quarter of the data there, it turns back earlier. A single flight might be luck, but the 20 draws
-# printed above say that it is not: every flight with a quarter of the data is shorter than every flight with equal data.
+# Network and places are the same in both flights. Both times the UAV empties the near device first and then flies towards the far one
+# until it hears it well enough. With a quarter of the data there, it turns back earlier. A single flight might be luck, but the 20
+# draws printed above say that it is not: every flight with a quarter of the data is shorter than every flight with equal data.
 #
 # Nobody trained the agent for this mission. It reacts to the data because the data is in the state. But what it does is learned rather
 # than computed. Before you trust it, test it on many missions and look at the worst.

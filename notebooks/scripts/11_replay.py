@@ -306,7 +306,7 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 were in the way. So they have learned from rewards that buildings *between* them and a device cost something, and
 they look for them.
 
-Neither network has become a ray tracer. The difference is small next to what these states are worth, and in three states out of ten
+Neither network has become a ray tracer. The difference is small compared with what these states are worth, and in three states out of ten
 there is none, or it goes the other way. Also, a city with a missing building is new to such a network. The
 test shows what the network looks at, but not how well it would fly there.
 #

@@ -144,7 +144,7 @@ for ax, layer, name in zip(figure.subplots(1, 3), told, TOLD_LAYERS):
 figure
 
 # %% [markdown]
-# Bright is large; the triangle is the UAV, the crosses are devices. *Expected data* is the data that one unit of time over a cell
+# Bright means large; the triangle is the UAV, and the crosses are devices. *Expected data* is the data that one unit of time over a cell
 # would bring without fading:
 #
 # $$\max_k \min(\delta \cdot R_k,\; \text{data left}_k)$$
@@ -180,7 +180,7 @@ print("".join(arrows[plan.actions[: (plan.actions != 5).sum() + 1]]))
 # The loss is 0 if the network was sure and right, and large if it was sure and wrong. In the library it is one line of `Cloning.loss`;
 # the loop around it is that of notebook 7, with the genie in place of the softmax policy.
 #
-# How often does the trained copy agree with its teacher? Fly the genie's plans of 100 missions, and ask the agent at each step:
+# How often does the trained copy agree with its teacher? Fly the genie's plans for 100 missions, and ask the agent at each step:
 
 # %%
 import torch
@@ -299,7 +299,7 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 #
 # A planner's labels are not free. Somebody has to know the channel's equations and the city, and to write a search. Where all that is
 # possible, copying is the shortest way to a good agent. Where the channel can only be measured by flying, reward is all there is, and
-# that is the paper's problem. So compare agents only with others that were told the same.
+# that is the problem that the paper poses. So compare agents only with others that were told the same.
 #
 # Here are two agents that you can load, flown on 300 missions that are new to both:
 

@@ -295,10 +295,10 @@ figure
 # %% [markdown]
 # Sort them by what the captions and the arrows say:
 #
-# - Most of the time was used, but few arrows can be seen, because they lie on top of one another. The UAV went back and forth, since
-#   several cells looked equally good to the network. - Much time was left when the UAV landed. In that case it gave up, although there
-#   was enough data and time. - The data lies behind walls or a no-fly zone, with a long way round. The greedy rule has that way in a
-#   table.
+# - Most of the time was used, but few arrows can be seen, because they lie on top of one another. The UAV went back and forth,
+#   since several cells looked equally good to the network.
+# - Much time was left when the UAV landed. In that case it gave up, although there was enough data and time.
+# - The data lies behind walls or a no-fly zone, with a long way round. The greedy rule has that way in a table.
 #
 # Change `lead.argsort()` to `(-lead).argsort()`, and you see the missions in which greedy is furthest behind.
 #
@@ -307,7 +307,7 @@ figure
 # - A network with a single city can learn it by heart. One that wakes up in another city each time has to look.
 # - In the centred map, a wall to the east looks the same in every city.
 # - The more cities to learn in, the closer seen and unseen come to each other.
-# - *Unseen* is a claim about where the cities come from. Say it with the number.
+# - *Unseen* is a claim about where the cities come from. State it together with the number.
 # - Missions in one city share its walls. For a claim about cities, resample whole cities.
 #
 # ## Exercises
