@@ -373,9 +373,9 @@ add_legend(figure, 2)
 figure
 
 # %% [markdown]
-# Network and places are the same in both flights. Both times the UAV empties the near device first and then flies towards the far one
-# until it hears it well enough. With a quarter of the data there, it turns back earlier. A single flight might be luck, but the 20
-# draws printed above say that it is not: every flight with a quarter of the data is shorter than every flight with equal data.
+# The network and the places are the same in both flights. Both times the UAV empties the near device first and then flies towards the
+# far one until it hears it well enough. With a quarter of the data there, it turns back earlier. A single flight might be luck, but
+# the 20 draws printed above say that it is not: every flight with a quarter of the data is shorter than every flight with equal data.
 #
 # Nobody trained the agent for this mission. It reacts to the data because the data is in the state. But what it does is learned rather
 # than computed. Before you trust it, test it on many missions and look at the worst.
