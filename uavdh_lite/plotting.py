@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +60,7 @@ ASIDE = 0.14  # of a cell: arrows lie to the right of the path, so that there an
 FRAMES_A_SECOND, FRAMES_OF_THE_END = 7, 12  # of an animation; a frame is a step
 UAV = Outline.make_compound_path(  # a marker: two arms, and a rotor at each of their ends
     *(Outline([(-1, turn), (1, -turn)]) for turn in (1, -1)),
-    *(Outline.circle(end, 0.6) for end in product((-1, 1), repeat=2)),
+    *(Outline.circle((x, y), 0.6) for x in (-1, 1) for y in (-1, 1)),
 )
 
 
@@ -275,7 +274,7 @@ def add_legend(figure: Figure, devices: int) -> None:
     ]
     handles: list[Artist] = [Patch(label=label, **style) for label, style in ground.items()]
     handles += [
-        Line2D([], [], linestyle="none", marker=marker, label=label, **{"color": "black"} | style)
+        Line2D([], [], linestyle="none", marker=marker, label=label, **{"color": "black", **style})
         for label, marker, style in signs
     ]
     columns = 3 if figure.get_figwidth() >= 9 else 2

@@ -34,8 +34,7 @@ export function parting(first, second, size) {
   const near = each((k) => far[k] <= NEAR && apart[k] < MUCH);
   const last = near.lastIndexOf(true);
   const begin = near.lastIndexOf(false, last) + 1; // of those up to the last
-  const meeting = [];
-  for (let k = begin; k <= last; k += 1) if (differ[k]) meeting.push(k);
+  const meeting = [...differ.keys()].filter((k) => differ[k] && k >= begin && k <= last);
   if (near[steps] || !meeting.length) {
     const same = each((k) => far[k] === 0 && apart[k] < Math.max(ENOUGH, apart[steps]));
     const acts = each((k) => same[k] && differ[k]).lastIndexOf(true);
@@ -109,16 +108,14 @@ export function idle(flight, step) {
 
 /** The longest stretch of idle steps that stay where it is or lead to and fro, `[first, behind its last]`, or null. */
 export function astray(flight, step) {
-  const { uavCell: cells, action } = flight;
+  const cells = flight.uavCell;
   const turns = (k) => k >= 0 && k + 2 < cells.length && cells[k + 2] === cells[k];
   const lost = idle(flight, step).map((each, k) => each && (turns(k) || turns(k - 1) || cells[k + 1] === cells[k]));
-  let best = [0, 0];
-  for (let first = 0; first < action.length; first += 1) {
-    let last = first;
-    while (lost[last]) last += 1;
-    if (last - first > best[1] - best[0]) best = [first, last];
-    first = Math.max(first, last - 1);
-  }
+  let [first, best] = [0, [0, 0]];
+  lost.forEach((each, k) => {
+    if (!each) first = k + 1;
+    else if (k + 1 - first > best[1] - best[0]) best = [first, k + 1];
+  });
   return best[1] - best[0] >= LONG ? best : null;
 }
 

@@ -180,7 +180,7 @@ export class Session {
   recorded(run, point) {
     const { base64 } = this.races[this.race.runs[run]].points[point];
     const key = `${this.race.runs[run]} ${point}`;
-    this.agents[key] ??= Object.assign(shelved({ base64 }, null), { knows: () => false });
+    this.agents[key] ??= shelved({ base64 }, null); // without a size, it knows no city
     return this.hangar.flight(key);
   }
 

@@ -223,11 +223,12 @@ export function draw(el, model) {
     const field = (name, label, value, limits) =>
       `<label>${label} <input type="number" data-field="${name}" value="${value}" required ${limits}></label>`;
     const axis = `min="0" max="${scene.film.city.length - 1}"`;
-    const cell = (device, [row, col]) => `${field(`row ${device}`, "row", row, axis)} ${field(`col ${device}`, "column", col, axis)}`;
-    const row = ({ cell: place, data }, k) => `<tr><th>device ${k}</th><td>${cell(k, place)}</td>
+    const place = (device, [row, col]) =>
+      `<td>${field(`row ${device}`, "row", row, axis)}</td><td>${field(`col ${device}`, "column", col, axis)}</td>`;
+    const row = ({ cell, data }, k) => `<tr><th>device ${k}</th>${place(k, cell)}
       <td>${field(`data ${k}`, "data", data, 'min="0" max="32767" step="any"')}</td>
-      <td>${button("remove", { kind: "remove", device: k })}</td></tr>`;
-    stage.fill(".devices", `${state.devices.map(row).join("")}<tr><th>start</th><td>${cell(-1, state.start)}</td></tr>`);
+      <td>${button("×", { kind: "remove", device: k }, `aria-label="remove device ${k}" title="remove"`)}</td></tr>`;
+    stage.fill(".devices", `${state.devices.map(row).join("")}<tr><th>start</th>${place(-1, state.start)}</tr>`);
     stage.fill(".fields", field("time", "flying time", state.flyingTime, 'min="1" max="32767"'));
     find("[data-set=place]").setAttribute("aria-pressed", adding);
     find("[data-set=place]").disabled = full;

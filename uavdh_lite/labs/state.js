@@ -2,7 +2,8 @@
 // `CHANGES` makes the next one from what somebody does. As JSON it is the saved file, and packed into
 // letters the page's address.
 
-import { ACTIONS, City, MAX_SIZE, Mission, missionFromJson, require, sum } from "./world.js";
+import { bytesOf } from "./pilots.js";
+import { ACTIONS, City, InputError, MAX_SIZE, Mission, missionFromJson, require, sum } from "./world.js";
 
 const FORMAT = "uavdh_lite stage";
 const LARGEST = 1_000_000; // characters of a file; the largest city takes a hundredth
@@ -68,12 +69,12 @@ export function stageAsJson({ mission, ...look }) {
 
 /** The stage of a saved file, or of a mission's file. */
 export function readFile(text, shelf) {
-  let values = null;
   require(text.length <= LARGEST, "this file is too large for a stage or a mission");
+  let values = null;
   try {
     values = JSON.parse(text.replace(/^\ufeff/, ""));
   } catch {
-    require(false, "this file is no JSON: open one that was saved here");
+    throw new InputError("this file is no JSON: open one that was saved here");
   }
   if (values?.format === "uavdh_lite mission") return newStage(missionFromJson(values), shelf);
   require(values?.format === FORMAT && values.version === 1, "this file holds no stage and no mission");
@@ -104,19 +105,11 @@ export async function linkOf(stage) {
 /** The text of a link; the error says why it cannot be opened. */
 export async function textOfLink(link) {
   try {
-    const packed = atob(link.replaceAll("-", "+").replaceAll("_", "/"));
-    const bytes = Uint8Array.from(packed, (letter) => letter.charCodeAt(0));
-    const reader = through(bytes, new DecompressionStream("deflate")).body.getReader();
-    const parts = [];
-    for (let size = 0; size <= LARGEST; size += parts.at(-1).length) {
-      const { done, value } = await reader.read();
-      if (done) return await new Blob(parts).text();
-      parts.push(value);
-    }
+    const packed = bytesOf(link.replaceAll("-", "+").replaceAll("_", "/"));
+    return await through(packed, new DecompressionStream("deflate")).text();
   } catch {
-    // said below
+    throw new InputError("this link is damaged: copy it again, as a whole");
   }
-  return require(false, "this link is damaged: copy it again, as a whole");
 }
 
 /** The city of a picture, a PNG with one pixel a cell. */
