@@ -46,8 +46,8 @@ class Trainer:
     Raises `InputError` for anything but a scenario, a recipe, a seed and cities.
     """
 
-    # The attributes of which `state_dict` makes JSON values; a subclass adds its own
-    SAVED: tuple[str, ...] = (
+    # The attributes that make up the state and are JSON values; a subclass adds its own
+    JSON_STATE: tuple[str, ...] = (
         "steps",
         "updates",
         "seconds",
@@ -265,7 +265,7 @@ class Trainer:
             for part, values in parts.items()
             for name, value in values.items()
         }
-        values = {name: getattr(self, name) for name in self.SAVED}
+        values = {name: getattr(self, name) for name in self.JSON_STATE}
         generators = self.generator, self.greedy_generator
         values["generators"] = [generator.bit_generator.state for generator in generators]
         return tensors, values
@@ -280,7 +280,7 @@ class Trainer:
         self.replay.load_state_dict(parts["replay"])
         self.state = State(**parts["state"])
         self.from_start, self.returns = (parts["in_flight"][k] for k in ("from_start", "returns"))
-        for name in self.SAVED:
+        for name in self.JSON_STATE:
             setattr(self, name, values[name])
         first, second = values["generators"]
         self.generator.bit_generator.state = first

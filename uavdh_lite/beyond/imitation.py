@@ -71,7 +71,7 @@ class Imitation(Trainer):
     An environment step is a label. The recipe is an `ImitationRecipe`.
     """
 
-    SAVED = (*Trainer.SAVED, "plans", "waiting")
+    JSON_STATE = (*Trainer.JSON_STATE, "plans", "waiting")
     recipe: Any
     learner: Cloning
 
