@@ -333,7 +333,7 @@ export function legend({ city, devices }) {
   const entries = [
     ...kinds.map((sign) => [KINDS[sign].name, cells([sign], sign)]),
     ["shadow: no line of sight to a device", shadow(["#"])],
-    ...devices.map((device) => [`device ${device.number}`, deviceSign(device)]),
+    ...devices.map((device) => [`device ${device.number}`, deviceSign({ ...device, number: "" })]),
     ["UAV", `<g class="uav">${UAV}</g>`],
     ["start", START],
     ["landing", LANDED],
