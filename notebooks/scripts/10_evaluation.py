@@ -203,10 +203,10 @@ for city, results in cities.items():
 
 # %% [markdown]
 # Over Manhattan, greedy is ahead in both scores, and no interval contains 0. Over the open field, the two collect
-the same amount, as far as these missions can tell, but the agent's return is higher because it wastes less time, whereas greedy flies
-to the last unit of data, whatever that costs. So which of them is better depends on the question that you ask.
-
-All of this is about two particular agents. Another training seed would have made others.
+# the same amount, as far as these missions can tell, but the agent's return is higher because it wastes less time, whereas greedy flies
+# to the last unit of data, whatever that costs. So which of them is better depends on the question that you ask.
+#
+# All of this is about two particular agents. Another training seed would have made others.
 #
 # ## 10.4 The best of many checkpoints
 #
@@ -324,8 +324,8 @@ for name, results in cities.items():
 # tries takes twice as many missions.
 #
 # ## 10.8 The same mission with different luck
-
-Fading is luck, too. How much of a result is due to it? Here is one mission with five devices, flown with 40 draws of the fading:
+#
+# Fading is luck, too. How much of a result is due to it? Here is one mission with five devices, flown with 40 draws of the fading:
 
 # %%
 from dataclasses import replace

@@ -275,8 +275,9 @@ figure
 
 # %% [markdown]
 # The triangle is the UAV, and the blue cross is the device. Wiping out what is orange clears the way between them, whereas wiping out
-# what is green changes nothing there. By how much does the network's largest Q-value rise?  We ask two agents, one for each of the
-# paper's cities, and also a network of the same shape without any training.
+# what is green changes nothing there. By how much does the network's largest Q-value rise?
+#
+# We ask two agents, one for each of the paper's cities, and also a network of the same shape without any training.
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -303,12 +304,12 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 
 # %% [markdown]
 # The untrained networks hardly notice. Both trained ones expect more when any buildings disappear, and clearly more when those buildings
-were in the way. So they have learned from rewards that buildings *between* them and a device cost something, and
-they look for them.
-
-Neither network has become a ray tracer. The difference is small compared with what these states are worth, and in three states out of ten
-there is none, or it goes the other way. Also, a city with a missing building is new to such a network. The
-test shows what the network looks at, but not how well it would fly there.
+# were in the way. So they have learned from rewards that buildings *between* them and a device cost something, and
+# they look for them.
+#
+# Neither network has become a ray tracer. The difference is small compared with what these states are worth, and in three states out of ten
+# there is none, or it goes the other way. Also, a city with a missing building is new to such a network. The
+# test shows what the network looks at, but not how well it would fly there.
 #
 # This way of asking works for any network and many questions: change one thing in the input that should matter, change something
 # similar that should not, and compare.

@@ -242,8 +242,10 @@ print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 #
 # What the agent did in a good flight becomes likelier, as if the genie had done it, and what it did in a bad one becomes less likely.
 # This is a *policy gradient*: no network has to learn values. It would take an agent that knows nothing very long, because hardly any
-# of its flights are good. After copying, it takes five minutes.  The paper's agents know nothing but reward, and that is the point of
-# them: they could learn in a city whose channel nobody can compute.
+# of its flights are good. After copying, it takes five minutes.
+#
+# The paper's agents know nothing but reward, and that is the point of them: they could learn in a city whose channel nobody can
+# compute.
 #
 # ## 12.5 What each way is worth
 #

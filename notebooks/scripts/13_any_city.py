@@ -172,16 +172,18 @@ play(own.environment, flight.trajectory(0))
 # The network was made for 16 cells on a side. How does it cope with ten? A city that is too small is surrounded by no-fly cells, as
 # every city is at its border. These cells say what is true: the UAV cannot get there. And because the agent learned in cities of eight
 # to sixteen cells on a side, it has seen cities like that. A city that is too large does not fit, because the first fully connected
-# layer has a weight for every place on the map.  In the labs you can do the same with the mouse: in the tool *Paint* (`python -m
-# uavdh_lite app`), paint a city and let the agent fly.
+# layer has a weight for every place on the map.
+#
+# In the labs you can do the same with the mouse: in the tool *Paint* (`python -m uavdh_lite app`), paint a city and let the agent fly.
 #
 # ## 13.4 Seen and unseen
 #
 # Does the agent do better in the cities that it learned in than in new ones? If it does, it has learned some of them by heart, and
-# more cities would help.  To see an agent learn by heart, take cities away. Twelve networks learned from reward in 1, 10, 100 or 2000
-# cities, three seeds of each, with 200,000 steps of a recipe of version 0.1.0. They flew 500 missions over the cities that they
-# learned in, and 500 over 300 others. Because the two sets are not equally hard, greedy flies the same missions, and each network is
-# compared with it:
+# more cities would help.
+#
+# To see an agent learn by heart, take cities away. Twelve networks learned from reward in 1, 10, 100 or 2000 cities, three seeds of
+# each, with 200,000 steps of a recipe of version 0.1.0. They flew 500 missions over the cities that they learned in, and 500 over 300
+# others. Because the two sets are not equally hard, greedy flies the same missions, and each network is compared with it:
 
 # %%
 from uavdh_lite.environment import Environment
