@@ -169,6 +169,36 @@ def table_learner(best=np.max, **fixed):
     return learn
 
 
+def through_y(memory, gamma, updates):
+    """The gradient flows through the target, too."""
+    nn = torch.nn
+    network = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
+    optimiser = torch.optim.Adam(network.parameters(), lr=0.01)
+    for _ in range(updates):
+        batch = memory[torch.randint(len(memory), (32,))]
+        cell, action, reward, after, ended = batch.split([2, 1, 1, 2, 1], dim=1)
+        y = reward + gamma * (1 - ended) * network(after).amax(1, keepdim=True)
+        loss = ((y - network(cell).gather(1, action.long())) ** 2).mean()
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+    return network
+
+
+def never_ending_table(step, *others):
+    """Something follows after the end, too."""
+
+    def goes_on(cell, action):
+        after, reward, ended = step(cell, action)
+        worth = learned[0][after].max() if ended else 0
+        return after, reward + others[2] * worth, ended
+
+    learned = [np.zeros((4, 4, 4))]
+    for _ in range(3):
+        learned[0] = checks.learned_table.solution(goes_on, *others)
+    return learned[0]
+
+
 def network_learner(gamma=None, tau=1.0, end=0, action=None):
     """A network that learns with a fault: a fixed γ, another τ, a value after the end, or one
     action in the place of that which was taken."""
@@ -243,6 +273,24 @@ def half_width(values, city, power=0.5, per=None, correct=True):
 def by_counting(values, city):
     sums = np.bincount(city, values - values.mean())
     return 1.96 * np.sqrt(len(sums) / (len(sums) - 1) * (sums**2).sum()) / len(values)
+
+
+def served_in_any_order(rate, left):
+    """The device with most data left has the slot."""
+    rest, total = np.repeat(left.astype(float), rate[0].size).reshape(rate.shape), 0.0
+    for _ in range(4):
+        own = rest.argmax(0)[None]
+        sent = np.minimum(np.take_along_axis(rate, own, 0), np.take_along_axis(rest, own, 0))
+        np.put_along_axis(rest, own, np.take_along_axis(rest, own, 0) - sent, 0)
+        total = total + sent[0]
+    return total
+
+
+def only_the_loudest(rate, left):
+    """The device that is the loudest at first has all four slots."""
+    heard = np.where(left[:, None, None] > 0, rate, -np.inf).argmax(0)[None]
+    most = np.minimum(4 * rate, left[:, None, None])
+    return np.take_along_axis(most, heard, 0)[0]
 
 
 FLIGHTS = [-0.2, -0.7, 2.3, 0.8, 0.3, 0.0], [1.6, -0.2, -151.2]
@@ -378,9 +426,11 @@ MISTAKES = {
         (table_learner(best=np.mean), "largest Q-value of the next cell"),
         (table_learner(gamma=0.95), "y is the reward plus γ times"),
         (lambda *case: np.zeros((4, 4)), r"array of shape \(4, 4, 4\)"),
+        (never_ending_table, "there y is the reward alone"),
     ],
     "learned_network": [
         (network_learner(end=1), "After the end nothing follows"),
+        (through_y, "A gradient flows through y"),
         (network_learner(gamma=0.5), "With another γ"),
         (network_learner(action=0), "of the action that was taken"),
         (lambda *case: torch.nn.Linear(2, 4), "y is the reward plus"),
@@ -429,7 +479,11 @@ MISTAKES = {
             "p is the share|stops",
         ),
     ],
-    "wilson": [(lambda k, n: (k / n, 1.0), "solve for q exactly")],
+    "missions_needed": [
+        (lambda share, crashes: int(share * 3.8416 / (1 - share)) + 1, "n − crashes of n missions"),
+        (lambda share, crashes: 381, "smallest n at which"),
+        (lambda share, crashes: 381.0, "a whole number is expected"),
+    ],
     "defeat": [
         ("L .\n. .", "it must have 16"),
         (ROWS.strip().replace(" ", "\n"), "at most 16 may"),
@@ -442,22 +496,28 @@ MISTAKES = {
         (LastPlaceNever, "upper end|all stored ones"),
         (OwnChance, "earlier calls|passed in"),
     ],
+    "prioritised": [
+        (lambda e, floor: (np.full(len(e), 1 / len(e)), np.ones(len(e))), "in proportion"),
+        (lambda error, floor: abs(error) + floor, "2 values are expected"),
+    ],
     "old_share": [(lambda capacity, before, after: 0.5, "all items are there")],
     "failsafe_mask": [
         (minus_one_is_near, "no way home, distance −1"),
         (landing_everywhere, "Only in the zone"),
         (landing_in_the_zone, "`land` outside the zone"),
     ],
-    "expected_data": [
-        (lambda rate, left: np.minimum(4 * rate.max(0), left.max()), "each with its own limit"),
+    "data_of_a_step": [
+        (lambda rate, left: 4 * rate.max(0), "until it has nothing left"),
+        (served_in_any_order, "the loudest of those with data left"),
+        (only_the_loudest, "hands the next slots on"),
     ],
     "view": [
         (lambda m, a, k, f: (np.rot90(m, k, (1, 2)), (a - k) % 4), "Hover and land|swaps left"),
         (lambda m, a, k, f: (m, a), "takes 1 from the number"),
     ],
-    "exponent": [
-        (lambda d, snr: tuple(np.abs(checks.exponent.solution(d, snr))), "Do not cut it off"),
-        (lambda d, snr: checks.exponent.solution(d, np.maximum(snr, -99)), "leave these links out"),
+    "shadow_reach": [
+        (lambda left, step: step, "mean product of all pairs"),
+        (lambda left, step: None, "Is there a `return`"),
     ],
     "corrected": [
         (lambda line, heard, w: np.average(heard, weights=w), "Add to the line|stops with"),

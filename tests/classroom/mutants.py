@@ -146,9 +146,15 @@ def _mutations(tree: ast.AST) -> Iterator[tuple[ast.AST, ast.AST, ast.AST]]:
             yield ast.fix_missing_locations(faulty), node, other
 
 
+def code_of(script: Path) -> str:
+    """A script without the cell that finds the library, whose magics are not Python."""
+    first = r'# %% tags=\["remove-cell"\]\n.*?(?=\n# %%)'
+    return re.sub(first, "", script.read_text(encoding="utf-8"), count=1, flags=re.S)
+
+
 def solutions(script: Path) -> tuple[str, dict[str, str], dict[str, str]]:
     """The code around the solutions, each solved function's code, what each check is handed."""
-    text = script.read_text(encoding="utf-8")
+    text = code_of(script)
     handed = dict(re.findall(r"^checks\.(\w+)\((.+)\)$", text, re.M))
     # A solution outside of any function is run only if it is short: the others search or fly
     text = re.sub(

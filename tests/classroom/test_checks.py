@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 from mistakes import MISTAKES
+from mutants import code_of
 
 from uavdh_lite.course import checks
 from uavdh_lite.course.checks import exercise as module
@@ -208,7 +209,7 @@ def test_the_notebooks_have_every_exercise_in_order():
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_no_import_takes_the_name_of_an_answer(script):
     """Finding: after 1.3, check 1.1 was handed the library's `rate`."""
-    text = script.read_text()
+    text = code_of(script)
     nodes = [n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.Import | ast.ImportFrom)]
     imported = {alias.asname or alias.name for node in nodes for alias in node.names}
     answers = set(re.findall(r"^checks\.\w+\((\w+)\)$", text, re.M))
@@ -310,7 +311,7 @@ def test_a_forgotten_mark_or_another_heading_is_an_error_that_names_the_cell(her
 
 
 def test_right_answers_in_fewer_digits_pass_and_no_rule_explains_a_type():
-    for name in ("convolve", "centre", "stable_policy", "double_target", "expected_data"):
+    for name in ("convolve", "centre", "stable_policy", "double_target", "data_of_a_step"):
         one = checks.EXERCISES[name]
         coarse = lambda *case, one=one: np.asarray(one.solution(*case), np.float32)  # noqa: E731
         if name in ("stable_policy", "double_target"):

@@ -17,11 +17,6 @@ MUTATED = [
     if name not in LEARNING
 ]
 EQUIVALENT = {  # by exercise: which faults change no result, and why
-    "exponent": {
-        "slope * x + level": "a constant does not change a standard deviation",
-        "(y - slope * x)": "a constant does not change a standard deviation",
-        "slope * x - y - level": "nor does the sign",
-    },
     "mean_rate": {"rate(snr_db - fading_db)": "the fading is symmetric"},
     "crosses": {"abs(cols * r - rows * c)": "the absolute value is the same"},
     "tdma_slot": {
@@ -39,7 +34,11 @@ EQUIVALENT = {  # by exercise: which faults change no result, and why
         "city != one": "all differences add up to 0, so the others' sum has the same square",
     },
     "n_step_return": {"(-1e-09, 1.0)": "within the tolerance of rounding"},
-    "expected_data": {"minimum(left[:, None, None], 4 * rate)": "the order makes no difference"},
+    "missions_needed": {"low_end(n) <= share": "no low end is a share of the cases"},
+    "shadow_reach": {
+        "<= 1 / np.e": "no correlation of the cases is 1/e",
+        "left_db.mean() - left_db": "the sign falls out of the products",
+    },
 }
 SLOW = ("crosses", "safe_step", "permutation_p")
 

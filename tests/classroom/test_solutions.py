@@ -2,7 +2,7 @@
 
 import jupytext
 import pytest
-from mutants import SCRIPTS
+from mutants import SCRIPTS, code_of
 
 QUICK = [script for script in sorted(SCRIPTS.glob("*.py")) if script.stem != "07_training"]
 
@@ -10,7 +10,8 @@ QUICK = [script for script in sorted(SCRIPTS.glob("*.py")) if script.stem != "07
 @pytest.mark.parametrize("script", QUICK, ids=lambda script: script.stem)
 def test_solutions_pass(script, capsys):
     answers = {"__name__": "answers"}
-    cells = [cell.source for cell in jupytext.read(script).cells if cell.cell_type == "code"]
+    notebook = jupytext.reads(code_of(script), "py:percent")
+    cells = [cell.source for cell in notebook.cells if cell.cell_type == "code"]
     for source in cells:
         plain = [line for line in source.splitlines() if not line.startswith("%")]
         exec("\n".join(plain), answers)

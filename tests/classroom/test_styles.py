@@ -1,5 +1,6 @@
 """Right answers pass, however they are written."""
 
+import bisect
 import functools
 import itertools
 import math
@@ -12,6 +13,7 @@ import torch
 from mutants import SCRIPTS, solutions
 
 from uavdh_lite.course import checks
+from uavdh_lite.evaluation import wilson_interval
 
 
 class Callable:
@@ -58,7 +60,7 @@ SEVERAL = {
 }
 NUMBERS = ("flight_score", "same_path_loss", "n_step_return", "network_weights", "old_share")
 NUMBERS += ("permutation_p", "clustered_half_width")
-ROWS = ("tdma_slot", "wilson", "lead")
+ROWS = ("tdma_slot", "lead")
 
 
 @functools.cache
@@ -108,16 +110,10 @@ def by_sets(a, b):
     return Fraction(sum(larger), len(larger))
 
 
-def by_search(successes, trials):
-    share, ends = successes / trials, []
-    for far in (0.0, 1.0):
-        near, away = share, far
-        for _ in range(200):
-            q = (near + away) / 2
-            inside = abs(share - q) <= 1.96 * math.sqrt(q * (1 - q) / trials)
-            near, away = (q, away) if inside else (near, q)
-        ends.append(near)
-    return ends
+def by_the_library(share, crashes):
+    low = lambda n: wilson_interval(np.arange(n) >= crashes).low  # noqa: E731
+    enough = next(2**k for k in itertools.count(6) if low(2**k) >= share)
+    return bisect.bisect_left(range(crashes + 1, enough), share, key=low) + crashes + 1
 
 
 def by_steps(layers, action, turns, mirrored):
@@ -170,7 +166,7 @@ OTHERS = {
     "clustered_half_width": by_matrix,
     "stable_policy": lambda q, beta: by_logarithms(q.double(), beta).float(),
     "permutation_p": by_sets,
-    "wilson": by_search,
+    "missions_needed": by_the_library,
     "double_target": by_one_hot,
     "rate_from_snr": lambda snr_db: np.logaddexp2(0, np.asarray(snr_db) / 10 * np.log2(10)),
     "failsafe_mask": by_loop,

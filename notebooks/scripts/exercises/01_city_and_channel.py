@@ -4,8 +4,23 @@
 # These exercises go with notebook `01_city_and_channel`. You need logarithms, the normal distribution and a little numpy.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
-# If it never finishes, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
+# never finishes, interrupt the kernel with the stop button.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
 
 # %%
 # %matplotlib inline
@@ -112,4 +127,4 @@ checks.mean_rate(mean_rate)
 # %% [markdown]
 # In decibels the rate bends upwards everywhere, most at 0 dB, so that lucky draws gain more than unlucky ones lose:
 # fading helps. Far above 0 dB the rate is almost a straight line, and fading changes next to nothing; far below, it
-# changes little data, but a large share of it.
+# changes the data by only a little, but that little is a large share.

@@ -4,8 +4,23 @@
 # These exercises go with notebook `02_shadow_ray_tracing`. You need the equation of a line, loops and Boolean arrays.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
-# If it never finishes, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
+# never finishes, interrupt the kernel with the stop button.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
 
 # %%
 # %matplotlib inline
@@ -134,5 +149,5 @@ checks.asymmetric_share(asymmetric_share)
 
 # %% [markdown]
 # Try yours on the city of the notebook, `City.load("manhattan").buildings`, with `line_of_sight` and with
-# `bresenham_fans` of `uavdh_lite.course.bresenham`: the first must give 0, and a share above 0 is a sure sign that a
+# `bresenham_fans` of `uavdh_lite.course.bresenham`, which notebook 13 explains: the first must give 0, and a share above 0 is a sure sign that a
 # method is not exact. But 0 is no proof: a rule can be symmetric and wrong.

@@ -4,8 +4,23 @@
 # These exercises go with notebook `03_environment`. You need arithmetic, Boolean arrays and a little numpy.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
-# If it never finishes, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
+# never finishes, interrupt the kernel with the stop button.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
 
 # %%
 # %matplotlib inline
@@ -34,7 +49,7 @@ from uavdh_lite.channel import rate
 #
 # <details><summary>Another hint</summary>
 #
-# Let the empty devices stay in the array, with an SNR that never wins: then all numbers stay right. Would 0 dB
+# Let the empty devices stay in the array, with an SNR that never wins: then the devices keep their numbers. Would 0 dB
 # do? What if all are empty? The winner uploads the smaller of two amounts.
 # </details>
 
@@ -80,8 +95,8 @@ checks.tdma_slot(slot)
 # | 2 | 2 | land | not in the landing zone: hovers instead | 1.0 |
 # | 3 | 1 | land | not in the landing zone: hovers instead | 1.5 |
 #
-# Work out the reward of each step with pencil and paper. Return two lists: six numbers for flight A, three for
-# flight B.
+# Work out the reward of each step with pencil and paper. Return two lists: six numbers for flight A, three for flight
+# B.
 #
 # <details><summary>Hint</summary>
 #

@@ -4,8 +4,23 @@
 # These exercises go with notebook `04_map_centring`. You need indexing of numpy arrays.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
-# If it never finishes, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
+# never finishes, interrupt the kernel with the stop button.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
 
 # %%
 # %matplotlib inline

@@ -7,11 +7,25 @@
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
 # right, and if not, what is probably wrong. It looks at what your code *does*, not at how it is written. Hints are folded away
-# below each task. Your code runs inside this notebook.
-# If it never finishes, interrupt the kernel with the stop button.
+# below each task. Your code runs inside this notebook. If it never finishes, interrupt the kernel with the stop button.
 #
 # Nobody gets stuck: a step that builds on the one before it begins with a solution of that one, folded away. Open it when you
 # have yours, or when you want to go on without.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
 
 # %%
 # %matplotlib inline
@@ -94,6 +108,19 @@ print(memory.shape)
 print(memory[:3])
 
 # %% [markdown]
+# This is all of PyTorch that you need here:
+#
+# | to write | it means |
+# | --- | --- |
+# | `nn.Linear(2, 64)` | a fully connected layer, from 2 inputs to 64 neurons |
+# | `nn.Sequential(a, nn.ReLU(), b)` | a network: first `a`, then ReLU, then `b`; call it with a batch, $(B, 2)$ |
+# | `with torch.no_grad():` | what is computed inside is a plain number: no gradient flows through it |
+# | `q.gather(1, column)` | from each row of `q`, $(B, 4)$, the entry that `column`, $(B, 1)$ whole numbers, names; $(B, 1)$ |
+# | `x.amax(1, keepdim=True)` | the largest number of each row, $(B, 1)$; without `keepdim` its shape is $(B,)$ |
+# | `copy.deepcopy(network)` | a second network with the same weights (after `import copy`) |
+#
+# Mind the shapes: $(B, 1)$ minus $(B,)$ is $(B, B)$, without an error.
+#
 # Write a function that makes a network and trains it.
 #
 # - `memory`: a tensor like the one above; `gamma`: $\gamma$

@@ -5,8 +5,23 @@
 # built in the exercises of notebook 6.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
-# If it never finishes, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
+# never finishes, interrupt the kernel with the stop button.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
 
 # %%
 # %matplotlib inline
@@ -79,6 +94,22 @@ print("a batch of", len(pair))
 # `torch.cat([self.convolution(maps), time], dim=1)` joins them. A convolution 3 × 3 with stride 2 makes 7 × 7 cells of 15 × 15.
 # </details>
 #
+# <details><summary>Hint: the same as a skeleton</summary>
+#
+# ```python
+# class Network(nn.Module):
+#     def __init__(self, layers):
+#         super().__init__()  # before anything else
+#         self.convolution = nn.Sequential(nn.Conv2d(layers, 16, kernel_size=3, stride=2), nn.ReLU(), nn.Flatten())
+#         self.head = ...  # the list that Flatten makes and the time go in, six numbers come out
+#
+#     def forward(self, maps, time):
+#         ...
+# ```
+#
+# `nn.Conv2d(layers in, kernels, size, stride)` is a convolution, `nn.Flatten()` makes a list of each picture. Call the network as `network(maps, time)`.
+# </details>
+#
 # <details><summary>Hint: actions</summary>
 #
 # `torch.multinomial(probabilities, 1)[:, 0].numpy()` draws an action from each row. The Q-values for acting need no gradient.
@@ -86,8 +117,8 @@ print("a batch of", len(pair))
 #
 # <details><summary>Hint: the minibatch</summary>
 #
-# `zip(*ring.sample(64, generator))` makes four columns of a list of four-tuples. States become a batch by `State.concatenate(list)`,
-# numbers by `torch.tensor(np.array(column))`. `batch.ended` says where the episode ended.
+# `zip(*ring.sample(64, generator))` makes four columns of a list of four-tuples. Join states into a batch with
+# `State.concatenate(list)`, and numbers with `torch.tensor(np.array(column))`. `batch.ended` says where the episode ended.
 # </details>
 
 # %%

@@ -4,8 +4,23 @@
 # These exercises go with notebook `10_evaluation`. You need means, standard deviations and the normal distribution.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
-# If it never finishes, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
+# never finishes, interrupt the kernel with the stop button.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
 
 # %%
 # %matplotlib inline
@@ -19,42 +34,49 @@ from uavdh_lite.evaluation import evaluate
 from uavdh_lite.planners import Greedy
 
 # %% [markdown]
-# ## 10.1 · An interval for a share (2 points, 12 minutes)
+# ## 10.1 · How many missions must land? (2 points, 12 minutes)
 #
-# `successes` of `trials` missions ended well: a share $p$ of $n$. Which true shares $q$ are compatible with that? If $q$
-# is the true share, then $p$ scatters around it with the standard error $\sqrt{q(1-q)/n}$, and lies within $z = 1.96$
-# standard errors of it in 95 % of all cases. *Wilson's interval* are all $q$ with
+# A customer wants to read "at least 99 % of the flights land", with an interval to show it. You plan the test flights. How many do you need, if
+# `crashes` of them crash?
 #
-# $$|p - q| \le z \sqrt{q (1 - q) / n}.$$
+# - `share`: what is to be shown, between 0 and 1
+# - `crashes`: how many of the missions crash, 0 or more
 #
-# Return its two ends, `(low, high)`, as shares from 0 to 1, to within 0.1 % of their value: solve the equation for $q$, a
-# grid of shares is too coarse. Try to do without `wilson_interval` or another library's, that is the point of the
-# exercise.
+# Return the smallest number of missions $n$ for which the low end of Wilson's 95 % interval (10.2, with $z = 1.96$) is at least `share`. All missions but
+# `crashes` of them land. An example: if none crashes, 381 missions show 99 %, because $381 / (381 + 1.96^2)$ is just above 0.99, and 380 do not.
 #
 # <details><summary>Hint</summary>
 #
-# At both ends of the interval the inequality is an equality. Square it: what kind of equation in q is that?
+# The low end rises with the number of missions. So try one number after the other. Where does the search begin, if some missions crash?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# (p − q)² = z² q (1 − q) / n is quadratic in q. Its solutions are (p + z²/(2n) ± z sqrt(p (1 − p)/n +
-# z²/(4n²))) / (1 + z²/n), with p = successes / trials.
+# Write a small function for the low end of `n - crashes` landings in `n` missions: the formula of 10.2 with the minus sign. Begin at
+# `crashes + 1`, and add 1 as long as the low end is below the share.
 # </details>
 
 # %%
-def wilson(successes, trials):
-    """Low and high end of Wilson's 95 % interval for the share of successes."""
+def needed(share, crashes):
+    """The smallest number of missions, these crashes among them, that shows this share of landings."""
     ### BEGIN SOLUTION
-    share, z = successes / trials, 1.96
-    middle = share + z**2 / (2 * trials)
-    half = z * math.sqrt(share * (1 - share) / trials + z**2 / (4 * trials**2))
-    below = 1 + z**2 / trials
-    return (middle - half) / below, (middle + half) / below
+    def low_end(n):
+        p, z = (n - crashes) / n, 1.96
+        half = z * math.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+        return (p + z**2 / (2 * n) - half) / (1 + z**2 / n)
+
+    n = crashes + 1
+    while low_end(n) < share:
+        n += 1
+    return n
     ### END SOLUTION
 
 # %%
-checks.wilson(wilson)
+checks.missions_needed(needed)
+
+# %% [markdown]
+# A single crash more than expected costs two hundred missions at 99 %. Whoever stops as soon as the number looks good, and flies on as long as it does not, deceives himself:
+# decide how many missions to fly before the first of them takes off.
 
 # %% [markdown]
 # ## 10.2 · A city that defeats the agent (3 points, 12 minutes)
@@ -79,7 +101,7 @@ checks.wilson(wilson)
 # - the agent's is at least 30 points below that of the greedy planner.
 #
 # `trial(text)` flies other missions of the same kind, to practise. With 100 missions the means vary by several points
-# from one seed to another, and more where crashes are many: look for a city with 10 points or more to spare.
+# from one seed to another, and more where crashes are frequent: look for a city with 10 points or more to spare.
 #
 # <details><summary>Hint</summary>
 #

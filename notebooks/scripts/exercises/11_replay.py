@@ -1,14 +1,31 @@
 # %% [markdown]
 # # Exercises 11 · Replay
 #
-# These exercises go with notebook `11_replay`. You need the ring of exercise 6.3.
+# These exercises go with notebook `11_replay`. You need the ring of exercise 6.3, and numpy.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
-# If it never finishes, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
+# never finishes, interrupt the kernel with the stop button.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
 
 # %%
 # %matplotlib inline
+import numpy as np
+
 from uavdh_lite.course import checks
 
 # %% [markdown]
@@ -49,3 +66,46 @@ checks.old_share(old_share)
 # %% [markdown]
 # Of 100,000 places, as in our recipes, nothing is old any more after 100,000 steps. A small memory forgets the old city sooner, and
 # with it all else that is rare.
+
+# %% [markdown]
+# ## 11.2 · Draw what surprises, and make up for it (2 points, 12 minutes)
+#
+# A step whose Q-value is far from its target has more to teach than one that is known already. **Prioritised replay** draws such steps more often. But
+# then strokes of luck are seen more often than they happen, and the mean that Q should learn is shifted. So each drawn step's loss gets a weight
+# that makes up for it (notebook 6.2). Compute both.
+#
+# - `error`: array $(N,)$, target minus Q-value of each step in the memory, of either sign
+# - `floor`: a number above 0, so that a step without an error is drawn now and then, too
+#
+# A step is to be drawn with a probability in proportion to the size of its error plus `floor`. Its weight is to undo that: over many draws, each step must count
+# as much as any other. Scale the weights so that the largest is 1, since larger ones would make the steps downhill too long.
+#
+# Return two arrays $(N,)$: the probabilities, which add up to 1, and the weights. Leave `error` as it is.
+#
+# An example: the errors 3, −1, 0 with the floor 1. The steps are drawn in the proportion 4 : 2 : 1, and their weights are 0.25, 0.5 and 1.
+#
+# <details><summary>Hint</summary>
+#
+# What must probability times weight be, if each step is to count as much as any other?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# np.abs(error) + floor, divided by its sum, are the probabilities. The weights are 1 over them, divided by the largest of these.
+# </details>
+
+# %%
+def prioritised(error, floor):
+    """The probability with which each step is drawn, and the weight of its loss."""
+    ### BEGIN SOLUTION
+    size = np.abs(error) + floor
+    probability = size / size.sum()
+    return probability, probability.min() / probability
+    ### END SOLUTION
+
+# %%
+checks.prioritised(prioritised)
+
+# %% [markdown]
+# Try it with the ring: `generator.choice(n, 64, p=probability)` draws the places. Does it help in the village? It is one of the parts of *Rainbow*, an agent that combines six
+# improvements of DQN, and one more thing that may be wrong with yours.

@@ -4,8 +4,23 @@
 # These exercises go with notebook `12_four_ways`. You need numpy: indexing with arrays, and tables made of a row and a column.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
-# If it never finishes, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
+# never finishes, interrupt the kernel with the stop button.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
 
 # %%
 # %matplotlib inline
@@ -63,35 +78,49 @@ checks.failsafe_mask(fits)
 # one that fits.
 
 # %% [markdown]
-# ## 12.2 · What a cell has to offer (2 points, 10 minutes)
+# ## 12.2 · What a cell really brings (2 points, 15 minutes)
 #
-# A network can be told what can be computed. Such a layer says of every cell how much data a step over it is expected to bring. A step has
-# four communication slots. In them one device sends: the one that can send most. It sends four times its mean rate, but no more than it
-# has left.
+# The told layer of 12.2 is an estimate: it gives all four slots of a step to one device. What does a step bring by the rule of 3.5, if the UAV hovers over a cell and there
+# is no fading? In every slot the loudest of the devices that have data left sends. It sends what the slot carries, its mean rate, but no more than it has left.
+# When it is empty, the next slot belongs to another one.
 #
-# - `rate`: (K, M, M), the mean rate of each device to a UAV over each cell, data units a slot
-# - `left`: (K,), the data units that each device has left
+# - `rate`: (K, M, M), the mean rate of each device to a UAV over each cell, data units a slot, above 0; no two are equal over one cell
+# - `left`: (K,), the data units that each device has left at the start of the step
 #
-# Return the layer, (M, M): for each cell the most data units that one device sends in a step there. Leave the arrays as they are.
+# Return the layer, (M, M): for each cell the data of the four slots together, if the UAV spends the step there. Leave the arrays as they are.
+#
+# An example with one cell: the rates are 3 and 2, the devices have 4 and 9 units left. The slots bring 3, 1, 2 and 2, together 8. The told layer says
+# $\max(\min(12, 4), \min(8, 9)) = 8$, too, but with 5 units at the first device it says 8 where the slots bring 9.
 #
 # <details><summary>Hint</summary>
 #
-# What could one device send in the four slots of a step, if nobody else sent? What limits it? Only one device
-# sends at a time.
+# Do one cell first, slot by slot, and keep account of what each device has left. What may never win?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# np.minimum(4 * rate, left[:, None, None]) is (K, M, M): left becomes a column for the map. Then the largest
-# over the devices, axis 0.
+# For each cell begin with a copy of `left`. Four times: set the rate of empty devices to −infinity, take the largest, send the smaller of two
+# amounts, and subtract it.
 # </details>
 
 # %%
-def told(rate, left):
-    """The data units that the best device sends in a step over each cell, (M, M)."""
+def brings(rate, left):
+    """The data units of a step over each cell, (M, M), without fading."""
     ### BEGIN SOLUTION
-    return np.minimum(4 * rate, left[:, None, None]).max(axis=0)
+    layer = np.zeros(rate.shape[1:])
+    for row, col in np.ndindex(layer.shape):
+        rest = left.astype(float)
+        for _ in range(4):
+            heard = np.where(rest > 0, rate[:, row, col], -np.inf)
+            device = heard.argmax()
+            sent = min(rate[device, row, col], rest[device])
+            rest[device] -= sent
+            layer[row, col] += sent
+    return layer
     ### END SOLUTION
 
 # %%
-checks.expected_data(told)
+checks.data_of_a_step(brings)
+
+# %% [markdown]
+# Why is the agent told the estimate? It is one line for a whole batch of cities, and close to the truth wherever one device is much louder than the others.

@@ -1,11 +1,26 @@
 # %% [markdown]
 # # Exercises 14 · A real city
 #
-# These exercises go with notebook `14_a_real_city`. You need numpy and a straight line.
+# These exercises go with notebook `14_a_real_city`. You need numpy, and means of products.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook.
-# If it never finishes, interrupt the kernel with the stop button.
+# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
+# never finishes, interrupt the kernel with the stop button.
+
+# %% tags=["remove-cell"]
+# Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
+from glob import glob
+from importlib.metadata import distributions
+
+wheel = ""  # its address, if you were given one; a wheel that lies beside this notebook is found
+places = ("..", ".", "../..", "../../..", *glob("*"))
+project = [path for path in places if glob(f"{path}/uavdh_lite/city.py")]
+if not any(distributions(name="uavdh_lite")):
+    source = [*filter(None, [wheel]), *glob("uavdh_lite-*.whl"), *project]
+    assert source, "upload the wheel beside this notebook, or set its address above"
+    # %pip install -q "{source[0]}" ipywidgets
+if project:
+    # %cd -q {project[0]}/notebooks
 
 # %%
 # %matplotlib inline
@@ -14,40 +29,47 @@ import numpy as np
 from uavdh_lite.course import checks
 
 # %% [markdown]
-# ## 14.1 · The exponent of a place (2 points, 10 minutes)
+# ## 14.1 · How far does a shadow reach? (2 points, 12 minutes)
 #
-# You measured the links of a place and want its path loss exponent. You are given
+# In the paper, shadow fading is drawn anew for each slot. In a real street it belongs to the place, so that neighbouring cells resemble each other (14.3). How far does that
+# reach? A UAV flies down a straight street past one device. Take what the fitted line leaves over of the SNR in each cell.
 #
-# - `distance_m`: $(N,)$, the distance of each link in metres,
-# - `snr_db`: $(N,)$, its SNR in dB; −inf where nothing was heard.
+# - `left_db`: $(N,)$, what is left over, dB, cell by cell; $N \ge 2$, and not all values are equal
+# - `step_m`: from one cell to the next, m
 #
-# Fit the line $\mathrm{SNR} = \text{level} - \alpha \cdot 10 \log_{10} d$ by least squares to the links that were heard. Return $\alpha$ and
-# $\sigma$, the root of the mean square of what the line leaves over. At least two links were heard, at different distances.
+# Take the mean away first. The *correlation* at a distance of $k$ cells is the mean product of all pairs of values that are $k$ cells apart, divided by the mean
+# square of all values. It is 1 at $k=0$. Return the first distance, in metres, at which it is below $1/e$. This is called the **decorrelation distance**.
 #
-# An example: 0 dB at 10 m and −20 dB at 100 m. There $10 \log_{10} d$ is 10 and 20, so the slope is −2, $\alpha$ is 2 and $\sigma$ is 0.
+# An example: 4, 4, −4, −4 and 10 m. One cell apart the products are 16, −16 and 16, the mean is 5.3, and the mean square is 16: the correlation is 0.33, and below
+# $1/e = 0.37$. So the distance is 10 m.
 #
 # <details><summary>Hint</summary>
 #
-# np.polyfit(x, y, 1) gives slope and level. Which links does it get, and which x?
+# How do you get all pairs that are $k$ cells apart without a loop over cells? Two slices of one array.
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# heard = np.isfinite(snr_db) selects the links; np.std(y - slope * x - level) is σ, because what a fitted line leaves over has the mean 0.
+# `off[k:] * off[:-k]` are all products. Begin with k = 1, and go on as long as their mean over `np.mean(off**2)` is not below 1/e. The distance is k times
+# step_m.
 # </details>
 
 # %%
-def exponent(distance_m, snr_db):
-    """The path loss exponent α, and the spread σ around the line, dB."""
+def reach_m(left_db, step_m):
+    """The first distance, m, at which what the line leaves over is hardly correlated any more."""
     ### BEGIN SOLUTION
-    heard = np.isfinite(snr_db)
-    x, y = 10 * np.log10(distance_m[heard]), snr_db[heard]
-    slope, level = np.polyfit(x, y, 1)
-    return -slope, np.std(y - slope * x - level)
+    off = left_db - left_db.mean()
+    for k in range(1, len(off)):
+        if np.mean(off[k:] * off[:-k]) / np.mean(off**2) < 1 / np.e:
+            return k * step_m
     ### END SOLUTION
 
 # %%
-checks.exponent(exponent)
+checks.shadow_reach(reach_m)
+
+# %% [markdown]
+# Why is there always such a distance? All products of *different* values together are minus half the sum of the squares, because the mean was taken away. So at some distance the mean
+# product is negative.
 
 # %% [markdown]
 # ## 14.2 · Believe what you heard (2 points, 12 minutes)

@@ -32,7 +32,7 @@ from uavdh_lite.scenario import find_scenario
         "Every data unit counts the same: do not average the devices' own ratios.": (
             lambda c, i, landed: landed * np.mean([x / y for x, y in zip(c, i, strict=True) if y])
         ),
-        "Every data unit counts the same: do not average ratios. An empty device has none.": (
+        "Every data unit counts the same: do not average ratios. An empty device has no ratio.": (
             lambda c, i, landed: landed * np.mean(np.divide(c, i))
         ),
         "That is what is left. What was collected counts.": (

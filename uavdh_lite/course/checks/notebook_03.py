@@ -61,7 +61,8 @@ def step_of(answer, flight, step):
         "Each data unit that is uploaded counts 1, and each step costs 0.2 unless it lands.": [
             ("A", 1), ("A", 3), ("A", 5), ("B", 1),
         ],
-        "The controller replaced the action: its penalty of 1 comes on top of the 0.2.": [
+        "The controller replaced the action: data still comes in while the UAV hovers, and the "
+        "penalty of 1 comes on top of the 0.2.": [
             ("A", 2), ("B", 2),
         ],
         "A step uploads no more than the device has left: keep an account of it.": [("A", 4)],

@@ -28,6 +28,23 @@ def called_table(flights, gamma, alpha, *where):
     return f"After {flights} flights with γ = {gamma} and α = {alpha}, the table's largest Q-value"
 
 
+def learns_after_the_end(learn) -> str:
+    """A gate: entered from the west it ends the flight, otherwise it is a cell like any other."""
+    open_city = small_city((9, 9))
+
+    def step(cell, action):
+        after, reward, _ = open_city(cell, action)
+        ended = after == (0, 3) and action == 1 and cell != after
+        return after, reward + 10 * ended + (after == (3, 3)), ended
+
+    case = step, START, 300, 0.9, 0.5
+    q, right = (one(*case, stream(Use.EXERCISE, 0)) for one in (learn, learn_table))
+    if np.abs(q[0, 2, 1] - right[0, 2, 1]) < 0.5:
+        return ""
+    said = "An episode may end in a cell that is worth something to others who pass it."
+    return f"{said} Nothing follows all the same: there y is the reward alone."
+
+
 EASTWARD = (3, 3), 0.0, 4 * [(0, 1)]  # device, price and moves: whatever it does, it goes east
 
 
@@ -45,6 +62,7 @@ EASTWARD = (3, 3), 0.0, 4 * [(0, 1)]  # device, price and moves: whatever it doe
     },
     ask=table_values,
     call=called_table,
+    also=learns_after_the_end,
     tolerance=0.01,
     smallest=0.03,
 )
@@ -70,6 +88,18 @@ def network_values(learn, seed, *case):
 
 def called_network(seed, gamma, *more):
     return f"With γ = {gamma}, seed {seed}, the network's largest Q-value of a cell"
+
+
+def gradient_through_y(learn) -> str:
+    """Chance leads to a cell worth 10 or to one worth 0; a gradient through y levels the two."""
+    rows = [(3, 0, a, 0, 0, col, 0) for a in range(4) for col in (0, 3)]
+    rows += [(0, col, a, 10 * (col == 0), 0, col, 1) for a in range(4) for col in (0, 3)]
+    torch.manual_seed(0)
+    network = learn(torch.tensor(rows, dtype=torch.float32).repeat(10, 1), 0.9, 1000)
+    if network(torch.zeros(1, 2)).max() > 9:
+        return ""
+    said = "A gradient flows through y, which makes the next cell fit the one before."
+    return f"{said} Compute y inside `with torch.no_grad():`."
 
 
 def draw_explosion(ax, learn):
@@ -99,6 +129,7 @@ def draw_explosion(ax, learn):
     },
     ask=network_values,
     call=called_network,
+    also=gradient_through_y,
     tolerance=0.1,
     smallest=0.8,
 )

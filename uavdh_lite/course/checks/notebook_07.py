@@ -50,7 +50,8 @@ def wrong_training(train) -> str:
     why = "It collects and does not come home: does y end with the reward where an episode ended?"
     if own["landed"] > 0.8:
         why = "It lands and hardly collects: is β large at first, and are all actions tried?"
-    return f"{said}: {LEAST_LEAD:.0%} more than random are asked for. {why}"
+    least = f"{chance['collected_and_landed'] + LEAST_LEAD:.0%}"
+    return f"{said}: {least}, {100 * LEAST_LEAD:.0f} points more than random, are asked for. {why}"
 
 
 @exercise("7.1 · Your own DQN flies the village (6 points, 45 minutes)", also=wrong_training)

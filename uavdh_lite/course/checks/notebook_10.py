@@ -13,54 +13,55 @@ from uavdh_lite.planners import Greedy
 Z = 1.96  # 95 % of a standard normal lie within ± this
 
 
-def draw_wilson(ax, wilson):
-    successes = np.arange(21)
-    share = successes / 20
-    low, high = np.transpose([wilson(k, 20) for k in successes])
-    ax.errorbar(share, share, np.abs([share - low, high - share]), fmt="o", markersize=3, capsize=3)
-    ax.set(xlabel="share observed in 20 trials", ylabel="share and its 95 % interval")
+def draw_needed(ax, needed):
+    for share in (0.95, 0.98, 0.99):
+        missions = [needed(share, crashes) for crashes in range(9)]
+        ax.plot(range(9), missions, "o-", label=f"{share:.0%}")
+    ax.set(xlabel="crashes among them", ylabel="missions to show that so many land")
 
 
-def normal(successes, trials):
-    p = successes / trials
-    half = Z * np.sqrt(p * (1 - p) / trials)
-    return p - half, p + half
-
-
-def score_interval(successes, trials):
-    """Both ends before they are divided by 1 + z²/n."""
-    p, n = successes / trials, trials
+def low_end(landed, missions):
+    """Wilson's."""
+    p, n = landed / missions, missions
     half = Z * np.sqrt(p * (1 - p) / n + Z**2 / (4 * n**2))
-    return p + Z**2 / (2 * n) - half, p + Z**2 / (2 * n) + half
+    return (p + Z**2 / (2 * n) - half) / (1 + Z**2 / n)
+
+
+def simple_low_end(landed, missions):
+    p = landed / missions
+    return p - Z * np.sqrt(p * (1 - p) / missions)
 
 
 @exercise(
-    "10.1 · An interval for a share (2 points, 12 minutes)",
-    figure=draw_wilson,
+    "10.1 · How many missions must land? (2 points, 12 minutes)",
+    figure=draw_needed,
     rules={
-        "At both ends of the interval |p − q| equals z sqrt(q (1 − q) / n), with z = 1.96: solve "
-        "for q exactly. The interval is not centred on p; its low end is the first.": [
-            (7, 10), (5, 20), (33, 40), (11, 271),
+        "Without a crash all n of n missions land. Ask for the smallest n at which the low end of "
+        "Wilson's interval reaches the share.": [
+            (0.99, 0), (0.9, 0), (0.5, 0), (0.2, 0), (0.999, 0),
         ],
-        "It must hold for few and for many trials, and if none or all succeed. Do not round.": [
-            (1, 2), (2, 3), (0, 12), (20, 20), (0, 1), (1, 1), (0, 500),
-            (997, 1000), (1, 50_000), (31_000, 50_000),
+        "With crashes, n − crashes of n missions land; n begins above their number.": [
+            (0.99, 1), (0.9, 3), (0.95, 2), (0.5, 5), (0.2, 3), (0.998, 2), (0.97, 12), (0.05, 1),
         ],
     },
     mistakes={
-        "That is the normal approximation, p ± z sqrt(p (1 − p) / n). The root must hold the "
-        "unknown share, not the observed one; solve for it.": normal,
-        "That is the normal approximation, cut off at 0 and 1. The root must hold the unknown "
-        "share, not the observed one.": lambda k, n: tuple(np.clip(normal(k, n), 0, 1)),
-        "The denominator 1 + z²/n is missing.": score_interval,
+        "There the share that was *observed* reaches it. Ask it of the low end of the interval.": (
+            lambda share, crashes: missions_needed.solution(share, crashes, lambda k, n: k / n)
+        ),
+        "That is the simple interval, a point as long as nothing crashes. Take Wilson's.": (
+            lambda share, crashes: missions_needed.solution(share, crashes, simple_low_end)
+        ),
+        "So many are not quite enough: one mission more reaches the share.": (
+            lambda share, crashes: missions_needed.solution(share, crashes) - 1
+        ),
     },
-    tolerance=1e-3,
-    smallest=1e-7,
 )
-def wilson(successes, trials):
-    """`wilson(successes, trials)`: low and high end of the 95 % score interval."""
-    low, high = score_interval(successes, trials)
-    return low / (1 + Z**2 / trials), high / (1 + Z**2 / trials)
+def missions_needed(share, crashes, low=low_end):
+    """`needed(share, crashes)`: the least missions that show that this share lands, at least."""
+    n = crashes + 1
+    while low(n - crashes, n) < share:
+        n += 1
+    return n
 
 
 MISSIONS, SEED, GREEDY, BEHIND, CHANGED, SIZE = 100, 92, 0.90, 0.30, 16, 16

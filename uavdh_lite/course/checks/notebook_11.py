@@ -3,6 +3,7 @@
 import numpy as np
 
 from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.streams import Use, stream
 
 
 def draw_old_share(ax, old_share):
@@ -41,3 +42,47 @@ def old_share(capacity, before, after):
     """`old_share(capacity, before, after)`: the share of a ring's items from before a change."""
     stored = min(capacity, before + after)
     return 1.0 - min(capacity, after) / stored
+
+
+def errors(sizes, floor):
+    """Errors that are given, or so many random ones."""
+    if isinstance(sizes, int):
+        sizes = stream(Use.EXERCISE, sizes).normal(0, 3, sizes).round(2)
+    return np.array(sizes), floor
+
+
+def drawn(error, floor, size=abs, weight=np.reciprocal):
+    share = size(error) + floor
+    share = share / share.sum()
+    return share, weight(share) / weight(share).max()
+
+
+@exercise(
+    "11.2 · Draw what surprises, and make up for it (2 points, 12 minutes)",
+    rules={
+        "If all errors are alike, all steps are drawn alike, 1/N each, and all weights are 1.": [
+            ([2.0, 2.0, -2.0, 2.0], 0.5), ([7], 1.0), ([0, 0, 0], 0.1),
+        ],
+        "A step is drawn in proportion to the size of its error plus the floor, and the "
+        "probabilities add up to 1. Its weight is in proportion to one over its probability, so "
+        "that probability times weight is the same for all steps; the largest weight is 1.": [
+            ([3.0, 1.0, 0.0], 1.0), ([3, -1, 0], 1), ([-5.0, 5.0, 0.5], 0.01), (5, 0.2), (40, 1.5),
+            (7, 10.0),
+        ],
+    },
+    mistakes={
+        "An error of −3 surprises as much as one of 3: take its size.": (
+            lambda error, floor: drawn(error, floor, size=np.asarray)
+        ),
+        "The weights are upside down: what is drawn more often must count less.": (
+            lambda error, floor: drawn(error, floor, weight=np.asarray)
+        ),
+        "Scale the weights so that the largest is 1.": (
+            lambda error, floor: (drawn(error, floor)[0], 1 / drawn(error, floor)[0])
+        ),
+    },
+    case=errors,
+)
+def prioritised(error, floor):
+    """`prioritised(error, floor)`: each step's probability in a draw, and weight."""
+    return drawn(error, floor)

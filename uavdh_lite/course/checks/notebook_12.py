@@ -72,34 +72,43 @@ def links(devices, size, *left):
     return rate, np.array(left)
 
 
+def one_device(rate, left):
+    """The estimate of notebook 12: the most that a single device sends in four slots."""
+    return np.minimum(4 * rate, left[:, None, None]).max(0)
+
+
 @exercise(
-    "12.2 · What a cell has to offer (2 points, 10 minutes)",
+    "12.2 · What a cell really brings (2 points, 15 minutes)",
     rules={
-        "A step has four communication slots: a device sends 4 times its mean rate.": [
-            links(1, 2, 100.0), links(1, 3, 1000),
+        "A single device sends its rate in each of the four slots, until it has nothing left.": [
+            links(1, 2, 100.0), links(1, 3, 1000), links(1, 2, 5.0), links(1, 3, 0.0),
+            links(1, 4, 9.5),
         ],
-        "But no more than the device has left: one without data offers nothing.": [
-            links(1, 2, 5.0), links(1, 3, 0.0), links(1, 4, 9.5),
+        "In every slot the loudest of those with data left sends alone. As long as it has data, "
+        "the others wait, however much they hold.": [
+            links(2, 2, 100.0, 100.0), links(3, 2, 100.0, 40.0, 70), links(3, 2, 0, 0, 0),
         ],
-        "A cell is worth the most that one device can send there: the maximum over the devices, "
-        "each with its own limit. It is not the sum.": [
-            links(2, 2, 100.0, 100.0), links(2, 2, 3.0, 100.0), links(3, 3, 4.0, 9.0, 30.0),
-            links(4, 4, 0.0, 2.0, 11.0, 6.0), links(5, 5, 1, 20, 3, 14, 8),
-            links(3, 2, 0, 0, 0), links(3, 3, 7.5, 30.0, 30.0),
+        "A device that has become empty hands the next slots on; what is over of its last one is "
+        "lost. Each cell begins with the data that was given.": [
+            links(2, 2, 3.0, 100.0), links(3, 3, 4.0, 9.0, 30.0), links(4, 4, 0.0, 2.0, 11.0, 6.0),
+            links(5, 5, 1, 20, 3, 14, 8), links(3, 3, 7.5, 30.0, 30.0), links(2, 4, 0.5, 0.25),
         ],
     },
     mistakes={
-        "A step has four slots, not one: 4 times the rate.": (
-            lambda rate, left: expected_data.solution(rate, left, slots=1)
-        ),
-        "Only one device has a slot: take the maximum over the devices, not the sum.": (
+        "That is the notebook's estimate, one device for all four slots. When the loudest is "
+        "empty, the next one has those that are left.": one_device,
+        "One device sends in a slot, so they share the four. You let each of them have all four.": (
             lambda rate, left: np.minimum(4 * rate, left[:, None, None]).sum(0)
         ),
-        "What a device has left limits what it sends: take the smaller of the two.": (
-            lambda rate, left: 4 * rate.max(0)
+        "A step has four slots, not one.": (
+            lambda rate, left: data_of_a_step.solution(rate, left, slots=1)
         ),
     },
 )
-def expected_data(rate, left, slots=4):
-    """`told(rate, left)`: the data units that the best device sends from each cell, (M, M)."""
-    return np.minimum(slots * rate, left[:, None, None]).max(0)
+def data_of_a_step(rate, left, slots=4):
+    """`brings(rate, left)`: the data of a step over each cell, by the rule of the slots, (M, M)."""
+    rest = np.repeat(left.astype(float), rate[0].size).reshape(rate.shape)
+    for _ in range(slots):
+        heard = np.where(rest > 0, rate, -1)
+        rest = np.where(heard == heard.max(0), rest - np.minimum(rate, rest), rest)
+    return left.sum() - rest.sum(0)

@@ -3,49 +3,61 @@
 import numpy as np
 
 from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.streams import Use, stream
+
+
+def along(cells, resembles, step_m=10):
+    """What the line leaves over in so many cells, each a little like the one before; or a list."""
+    if isinstance(cells, list):
+        return np.array(cells), step_m
+    generator = stream(Use.EXERCISE, cells)
+    left_db = [8.0]
+    for new in generator.normal(0, 6, cells - 1):
+        left_db.append(resembles * left_db[-1] + new)
+    return np.round(left_db, 1), step_m
+
+
+def first_below(left_db, step_m, pairs=np.mean, centred=True, limit=1 / np.e):
+    off = left_db - left_db.mean() * centred
+    for k in range(1, len(off)):
+        if pairs(off[k:] * off[:-k]) / pairs(off**2) < limit:
+            return k * step_m
+    return len(off) * step_m
+
+
+@exercise(
+    "14.1 · How far does a shadow reach? (2 points, 12 minutes)",
+    rules={
+        "Take the mean away first. ρ of a distance is the mean product of all pairs that are so "
+        "many cells apart, over the mean square of all.": [
+            ([3, -3], 0), ([4, 4, -4, -4], 0), ([9, 8, 4, 3, -2, -5, -8, -9], 0),
+            ([6.5, 7, 3, 1, 1.5, 2], 0),
+        ],
+        "The result is the first distance at which ρ is below 1/e, in metres.": [
+            (12, 0.9), (20, 0.8, 5), (40, 0.95, 2.5), (60, 0.6), (90, 0.9, 7.125), (150, 0.97),
+            (30, 0.0), (80, -0.8, 1),
+        ],
+    },
+    mistakes={
+        "That is a number of cells: multiply it by step_m.": (
+            lambda left_db, step_m: first_below(left_db, 1)
+        ),
+        "Take the mean away first: a street that is bad as a whole is no correlation.": (
+            lambda left_db, step_m: first_below(left_db, step_m, centred=False)
+        ),
+        "There are fewer pairs the further they are apart: compare means, not sums.": (
+            lambda left_db, step_m: first_below(left_db, step_m, pairs=np.sum)
+        ),
+    },
+    case=along,
+)
+def shadow_reach(left_db, step_m):
+    """`reach_m(left_db, step_m)`: the first distance at which ρ is below 1/e, m."""
+    return float(first_below(left_db, step_m))
 
 
 def arrays(*rows):
     return tuple(np.array(row, float) for row in rows)
-
-
-def fitted(distance_m, snr_db, times=10.0, keep=np.isfinite, sign=-1):
-    x, y = times * np.log10(distance_m[keep(snr_db)]), snr_db[keep(snr_db)]
-    slope, level = np.polyfit(x, y, 1)
-    return sign * slope, np.std(y - slope * x - level)
-
-
-def around_the_mean(distance_m, snr_db):
-    return fitted(distance_m, snr_db)[0], np.std(snr_db[np.isfinite(snr_db)])
-
-
-@exercise(
-    "14.1 · The exponent of a place (2 points, 10 minutes)",
-    rules={
-        "Fit the line SNR = level − α · 10 log10 d by least squares. α is its slope with the sign "
-        "changed; σ is the root of the mean square of what is left.": [
-            ([10, 100], [0, -20]), ([10, 20, 40], [5, -3, -14]), ([10, 30, 90, 15], [9, -8, -9, 6]),
-        ],
-        "Where no ray arrives the SNR is −inf: leave these links out.": [
-            ([10, 100, 50], [0, -30, -np.inf]), ([80, 10, 20, 40], [-np.inf, 5, -3, -14]),
-        ],
-        "α can be small, and even negative. Do not cut it off.": [
-            ([10, 100, 1000], [3, 3, 4]), ([20, 25, 60], [-40, -35, -39]),
-        ],
-    },
-    mistakes={
-        "The slope is −α: change its sign.": lambda d, snr: fitted(d, snr, sign=1),
-        "That is the slope over log10 d; take 10 log10 d, as the SNR is in dB.": (
-            lambda d, snr: fitted(d, snr, times=1.0)
-        ),
-        "σ is the spread around the line, and not around the mean SNR.": around_the_mean,
-    },
-    case=arrays,
-    smallest=1e-9,
-)
-def exponent(distance_m, snr_db):
-    """`exponent(distance_m, snr_db)`: α and σ of the line through the links that are heard."""
-    return fitted(distance_m, snr_db)
 
 
 def prior(line_db, heard_db, weight):
