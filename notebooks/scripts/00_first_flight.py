@@ -207,13 +207,12 @@ for metric in scores["random"]:
 # **Greedy** never crashes, because its rule forbids it, and it collects nearly everything. In this city it is a strong
 # rival. Good rules often are.
 #
-# **The agent** comes close to greedy, and does not pass it. Think of what each of them was told. Greedy was given the street map, the
-# shortest routes home, and a rule that a person thought up. The agent started with random numbers in its network. From rewards alone it has
-# learned to fly to data, to turn back and to land, in *this* city. How much of that is understanding, and how much are places learned by
+# **The agent** comes close to greedy, and does not pass it. Think of what each of them was told. Both see the street map. Greedy was given the shortest routes, too, and a rule
+# that a person thought up. Nobody told the agent what the map means: it started with random numbers in its network, and from rewards alone it has learned to fly to data, to turn back and to land, in *this* city. How much of that is understanding, and how much are places learned by
 # heart, is a question for notebook 8.
 #
 # So a rule of a few lines beats a network that took millions of steps. **Why learn at all?** Keep this question in mind, because the whole course
-# answers it. Two hints: the rule's author knew the map, and somebody has to think up a new rule whenever the task changes. In the last
+# answers it. Two hints: the rule's author knew what the map means, and somebody has to think up a new rule whenever the task changes. In the last
 # notebook of the course, an agent will beat the rule, and another one will fly a city that you have typed a minute before.
 #
 # Nothing forces the agent to land. A few of these two thousand flights crash. This is the saddest of them,
@@ -234,8 +233,8 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(saddest))
 # sent, and the time left. It does not see the violet shadows. It could find out about them in training only, because little
 # reward comes in behind a building. It does not know the formulas of the radio channel. It makes no plan: at every step
 # it asks again which of the six actions looks most promising. You can ask it, too. For each action the network gives a number, the
-# **Q-value**: the rewards that it expects from now on if it takes that action and flies well afterwards. Here they are at the start of the
-# first mission:
+# **Q-value**: the rewards that it expects from now on if it takes that action and flies well afterwards. Later rewards
+# count less, one that is twenty steps ahead about a third, so a Q-value is smaller than the return of the flight. Here they are at the start of the first mission:
 
 # %%
 from uavdh_lite.environment import ACTIONS

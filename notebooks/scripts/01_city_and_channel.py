@@ -109,7 +109,8 @@ figure
 # weaker.
 #
 # $d$ is measured through the air. The UAV flies 10 m high, so 30 m on the ground are $\sqrt{30^2 + 10^2} = 31.6$ m, and
-# even directly above a device $d$ is 10 m.
+# even directly above a device $d$ is 10 m. Why not fly higher? At a height of 100 m every $d$ is 100 m or more. That costs 22.7 dB above the device, and leaves hardly any
+# difference between near and far, so that there is little reason to fly about. (In reality one would see over the roofs from up there. The shadows of notebook 2 are flat, and would not notice.)
 #
 # ## 1.3 The link budget
 #
@@ -149,6 +150,9 @@ print(f"above the device {snr_db(0, 2.27):.1f} dB, 30 m away {snr_db(30, 2.27):.
 # data units. While the UAV makes one move there are four slots. When signal and noise are equally strong, the SNR is 1,
 # and a slot carries $\log_2 2 = 1$ unit. That defines the data unit of this course.
 #
+# Why a logarithm? One unit more in a slot means twice as many signals that must be told apart in the same noise, and at a high SNR that takes twice the
+# power. So power is multiplied where data is added.
+#
 # First predict:
 
 # %%
@@ -174,6 +178,8 @@ for distance in (0, 10, 20, 30, 100):
     print(f"{distance:>4} m: {los:.3f} data units per slot in sight, {nlos:.4f} behind a building")
 
 # %% [markdown]
+# - **Twice as far** costs 6.8 dB in sight and 11 dB behind a building. At a high SNR each 3 dB is one unit a slot, however many there were. At a low SNR
+#   the rate is proportional to the SNR, so it falls to a fifth or to a twelfth.
 # - **Near is fast.** Three cells away, the UAV gets about a fifth of what it gets directly above the device.
 # - **Far still counts.** A hundred metres down a street little arrives, but it adds up slot by slot while the UAV flies
 #   on.
@@ -182,7 +188,8 @@ for distance in (0, 10, 20, 30, 100):
 # ## 1.5 Shadow fading
 #
 # Trees, signs and reflections make a signal stronger or weaker than its distance says. This is called *shadow fading*.
-# Despite its name it has nothing to do with the violet shadows of buildings. The model adds $\eta_l$, a normally
+# In this model it stands apart from the violet shadows. Those are
+# made by the buildings, which the map knows; the fading is all that the map does not know. The model adds $\eta_l$, a normally
 # distributed number of decibels with mean 0, drawn again for every slot and every device. Its variance is 2 dB² in
 # sight and 5 dB² behind a building. The paper calls it $\sigma_l^2$. Do not confuse it with $\sigma^2$, the power of
 # the noise.
@@ -216,7 +223,7 @@ for kind, variance, exponent in (("in sight", 2, 2.27), ("behind a building", 5,
     assert lucky > rate(alone)
 
 # %% [markdown]
-# In line of sight, fading helps a little; behind a building it adds about a tenth. A drawing shows why. The curve is the rate,
+# In line of sight, fading helps a little; behind a building it adds about a seventh. A drawing shows why. The curve is the rate,
 # and the dashed line joins a slot with bad luck to one with good luck. 6 dB of luck are very rare, and shown only to
 # make the bend visible:
 

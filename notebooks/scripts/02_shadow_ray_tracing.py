@@ -39,18 +39,18 @@ figure
 # | | |
 # | --- | --- |
 # | **What you'll do** | Follow one ray with a pencil, turn it into a test with whole numbers, and map the shadows of a whole city |
-# | **What you'll learn** | Exact geometry without rounding, what happens at a corner, and where a classic line algorithm goes wrong |
-# | **What you'll need** | Notebook 1, the equation of a line. 45 minutes to read, 10 seconds to run; 30 minutes of exercises |
+# | **What you'll learn** | Exact geometry without rounding, what happens at a corner, and what a table of all pairs is good for |
+# | **What you'll need** | Notebook 1, the equation of a line. 35 minutes to read, 10 seconds to run; 30 minutes of exercises |
 #
 # Move the device: change `(7, 9)`, run the cell again, and watch the shadows turn.
 #
 # ## 2.1 One ray
 #
 # A link goes from the middle of the device's cell to the middle of the cell below the UAV. It is blocked if this straight
-# line crosses the inside of a building, seen from above. It is also blocked if it slips through the corner that two
-# diagonal buildings share. Then the link is NLoS, and notebook 1 says what that costs.
+# line crosses the inside of a building, seen from above. It is also blocked if it would have to slip through the corner
+# that two diagonally adjacent buildings share. Then the link is NLoS, and notebook 1 says what that costs.
 #
-# The model is flat: it knows no heights. In a city with low buildings, such as `harbour`, a UAV above one of them sees nobody, though from a
+# The model is flat: it ignores height. In a city with low buildings, such as `harbour`, a UAV above one of them sees nobody, though from a
 # real roof you could look down into the street. That is a simplification.
 #
 # Here is a ray from cell (0, 0) to cell (2, 5). The blue cells are those that it crosses:
@@ -102,9 +102,8 @@ figure
 # Look at the cells one by one. A crossed cell has corners on both sides of the line, plus and minus, blue and orange. Any
 # other cell has four corners of one colour, so the line misses it. **That is the whole test.**
 #
-# It needs only one number for each cell, the one in its middle. In the middle of cell (1, 1) it is $2 - 5 = -3$. From
-# there to a corner, row and column change by ½ each, so the number changes by $(2 + 5)/2 = 3.5$ at most, and for the
-# right corners by exactly that. So some corners are plus and some are minus, and the ray crosses the cell. In the
+# It needs only one number for each cell, the one in its middle. In the middle of cell (1, 1) it is $2 - 5 = -3$, not doubled. From
+# there to a corner, row and column change by ½ each, so the number changes by $(2 + 5)/2 = 3.5$ at most, and for two opposite corners by exactly that. So some corners are plus and some are minus, and the ray crosses the cell. In the
 # middle of (0, 2) the number is 4, so the ray passes by. In general:
 #
 # $$\text{crossed} \quad\Longleftrightarrow\quad |R\,c - C\,r| < \frac{|R| + |C|}{2}.$$
@@ -160,8 +159,9 @@ figure
 # decide all pairs of cells with this displacement.
 #
 # The result is a table with four indices: two for the cell of the device, two for that of the UAV. It says whether they
-# see each other. There are 65,536 pairs, and the table is computed once per city, because buildings do not move. Flying
-# only looks things up.
+# see each other. The table is computed once per city, because buildings do not move. Flying
+# only looks things up, so devices may stand elsewhere in the next mission at no cost. There are 65,536 pairs, that is $16^4$: every cell with every cell. A city twice as
+# wide has 16 times as many, and its rays are twice as long.
 
 # %%
 sight = line_of_sight(environment.city.buildings)
@@ -204,55 +204,15 @@ print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 # here, so the UAV has to travel, and the question becomes which places to visit, and in which order. That is the
 # agent's task.
 #
-# ## 2.5 Bresenham's lines
-#
-# The authors of the paper trace their rays in another way. In 1962 Jack Bresenham wrote an algorithm that draws a line
-# as a row of pixels. Their variant walks from cell to cell, one row or one column at a time, and keeps a running error:
-# how far the centre of the cell is off the straight line. This error decides whether the next step goes along the row
-# or the column. It is quick, but errs in two ways: it skips cells that the true ray clips, and enters cells that it never
-# crosses.
-#
-# Their code sends a fan of such lines from the device to every cell of the border. A cell is in sight if some line
-# reaches it before it meets a building. One question before you see the result:
-
-# %%
-Quiz("both_ways")
-
-# %%
-from uavdh_lite.course.bresenham import bresenham_fans
-
-fan = bresenham_fans(environment.city.buildings)
-device = (11, 11)
-figure = Figure(figsize=(9, 4.6), layout="constrained")
-for ax, name, table in zip(figure.subplots(1, 2), ("exact", "Bresenham's fan"), (sight, fan)):
-    draw_city(ax, environment.city, 4 * ~table[device]).plot(*device[::-1], "X", ms=13)
-    ax.set_title(name)
-figure
-
-# %% [markdown]
-# Bresenham's fan sees round several corners that block the exact ray. How often is it wrong, and does it at least agree
-# with itself from the other end?
-
-# %%
-print(f"{(fan & ~sight).sum()} blocked pairs seen, {(sight & ~fan).sum()} of {sight.sum()} missed")
-one_way = fan & ~fan.transpose(2, 3, 0, 1)
-share = one_way.sum() / fan.sum()
-print(f"{share:.0%} of the links in Bresenham's table work in one direction only")
-assert 0.05 < share < 0.2
-
-# %% [markdown]
-# The fan usually errs by seeing too much. Rounding is to blame. Seen from the other end, the same line is rounded to
-# different cells, and may run into a building there. Radio works the same both ways.
-#
-# Does it matter to an agent? We do not know, because we trained none with Bresenham's shadows.
+# The library is not the only program that draws such shadows. The authors of the paper trace their rays in another way, which errs: [notebook 13](13_any_city.ipynb) compares
+# the two over many cities.
 #
 # ## Recap
 #
 # - A link is blocked if the ray crosses the inside of a building, seen from above.
 # - A ray crosses a cell if the cell has corners on both sides of it. Whole numbers decide, without rounding.
 # - Two buildings that share a corner block the ray through it. One alone does not.
-# - A table holds all pairs of cells, and it is the same in both directions.
-# - Bresenham's fan is quick, but some of its links work in one direction only.
+# - A table holds all pairs of cells, and it is the same in both directions. The violet of a cell counts the devices that are hidden from it.
 #
 # ## Exercises
 #
@@ -261,5 +221,4 @@ assert 0.05 < share < 0.2
 #
 # ## Further reading
 #
-# - Bresenham: *Algorithm for computer control of a digital plotter*, IBM Systems Journal, 1965.
 # - Amanatides and Woo: *A fast voxel traversal algorithm for ray tracing*, Eurographics 1987.

@@ -37,7 +37,7 @@ trajectory_figure(environment, flights.trajectory(0))
 # | --- | --- |
 # | **What you'll do** | Step through an episode, keep its ledger, trigger the safety controller, follow four slots, fly by hand |
 # | **What you'll learn** | State, action, reward and end: the Markov decision process of the paper |
-# | **What you'll need** | Notebooks 1 and 2. 50 minutes to read, 10 seconds to run; 35 minutes of exercises |
+# | **What you'll need** | Notebooks 1 and 2. 45 minutes to read, 10 seconds to run; 35 minutes of exercises |
 #
 # ## 3.1 The state
 #
@@ -159,7 +159,7 @@ for action in (NORTH, NORTH):
 # Why does a wrong move not end the episode? A beginner makes one every few steps, and would hardly ever collect much.
 #
 # One could also take the forbidden actions out of the choice, which is called **masking**. Then nobody would have to learn from penalties where the
-# walls are. The paper lets the agent try and pay, so that it has to read the map. Notebook 6 compares the two.
+# walls are. The paper lets the agent try and pay, so that it has to read the map. Notebook 6 comes back to it.
 #
 # One disaster remains: no time left, and still in the air.
 
@@ -215,6 +215,9 @@ figure
 # %% [markdown]
 # Each column is a slot, and its coloured box is the device that sends. In the first two slots device 2 is the loudest, by
 # luck. In the second it can send only what it has left. Then it is empty, and another one sends.
+#
+# The rule looks at neither amounts nor fairness. The loudest has the whole slot even for 0.1 units, and a device that is never the loudest never sends. So it is a cheap
+# schedule and not the best one.
 #
 # Why is "serve device 2" not an action of the agent? It would have to learn what a simple rule does well. And it still
 # has a say: where it flies decides who is loudest.

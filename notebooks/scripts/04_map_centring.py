@@ -42,14 +42,14 @@ draw_maps(dict(zip(LAYERS, maps[0])), uav=(15, 15))
 # | --- | --- |
 # | **What you'll do** | Look through the agent's eyes, stop its clock, and move the world around the UAV |
 # | **What you'll learn** | The layers of the map, map centring, and why the input has this form and no other |
-# | **What you'll need** | Notebooks 0 to 3. 30 minutes to read, 30 seconds to run; 24 minutes of exercises |
+# | **What you'll need** | Notebooks 0 to 3. 40 minutes to read, 30 seconds to run; 24 minutes of exercises |
 #
 # ## 4.1 The layers
 #
 # Each picture is a **layer** of the map. Three show the city: where to land, where not to fly, and what blocks the radio. Two show
 # the data: what each device still has, and what the UAV has collected from it. The last one is empty because the flight has not
-# begun. The fading, the rate of a link and the shadows of notebook 2 are in none of them. So what the agent knows about shadows, it
-# has to work out from the layer of buildings.
+# begun. The fading, the rate of a link and the shadows of notebook 2 are in none of them. So what the agent knows about shadows, it has to work out from the
+# layer of buildings, or, in a single city, learn by heart.
 #
 # The UAV is always in the middle. This is **map centring**, the paper's main idea (section III-C).
 
@@ -124,6 +124,9 @@ figure.legend(loc="outside right upper", fontsize="small");
 # that cannot be seen. A problem in which the agent sees only a part of the state is called a *partially observable* Markov decision
 # process, a **POMDP**. With the time, ours is none: map and time together hold all of the state that matters.
 #
+# The layer "data left" is there for the same reason. Without it a full device and an empty one look the same, and the agent would go on circling above the empty one. What has
+# been *collected*, the future does not need; that layer is a convenience of the paper.
+#
 # ## 4.3 Two frames
 #
 # How is the map centred? Every layer is shifted by as many cells as the UAV is away from the middle, and what is beyond the city's border is filled in. Exercise 4.1 asks
@@ -139,15 +142,19 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 
 # %% [markdown]
 # The world moves around the UAV. Without centring, the city would stay **in place**, and the UAV would need a layer of its own with a
-# single 1 that moves. Both frames hold the same facts. What differs is what a single weight of the network stands for. In the centred
-# frame a place of the picture is a *relative* one, "three cells north of me". In the frame that stays it is an *absolute* one, "cell
-# (4, 7)". Most of what a pilot has to know is relative: a wall to the north is a wall to the north in any street. Notebook 5 shows in a
+# single 1 that moves. Both frames hold the same facts. What differs is what a place in the picture stands for. In the centred
+# frame a place of the picture is a *relative* one, "three cells north of me". In the fixed frame it is an *absolute* one, "cell (4,
+# 7)". Most of what a pilot has to know is relative: a wall to the north is a wall to the north in any street. Notebook 5 shows in a
 # small example what that is worth, and notebook 8 asks whether it helps an agent to fly.
 #
 # Why not simply *roll* the layer, so that what leaves the picture on one side comes in again on the other? The picture would need
 # only $M$ cells a side, a quarter of the work. But a roll lies about distance: a device at the far eastern edge would appear just west
-# of a UAV at the western edge, as if the world were a doughnut. The frame of $2M-1$ cells is the smallest in which every cell has a
-# place of its own.
+# of a UAV at the western edge, as if the world were a doughnut. The frame of $2M-1$ cells is the smallest in which every
+# *displacement* from the UAV has a place of its own.
+#
+# Another thing may be done to a centred picture: turn it by a right angle, or mirror it. The same step, turned eight ways, is eight examples, as long as
+# the actions turn with it (north becomes west). It is allowed because neither radio nor moves prefer a direction. With wind, or with an antenna that points north, it would not
+# be.
 #
 # ## 4.4 Why pictures?
 #
@@ -165,25 +172,34 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # The price is size: 4805 numbers instead of a few. A fully connected network could hardly make use of them, and that is why the agent's
 # network begins with convolutions. They are the subject of the next notebook.
 #
-# Because the map is made anew from the state at each step, changing the *task* often means adding or taking away a layer. Three tasks
-# to think about before you go on. What would you change in the state, in the reward, and in what the network sees?
+# Because the map is made anew from the state at each step, changing the *task* often means adding or taking away a layer. Five tasks to think
+# about before you go on. What would you change in the state, in the reward, and in what the network sees?
 #
 # - **Parcels.** The UAV delivers parcels instead of collecting data, one at a time, and fetches each in the landing zone.
 # - **A battery that is swapped.** Landing does not end the mission: on the ground the UAV gets a full battery, for three units of time.
 # - **Buffers that refill.** Every device gets new data in each step, and loses what does not fit into its memory.
+# - **Two UAVs** share the devices.
+# - **Landing anywhere.** And what if there were no action `land`, and touching the zone ended the flight?
 #
 # <details><summary>One answer to each</summary>
 #
 # *Parcels:* the state says whether a parcel is on board, and the layer "data left" becomes "parcels expected here". The reward is for
-# a delivery, and no shadow map is needed, because the UAV has to be above the place. With or without a parcel the same picture asks for
-# different actions, so "on board" goes in as one more number beside the time.
+# a delivery. The layer of buildings, which says what blocks the radio, can go; the no-fly layer stays. With or without a parcel the same picture asks for different actions, so "on board"
+# goes in as one more number beside the time. That is enough if any parcel will do at any place. If each has an address, the map must show the place of the one on board, or the problem is a
+# POMDP.
 #
-# *Swapped battery:* there are two times now, that of the battery and that of the mission. Both belong to the state and to the input. The
-# crash is an empty battery; `land` ends an episode only when the mission's time is up, and costs three units before.
+# *Swapped battery:* there are two times now, that of the battery and that of the mission. Both belong to the state and to the input. A
+# crash now means an empty battery; `land` ends an episode only when the mission's time is up, and before that it costs three units.
 #
 # *Refilling buffers:* an episode no longer has an amount of data that can be "all collected", so *collected and landed* must be replaced, for
 # example by data per unit of time, or by what was lost. "Data left" stays as a layer. If the devices fill at different rates that cannot be
 # seen, the task becomes a POMDP: give the rates as a layer, or the agent has to guess them.
+#
+# *Two UAVs:* the state holds both places and both times. Each network gets one more layer, where the other one is. The reward is shared, or each competes; the safety controller stops two UAVs that
+# want the same cell. While the other one learns, the world changes, so old steps in its memory are wrong ([a map of the field](../docs/tutorials/map_of_the_field.md)).
+#
+# *Landing anywhere:* the landing layer says nothing any more, and nobody has to turn back. At every step the only question is whether more data pays the next 0.2. *No `land`:* a UAV
+# could not fly through the zone, and could hardly start there.
 # </details>
 #
 # ## Recap

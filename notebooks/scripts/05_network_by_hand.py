@@ -2,7 +2,8 @@
 # # 5 · A network by hand
 #
 # The agent's network turns the five pictures of notebook 4 into six numbers, one for each action. **How can a formula look at a
-# picture, and how does it learn what to look for?** Here is the whole of it, from the map on the left to the six numbers on the right:
+# picture, and how does it learn what to look for?** Here is the whole
+# of it, from the map to the six numbers:
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -30,7 +31,7 @@ SVG("../data/figures/network.svg")
 # | --- | --- |
 # | **What you'll do** | Build a neuron, train it by hand, follow a slope backwards, and let three networks answer one question |
 # | **What you'll learn** | Neuron, loss, gradient descent, backpropagation, convolution, stride, receptive field, PyTorch's training loop |
-# | **What you'll need** | Notebook 4, the derivative of a function. 45 minutes to read, 60 seconds to run; 52 minutes of exercises |
+# | **What you'll need** | Notebook 4, the derivative of a function. 50 minutes to read, 60 seconds to run; 42 minutes of exercises |
 #
 # If you have trained networks before, 5.5 and 5.6 will do.
 #
@@ -41,7 +42,7 @@ SVG("../data/figures/network.svg")
 #
 # $$\text{output}=w_1x_1+w_2x_2+\dots+w_nx_n+w_0$$
 #
-# Here are nine inputs, arranged as a picture, nine weights, and their products. The bias is 0.
+# Nine inputs, arranged as a picture, nine weights, and their products:
 
 # %%
 import numpy as np
@@ -55,16 +56,15 @@ weights = np.array([[-1, 0, 1]] * 3)
 draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, numbers=True)
 
 # %% [markdown]
-# The output is the sum of the right picture, 3. It is large because something is on the right and nothing on the left: a neuron is a
+# With a bias of 0, the output is the sum of the right picture, 3. It is large because something is on the right and nothing on the left: a neuron is a
 # question, and its weights say which.
 #
-# Neurons with the same inputs form a **layer** of the network. (A layer of the *map* is a picture; the word is used for both.) A layer is
+# Neurons with the same inputs form a **layer** of the network. (A layer of the *map* is a picture.) A layer is
 # **fully connected**, or *dense*, if each of its neurons has a weight for every input.
 #
-# What does a second layer gain? Nothing yet. Plotted against an input, a neuron's output is a straight line, and a weighted sum of
-# straight lines is a straight line again, so that two layers in a row can do no more than one. Something has to bend the line in
-# between. The usual choice is the **ReLU**, short for *rectified linear unit*: it replaces each negative number by 0. Here is what three
-# bent lines can do together:
+# What does a second layer gain us? Nothing yet. A neuron's output is a straight line, and a weighted sum of straight lines is one again, so two layers can do no more than one. Something has to bend the line in
+# between. The usual choice is the **ReLU**, the *rectified linear unit*, which makes 0 of each negative number. Three
+# bent lines together:
 
 # %%
 from matplotlib import pyplot as plt
@@ -78,16 +78,17 @@ ax.set(xlabel="input", ylabel="output")
 ax.legend();
 
 # %% [markdown]
-# Each neuron puts one kink into the curve. With enough of them the sum can follow any curve as closely as you like.
+# Each neuron puts in one kink. With enough of them the sum can follow any curve.
 #
 # ## 5.2 Going downhill
 #
-# At first all weights are random numbers. A **loss** measures how wrong the output is: 0 for the right answer, and the larger the worse.
-# Its *slope* with respect to a weight says whether the loss grows or shrinks when the weight grows. So the weight takes a step to where the
-# loss shrinks: the slope times a small number, the **learning rate**, with a minus sign. This is **gradient descent**. The *gradient* is
+# At first all weights are random numbers. A **loss** measures how wrong the output is: it is 0 for the right answer, and the larger it is, the worse the output.
+# Its *slope* with respect to a weight says whether the loss grows or shrinks when the weight grows. So the weight takes a step in the
+# direction in which the loss shrinks: minus the slope times a small number, the **learning rate**. This is **gradient descent**. The
+# *gradient* is
 # nothing but the list of all slopes.
 #
-# Take one neuron with one weight. Its input is 3 and the output should be 6, so the weight should become 2.
+# One neuron, one weight: the input is 3 and the output should be 6, so the weight should become 2.
 
 # %%
 w = [0.0]
@@ -103,16 +104,16 @@ ax.set(xlabel="weight", ylabel="loss");
 
 # %% [markdown]
 # The steps get shorter as the slope gets flatter, and the weight settles at the bottom. With a learning rate of 0.2 each step would jump
-# across the valley and land higher up on the other side; with 0.0002 it would hardly move. A number like this one, which is chosen before the
+# across the valley and land higher up on the other side; with 0.0002 it would hardly move. The slope in the code has the input, 3, as a factor. So an input of 70 beside inputs of
+# 0 and 1 would take far longer steps than they do, and jump where they crawl. That is why data and time are scaled to a size near 1. A number like this one, which is chosen before the
 # learning and not learned, is called a **hyperparameter**.
 #
-# The squared error corrects large errors in large steps. That can be too much of a good thing: one error of 150 pulls as hard as 150 errors of
-# 1. The **Huber loss**, a parabola near 0 and a straight line further out, lets no single error pull too hard. Our agents learn with it.
+# With the squared error, one error of 150 pulls as hard as 150 errors of 1. The **Huber loss**, a parabola near 0 and a straight line further out, lets no single error
+# pull too hard. Our agents learn with it.
 #
 # ## 5.3 Backpropagation
 #
-# A network has many layers, and only the last one touches the loss. How does a weight in the first layer learn which way is down? By the
-# chain rule. Take the smallest network with two layers: input $x=3$, a first weight $w_1=0.5$, a ReLU, a second weight $w_2=2$. The output
+# Only the last layer touches the loss. How does a weight in the first one learn which way is down? By the chain rule. Take the smallest network with two layers: input $x=3$, a first weight $w_1=0.5$, a ReLU, a second weight $w_2=2$. The output
 # should be 6.
 #
 # ```text
@@ -125,9 +126,9 @@ ax.set(xlabel="weight", ylabel="loss");
 #
 # Go through it from right to left. If $y$ grows by a little, the loss changes by $-6$ times as much. If $w_2$ grows, $y$ grows $h=1.5$ times as
 # much, so the slope at $w_2$ is $-6\cdot1.5=-9$. If $h$ grows, $y$ grows $w_2=2$ times as much: $-12$. And $h$ grows $x=3$ times as much as $w_1$:
-# $-36$. Each slope is the one to its right times a number that the way forward has already
-# computed. So one pass backwards gives the slopes of *all* weights, at about the price of one pass forwards, whether there are two or two
-# million. This is **backpropagation**. At a ReLU that gave 0, the slope is 0: what is behind it learns nothing from this example.
+# $-36$. Each slope is the one to its right times a number that the forward pass has already computed. So one backward
+# pass gives the slopes of *all* weights, at the cost of one or two forward passes, whether there are two weights or two million. This is **backpropagation**. Where a ReLU gave 0, the slope is 0, and the weights that feed into it learn
+# nothing from this example.
 #
 # PyTorch does it for you:
 
@@ -141,7 +142,7 @@ assert [slope.item() for slope in slopes] == [-36, -9]
 # %% [markdown]
 # ## 5.4 Five lines of PyTorch
 #
-# This function trains any network. Every program that learns has these five lines.
+# This function trains any network. Every program that trains one has these five lines.
 
 # %%
 from torch import nn
@@ -158,16 +159,16 @@ def train(model, x, y, updates=400):
 # %% [markdown]
 # | line | what it does |
 # | --- | --- |
-# | `optimiser = …` | The optimiser keeps the weights and knows the learning rate, `lr`. **Adam** adapts the size of the step to each weight: if its slopes keep their sign, the steps become longer, if they flicker, shorter |
-# | `loss = …` | The forward pass. PyTorch notes each operation, as in the drawing above. The loss is a mean over a **minibatch**: all examples would be slower and not much better, a single one too noisy |
-# | `optimiser.zero_grad()` | Forget the last slopes, because PyTorch adds new ones to the old |
+# | `optimiser = …` | The optimiser keeps the weights and knows the learning rate, `lr`. **Adam** adapts the size of the step to each weight: if its slopes keep their sign, the steps become longer; if the sign keeps flipping, they become shorter |
+# | `loss = …` | The forward pass. PyTorch notes each operation. The loss is a mean over a **minibatch**: all examples would be slower, a single one too noisy |
+# | `optimiser.zero_grad()` | Forget the last slopes: PyTorch adds new ones to them |
 # | `loss.backward()` | Backpropagation: the slope of the loss for every weight |
 # | `optimiser.step()` | A step downhill with every weight |
 #
 # ## 5.5 A window that moves
 #
-# Take the neuron of 5.1, with its nine weights, and move it across a larger picture like a window. At each place write down its output. That
-# is a **convolution**, and its weights are a *kernel*.
+# Take the neuron of 5.1, with its nine weights, and move it across a larger picture like a window. At each place write down its output. That is a
+# **convolution** (an engineer would mirror it), and its weights are a *kernel*.
 
 # %%
 picture = np.pad(np.ones((4, 2)), ((1, 1), (2, 2)))  # a building
@@ -176,15 +177,14 @@ result = torch.nn.functional.conv2d(one, kernel)[0, 0]
 draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, numbers=True)
 
 # %% [markdown]
-# Blue marks the western edges of the building, and red the eastern ones. The window fits in only four positions along each side, so the
-# result is smaller than the picture. Nine weights are enough for the whole picture, whatever its size, and what they learn in one place
-# they know in all others.
+# Blue marks the building's western edge, red its eastern one. The window fits in only four positions along each side, so the
+# result is smaller than the picture. What nine weights learn in one place they know in all others.
 #
 # The agent's kernels read all five layers of the map at once: each has 5 × 5 weights for every layer, and adds up all the products.
 # One kernel makes one new picture. The network has 16 kernels, so it makes 16 pictures, and the second convolution reads those.
 #
 # If the window moves by more than one cell at a time, that is a **stride**. With a stride of 3 the result has a third as many cells a side.
-# It saves work and weights, and pays for it with precision.
+# That saves work and weights, at the cost of precision.
 #
 # ### What a unit can see
 #
@@ -201,39 +201,27 @@ pictures[0, :, 2, 2].sum().backward()  # the unit in the middle of each picture
 seen = (maps.grad[0].abs().sum(0) > 0).int()
 
 # %%
-side = seen.any(dim=0).sum()
-print(f"the unit in the middle sees {side} × {side} of {maps.shape[-1]} × {maps.shape[-1]} cells")
+assert seen.any(dim=0).sum() == 17
 draw_maps({"what it sees": seen}, uav=(15, 15))
 
 # %% [markdown]
-# This is the unit's **receptive field**. You can count it by hand. A unit of the second convolution sees 5 of the first one's, which lie 3 cells
+# This is the unit's **receptive field**, 17 of 31 cells a side. (Off centre, because with stride 3 two rows and columns are left over.) You can count it by hand. A unit of the second convolution sees 5 of the first one's, which lie 3 cells
 # apart because of the stride, and each of these sees 5 cells: $5+4\cdot3=17$. In the paper's network both strides are 1, so a unit sees
 # only $5+4=9$ cells. A building and a device that are further apart than that meet for the first time in the fully connected layers
-# behind, which see everything, but have to learn each place by itself.
+# that follow, which see everything but have to learn each place separately.
 #
 # ## 5.6 One question, three networks
 #
-# Now put the parts to the test. The question: **is a device near the UAV?** Near means within three rows and three columns. The answer should be
-# +1 if so and −1 if not. Half of our 8000 pairs of places are near. Every other pair is for learning, the rest for the test.
+# A question to test the parts with: **is a device near the UAV?** Near means within three rows and three columns. The answer should be
+# +1 if so and −1 if not. Half of our 8000 pairs are near. Every other one is for learning, the rest for the test. *In place*, a map has two layers: a 1 at the device, a 1 at the UAV. *Centred*, it has one, with a 1 where the device is as seen from the UAV.
 
 # %%
-uav, device = np.random.default_rng(0).integers(16, size=(2, 40_000, 2))
-near = abs(uav - device).max(axis=1) <= 3
-pairs = np.r_[np.flatnonzero(near)[:4000], np.flatnonzero(~near)[:4000]]
-uav, device, y = uav[pairs], device[pairs], torch.tensor(2.0 * near[pairs] - 1)
+from uavdh_lite.course.near_far import near_pairs
 
-def pictures_of(*places, side):
-    maps = torch.zeros(len(y), len(places), side, side)
-    for layer, cells in enumerate(places):
-        maps[torch.arange(len(y)), layer, cells[:, 0], cells[:, 1]] = 1
-    return maps
-
-in_place = pictures_of(device, uav, side=16)  # two layers: a 1 at the device, a 1 at the UAV
-centred = pictures_of(device - uav + 15, side=31)  # one: where the device is, seen from the UAV
+in_place, centred, y = near_pairs()
 
 # %% [markdown]
-# Three networks answer: a dense one that sees the city in place, one with two convolutions that sees the same, and a dense one that sees
-# the centred map. Which ones will do?
+# Three networks answer: a dense one in place, one with two convolutions in place, and a dense one that sees the centred map. Which ones will do?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -258,8 +246,7 @@ for name, (model, maps) in networks.items():
 assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 
 # %% [markdown]
-# The **dense network in place** does well in training and poorly in the test. It has learned its pairs by heart, one by one, and guesses at new
-# ones. This is **overfitting**: it fits its examples better than the world that they come from. A weight of its first layer belongs
+# The **dense network in place** does well in training and poorly in the test. It has learned its pairs by heart, and guesses at new ones. This is **overfitting**: it fits its examples better than the world that they come from. A weight of its first layer belongs
 # to an absolute place, such as "device at (4, 7)". Whether that is near depends on the UAV, and nothing that it learns about one pair tells
 # it anything about the next.
 #
@@ -268,13 +255,15 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # device lies in a certain square of the picture.
 #
 # So what does centring add? A convolution compares only what lies within its window. "Near"
-# fits into one; "is the landing zone within the time that I have left" does not, because it may be a whole city away. In the centred
-# frame every relation to the UAV, over any distance, is a single place in the picture, and a single weight can ask for it. Whether that helps
+# fits into one; "can I reach the landing zone in the time that I have left?" does not, because the zone may be a whole
+# city away. In the centred
+# frame every displacement from the UAV is a single place in the picture, and a single weight can ask for it. (How long the way around walls is, the dense layers still have to learn.) Whether that helps
 # an agent that has convolutions anyway is a question for an experiment: notebook 8.
 #
 # ## 5.7 The whole network
 #
-# Go back to the drawing at the top. The last layer has six neurons without a ReLU, because a Q-value may be negative.
+# Go back to the drawing at the top. The last layer has six neurons without a ReLU, because a Q-value may be negative. Why six? The action could also be an input and the
+# Q-value the only output, but then it would take six passes to find the best action. With six outputs one pass gives all, and they share what they know about the picture.
 #
 # | layer | the paper's network gives | the agent's gives |
 # | --- | --- | --- |
@@ -282,21 +271,21 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # | convolution, 16 kernels 5×5 | 16×27×27 | 16×9×9, with stride 3 |
 # | convolution, 16 kernels 5×5 | 16×23×23 | 16×5×5 |
 # | as a list, and the time | 8465 | 401 |
-# | three fully connected layers | 256 each | 256 each |
+# | three fully connected layers | 256 each | 256 each, with **layer normalisation** before the ReLU (512 weights more in each) |
 # | output | 6 | 6 |
 # | weights in all | 2,308,854 | 246,006 |
 #
-# Nearly all of the paper's weights are in the first fully connected layer, 256 neurons with 8465 inputs each. Because of that layer the size of
-# the *city* is built into the network. The number of devices is not.
+# Layer normalisation shifts and scales the 256 sums to mean 0 and spread 1, so that none is far too large for the next layer. The time comes in behind the convolutions because it has no place in the city:
+# as a layer it would be 961 times the same number, and as one number it still has a weight in each neuron.
+#
+# Nearly all of the paper's weights are in the first dense layer, 256 neurons with 8465 inputs. So the size of the *city* is built into the network. The number of devices is not.
 #
 # ## Recap
 #
 # - A neuron is a weighted sum, and a ReLU puts a kink in the line. Many kinks make any curve.
-# - Gradient descent moves each weight downhill, by the learning rate times the slope of the loss. Backpropagation computes all slopes in
-#   one pass from the back to the front.
-# - A convolution moves one neuron across a picture. Its stride and its receptive field say how finely and how far it sees.
-# - A dense network in place learns pairs by heart and overfits; convolutions and the centred frame make what is learned in one place
-#   hold in others.
+# - Gradient descent moves each weight downhill. Backpropagation computes all slopes in one pass from back to front.
+# - A convolution moves one neuron across a picture.
+# - A dense network in place overfits; with convolutions or the centred frame, what is learned in one place holds in others.
 #
 # ## Exercises
 #

@@ -65,9 +65,8 @@ for name, recipe in centring(LITE).items():
 # Each point is a bin of 5000 steps of training flights. The line is the mean of three runs, and the pale band around it
 # holds 99 % of the values.
 #
-# Be careful with that band. With three values, it reaches almost exactly from the smallest to the largest. Imagine a
-# fourth run. It is the lowest of the four with a chance of one in four, and the highest with the same chance. So it falls
-# outside the band half of the time.
+# Be careful with that band. With three values, it reaches almost exactly from the smallest to the largest. A fourth run would be the lowest of the four with a chance of one in four, and the
+# highest likewise. So it would fall outside the band half of the time.
 #
 # The two pictures do not agree. On the left the centred agents do *worse* for a good part of the time, on the right they do better. They collect
 # more and crash more often while they explore, and each crash costs 150. Two measures tell two stories, so always say which one you
@@ -102,8 +101,8 @@ ax.legend();
 #
 # ## 8.3 One seed, and six
 #
-# Let us repeat the ablation in the village, with short runs of 16,000 steps. Their schedules (β, crash penalty, learning
-# rate) run faster, so the curves differ from those in notebook 7. One seed of each kind:
+# Let us repeat the ablation in the village, with short runs of 16,000 steps. Their schedules (β, crash penalty, learning rate) run faster, so the curves differ from those in
+# notebook 7. Remember that an untrained network may bring home anything up to half of the data here. One seed of each kind:
 
 # %%
 village = read_table("../data/runs/centring-village.csv.gz")
@@ -127,8 +126,8 @@ figure.supylabel("collected and landed");
 
 # %% [markdown]
 # **With one seed you could have shown anything**: that the centred map is far better, as with seed 4, that it makes no
-# difference, as with seed 3, or that it is far worse, as with seed 5. Nobody would have been lying. Each of these
-# figures comes from a correct experiment that was done only once.
+# difference, as with seed 3, or that it is far worse, as with seed 5. Each of these figures comes from a correct experiment
+# that was done only once.
 #
 # ## 8.4 How sure can you be?
 #
@@ -167,8 +166,7 @@ ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 # %% [markdown]
 # Each bar is such an interval, of at least 95 %. After 300,000 steps the whole bar lies on one side of 0: the centred
 # agents seem to learn **sooner**. At the end of the long runs the interval contains 0, so these runs do not say which
-# kind is **better in the end**. In the village it also contains 0, and is wide. One caution: we chose the 300,000 steps
-# after we had seen the curves, so the first gap is a little less certain than it looks.
+# kind is **better in the end**. In the village it also contains 0, and is wide. We chose the 300,000 steps after we had seen the curves, so the first gap is less certain than it looks.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -178,15 +176,15 @@ Quiz("three_seeds")
 # %% [markdown]
 # Every run of one kind above every run of the other: we saw that after 300,000 steps, and by a hair at the end. Look at the ranks alone, from the best of
 # the six runs to the worst. If the methods were equally good, each of the 20 ways to give three of the six ranks to one of them would be equally likely, and in two of the
-# 20 one method has all the best ranks. Judged by rank alone, equally good methods would produce each of these results 10 % of the time.
+# 20 one method has all the best ranks. Judged by rank alone, equally good methods would
+# produce such a result 10 % of the time. This share is called a **p-value**, and going through all ways to deal out the results is a **permutation test**.
 #
-# The interval uses more than ranks, namely the sizes: after 300,000 steps the gap is over three times as large as the standard deviation of either
-# kind. In return it assumes that results have a normal distribution, and three runs are too few to check that.
+# The interval also uses the sizes: after 300,000 steps the gap is over three times the standard deviation of either kind. In return it assumes a normal distribution, and
+# three runs are too few to check that.
 #
 # ### Baselines
 #
-# Is an agent that brings home 96 % a good one? The paper's agent collected 94.8 % and landed in 99.5 % of its missions.
-# Its collected and landed was 94.6 %, but over another map. A baseline flies the same missions. Here are `random` and
+# Is an agent that brings home 96 % a good one? The paper's brought home 94.6 %, but over another map. A baseline flies the same missions. Here are `random` and
 # `greedy`, the pilots of notebook 0, and the agent in 1000 missions:
 
 # %%
@@ -203,12 +201,13 @@ for name, values in share.items():
 #
 # These intervals are over missions. The *bootstrap* makes them: it draws 1000 of these 1000 results, some of them twice,
 # some not at all, and takes the mean. It does so many times, and records how much the mean varies.
+# For a yes-or-no metric such as `landed`, $s$ is $\sqrt{p(1-p)}$: 97 % of 1000 has a standard error of half a point, so it is 97 ± 1.1 %, and 96 % by another pilot in
+# *other* missions is no difference.
 #
 # ### Paired differences
 #
-# Do the two differ at all? Their intervals overlap, but that is no answer: what counts is the interval of the difference.
-# There are two ways to get it. One adds the errors of both, as above. The other makes use of the fact that both flew the
-# *same* missions. A hard mission is hard for both, so subtract mission by mission, and much of
+# Do the two differ at all? Their intervals overlap, but what counts is the interval of the difference. There are two ways to get it. One adds the errors of both, as above. The other makes
+# use of the fact that both flew the *same* missions. A hard mission is hard for both, so subtract mission by mission, and much of
 # that luck cancels.
 
 # %%
@@ -226,8 +225,7 @@ assert high < 0 and high - low < 1.4 * apart
 # Here neither contains 0, so **overlapping intervals do not mean “no difference”**. Pairing makes the interval narrower.
 # Here it gains more than doubling the number of missions would.
 #
-# So `greedy` is ahead, by about one point here. That is a result, too, and it belongs in the report. The rule was thought
-# up by people who knew the task. The agent learned from rewards alone.
+# So `greedy` is ahead, by about one point here. That is a result, too, and it belongs in the report.
 
 # %%
 Quiz("more_missions")
@@ -261,10 +259,14 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # %% [markdown]
 # Greedy does not care. It looks up the way home in the map, wherever home is. The agent is lost in most missions, although the layer with the
 # landing zones is in its input and was moved, too. In training the zones were always in the same two corners. A network that learns "towards the corner" earns as much as one that learns
-# "towards the landing zone", so nothing made it tell the two apart. **Part of what it knows are places, learned by heart.** This is overfitting again, to a city
-# this time and not to examples.
+# "towards the landing zone", so
+# nothing made it tell the two apart. **Part of what it knows is places, learned by heart** (or such a picture is simply new to it; either way it did not learn "fly to where the
+# layer says"). This is overfitting again, to a city this time and not to examples.
 #
-# So do not ask only how good an agent is, but also what would have to stay the same for it to be as good. Two notebooks on, we ask for an agent that has never seen its city.
+# This is also a way of asking a network what it looks at: change one thing that should matter, and beside it something like it that should not. Notebook 11 wipes out walls
+# between the UAV and a device, and walls elsewhere. It does not show that the agent would fly well there, since the changed picture is new to it.
+#
+# So do not ask only how good an agent is, but also what would have to stay the same for it to be as good. In the next notebook, we ask for an agent that has never seen its city.
 #
 # ## 8.6 What the evidence shows
 #

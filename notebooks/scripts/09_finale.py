@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 9 · The finale
 #
-# A rule of a few lines has been ahead of our agent since notebook 0, and notebook 8 showed why: much of what the agent knows is places
-# that it has learned by heart. **Can an agent beat the rule, and can it fly a city that it has never seen?** Each point below is a pilot over
-# the same 1000 missions. The grey line is the rule.
+# A rule of a few lines has been ahead of our agent since notebook 0. And notebook 8 showed that much of what the agent knows is places learned by heart, so that it fails when
+# the city changes. **Can an agent beat the rule, and can one fly a city that it has never seen?** Each point below is the mean
+# return of one pilot over the same 1000 missions. The grey line is the rule.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -62,9 +62,9 @@ figure
 # | --- | --- |
 # | **What you'll do** | Put rungs on a ladder above the rule, fly a city that you type yourself, and begin a project of your own |
 # | **What you'll learn** | Guarantee, tell, copy, learn: four ways to get knowledge into an agent, and what each of them costs |
-# | **What you'll need** | Notebooks 0 to 8. 30 minutes to read, 40 seconds to run; the project takes an afternoon |
+# | **What you'll need** | Notebooks 0 to 8. 40 minutes to read, 40 seconds to run; the project takes an afternoon |
 #
-# (Random is left out of the picture, far to the left of it; it is in the table below.)
+# (Random is left out of the picture, because it would be far to the left; it is in the table below.)
 #
 # ## 9.1 Where we stand
 #
@@ -72,15 +72,16 @@ figure
 # how it learns (6, 7). If you did the exercises, you have built all of it once yourself. And you know how to say honestly how good an agent is (8): the
 # strengthened DDQN brings home about as much as the paper's, and a little less than a rule that needs no training.
 #
-# Should we have stopped at the rule, then? Our agent learned from reward alone. It was told no street map, no formula, no way home. It paid for every
-# piece of knowledge with crashes and with millions of steps. That is the paper's point: it would work in a city whose radio nobody can compute. But *our* city
-# can be computed. So let us give the agent what we have, one gift after the other.
+# Should we have stopped at the rule, then? Our agent learned from reward alone. It sees the street map, like the rule, but nobody told it what the map means: how
+# moves go, which way is short, what a wall does to the radio. It paid for every piece of knowledge with crashes and with millions of steps. In principle such an agent would learn where nobody can write down
+# the channel, if it could fly there millions of times, crashes included. In practice one trains in a simulator, as the paper does, or measures and fits a model (notebook 14). And *our*
+# city can be computed. So let us give the agent what we have, one gift after the other.
 #
 # ## 9.2 Guarantee
 #
-# The DDQN agent learned to land from crashes. A rule needs no crash: from the map one can count the moves from each cell to the nearest landing zone, and an
+# The DDQN agent learned from crashes how to land. A rule needs no crash: from the map one can count the moves from each cell to the nearest landing zone, and an
 # action is *too late* if the way home would then take longer than the time that is left. The **failsafe** replaces such an action by the first move home.
-# Every commercial drone has a function like it. Does it hold for any pilot? Try the worst one:
+# Many drones have a function like it. Does it work for any pilot? Try the worst one:
 
 # %%
 from uavdh_lite.beyond.failsafe import SafeEnvironment
@@ -99,13 +100,13 @@ for name, world in worlds.items():
 assert flights.end.landed.all()
 
 # %% [markdown]
-# Every flight lands, by construction. What a rule guarantees need not be learned, and no crash of −150 disturbs the Q-values any more. So from here on
+# Every flight lands, by construction, as long as the map is right and no wind makes a step longer. What a rule guarantees need not be learned, and no crash of −150 disturbs the Q-values any more. So from here on
 # "landed 100 %" is no achievement of the agent, and we shall look at the return.
 #
 # ## 9.3 Tell
 #
-# The network sees buildings, and has to find out from reward what they do to the radio. But whoever knows the city and the constants of notebook 1 can compute,
-# before the flight, how much data a unit of time over each cell would bring. That is a picture, and a network that reads five pictures can read
+# The network sees buildings, and has to find out from reward what they do to the radio. But anyone who knows the city and the constants of notebook 1 can
+# compute, before the flight, about how much data a unit of time over each cell would bring. That is a picture, and a network that reads five pictures can read
 # six:
 
 # %%
@@ -127,15 +128,15 @@ figure.colorbar(picture, label="data units in one unit of time, without fading")
 figure
 
 # %% [markdown]
-# The dark wedges around the devices are the shadows of notebook 2. The agent is told two more pictures of this kind: how far home is from each cell, and how
-# far each cell is from the UAV.
+# Around each device it is bright, along the streets too, and dark where a building is in the way: the shadows of notebook 2. The second device is dimmer and flat on top, because it holds only 6 units. The agent is given two more pictures of this kind: how far home is from each cell, and
+# how far each cell is from the UAV.
 #
 # ## 9.4 Copy
 #
 # The *genie* is a planner that knows the mean rate of every link and searches over whole flights. It is better than any agent here. But it has to search
 # anew for each mission, and it needs the formulas. Can a network learn to do at a glance what the genie does after a search? Let the genie fly, write down for each
 # state what it did, and train a network on these examples. The network gives a score for each action, a softmax turns scores into probabilities, and the loss is the
-# **cross-entropy**, the surprise about what the genie did:
+# **cross-entropy**, the surprise at what the genie did:
 #
 # $$L=-\log\pi(a_\text{genie}\mid s)$$
 #
@@ -143,18 +144,19 @@ figure
 #
 # ## 9.5 Learn on
 #
-# A copy makes mistakes that it does not know of, and the genie plans with mean rates, so it does not know luck. Only reward can teach the rest. The agent
+# A copy makes mistakes that it does not know of, and the genie, which plans with mean rates, does not reckon with luck. Asking the genie what to do where the copy itself flies repairs a part of the mistakes (notebook 12).
+# What the genie does not know, only reward can teach. The agent
 # flies each mission several times, drawing its actions, and looks at which of the flights were better than their mean. What it did in those becomes likelier, what it did
 # in the others less likely:
 #
 # $$L=-A\,\log\pi(a\mid s)$$
 #
-# where $A$, the **advantage**, says by how much the flight was better than the mean. It is the loss of the copy with a weight. Such a method is called a **policy
-# gradient**: no values are learned, the probabilities themselves are.
+# where $A$, the **advantage**, says by how much the flight was better than the mean. It is the loss of 9.4, weighted by $A$. Such a method is called a **policy gradient**. Here no values are learned; the
+# probabilities themselves are. And it is on-policy: flights of an older agent say nothing about the present probabilities.
 #
 # ## 9.6 The ladder
 #
-# Here are all pilots in the same 1000 missions, each compared with the rule mission by mission, as notebook 8 taught:
+# Here are all the pilots on the same 1000 missions, each compared with the rule mission by mission, as in notebook 8:
 
 # %%
 print(f"{'':<34}{'return':>8}{'ahead of greedy':>18}{'95 % interval':>20}")
@@ -164,27 +166,28 @@ for name, values in ladder.items():
     print(f"{name:<34}{values.mean():8.2f}{mean:+18.2f}{interval:>20}")
 
 # %% [markdown]
-# Read it from below. The agent that was told, guarded, and taught by a planner is **ahead of the rule**, and its interval stays away from 0. It took all four gifts to
-# get there. What they cost:
+# Read it from the bottom up. The agent that was told, guarded, and taught by a planner is **ahead of the rule**, and its interval stays away from 0. It had all four gifts;
+# whether three would do, these flights do not say. What they cost:
 #
 # | gift | what somebody had to know | what it cannot do |
 # | --- | --- | --- |
 # | guarantee | the map, and that it is right | it lands; it does not collect |
 # | tell | the map and the constants of the channel | with reward alone it helps little in a single city, where places can be learned by heart |
 # | copy | a planner, that is, all equations and a search | be better than its teacher |
-# | learn on | nothing but the reward | begin from nothing in reasonable time |
+# | learn on | nothing but the reward | begin from nothing, since few flights of a random agent are good. (DDQN can, in millions of steps) |
 #
-# So the order of the table is not "good methods beat bad ones". The pilots differ in what they were told, and *a comparison is fair only between pilots
-# that were told as much*. Greedy knows the street map and the shortest ways. The genie knows every mean rate. The DDQN agent knows nothing.
+# So the order of the table does not mean that good methods beat bad ones. The pilots differ in what they were told, and *a comparison is fair only
+# between pilots that were told the same*. Greedy knows the street map and the shortest ways. The genie knows every mean rate. The DDQN agent knows the map and no rule.
 #
 # Even the genie does not collect everything. Some missions offer more data than the time allows, a device may stand in a courtyard that costs too much to enter, and fading is
-# luck. **So no pilot reaches 100 %**, and the distance to the genie says more than the distance to 100. How each gift was measured, with seeds and minutes, is in
+# luck. **So do not expect 100 % of any pilot.** The genie's score is the best that we have found, and no bound; still, the distance to it
+# says more than the distance to 100. Notebook 12 takes the gifts away one by one; how they were measured, with seeds and minutes, is in
 # [notebook 12](12_four_ways.ipynb).
 #
 # ## 9.7 A city that you have just typed
 #
 # One question is left. Notebook 8 moved the landing zones by two cells, and the agent was lost, because it had learned places and not streets. What if an agent learns in
-# *thousands* of cities, a new one for each mission? It cannot know any of them by heart. `any_city` learned in that way, with the four gifts. Type a city, and let it fly.
+# *thousands* of cities, a new one for each mission? It cannot know all of them by heart. `any_city` learned in that way, with the four gifts. Type a city, and let it fly.
 # `L` is the landing zone, `N` a no-fly zone, `B` a building, and a dot a free cell. Any size up to 16 × 16 will do. Change it as you like:
 
 # %%
@@ -208,8 +211,10 @@ mine = City.from_text("mine", """
 # %%
 pilot = any_city.over(mine)
 pilots = {"any_city": pilot, "greedy": Greedy(pilot.environment)}
-flown = {name: evaluate(pilot.environment, one, any_city.scenario, 300, seed=5)
-         for name, one in pilots.items()}
+flown = {}
+for name, one in pilots.items():
+    print(f"{name} flies 300 missions …", flush=True)
+    flown[name] = evaluate(pilot.environment, one, any_city.scenario, 300, seed=5)
 play(pilot.environment, {name: each.trajectory(0) for name, each in flown.items()})
 
 # %%
@@ -217,11 +222,11 @@ for name, each in flown.items():
     print(f"{name:<9} return {each.returns.mean():5.1f} over 300 missions in your city")
 
 # %% [markdown]
-# Nobody trained it for this city; a minute ago the city did not exist. The network sees walls and zones around itself, in the centred map of the paper, and a wall to the north
-# is a wall to the north in any city. That is what the centring is good for in the end. Is it ahead of greedy here? Over many cities it is a narrow race, and in a
-# single one either may win. [Notebook 13](13_any_city.ipynb) takes care with the answer.
+# Nobody trained it for this city; a minute ago the city did not exist. The network sees walls and zones around itself, in the centred map of the paper, and a wall to the north is a wall to the north
+# in any city. That is what the centring is good for in the end. And what it is told, the expected data and the ways, is computed for your city before the flight. Is it ahead of greedy here? Over many cities it is a narrow race, and in a
+# single one either may win. [Notebook 13](13_any_city.ipynb) answers with due care.
 #
-# This is what learning is for. One agent **for each mission** would be an optimiser: it would search until it had a good flight, and begin again with the next. One agent
+# Even where it is no better than the rule, nobody wrote its rule. This is what learning is for. One agent **for each mission** would be an optimiser: it would search until it had a good flight, and begin again with the next. One agent
 # **for all missions** has paid for its search once, in training, and decides in a few thousandths of a second wherever it is put.
 #
 # ## 9.8 Your turn
@@ -242,7 +247,7 @@ for name, each in flown.items():
 # ## Recap
 #
 # - A rule that always holds need not be learned; what can be computed can be told; a planner can be copied; reward teaches the rest.
-# - With all four an agent beats the rule in its own city. With reward alone it comes close, and needs to know nothing.
+# - With all four an agent beats the rule in its own city. With reward alone it comes close, and nobody has to know a rule.
 # - An agent that learned in thousands of cities flies one that was typed a minute ago.
 # - Say what a pilot was told before you compare it, and put the rule beside every number.
 #

@@ -55,7 +55,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Compare memories of four sizes, watch a small network forget, and wipe buildings out of a trained network's map |
 # | **What you'll learn** | Why a small memory forgets earlier missions and a large one is slow to change; how to ask a network what it looks at |
-# | **What you'll need** | Notebooks 1, 4, 6 and 8. 50 minutes to read, 40 seconds to run; 23 minutes of exercises |
+# | **What you'll need** | Notebooks 1, 4, 6 and 8. 50 minutes to read, 40 seconds to run; 20 minutes of exercises |
 #
 # ## 11.1 Four sizes of memory
 #
@@ -197,6 +197,9 @@ figure
 # even at the end half of the large one's samples come from the past. So a large memory keeps what is no longer flown, and it is
 # slow to follow when the world changes. *Combined* replay, which puts the newest step into every minibatch, softens that.
 #
+# *Prioritised* replay goes further, and draws steps with a large error more often. That changes how often each stroke of luck is seen, so that the mean
+# which Q should learn would shift. Therefore each step's loss is divided by how much more often the step is drawn (**importance weights**; exercise 11.2).
+#
 # In the village the missions do not change halfway through. But a memory of 250 steps holds only parts of the flights that are in the
 # air. As these change, the network is pulled from one handful of missions to the next, and forgets. That is the likely reason for the
 # failures in 11.1.
@@ -304,10 +307,11 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 
 # %% [markdown]
 # The untrained networks hardly notice. Both trained ones expect more when any buildings disappear, and clearly more when those buildings
-# were in the way. So they have learned from rewards that buildings *between* them and a device cost something, and
-# they look for them.
+# were in the way. So they have learned from rewards that buildings *between* them and a device cost something, and they look for them.
+# One doubt is left: the control also lies farther from the *device*. If open space around a device were worth more, that would explain a part of the
+# difference, too.
 #
-# Neither network has become a ray tracer. The difference is small compared with what these states are worth, and in three states out of ten
+# Neither network has become a ray tracer. The difference is small next to what these states are worth, and in three states out of ten
 # there is none, or it goes the other way. Also, a city with a missing building is new to such a network. The
 # test shows what the network looks at, but not how well it would fly there.
 #
@@ -330,4 +334,5 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 #
 # - Lin: *Self-Improving Reactive Agents Based on Reinforcement Learning, Planning and Teaching*, Machine Learning 1992: where replay comes from.
 # - Zhang and Sutton: *A Deeper Look at Experience Replay*, 2017: memories that are too large.
+# - Schaul, Quan, Antonoglou, Silver: *Prioritized Experience Replay*, ICLR 2016.
 # - Kirkpatrick et al.: *Overcoming Catastrophic Forgetting in Neural Networks*, PNAS 2017.

@@ -64,7 +64,7 @@ draw_ways()
 # | --- | --- |
 # | **What you'll do** | Watch a rule bring a random policy home, look at maps of what can be computed, follow a planner, and compare agents that know more and less |
 # | **What you'll learn** | How a guarantee, told layers, copied moves and reward each put knowledge into an agent, what each costs, and what it is worth |
-# | **What you'll need** | The course, notebooks 0 to 9. 40 minutes to read, 30 seconds to run; 22 minutes of exercises |
+# | **What you'll need** | The course, notebooks 0 to 9. 45 minutes to read, 30 seconds to run; 27 minutes of exercises |
 #
 # Each row is one recipe over `manhattan`, with three seeds. The upper four learn from reward, the next four copy a planner, and the
 # last one copies first and then learns from reward. All runs of a group are equally long. The plain row *learn* has the rewards and
@@ -96,7 +96,7 @@ figure
 #
 # $$\text{time to land}(\text{next cell}) > b - 1$$
 #
-# The failsafe replaces such an action by the first move home. Every commercial drone has a function like this. Does it work for any
+# The failsafe replaces such an action by the first move home. Many drones have a function like this. Does it work for any
 # policy? Try one that knows nothing:
 
 # %%
@@ -118,9 +118,8 @@ for name, one in {"paper": Environment(city), "failsafe": environment}.items():
 assert flights["landed"].all()
 
 # %% [markdown]
-# All flights land, but the return is still poor, because random moves collect little. What a rule guarantees need not be learned. No
-# crash disturbs the Q-values, and no schedule of penalties is needed. On the other hand, somebody must know the rule, and it holds
-# only as long as the map is right.
+# All flights land, as long as the map is right and no wind makes a step longer. But the return is still poor, because random moves collect little. What a rule guarantees need not be learned. No
+# crash disturbs the Q-values, and no schedule of penalties is needed. On the other hand, somebody must know the rule.
 #
 # ## 12.2 Tell: maps of what can be computed
 #
@@ -144,8 +143,8 @@ for ax, layer, name in zip(figure.subplots(1, 3), told, TOLD_LAYERS):
 figure
 
 # %% [markdown]
-# Bright means large; the triangle is the UAV, and the crosses are devices. *Expected data* is the data that one unit of time over a cell
-# would bring without fading:
+# Bright is large; the triangle is the UAV, the crosses are devices. *Expected data* is about what one unit of time over a cell would bring without fading. It is an
+# estimate for a single device that sends all the time; exercise 12.2 computes the sum slot by slot:
 #
 # $$\max_k \min(\delta \cdot R_k,\; \text{data left}_k)$$
 #
@@ -218,8 +217,7 @@ Quiz("why_own_starts")
 # ## 12.4 Learn: what only reward can say
 #
 # The genie plans with mean rates, so it does not reckon with luck, and a copy makes errors that it does not know of. Reward needs
-# neither teacher nor formula, because all it asks is how good a flight was. So agents trained for a single city go on to learn from
-# reward. They draw their actions from $\pi$, and fly each mission eight times:
+# neither teacher nor formula, because all it asks is how good a flight was. So the shipped agents go on to learn from reward. They draw their actions from $\pi$, and fly each mission eight times:
 
 # %%
 from uavdh_lite.beyond.reinforce import advantages
@@ -244,8 +242,8 @@ print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 # This is a *policy gradient*: no network has to learn values. It would take an agent that knows nothing very long, because hardly any
 # of its flights are good. After copying, it takes five minutes.
 #
-# The paper's agents know nothing but reward, and that is the point of them: they could learn in a city whose channel nobody can
-# compute.
+# The paper's agents see the map, and are told nothing but reward. In principle they could learn where nobody can write down the channel, if they could fly there
+# millions of times, crashes included. In practice one trains in a simulator, or measures and fits a model (notebook 14).
 #
 # ## 12.5 What each way is worth
 #
@@ -300,8 +298,7 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # ## 12.6 What the labels cost
 #
 # A planner's labels are not free. Somebody has to know the channel's equations and the city, and to write a search. Where all that is
-# possible, copying is the shortest way to a good agent. Where the channel can only be measured by flying, reward is all there is, and
-# that is the problem that the paper poses. So compare agents only with others that were told the same.
+# possible, copying is the shortest way to a good agent. Where nobody can write down the channel, one has to measure, or to learn from reward. So compare agents only with others that were told the same.
 #
 # Here are two agents that you can load, flown on 300 missions that are new to both:
 
@@ -319,7 +316,7 @@ for name, knows in agents.items():
 # - A rule that always holds need not be learned: the failsafe brings any policy home.
 # - What can be computed can be told, as a layer of the map.
 # - A planner's moves can be copied by cross-entropy, from its own starts and from where the learner flies.
-# - Reward needs no teacher. Alone it is slow, but it works even where nobody knows the equations. After copying, it repairs what the
+# - Reward needs no teacher. Alone it is slow, but it needs nobody who knows the equations. After copying, it repairs what the
 #   copy got wrong.
 # - Say what an agent was told before you compare it.
 #

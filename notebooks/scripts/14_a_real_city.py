@@ -49,7 +49,7 @@ figure
 # | --- | --- |
 # | **What you'll do** | Compare the paper's channel with a ray-traced one; fly in both; let the UAV measure, and tell the agent |
 # | **What you'll learn** | What a path loss model leaves out; why world and belief are two things; what measuring is worth |
-# | **What you'll need** | Notebooks 1, 2, 12 and 13. 60 minutes to read, 40 seconds to run; 22 minutes of exercises |
+# | **What you'll need** | Notebooks 1, 2, 12 and 13. 60 minutes to read, 40 seconds to run; 24 minutes of exercises |
 #
 # ## 14.1 Four places
 #
@@ -88,7 +88,7 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 # through a wall. The device is one point; powers are averaged over the UAV's cell, the nearest one in flight, and added without their phases, so there is no small-scale fading.
 # We fly without $\eta$, too, so the two worlds also differ in fading.
 #
-# Gains are no SNRs yet. We shift all gains of a place by one
+# Gains are not SNRs yet. We shift all gains of a place by one
 # offset, so that the pairs in sight have the mean SNR of the paper's model. So their *mean in dB* agrees by construction; the comparison tests
 # *where* the signal goes. The offset is the ratio of transmit power to noise: 69 dB, with isotropic antennas and a noise figure of 5 dB only 0.1 µW in a bandwidth of 1 MHz. A
 # real sensor sends 1 to 100 mW, 40 to 60 dB more, and even its hidden links would carry data (14.3).
@@ -323,7 +323,7 @@ for radio in worlds:
         print(f"{radio:<11}told {told:<9}{lead.mean():.2f}, by seed {', '.join(surveys)}")
 
 # %% [markdown]
-# In the paper's radio there is nothing to win, since there the model is the truth: on average already a single flight gives two lines that are as good. (Where it heard fewer than 20 links of a kind, as
+# In the paper's radio there is nothing to gain, since there the model is the truth: on average even a single flight gives two lines that are just as good. (Where it heard fewer than 20 links of a kind, as
 # in about 70 of 100 flights, the paper's line was kept, here the right one.)
 #
 # In the ray-traced radio, two lines win next to nothing: from ten flights −1.1 to +0.7, by survey. *Which* link is bad is what counts, and that takes the second way and many flights: ten add −0.5 to +1.2; a hundred are about 60 % of the way to the truth (46 to 72 %). That is 0.55 of 32, mostly in Munich;

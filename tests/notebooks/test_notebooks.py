@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
+from uavdh_lite.course.checks import EXERCISES
+
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 SECTIONS = ("What you'll do", "What you'll learn", "What you'll need", "Recap", "Exercises")
 COURSE = range(10)  # the numbers of its notebooks; the others go further
@@ -116,6 +118,12 @@ def test_the_stated_minutes_are_those_of_a_novice(notebook):
     assert 0.75 * minutes <= stated(notebook)[0] <= 1.25 * minutes, minutes
 
 
+def test_the_stated_minutes_of_exercises_are_those_of_their_headings(script, notebook):
+    number = str(int(script.stem[:2]))
+    own = [one.minutes for one in EXERCISES.values() if one.number.split(".")[0] == number]
+    assert not own or f"; {sum(own)} minutes of exercises" in text(notebook)
+
+
 def test_a_notebook_is_stale_if_its_source_or_what_it_read_changed(tmp_path, monkeypatch):
     results = {name: tmp_path / "data" / name for name in ("runs/a.csv", "runs/b.csv")}
     for path in results.values():
@@ -155,8 +163,15 @@ def test_reading_an_agent_counts(tmp_path, monkeypatch):
     assert not execute.is_fresh(script)
 
 
-def test_the_first_code_cell_finds_the_library_anywhere(notebook):
-    """Where it is not installed, as on Colab: the same cell in all."""
+@pytest.mark.parametrize(
+    "script", SCRIPTS + execute.exercise_scripts(), ids=lambda one: f"{one.parent.name}-{one.stem}"
+)
+def test_the_first_code_cell_finds_the_library_anywhere(script):
+    """Where it is not installed, as on Colab: the same cell in all, also in what students get."""
+    path = execute.notebook_of(script)
+    if execute.is_exercise(script):
+        path = execute.HERE / "exercises" / script.stem / path.name
+    notebook = nbformat.read(path, as_version=4)
     first = nbformat.read(execute.notebook_of(SCRIPTS[0]), as_version=4)
     assert code(notebook)[0].source == code(first)[0].source
     assert "%pip install" in code(notebook)[0].source

@@ -1,4 +1,4 @@
-"""The shadow maps of the authors' code: fans of Bresenham's lines. Notebook 2 compares them."""
+"""The shadow maps of the authors' code: fans of Bresenham's lines. Notebook 13 compares them."""
 
 import numpy as np
 

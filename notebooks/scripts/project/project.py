@@ -20,12 +20,13 @@
 #
 # ## 2 · What I expect
 #
-# *Write it before you run anything, with a number, and say which result would mean “no”.* Here: I expect it to be behind, by more than 5 points of collected and landed. If the interval of the mean
-# difference reaches above −5, I was wrong.
+# *Write it before you run anything, with a number, and say which result would mean “no”.* Here: I expect it to be behind, by more than 5 points of collected and landed. If the whole interval of the mean difference
+# lies above −5, I was wrong. If −5 lies within it, the question stays open.
 #
 # ## 3 · What I do
 #
-# Three seeds of everything, because one run shows what can happen and not what usually does. `recipe` has all hyperparameters; change one thing, and keep the rest.
+# Three seeds of everything, because one run shows what can happen and not what usually does. `recipe` has all hyperparameters; change one thing, and keep the rest. For a city of your own begin with
+# `from uavdh_lite.city import City`.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
