@@ -1,14 +1,19 @@
 """Wrong answers to the exercises, and what must be said of each: a part of the rule or mistake."""
 
+import copy
 import math
 from itertools import combinations
 
 import numpy as np
 import torch
+from mutants import SCRIPTS
+from torch import nn
 
 from uavdh_lite.course import checks
-from uavdh_lite.course.small_city import learn_network
+from uavdh_lite.course.small_city import learn_network, learn_table
+from uavdh_lite.ddqn import softmax_policy
 from uavdh_lite.environment import MOVES
+from uavdh_lite.replay import Replay
 
 
 def inside(start, end, cell):
@@ -141,6 +146,29 @@ class OwnChance(_Base):
         return super().sample(size, np.random.default_rng())
 
 
+class OneLess(_Base):
+    def sample(self, size, generator):
+        rest = generator.integers(0, len(self.stored()) - 1, size - 1)
+        return [self.places[(self.count - 1) % self.capacity], *(self.places[k] for k in rest)]
+
+
+def all_n(rewards, terminals, values, n, discount):
+    total = 0.0
+    for k in range(n):
+        total += discount**k * rewards[k]
+        if terminals[k]:
+            return total
+    return total + discount**n * values[n]
+
+
+def one_after_the_other(x, y, rate, steps):
+    w = b = 0.0
+    for _ in range(steps):
+        w -= rate * np.mean(2 * (w * x + b - y) * x)
+        b -= rate * np.mean(2 * (w * x + b - y))
+    return w, b
+
+
 def _value_after_the_end(rewards, terminals, values, n, discount):
     total = 0
     for k in range(min(n, len(rewards))):
@@ -150,7 +178,7 @@ def _value_after_the_end(rewards, terminals, values, n, discount):
     return total + discount ** (k + 1) * values[k + 1]
 
 
-def table_learner(best=np.max, **fixed):
+def table_learner(best=np.max, after_the_end=0, **fixed):
     """Q-learning with another idea of what the next cell is worth, or with a constant fixed."""
 
     def learn(step, start, flights, gamma, alpha, generator):
@@ -161,42 +189,12 @@ def table_learner(best=np.max, **fixed):
             while not ended:
                 action = generator.integers(4)
                 after, reward, ended = step(cell, action)
-                y = reward + (not ended) * case["gamma"] * best(q[after])
+                y = reward + (not ended or after_the_end) * case["gamma"] * best(q[after])
                 q[cell][action] += case["alpha"] * (y - q[cell][action])
                 cell = after
         return q
 
     return learn
-
-
-def through_y(memory, gamma, updates):
-    """The gradient flows through the target, too."""
-    nn = torch.nn
-    network = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
-    optimiser = torch.optim.Adam(network.parameters(), lr=0.01)
-    for _ in range(updates):
-        batch = memory[torch.randint(len(memory), (32,))]
-        cell, action, reward, after, ended = batch.split([2, 1, 1, 2, 1], dim=1)
-        y = reward + gamma * (1 - ended) * network(after).amax(1, keepdim=True)
-        loss = ((y - network(cell).gather(1, action.long())) ** 2).mean()
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-    return network
-
-
-def never_ending_table(step, *others):
-    """Something follows after the end, too."""
-
-    def goes_on(cell, action):
-        after, reward, ended = step(cell, action)
-        worth = learned[0][after].max() if ended else 0
-        return after, reward + others[2] * worth, ended
-
-    learned = [np.zeros((4, 4, 4))]
-    for _ in range(3):
-        learned[0] = checks.learned_table.solution(goes_on, *others)
-    return learned[0]
 
 
 def network_learner(gamma=None, tau=1.0, end=0, action=None):
@@ -211,6 +209,56 @@ def network_learner(gamma=None, tau=1.0, end=0, action=None):
         return learn_network(rows, gamma or given, tau, updates)[0]
 
     return learn
+
+
+def trained(fault):
+    """A network that is trained with a fault, for 6.2 and, with τ, for 6.4."""
+
+    def learn(memory, gamma, *rest):
+        *tau, updates = rest
+        online = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
+        target = copy.deepcopy(online) if tau else online
+        if fault == "fresh":
+            target = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
+        optimiser = torch.optim.Adam(online.parameters(), lr=0.01)
+        for _ in range(updates):
+            batch = memory[torch.randint(len(memory), (32,))]
+            cell, action, reward, after, ended = batch.split([2, 1, 1, 2, 1], dim=1)
+            with torch.set_grad_enabled(fault == "gradient"):
+                following = cell if fault == "cell" else after
+                y = reward + gamma * (1 - ended) * target(following).amax(1, keepdim=True)
+            q = online(cell).gather(1, action.long())
+            if fault in ("all", "largest"):
+                q = online(cell) if fault == "all" else online(cell).amax(1, keepdim=True)
+                y = y.expand_as(q)
+            loss = nn.functional.mse_loss(q[:, 0] if fault == "shape" else q, y)
+            if fault != "slopes":
+                optimiser.zero_grad()
+            loss.backward()
+            if fault != "step":
+                optimiser.step()
+            for old, new in zip(target.parameters(), online.parameters(), strict=True):
+                if fault == "in place":
+                    old.lerp_(new, *tau)
+                elif tau and fault != "never":
+                    old.data.lerp_(new.data, *tau)
+        return target if fault == "returned" else online
+
+    return learn
+
+
+def village(here="", there=""):
+    """The sheet's solution of 7.1, with something else in one place."""
+    text = (SCRIPTS / "07_training.py").read_text(encoding="utf-8")
+    start, end = text.index("class Network"), text.index("### END SOLUTION\n\n# %%\nchecks.vill")
+    assert here in text[start:end]
+    parts = {"Ring": "ring_buffer", "target_of": "double_target", "policy": "stable_policy"}
+    space = {name: checks.EXERCISES[check].solution for name, check in parts.items()}
+    around = "import copy\nimport numpy as np\nimport torch\nfrom torch import nn\n"
+    around += "from uavdh_lite.environment import State\n"
+    around += "from uavdh_lite.observation import Observation\n"
+    exec(around + text[start:end].replace(here, there), space)
+    return space["train"]
 
 
 def stays_above(steps, values, threshold, above=np.greater_equal):
@@ -370,6 +418,7 @@ MISTAKES = {
     ],
     "crosses": [
         (touching, "only touches a cell"),
+        (lambda *case: inside(*case) and np.less(*doubled_distance(*case)), "by itself"),
         (sampled, "cut off a tiny corner"),
         (inside, "must be near the line"),
     ],
@@ -388,6 +437,8 @@ MISTAKES = {
     ],
     "rewards_by_hand": [
         (by_hand(0, 2, 0.3), "A, step 2 gives 0.3, which is not right. The controller"),
+        (by_hand(0, 2, -1.2), "A, step 2.*a UAV that hovers uploads all the same"),
+        (lambda: [x for flight in FLIGHTS for x in flight], "Return two lists"),
         (by_hand(0, 4, 2.3), "A, step 4.*no more than the device has left"),
         (by_hand(0, 6, -0.2), "A, step 6.*lands does not pay"),
         (by_hand(1, 3, -1.2), "B, step 3.*the crash"),
@@ -407,8 +458,11 @@ MISTAKES = {
     "data_layer": [
         (lambda size, uav, devices, data: np.zeros((size, size)), r"expected \(5, 5\)"),
         (lambda size, uav, devices, data: np.zeros((2 * size - 1,) * 2), "its data stands there"),
+        (lambda *case: checks.data_layer.solution(*case).T, "Rows and columns are swapped"),
+        (lambda *case: checks.data_layer.solution(*case)[::-1, ::-1], "further south"),
     ],
     "fitted_line": [
+        (one_after_the_other, "Compute both slopes first"),
         (lambda x, y, rate, steps: (0.0, 0.0), "rate times its slope"),
         (lambda x, y, rate, steps: checks.fitted_line.solution(x, y, rate, 1), "without a step"),
     ],
@@ -425,23 +479,36 @@ MISTAKES = {
         (table_learner(best=np.min), "largest Q-value of the next cell"),
         (table_learner(best=np.mean), "largest Q-value of the next cell"),
         (table_learner(gamma=0.95), "y is the reward plus γ times"),
+        (table_learner(after_the_end=1), "the reward alone. That matters where"),
         (lambda *case: np.zeros((4, 4)), r"array of shape \(4, 4, 4\)"),
-        (never_ending_table, "there y is the reward alone"),
+        (learn_table, "the library's own, of uavdh_lite.course.small_city. Write it yourself"),
     ],
     "learned_network": [
-        (network_learner(end=1), "After the end nothing follows"),
-        (through_y, "A gradient flows through y"),
+        (network_learner(end=1), r"at \[\d, \d\], expected.*after the end nothing follows"),
         (network_learner(gamma=0.5), "With another γ"),
         (network_learner(action=0), "of the action that was taken"),
+        (trained("gradient"), r"A gradient runs through y.*`torch.no_grad\(\)`. See line \d+, `"),
+        (trained("shape"), r"shape \(32,\) meets one of the shape \(32, 1\): that makes 32 × 32"),
+        (trained("all"), "All four Q-values of a cell move towards y"),
+        (trained("largest"), "The largest Q-value of each cell moves"),
+        (trained("cell"), "the Q-values of the cell itself"),
+        (trained("slopes"), r"`optimiser.zero_grad\(\)` is missing"),
+        (trained("step"), "The weights do not change from update to update"),
         (lambda *case: torch.nn.Linear(2, 4), "y is the reward plus"),
         (lambda *case: torch.nn.Linear(2, 3), r"not a tensor \(16, 4\)"),
     ],
     "learned_calmly": [
         (lambda m, gamma, tau, n: network_learner()(m, gamma, n), "comes from the target network"),
-        (lambda m, gamma, tau, n: network_learner(tau=1 - tau)(m, gamma, n), "its weights becomes"),
+        (lambda m, gamma, tau, n: network_learner(tau=1 - tau)(m, gamma, n), "are swapped"),
         (lambda m, gamma, tau, n: network_learner(tau=0.05)(m, gamma, n), "With τ = 0"),
+        (trained("never"), "Your target network did not change"),
+        (trained("fresh"), "does not begin as a copy of the online one"),
+        (trained("returned"), "is not the trained one: return the online"),
+        (trained("gradient"), "A gradient runs through y"),
+        (trained("in place"), r"in-place operation, in line \d+, `old.lerp_"),
     ],
     "stable_policy": [
+        (softmax_policy, "the library's own, of uavdh_lite.ddqn. Write it yourself"),
         (lambda q, beta: _shifted(q, beta, 0), "it overflows"),
         (lambda q, beta: _shifted(q, beta, q.amin(1, True)), "smaller than the maximum"),
         (lambda q, beta: _shifted(q, beta, q.amax(1, True), 0), "the sum of its own row"),
@@ -463,6 +530,16 @@ MISTAKES = {
     "diagnosis": [(lambda landed, collected, used: "good", "wanders")],
     "n_step_return": [
         (_value_after_the_end, "no value is added"),
+        (all_n, r"IndexError.*in line \d+, `.*`\. Where fewer than n steps are stored, m = T"),
+    ],
+    "village_dqn": [
+        (village("        optimiser.step()\n"), "The weights do not change"),
+        (village("        optimiser.zero_grad()\n"), "is missing before `loss.backward"),
+        (village("gather(1, taken)[:, 0]", "gather(1, taken)"), "that makes 64 × 64 numbers"),
+        (
+            village("after.with_rows(over,", "after if True else (over,"),
+            "All 16 missions have ended",
+        ),
     ],
     "mended_recipe": [({"crash_reward": -2.0}, "Hand over a Recipe")],
     "steps_to": [
@@ -492,6 +569,8 @@ MISTAKES = {
     "ring_buffer": [
         (NewestAtTheEnd, "gives item 5, expected item 6.*no longer at the end"),
         (Grows, "the ring does not grow"),
+        (OneLess, r"ValueError: high <= 0, in line \d+, `.*`\. The (newest|other) item"),
+        (Replay, "of uavdh_lite.replay. Write it yourself"),
         (WithoutReplacement, "a list of length 2, expected 3"),
         (LastPlaceNever, "upper end|all stored ones"),
         (OwnChance, "earlier calls|passed in"),

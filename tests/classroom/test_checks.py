@@ -12,11 +12,12 @@ import jupytext
 import numpy as np
 import pytest
 import torch
-from mistakes import MISTAKES
+from mistakes import MISTAKES, village
 from mutants import code_of
 
 from uavdh_lite.course import checks
 from uavdh_lite.course.checks import exercise as module
+from uavdh_lite.course.checks import notebook_07
 from uavdh_lite.course.checks.exercise import Exercise
 from uavdh_lite.course.checks.notebook_07 import RUNS
 from uavdh_lite.course.checks.values import difference
@@ -38,6 +39,14 @@ WRONG = [
 @pytest.mark.parametrize("name, answer, told", WRONG)
 def test_a_wrong_answer_is_refused_with_the_rule_or_the_mistake(name, answer, told):
     assert re.search(told, checks.EXERCISES[name].wrong_with(answer))
+
+
+def test_a_next_state_that_is_stored_after_the_restart_is_named(monkeypatch):
+    monkeypatch.setattr(notebook_07, "ROUNDS", 130)  # the first hundred are without learning
+    late = village("after[k : k + 1]))", "scenario.sample(environment, 1, generator)))")
+    said = checks.village_dqn.wrong_with(late)
+    assert re.search(r"Random flying has \d+%.*at least 20 points more, \d+%.* no minibatch", said)
+    assert "no minibatch" not in checks.village_dqn.wrong_with(village())
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -84,8 +93,8 @@ def test_the_rule_that_fails_first_is_told_with_its_smallest_case_and_the_digits
         (lambda x: print): "returns <built-in function print>, which cannot be compared",
         (lambda x: {}[x]): r"stops with KeyError: 1, in line \d+, `\(lambda x: {}\[x\]\)",
         (lambda x: sys.exit()): "stops with SystemExit.*One more",
-        (lambda x: [][x]): r"\(1\) stops with IndexError: .*,`\.$",
-        (lambda x: eval("y")): r"\(1\) stops with NameError: name 'y' is not defined\.$",
+        (lambda x: [][x]): r"\(1\) stops with IndexError: .*,`\. One more\.$",
+        (lambda x: eval("y")): r"\(1\) stops with NameError: .* is not defined, in line .*`\.$",
         (lambda: 1): r"\(1\) stops with TypeError: .* 1 was given\.$",
         (lambda x: x + 1 if x < 99 else x + "1"): r"stops with TypeError: .*\. Also for",
     }.items():
@@ -186,6 +195,22 @@ def test_values_are_compared_as_what_they_are():
     assert not difference(Fraction(1, 2), 0.5) and difference(4.0, 4) and difference([1.0], 1.0)
     assert difference([1.0], np.ones(1)) and difference(np.ones(1), np.ones(1, bool))
     assert "at [12]" in difference(np.arange(13), np.minimum(np.arange(13), 11))
+
+
+def test_the_lines_of_pytorch_that_are_taught_run_and_have_the_shapes_they_say():
+    text = next(s for s in SCRIPTS if s.stem == "06_ddqn").read_text(encoding="utf-8")
+    table = text[text.index("# ## PyTorch") : text.index("# ## 6.2")]
+    lines = re.findall(r"\| `(.+)` \|$", table, re.M)
+    space: dict = {"torch": torch, "nn": torch.nn}
+    shapes = []
+    for line in lines:
+        exec(line, space)
+        shapes.append([tuple(space[n].shape) for n in ("q", "taken", "rows") if n in space])
+    assert len(lines) == 10 and shapes[-1] == [(5, 4), (5, 1), (8, 784)]
+    assert shapes[3] == [(5, 4), (5,)] and not space["y"].requires_grad
+    code = re.search(r"```python\n(.+?)# ```", table, re.S)
+    exec(code[1].replace("# ", "", 1).replace("\n# ", "\n").replace("\n#\n", "\n\n"), space)
+    assert space["Network"]()(torch.rand(3, 2)).shape == (3, 4)
 
 
 def test_the_notebooks_have_every_exercise_in_order():

@@ -1,6 +1,7 @@
 """Right answers pass, however they are written."""
 
 import bisect
+import copy
 import functools
 import itertools
 import math
@@ -161,7 +162,60 @@ def correlated(layer, kernel, bias):
     return torch.nn.functional.conv2d(one, other)[0, 0] + bias
 
 
+def by_dictionary(step, start, flights, gamma, alpha, generator):
+    q = {(row, col): [0.0] * 4 for row in range(4) for col in range(4)}
+    for _ in range(flights):
+        cell, ended = start, False
+        while not ended:
+            action = int(generator.random() * 4)
+            after, reward, ended = step(cell, action)
+            y = reward + gamma * max(q[after]) * (1 - ended)
+            q[cell][action] = (1 - alpha) * q[cell][action] + alpha * y
+            cell = after
+    return np.array([[q[row, col] for col in range(4)] for row in range(4)])
+
+
+class Cells(torch.nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.hidden, self.last = torch.nn.Linear(2, 64), torch.nn.Linear(64, 4)
+
+    def forward(self, cells):
+        return self.last(self.hidden(cells).relu())
+
+
+def by_mask(memory, gamma, updates, tau=None):
+    """All four differences, of which a mask keeps one; y is detached, the shapes are (B,)."""
+    online, generator = Cells(), np.random.default_rng(0)
+    target = copy.deepcopy(online) if tau is not None else online
+    optimiser = torch.optim.Adam(online.parameters(), lr=0.01)
+    for _ in range(updates):
+        rows = memory[generator.integers(len(memory), size=32)]
+        mask = torch.nn.functional.one_hot(rows[:, 2].long(), 4)
+        y = torch.where(
+            rows[:, 6] == 1, rows[:, 3], rows[:, 3] + gamma * target(rows[:, 4:6]).amax(1)
+        )
+        error = mask * (online(rows[:, :2]) - y.detach()[:, None])
+        (error**2).sum(1).mean().backward()
+        optimiser.step()
+        optimiser.zero_grad(set_to_none=False)
+        if tau is not None:
+            kept = target.state_dict()
+            new = {
+                name: (1 - tau) * kept[name] + tau * w for name, w in online.state_dict().items()
+            }
+            target.load_state_dict(new)
+    return online.eval()
+
+
+def by_mask_calmly(memory, gamma, tau, updates):
+    return by_mask(memory, gamma, updates, tau)
+
+
 OTHERS = {
+    "learned_table": by_dictionary,
+    "learned_network": by_mask,
+    "learned_calmly": by_mask_calmly,
     "view": by_steps,
     "clustered_half_width": by_matrix,
     "stable_policy": lambda q, beta: by_logarithms(q.double(), beta).float(),

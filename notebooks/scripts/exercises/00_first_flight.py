@@ -81,8 +81,8 @@ checks.flight_score(collected_and_landed)
 #
 # <details><summary>Another hint</summary>
 #
-# Greedy has one rule: to the nearest device that has data left, and home when the time just suffices. Go along each flight. Whenever it turns, which
-# device still has data, and which of these is nearest? Count the moves.
+# Greedy has one rule: to the nearest device that has data left, and home when the time just suffices. From the
+# start both devices in the east are 15 moves away, so look further along. At (1, 14), which device still has data, and how near is it?
 # </details>
 
 # %%

@@ -52,7 +52,7 @@ def step(cell, action):
 #
 # $$y = r + \gamma \max_{a'} Q(s', a'), \qquad Q(s, a) \leftarrow Q(s, a) + \alpha\,(y - Q(s, a)),$$
 #
-# and $y = r$ if the episode ended with this step.
+# and $y = r$ if the episode ended with this step, because nothing follows. (The check also starts flights in the device's own cell.)
 #
 # - `step`: a function as above; the check hands in other cities, too
 # - `start`: the cell, (row, column), in which each flight begins; a flight goes on until `step` says that it has ended
@@ -94,6 +94,38 @@ def learn_table(step, start, flights, gamma, alpha, generator):
 checks.learned_table(learn_table)
 
 # %% [markdown]
+# ## PyTorch, as much as you need
+#
+# From here on you need the following of PyTorch, in 6.4 and 7.1 as well. The lines run one after the other.
+#
+# | what it does | a line |
+# | --- | --- |
+# | a layer of 4 neurons, each of which is given 2 numbers | `layer = nn.Linear(2, 4)` |
+# | layers one after the other | `network = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))` |
+# | asks a network about 5 examples, a row each: (5, 4) | `q = network(torch.rand(5, 2))` |
+# | the entry in column `a[k]` of each row k: (5,) | `a = torch.tensor([0, 3, 1, 1, 2]); taken = q[torch.arange(5), a]` |
+# | the same as a column: (5, 1) | `taken = q.gather(1, a[:, None])` |
+# | the largest of each row: (5,), or as a column (5, 1) | `q.amax(dim=1), q.amax(dim=1, keepdim=True)` |
+# | computes something that no gradient goes through | `with torch.no_grad(): y = network(torch.rand(5, 2))` |
+# | a second network with the same weights | `import copy; other = copy.deepcopy(network)` |
+# | 16 kernels of 3 × 3 over 5 layers, moved 2 cells at a time | `convolution = nn.Conv2d(5, 16, 3, stride=2)` |
+# | makes one row of numbers of each example's maps: (8, 784) | `rows = nn.Flatten()(convolution(torch.rand(8, 5, 15, 15)))` |
+#
+# Mind the shapes. From numbers in a row, (5,), and numbers in a column, (5, 1), a subtraction makes a table of 5 × 5, and nothing warns you.
+#
+# A network that is not simply one layer after the other is a class. `super().__init__()` must come first, so that PyTorch finds the layers;
+# `forward` is what happens when the network is called:
+#
+# ```python
+# class Network(nn.Module):
+#     def __init__(self):
+#         super().__init__()
+#         self.hidden, self.last = nn.Linear(2, 64), nn.Linear(64, 4)
+#
+#     def forward(self, cells):
+#         return self.last(torch.relu(self.hidden(cells)))
+# ```
+#
 # ## 6.2 · A network in the table's place (3 points, 20 minutes)
 #
 # Now a network computes the four Q-values of a cell from its row and column. It learns from recorded steps. Here are those of

@@ -82,10 +82,15 @@ class Exercise:
         if not isinstance(answer, self.takes) or isinstance(answer, type) != (self.takes is type):
             kind = "function, without brackets" if self.takes is Callable else self.takes.__name__
             return f"Hand over a {kind}. You handed over {show(answer)}."
+        home = str(getattr(answer, "__module__", ""))
+        own = self.takes not in (Callable, type) or home.startswith("uavdh_lite.course.checks.")
+        if home.startswith("uavdh_lite.") and not own:
+            return f"That is the library's own, of {home}. Write it yourself."
         try:
             return self._wrong_case(answer) or self.also(answer)
         except CheckFailed as failed:
-            return str(failed)
+            seen = _line(failed)  # in the answer, if it was stopped there
+            return f"{failed}{seen.replace(', in', ' See', 1)}{'.' * bool(seen)}"
         except KeyboardInterrupt as stopped:
             return f"Interrupted{_line(stopped)}. Is there a loop that never ends?"
         except Exception as error:
@@ -116,7 +121,7 @@ class Exercise:
         said = re.sub(", expected .*", ", which is not right", told[k]) if self.secret else told[k]
         said = f"{self._called(answer, cases[k][1])} {said}."
         early = TypeError if cases[k][0] == cases[0][0] else NameError
-        if isinstance(given[k], IndexError | ValueError | ZeroDivisionError | NameError | early):
+        if isinstance(given[k], NameError | early):
             return said  # a slip that no rule explains, unless it is a TypeError in a later rule
         if re.search(r", but .* (is|are) expected$", told[k]):
             return said  # nor does one explain that the value is of another kind
@@ -194,12 +199,12 @@ def exercise(heading: str, **options) -> Callable[[Callable], Exercise]:
 
 def _stops(error: BaseException) -> str:
     """What an error says, and in which line of the student's it happened."""
-    text = " ".join(str(error).split())[:200]
+    text = " ".join(str(error).split())[:200].rstrip(".")
     return f"stops with {type(error).__name__}{': ' * bool(text)}{text}{_line(error)}"
 
 
 def _line(error: BaseException) -> str:
     """The last line of the student's own code that the error went through."""
     frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if not frame.filename.startswith(LIBRARY)]
-    return f", in line {own[-1].lineno}, `{own[-1].line}`" if own and own[-1].line else ""
+    own = [f for f in frames if f.line and not f.filename.startswith(LIBRARY)]
+    return f", in line {own[-1].lineno}, `{own[-1].line}`" if own else ""

@@ -67,7 +67,7 @@ def wrong_pilots(answer: dict) -> str:
     if answer["B"] != "random":
         return "Random has no plan at all: its steps have no aim, and reach no device."
     if answer["C"] != "greedy":
-        return "Greedy always flies to the nearest device with data left. Count the moves."
+        return "Greedy always flies to the nearest device with data left. Which is it at (1, 14)?"
     return ""
 
 

@@ -27,10 +27,12 @@ APART = [case for case in DRAWN if case not in TOUCHING]
     "2.1 · Does the ray cross the cell? (1 point, 10 minutes)",
     rules={
         "The segment begins and ends in the middle of a cell, so it crosses both of these. There "
-        "R·c − C·r is 0, less than (|R| + |C|) / 2. If both ends are the same point, it crosses "
-        "that cell and no other.": [
-            ((2, 3), (4, 8), (2, 3)), ((2, 3), (4, 8), (4, 8)), ((4, 6), (4, 6), (4, 6)),
-            ((4, 6), (4, 6), (4, 7)),
+        "R·c − C·r is 0, less than (|R| + |C|) / 2.": [
+            ((2, 3), (4, 8), (2, 3)), ((2, 3), (4, 8), (4, 8)),
+        ],
+        "If both ends are the same point, it crosses that cell and no other. There R and C are 0, "
+        "so that nothing is less than (|R| + |C|) / 2: ask for this case by itself.": [
+            ((4, 6), (4, 6), (4, 6)), ((4, 6), (4, 6), (4, 7)),
         ],
         "Along a row or a column the segment runs through the middle of each cell between its "
         "ends, and through no other; no slope is needed, compare products.": [

@@ -50,7 +50,8 @@ def tdma_slot(snr_db, left, empty=-np.inf):
 
 def step_of(answer, flight, step):
     given = answer()
-    if [len(part) for part in given] != [6, 3]:
+    several = given if isinstance(given, tuple | list) else ()
+    if [len(part) if hasattr(part, "__len__") else 1 for part in several] != [6, 3]:
         raise CheckFailed("Return two lists: six rewards of flight A, three of flight B.")
     return given["AB".index(flight)][step - 1]
 
@@ -61,8 +62,8 @@ def step_of(answer, flight, step):
         "Each data unit that is uploaded counts 1, and each step costs 0.2 unless it lands.": [
             ("A", 1), ("A", 3), ("A", 5), ("B", 1),
         ],
-        "The controller replaced the action: data still comes in while the UAV hovers, and the "
-        "penalty of 1 comes on top of the 0.2.": [
+        "The controller replaced the action by hovering. Its penalty of 1 comes on top of the 0.2, "
+        "and a UAV that hovers uploads all the same.": [
             ("A", 2), ("B", 2),
         ],
         "A step uploads no more than the device has left: keep an account of it.": [("A", 4)],

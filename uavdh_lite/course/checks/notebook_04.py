@@ -74,6 +74,13 @@ def scattered(size, uav, count):
                 size, (size - 1, size - 1), devices, data
             )
         ),
+        "The signs are turned round: a device further south than the UAV lies below the middle, "
+        "one further east to the right of it.": (
+            lambda *case: data_layer.solution(*case)[::-1, ::-1]
+        ),
+        "Rows and columns are swapped: places are (row, col).": (
+            lambda *case: data_layer.solution(*case).T
+        ),
     },
     case=scattered,
 )

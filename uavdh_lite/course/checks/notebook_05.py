@@ -18,7 +18,8 @@ def examples(count, rate, steps):
     rules={
         "Both begin at 0, and without a step they stay there.": [(3, 0.1, 0)],
         "The slope of the loss is the mean over all examples of 2 · error · x for w, and of "
-        "2 · error for b, with error = w·x + b − y. Each goes the rate times its slope *down*.": [
+        "2 · error for b, with error = w·x + b − y. Compute both slopes first; then each goes the "
+        "rate times its slope *down*.": [
             (1, 0.1, 1), (2, 0.1, 1), (5, 0.05, 1), (4, 0.2, 1),
         ],
         "Every step begins where the last one ended, and moves w and b at the same time, with the "

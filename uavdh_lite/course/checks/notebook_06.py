@@ -4,6 +4,7 @@ import numpy as np
 import torch
 
 from uavdh_lite.course.checks.exercise import CheckFailed, exercise
+from uavdh_lite.course.checks.learning import Watched
 from uavdh_lite.course.checks.values import show
 from uavdh_lite.course.small_city import (
     CELLS,
@@ -13,36 +14,24 @@ from uavdh_lite.course.small_city import (
     learn_table,
     small_city,
 )
+from uavdh_lite.environment import MOVES
 from uavdh_lite.streams import Use, stream
 
 
-def table_values(learn, flights, gamma, alpha, *where):
+def table_values(
+    learn, flights, gamma, alpha, device=(0, 3), price=0.2, moves=MOVES[:4], start=START
+):
     """The largest Q-value of each cell in the table that an answer learns, (4, 4)."""
-    q = learn(small_city(*where), START, flights, gamma, alpha, stream(Use.EXERCISE, 0))
+    city = small_city(device, price, moves)
+    q = learn(city, start, flights, gamma, alpha, stream(Use.EXERCISE, 0))
     if np.shape(q) != (4, 4, 4):
         raise CheckFailed(f"Return the table, an array of shape (4, 4, 4), not {show(q)}.")
     return np.max(q, axis=2)
 
 
-def called_table(flights, gamma, alpha, *where):
-    return f"After {flights} flights with γ = {gamma} and α = {alpha}, the table's largest Q-value"
-
-
-def learns_after_the_end(learn) -> str:
-    """A gate: entered from the west it ends the flight, otherwise it is a cell like any other."""
-    open_city = small_city((9, 9))
-
-    def step(cell, action):
-        after, reward, _ = open_city(cell, action)
-        ended = after == (0, 3) and action == 1 and cell != after
-        return after, reward + 10 * ended + (after == (3, 3)), ended
-
-    case = step, START, 300, 0.9, 0.5
-    q, right = (one(*case, stream(Use.EXERCISE, 0)) for one in (learn, learn_table))
-    if np.abs(q[0, 2, 1] - right[0, 2, 1]) < 0.5:
-        return ""
-    said = "An episode may end in a cell that is worth something to others who pass it."
-    return f"{said} Nothing follows all the same: there y is the reward alone."
+def called_table(flights, gamma, alpha, *more):
+    said = f"After {flights} flight{'s' * (flights > 1)} with γ = {gamma} and α = {alpha}"
+    return f"{said}, the table's largest Q-value of a cell [row, column]"
 
 
 EASTWARD = (3, 3), 0.0, 4 * [(0, 1)]  # device, price and moves: whatever it does, it goes east
@@ -59,10 +48,13 @@ EASTWARD = (3, 3), 0.0, 4 * [(0, 1)]  # device, price and moves: whatever it doe
         "worth 6.7 with γ = 0.95.": [(200, 0.95, 0.5), (200, 0.95, 1.0), (200, 1.0, 0.5)],
         "With another γ, or a device elsewhere, or another price of a step, other values come "
         "out.": [(200, 0.5, 0.5), (200, 0.9, 0.5, (1, 1), 0.5), (200, 0.0, 0.8, (2, 3), 1.0)],
+        "If the episode ended with this step, y is the reward alone. That matters where flights "
+        "start in the device's cell, as here, so that Q has values there, too.": [
+            (200, 0.95, 0.5, (0, 3), 0.2, MOVES[:4], (0, 3)),
+        ],
     },
     ask=table_values,
     call=called_table,
-    also=learns_after_the_end,
     tolerance=0.01,
     smallest=0.03,
 )
@@ -71,35 +63,35 @@ def learned_table(step, start, flights, gamma, alpha, generator):
     return learn_table(step, start, flights, gamma, alpha, generator)
 
 
+EXPLODED = 60.0  # no cell is worth more than 10
+
+
 def network_values(learn, seed, *case):
-    """The largest Q-values that a network learns from the steps of 100 flights, (15,)."""
+    """The largest Q-value of each cell that a network learns from the steps of 100 flights, (4, 4).
+
+    Infinite if it has exploded; nan at the device, since no step begins there.
+    """
     torch.manual_seed(seed)
     *constants, device, price = case
     memory = flights_of(small_city(device, price), 100)
-    network = learn(memory, *constants, 1000)
+    with Watched(*constants[1:]) as watched:
+        network = learn(memory, *constants, 1000)
     if not callable(network):
         raise CheckFailed(f"Return the network. You returned {show(network)}.")
     q = network(CELLS)
     if np.shape(q) != (16, 4):
         raise CheckFailed(f"For 16 cells your network gives {show(q)}, not a tensor (16, 4).")
-    elsewhere = (torch.tensor(device) != CELLS).any(dim=1)  # no step begins at the device
-    return q.detach().amax(1)[elsewhere]
+    if isinstance(network, torch.nn.Module) and not watched.trained(network):
+        raise CheckFailed("The network that you return is not the trained one: return the online.")
+    largest = q.detach().amax(1).reshape(4, 4).float()
+    largest[largest > EXPLODED] = np.inf
+    largest[device] = np.nan
+    return largest
 
 
 def called_network(seed, gamma, *more):
-    return f"With γ = {gamma}, seed {seed}, the network's largest Q-value of a cell"
-
-
-def gradient_through_y(learn) -> str:
-    """Chance leads to a cell worth 10 or to one worth 0; a gradient through y levels the two."""
-    rows = [(3, 0, a, 0, 0, col, 0) for a in range(4) for col in (0, 3)]
-    rows += [(0, col, a, 10 * (col == 0), 0, col, 1) for a in range(4) for col in (0, 3)]
-    torch.manual_seed(0)
-    network = learn(torch.tensor(rows, dtype=torch.float32).repeat(10, 1), 0.9, 1000)
-    if network(torch.zeros(1, 2)).max() > 9:
-        return ""
-    said = "A gradient flows through y, which makes the next cell fit the one before."
-    return f"{said} Compute y inside `with torch.no_grad():`."
+    tau = f", τ = {more[0]}" if len(more) == 3 else ""
+    return f"With γ = {gamma}{tau}, seed {seed}, the largest Q-value of a cell [row, column]"
 
 
 def draw_explosion(ax, learn):
@@ -118,18 +110,14 @@ def draw_explosion(ax, learn):
     "6.2 · A network in the table's place (3 points, 20 minutes)",
     figure=draw_explosion,
     rules={
-        "y is the reward plus γ times the largest Q-value of the next cell, and the network's "
-        "Q-value of the action that was taken learns it. A cell far from the device is worth "
-        "little with so small a γ. After the end nothing follows: there y is the reward alone.": [
+        "y is the reward plus γ times the largest Q-value of the next cell; after the end nothing "
+        "follows, and y is the reward alone. The Q-value of the action that was taken learns it.": [
             (0, 0.5, (0, 3), 0.2),
         ],
-        "With another γ, or a device elsewhere, other values come out.": [
-            (1, 0.3, (3, 3), 1.0),
-        ],
+        "With another γ, or a device elsewhere, other values come out.": [(1, 0.3, (3, 3), 1.0)],
     },
     ask=network_values,
     call=called_network,
-    also=gradient_through_y,
     tolerance=0.1,
     smallest=0.8,
 )
@@ -232,11 +220,12 @@ class ring_buffer:
 @exercise(
     "6.4 · A target network (2 points, 15 minutes)",
     rules={
-        "y comes from the target network. After each update every one of its weights becomes "
-        "(1 − τ) times itself plus τ times the online one. So nothing explodes, and the start is "
-        "worth 6.7.": [(0, 0.95, 0.05, (0, 3), 0.2)],
-        "With τ = 0 the target network stays what it was at the start. y is the reward, plus a "
-        "guess near 0.": [(0, 0.5, 0.0, (0, 3), 1.0)],
+        "y comes from the target network. With τ = 0 it stays what it was at the start, so y is "
+        "the reward, plus a guess near 0.": [(0, 0.5, 0.0, (0, 3), 1.0)],
+        "After each update every weight of the target network becomes (1 − τ) times itself plus τ "
+        "times the online one. So nothing explodes, and the start is worth 6.7.": [
+            (0, 0.95, 0.05, (0, 3), 0.2),
+        ],
     },
     ask=network_values,
     call=called_network,
@@ -244,7 +233,7 @@ class ring_buffer:
     smallest=0.8,
 )
 def learned_calmly(memory, gamma, tau, updates):
-    """`learn_calmly(memory, gamma, tau, updates)`: the network of 5.2, with a target network."""
+    """`learn_calmly(memory, gamma, tau, updates)`: the network of 6.2, with a target network."""
     return learn_network(memory, gamma, tau, updates)[0]
 
 

@@ -7,7 +7,8 @@ import numpy as np
 import torch
 
 from uavdh_lite.city import load_cities
-from uavdh_lite.course.checks.exercise import exercise
+from uavdh_lite.course.checks.exercise import CheckFailed, exercise
+from uavdh_lite.course.checks.learning import Watched
 from uavdh_lite.course.checks.values import show
 from uavdh_lite.environment import Environment, Rewards
 from uavdh_lite.evaluation import FunctionPolicy, evaluate
@@ -21,13 +22,26 @@ ROUNDS, REWARDS = 2000, Rewards(movement=-0.1, crash=-20.0)  # of the student's 
 LEAST_LEAD = 0.2  # over random, in collected and landed
 
 
+class Flown(Environment):
+    """An environment that does not fly on when all missions have ended."""
+
+    def step(self, state, action, generator):
+        if state.ended.all():
+            raise CheckFailed(
+                f"All {len(state)} missions have ended, and their UAVs are flown on. Where one has "
+                "ended, begin another: `states.with_rows(places, new_states)`."
+            )
+        return super().step(state, action, generator)
+
+
 def wrong_training(train) -> str:
     """What is wrong with an agent that an answer trains, after 500 test missions of the village."""
-    scenario, environment = find_scenario("village"), Environment(load_cities("village"))
+    scenario, environment = find_scenario("village"), Flown(load_cities("village"))
     print(f"Training for {ROUNDS:,} rounds, about half a minute …", flush=True)
     torch.manual_seed(0)
     torch.set_num_threads(1)  # quicker, as the network is small
-    q_values = train(environment, scenario, REWARDS, ROUNDS, stream(Use.EXERCISE, 0))
+    with Watched() as watched:
+        q_values = train(environment, scenario, REWARDS, ROUNDS, stream(Use.EXERCISE, 0))
     if not callable(q_values):
         return f"Return a function q_values(state). You returned {show(q_values)}."
     q = q_values(scenario.sample(environment, 3, stream(Use.EXERCISE, 1)))
@@ -36,8 +50,10 @@ def wrong_training(train) -> str:
     if not torch.isfinite(q).all():
         return "The Q-values are not finite: they have exploded. Is y made by the target network?"
 
+    village = Environment(load_cities("village"))
+
     def score(policy):
-        records = evaluate(environment, policy, scenario, 500, seed=0).records()
+        records = evaluate(village, policy, scenario, 500, seed=0).records()
         return {name: float(values.mean()) for name, values in records.items()}
 
     own = score(FunctionPolicy(lambda state: q_values(state).detach().argmax(1).numpy()))
@@ -50,8 +66,14 @@ def wrong_training(train) -> str:
     why = "It collects and does not come home: does y end with the reward where an episode ended?"
     if own["landed"] > 0.8:
         why = "It lands and hardly collects: is β large at first, and are all actions tried?"
-    least = f"{chance['collected_and_landed'] + LEAST_LEAD:.0%}"
-    return f"{said}: {least}, {100 * LEAST_LEAD:.0f} points more than random, are asked for. {why}"
+    if watched.ends is False:
+        why = (
+            "In no minibatch did an episode end. Store the next state as `step` gave it, before a "
+            "new mission takes its place."
+        )
+    random = chance["collected_and_landed"]
+    asked = f"Random flying has {random:.0%} collected and landed, and at least 20 points more"
+    return f"{said}. {asked}, {random + LEAST_LEAD:.0%}, are asked for. {why}"
 
 
 @exercise("7.1 · Your own DQN flies the village (6 points, 45 minutes)", also=wrong_training)
