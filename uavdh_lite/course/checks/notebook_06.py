@@ -119,7 +119,7 @@ def draw_explosion(ax, learn):
     ask=network_values,
     call=called_network,
     tolerance=0.1,
-    smallest=0.8,
+    smallest=1.2,
 )
 def learned_network(memory, gamma, updates):
     """`learn_network(memory, gamma, updates)`: a network from (B, 2) cells to (B, 4) Q-values."""
@@ -221,7 +221,7 @@ class ring_buffer:
     "6.4 · A target network (2 points, 15 minutes)",
     rules={
         "y comes from the target network. With τ = 0 it stays what it was at the start, so y is "
-        "the reward, plus a guess near 0.": [(0, 0.5, 0.0, (0, 3), 1.0)],
+        "the reward, plus a guess near 0.": [(0, 0.4, 0.0, (0, 3), 1.0)],
         "After each update every weight of the target network becomes (1 − τ) times itself plus τ "
         "times the online one. So nothing explodes, and the start is worth 6.7.": [
             (0, 0.95, 0.05, (0, 3), 0.2),
@@ -230,7 +230,7 @@ class ring_buffer:
     ask=network_values,
     call=called_network,
     tolerance=0.1,
-    smallest=0.8,
+    smallest=2.0,
 )
 def learned_calmly(memory, gamma, tau, updates):
     """`learn_calmly(memory, gamma, tau, updates)`: the network of 6.2, with a target network."""
