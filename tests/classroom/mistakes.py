@@ -250,7 +250,8 @@ def trained(fault):
 def village(here="", there=""):
     """The sheet's solution of 7.1, with something else in one place."""
     text = (SCRIPTS / "07_training.py").read_text(encoding="utf-8")
-    start, end = text.index("class Network"), text.index("### END SOLUTION\n\n# %%\nchecks.vill")
+    end = text.index("### END SOLUTION\n\n# %%\nchecks.village_dqn")
+    start = text.rindex("\nclass Network", 0, end)
     assert here in text[start:end]
     parts = {"Ring": "ring_buffer", "target_of": "double_target", "policy": "stable_policy"}
     space = {name: checks.EXERCISES[check].solution for name, check in parts.items()}
