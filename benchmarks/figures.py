@@ -3,7 +3,7 @@
     python benchmarks/figures.py
 
 The curves are those of the recorded studies; the flights are flown by the strengthened DDQN agents
-of seed 0 in `data/agents`, over the maps with tall buildings.
+of seed 0.
 """
 
 from dataclasses import replace
@@ -28,7 +28,7 @@ MOST_SEEDS = 2000  # missions that are looked through for a behaviour
 
 
 def agent_of(scenario: str) -> Agent:
-    return load_agent(DATA / "agents" / f"ddqn-{scenario}-lite-0.safetensors")
+    return load_agent(f"{scenario}_ddqn")
 
 
 def centring() -> Figure:

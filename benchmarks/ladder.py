@@ -71,7 +71,7 @@ ROWS = (
     Row("random", (), lambda environment: Random()),
     Row("greedy", ("map",), Greedy),
     Row("orienteering", ("map",), planner("orienteering")),
-    Row("plain", ("map", "reward"), agents="centring_plain-{}-centred-*"),
+    Row("plain", ("map", "reward"), agents="*plain-{}-centred-*"),
     Row("ddqn", ("map", "reward"), agents="ddqn-{}-lite-*"),
     Row("ddqn_failsafe", ("map", "failsafe", "reward"), agents="failsafe-{}-safe-*"),
     Row("ddqn_told", ("map", "mean_rates", "failsafe", "reward"), agents="failsafe-{}-told-*"),
@@ -85,7 +85,7 @@ ROWS = (
 
 
 def environment_of(scenario: str) -> Environment:
-    return Environment(load_city(AGENTS / "maps" / f"{scenario}.png"))
+    return Environment(load_city(scenario))
 
 
 def policies(row: Row, scenario: str) -> list[str]:
@@ -184,7 +184,7 @@ def main() -> None:
     missing = {on: [r.name for r in ROWS if (on, r.name) not in flown] for on in MAPS}
     agents = {on: [name for row, name, its in grid if its == on and row.agents] for on in MAPS}
     about = {"command": "python benchmarks/ladder.py", "seed": SEED, "outstanding": missing}
-    about |= {"agents": agents, "maps": "data/agents/maps", **provenance()}
+    about |= {"agents": agents, **provenance()}
     write_json(OUT.with_name("ladder.json"), about)
 
 

@@ -9,7 +9,8 @@
 `train` and `study` and `benchmarks/fleet.py` write them; the list has the name for each variant.
 Recorded are the two tables of all runs, `STUDY.csv.gz` of the validations and
 `STUDY-training.csv.gz` of the learning curves, `STUDY.json`, which says how they were made, and the
-agents of all seeds, `data/agents/STUDY-VARIANT-SEED.safetensors`, with weights in float16.
+agents of all seeds, `data/agents/STUDY-VARIANT-SEED.safetensors`, with weights in float16. That of
+seed 0 is shipped, too, where the list says so.
 
 A study is of today's program if the golden arrays of the test suite, which every change of what is
 computed changes, have the digest that they had when the study was recorded.
@@ -33,6 +34,7 @@ from uavdh_lite.storage import read_json, read_table, write_json, write_table
 
 ROOT = Path(__file__).parents[1]
 RUNS, AGENTS = ROOT / "data" / "runs", ROOT / "data" / "agents"
+SHIPPED = ROOT / "data" / "checkpoints"
 GOLDEN = ROOT / "tests" / "unit" / "data" / "reference.npz"
 PARTS = ("tables", "transitions", "starts", "observations", "learning")
 # Of a run's `about.json`: what is told once for a study, and what each run has of its own
@@ -80,16 +82,12 @@ def state(study: str) -> str:
 def make(study: str, jobs: int = 1, cluster: str = "") -> None:
     """Run a study's command, which goes on where it was stopped, and record what it made.
 
-    Raises `InputError` for a study whose command is only described, or that flies over other maps
-    than those in `data/cities`.
+    Raises `InputError` for a study whose command is only described.
     """
     entry = studies()[study]
-    command, maps = shlex.split(entry["command"]), entry.get("maps", "data/cities")
+    command = shlex.split(entry["command"])
     if command[0] != "python" or {"AGENT", "SEED"} & set(command):
         raise InputError(f"{study}: not made by one command: {entry['command']}")
-    for path in sorted((ROOT / maps).glob("*.png")):
-        if path.read_bytes() != (ROOT / "data" / "cities" / path.name).read_bytes():
-            raise InputError(f"{study}: flies over {maps}/{path.name}; put it into data/cities")
     if "runs" in entry:
         command += ["--out", f"runs/{study}"]
     if command[1:4] == ["-m", "uavdh_lite", "study"]:
@@ -121,6 +119,8 @@ def gather(study: str, folder: Path, commit: str = "") -> None:
             if entry.get("agents", True):
                 agent = AGENTS / f"{study}-{variant}-{how['seed']}.safetensors"
                 rounded(run / "best.safetensors", agent)
+            if "ships" in entry and how["seed"] == 0:
+                rounded(run / "best.safetensors", SHIPPED / f"{entry['ships']}.safetensors")
     if not about:
         raise InputError(f"{folder}: no runs {' or '.join(entry['runs'].values())}-SEED in it")
     first, usual = next(iter(about.values())), next(iter(recipes.values()))

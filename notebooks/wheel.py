@@ -16,7 +16,7 @@ from uavdh_lite.checkpoint import load, load_agent, save
 from uavdh_lite.evaluation import evaluate
 
 ROOT = Path(__file__).parents[1]
-UNUSED = ["harbour", "manhattan_paper", "metropolis"]  # agents that no notebook of the course flies
+UNUSED = ["harbour", "metropolis"]  # agents that no notebook of the course flies
 LARGEST = 12_000_000  # bytes: what a class can fetch at once
 FILES = ("uavdh_lite", "pyproject.toml", "README.md", "LICENSE")
 

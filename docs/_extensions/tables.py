@@ -186,12 +186,11 @@ def cities() -> str:
 
 def agents() -> str:
     """The shipped agents: what they say of themselves, and the commands that made them."""
-    recorded = json.loads((RUNS / "agents.json").read_text())["runs"]
     rows = []
     for name in shipped_agents():
         training = load_agent(name).training
         score = f"{training['validation'][BOTH]:.3f}"
-        steps, command = f"{training['steps']:,}", f"`{recorded[name]['command']}`"
+        steps, command = f"{training['steps']:,}", f"`{training['command']}`"
         rows.append([f"`{name}`", steps, training["seed"], score, command])
     head = ["agent", "steps", "seed", "collected and landed in validation", "command"]
     return _table(head, rows)
@@ -299,23 +298,6 @@ def _by(scenario: str, title: str, by: Callable[[dict[str, np.ndarray]], np.ndar
         for label, count, _ in group[:1]
     ]
     return _table([title, "missions", *(f"`{name}`" for name in flown)], rows)
-
-
-def evaluations(*agents: str) -> str:
-    """Shipped agents on other draws of 1000 missions, a row for each agent and seed."""
-    parts = _parts(read_table(RUNS / "evaluations.csv.gz"), "agent")
-    rows = []
-    for agent in agents:
-        for seed, one in _parts(parts[agent], "seed").items():
-            ends = zip(one["mean"], one["low"], one["high"], strict=True)
-            metrics = {
-                name: Interval(*map(float, interval))
-                for name, interval in zip(one["metric"].tolist(), ends, strict=True)
-            }
-            shown = [_percent(metrics[name]) for name in ("landed", BOTH, "time_used")]
-            rows.append([f"`{agent}`", int(seed), *shown, _number(metrics["return"])])
-    head = ["agent", "seed", "landed", "collected and landed", "time used", "return"]
-    return f"{_table(head, rows)}\n{_made_with('evaluations')}"
 
 
 # Studies
@@ -439,75 +421,6 @@ def sb3() -> str:
     ]
     head = ["algorithm", "collected and landed, by seed", "landed, by seed", "seconds, by seed"]
     return f"{_table(head, rows)}\n{_made_with('sb3-village')}"
-
-
-def paper_run() -> str:
-    """The recorded run of `paper` in bins of 20,000 steps, next to an agent of `lite`."""
-    curves = [
-        read_table(RUNS / "paper-manhattan-training.csv.gz"),
-        _parts(read_table(RUNS / "agents-training.csv.gz"), "agent")["manhattan_ddqn"],
-    ]
-    rows = []
-    for step in range(20_000, int(curves[0]["steps"].max()) + 1, 20_000):
-        row = [f"{step:,}"]
-        for one in curves:
-            means = _training_means(one, step, ("landed", "collected", BOTH, "return"))
-            row += [f"{100 * mean:.0f} %" for mean in means[:3]]
-            row.append(f"{means[3]:.1f}".replace("-", "−"))
-        rows.append(row)
-    metrics = ["landed", "collected", "collected and landed", "return"]
-    head = ["steps", *(f"`{name}`: {metric}" for name in ("paper", "lite") for metric in metrics)]
-    return _table(head, rows)
-
-
-def paper_validations() -> str:
-    """Greedy flights of the recorded run of `paper`: validations, and the agents in test missions.
-
-    Below them the paper's agent.
-    """
-    (run,) = _runs("paper-manhattan")["paper"]
-    shown = [("`paper`, validation", f"{run['steps'][i]:,.0f}", run, i) for i in range(8)]
-    rows = [
-        [name, steps, *(f"{100 * r[m][i]:.1f} %" for m in SHARES), _numbers([r["return"][i]], 1)]
-        for name, steps, r, i in shown
-    ]
-    test, flown = _json("paper-manhattan")["test"], _flown("manhattan")
-    trained = load_agent("manhattan_ddqn").training["steps"]
-    tested = {
-        ("`manhattan_paper`, test", "250,000"): test,
-        ("`manhattan_ddqn`, of `lite`, test", f"{trained:,}"): flown["manhattan_ddqn"],
-        ("greedy, test", ""): flown["greedy"],
-    }
-    for (name, steps), metrics in tested.items():
-        shares = (f"{100 * np.mean(metrics[metric]):.1f} %" for metric in SHARES)
-        rows.append([name, steps, *shares, _numbers([np.mean(metrics["return"])], 1)])
-    paper = (f"{100 * RESULTS['manhattan'][metric]:g} %" for metric in SHARES)
-    rows.append(["the paper's agent on its own map", "over a million", *paper, ""])
-    return _table(["", "steps", "landed", "collected", "collected and landed", "return"], rows)
-
-
-def paper_centring() -> str:
-    """The recorded run of `paper` and those with the city in place, in bins of 20,000 steps."""
-    other = read_table(RUNS / "paper_non_centred-manhattan-training.csv.gz")
-    runs = {
-        "centred": read_table(RUNS / "paper-manhattan-training.csv.gz"),
-        **{f"not centred, seed {seed:.0f}": run for seed, run in _parts(other, "seed").items()},
-    }
-    rows = []
-    for step in range(20_000, int(other["steps"].max()) + 1, 20_000):
-        means = [_training_means(run, step, ("landed", BOTH, "return")) for run in runs.values()]
-        *shares, total = np.transpose(means)
-        shown = [f"{100 * share:.0f} %" for share in np.ravel(shares)]
-        rows.append([f"{step:,}", *shown, *(_numbers([value], 1) for value in total)])
-    metrics = ("landed", "collected and landed", "return")
-    head = [f"{metric}: {name}" for metric in metrics for name in runs]
-    return _table(["steps", *head], rows)
-
-
-def _training_means(run: dict, step: int, metrics: tuple[str, ...]) -> list[float]:
-    """Means over the training episodes of the 20,000 steps up to this one."""
-    inside = (run["steps"] > step - 19_900) & (run["steps"] < step + 100)
-    return [np.average(run[name][inside], weights=run["episodes"][inside]) for name in metrics]
 
 
 def fresh_missions() -> str:

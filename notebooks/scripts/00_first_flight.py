@@ -144,7 +144,8 @@ flights = hurried.fly(environment, agent)
 trajectory_figure(environment, flights.trajectory(0))
 
 # %% [markdown]
-# This is a new route, not the old one cut short. Which device does it give up? Look for the colour whose arrows are few and thin.
+# The route begins like the old one, but it is not the old one cut short: it goes on another way and ends in the other landing zone.
+# Which device does it give up? Look for the colour whose arrows are all thin.
 # Nobody wrote a rule for that. The time left is one of the things it sees, and training has taught it what to do when
 # there is little.
 #
@@ -215,17 +216,19 @@ for metric in scores["random"]:
 # answers it. Two hints: the rule's author knew what the map means, and somebody has to think up a new rule whenever the task changes. In the last
 # notebook of the course, an agent will beat the rule, and another one will fly a city that you have typed a minute before.
 #
-# Nothing forces the agent to land. A few of these two thousand flights crash. This is the saddest of them,
-# the crash with the largest share of the data on board:
+# A mean hides a lot, so look at the single flights, too. This is the one of the two thousand that brought home the smallest share:
 
 # %%
-own = scores["manhattan_ddqn"]
-saddest = (own["collected"] - own["collected_and_landed"]).argmax()
-trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(saddest))
+worst = scores["manhattan_ddqn"]["collected_and_landed"].argmin()
+trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 
 # %% [markdown]
-# The red star marks the crash. The caption says how much data the agent had, and still the score of this flight is 0, because it stayed out
-# too long to get home in time.
+# The agent empties the near device and goes home with half of its time unused, although the two devices in the east still hold nearly all of their data.
+# Nobody can say which of its numbers is to blame. A red star would mark a crash, and the score of that flight would be 0, however much data the caption says it had on board. Even this flight
+# ended in a landing zone, as all two thousand did, although nothing forces the agent to land.
+#
+# So does this agent always land? Two thousand landings in a row do not prove it. A pilot that crashes in one mission of a thousand would
+# manage such a row about once in seven tries.
 #
 # ## 0.6 What the agent knows
 #

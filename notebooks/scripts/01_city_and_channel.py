@@ -60,7 +60,7 @@ figure
 # Black means yes. May the UAV start and land here? May it *not* fly here? Does a building block the radio here?
 #
 # Compare the second and the third layer. A cell that is in both is a *tall* building: the UAV may not enter it, and it blocks the radio. A cell in the
-# third layer alone is a *low* building, which the UAV may fly over and which blocks the radio all the same. A cell in the second alone is a no-fly zone without a building.
+# third layer alone is a *low* building, which the UAV may fly over and which blocks the radio all the same. A cell in the second alone is a no-fly zone without a building. Which of the three kinds does this city have?
 
 # %%
 tall, low = city.buildings & city.no_fly, city.buildings & ~city.no_fly
@@ -68,7 +68,7 @@ closed = city.no_fly & ~city.buildings
 print(f"{tall.sum()} tall cells, {low.sum()} low ones, {closed.sum()} only closed")
 
 # %% [markdown]
-# The paper's UAV is “not allowed to fly over buildings” at all, so a low building is an addition of other maps. A device may stand anywhere, even in the no-fly zone, except on a building or in a
+# The paper's UAV is “not allowed to fly over buildings” at all, so this city has no low buildings; they are an addition of other maps. A device may stand anywhere, even in the no-fly zone, except on a building or in a
 # landing zone. No two devices share a cell.
 #
 # ## 1.2 Path loss
@@ -247,8 +247,9 @@ figure
 #
 # ## 1.6 Where to hover
 #
-# Now compare four places around the device of the first picture. It stands at (4, 7), and the distances are on the
-# ground. The last column counts the steps that it takes to fetch 15 data units, at four slots per step:
+# Now compare four places. The distances are on the ground. Three of the places lie around the device of the first picture, which stands
+# at (4, 7). The third is not to be found there: in this city whatever is so near to it is either in sight or a building. The last column
+# counts the steps that it takes to fetch 15 data units, at four slots per step:
 
 # %%
 for name, ground, exponent in (

@@ -268,7 +268,7 @@ assert flown["by hand"].returns > flown["greedy"].returns + 5
 
 # %% [markdown]
 # The plan brings everything home, and greedy does not. Greedy flies towards the first device until it is empty, and from there it is a long way to
-# the second. You had a map of shadows; the agent has none.
+# the second. You had a map of shadows. The agent has none, and still it brings everything home, too.
 #
 # One mission says little about a pilot. But this one shows that a good rule leaves something to gain. In the lab *Fly*
 # (`python -m uavdh_lite app`) you fly with the arrow keys.

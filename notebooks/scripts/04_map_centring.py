@@ -84,9 +84,9 @@ for units in (50, 14, 10):
     print(units, "units left:", ACTIONS[agent.act(at_time(street, units))[0]])
 
 # %% [markdown]
-# One device is far in the north, the other near in the east, and home is in the south-east. The three answers need not be the same,
-# although the five pictures are: with plenty of time the far device can come first, with less only the near one pays, and with just
-# enough the way home is all that is left. From the picture alone the agent would have to do the same each time.
+# One device is far in the north, the other near in the east, and home is in the south-east. The five pictures are the same each time, and
+# the answers are not. With 50 units left, and with 14, the agent makes for the near device. With 10 it turns for home, because nine moves
+# and the landing take just that long. From the pictures alone it would have to do the same in all three cases.
 #
 # To see what the time is worth, let the agent fly 200 missions with a **stopped clock**. It sees the true picture, but always the
 # same time. The true time runs out all the same.
@@ -115,7 +115,7 @@ ax.set(xlabel="units of time on the stopped clock", ylabel="share")
 figure.legend(loc="outside right upper", fontsize="small");
 
 # %% [markdown]
-# A clock that shows little time sends most UAVs home with little data; the others wait in the air until the true time is up. A
+# A clock that shows little time sends about half of the UAVs home with little data; the others are still in the air when the true time is up. A
 # clock in the middle of its range lets them collect nearly everything, but many come home too late. A clock that shows a lot of time
 # keeps them in the air even when nothing is left to collect, because an agent that believes in 60 more units sees no hurry. No orange
 # point comes near the black line.
@@ -131,7 +131,7 @@ figure.legend(loc="outside right upper", fontsize="small");
 #
 # How is the map centred? Every layer is shifted by as many cells as the UAV is away from the middle, and what is beyond the city's border is filled in. Exercise 4.1 asks
 # you to write that. Here are the buildings, the dark ones, and the no-fly zone, the pale one, as the network sees them
-# from three places. (A building that may be flown over is in between.)
+# from three places.
 
 # %%
 def seen_from(uav):

@@ -138,8 +138,8 @@ for gamma in (0.5, 0.95, 1.0):
 # Two choices remain.
 #
 # - *How large?* A small memory holds little but the last few flights, so it brings back the problem that it should solve. A large one holds more of the
-#   past, flown by agents that knew less. The paper's holds 50,000 steps, ours 200,000. What counts is how many *flights* it holds: in the village a tenth of the memory does as well, a fortieth fails in one
-#   run of three, and less than one flight of each UAV fails always ([notebook 11](11_replay.ipynb)).
+#   past, flown by agents that knew less. The paper's holds 50,000 steps, ours 200,000. What counts is how many *flights* it holds: in the village a tenth of the memory, and even a fortieth, does nearly as well, but
+#   less than one flight of each UAV is too little ([notebook 11](11_replay.ipynb)).
 # - *Why the newest?* A memory of 50,000 steps draws the newest of them about once in 400 minibatches of 128. The paper's **combined experience replay**
 #   puts it into every one. It costs one place in 128. It guarantees that no step has to wait; in the experiments of Zhang and Sutton it also made a memory that is too large less
 #   harmful. (*Prioritised* replay draws steps with large errors more often; see 11.2.)
@@ -230,7 +230,7 @@ for ax, beta in zip(axes, (0.1, 1, 10)):
 axes[0].set_ylabel("probability");
 
 # %% [markdown]
-# At β = 0.1 it nearly always takes the best action, at β = 1 often one that seems almost as good, at β = 10 nearly any. When
+# At β = 0.1 it takes one of the two best actions, at β = 1 any move or hovering, at β = 10 nearly anything. When
 # training is over, it takes the best without drawing. That is the **greedy policy** (eq. 9), not to be confused with our rival `greedy`.
 #
 # The best-known alternative is **ε-greedy**: with probability ε any action, otherwise the best. It needs no scale, whereas β has to fit the

@@ -28,7 +28,7 @@ from uavdh_lite.plotting import draw_study
 from uavdh_lite.storage import read_table
 
 figure = plt.figure(figsize=(9, 3.6), layout="constrained")
-draw_study(figure, read_table("../data/runs/centring-manhattan-training.csv.gz"))
+draw_study(figure, read_table("../data/runs/centring_lite-manhattan-training.csv.gz"))
 for ax in figure.axes:
     ax.set(xlim=(0, 600_000), xticks=(0, 200_000, 400_000, 600_000))
 
@@ -42,8 +42,7 @@ for ax in figure.axes:
 # ## 8.1 One thing changed
 #
 # An ablation says something only if all else is equal. Both kinds of run have the same number of steps, missions drawn
-# in the same way, and the same missions for validation. What differs is one field of the recipe, and the number of
-# threads, which only changes rounding:
+# in the same way, and the same missions for validation. What differs is one field of the recipe:
 
 # %%
 from uavdh_lite.experiments.study import centring
@@ -87,17 +86,17 @@ def draw_runs(ax, table, seeds):
                     label=variant.replace("_", " ") if seed == seeds[0] else None)
 
 # %%
-manhattan = read_table("../data/runs/centring-manhattan.csv.gz")
+manhattan = read_table("../data/runs/centring_lite-manhattan.csv.gz")
 figure, ax = plt.subplots(figsize=(6.5, 3.4), layout="constrained")
 draw_runs(ax, manhattan, range(3))
 ax.set(xlabel="thousand steps", ylabel="collected and landed")
 ax.legend();
 
 # %% [markdown]
-# After 200,000 and 300,000 steps all centred runs are far ahead of all others. Later the gap shrinks to about one
-# point. At the end every centred run is still above every non-centred one, but by too little to see in the figure. In the paper's
+# After 200,000 and 300,000 steps all centred runs are far ahead of all others. Later the gap shrinks to half a
+# point, and at the end the lowest centred run is level with the highest of the others. In the paper's
 # figure the gap is larger. The paper has another recipe and other maps, so the two figures do not contradict each
-# other.
+# other. With the recipe `plain`, the paper's method, the gap is wide as far as those runs go: after 150,000 steps 66 to 78 % against 11 to 14 %.
 #
 # ## 8.3 One seed, and six
 #
@@ -107,13 +106,13 @@ ax.legend();
 # %%
 village = read_table("../data/runs/centring-village.csv.gz")
 figure, ax = plt.subplots(figsize=(4.5, 3), layout="constrained")
-draw_runs(ax, village, [4])
-ax.set(xlabel="thousand steps", ylabel="collected and landed", ylim=(-0.02, 0.62))
+draw_runs(ax, village, [2])
+ax.set(xlabel="thousand steps", ylabel="collected and landed", ylim=(-0.02, 0.82))
 ax.legend();
 
 # %% [markdown]
 # A clear result: at the end, the centred map wins by far. Would you publish it? Here is the same comparison with six
-# seeds. The one above is seed 4.
+# seeds. The one above is seed 2.
 
 # %%
 figure, axes = plt.subplots(2, 3, figsize=(8, 4.4), sharex=True, sharey=True,
@@ -125,9 +124,9 @@ figure.supxlabel("thousand steps")
 figure.supylabel("collected and landed");
 
 # %% [markdown]
-# **With one seed you could have shown anything**: that the centred map is far better, as with seed 4, that it makes no
-# difference, as with seed 3, or that it is far worse, as with seed 5. Each of these figures comes from a correct experiment
-# that was done only once.
+# **One seed can show nearly anything**: that the centred map is far better, as with seed 2, that it is better by a little, as with
+# seed 3, or that it makes no difference, as with seed 5. Had the runs ended after 4000 steps, seed 2 itself would have shown the
+# opposite. Each of these figures comes from a correct experiment that was done only once.
 #
 # ## 8.4 How sure can you be?
 #
@@ -174,12 +173,12 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("three_seeds")
 
 # %% [markdown]
-# Every run of one kind above every run of the other: we saw that after 300,000 steps, and by a hair at the end. Look at the ranks alone, from the best of
+# Every run of one kind above every run of the other: we saw that after 300,000 steps. Look at the ranks alone, from the best of
 # the six runs to the worst. If the methods were equally good, each of the 20 ways to give three of the six ranks to one of them would be equally likely, and in two of the
 # 20 one method has all the best ranks. Judged by rank alone, equally good methods would
 # produce such a result 10 % of the time. This share is called a **p-value**, and going through all ways to deal out the results is a **permutation test**.
 #
-# The interval also uses the sizes: after 300,000 steps the gap is over three times the standard deviation of either kind. In return it assumes a normal distribution, and
+# The interval also uses the sizes: after 300,000 steps the gap is nine times the standard deviation of either kind. In return it assumes a normal distribution, and
 # three runs are too few to check that.
 #
 # ### Baselines
@@ -206,7 +205,7 @@ for name, values in share.items():
 #
 # ### Paired differences
 #
-# Do the two differ at all? Their intervals overlap, but what counts is the interval of the difference. There are two ways to get it. One adds the errors of both, as above. The other makes
+# Do the two differ at all? Their intervals almost touch, but what counts is the interval of the difference. There are two ways to get it. One adds the errors of both, as above. The other makes
 # use of the fact that both flew the *same* missions. A hard mission is hard for both, so subtract mission by mission, and much of
 # that luck cancels.
 
@@ -219,13 +218,14 @@ mean, low, high = bootstrap_interval(agent - greedy)
 print(f"agent minus greedy: {100 * mean:+.2f} percentage points")
 print(f"not paired: from {100 * (mean - apart):+.2f} to {100 * (mean + apart):+.2f}")
 print(f"paired:     from {100 * low:+.2f} to {100 * high:+.2f}")
-assert high < 0 and high - low < 1.4 * apart
+assert high < 0 and high - low < 1.5 * apart
 
 # %% [markdown]
-# Here neither contains 0, so **overlapping intervals do not mean “no difference”**. Pairing makes the interval narrower.
-# Here it gains more than doubling the number of missions would.
+# Neither contains 0. The two intervals above lie hardly a tenth of a point apart, and yet even the unpaired interval of the difference ends 0.4 points below 0. For it is narrower than
+# the other two together, because errors add as squares. Had those two overlapped a little, the difference would still have been clear: **overlapping intervals do not mean
+# “no difference”**. Pairing makes the interval narrower still. Here it gains about as much as twice the number of missions would.
 #
-# So `greedy` is ahead, by about one point here. That is a result, too, and it belongs in the report.
+# So `greedy` is ahead, by a little more than a point here. That is a result, too, and it belongs in the report.
 
 # %%
 Quiz("more_missions")
@@ -273,7 +273,7 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # | question | what these runs say |
 # | --- | --- |
 # | Does an agent learn sooner with the centred map? | Very likely, by what it collects and lands with, in this city and with this recipe |
-# | Is it better in the end? | Open: every centred run ended higher, but three of each kind cannot settle it |
+# | Is it better in the end? | Open: every centred run ended with a higher return, but what they collect is level, and three of each kind cannot settle it |
 # | Is the paper's larger gap wrong? | They cannot say: it comes from another recipe and other maps |
 # | Is the recipe fair to both? | Not quite: we tuned it with the centred map |
 # | Is it the centring alone? | Open: the other frame also gives the position differently, as a single 1 |
@@ -283,7 +283,7 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # ## Recap
 #
 # - Change one thing, keep all else equal, and run several seeds.
-# - With one seed you can show anything. The runs are the sample, and their number is what counts.
+# - With one seed you can show nearly anything. The runs are the sample, and their number is what counts.
 # - A gap comes with an interval. If it contains 0, the question is open.
 # - Put baselines next to every number, and compare on the same missions, pair by pair.
 # - Centred agents very likely learn sooner here. Whether they are better in the end, these runs leave open.

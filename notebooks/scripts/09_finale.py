@@ -181,12 +181,11 @@ for name, values in ladder.items():
 #
 # Even the genie does not collect everything. Some missions offer more data than the time allows, a device may stand in a courtyard that costs too much to enter, and fading is
 # luck. **So do not expect 100 % of any pilot.** The genie's score is the best that we have found, and no bound; still, the distance to it
-# says more than the distance to 100. Notebook 12 takes the gifts away one by one; how they were measured, with seeds and minutes, is in
-# [notebook 12](12_four_ways.ipynb).
+# says more than the distance to 100. [Notebook 12](12_four_ways.ipynb) takes the gifts away one by one, with seeds and minutes.
 #
 # ## 9.7 A city that you have just typed
 #
-# One question is left. Notebook 8 moved the landing zones by two cells, and the agent was lost, because it had learned places and not streets. What if an agent learns in
+# One question is left. Notebook 8 moved the landing zones by two cells, and the agent was lost in most of its missions, because part of what it had learned was places and not streets. What if an agent learns in
 # *thousands* of cities, a new one for each mission? It cannot know all of them by heart. `any_city` learned in that way, with the four gifts. Type a city, and let it fly.
 # `L` is the landing zone, `N` a no-fly zone, `B` a building, and a dot a free cell. Any size up to 16 × 16 will do. Change it as you like:
 

@@ -51,7 +51,7 @@ figure
 #
 # | policy | what it knows |
 # | --- | --- |
-# | the agent | the map, the devices, their data and the time that is left. It has learned what to do by the paper's method |
+# | the agent | the map, the devices, their data and the time that is left. It has learned what to do by a strengthened form of the paper's method |
 # | greedy | the same. A person wrote its rule: fly to the nearest device with data, and be home in time |
 # | genie | the mean rate from every cell to every device as well. It searches whole flights for the one with the most data |
 # | random | nothing. It draws its actions |
@@ -123,8 +123,8 @@ for city, results in cities.items():
 
 # %% [markdown]
 # Our agents are above the paper's in every line. Are they better? The table cannot say, because the paper's maps were never published.
-# Ours are drawn from its text, and may be easier. What the table does say is that on maps that fit the same description, the same
-# method reaches the same level.
+# Ours are drawn from its text, and may be easier. What the table does say is that on maps that fit the same description, a strengthened
+# form of the same method reaches the same level.
 #
 # ### What three shares tell
 #
@@ -140,7 +140,7 @@ print(f"the flights that landed had collected  {both / landed:.0%}")
 # In the paper's own test, the flights that crashed had collected about 40 % of their data. The paper does not print this number, but
 # it is hidden in the table. It is a rough one, since with shares rounded to a tenth of a percent anything from 20 to 60 % is possible.
 # Even so, it is far below the 95 % of the other flights, so staying out for the last bit of data cannot explain all of those crashes.
-# The only crash of our own agent is of just that kind, as you will see in 10.6.
+# The only crash of our own agent does come from staying out too long, as you will see in 10.6.
 #
 # ### All of them landed
 #
@@ -202,8 +202,8 @@ for city, results in cities.items():
         print(f"{city:<11}{metric:<21}agent - greedy {mean:+.3f} ({low:+.3f} to {high:+.3f})")
 
 # %% [markdown]
-# Over Manhattan, greedy is ahead in both scores, and no interval contains 0. Over the open field, the two collect
-# the same amount, as far as these missions can tell, but the agent's return is higher because it wastes less time, whereas greedy flies
+# Over Manhattan, greedy is ahead in both scores, and no interval contains 0. Over the open field, greedy brings
+# home a point more, but the agent's return is higher because it wastes less time, whereas greedy flies
 # to the last unit of data, whatever that costs. So which of them is better depends on the question that you ask.
 #
 # All of this is about two particular agents. Another training seed would have made others.
@@ -249,11 +249,11 @@ figure
 
 # %% [markdown]
 # On the left, the agent is furthest behind the genie where flying time is short, and it catches up as time grows. Greedy has the same
-# trouble with short flights, so the orange points show no such trend. A likely reason is that, when time is short, a detour to the
+# trouble with short flights: in the shortest ones the two are level, and the orange points show no such trend. A likely reason is that, when time is short, a detour to the
 # wrong device cannot be made up for, and only the genie knows beforehand what a device will yield.
 #
-# On the right, the agent is behind greedy mainly in missions with two devices. Those are the easy ones, where greedy brings
-# home 99 %. So hard missions are hard for both, and it is in easy missions that the agent could do better. With eight groups
+# On the right, the agent is behind greedy mainly in missions with two or three devices. Those are the easy ones, where greedy brings
+# home 98 to 99 %. So hard missions are hard for both, and it is in easy missions that the agent could do better. With eight groups
 # in one figure, treat any single one as no more than a hint.
 #
 # ## 10.6 Failures, one by one
@@ -280,9 +280,9 @@ add_legend(figure, 3)
 figure
 
 # %% [markdown]
-# On the left is the one crash in a thousand missions. The flight has collected everything, and turns for home too late. On the right
-# is a flight that serves the nearest device and goes home, with plenty of time left for the others. Watch the crash step by step. When
-# the last data comes in, the way home is already longer than the time that is left:
+# On the left is the one crash in a thousand missions. The flight has emptied three of four devices, and turns for home too late. On the right
+# is a flight that serves the nearest device and goes home, with plenty of time left for the others. Watch the crash step by step. With 14
+# units of time left the UAV flies one cell further north, for the last 7 units of data of the third device. From there the way home takes 14 units, and 13 are left:
 
 # %%
 from uavdh_lite.player import play
@@ -298,7 +298,7 @@ for name, own in {"30 points or more": much, "less": little, "nothing": lost <= 
     print(f"{name:<18}{own.sum():>4} missions, {lost[own].sum() / lost.sum():z4.0%} of the loss")
 
 # %% [markdown]
-# One mission in forty accounts for more than a third of the loss. The rest is spread thin over one mission in four, and in most
+# One mission in thirty accounts for nearly half of the loss. The rest is spread thin over almost one mission in four, and in most
 # missions nothing is lost at all. So a mean of 96 % does not stand for a thousand flights that bring home 96 % each. Most of them are
 # as good as the genie's, and a few are bad.
 #
@@ -347,8 +347,8 @@ two = {"one draw": first.trajectory(0), "another": second.trajectory(0)}
 play(agent.environment, two)
 
 # %% [markdown]
-# The flights begin alike and part later. The agent sees luck only through the data that is left, where a little more or less can tip a
-# decision. Yet luck hardly changes what is brought home, because a flight has some two hundred communication slots, and over so many
+# These two flights are alike for more than half of the time, and then they part; the 40 draws give 15 different paths. The agent
+# sees luck only through the data that is left, where a little more or less can tip a decision. Yet luck changes nothing in what is brought home here, because a flight has some two hundred communication slots, and over so many
 # slots most of the luck averages out.
 #
 # ## 10.9 One thing changed
@@ -374,7 +374,7 @@ figure
 
 # %% [markdown]
 # The network and the places are the same in both flights. Both times the UAV empties the near device first and then flies towards the
-# far one until it hears it well enough. With a quarter of the data there, it turns back earlier. A single flight might be luck, but
+# far one. With equal data it flies right up to it; with a quarter of the data there, it turns for home two cells before it. A single flight might be luck, but
 # the 20 draws printed above say that it is not: every flight with a quarter of the data is shorter than every flight with equal data.
 #
 # Nobody trained the agent for this mission. It reacts to the data because the data is in the state. But what it does is learned rather

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from uavdh_lite.checkpoint import load_agent, save_agent
+from uavdh_lite.checkpoint import load_agent, save_agent, shipped_agents
 from uavdh_lite.errors import InputError
 from uavdh_lite.experiments import runs
 from uavdh_lite.recipe import find_recipe
@@ -116,6 +116,15 @@ def test_what_is_recorded_is_of_today_or_said_to_be_outstanding():
     assert agents and agents <= made_by
 
 
+def test_every_shipped_agent_is_named_by_the_study_that_makes_it():
+    ships = {entry["ships"]: study for study, entry in record.studies().items() if "ships" in entry}
+    assert sorted(ships) == shipped_agents()
+    for name, study in ships.items():
+        (kept, *_) = sorted(record.AGENTS.glob(f"{study}-*-0.safetensors")) or [None]
+        shipped = record.SHIPPED / f"{name}.safetensors"
+        assert kept is None or kept.read_bytes() == shipped.read_bytes(), name
+
+
 def test_a_command_makes_its_runs_and_they_are_recorded(folder, monkeypatch):
     def run(command, cwd, check):
         assert command[1:] == [*["-m", "uavdh_lite", "study", "--out", "runs/tiny", "--jobs", "2"]]
@@ -128,17 +137,6 @@ def test_a_command_makes_its_runs_and_they_are_recorded(folder, monkeypatch):
     monkeypatch.setattr(record, "digest", lambda commit="": "0123456789abcdef")
     record.make("tiny", jobs=2)
     assert record.state("tiny") == ""
-
-
-def test_a_study_over_other_maps_is_not_made(folder, monkeypatch):
-    text = (folder / "runs/list.toml").read_text() + 'maps = "maps"\n'
-    (folder / "runs/list.toml").write_text(text)
-    monkeypatch.setattr(record, "ROOT", folder)
-    for where, content in {"maps": b"new", "data/cities": b"old"}.items():
-        (folder / where).mkdir(parents=True)
-        (folder / where / "village.png").write_bytes(content)
-    with pytest.raises(InputError, match=r"flies over maps/village\.png"):
-        record.make("tiny")
 
 
 def test_weights_that_do_not_fit_float16_are_refused(folder):

@@ -5,6 +5,7 @@ import shlex
 import subprocess
 import sys
 from dataclasses import fields
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,6 +20,7 @@ from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import City, load_cities
 from uavdh_lite.cli import training
 from uavdh_lite.cli.main import COMMANDS, main
+from uavdh_lite.cli.options import output
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import bootstrap_interval, evaluate
 from uavdh_lite.experiments.report import interval_text
@@ -252,13 +254,8 @@ def test_bad_values_give_one_line_and_status_2(capsys, tmp_path, monkeypatch, ar
         ("evaluate --checkpoint r.json --json r.json", "r.json: the command reads it"),
         ("compare --out r.csv.gz", "r.json exists, and is not that of r.csv.gz"),
         ("compare --out R.CSV", "R.json exists, and is not that of R.CSV"),
-        ("compare", "comparison-manhattan.csv.gz exists"),
         ("export --checkpoint a.onnx --out a.onnx", "a.onnx: the command reads it"),
-        ("export --checkpoint manhattan", "agent.onnx exists"),
         ("city x.png --centre 50,8 --out x.png", "x.png: the command reads it"),
-        ("city streets.geojson --centre 50,8", "city.png exists"),
-        ("fly", "flight.png exists"),
-        ("demo", "demo.png exists"),
         ("app --no-browser", "labs.html exists, and has no labs in it"),
         ("train --out study", "study: holds a study"),
         ("study --recipe small --out run", "run: holds a single run"),
@@ -266,7 +263,7 @@ def test_bad_values_give_one_line_and_status_2(capsys, tmp_path, monkeypatch, ar
     ],
 )
 def test_what_is_there_is_not_overwritten_unasked(capsys, tmp_path, monkeypatch, arguments, named):
-    """Neither what a command reads, nor what has the name of its default output."""
+    """What a command reads, and what is not of its kind."""
     monkeypatch.chdir(tmp_path)
     there = "x.png cities/a.png r.json r.csv R.json a.onnx agent.onnx city.png flight.png demo.png"
     there += " labs.html handed_in.zip comparison-manhattan.csv.gz streets.geojson m.json"
@@ -279,6 +276,16 @@ def test_what_is_there_is_not_overwritten_unasked(capsys, tmp_path, monkeypatch,
     left = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
     assert left == set(there.split())
     assert {(tmp_path / name).read_text() for name in left} == {"mine"}
+
+
+def test_a_default_output_takes_a_free_name(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("flight.png").write_text("mine")
+    assert main(["fly", "--checkpoint", "manhattan_ddqn"]) == main(["fly"]) == 0
+    assert Path("flight.png").read_text() == "mine" and Path("flight-3.png").exists()
+    assert "flight-2.png" in capsys.readouterr().out
+    Path("comparison-a.csv.gz").touch()
+    assert output(None, "comparison-a.csv.gz") == Path("comparison-a-2.csv.gz")
 
 
 @pytest.mark.parametrize(

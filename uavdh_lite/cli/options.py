@@ -7,6 +7,7 @@ or recipe that the command names: `train --recipe small --help` shows those of `
 from argparse import ArgumentParser
 from collections.abc import Sequence
 from dataclasses import field, fields, make_dataclass, replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
 
@@ -52,12 +53,13 @@ def named(*suffixes: str) -> Parameter:
 def output(typed: Path | None, default: str, *inputs: str | Path | None) -> Path:
     """The file that a command writes: the typed one, or the default one.
 
-    Raises `InputError` if the default one exists, which may be somebody's, or if it is one of those
-    that the command reads, or lies in a folder of them.
+    Where the default one exists, the first free one of name-2, name-3 and so on takes its place.
+    Raises `InputError` if the file is one of those that the command reads, or in a folder of them.
     """
-    out = Path(default) if typed is None else typed
-    if typed is None and out.exists():
-        raise InputError(f"{out} exists: name another file with --out, or delete it")
+    name, _, suffix = default.partition(".")
+    others = (Path(f"{name}-{number}.{suffix}") for number in count(2))
+    free = (path for path in chain([Path(default)], others) if not path.exists())
+    out = next(free) if typed is None else typed
     for read in (Path(each) for each in inputs if each is not None):
         if out.exists() and read.exists() and any(map(read.samefile, (out, out.parent))):
             raise InputError(f"{out}: the command reads it: write to another file")

@@ -82,7 +82,7 @@ checks.flight_score(collected_and_landed)
 # <details><summary>Another hint</summary>
 #
 # Greedy has one rule: to the nearest device that has data left, and home when the time just suffices. From the
-# start both devices in the east are 15 moves away, so look further along. At (1, 14), which device still has data, and how near is it?
+# start one device is 8 moves away and the other 13. Which of them does greedy fly to first?
 # </details>
 
 # %%

@@ -214,7 +214,7 @@ compare(ROUNDS)
 #
 # A greedy validation gives three shares between 0 and 1, each a mean over many missions: `landed`, `collected`
 # (collected data over all data, landed or not) and `time_used` (flying time used over flying time given). Here are nine of
-# them, from training runs on the Manhattan city: one of the whole recipe `lite` (`all`), the others with one part of it
+# them, from training runs over an earlier map of Manhattan: one of the whole recipe `lite` (`all`), the others with one part of it
 # replaced by the paper's (`data/runs/deviations-manhattan.csv.gz`). A name ends with the training seed and the thousands of
 # steps after which it was validated:
 #

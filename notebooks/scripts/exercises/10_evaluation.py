@@ -133,12 +133,12 @@ LL..............
 ..BB.BB..BB.BB..
 ..BB.BB..BB.BB..
 ................
-..BB.bb..BB.BB..
-..BB.bb..BB.BB..
+..BB.BB..BB.BB..
+..BB.BB..BB.BB..
 ................
 ................
-..BB.BB..bb.BB..
-.NNNNBB..bb.BB..
+..BB.BB..BB.BB..
+.NNNNBB..BB.BB..
 .NNNN...........
 .NBBNBB..BB.BB..
 .NBBNBB..BB.BB..

@@ -61,7 +61,7 @@ for name, recipe in (("normal", normal), ("better", better)):
 # ## What is wrong with it
 #
 # - **Two things were changed.** Whatever came out, nobody can say which of them did it.
-# - **One seed.** Notebook 8 shows one seed in favour, one against, and one without a difference, all from the same experiment.
+# - **One seed.** Notebook 8 shows one seed far in favour, one a little, and one without a difference, all from the same experiment.
 # - **No prediction.** Any result would have been taken for a success.
 # - **The wrong score.** *Collected* counts data that went down with the UAV. How many landed?
 # - **No interval, and 100 missions.** Two shares of 100 missions differ by several points by luck.

@@ -46,7 +46,7 @@ def flight_score(collected, initial, landed):
 
 
 PILOTS = {"A": "manhattan_ddqn", "B": "random", "C": "greedy"}
-SEED = 148  # of a mission in which the agent does not begin with the nearest device
+SEED = 462  # of a mission in which the agent does not begin with the nearest device
 
 
 def flights_to_tell_apart() -> Figure:
@@ -67,7 +67,7 @@ def wrong_pilots(answer: dict) -> str:
     if answer["B"] != "random":
         return "Random has no plan at all: its steps have no aim, and reach no device."
     if answer["C"] != "greedy":
-        return "Greedy always flies to the nearest device with data left. Which is it at (1, 14)?"
+        return "Greedy always flies to the nearest device with data left. Which is it at the start?"
     return ""
 
 
