@@ -221,11 +221,10 @@ print(f"paired:     from {100 * low:+.2f} to {100 * high:+.2f}")
 assert high < 0 and high - low < 1.5 * apart
 
 # %% [markdown]
-# Neither contains 0. The two intervals above lie hardly a tenth of a point apart, and yet even the unpaired interval of the difference ends 0.4 points below 0. For it is narrower than
-# the other two together, because errors add as squares. Had those two overlapped a little, the difference would still have been clear: **overlapping intervals do not mean
-# “no difference”**. Pairing makes the interval narrower still. Here it gains about as much as twice the number of missions would.
+# Neither contains 0. The unpaired interval of the difference is narrower than the two intervals above together, because errors add as squares.
+# Had those overlapped a little, the difference would still have been clear: **overlapping intervals do not mean “no difference”**. Pairing makes the interval narrower still. Here it gains about as much as twice the number of missions would.
 #
-# So `greedy` is ahead, by a little more than a point here. That is a result, too, and it belongs in the report.
+# So `greedy` is ahead, by a little more than a point.
 
 # %%
 Quiz("more_missions")
@@ -263,8 +262,7 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # nothing made it tell the two apart. **Part of what it knows is places, learned by heart** (or such a picture is simply new to it; either way it did not learn "fly to where the
 # layer says"). This is overfitting again, to a city this time and not to examples.
 #
-# This is also a way of asking a network what it looks at: change one thing that should matter, and beside it something like it that should not. Notebook 11 wipes out walls
-# between the UAV and a device, and walls elsewhere. It does not show that the agent would fly well there, since the changed picture is new to it.
+# This is also a way of asking a network what it looks at: change one thing that should matter, and beside it something like it that should not. It does not show that the agent would fly well there, since the changed picture is new to it.
 #
 # So do not ask only how good an agent is, but also what would have to stay the same for it to be as good. In the next notebook, we ask for an agent that has never seen its city.
 #

@@ -377,14 +377,13 @@ figure
 # far one. With equal data it flies right up to it; with a quarter of the data there, it turns for home two cells before it. A single flight might be luck, but
 # the 20 draws printed above say that it is not: every flight with a quarter of the data is shorter than every flight with equal data.
 #
-# Nobody trained the agent for this mission. It reacts to the data because the data is in the state. But what it does is learned rather
-# than computed. Before you trust it, test it on many missions and look at the worst.
+# Nobody trained the agent for this mission. It reacts to the data because the data is in the state. Before you trust it, look at its worst missions.
 #
 # ## Recap
 #
-# - A result is a mean with an interval, over missions that were used neither in training nor in choosing the agent.
+# - A result is a mean with an interval, over missions that were not used before.
 # - Training, validation and test draw from streams of their own.
-# - Put something simple and something close to the best possible beside it, on the same missions.
+# - Put something simple and something nearly perfect beside it, on the same missions.
 # - The best of many checkpoints looks better than it is.
 # - A mean does not say what goes wrong. Fly the failures again and look.
 #

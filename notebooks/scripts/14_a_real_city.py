@@ -243,7 +243,7 @@ for place in (*places, None):
 # %% [markdown]
 # The last line is about *other missions over these four places*, and not about a fifth (13.5).
 #
-# So the agent carries over. On average it returns 32.2 in either radio, but it loses 0.9 in Munich and 0.6 in Paris and gains 1.3 in San Francisco. Greedy gains 0.9 on average, so the lead
+# On average the agent returns 32.2 in either radio, but it loses 0.9 in Munich and 0.6 in Paris and gains 1.3 in San Francisco. Greedy gains 0.9 on average, so the lead
 # shrinks in Munich and Florence, and hardly in the other two. (Greedy is told nothing of the radio, so no wrong belief misleads it. Right above a device the rays bring *less*, so its gain must come from further away; we have not taken it
 # apart.) What would it gain if it knew the radio?
 #
@@ -311,7 +311,7 @@ figure.colorbar(ax.images[-1], ax=figure.axes, extend="min", label="data units a
 figure
 
 # %% [markdown]
-# Each return is the mean of a hundred missions. Link by link, 28 % of all hidden links change by 3 dB and more, and three in four of those that were heard; for this device hardly any do.
+# Link by link, 28 % of all hidden links change by 3 dB and more, and three in four of those that were heard; for this device hardly any do.
 #
 # How many earlier flights does it take? The recorded runs have twelve surveys, one for each seed and place. The lead over greedy again (`line`: two lines, `link`: link by link):
 
@@ -343,7 +343,7 @@ for radio in worlds:
 #
 # ## Recap
 #
-# - A ray tracer computes each link; the paper's model draws two lines through all. Behind Munich's buildings they are off by 20 dB (RMS) where there is a ray, by 7 dB if all below −30 dB counts as that.
+# - A ray tracer computes each link; the paper's model draws two lines through all. Behind Munich's buildings they are off by about 20 dB (RMS) where there is a ray.
 # - `any_city` is ahead of greedy over four real places, by less in the ray-traced radio.
 # - World and belief are two things. Measuring, link by link and with many flights, mends the belief.
 #

@@ -4,6 +4,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from uavdh_lite.streams import Use, stream
+
 SIDE = 16  # cells of the city
 
 
@@ -17,7 +19,7 @@ def near_pairs(count: int = 8000, reach: int = 3) -> tuple[Tensor, Tensor, Tenso
         the UAV; the centred maps, (count, 1, 31, 31), a 1 where the device is, seen from the UAV in
         the middle; the answers, (count,), +1 for near and −1 for far.
     """
-    uav, device = np.random.default_rng(0).integers(SIDE, size=(2, 5 * count, 2))
+    uav, device = stream(Use.EXERCISE).integers(SIDE, size=(2, 5 * count, 2))
     near = abs(uav - device).max(axis=1) <= reach
     half = count // 2
     pairs = np.r_[np.flatnonzero(near)[:half], np.flatnonzero(~near)[:half]]
