@@ -168,7 +168,7 @@ print(f"correlation of the rates {np.corrcoef(*rates)[0, 1]:.2f}")
 # %% [markdown]
 # Both rates are high near by and in sight, and low elsewhere. Link by link they agree less: behind
 # buildings the correlation is 0.54, and the RMS error over all pairs is more than half the mean rate, most of it from near links in sight. Hidden links carry only
-# 4 % of the summed rate *at this SNR level*; with a transmitter 40 dB stronger it would be 15 %.
+# 4 % of the summed rate *at this SNR level*; with a transmitter 40 dB stronger it would be 16 %.
 #
 # For each cell of the UAV, the errors summed over all devices:
 
@@ -324,7 +324,7 @@ for radio in worlds:
         print(f"{radio:<11}told {told:<9}{lead.mean():.2f}, by seed {', '.join(surveys)}")
 
 # %% [markdown]
-# In the paper's radio there is nothing to gain, since there the model is the truth: on average even a single flight gives two lines that are just as good. (Where it heard fewer than 20 links of a kind, as
+# In the paper's radio there is nothing to gain, since there the model is the truth: on average even a single flight gives two lines that are nearly as good. (Where it heard fewer than 20 links of a kind, as
 # in about 70 of 100 flights, the paper's line was kept, here the right one.)
 #
 # In the ray-traced radio, two lines win next to nothing: from ten flights −1.1 to +0.7, by survey. *Which* link is bad is what counts, and that takes the second way and many flights: ten add −0.5 to +1.2; a hundred are about 60 % of the way to the truth (46 to 72 %). That is 0.55 of 32, mostly in Munich;
@@ -343,7 +343,7 @@ for radio in worlds:
 #
 # ## Recap
 #
-# - A ray tracer computes each link; the paper's model draws two lines through all. Behind Munich's buildings they are off by about 20 dB (RMS) where there is a ray.
+# - A ray tracer computes each link; the paper's model draws two lines through all. Behind Munich's buildings they are off by 21 dB (RMS) where there is a ray.
 # - `any_city` is ahead of greedy over four real places, by less in the ray-traced radio.
 # - World and belief are two things. Measuring, link by link and with many flights, mends the belief.
 #
