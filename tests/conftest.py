@@ -4,6 +4,7 @@ import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -36,12 +37,13 @@ def pytest_collection_modifyitems(items):
 @pytest.fixture(scope="module")
 def browser():
     """Chromium. Without it, tests that need it are skipped."""
-    chromium = os.environ.get("CHROMIUM") or shutil.which("chromium")
-    if chromium is None:
-        pytest.skip("no Chromium: name one in CHROMIUM")
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
+        own = playwright.chromium.executable_path
+        chromium = os.environ.get("CHROMIUM") or shutil.which("chromium") or own
+        if not Path(chromium).exists():
+            pytest.skip("no Chromium: name one in CHROMIUM")
         yield playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
 
 

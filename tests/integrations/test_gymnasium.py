@@ -1,27 +1,34 @@
 """The Gymnasium environments: the checkers pass, and both are the library's simulator."""
 
 from dataclasses import replace
+from functools import partial
 
 import gymnasium
 import numpy as np
 import pytest
+import torch
 from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from numpy.testing import assert_equal
+from torch import nn
+from torch.distributions import Categorical
 
 from uavdh_lite.beyond.cities import CityGenerator
 from uavdh_lite.beyond.failsafe import SafeEnvironment
 from uavdh_lite.bridges.gymnasium import ID, as_policy
 from uavdh_lite.channel import Channel
 from uavdh_lite.city import City
-from uavdh_lite.environment import HOVER, LAND, NORTH, Environment, Rewards
+from uavdh_lite.environment import HOVER, LAND, NORTH, Environment, Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
-from uavdh_lite.scenario import find_scenario
+from uavdh_lite.planners import Random
+from uavdh_lite.scenario import Scenario, find_scenario
 
 VILLAGE, SCENARIO = City.load("village"), find_scenario("village")
 
 
 def single(**options):
-    return gymnasium.make(ID, scenario="village", **options)
+    return gymnasium.make(ID, **{"scenario": "village", **options})
 
 
 def in_the_corner(time_left):
@@ -93,6 +100,193 @@ def test_its_steps_are_those_of_the_library(kind):
             assert info["collected"] == pytest.approx(state.collected[0])
         ends.add(int(state.city[0]))
     assert len(ends) == 5
+
+
+def test_an_unseeded_environment_can_be_repeated():
+    for make in (single, lambda: batch(3)):
+        env, again, other = make(), make(), make()
+        first = env.reset()
+        seed = env.unwrapped.np_random_seed
+        assert data_equivalence(first, again.reset(seed=seed), exact=True)
+        assert not data_equivalence(first, other.reset(), exact=True)
+
+
+def test_infos_are_numbers_of_python():
+    env = single()
+    for info in (env.reset(seed=1)[1], env.step(HOVER)[-1]):
+        kinds = {name: type(value) for name, value in info.items()}
+        assert kinds.pop("safety_interventions", bool) is bool and kinds == {
+            "landed": bool,
+            "collected": float,
+            "collected_and_landed": float,
+            "time_left": int,
+        }
+
+
+@pytest.mark.parametrize("field", ["time_left", "data_initial"])
+def test_a_start_outside_of_the_observation_space_is_refused(field):
+    start = in_the_corner(10)["start"]
+    most = replace(start, time_left=np.array([35]), data_initial=0 * start.data_initial + 15)
+    seen, _ = single().reset(options={"start": most})
+    assert single().observation_space.contains(seen)
+    more = replace(most, **{field: getattr(most, field) + 1})
+    with pytest.raises(InputError, match=r"village ends at 35 and 15"):
+        single().reset(options={"start": more})
+
+
+def batch(count, **options):
+    options = {"scenario": "village", **options}
+    mode = "vector_entry_point"
+    return gymnasium.make_vec(ID, num_envs=count, vectorization_mode=mode, **options)
+
+
+# A landing cell and a cell for the device; nothing else can be drawn.
+ONLY = Environment(
+    City.from_text("only", "L . B \n B B B \n B B B"),
+    Channel(fading_variance_los_db2=0.0, fading_variance_nlos_db2=0.0),
+)
+ONE_MISSION = Scenario("one mission", "", (1, 1), (60.0, 60.0), (5, 5))
+
+
+def listed(*results):
+    """What numpy compares deeply: the last observations as a list, not an array, of dicts."""
+    *arrays, info = results
+    final = info.get("final_obs", np.array([]))
+    return [*arrays, {**info, "final_obs": final.tolist()}]
+
+
+@pytest.mark.parametrize("kind", [Environment, SafeEnvironment])
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_a_batch_is_eight_single_environments(mode, kind):
+    """Every array and every mask, through many ends, in each mode of autoreset."""
+    options = {"scenario": ONE_MISSION, "environment": kind(ONLY.city, ONLY.channel)}
+    ours = batch(8, autoreset_mode=mode, **options)
+    theirs = SyncVectorEnv([partial(single, **options)] * 8, autoreset_mode=mode)
+    assert ours.metadata["autoreset_mode"] is mode
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    generator, ends = np.random.default_rng(0), 0
+    ours_seen, theirs_seen = ours.reset(seed=1), theirs.reset(seed=2)
+    for _ in range(60):
+        assert data_equivalence(ours_seen[0], theirs_seen[0])
+        assert_equal(*(listed(*seen[1:]) for seen in (ours_seen, theirs_seen)))
+        assert ours.observation_space.contains(ours_seen[0])
+        masks = theirs.call("action_masks")
+        assert np.array_equal(ours.unwrapped.action_masks(), masks)
+        ended = ours_seen[2] if len(ours_seen) > 2 else np.zeros(8, bool)
+        ends += ended.sum()
+        if mode is AutoresetMode.DISABLED and ended.any():
+            ours_seen, theirs_seen = (
+                env.reset(options={"reset_mask": ended.copy()}) for env in (ours, theirs)
+            )
+            assert data_equivalence(ours_seen[0], theirs_seen[0])
+            assert_equal(ours_seen[1], theirs_seen[1])
+        action = generator.integers(0, 6, 8)
+        ours_seen, theirs_seen = ours.step(action), theirs.step(action)
+    assert ends > 50
+
+
+def test_a_batch_in_several_cities_with_fading_is_what_the_library_flies():
+    environment = Environment(CityGenerator(8).draw(5, 0))
+    env = batch(16, environment=environment).unwrapped
+    env.reset(seed=3)
+    state, generator = env.state, np.random.default_rng(4)
+    assert len(set(state.city)) > 1
+    for _ in range(19):  # no flight of the village is shorter than 20, unless it lands
+        env._np_random = np.random.default_rng(7)
+        action = generator.integers(0, 5, 16)
+        state, outcome = environment.step(state, action, np.random.default_rng(7))
+        seen, reward, ended, truncated, info = env.step(action)
+        assert (reward == Rewards()(outcome)).all() and not truncated.any() and not ended.any()
+        assert data_equivalence(seen, env.observe(state), exact=True)
+        assert np.array_equal(info["collected"], state.collected.astype(float))
+
+
+def test_the_seed_of_a_batch_says_what_is_drawn():
+    def flown(seed):
+        env = batch(4)
+        seen = [env.reset(seed=seed)]
+        assert env.unwrapped.np_random_seed == seed
+        return [*seen, *(env.step(np.full(4, HOVER)) for _ in range(40))]
+
+    first, again, other = flown(7), flown(7), flown(8)
+    assert data_equivalence(first, again, exact=True)
+    assert not data_equivalence(first, other, exact=True)
+    maps = first[0][0]["map"]
+    assert not any(np.array_equal(maps[0], each) for each in maps[1:])
+
+
+def test_what_a_batch_cannot_do_is_refused():
+    env = batch(2, autoreset_mode="Disabled")
+    env.reset(options={"start": State.concatenate([in_the_corner(9)["start"]] * 2)})
+    env.step(np.array([LAND, HOVER]))
+    with pytest.raises(InputError, match=r"episode 0 is over.*reset_mask"):
+        env.step(np.array([HOVER, HOVER]))
+    with pytest.raises(InputError, match=r"start of 1 episodes: expected a State of 2"):
+        env.reset(options=in_the_corner(9))
+    for options in ({"render_mode": "rgb_array"}, {"count": 0}):
+        with pytest.raises(InputError, match=r"num_envs.*render_mode.*sync"):
+            batch(**{"count": 2, **options})
+
+
+@pytest.mark.long
+def test_ppo_learns_in_the_batch_not_to_crash(corridor):
+    """PPO in CleanRL's style, 20,480 steps; over three seeds it ended at least 72 above."""
+    scenario, environment = Scenario("short", "", (1, 1), (5, 10), (6, 9)), Environment(corridor)
+    options = {"scenario": scenario, "environment": environment, "autoreset_mode": "SameStep"}
+    envs = batch(32, rewards=Rewards(crash=-10.0), **options)
+    policy = as_policy(envs, ppo(envs, rollouts=40, steps=16, seed=0))
+    ours, theirs = (
+        evaluate(environment, each, scenario, 200, seed=0).returns.mean()
+        for each in (policy, Random(0))
+    )
+    assert ours > theirs + 50
+
+
+def ppo(envs, rollouts, steps, seed):
+    """Learn from so many rollouts; gives the greedy actions for a batch of observations."""
+    torch.manual_seed(seed)
+    width = sum(np.prod(space.shape) for space in envs.single_observation_space.values())
+    body = nn.Sequential(nn.Linear(int(width), 64), nn.Tanh())
+    actor, critic = nn.Linear(64, 6), nn.Linear(64, 1)
+    parameters = [p for part in (body, actor, critic) for p in part.parameters()]
+    adam = torch.optim.Adam(parameters, 3e-3)
+
+    def features(seen):
+        flat = [torch.as_tensor(seen[name]).float().flatten(1) for name in ("map", "time")]
+        return torch.cat(flat, dim=1)
+
+    seen, _ = envs.reset(seed=seed)
+    for _ in range(rollouts):
+        rows = []
+        for _ in range(steps):
+            x = features(seen)
+            with torch.no_grad():
+                choice = Categorical(logits=actor(body(x)))
+                action, value = choice.sample(), critic(body(x))[:, 0]
+            seen, reward, ended, _, _ = envs.step(action.numpy())
+            reward, ended = torch.as_tensor(reward).float(), torch.as_tensor(ended).float()
+            rows.append((x, action, choice.log_prob(action), value, reward, ended))
+        with torch.no_grad():
+            after = critic(body(features(seen)))[:, 0]
+        advantage, advantages = torch.zeros(envs.num_envs), []
+        for *_, value, reward, ended in reversed(rows):
+            error = reward + 0.95 * after * (1 - ended) - value
+            advantage = error + 0.95 * 0.95 * (1 - ended) * advantage
+            advantages.insert(0, advantage)
+            after = value
+        x, action, log_prob, value = (torch.cat(part) for part in list(zip(*rows, strict=True))[:4])
+        advantage = torch.cat(advantages)
+        target, scaled = advantage + value, (advantage - advantage.mean()) / advantage.std()
+        for _ in range(8):
+            choice = Categorical(logits=actor(body(x)))
+            ratio = (choice.log_prob(action) - log_prob).exp()
+            gain = torch.minimum(ratio * scaled, ratio.clamp(0.8, 1.2) * scaled).mean()
+            error = (critic(body(x))[:, 0] - target).square().mean()
+            adam.zero_grad()
+            (error / 50 - gain - 0.01 * choice.entropy().mean()).backward()
+            adam.step()
+    return lambda seen: actor(body(features(seen))).argmax(dim=1).numpy()
 
 
 @pytest.mark.parametrize("masked", [False, True])

@@ -1,4 +1,4 @@
-"""The environment for Gymnasium; importing this registers it."""
+"""The environment for Gymnasium, single and as a batch; importing this registers both."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,6 +16,8 @@ from uavdh_lite.streams import Use, stream
 with extra("gym"):
     import gymnasium
     from gymnasium import spaces
+    from gymnasium.vector import AutoresetMode, VectorEnv
+    from gymnasium.vector.utils import batch_space
 
 ID = "uavdh_lite/DataHarvesting-v0"
 
@@ -73,6 +75,7 @@ class DataHarvesting(gymnasium.Env):
         boxes = [(name, spaces.Box(0.0, 1.0, shape)) for name, shape in shapes.items()]
         self.observation_space = spaces.Dict(boxes)
         self.action_space = spaces.Discrete(len(ACTIONS))
+        _seed(self, _any_seed())
 
     def observe(self, state: State) -> dict[str, np.ndarray]:
         """What is seen of B episodes, (B, ...) arrays by name."""
@@ -86,15 +89,26 @@ class DataHarvesting(gymnasium.Env):
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
         super().reset(seed=seed)
         if seed is not None:
-            self._np_random = stream(Use.GYMNASIUM, seed)  # the property would forget the seed
+            _seed(self, seed)
+        self.state = self._start = self.starts(1, self.np_random, options)
+        self._history: list[Step] = []
+        return _row(self.observe(self.state)), _values(_info(self.state))
+
+    def starts(self, count: int, generator: np.random.Generator, options: dict | None) -> State:
+        """The first states of so many episodes: those of the options, or else drawn."""
         start = (options or {}).get("start")
         if start is None:
-            start = self.scenario.sample(self.environment, 1, self.np_random)
-        elif len(start) != 1:
-            raise InputError(f"start of {len(start)} episodes: expected a State of one")
-        self.state = self._start = start
-        self._history: list[Step] = []
-        return _row(self.observe(self.state)), _row(_info(self.state))
+            return self.scenario.sample(self.environment, count, generator)
+        if len(start) != count:
+            raise InputError(f"start of {len(start)} episodes: expected a State of {count}")
+        most_data, most_time = self.scenario.data[1], self.scenario.flying_time[1]
+        if start.time_left.max() > most_time or start.data_initial.max() > most_data:
+            raise InputError(
+                f"start with up to {start.time_left.max()} units of time and "
+                f"{start.data_initial.max():g} of data: the observation space of scenario "
+                f"{self.scenario.name} ends at {most_time} and {most_data:g}"
+            )
+        return start
 
     def step(self, action: int) -> tuple[dict, float, bool, bool, dict]:
         before, actions = self.state, np.array([action])
@@ -102,7 +116,7 @@ class DataHarvesting(gymnasium.Env):
         reward = self.rewards(outcome)
         self._history.append(Step(before, actions, outcome, reward))
         seen, info = self.observe(self.state), _info(self.state) | outcome.counts()
-        return _row(seen), float(reward[0]), bool(self.state.ended[0]), False, _row(info)
+        return _row(seen), float(reward[0]), bool(self.state.ended[0]), False, _values(info)
 
     def render(self) -> np.ndarray | None:
         """The flight so far, an (height, width, 3) uint8 picture; None without a render mode."""
@@ -118,12 +132,105 @@ class DataHarvesting(gymnasium.Env):
         return pixels(figure)
 
 
+class VectorDataHarvesting(VectorEnv):
+    """`num_envs` episodes of `DataHarvesting` in one batch, much faster than one by one.
+
+    Observations, rewards and infos are those of single environments, stacked; an entry of `info`
+    that not every episode has comes with a mask, `_NAME`, as from `SyncVectorEnv`.
+
+    **Autoreset**, by `autoreset_mode`, as Gymnasium defines it. `NEXT_STEP`: the step after an
+    episode's last one ignores the action, has reward 0 and begins the next episode. `SAME_STEP`:
+    the last step returns the next episode's first observation; what ended is in
+    `info["final_obs"]` and `info["final_info"]`. `DISABLED`: `reset(options={"reset_mask": mask})`
+    begins the episodes of the mask anew; until then a step raises `InputError`.
+
+    **Seed**: all episodes draw from one stream, so equal seeds and equal numbers of episodes give
+    equal flights, but not those of single environments with the seeds seed, seed + 1, ...
+
+    Arguments:
+        num_envs: episodes in the batch.
+        options: those of `DataHarvesting` but `render_mode`: a batch is not drawn.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        **options: Any,
+    ):
+        if num_envs < 1 or options.get("render_mode") is not None:
+            raise InputError(
+                f"num_envs is {num_envs}, render_mode {options.get('render_mode')}: a batch has at "
+                "least one episode and is not drawn; vectorization_mode='sync' draws"
+            )
+        self.one = DataHarvesting(**options)
+        self.environment, self.observe = self.one.environment, self.one.observe
+        self.num_envs, self._mode = num_envs, AutoresetMode(autoreset_mode)
+        self.metadata = {**self.one.metadata, "autoreset_mode": self._mode}
+        self.single_observation_space = self.one.observation_space
+        self.single_action_space = self.one.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        _seed(self, _any_seed())
+
+    def action_masks(self) -> np.ndarray:
+        """The actions that the safety controller would not replace; (num_envs, 6) bool."""
+        return self.environment.allowed_actions(self.state)
+
+    def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
+        super().reset(seed=seed)
+        if seed is not None:
+            _seed(self, seed)
+        rows = (options or {}).get("reset_mask", np.ones(self.num_envs, bool))
+        start = self.one.starts(int(rows.sum()), self.np_random, options)
+        self.state = start if rows.all() else self.state.with_rows(rows, start)
+        return self.observe(self.state), _masked(_info(self.state), rows)
+
+    def step(self, actions: np.ndarray) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray, dict]:
+        over = self.state.ended
+        if self._mode is AutoresetMode.DISABLED and over.any():
+            raise InputError(
+                f"episode {over.argmax()} is over: begin it anew with "
+                "reset(options={'reset_mask': mask})"
+            )
+        self.state, outcome = self.environment.step(self.state, actions, self.np_random)
+        reward, ended = self.one.rewards(outcome).astype(float), self.state.ended
+        counts, info = outcome.counts(), {}
+        if self._mode is AutoresetMode.NEXT_STEP:
+            ended, new = ended & ~over, over
+        else:
+            new = ended if self._mode is AutoresetMode.SAME_STEP else np.zeros_like(ended)
+            if new.any():
+                seen, final = self.observe(self.state), np.full(self.num_envs, None)
+                for i in np.flatnonzero(new):
+                    final[i] = {name: array[i] for name, array in seen.items()}
+                last = _masked(_info(self.state) | counts, new)
+                info = {"final_obs": final, "final_info": last}
+                info |= {"_final_obs": new, "_final_info": new}
+        if new.any():
+            start = self.one.starts(int(new.sum()), self.np_random, None)
+            self.state = self.state.with_rows(new, start)
+        info |= _masked(_info(self.state), np.ones_like(new)) | _masked(counts, ~new)
+        return self.observe(self.state), reward, ended, np.zeros_like(ended), info
+
+
+def _any_seed() -> int:
+    """A seed that nobody chose, for an environment that was given none: `reset` takes it, too."""
+    return int(np.random.SeedSequence().generate_state(1, np.uint64)[0] >> 1)
+
+
+def _seed(env: Any, seed: int) -> None:
+    """Give an environment its generator and the seed from which it can be made again."""
+    env._np_random, env._np_random_seed = stream(Use.GYMNASIUM, seed), seed
+
+
 def _info(state: State) -> dict[str, np.ndarray]:
+    collected = state.collected.astype(float)
     return {
         "landed": state.landed,
-        "collected": state.collected,
-        "collected_and_landed": state.collected * state.landed,
-        "time_left": state.time_left,
+        "collected": collected,
+        "collected_and_landed": collected * state.landed,
+        "time_left": state.time_left.astype(int),
     }
 
 
@@ -131,7 +238,22 @@ def _row(arrays: dict) -> dict:
     return {name: array[0] for name, array in arrays.items()}
 
 
-def as_policy(env: gymnasium.Env, predict: Callable, masked: bool = False) -> Policy:
+def _values(arrays: dict) -> dict:
+    """The numbers of one episode as Python has them: vector environments stack these alone."""
+    return {name: array[0].item() for name, array in arrays.items()}
+
+
+def _masked(arrays: dict[str, np.ndarray], rows: np.ndarray) -> dict[str, np.ndarray]:
+    """The arrays with 0 outside of these episodes, and for each the mask, `_NAME`."""
+    masked = {}
+    for name, array in arrays.items():
+        masked[name] = np.zeros_like(array)
+        masked[name][rows] = array[rows]
+        masked[f"_{name}"] = rows
+    return masked
+
+
+def as_policy(env: gymnasium.Env | VectorEnv, predict: Callable, masked: bool = False) -> Policy:
     """A policy of this library from a function of a `DataHarvesting`'s observations.
 
     With it, agents of other libraries are evaluated like ours. For Stable-Baselines3:
@@ -142,7 +264,7 @@ def as_policy(env: gymnasium.Env, predict: Callable, masked: bool = False) -> Po
         predict: takes a batch of observations, (B, ...) arrays by name; gives (B,) actions.
         masked: give it the allowed actions, too, (B, 6) bool.
     """
-    one: Any = env.unwrapped  # a DataHarvesting
+    one: Any = env.unwrapped  # a DataHarvesting, or a batch of them
 
     def act(state: State) -> np.ndarray:
         masks = [one.environment.allowed_actions(state)] if masked else []
@@ -151,4 +273,8 @@ def as_policy(env: gymnasium.Env, predict: Callable, masked: bool = False) -> Po
     return FunctionPolicy(act, one.environment)
 
 
-gymnasium.register(id=ID, entry_point="uavdh_lite.bridges.gymnasium:DataHarvesting")
+gymnasium.register(
+    id=ID,
+    entry_point="uavdh_lite.bridges.gymnasium:DataHarvesting",
+    vector_entry_point="uavdh_lite.bridges.gymnasium:VectorDataHarvesting",
+)

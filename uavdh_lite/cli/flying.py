@@ -10,7 +10,7 @@ from uavdh_lite import evaluation, missions, plotting
 from uavdh_lite.agent import Agent
 from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.bridges.onnx import export_onnx
-from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import City, load_cities
 from uavdh_lite.cli.options import PICTURES, Checkpoint, Cities, CommandLine, Count, named, output
 from uavdh_lite.environment import Environment
@@ -42,9 +42,11 @@ def open_agent(checkpoint: str | None, city: str | City | None) -> tuple[str, Ag
     environment = Environment(load_cities(city) if isinstance(city, str) else city)
     name = checkpoint or next(iter(agents_for(environment)), None)
     if name is None:
+        size = environment.size
+        able = [each for each in shipped_agents() if load_agent(each).observation.size >= size]
         raise InputError(
-            f"no shipped agent flies over {environment.size} × {environment.size} cells: train an "
-            "agent for it (train --city), and give its file as --checkpoint"
+            f"no shipped agent was trained for cities of {size} × {size} cells: train one (train "
+            f"--city), or name {' or '.join([*able, 'its file'])} as --checkpoint"
         )
     return name, load_agent(name).over(environment.cities)
 
