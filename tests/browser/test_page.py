@@ -213,6 +213,20 @@ def test_a_device_is_dragged_and_moved_by_keys_and_both_can_be_undone(page):
     expect(label).to_have_attribute("aria-label", before)
 
 
+def test_a_device_that_is_dragged_quickly_over_many_cells_stays_where_it_is_let_go(page):
+    choose(page, "city", "empty 8 × 8")
+    open_tool(page, "Paint")
+    label = page.locator(".map g[data-device='0']").first
+    for there in ((2, 0), (7, 7), (2, 7), (7, 0)):
+        row, col = map(int, re.findall(r"\d+", label.get_attribute("aria-label"))[1:3])
+        page.mouse.move(*place(page, row, col))
+        page.mouse.down()
+        page.mouse.move(*place(page, *there), steps=12)
+        page.mouse.up()
+        said = re.compile(f"row {there[0]}, column {there[1]};")
+        expect(label).to_have_attribute("aria-label", said, timeout=5000)
+
+
 def test_a_flight_by_keys_ends_with_a_card_and_a_rank(page):
     open_tool(page, "Fly")
     for key, count in (("ArrowRight", 1), ("ArrowDown", 2), (" ", 3)):

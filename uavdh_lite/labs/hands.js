@@ -48,7 +48,7 @@ export function attend(stage) {
     brush.cells = [];
     stroke(cell);
   });
-  main.addEventListener("pointermove", (event) => {
+  const move = (event) => {
     const cell = cellAt(event);
     if (!drag) {
       if (event.target.closest?.(".map")) hover(cell);
@@ -59,11 +59,13 @@ export function attend(stage) {
     stage.hovered = drag.at = cell;
     if (brush.cells) strokeTo(cell, before);
     else stage.askWhenFree({ kind: "move", device: drag.thing, cell });
-  });
+  };
+  main.addEventListener("pointermove", move);
   main.addEventListener("pointerleave", ({ pointerType }) => {
     if (!drag && pointerType !== "touch") hover(null);
   });
-  const release = () => {
+  const release = (event) => {
+    if (drag && event.type === "pointerup") move(event); // where it is let go is where it stays
     if (brush.cells) ask({ kind: "paint", cells: brush.cells, sign: brush.sign });
     [drag, brush.cells] = [null, null];
   };

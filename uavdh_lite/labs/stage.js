@@ -54,7 +54,8 @@ export function draw(el, model) {
   const find = (selector) => el.querySelector(selector);
   let [scene, version, drawnTool, update] = [null, null, null, () => []];
   let [asked, waiting] = [0, null]; // the numbers of the last question, and of that whose answer is awaited
-  let [next, slow] = [null, null]; // what is asked when it has come
+  const next = new Map(); // what is asked when it has come, the last of each kind
+  let slow = null;
   let [refusing, keeping] = [null, null]; // timers: of what is shown as not done, of the step that is to be kept
   let [link, story] = [null, null]; // of this state; the captions that are still to come
   let clock = null;
@@ -75,7 +76,7 @@ export function draw(el, model) {
       send(told);
     },
     askWhenFree(told) {
-      next = told;
+      next.set(told.kind, told);
       if (waiting === null) askNext();
     },
     /** Shows that something was not done, until the answer to what is done next; 8 seconds at most. */
@@ -129,8 +130,9 @@ export function draw(el, model) {
   }
 
   function askNext() {
-    if (next) send(next);
-    next = null;
+    const all = [...next.values()];
+    next.clear();
+    all.forEach(send);
   }
 
   function busy(text, share) {
