@@ -1,6 +1,6 @@
 // Two flights of one mission: where they part, who is ahead and why, as facts.
 
-import { ACTIONS, LAND, sum } from "./world.js";
+import { ACTIONS, LAND, REWARDS, sum } from "./world.js";
 
 const AHEAD = 2; // of the return: a clear win
 const LEVEL = 0.5;
@@ -60,7 +60,8 @@ export function verdict(who, results) {
   const gained = won.collected - lost.collected;
   const sooner = lost.steps - won.steps;
   const more = Math.abs(gained) >= (sooner ? ENOUGH : LITTLE) ? gained : 0;
-  return { kind: "wins", ...both, more, sooner, by: gained < 0 ? Math.abs(difference) : 0 };
+  const refusals = gained < 0 && -REWARDS.movement * sooner <= -gained; // time does not explain it
+  return { kind: "wins", ...both, more, sooner, by: gained < 0 ? Math.abs(difference) : 0, refusals };
 }
 
 /**
@@ -79,7 +80,7 @@ export function reasons(who, flights, part) {
   const [count, others] = [behind, 1 - behind].map((k) => idle(flights[k], part).filter((each) => each).length);
   const lost = astray(flights[behind], part);
   const about = { who: who[behind], other: who[1 - behind] };
-  if (lost) facts.push({ kind: "astray", ...about, first: lost[0], last: lost[1], look: lost[0] });
+  if (lost) facts.push({ kind: "astray", ...about, ...lost, look: lost.first });
   else if (count - others >= LONG) facts.push({ kind: "idle", ...about, count, others });
   const left = flights[0].dataLeft.at(-1).map((each, k) => each - flights[1].dataLeft.at(-1)[k]);
   const fewer = sum(left) > 0 ? 0 : 1; // who brings less data
@@ -89,8 +90,11 @@ export function reasons(who, flights, part) {
     const [loser, winner] = [flights[fewer], flights[1 - fewer]];
     const unused = loser.timeLeft.at(-1) >= LONG ? loser.timeLeft.at(-1) : 0;
     const theirs = winner.dataLeft.slice(1).map((each) => each[device]);
-    const first = theirs.findIndex((each) => each < loser.dataLeft.at(-1)[device] - LITTLE);
-    const last = theirs.findIndex((each) => each <= theirs.at(-1) + LITTLE);
+    let first = theirs.findIndex((each) => each < loser.dataLeft.at(-1)[device] - LITTLE);
+    let last = theirs.findIndex((each) => each <= theirs.at(-1) + LITTLE);
+    const gives = (k) => winner.dataLeft[k]?.[device] - theirs[k] >= LITTLE;
+    while (gives(first - 1)) first -= 1; // all the steps around in which the device gives data
+    while (gives(last + 1)) last += 1;
     const pair = { who: who[fewer], other: who[1 - fewer] };
     facts.push({ kind: "leaves", ...pair, device, more: more[device], unused, first, last, look: first });
   }
@@ -106,17 +110,27 @@ export function idle(flight, step) {
   return Array.from(flight.action, (_, k) => k >= step && total[k] - total[k + 1] < LITTLE && !lands(k));
 }
 
-/** The longest stretch of idle steps that stay where it is or lead to and fro, `[first, behind its last]`, or null. */
+/**
+ * The longest stretch of idle steps that stay where it is or lead to and fro, with the idle steps just before
+ * it, or null: `first`, `last` behind its last, units `gained`, and how many steps are `hovers` and `turns`.
+ */
 export function astray(flight, step) {
   const cells = flight.uavCell;
   const turns = (k) => k >= 0 && k + 2 < cells.length && cells[k + 2] === cells[k];
-  const lost = idle(flight, step).map((each, k) => each && (turns(k) || turns(k - 1) || cells[k + 1] === cells[k]));
+  const nothing = idle(flight, step);
+  const lost = nothing.map((each, k) => each && (turns(k) || turns(k - 1) || cells[k + 1] === cells[k]));
   let [first, best] = [0, [0, 0]];
   lost.forEach((each, k) => {
     if (!each) first = k + 1;
     else if (k + 1 - first > best[1] - best[0]) best = [first, k + 1];
   });
-  return best[1] - best[0] >= LONG ? best : null;
+  if (best[1] - best[0] < LONG) return null;
+  let [begin, last] = best;
+  while (nothing[begin - 1]) begin -= 1;
+  const steps = [...lost.keys()].filter((k) => lost[k] && k >= begin && k < last);
+  const hovers = steps.filter((k) => cells[k + 1] === cells[k]).length;
+  const gained = sum(flight.dataLeft[begin]) - sum(flight.dataLeft[last]);
+  return { first: begin, last, gained, hovers, turns: steps.length - hovers };
 }
 
 /** The device that first gives much and the step by which it has, or whether it goes straight home. */

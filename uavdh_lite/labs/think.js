@@ -6,7 +6,8 @@ const CLOSE = 0.5; // a gap between Q-values below which a decision is called cl
 const ENOUGH = 0.5; // data units of a device that are worth a reason,
 const SOON = 3; // and the steps until then
 const SPARE = 1; // units of time more than the way home takes, with which it has to fly home
-const STAKE = 1; // data units that are still to be had
+const STAKE = 1; // data units that are still to be had, without which no decision is called close
+const NONE = 0.05; // data units: all is collected
 
 /** The second best action, and how far the best is ahead of it; Infinity where nothing else is allowed. */
 function runnerUp(values) {
@@ -37,7 +38,7 @@ export function choice(flight, step, timeToLand) {
     reason: reasonOf(flight, step, timeToLand),
     gap: Number.isFinite(gap) ? gap : null,
     second: ACTIONS[second],
-    close: gap < CLOSE,
+    close: gap < CLOSE && sum(flight.dataLeft[step]) >= STAKE,
   };
 }
 
@@ -48,14 +49,15 @@ function reasonOf(flight, step, timeToLand) {
   const given = dataLeft.slice(step + 1).map((later) => dataLeft[step].map((each, k) => each - later[k]));
   const within = given.findIndex((each) => Math.max(...each) >= ENOUGH) + 1;
   if (flight.intervened[step]) return { kind: "refused" };
-  if (action === LAND) return sum(dataLeft[step]) < 0.05 ? { kind: "done" } : null;
+  const since = dataLeft.findIndex((each) => sum(each) < NONE); // after this step nothing is left
+  if (action === LAND) return since >= 0 && since <= step ? { kind: "done", since: since < step ? since : 0 } : null;
   if (landed && after < home && left <= home + SPARE) return { kind: "home", home, left, now: true };
   const back = step > 0 && uavCell[step + 1] === uavCell[step - 1] && uavCell[step + 1] !== uavCell[step];
-  if (back) return { kind: "back" };
+  if (back && within !== 1) return { kind: "back" };
   if (within) {
     const amount = Math.max(...given[within - 1]);
     const device = given[within - 1].indexOf(amount);
-    if (within <= SOON || action !== HOVER) return { kind: "gives", device, amount, within, way: within > SOON };
+    if (within <= SOON || action !== HOVER) return { kind: "gives", device, amount, within, way: within > SOON, back };
     return null;
   }
   return landed && after < home ? { kind: "home", home, left, now: false } : null;

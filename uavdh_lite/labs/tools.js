@@ -2,7 +2,7 @@
 // a moment. `scene` is what the session sent, `stage` is where it is shown.
 
 import { KINDS, SQUARE, UAV, at, cells, escaped, momentAt, tiles } from "../player.js";
-import { RUNS, gapOf, grouped, signed, units, upper } from "./words.js";
+import { RUNS, gapOf, grouped, signed, timeUnits, units, upper } from "./words.js";
 
 const WORDS = {
   UAV: "the drone: it flies 10 m above the ground, one cell in a step",
@@ -136,7 +136,7 @@ export const TOOLS = {
       const why = action === "land" ? "you can only land in blue" : inTheWay;
       return `<b>Refused: ${action}</b>, ${why}. One unit of time is gone.`;
     },
-    help: (you, rival) => `<h2>${you.steps ? `${you.timeLeft} units of time left` : "Your flight"}</h2>
+    help: (you, rival) => `<h2>${you.steps ? `${timeUnits(you.timeLeft)} left` : "Your flight"}</h2>
       <p>Collect the ${term("data units", "data")} and land in blue in time. Arrow keys move, space hovers, L lands; or
       press the buttons. The pale ${term("UAV")} is the ${term("ghost")}, flown by ${explained(rival.subject)}.</p>`,
     card(you, ghost, rival, no) {
@@ -200,10 +200,10 @@ export const TOOLS = {
       const layers = ["none", ...SEEN, "value"].map((name) => [name, name]);
       const { step, gap, stake } = panel.closest;
       const instead = panel.instead && `${upper(panel.instead.subject)} ${panel.instead.you ? "have" : "has"} no ${panel.number}s: here the ${panel.agent} thinks and flies.`;
-      const idle = stake ? "" : " Nothing was left to be collected, so little depends on it.";
+      const idle = stake ? ", the smallest while there was still a unit of data or more to collect." : ". Nothing was left to collect, so little depends on it.";
       return `<div role="status"><h2 class="says-why"></h2></div>${instead ? `<p><b>${explained(instead)}</b></p>` : ""}
         <h3>${term(panel.number, `${panel.number}s`)}: the longer, the better (best: <span class="most"></span>)</h3><div class="q"></div>
-        <div class="row">${button("Closest call", { show: step })} <small>step ${step + 1}: a gap of ${gapOf(gap)}.${idle}</small></div>
+        <div class="row">${button("Closest call", { show: step })} <small>step ${step + 1}: a gap of ${gapOf(gap)}${idle}</small></div>
         <div class="row">${chooser("layer", "layer", layers, looks.layer)}
         <label><input type="checkbox" data-set="centred" ${looks.centred ? "checked" : ""}> centred, as it sees it</label></div>
         <div class="layer-scale"></div><p class="meaning"></p>

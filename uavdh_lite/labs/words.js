@@ -21,6 +21,7 @@ export const grouped = (number) => number.toLocaleString("en");
 export const RUNS = ["blue", "orange"]; // the runs of a race by their colours
 export const gapOf = (gap) => (gap < 0.005 ? "less than 0.01" : gap >= 1 ? gap.toFixed(1) : gap.toFixed(2));
 const steps = (count) => (count === 1 ? "1 step" : `${count} steps`);
+export const timeUnits = (count) => `${count} ${count === 1 ? "unit" : "units"} of time`;
 const fromTo = (first, last) => (last > first ? `from step ${first + 1} to ${last + 1}` : `in step ${first + 1}`);
 
 /** What somebody does in a step: `{ who, action, refused }`. */
@@ -43,23 +44,32 @@ const TEMPLATES = {
   level: () => "Nearly level.",
   crash: ({ who, other }) =>
     `${upper(says(who, "wins"))}, because ${says(other, "crashes")}: all that was collected is lost.`,
-  wins({ who, more, sooner, by }) {
+  wins({ who, more, sooner, by, refusals }) {
     const told = [
       more && `${Math.abs(more).toFixed(1)} units ${more > 0 ? "more" : "less"}`,
       sooner && `home ${steps(Math.abs(sooner))} ${sooner > 0 ? "sooner" : "later"}`,
     ].filter((each) => each);
-    return `${upper(says(who, "wins"))}${by ? ` by ${by.toFixed(1)} in return` : ""}: ${told.join(", ") || "fewer refusals"}.`;
+    if (!by) return `${upper(says(who, "wins"))}: ${told.join(", ") || "fewer refusals"}.`;
+    const [they, are] = who.you ? ["you", "are"] : ["it", "is"];
+    const less = more ? `although ${says({ ...who, subject: they }, "brings")} ${told[0]}, ` : "";
+    const why = refusals ? "fewer actions are refused" : `${they} ${are} ${told.at(-1)}`;
+    return `${upper(says(who, "wins"))} by ${by.toFixed(1)} in return, ${less}because ${why}.`;
   },
   same: () => "They come to the same end.",
   part: ({ step, acts, ends }) =>
     `At step ${step + 1}, ${acts.map((each, k) => act(each) + (ends ? towards(ends[k]) : "")).join(", while ")}.`,
-  astray: ({ who, first, last }) =>
-    `From step ${first + 1} to ${last} ${says(who, "hovers")} or ${who.you ? "fly" : "flies"} to and fro for nearly nothing.`,
+  astray({ who, first, last, gained, hovers, turns }) {
+    const they = { ...who, subject: who.you ? "you" : "it" };
+    const often = (count) => (count === last - first ? "all the while" : `in ${count} of these steps`);
+    const does = [hovers && `${says(they, "hovers")} ${often(hovers)}`, turns && `${says(they, "flies")} to and fro ${often(turns)}`];
+    return `From step ${first + 1} to ${last} ${says(who, "gains", gained < 0.005 ? "nothing" : `only ${units(gained)} units`)}: ` +
+      `${does.filter((each) => each).join(", and ")}.`;
+  },
   idle: ({ who, count, other, others }) =>
     `From then on ${says(who, "spends", `${steps(count)} that bring less than 0.1 units each`)}; ${says(other, "spends", String(others))}.`,
   leaves: ({ who, device, more, unused, other, first, last }) =>
     `In the end ${says(who, "leaves", `${more.toFixed(1)} units more at device ${device}`)}` +
-    `${unused ? `, with ${unused} units of time unused` : ""}; ${says(other, "gets", `them ${fromTo(first, last)}`)}.`,
+    `${unused ? `, with ${unused} units of time unused` : ""}; ${says(other, "collects", `there ${fromTo(first, last)}`)}.`,
 
   // What an agent does in a step, and why
   chooses({ action, reason, gap, second, close }) {
@@ -95,15 +105,15 @@ const TEMPLATES = {
 
 const REASONS = {
   refused: () => ", which is refused: it stays where it is",
-  done: () => ", because all data is collected",
+  done: ({ since }) => (since ? `, because nothing has been left to collect since step ${since}` : ", because all data is collected"),
   home: ({ home, left, now }) =>
     now
-      ? `, because home is ${home} units of time away and ${left} are left`
-      : `, on the way home, which is ${home} units of time away; ${left} are left`,
+      ? `, because home is ${timeUnits(home)} away and ${left} ${left === 1 ? "is" : "are"} left`
+      : `, on the way home, which is ${timeUnits(home)} away; ${left} are left`,
   back: () => ", back to where it just was",
-  gives({ device, amount, within, way }) {
+  gives({ device, amount, within, way, back }) {
     const gives = `gives ${amount.toFixed(1)} units ${within === 1 ? "in this step" : `within ${within} steps`}`;
-    return way ? `, on the way to device ${device}, which ${gives}` : `, because device ${device} ${gives}`;
+    return way ? `, on the way to device ${device}, which ${gives}` : `, because device ${device} ${gives}${back ? ", back to where it just was" : ""}`;
   },
 };
 
