@@ -69,7 +69,8 @@ def page(shared):
     shared.set_viewport_size({"width": 1280, "height": 720})
     choose(shared, "city", "village")
     choose(shared, "city", "manhattan")
-    expect(shared.locator("[data-set='city']")).to_have_value("manhattan")
+    wide = "document.querySelector('.map svg').viewBox.baseVal.width > 12"
+    shared.wait_for_function(wide)  # the list shows manhattan before the map does
     open_tool(shared, "Compare")
     return shared
 
@@ -247,6 +248,20 @@ def test_a_flight_by_keys_ends_with_a_card_and_a_rank(page):
     expect(page.locator(".refusal")).to_contain_text("this flight is over")
 
 
+def test_a_tool_that_was_chosen_by_keys_is_flown_by_keys(page):
+    output = page.locator(".controls output")
+    for key in ("Enter", "ArrowUp"):  # after Enter or the first key that steers, all arrows steer
+        open_tool(page, "Compare")
+        page.get_by_role("tab", name="Compare").focus()
+        page.keyboard.press("ArrowLeft")
+        page.locator(".main[data-shows='fly']").wait_for()
+        count = int(output.inner_text().split()[0]) + (key != "Enter")
+        page.keyboard.press(key)
+        expect(output).to_have_text(f"{count} of {count}")
+        page.keyboard.press("ArrowRight")
+        expect(output).to_have_text(f"{count + 1} of {count + 1}")
+
+
 def test_the_map_and_the_curves_are_one_tab_stop_each_and_obey_the_arrows(page):
     choose(page, "city", "empty 8 × 8")
     open_tool(page, "Paint")
@@ -279,6 +294,7 @@ def test_the_map_and_the_curves_are_one_tab_stop_each_and_obey_the_arrows(page):
 
 def test_a_point_of_a_race_is_pressed_and_two_other_runs_race(page):
     open_tool(page, "Watch")
+    expect(page.locator(".flies")).to_contain_text("The trainings are of the village")
     box = page.locator(".blue .dot").last.bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2 + 15)  # below it
     expect(page.locator(".flies")).to_contain_text("This flight: blue's agent after")
@@ -421,6 +437,8 @@ def test_touch_flies_lands_and_drags(browser, address, size):
         page.get_by_role("button", name="Again").tap()
         expect(page.locator(".controls output")).to_have_text("0 of 0")
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        page.get_by_role("button", name="More").tap()
+        expect(page.get_by_role("button", name="Copy the link")).to_be_visible()
 
 
 def test_it_works_in_a_frame_and_where_no_worker_may_begin(browser, address, tmp_path):

@@ -147,6 +147,17 @@ def test_a_flight_by_hand_is_the_mission_flown_so_and_is_ranked_at_its_end(tell)
     assert tell("new")["panel"]["why"] == []  # the flight of a new mission has not begun
 
 
+def test_nobody_is_the_own_rival(tell, opened, saved):
+    tell("tool", tool="fly")
+    assert tell("policy", which=1, name="random")["state"]["policies"] == ["greedy", "random"]
+    tell("city", name="manhattan")
+    tell("policy", which=1, name="manhattan_ddqn")
+    there = tell("city", name="village")["state"]["policies"]  # where the agent is none
+    assert there == ["random", "greedy"]
+    twice = json.loads(saved("stage")) | {"policies": ["greedy", "greedy"]}
+    assert opened("a.json", twice)["state"]["policies"] == ["random", "greedy"]
+
+
 def test_a_table_of_a_hundred_missions_belongs_to_its_pair(tell):
     many = tell("many")["panel"]["many"]
     assert [row["who"]["name"] for row in many] == ["random", "greedy"]
@@ -231,6 +242,20 @@ def test_a_mission_goes_to_python_and_back_and_a_stage_keeps_everything(tell, op
     assert fresh["policies"] == ["random", "greedy"] and fresh["flown"] == ""
 
 
+def test_of_several_files_the_first_is_opened_and_this_is_said(modules, tell, saved):
+    mission = saved("mission").decode()
+    tell("city", name="manhattan")
+    script = """async (mission) => {
+        const answers = [];
+        lab.post = (answer) => answers.push(answer);
+        await lab.hear({ kind: "open", file: new File([mission], "a.json"), others: 1 });
+        return answers.findLast(({ kind }) => kind === "scene").scene;
+    }"""
+    scene = modules(script, mission)
+    assert scene["state"]["city"] == "village"
+    assert scene["refused"] == "only a.json was opened: open one file at a time"
+
+
 def test_a_city_goes_into_a_picture_and_back(tell, opened, saved, tmp_path):
     rows = tell("city", name="manhattan")["film"]["city"]
     content = saved("png")
@@ -269,6 +294,6 @@ def test_a_file_with_a_wrong_entry_is_refused(opened, saved, entry, value, said)
 
 
 def test_what_is_no_file_of_the_labs_is_refused(opened):
-    opened("a.json", b"{", refused="no JSON")
+    opened("photo.jpg", b"\xff\xd8{", refused=r"(.json), a city (.png) or an agent (.safetensors)")
     opened("a.json", [1], refused="no stage and no mission")
     opened("a.json", b" " * 1_000_001, refused="too large")

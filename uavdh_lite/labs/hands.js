@@ -126,10 +126,10 @@ export function attend(stage) {
       el.classList.toggle("adding");
       stage.paint();
       if (el.classList.contains("adding")) maps()[0].focus();
-    } else if (does_) does[does_]();
+    } else if (does_) does[does_](target);
     // Keys steer after a press, too, unless it asks for a place or a number
     const steers = name === "fly" || (stage.scene.state.tool === "fly" && !target.closest(".drawer, .term"));
-    if (steers && event.detail) find("#panel").focus({ preventScroll: true });
+    if (steers && (event.detail || name)) find("#panel").focus({ preventScroll: true });
   });
 
   el.addEventListener("change", ({ target }) => {
@@ -149,7 +149,7 @@ export function attend(stage) {
     }
     if (field && target.reportValidity()) changeField(field, target.valueAsNumber);
     if (target.files?.length) {
-      open(target.files[0]);
+      open(target.files);
       target.value = ""; // so that the same file can be opened again
     }
   });
@@ -168,14 +168,14 @@ export function attend(stage) {
     for (const place of [".devices", ".fields"]) find(place).written = null; // so that a refused number is put back
   }
 
-  const open = (file) => {
+  const open = ([file, ...others]) => {
     stage.endStory();
-    ask({ kind: "open", file });
+    ask({ kind: "open", file, others: others.length });
   };
   el.addEventListener("dragover", (event) => event.preventDefault());
   el.addEventListener("drop", (event) => {
     event.preventDefault();
-    if (event.dataTransfer.files.length) open(event.dataTransfer.files[0]);
+    if (event.dataTransfer.files.length) open(event.dataTransfer.files);
   });
 
   /** What a key does, or null: it steers, or moves what has the focus. */
@@ -198,7 +198,11 @@ export function attend(stage) {
     if (target.matches(".curves")) return tool().keyed(stage, down, right);
     const presses = key === " " && target.matches("button:not([role=tab])");
     const steer = tool().keys?.[key];
-    return steer && !presses ? () => ask({ kind: "fly", action: steer }) : null;
+    if (!steer || presses) return null;
+    return () => {
+      if (tab) find("#panel").focus({ preventScroll: true }); // the other arrows steer from now on, too
+      ask({ kind: "fly", action: steer });
+    };
   }
 
   /** Keys move a cell over the map; Enter and space do there what a press does. */

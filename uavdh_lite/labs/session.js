@@ -150,6 +150,11 @@ export class Session {
     };
   }
 
+  /** The city of the recorded trainings. */
+  get village() {
+    return this.shelf.cities[this.data.races.city];
+  }
+
   get ghost() {
     return this.stage.policies[1] === YOU ? "greedy" : this.stage.policies[1];
   }
@@ -170,10 +175,7 @@ export class Session {
       return [[title, this.recorded(...race.point)]];
     }
     const names = { fly: [YOU, this.ghost], compare: policies, think: [this.thinker ?? policies[0]] }[tool] ?? [policies[0]];
-    return names.map((name, k) => {
-      const { title } = whoIs(name, this.agents);
-      return [k && name === names[0] ? `${title} again` : title, hangar.flight(name, flown)];
-    });
+    return names.map((name) => [whoIs(name, this.agents).title, hangar.flight(name, flown)]);
   }
 
   /** The flight of the agent of a point of a race. */
@@ -238,6 +240,7 @@ export class Session {
         settings: this.races.map(({ title, text }) => [title, text]),
         chosen: race.runs,
         point: race.point,
+        elsewhere: this.village.sameAs(this.stage.mission.city) ? "" : this.village.name,
         runs: runs.map(bare),
         says: runs.length ? raceFacts(runs, this.data.races.episodes).map(sentence) : [],
       };
@@ -321,7 +324,6 @@ export class Session {
       const { stage, hangar } = this;
       const usual = newStage(stage.mission, this.shelf).policies;
       const pair = stage.policies.includes(YOU) ? usual : stage.policies;
-      if (pair[0] === pair[1]) throw new InputError("both are flown by the same: choose another rival");
       const { city, seed } = stage.mission;
       const found = await this.long("Looking for a duel", async (turn) => {
         for (let k = 1; k <= TRIES; k += 1) {
@@ -376,12 +378,12 @@ export class Session {
     race({ runs, point }) {
       if (runs) this.race = { runs: runs.filter((k) => this.races[k]), point: null };
       if (!point) return;
-      const village = this.shelf.cities[this.data.races.city];
-      if (!this.stage.mission.city.sameAs(village)) this.take(overCity(this.stage, village, this.shelf), "city");
+      if (!this.stage.mission.city.sameAs(this.village)) this.take(overCity(this.stage, this.village, this.shelf), "city");
       this.race = { ...this.race, point };
     },
-    async open({ file, link }) {
+    async open({ file, link, others }) {
       this.take(await this.long("", () => this.opened(file, link)), "open");
+      if (others) throw new InputError(`only ${file.name} was opened: open one file at a time`);
     },
     async save({ what }) {
       const { stage } = this;

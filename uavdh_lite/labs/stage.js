@@ -19,12 +19,13 @@ const page = (tools) => `<h1>uavdh_lite labs</h1><div class="top">
       ${button("New", { kind: "new" }, 'title="a new random mission"')}
       ${button("↶", { kind: "undo", by: -1 }, 'class="undo" aria-label="undo"')}
       ${button("↷", { kind: "undo", by: 1 }, 'class="redo" aria-label="redo"')}
-      <button type="button" class="copy">Link</button>
+      <button type="button" class="copy" data-name="Link">Link</button>
       <button type="button" class="more" aria-haspopup="dialog" title="${MORE}">More</button>
       <button type="button" class="full" aria-label="full screen">${FULL}</button>
     </div></div>
   <div class="main"><div class="inside"><div class="stages"></div>
-    <div class="tool" id="panel" role="tabpanel" tabindex="0"></div></div>
+    <div class="tool" id="panel" role="tabpanel" tabindex="0"></div>
+    <div class="caption" role="status" hidden></div></div>
     <dialog class="drawer" aria-label="${MORE}">
       <form method="dialog"><h2>${MORE}</h2><button class="close" aria-label="close">×</button></form>
       <table class="devices"></table>
@@ -33,11 +34,11 @@ const page = (tools) => `<h1>uavdh_lite labs</h1><div class="top">
       <div class="row">${button("Save", { kind: "save", what: "stage" })}
         ${button("Save the mission alone", { kind: "save", what: "mission" })}
         <label class="file">Open <input type="file" accept=".json,.png,.safetensors"></label>
-        <label>or a link <input type="text" data-set="link" placeholder="…#${LINK}…"></label></div>
+        <label>or a link <input type="text" data-set="link" placeholder="…#${LINK}…"></label>
+        <button type="button" class="copy" data-name="Copy the link">Copy the link</button></div>
       <p>Save keeps city, mission, rivals and step in a file. Open reads it, a mission, a city's PNG or an agent's
       checkpoint; dropping the file onto the page does the same. On the map, drag devices and the start; or press Tab
       and move them with the arrow keys; Delete removes one.</p></dialog>
-    <div class="caption" role="status" hidden></div>
     <div class="notice refusal" role="alert"></div>
     <div class="notice busy" role="status" hidden><span></span><progress></progress>
       ${button("Cancel", { kind: "cancel" })}</div></div>`;
@@ -105,11 +106,11 @@ export function draw(el, model) {
       endStory();
       if (!end) clock.show(clock.now.last);
     },
-    async copyLink() {
+    async copyLink(button) {
       const told = `${location.href.split("#")[0]}#${LINK}${link}`;
       await navigator.clipboard?.writeText(told).catch(() => {});
-      find(".copy").textContent = "Copied";
-      setTimeout(() => (find(".copy").textContent = "Link"), 1500);
+      button.textContent = "Copied";
+      setTimeout(() => (button.textContent = button.dataset.name), 1500);
     },
     /** Opens a link's part of an address, or a text that ends with it. */
     openLink(text) {
@@ -336,7 +337,7 @@ export function draw(el, model) {
       if (!playing && scene.state.tool !== "fly") keepStep(time);
       return texts;
     });
-    find(".copy").hidden = !model.own;
+    for (const copy of el.querySelectorAll(".copy")) copy.hidden = !model.own;
     find(".full").hidden = !document.fullscreenEnabled;
     window.addEventListener("hashchange", () => stage.openLink(location.hash));
     paint();

@@ -44,6 +44,7 @@ export function withMission(stage, mission, shelf) {
     const [usual, before] = [mission.city, stage.mission.city].map((city) => usualPolicies(city, shelf));
     const names = shelf.known(mission.city);
     policies = policies.map((name, k) => (names.includes(name) && name !== before[k] ? name : usual[k]));
+    if (policies[0] === policies[1]) policies = usual;
   }
   const device = Math.min(stage.device, mission.devices.length - 1);
   return { ...stage, mission, policies, flown: "", step: -1, device };
@@ -74,7 +75,7 @@ export function readFile(text, shelf) {
   try {
     values = JSON.parse(text.replace(/^\ufeff/, ""));
   } catch {
-    throw new InputError("this file is no JSON: open one that was saved here");
+    throw new InputError("this is no file of the labs: open a saved page or mission (.json), a city (.png) or an agent (.safetensors)");
   }
   if (values?.format === "uavdh_lite mission") return newStage(missionFromJson(values), shelf);
   require(values?.format === FORMAT && values.version === 1, "this file holds no stage and no mission");
@@ -89,7 +90,7 @@ export function readFile(text, shelf) {
   index(step, "step", -1, mission.flyingTime);
   index(device, "device", 0, mission.devices.length - 1);
   const there = usual.map((name, k) => (names.includes(policies[k]) ? policies[k] : name));
-  return { mission, policies: there, tool, flown, step, device };
+  return { mission, policies: there[0] === there[1] ? usual : there, tool, flown, step, device };
 }
 
 const base64 = (bytes) => btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
@@ -176,7 +177,7 @@ export const CHANGES = {
     withMission(stage, randomMission(stage.mission.city, stage.mission.seed + 1, shelf), shelf),
   policy(stage, { which, name }) {
     const policies = put(stage.policies, which, name);
-    if (stage.tool === "think" && policies[0] === policies[1]) policies[1 - which] = stage.policies[which];
+    if (policies[0] === policies[1]) policies[1 - which] = stage.policies[which]; // nobody is the own rival
     return { ...stage, policies, step: -1 };
   },
   fly: (stage, { action }) => ({ ...stage, flown: stage.flown + LETTERS[ACTIONS.indexOf(action)] }),

@@ -330,7 +330,7 @@ export const TOOLS = {
   watch: {
     title: "Watch",
     html({ panel, film }) {
-      const { settings, chosen, runs, says } = panel;
+      const { settings, chosen, runs, says, elsewhere } = panel;
       const known = settings.map(([title], k) => [k, title]);
       const racer = (colour, pairs, k) => `<span class="racer"><span class="key ${colour}"></span>
         ${chooser(colour, `run-${k}`, pairs, chosen[k] ?? "")}</span>`;
@@ -342,6 +342,7 @@ export const TOOLS = {
         <div class="${this.fresh(chosen) ? "draws" : ""}">${curves(panel, looks.metric)}</div>
         <p class="verdict" role="status">${says.map(escaped).join("<br>")}</p>
         <p class="flies">${panel.point ? `This flight: ${explained(flight.name)}. ${flight.ending}` : "Press near a point, or move with the arrow keys, to see its agent fly."}
+        ${elsewhere && `The trainings are of the ${escaped(elsewhere)}: a point shows its agent there, and ↶ brings your mission back.`}
         A point: 100 missions that it did not learn from. The trainings were recorded.</p>`;
     },
     drawn: "", // the runs whose curves have drawn themselves
