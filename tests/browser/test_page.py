@@ -69,8 +69,8 @@ def page(shared):
     shared.set_viewport_size({"width": 1280, "height": 720})
     choose(shared, "city", "village")
     choose(shared, "city", "manhattan")
-    wide = "document.querySelector('.map svg').viewBox.baseVal.width > 12"
-    shared.wait_for_function(wide)  # the list shows manhattan before the map does
+    wide = shared.locator(".map svg text", has_text=re.compile("^14$"))
+    wide.first.wait_for()  # the list shows manhattan before the map does
     open_tool(shared, "Compare")
     return shared
 

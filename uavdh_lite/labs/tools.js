@@ -127,7 +127,7 @@ export const TOOLS = {
       const known = state.known.filter(([name]) => name !== "you");
       return `<div class="head">${head}</div><p class="no" role="status">${no}</p>
         <div class="beside">${pad}<div><div class="row">${button("Again", { kind: "again" })}
-        ${chooser("ghost", "policy-1", known, rival.name)}</div>${table}</div></div>`;
+        ${chooser("ghost", "policy-1", known, rival.name)}</div></div></div>${table}`;
     },
     refusal({ city, flights: [{ path }] }, action) {
       const [[row, col], [down, right]] = [path.at(-1), WAYS[action] ?? [0, 0]];
