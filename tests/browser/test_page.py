@@ -135,6 +135,14 @@ def test_every_tool_fits_its_window(page, size):
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), title
         assert page.evaluate("document.documentElement.scrollHeight <= innerHeight"), title
         assert page.locator(".tool").evaluate("each => each.scrollWidth <= each.clientWidth"), title
+        rooms = page.locator(".bar .room").evaluate_all(
+            "all => all.filter((each) => each.checkVisibility()).map((each) => each.offsetWidth)"
+        )
+        assert min(rooms, default=15) >= 15, title
+        sides = page.locator(".flight .side").evaluate_all(
+            "all => all.every((each) => each.scrollWidth <= each.clientWidth)"
+        )
+        assert sides, title
         if (size, title) not in {
             ("half", "Compare"),
             ("half", "Watch"),
