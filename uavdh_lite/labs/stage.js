@@ -262,7 +262,7 @@ export function draw(el, model) {
     const often = home ? ` Over 100 random missions, ${home} of the data home.` : "";
     return [
       [0, "Two drones, one mission: collect the devices' data, and land in blue in time."],
-      [parting || 0.5, `Here they part. ${[why[0], ...why.slice(1).slice(-1)].join(" ")}`],
+      [parting ?? 0, `Here they part. ${[why[0], ...why.slice(1).slice(-1)].join(" ")}`],
       [Math.max(...results.map(({ steps }) => steps)),
         `${verdict} This mission was chosen because the difference shows.${often} Now it is your turn: drag a device, or fly yourself.`],
     ];
