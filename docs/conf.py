@@ -6,6 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
 
 from uavdh_lite.labs.page import write_page
 
@@ -22,7 +23,7 @@ extensions = [
     "rendering",
 ]
 # The site is for students, unless it is built with `-t teachers`: then it has the teaching guide
-# and the sources of the checks, with the solutions.
+# and the sources of the course, whose checks and examples are what the exercises ask for.
 TEACHERS = tags.has("teachers")  # noqa: F821 (Sphinx defines it)
 exclude_patterns = ["_extensions"] if TEACHERS else ["_extensions", "teach"]
 nitpicky = True
@@ -87,6 +88,18 @@ def leave_out(app: Sphinx, name: str, source: list[str]) -> None:
     source[0] = re.sub(r"(?ms)^<!-- teachers -->\n(.*?)^<!-- end -->\n", kept, source[0])
 
 
+def no_source(app: Sphinx, module: str) -> tuple[str, dict] | None:
+    """Show no source of the course to students: with no object in it, nothing leads there."""
+    return None if TEACHERS or not module.startswith("uavdh_lite.course") else ("", {})
+
+
+def no_source_pages(app: Sphinx, env: BuildEnvironment) -> list[str]:
+    """Forget those sources, so that they get no page."""
+    for name in [name for name, entry in env._viewcode_modules.items() if entry and not entry[0]]:
+        del env._viewcode_modules[name]
+    return []
+
+
 def write_labs(app: Sphinx, error: Exception | None) -> None:
     """Put the labs, one file, beside the pages."""
     if error is None and app.builder.format == "html":
@@ -96,4 +109,6 @@ def write_labs(app: Sphinx, error: Exception | None) -> None:
 def setup(app: Sphinx) -> None:
     app.connect("builder-inited", copy_notebooks)
     app.connect("source-read", leave_out)
+    app.connect("viewcode-find-source", no_source)
+    app.connect("env-updated", no_source_pages)
     app.connect("build-finished", write_labs)

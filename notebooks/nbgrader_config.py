@@ -80,9 +80,8 @@ c = get_config()  # noqa: F821 (nbgrader defines it)
 c.CourseDirectory.course_id = "uavdh_lite"
 c.CourseDirectory.source_directory = "solutions"
 c.CourseDirectory.release_directory = "exercises"
-c.CourseDirectory.submitted_directory = (
-    "checked"  # what `uavdh_lite class check` makes of submitted
-)
+# What `uavdh_lite classroom check` makes of submitted/
+c.CourseDirectory.submitted_directory = "checked"
 c.GenerateAssignment.preprocessors = [
     NumberedStubs if step is ClearSolutions else step
     for step in GenerateAssignment.class_traits()["preprocessors"].default()

@@ -7,12 +7,21 @@ import subprocess
 import sys
 import time
 from dataclasses import asdict
+from pathlib import Path
 
 import pytest
 
 from uavdh_lite.city import City
 from uavdh_lite.cli.main import main
-from uavdh_lite.course.challenge import SCORED, Challenge, enter, entry_name, leaderboard, score
+from uavdh_lite.course.challenge import (
+    SCORED,
+    Challenge,
+    enter,
+    entry_name,
+    leaderboard,
+    opened,
+    score,
+)
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
@@ -143,10 +152,12 @@ def test_no_score_is_lost_when_ten_processes_write_at_once(tmp_path):
     path = tmp_path / "board.json"
     code = (
         "import sys; from pathlib import Path; "
-        "from uavdh_lite.course.challenge import SCORED, Challenge, enter; "
-        "input(); path, own = Path(sys.argv[1]), sys.argv[2]; "
-        "[enter(path, Challenge('village', 40), dict.fromkeys(SCORED, [0, 0, 0]) "
-        "| {'name': own + str(k), 'failed': None, 'file': None, 'when': ''}) for k in range(4)]"
+        "from uavdh_lite.course.challenge import SCORED, Challenge, enter, opened\n"
+        "input(); path, own = Path(sys.argv[1]), sys.argv[2]\n"
+        "for k in range(4):\n"
+        "    with opened(path, Challenge('village', 40)) as board:\n"
+        "        enter(path, board, dict.fromkeys(SCORED, [0, 0, 0]) "
+        "| {'name': own + str(k), 'failed': None, 'file': None, 'when': ''})"
     )
     writers = [
         subprocess.Popen([sys.executable, "-c", code, path, f"{k}-"], stdin=subprocess.PIPE)
@@ -166,17 +177,18 @@ def test_the_boards_of_the_practice_sets_load(scenario):
 
 
 def test_the_board_ranks_and_keeps_failures_apart(tmp_path):
-    board = tmp_path / "board.json"
-    for name, share in (("second", 0.5), ("first", 0.9)):
-        numbers = {name: [share] * 3 for name in SCORED}
-        enter(board, SMALL, {"name": name, "file": None, "failed": None, "when": "", **numbers})
-    enter(board, SMALL, {"name": "first", "file": None, "failed": "a reason", "when": ""})
-    table = leaderboard(board)
+    path = tmp_path / "board.json"
+    with opened(path, SMALL) as board:
+        for name, share in (("second", 0.5), ("first", 0.9)):
+            numbers = {name: [share] * 3 for name in SCORED}
+            enter(path, board, ENTRY | {"name": name, **numbers})
+        enter(path, board, {"name": "first", "file": None, "failed": "a reason", "when": ""})
+    table = leaderboard(path)
     places = [table.index(part) for part in ("| 1 | first", "| 2 | second", "failed: first: a")]
     assert places == sorted(places)
     for other in (Challenge("village", 41), Challenge("village", 40, seed=1)):
-        with pytest.raises(InputError, match="another challenge"):
-            enter(board, other, {"name": "x", "file": None, "failed": "y"})
+        with pytest.raises(InputError, match="another challenge"), opened(path, other):
+            pass
 
 
 def test_hidden_missions_differ_and_are_not_overwritten(tmp_path):
@@ -210,6 +222,27 @@ def test_the_commands(tmp_path, capsys, submit):
     assert main(command.split()) == 0 and signal.getsignal(signal.SIGTERM) == before
     assert main(f"challenge show {board}".split()) == 0
     assert "| 1 |" in capsys.readouterr().out
+
+
+def test_a_submission_that_writes_the_board_changes_nothing(tmp_path, submit, monkeypatch):
+    """Finding: it ran beside the board, which was read again after its flight."""
+    monkeypatch.chdir(tmp_path)
+    Path("a").mkdir()
+    Path("b").mkdir()
+    text = "import os, pathlib\nassert not os.listdir()\n{}.write_text('[]')\n" + GREEDY
+    submit(text.format("pathlib.Path('board.json')"), "a/here.py")
+    submit(text.format("pathlib.Path(__file__).parents[1].joinpath('board.json')"), "b/knows.py")
+    command = "challenge score {} --scenario village --leaderboard board.json"
+    assert main(command.format("greedy a/here.py").split()) == 0
+    before = json.loads(Path("board.json").read_text())["scores"]
+    assert set(before) == {"greedy", "a/here"}
+    assert main(command.format("b/knows.py").split()) == 0
+    after = json.loads(Path("board.json").read_text())["scores"]
+    assert set(after) == {*before, "b/knows"} and before.items() <= after.items()
+    Path("c/b").mkdir(parents=True)
+    Path("b/knows.py").rename("c/b/knows.py")
+    assert main(command.format("c/b/knows.py").split()) == 2  # the name is taken
+    assert json.loads(Path("board.json").read_text())["scores"] == after
 
 
 BROKEN = [  # what stands in a board instead of what belongs there
@@ -255,8 +288,9 @@ def test_what_a_terminal_or_a_table_would_not_show_is_escaped(submit, tmp_path):
     failed = score(SMALL, submit(text))["failed"]
     assert failed == "RuntimeError: \\x1b[2J a | b \\u202e"
     path = tmp_path / "board.json"
-    for odd in ({"failed": "\x1b|\n"}, {}):
-        enter(path, SMALL, ENTRY | {"name": "\x1b|\n"} | odd)
+    with opened(path, SMALL) as board:
+        for odd in ({"failed": "\x1b|\n"}, {}):
+            enter(path, board, ENTRY | {"name": "\x1b|\n"} | odd)
     table = leaderboard(path)
     assert "- failed: \\x1b&#124;\\n: \\x1b&#124;\\n" in table
     assert "| 1 | \\x1b&#124;\\n | 0.0%" in table

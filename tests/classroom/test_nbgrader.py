@@ -142,6 +142,9 @@ FILES = {  # what others handed in instead of a notebook under its name
     "empty": (lambda text: "", FILE, [0, 0, 0], "set aside: not a notebook"),
     "other": (lambda text: OTHER.read_text(), FILE, [0, 0, 0], "set aside: another notebook"),
     "nothing": (lambda text: None, FILE, [0, 0, 0], "nothing handed in"),
+    "zip": (
+        lambda text: text, f"{ASSIGNMENT}/homework.zip", [0, 0, 0], "no notebook among homework.zip"
+    ),
     "no_character": (
         lambda text: text.replace("snr_db / 10", "snr_db / 10 # \\ud800"), FILE, [0, 0, 0],
         "set aside: not a notebook (UnicodeEncodeError",
@@ -149,7 +152,7 @@ FILES = {  # what others handed in instead of a notebook under its name
     "twin": (lambda text: text + " ", FILE, [1, 2, 2], "the same file as twin_too"),
     "twin_too": (lambda text: text + " ", FILE, [1, 2, 2], "the same file as twin"),
 }  # fmt: skip
-POINTS = {name: row[-2] for name, row in {**STUDENTS, **FILES}.items()}
+POINTS = {name: row[-2] for name, row in {**STUDENTS, **FILES}.items() if name != "nothing"}
 NOTES = {name: row[-1] for name, row in {**STUDENTS, **FILES}.items()}
 
 
@@ -188,13 +191,19 @@ def test_all_that_was_answered_is_in_the_copy_and_what_was_handed_in_is_as_it_wa
     hand_in(tmp_path)
     before = {p: p.read_bytes() for p in (tmp_path / "submitted").rglob("*") if p.is_file()}
     for sheet in handed_in.look_through(tmp_path, ASSIGNMENT):
-        copy = nbformat.read(tmp_path / "checked" / sheet.student / FILE, as_version=4)
+        path = tmp_path / "checked" / sheet.student / FILE
+        assert path.exists() != sheet.missing == (sheet.student == "nothing")
+        if sheet.missing:
+            continue
+        copy = nbformat.read(path, as_version=4)
         nbformat.validate(copy)
         marked = [c.metadata.nbgrader.grade_id for c in copy.cells if "nbgrader" in c.metadata]
         assert marked == ["1-1", "check-1-1", "1-2", "check-1-2", "1-3", "check-1-3"]
         text = "\n".join(cell.source for cell in copy.cells)
-        for note in sheet.notes:
-            assert note in text
+        for note in sheet.notes:  # a student does not learn another one's name
+            assert note.replace("as twin_too", "as").replace("as twin", "as") in text
+        assert ("as another student's" in text) == sheet.student.startswith("twin")
+        assert "as twin" not in text
         if POINTS[sheet.student][0]:
             assert SOLVED["1.1"] in text
     assert before == {p: p.read_bytes() for p in (tmp_path / "submitted").rglob("*") if p.is_file()}
@@ -235,13 +244,17 @@ def test_moodle_s_zip_comes_in_and_the_feedback_goes_back(tmp_path, capsys):
     archive, names = tmp_path / "all.zip", ("Änne Müller_101", "B. O'Neil_102", "C d_103")
     with zipfile.ZipFile(archive, "w") as packed:
         for who in names[:2]:
-            packed.writestr(f"{who}_assignsubmission_file_/{ASSIGNMENT}.ipynb", "{}")
+            folder = f"{ASSIGNMENT}/" * (who == names[1])  # some hand in the folder
+            packed.writestr(f"{who}_assignsubmission_file_/{folder}{ASSIGNMENT}.ipynb", "{}")
         packed.writestr(f"{names[2]}_assignsubmission_file_{ASSIGNMENT} (1).ipynb", "{}")
         packed.writestr(f"{names[0]}_assignsubmission_onlinetext_/onlinetext.html", "hello")
         packed.writestr("../../D_104_assignsubmission_file_/../x.ipynb", "{}")
     course = ["--course", str(tmp_path)]
     assert main(["classroom", "collect", str(archive), ASSIGNMENT, *course]) == 0
-    assert "of 3 students" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "of 3 students" in said
+    for name in (f"{names[0]}_assignsubmission_onlinetext_/onlinetext.html", "../../D_104"):
+        assert f"- {name}" in said
     found = sorted(
         p.relative_to(tmp_path).parts[1] for p in (tmp_path / "submitted").rglob("*.ipynb")
     )
@@ -394,7 +407,7 @@ def test_feedback_says_what_is_wrong_and_what_was_odd(course):
         "exits": "it ended its own kernel",
         "asks": "input()",
         "garbage": "set aside: not a notebook",
-        "nothing": "nothing handed in",
+        "zip": "no notebook among homework.zip",
     }.items():
         assert text in said[student], student
     assert len(said["noisy"]) < len(said["all"]) + 300_000

@@ -133,9 +133,12 @@ def test_nothing_is_loaded_from_elsewhere(site):
 
 
 def test_what_students_get_holds_no_solutions(site):
-    """Neither the sources of the checks, nor the teaching guide, nor an answer in a how-to."""
+    """Neither the sources of the course, nor the teaching guide, nor an answer in a how-to."""
     assert not (site / "teach").exists()
-    assert not list((site / "_modules").rglob("*checks/notebook_*"))
+    sources = site / "_modules"
+    assert (sources / "uavdh_lite" / "environment.html").exists()
+    assert not list((sources / "uavdh_lite").glob("course*"))
+    assert "uavdh_lite.course" not in (sources / "index.html").read_text(encoding="utf-8")
     search = (site / "searchindex.js").read_text(encoding="utf-8")
     for word in ("teach/", "marking scheme", "checks/notebook_", "course.checks.notebook_"):
         assert word not in search.lower(), word

@@ -2,7 +2,7 @@
 
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -68,18 +68,18 @@ def score(
     names = [entry_name(path, name) for path in every]  # all are looked at before the first flies
     if twice := [one for one in names if names.count(one) > 1]:
         raise InputError(f"two submissions would be {twice[0]}: score them one by one, with --name")
-    if leaderboard:
-        opened(leaderboard, flown)
-    for path in every:
-        with _terminated_as_interrupted():
-            result = flown_score(flown, path, seconds, name)
-        if result["failed"]:
-            print(f"{result['name']}: failed: {result['failed']}")
-        else:
-            means = (f"{m} {interval_text(m, Interval(*result[m]))}" for m in SCORED)
-            print(f"{result['name']}: {', '.join(means).replace('_', ' ')}, {result['seconds']} s")
-        if leaderboard and (before := enter(leaderboard, flown, result, name is not None)):
-            print(f"{result['name']}: replaces the score of {before['when']}")
+    with opened(leaderboard, flown) if leaderboard else nullcontext({}) as board:
+        for path in every:
+            with _terminated_as_interrupted():
+                result = flown_score(flown, path, seconds, name)
+            called = result["name"]
+            if result["failed"]:
+                print(f"{called}: failed: {result['failed']}")
+            else:
+                means = (f"{m} {interval_text(m, Interval(*result[m]))}" for m in SCORED)
+                print(f"{called}: {', '.join(means).replace('_', ' ')}, {result['seconds']} s")
+            if leaderboard and (before := enter(leaderboard, board, result, name is not None)):
+                print(f"{called}: replaces the score of {before['when']}")
 
 
 @contextmanager

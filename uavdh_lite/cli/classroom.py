@@ -37,7 +37,8 @@ def check(assignment: str, /, *, course: Path = COURSE) -> None:
     sheets = handed_in.look_through(course, assignment)
     width = max(len(sheet.student) for sheet in sheets)
     for sheet in sheets:
-        print(f"{sheet.student:<{width}}  {sheet.answered} of {sheet.of} answered")
+        answered = "no sheet" if sheet.missing else f"{sheet.answered} of {sheet.of} answered"
+        print(f"{sheet.student:<{width}}  {answered}")
         for note in sheet.notes:
             print(f"{'':<{width}}  - {note}")
     odd = sum(bool(sheet.notes) for sheet in sheets)

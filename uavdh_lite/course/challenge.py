@@ -1,8 +1,9 @@
 """A competition for a class: hidden missions, what a submission scores on them, a leaderboard.
 
-A submission flies in a process of its own, which gets states and gives actions. The missions' seed,
-the fading and the score stay in this process, out of its reach. Yet it runs as the user who started
-it and may do whatever that user may, so run code of strangers in a container.
+A submission flies in a process of its own, in an empty folder, which gets states and gives actions.
+The missions' seed, the fading, the score and the board stay in this process, out of its reach. Yet
+it runs as the user who started it and may do whatever that user may, so run code of strangers in a
+container.
 """
 
 import io
@@ -12,9 +13,11 @@ import runpy
 import secrets
 import subprocess
 import sys
+import tempfile
 import threading
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -139,7 +142,8 @@ def score(
 
     Arguments:
         submission: a known policy's name, a checkpoint, or a Python file with
-            `policy(environment, state)`, which may import files beside it.
+            `policy(environment, state)`, which may import files beside it. Its working folder is
+            an empty one.
         seconds: limit of time for its process, from its start to the last landing.
         name: see `entry_name`.
     """
@@ -147,11 +151,12 @@ def score(
     started, said = time.time(), bytearray()
     result = {"name": entry_name(submission, name), "file": None, "failed": None}
     if submission not in known_policies():
-        result["file"] = str(Path(submission).resolve())
+        result["file"] = submission = str(Path(submission).resolve())
     scenario = find_scenario(challenge.scenario)
     environment = Environment(load_city(scenario.city))
+    own = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
     process = subprocess.Popen(
-        [sys.executable, "-m", __name__, submission, challenge.scenario],
+        [sys.executable, "-m", __name__, submission, challenge.scenario, own.name],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -192,6 +197,7 @@ def score(
         with suppress(ProcessLookupError):
             os.killpg(process.pid, 9) if hasattr(os, "killpg") else process.kill()
         process.wait()
+        own.cleanup()
     listener.join(1)
     if unfinished:
         outcome = {"failed": "" if ended else f"took more than {seconds:g} s"}
@@ -204,8 +210,9 @@ def score(
     return {**result, **outcome, "when": time.ctime(started), "seconds": taken}
 
 
-def _serve(submission: str, scenario: str) -> None:
+def _serve(submission: str, scenario: str, folder: str) -> None:
     """What the process of a submission does: answer each state with actions until nobody asks."""
+    os.chdir(folder)  # here, because the package itself may be found by the folder before
     questions, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # what it reads and prints is its own affair
     os.dup2(2, 1)
@@ -230,37 +237,43 @@ def _serve(submission: str, scenario: str) -> None:
         answers.flush()
 
 
-def opened(path: Path, challenge: Challenge) -> dict:
-    """The leaderboard in a file, or an empty one; `InputError` if it is another challenge's."""
+@contextmanager
+def opened(path: Path, challenge: Challenge) -> Iterator[dict]:
+    """The leaderboard in a file, or an empty one; `InputError` if it is another challenge's.
+
+    It is read here and never again, and written once more in the end, because a submission that
+    flies meanwhile may write the file. Processes that open one file at once wait for each other.
+    """
     empty = {"scenario": challenge.scenario, "episodes": challenge.episodes}
     empty |= {"fingerprint": challenge.fingerprint, "scores": {}, "failures": []}  # no seed
-    board = _board(path) if path.exists() else empty
-    if board["fingerprint"] != challenge.fingerprint:
-        raise InputError(f"{path} is the board of another challenge: take another")
-    return board
+    with FileLock(f"{path}.lock"):
+        board = _board(path) if path.exists() else empty
+        if board["fingerprint"] != challenge.fingerprint:
+            raise InputError(f"{path} is the board of another challenge: take another")
+        try:
+            yield board
+        finally:  # also after Ctrl-C
+            write_json(path, board)
 
 
-def enter(path: Path, challenge: Challenge, score: dict, replace: bool = False) -> dict | None:
-    """Enter a score in a leaderboard, a JSON file with the newest score of each name.
+def enter(path: Path, board: dict, score: dict, replace: bool = False) -> dict | None:
+    """Enter a score in an `opened` leaderboard and write it, with the newest score of each name.
 
     Returns the score that it replaces, if any. A failure replaces none. Raises `InputError` if the
-    file is the board of another challenge, or if the name is that of another file's score, unless
-    `replace` is given.
+    name is that of another file's score, unless `replace` is given.
     """
     file = score["file"]
     with suppress(ValueError):  # on another drive
         file = file and Path(os.path.relpath(file, path.resolve().parent)).as_posix()
-    with FileLock(f"{path}.lock"):  # processes that write at once wait for each other
-        board = opened(path, challenge)
-        before = board["scores"].get(score["name"])
-        if before and before["file"] != file and not replace:
-            said = f"{path} has a score of {score['name']}, from {_shown(str(before['file']))}"
-            raise InputError(f"{said}: give {file} another --name")
-        if score["failed"]:
-            board["failures"].append({**score, "file": file})
-        else:
-            board["scores"][score["name"]] = {**score, "file": file}
-        write_json(path, board)
+    before = board["scores"].get(score["name"])
+    if before and before["file"] != file and not replace:
+        said = f"{path} has a score of {score['name']}, from {_shown(str(before['file']))}"
+        raise InputError(f"{said}: give {file} another --name")
+    if score["failed"]:
+        board["failures"].append({**score, "file": file})
+    else:
+        board["scores"][score["name"]] = {**score, "file": file}
+    write_json(path, board)
     return None if score["failed"] else before
 
 

@@ -25,7 +25,7 @@ with extra("classroom"):
     from IPython.core.inputtransformer2 import TransformerManager
 
 LARGEST = 50_000_000  # bytes of a notebook: outputs can be dropped, but somebody has to read them
-MOODLE = re.compile(r"(?P<who>[^/]+_\d+)_assignsubmission_file_/?(?P<file>[^/]+)")
+MOODLE = re.compile(r"(?P<who>[^/]+_\d+)_assignsubmission_file_/?(?P<file>.+)")
 USUAL = re.compile(
     r"checks\.\w+\(\w+\)|from uavdh_lite\.course import checks|get_ipython\(\)\.\w+\('matplotlib'.*"
 )
@@ -43,12 +43,14 @@ class Sheet:
     notebook: nbformat.NotebookNode | None = None  # None: nothing in it can be graded
     fingerprint: str = ""
     when: float = 0.0
+    missing: bool = False  # not handed in: there is nothing to give feedback on
 
 
 def look_through(course: Path, assignment: str) -> list[Sheet]:
     """Look through an assignment of all students, and write what nbgrader is to grade.
 
-    A student whose file cannot be used gets an empty sheet, so that the feedback says why.
+    A student whose file cannot be used gets an empty sheet, so that the feedback says why; one who
+    has handed in nothing for this assignment gets none.
 
     Raises `InputError` if the course has no such assignment, if what students got is damaged, or if
     nobody has handed in anything.
@@ -69,11 +71,15 @@ def look_through(course: Path, assignment: str) -> list[Sheet]:
     sheets = [_sheet(student, assignment, empty) for student in students]
     for sheet in sheets:
         same = [o.student for o in sheets if o is not sheet and o.fingerprint == sheet.fingerprint]
+        told = [*sheet.notes]
         if sheet.fingerprint and same:
             sheet.notes.append(f"the same file as {', '.join(same)}")
+            told.append("the same file as another student's")  # whose is not for them to read
+        if sheet.missing:
+            continue
         graded = copy.deepcopy(empty) if sheet.notebook is None else sheet.notebook
-        if sheet.notes:
-            said = "".join(f"\n- {note}" for note in sheet.notes)
+        if told:
+            said = "".join(f"\n- {note}" for note in told)
             text = f"**Before this was graded, it was looked through.** What was found:\n{said}"
             text = text.encode("utf-8", "backslashreplace").decode()  # a file's name may be odd
             graded.cells.insert(0, nbformat.v4.new_markdown_cell(text))
@@ -93,7 +99,11 @@ def _sheet(student: Path, assignment: str, empty: nbformat.NotebookNode) -> Shee
     for path in (p for p in named if p not in own):
         sheet.notes.append(f"set aside: {path.relative_to(student).as_posix()} is not a file")
     if not own:
-        sheet.notes.append("nothing handed in")
+        others = sorted(p.name for p in (student / assignment).glob("*") if p.suffix != ".ipynb")
+        sheet.missing = not named and not others
+        sheet.notes.append(
+            f"no notebook among {', '.join(others)}" if others else "nothing handed in"
+        )
         return sheet
     path = max(own, key=lambda p: (p.name == f"{assignment}.ipynb", p.stat().st_mtime))
     if path.relative_to(student) != Path(assignment, f"{assignment}.ipynb"):
@@ -226,7 +236,8 @@ def _is_honest(
 def collect(archive: Path, course: Path, assignment: str) -> tuple[list[str], list[str]]:
     """Unpack Moodle's zip of all submissions into `submitted/`.
 
-    Returns the students, and what is odd: files that are set aside, and two of one name. Raises
+    A file in a subfolder counts as one beside it. Returns the students, and what is odd: files that
+    are set aside, and two of one name. Raises
     `InputError` if it is no such zip, or damaged, or encrypted.
     """
     odd: list[str] = []
@@ -239,7 +250,12 @@ def collect(archive: Path, course: Path, assignment: str) -> tuple[list[str], li
         raise InputError(f"{archive}: {error}") from None
     with packed:
         for entry in packed.infolist():
-            if not (match := MOODLE.fullmatch(entry.filename)):
+            if entry.is_dir():
+                continue
+            match = MOODLE.fullmatch(entry.filename)
+            if not match or any(part[0] == "." for part in Path(match["file"]).parts):
+                kind = "hidden" if match else "no file of a submission"
+                odd.append(f"{entry.filename} is set aside: {kind}")
                 continue
             if entry.file_size > 2 * LARGEST:
                 odd.append(f"{entry.filename} is set aside: {entry.file_size / 1e6:.0f} MB")
@@ -259,7 +275,7 @@ def collect(archive: Path, course: Path, assignment: str) -> tuple[list[str], li
             if path in written:
                 odd.append(f"{entry.filename} is there twice: the later one counts")
             written.append(path)
-    if not written and not odd:
+    if not written and all(note.endswith("no file of a submission") for note in odd):
         raise InputError(
             f"{archive}: no NAME_NUMBER_assignsubmission_file_/FILE in it, as Moodle has"
         )
