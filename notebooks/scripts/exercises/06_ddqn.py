@@ -336,7 +336,7 @@ checks.learned_calmly(learn_calmly)
 # %% [markdown]
 # ## 6.5 · The double-DQN target (2 points, 10 minutes)
 #
-# The function below is wrong in two ways. Mend it. It is to compute the targets $y$ of a minibatch of $B$ transitions
+# The function below is wrong in two ways. Mend it. It is to return a tensor $(B,)$, the targets $y$ of a minibatch of $B$ transitions
 # from a state to the next state $s'$:
 #
 # - `reward`: $(B,)$ floats, the reward $r$ of the transition

@@ -32,7 +32,7 @@ from uavdh_lite.streams import Use, stream
         ),
         "The 1 is missing: log2(1 + SNR).": lambda snr_db: np.log2(10 ** (snr_db / 10)),
     },
-    smallest=1e-15,
+    smallest=2e-7,  # float32 next to the 1
 )
 def rate_from_snr(snr_db):
     """`rate(snr_db)`: data units in a slot, for numbers and arrays (eq. 1)."""
@@ -113,9 +113,10 @@ def scatters_wrongly(answer) -> str:
         "The fading is far too strong: generator.normal wants the root of the variance.": (
             lambda snr_db, variance, *_: exact(snr_db, variance**2)[0]
         ),
-        "On average that is the rate at the mean SNR. Either the fading is not added, or the SNRs "
-        "are averaged before they become rates. Add a fading to the SNR in each slot, turn each "
-        "SNR into a rate, then average the rates.": lambda snr_db, *_: library_rate(snr_db),
+        "On average that is the rate at the mean SNR, which is the median rate, too. Either the "
+        "fading is not added, or the SNRs are averaged before they become rates, or you take the "
+        "median. Add a fading to the SNR in each slot, turn each SNR into a rate, then average the "
+        "rates.": lambda snr_db, *_: library_rate(snr_db),
     },
     figure=draw_mean_rate,
     case=lambda *case: (*case, stream(Use.EXERCISE, 1)),
