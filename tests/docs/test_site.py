@@ -8,7 +8,7 @@ import re
 import subprocess
 import sys
 from dataclasses import fields
-from functools import cache
+from functools import cache, partial
 from html import escape, unescape
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -143,10 +143,11 @@ def test_what_students_get_holds_no_solutions(site):
     for word in ("teach/", "marking scheme", "checks/notebook_", "course.checks.notebook_"):
         assert word not in search.lower(), word
     scripts = "".join(path.read_text() for path in (SOURCE / "scripts" / "exercises").glob("*.py"))
-    scripts = re.sub(r"\s+", "", scripts)
-    mark = re.compile(r"###BEGINSOLUTION(.*?)###END")
-    given = mark.sub("", scripts)  # an exercise of a chain begins with the answer of the last one
-    answers = [answer for answer in mark.findall(scripts) if answer not in given]
+    mark = re.compile(r"### BEGIN SOLUTION(.*?)### END", re.DOTALL)
+    squeezed = partial(re.sub, r"\s+", "")
+    # An exercise of a chain shows the answer of the last one, folded in a cell of text
+    given = squeezed(re.sub(r"(?m)^# ?", "", mark.sub("", scripts)))
+    answers = [answer for answer in map(squeezed, mark.findall(scripts)) if answer not in given]
     taught = (site / "tutorials", *(site / "_modules").rglob("*"), site / "_modules")
     pages = [p for p in site.rglob("*.html") if p.parent not in taught]  # notebooks and the library
     for path in pages:

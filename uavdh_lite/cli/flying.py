@@ -40,15 +40,15 @@ def open_agent(checkpoint: str | None, city: str | City | None) -> tuple[str, Ag
         name = checkpoint or "manhattan"
         return name, load_agent(name)
     environment = Environment(load_cities(city) if isinstance(city, str) else city)
-    name = checkpoint or next(iter(agents_for(environment)), None)
-    if name is None:
+    best = checkpoint or next(iter(agents_for(environment)), None)
+    if best is None:
         size = environment.size
         able = [each for each in shipped_agents() if load_agent(each).observation.size >= size]
         raise InputError(
             f"no shipped agent was trained for cities of {size} × {size} cells: train one (train "
             f"--city), or name {' or '.join([*able, 'its file'])} as --checkpoint"
         )
-    return name, load_agent(name).over(environment.cities)
+    return best, load_agent(best).over(environment.cities)
 
 
 def _where(agent: Agent) -> str:
