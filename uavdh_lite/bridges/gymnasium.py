@@ -152,6 +152,8 @@ class VectorDataHarvesting(VectorEnv):
         options: those of `DataHarvesting` but `render_mode`: a batch is not drawn.
     """
 
+    state: State
+
     def __init__(
         self,
         num_envs: int = 1,

@@ -2,7 +2,7 @@
 
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -68,7 +68,8 @@ def score(
     names = [entry_name(path, name) for path in every]  # all are looked at before the first flies
     if twice := [one for one in names if names.count(one) > 1]:
         raise InputError(f"two submissions would be {twice[0]}: score them one by one, with --name")
-    with opened(leaderboard, flown) if leaderboard else nullcontext({}) as board:
+    kept: AbstractContextManager[dict] = nullcontext({})
+    with opened(leaderboard, flown) if leaderboard else kept as board:
         for path in every:
             with _terminated_as_interrupted():
                 result = flown_score(flown, path, seconds, name)
