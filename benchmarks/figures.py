@@ -17,13 +17,12 @@ from uavdh_lite.checkpoint import load_agent
 from uavdh_lite.environment import Environment
 from uavdh_lite.evaluation import Trajectory
 from uavdh_lite.missions import Mission
-from uavdh_lite.observation import Observation
+from uavdh_lite.observation import LAYERS, Observation
 from uavdh_lite.plotting import add_legend, draw_maps, draw_study, draw_trajectory, save_figure
 from uavdh_lite.storage import read_table
 
 DATA = Path(__file__).parents[1] / "data"
 OUT = DATA / "figures" / "paper"
-LAYERS = ("landing zone", "no-fly zone", "buildings", "data left", "data collected")
 MOST_SEEDS = 2000  # missions that are looked through for a behaviour
 
 

@@ -522,7 +522,7 @@ def exercises() -> str:
 
 # Real places
 
-TOLD = {
+PILOTS = {
     "greedy": "greedy",
     "ddqn": "`manhattan_ddqn`, a strengthened DDQN, made for one other city",
     "nothing": "`any_city`, told silence: that no data can be had anywhere",
@@ -568,7 +568,7 @@ def places() -> str:
 def real_city(radio: str) -> str:
     """Who flew how well over the four places, in one of the two radios, next to greedy."""
     flown, rows = _flown_over_places(radio), []
-    for policy, label in TOLD.items():
+    for policy, label in PILOTS.items():
         table = flown[policy]
         ahead, row = table["return"] - flown["greedy"]["return"], [label]
         row += [f"{100 * table[BOTH].mean():.1f} %", _numbers([table["return"].mean()], 1)]
@@ -590,7 +590,7 @@ def change_of_radio() -> str:
     before, after = (_flown_over_places(radio) for radio in ("model", "ray-traced"))
     told, greedy = (after[name]["return"] - before[name]["return"] for name in ("model", "greedy"))
     at, rows = before["model"]["place"], []
-    for label, added in ((TOLD["model"], told), ("greedy", greedy), ("the lead", told - greedy)):
+    for label, added in ((PILOTS["model"], told), ("greedy", greedy), ("the lead", told - greedy)):
         parts = [added, *(added[at == place] for place in shipped_places())]
         rows.append([label, *(_number(bootstrap_interval(part), 2) for part in parts)])
     names = (name.replace("_", " ").title() for name in shipped_places())
@@ -600,7 +600,7 @@ def change_of_radio() -> str:
 def worth_of_telling() -> str:
     """What other beliefs add to the return of `any_city`, next to being told the paper's model."""
     policies = "nothing", "line_1", "line_10", "line_100", "link_10", "link_100", "truth"
-    rows = {policy: [TOLD[policy]] for policy in policies}
+    rows = {policy: [PILOTS[policy]] for policy in policies}
     for radio in ("model", "ray-traced"):
         flown = _flown_over_places(radio)
         for policy, row in rows.items():

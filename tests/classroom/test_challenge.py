@@ -32,7 +32,7 @@ from uavdh_lite.streams import Use
 
 pytestmark = pytest.mark.long  # each submission is a process of its own, some of which hang
 
-SMALL = Challenge("village", episodes=40)
+PRACTICE = Challenge("village", episodes=40)
 GREEDY = """
 from uavdh_lite.planners import Greedy
 
@@ -80,11 +80,11 @@ def submit(tmp_path):
 
 
 def test_a_policy_in_its_own_process_scores_what_it_scores_in_this_one(submit):
-    own, known = score(SMALL, submit(GREEDY)), score(SMALL, "greedy")
-    by_import = score(SMALL, submit("from submission import policy", "IMPORTS.PY"))
+    own, known = score(PRACTICE, submit(GREEDY)), score(PRACTICE, "greedy")
+    by_import = score(PRACTICE, submit("from submission import policy", "IMPORTS.PY"))
     environment = Environment(City.load("village"))
     metrics = evaluate(
-        environment, Greedy(environment), find_scenario("village"), 40, SMALL.seed, Use.CHALLENGE
+        environment, Greedy(environment), find_scenario("village"), 40, PRACTICE.seed, Use.CHALLENGE
     ).metrics()
     assert own["failed"] is None and own["name"].endswith("/submission")
     for name in SCORED:
@@ -100,13 +100,13 @@ def test_a_checkpoint_is_flown(tmp_path):
 @pytest.mark.parametrize("kind", BAD)
 def test_a_bad_submission_fails_and_says_why(kind, submit):
     text, reason = BAD[kind]
-    assert reason in score(SMALL, submit(text))["failed"]
+    assert reason in score(PRACTICE, submit(text))["failed"]
 
 
 @pytest.mark.parametrize("kind", HANGS)
 def test_a_submission_that_hangs_ends_in_time(kind, submit):
     started = time.monotonic()
-    assert score(SMALL, submit(HANGS[kind]), seconds=2)["failed"] == "took more than 2 s"
+    assert score(PRACTICE, submit(HANGS[kind]), seconds=2)["failed"] == "took more than 2 s"
     assert time.monotonic() - started < 10
 
 
@@ -130,7 +130,7 @@ def test_a_submission_ends_with_the_command_that_flies_it(number, submit, tmp_pa
 def test_an_ended_submission_is_noticed_while_a_process_of_its_own_keeps_its_pipes(submit):
     text = "import os, time\nif not os.fork():\n    os.setsid()\n    time.sleep(25)\nos._exit(0)"
     started = time.monotonic()
-    assert score(SMALL, submit(text), seconds=20)["failed"] == "gave no answer"
+    assert score(PRACTICE, submit(text), seconds=20)["failed"] == "gave no answer"
     assert time.monotonic() - started < 15
 
 
@@ -140,12 +140,12 @@ def test_whatever_goes_wrong_in_flight_is_a_failure(error, submit, monkeypatch):
         raise error("too much")
 
     monkeypatch.setattr("uavdh_lite.course.challenge.evaluate", fails)
-    assert score(SMALL, submit(GREEDY))["failed"] == f"{error.__name__}: too much"
+    assert score(PRACTICE, submit(GREEDY))["failed"] == f"{error.__name__}: too much"
 
 
 def test_an_unknown_submission_is_refused():
     with pytest.raises(InputError, match=r"nobody\.py"):
-        score(SMALL, "nobody.py")
+        score(PRACTICE, "nobody.py")
 
 
 def test_no_score_is_lost_when_ten_processes_write_at_once(tmp_path):
@@ -178,7 +178,7 @@ def test_the_boards_of_the_practice_sets_load(scenario):
 
 def test_the_board_ranks_and_keeps_failures_apart(tmp_path):
     path = tmp_path / "board.json"
-    with opened(path, SMALL) as board:
+    with opened(path, PRACTICE) as board:
         for name, share in (("second", 0.5), ("first", 0.9)):
             numbers = {name: [share] * 3 for name in SCORED}
             enter(path, board, ENTRY | {"name": name, **numbers})
@@ -265,7 +265,7 @@ BROKEN += [
 @pytest.mark.parametrize("values", [*BROKEN, "[" * 100_000, "null", "[]"])
 def test_a_damaged_board_is_named(values, tmp_path, capsys):
     path = tmp_path / "board.json"
-    board = {"scenario": "village", "episodes": 40, "fingerprint": SMALL.fingerprint}
+    board = {"scenario": "village", "episodes": 40, "fingerprint": PRACTICE.fingerprint}
     board |= {"scores": {"a": ENTRY}, "failures": []}
     path.write_text(json.dumps(board))
     assert main(["challenge", "show", str(path)]) == 0
@@ -285,10 +285,10 @@ def test_a_deeply_nested_secret_is_named(tmp_path):
 
 def test_what_a_terminal_or_a_table_would_not_show_is_escaped(submit, tmp_path):
     text = "raise RuntimeError('\\x1b[2J a | b \\u202e')"
-    failed = score(SMALL, submit(text))["failed"]
+    failed = score(PRACTICE, submit(text))["failed"]
     assert failed == "RuntimeError: \\x1b[2J a | b \\u202e"
     path = tmp_path / "board.json"
-    with opened(path, SMALL) as board:
+    with opened(path, PRACTICE) as board:
         for odd in ({"failed": "\x1b|\n"}, {}):
             enter(path, board, ENTRY | {"name": "\x1b|\n"} | odd)
     table = leaderboard(path)
@@ -300,7 +300,7 @@ def test_scenarios_that_would_not_be_flown_are_refused(tmp_path, capsys):
     secret = tmp_path / "secret.json"
     assert main(["challenge", "new", str(secret), "--scenario", "any_city"]) == 2
     assert "has many cities" in capsys.readouterr().err and not secret.exists()
-    SMALL.save(secret)
+    PRACTICE.save(secret)
     both = ["--secret", str(secret), "--scenario", "manhattan"]
     assert main(["challenge", "score", "greedy", *both]) == 2
     assert "--secret has its own" in capsys.readouterr().err
@@ -351,4 +351,4 @@ def policy(environment, state):
 
 def test_what_a_submission_prints_takes_no_memory_and_its_end_is_told(submit):
     text = "import sys\nsys.stderr.write('x' * 10**8 + chr(10))\nraise RuntimeError('the reason')"
-    assert score(SMALL, submit(text))["failed"] == "RuntimeError: the reason"
+    assert score(PRACTICE, submit(text))["failed"] == "RuntimeError: the reason"

@@ -14,7 +14,7 @@ from uavdh_lite.policies import agents_for
 from uavdh_lite.scenario import find_scenario
 
 TOOLS = ("fly", "compare", "think", "channel", "paint", "watch")
-SMALL = ("manhattan_ddqn", "open_field_ddqn")  # agents that make a notebook hardly larger
+LIGHT = ("manhattan_ddqn", "open_field_ddqn")  # agents that make a notebook hardly larger
 FRAME = """<iframe srcdoc="{page}" title="uavdh_lite labs" allow="fullscreen; clipboard-write"
   style="width: 100%; height: {height}px; border: 0"></iframe>"""
 
@@ -53,7 +53,7 @@ class Lab:
         if mission is None:
             mission = _mission(agent, city)
         agents: dict[str, Agent | str | Path] = {"yours": agent} if agent else {}
-        agents |= {name: name for name in agents_for(Environment(mission.city)) if name in SMALL}
+        agents |= {name: name for name in agents_for(Environment(mission.city)) if name in LIGHT}
         self.page = page(tool, mission, agents, races=tool == "watch")
         self.height = height
 

@@ -6,7 +6,7 @@ from uavdh_lite.course.checks.exercise import exercise
 from uavdh_lite.streams import Use, stream
 
 SMALL, CORNER = np.arange(1.0, 10.0).reshape(3, 3), np.array([[0.0, 3], [0, 0]])
-LAYERS = {n: stream(Use.EXERCISE, n).integers(1, 9, (n, n)) for n in (1, 2, 4, 5, 8, 9)}
+SQUARES = {n: stream(Use.EXERCISE, n).integers(1, 9, (n, n)) for n in (1, 2, 4, 5, 8, 9)}
 FRACTIONS = {n: stream(Use.EXERCISE, n).uniform(0, 9, (n, n)).round(3) for n in (2, 3, 6)}
 
 
@@ -16,19 +16,19 @@ FRACTIONS = {n: stream(Use.EXERCISE, n).uniform(0, 9, (n, n)).round(3) for n in 
         "The map has (2M − 1)×(2M − 1) cells, the UAV's in the middle, at (M − 1, M − 1).": [
             (SMALL, (1, 1), 0.0), (SMALL, (0, 2), 0.0), (SMALL, (2, 0), 0.0),
             (SMALL, (2, 1), 0.0), (SMALL, (0, 1), 0.0),
-            (LAYERS[4], (1, 3), 0), (LAYERS[5], (4, 2), 0),
-            (LAYERS[8], (0, 6), 0), (LAYERS[9], (7, 5), 0),
+            (SQUARES[4], (1, 3), 0), (SQUARES[5], (4, 2), 0),
+            (SQUARES[8], (0, 6), 0), (SQUARES[9], (7, 5), 0),
         ],
         "Everywhere outside the city the map is `outside`, any number; zeros of the layer stay.": [
             (SMALL, (1, 0), 1), (SMALL, (1, 0), 7.0), (CORNER, (1, 0), 4.0),
         ],
         "Make a map of floats, np.full(shape, outside, float), or layer.astype(float) first: the "
         "layer or `outside` may be a fraction, and the other a whole number or a Boolean.": [
-            (FRACTIONS[2], (1, 0), 2), (FRACTIONS[6], (1, 4), 6), (LAYERS[2], (0, 1), 0.5),
-            (LAYERS[5], (4, 1), 2), (FRACTIONS[2] < 4, (1, 0), 0.5),
+            (FRACTIONS[2], (1, 0), 2), (FRACTIONS[6], (1, 4), 6), (SQUARES[2], (0, 1), 0.5),
+            (SQUARES[5], (4, 1), 2), (FRACTIONS[2] < 4, (1, 0), 0.5),
             (FRACTIONS[3] < 4, (2, 0), 3),
         ],
-        "M may be any number. With M = 1 the map is the layer.": [(LAYERS[1], (0, 0), 0)],
+        "M may be any number. With M = 1 the map is the layer.": [(SQUARES[1], (0, 0), 0)],
     },
     mistakes={
         "The shift goes the wrong way: where the UAV is further north, the city lies further "

@@ -7,7 +7,7 @@ from uavdh_lite.course.checks.exercise import exercise
 from uavdh_lite.environment import LAND, Environment
 from uavdh_lite.streams import Use, stream
 
-SMALL = "L . . B\n. N B .\n. . . N\n. . . ."  # no way home from cell 7
+CITY = "L . . B\n. N B .\n. . . N\n. . . ."  # no way home from cell 7
 
 
 def situation(name, cell, time_left):
@@ -26,21 +26,21 @@ def situation(name, cell, time_left):
     rules={
         "An action fits if it, the way home after it and the landing take at most time_left units. "
         "That also goes for `land` outside the zone, which is the same as hovering.": [
-            (SMALL, [9], [3]), (SMALL, [9], [4]), (SMALL, [9], [5]), (SMALL, [9], [6]),
-            (SMALL, [9], [9]), (SMALL, [8], [3]), (SMALL, [4, 14, 2], [4, 6, 3]),
+            (CITY, [9], [3]), (CITY, [9], [4]), (CITY, [9], [5]), (CITY, [9], [6]),
+            (CITY, [9], [9]), (CITY, [8], [3]), (CITY, [4, 14, 2], [4, 6, 3]),
         ],
         "To land at once always fits, but in the zone only: elsewhere it is no landing, and costs "
         "a unit of time, as hovering does.": [
-            (SMALL, [0], [1]), (SMALL, [0], [2]), (SMALL, [0], [3]),
-            (SMALL, [1], [1]), (SMALL, [1], [2]), (SMALL, [1], [3]),
-            (SMALL, [0, 1, 0], [1, 1, 2]),
+            (CITY, [0], [1]), (CITY, [0], [2]), (CITY, [0], [3]),
+            (CITY, [1], [1]), (CITY, [1], [2]), (CITY, [1], [3]),
+            (CITY, [0, 1, 0], [1, 1, 2]),
         ],
         "Where there is no way home, distance −1, nothing fits: −1 is a marker, not a distance.": [
-            (SMALL, [7], [3]), (SMALL, [7, 0], [10**6, 10**6]),
+            (CITY, [7], [3]), (CITY, [7, 0], [10**6, 10**6]),
         ],
         "It must hold for all UAVs of a batch, each with its own time, in any city. A column of "
         "times is time_left[:, None].": [
-            (SMALL, 30, 4), ("village", 1, 4), ("village", 6, 4), ("village", 40, 4),
+            (CITY, 30, 4), ("village", 1, 4), ("village", 6, 4), ("village", 40, 4),
         ],
     },
     mistakes={
