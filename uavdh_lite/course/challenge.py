@@ -253,7 +253,8 @@ def opened(path: Path, challenge: Challenge) -> Iterator[dict]:
         try:
             yield board
         finally:  # also after Ctrl-C
-            write_json(path, board)
+            if board["scores"] or board["failures"]:
+                write_json(path, board)
 
 
 def enter(path: Path, board: dict, score: dict, replace: bool = False) -> dict | None:
