@@ -72,6 +72,10 @@ def page(shared):
     wide = shared.locator(".map svg text", has_text=re.compile("^14$"))
     wide.first.wait_for()  # the list shows manhattan before the map does
     open_tool(shared, "Compare")
+    expect(shared.locator(".map svg")).to_have_count(2)
+    label, before = shared.locator(".map g[data-device='0']").first, ""
+    while before != (before := label.get_attribute("aria-label")):  # the mission is the last one
+        shared.wait_for_timeout(500)
     return shared
 
 
