@@ -12,7 +12,16 @@ from uavdh_lite.beyond.genie import Genie
 from uavdh_lite.bridges.onnx import export_onnx
 from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import City, load_cities
-from uavdh_lite.cli.options import PICTURES, Checkpoint, Cities, CommandLine, Count, named, output
+from uavdh_lite.cli.options import (
+    PICTURES,
+    Checkpoint,
+    Cities,
+    CommandLine,
+    Count,
+    named,
+    output,
+    unread,
+)
 from uavdh_lite.environment import Environment
 from uavdh_lite.errors import InputError
 from uavdh_lite.experiments import comparison
@@ -120,7 +129,7 @@ def fly(
     read = city, mission, checkpoint
     out = output(out, "flight.png", *read)
     if save_mission is not None:
-        output(save_mission, "", *read)
+        unread(save_mission, *read)
     given = None if mission is None else missions.load_mission(mission)
     name, agent = open_agent(checkpoint, city if given is None else given.city)
     if len(agent.cities) > 1:
@@ -156,7 +165,7 @@ def evaluate(
         json: file to write the mean, low and high of each metric to.
     """
     if json is not None:
-        output(json, "", checkpoint, city)
+        unread(json, checkpoint, city)
     name, agent = open_agent(checkpoint, city)
     flights = evaluation.evaluate(agent.environment, agent, agent.scenario, episodes, seed)
     metrics = flights.metrics()
@@ -193,7 +202,7 @@ def compare(
     opened, agent = open_agent(checkpoint, city)
     environment, name = Environment(agent.cities), agent.scenario.name
     out = output(out, f"comparison-{name}.csv.gz", checkpoint, city)
-    beside = output(comparison.json_beside(out), "", checkpoint, city)
+    beside = unread(comparison.json_beside(out), checkpoint, city)
     if beside.exists() and not out.exists():
         raise InputError(f"{beside} exists, and is not that of {out}: name another file with --out")
     planners = {

@@ -54,12 +54,17 @@ def output(typed: Path | None, default: str, *inputs: str | Path | None) -> Path
     """The file that a command writes: the typed one, or the default one.
 
     Where the default one exists, the first free one of name-2, name-3 and so on takes its place.
-    Raises `InputError` if the file is one of those that the command reads, or in a folder of them.
+    Raises `InputError` if the typed one is among what the command reads.
     """
+    if typed is not None:
+        return unread(typed, *inputs)
     name, _, suffix = default.partition(".")
     others = (Path(f"{name}-{number}.{suffix}") for number in count(2))
-    free = (path for path in chain([Path(default)], others) if not path.exists())
-    out = next(free) if typed is None else typed
+    return next(path for path in chain([Path(default)], others) if not path.exists())
+
+
+def unread(out: Path, *inputs: str | Path | None) -> Path:
+    """A file to write; `InputError` if the command reads it, or a folder that it is in."""
     for read in (Path(each) for each in inputs if each is not None):
         if out.exists() and read.exists() and any(map(read.samefile, (out, out.parent))):
             raise InputError(f"{out}: the command reads it: write to another file")

@@ -237,8 +237,8 @@ def collect(archive: Path, course: Path, assignment: str) -> tuple[list[str], li
     """Unpack Moodle's zip of all submissions into `submitted/`.
 
     A file in a subfolder counts as one beside it. Returns the students, and what is odd: files that
-    are set aside, and two of one name. Raises
-    `InputError` if it is no such zip, or damaged, or encrypted.
+    are set aside, and two of one name. Raises `InputError` if it is no such zip, or damaged, or
+    encrypted.
     """
     odd: list[str] = []
     written: list[Path] = []
