@@ -14,10 +14,13 @@ import shutil
 from importlib.util import find_spec
 from pathlib import Path
 
-import nbformat
-from execute import HERE, SECONDS, from_script, scripts
-from nbclient import NotebookClient
-from nbconvert.filters import markdown2html
+from uavdh_lite.errors import extra
+
+with extra("docs"):
+    import nbformat
+    from execute import HERE, SECONDS, from_script, scripts
+    from nbclient import NotebookClient
+    from nbconvert.filters import markdown2html
 
 COURSE = [f"{number:02d}" for number in range(10)]
 BOTH_KINDS = "%config InlineBackend.figure_formats = ['png', 'svg']"
@@ -59,14 +62,12 @@ def executed(script: Path) -> nbformat.NotebookNode:
     place = {"metadata": {"path": str(HERE)}}
     NotebookClient(notebook, timeout=SECONDS, kernel_name="python3", resources=place).execute()
     cells, notebook.cells = notebook.cells[1:], []
-    for (
-        cell
-    ) in cells:  # a cell of prose for each heading: one may hold the end of a section and more
-        parts = re.split(r"(?m)^(?=##? )", cell.source) if cell.cell_type == "markdown" else [0]
-        cut = (
-            [nbformat.v4.new_markdown_cell(part) for part in parts if part] if parts != [0] else []
-        )
-        notebook.cells += cut or [cell]
+    for cell in cells:  # one of prose may hold the end of a section and the next heading
+        if cell.cell_type == "markdown":
+            parts = re.split(r"(?m)^(?=##? )", cell.source)
+            notebook.cells += [nbformat.v4.new_markdown_cell(part) for part in parts if part]
+        else:
+            notebook.cells.append(cell)
     return notebook
 
 
@@ -117,7 +118,8 @@ def write(notebook: nbformat.NotebookNode, stem: str, out: Path) -> list[tuple[s
             (out / "figures" / f"{name}.svg").write_text(data["image/svg+xml"], encoding="utf-8")
             (out / "figures" / f"{name}.png").write_bytes(base64.b64decode(data["image/png"]))
             figures.append((name, text))
-            picture = f'<img alt="" src="data:image/png;base64,{data["image/png"].strip()}">'
+            source = f"data:image/png;base64,{data['image/png'].strip()}"
+            picture = f'<img alt="{_alt(text)}" src="{source}">'
         level = "h2" if number else "h1"
         shown.append(
             f"<section{'' if number else ' class=first'}><{level}>{html.escape(heading)}</{level}>"
@@ -128,23 +130,32 @@ def write(notebook: nbformat.NotebookNode, stem: str, out: Path) -> list[tuple[s
     return figures
 
 
+def _alt(text: str) -> str:
+    """A sentence of Markdown as the alternative text of a figure."""
+    return html.escape(re.sub(r"[*`$]", "", text))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("out", type=Path, help="folder of slides/ and figures/")
     parser.add_argument("numbers", nargs="*", default=COURSE, metavar="NN", help="of the notebooks")
     options = parser.parse_args()
+    chosen = {script.name[:2]: script for script in scripts() if script.name[:2] in options.numbers}
+    if unknown := set(options.numbers) - set(chosen):
+        parser.error(f"no notebook {', '.join(sorted(unknown))}: NN is two digits, such as 04")
+    if not (mathjax := find_spec("sphinx-mathjax-offline")):
+        parser.error("sphinx-mathjax-offline is not installed: pip install -e '.[docs]'")
     for name in ("slides", "figures"):
         (options.out / name).mkdir(parents=True, exist_ok=True)
-    mathjax = Path(find_spec("sphinx-mathjax-offline").origin).parent / "static" / "mathjax"
-    shutil.copy(mathjax / "tex-svg-full.js", options.out / "slides")
+    static = Path(mathjax.origin).parent / "static" / "mathjax"
+    shutil.copy(static / "tex-svg-full.js", options.out / "slides")
     rows = []
-    for script in scripts():
-        if script.name[:2] in options.numbers:
-            figures = write(executed(script), script.stem, options.out)
-            print(f"{script.stem}: {len(figures)} figures", flush=True)
-            for name, text in figures:
-                said = f"{name}: {html.escape(text)}"
-                rows.append(f'<p><img alt="" src="{name}.svg"><br>{said}</p>')
+    for script in chosen.values():
+        figures = write(executed(script), script.stem, options.out)
+        print(f"{script.stem}: {len(figures)} figures", flush=True)
+        for name, text in figures:
+            said = f"{name}: {html.escape(text)}"
+            rows.append(f'<p><img alt="{_alt(text)}" src="{name}.svg"><br>{said}</p>')
     style = "<style>body{font-family:sans-serif}img{max-width:45rem;max-height:26rem}</style>"
     page = f'<!doctype html><meta charset="utf-8"><title>Figures</title>{style}{"".join(rows)}'
     (options.out / "figures" / "index.html").write_text(page, encoding="utf-8")

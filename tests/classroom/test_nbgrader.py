@@ -1,5 +1,6 @@
 """A class through our commands and nbgrader's: handed in, looked through, graded, given back."""
 
+import csv
 import json
 import os
 import shutil
@@ -328,6 +329,68 @@ def test_a_zip_that_cannot_be_unpacked_is_named(tmp_path, change, capsys):
     assert "all.zip: a_1_assignsubmission_file_/x.ipynb: " in said and said.count("\n") == 1
 
 
+def test_a_second_zip_replaces_what_is_another_and_leaves_the_rest(tmp_path, capsys):
+    archive = tmp_path / "all.zip"
+
+    def collected(**files):
+        with zipfile.ZipFile(archive, "w") as packed:
+            for who, (name, text) in files.items():
+                packed.writestr(f"{who}_assignsubmission_file_/{name}", text)
+        command = ["classroom", "collect", str(archive), ASSIGNMENT, "--course", str(tmp_path)]
+        assert main(command) == 0
+        found = {p for p in (tmp_path / "submitted").rglob("*") if p.is_file()}
+        written = {(p.parts[-3], p.name, p.read_text()): p.stat().st_mtime_ns for p in found}
+        return written, capsys.readouterr().out
+
+    same, other, renamed = ("x.ipynb", "1"), ("y.ipynb", "2"), ("z.ipynb", "3")
+    first, said = collected(a_1=same, b_2=other, c_3=renamed)
+    assert said.endswith(f"submitted: {ASSIGNMENT} of 3 students: 3 new\n")
+    files = {"a_1": same, "b_2": ("y.ipynb", "4"), "c_3": ("z (1).ipynb", "3"), "d_4": same}
+    second, said = collected(**files)
+    assert {*second} == {(who, *file) for who, file in files.items()}
+    assert [key for key in second if first.get(key) == second[key]] == [("a_1", *same)]
+    assert said.startswith("- b_2 handed in again\n- c_3 handed in again\n")
+    assert said.endswith("1 as before, 2 handed in again, 1 new\n")
+
+
+@pytest.mark.filterwarnings("ignore:Object of type")  # nbgrader's own
+def test_moodle_s_worksheet_is_filled_in_with_the_points(tmp_path, capsys):
+    from nbgrader.api import Gradebook
+
+    sheet, filled = tmp_path / "grades.csv", tmp_path / "filled.csv"
+    command = ["classroom", "marks", ASSIGNMENT, str(sheet), str(filled), "--course", str(tmp_path)]
+    assert main(command) == 2 and "run nbgrader autograde first" in capsys.readouterr().err
+    with Gradebook(f"sqlite:///{tmp_path}/gradebook.db", "uavdh_lite") as book:
+        book.add_assignment(ASSIGNMENT)
+        book.add_notebook("one", ASSIGNMENT)
+        book.add_grade_cell("check", "one", ASSIGNMENT, max_score=5, cell_type="code")
+        for who, points in {"Änne Müller_101": 5, "B_102": 2, "Gone_104": 1}.items():
+            book.add_student(who)
+            book.add_submission(ASSIGNMENT, who)
+            book.find_grade("check", "one", ASSIGNMENT, who).auto_score = points
+        book.db.commit()
+    header = "Identifier,Full name,Grade,Maximum Grade,Feedback comments\n"
+    for grade, most, given in (
+        ("Grade", "5.00", ["5.00", "2.00"]),
+        ("X", '"1,00"', ["1,00", "0,40"]),
+    ):
+        rows = "".join(f'Participant {n},"M, Ä",,{most},\n' for n in (101, 102, 103))
+        sheet.write_text(f"\ufeff{header.replace('Grade', grade, 1)}{rows}", encoding="utf-8")
+        assert main([*command, "--column", grade]) == 0
+        found = list(csv.reader(filled.read_text("utf-8").splitlines()))
+        assert [row[2] for row in found[1:]] == [*given, ""] and found[1][1] == "M, Ä"
+        assert f"- Gone_104 is not in {sheet}\n{filled}: 2 grades" in capsys.readouterr().out
+    for bad in (
+        header.replace("Grade", "Note"),
+        f"{header}Participant 101,A,,a scale,\n",
+        "",
+        "\0",
+    ):
+        sheet.write_text(bad)
+        assert main(command) == 2
+        assert f"{sheet}: no grading worksheet with Grade" in capsys.readouterr().err
+
+
 @pytest.mark.filterwarnings("ignore:Duplicate name")
 def test_what_is_set_aside_of_a_zip_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(handed_in, "LARGEST", 50)
@@ -337,7 +400,7 @@ def test_what_is_set_aside_of_a_zip_is_named(tmp_path, monkeypatch):
         packed.writestr("b_2_assignsubmission_file_/y.ipynb", "first")
         packed.writestr("b_2_assignsubmission_file_/y.ipynb", "second")
     students, odd = handed_in.collect(tmp_path / "all.zip", tmp_path, ASSIGNMENT)
-    assert students == ["b_2"] and len(odd) == 4
+    assert students == {"b_2": "new"} and len(odd) == 4
     assert "x.ipynb is set aside: File name too long" in odd[0]
     assert "/.. is set aside" in odd[1] and "/big.ipynb is set aside: 0 MB" in odd[2]
     assert "b_2_assignsubmission_file_/y.ipynb is there twice" in odd[3]

@@ -65,6 +65,16 @@ def test_a_slide_is_a_section_with_its_figure_and_the_sentence_about_it(tmp_path
     assert (tmp_path / "figures/09_test-1.png").read_bytes().startswith(b"\x89PNG")
     page = (tmp_path / "slides" / "09_test.html").read_text()
     assert page.count("<section") == 3 and "<li>It rises.</li>" in page
+    assert '<img alt="What is seen? A line, as one knows it." src="data:image/png' in page
+
+
+def test_what_is_missing_is_named_with_the_command_that_installs_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(lecture, "find_spec", lambda name: None)
+    for numbers, said in ((["4"], "no notebook 4"), (["04"], r"pip install -e '.[docs]'")):
+        monkeypatch.setattr(sys, "argv", ["lecture.py", str(tmp_path), *numbers])
+        with pytest.raises(SystemExit):
+            lecture.main()
+        assert said in capsys.readouterr().err
 
 
 def test_the_notebooks_have_about_ten_slides():

@@ -1,5 +1,6 @@
 """`classroom`: what a class hands in, before and after nbgrader grades it."""
 
+from collections import Counter
 from pathlib import Path
 
 from cyclopts import App
@@ -14,14 +15,18 @@ COURSE = Path(".")
 def collect(archive: Path, assignment: str, /, *, course: Path = COURSE) -> None:
     """Unpack Moodle's zip of all submissions into submitted/.
 
+    What an earlier zip had already stays as it is; a file that is another takes its place.
+
     Arguments:
         archive: the zip that Moodle calls "Download all submissions".
         assignment: its name, such as 01_city_and_channel.
         course: the folder with exercises/ in it.
     """
     students, odd = handed_in.collect(archive, course, assignment)
-    print(*(f"- {note}\n" for note in odd), sep="", end="")
-    print(f"{course / 'submitted'}: {assignment} of {len(students)} students")
+    for note in odd + [f"{who} handed in again" for who in students if "again" in students[who]]:
+        print(f"- {note}")
+    states = ", ".join(f"{n} {state}" for state, n in Counter(students.values()).items())
+    print(f"{course / 'submitted'}: {assignment} of {len(students)} students: {states}")
 
 
 @classroom.command
@@ -55,6 +60,30 @@ def give_back(assignment: str, archive: Path, /, *, course: Path = COURSE) -> No
         archive: the zip to write, for Moodle's "Upload multiple feedback files in a zip".
         course: the folder with feedback/ in it.
     """
-    print(
-        f"{archive}: feedback for {len(handed_in.give_back(archive, course, assignment))} students"
-    )
+    students = handed_in.give_back(archive, course, assignment)
+    print(f"{archive}: feedback for {len(students)} students")
+
+
+@classroom.command
+def marks(
+    assignment: str,
+    worksheet: Path,
+    filled: Path,
+    /,
+    *,
+    course: Path = COURSE,
+    column: str = "Grade",
+) -> None:
+    """Fill in Moodle's grading worksheet with the points that nbgrader has given.
+
+    Arguments:
+        assignment: its name, such as 01_city_and_channel.
+        worksheet: the CSV that Moodle calls "Download grading worksheet".
+        filled: the CSV to write, for Moodle's "Upload grading worksheet".
+        course: the folder with gradebook.db in it.
+        column: the name of the grade's column, where Moodle does not speak English.
+    """
+    count, left = handed_in.fill_in(worksheet, filled, course, assignment, column)
+    for student in left:
+        print(f"- {student} is not in {worksheet}")
+    print(f"{filled}: {count} grades")

@@ -7,7 +7,9 @@ mended copy to `checked/`, which the course's `nbgrader_config.py` has nbgrader 
 
 import ast
 import copy
+import csv
 import errno
+import io
 import re
 import warnings
 import zipfile
@@ -233,15 +235,19 @@ def _is_honest(
     return not taken
 
 
-def collect(archive: Path, course: Path, assignment: str) -> tuple[list[str], list[str]]:
+def collect(archive: Path, course: Path, assignment: str) -> tuple[dict[str, str], list[str]]:
     """Unpack Moodle's zip of all submissions into `submitted/`.
 
-    A file in a subfolder counts as one beside it. Returns the students, and what is odd: files that
-    are set aside, and two of one name. Raises `InputError` if it is no such zip, or damaged, or
-    encrypted.
+    A file in a subfolder counts as one beside it. Where an earlier zip was collected, files that
+    are the same stay as they are, so that they are not graded again; others take their place.
+
+    Returns each student's state, "new", "handed in again" or "as before", and what is odd: files
+    that are set aside, and two of one name. Raises `InputError` if it is no such zip, or damaged,
+    or encrypted.
     """
+    states: dict[str, str] = {}
     odd: list[str] = []
-    written: list[Path] = []
+    found: list[Path] = []
     try:
         packed = zipfile.ZipFile(archive)
     except OSError:
@@ -264,22 +270,74 @@ def collect(archive: Path, course: Path, assignment: str) -> tuple[list[str], li
                 content = packed.read(entry)
             except Exception as error:  # damaged, encrypted, or compressed in an unknown way
                 raise InputError(f"{archive}: {entry.filename}: {error}") from None
-            path = course / "submitted" / match["who"] / assignment / Path(match["file"]).name
+            who, folder = match["who"], course / "submitted" / match["who"] / assignment
+            state = states.get(who, "as before" if folder.exists() else "new")
+            path = folder / Path(match["file"]).name
             try:
-                write_atomically(path, lambda to, content=content: to.write_bytes(content))  # type: ignore[misc]
+                if not path.is_file() or path.read_bytes() != content:
+                    write_atomically(path, lambda to, content=content: to.write_bytes(content))  # type: ignore[misc]
+                    state = "new" if state == "new" else "handed in again"
             except OSError as error:
                 if error.errno not in (errno.ENAMETOOLONG, errno.EISDIR, errno.EBUSY):
                     raise
                 odd.append(f"{entry.filename} is set aside: {error.strerror}")
                 continue
-            if path in written:
+            if path in found:
                 odd.append(f"{entry.filename} is there twice: the later one counts")
-            written.append(path)
-    if not written and all(note.endswith("no file of a submission") for note in odd):
+            states[who] = state
+            found.append(path)
+    if not found and all(note.endswith("no file of a submission") for note in odd):
         raise InputError(
             f"{archive}: no NAME_NUMBER_assignsubmission_file_/FILE in it, as Moodle has"
         )
-    return sorted({path.parts[-3] for path in written}), odd
+    for folder in {path.parent for path in found}:
+        for left in {*folder.glob("[!.]*")} - {*found}:  # under a name that it no longer has
+            if left.is_file():
+                left.unlink()
+                states[folder.parent.name] = "handed in again"
+    return dict(sorted(states.items())), odd
+
+
+def fill_in(
+    worksheet: Path, filled: Path, course: Path, assignment: str, column: str = "Grade"
+) -> tuple[int, list[str]]:
+    """Write the points that nbgrader has given into Moodle's grading worksheet.
+
+    A row belongs to the student whose name ends with the number of its first column. Points are
+    scaled to the maximum, which stands in the column after the grade's.
+
+    Returns the number of rows that are filled, and the students who have none. Raises `InputError`
+    if nothing has been graded, or if the worksheet is none.
+    """
+    with extra("classroom"):
+        from nbgrader.api import Gradebook
+
+    grades, shares = course / "gradebook.db", {}
+    if grades.is_file():
+        with Gradebook(f"sqlite:///{grades}", "uavdh_lite") as book:
+            for one in book.assignment_submissions(assignment):
+                points = max(0.0, one.score - one.late_submission_penalty)
+                shares[one.student.id] = points / one.max_score
+    if not shares:
+        raise InputError(f"{grades}: nothing graded for {assignment}: run nbgrader autograde first")
+    students = {student.rpartition("_")[2]: student for student in shares}
+    try:
+        with worksheet.open(encoding="utf-8-sig", newline="") as file:
+            header, *rows = csv.reader(file)
+        place = header.index(column, 1)
+        for row in (rows := [row for row in rows if row]):
+            student = students.pop(re.search(r"\d*$", row[0])[0], None)  # type: ignore[index]
+            if student is not None:
+                most = row[place + 1]
+                grade = f"{shares[student] * float(most.replace(',', '.')):.2f}"
+                row[place] = grade.replace(".", ",") if "," in most else grade
+    except (ValueError, IndexError, csv.Error) as error:
+        said = f"no grading worksheet with {column} and its maximum ({error})"
+        raise InputError(f"{worksheet}: {said}: see --column") from None
+    text = io.StringIO()
+    csv.writer(text).writerows([header, *rows])
+    write_atomically(filled, lambda to: to.write_bytes(text.getvalue().encode()))
+    return len(shares) - len(students), sorted(students.values())
 
 
 def give_back(archive: Path, course: Path, assignment: str) -> list[str]:
