@@ -90,7 +90,7 @@ c.Autograde.autograde_preprocessors = [
     EachByItself if step is Execute else step
     for step in Autograde.class_traits()["autograde_preprocessors"].default()
 ]
-c.ExecutePreprocessor.timeout = 180  # seconds a cell: 6.3 trains an agent
+c.ExecutePreprocessor.timeout = 180  # seconds a cell: 7.1 and 7.4 train an agent
 c.ExecutePreprocessor.interrupt_on_timeout = True  # the check says in which line, and others count
 c.ExecutePreprocessor.shutdown_kernel = "immediate"
 c.ClearSolutions.enforce_metadata = True

@@ -41,7 +41,7 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 # | --- | --- |
 # | **What you'll do** | Follow a value through a table, watch a network explode, see what calms it; in the exercises, build all of it |
 # | **What you'll learn** | Bellman's equation, discount, replay, target network, exploring, double Q-learning |
-# | **What you'll need** | Notebooks 3 to 5. 50 minutes to read, 40 seconds to run; 90 minutes of exercises |
+# | **What you'll need** | Notebooks 3 to 5. 50 minutes to read, 40 seconds to run; 110 minutes of exercises |
 #
 # Here you read and watch. In the exercises you write the method yourself, and in notebook 7 it flies.
 #

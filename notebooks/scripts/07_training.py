@@ -41,7 +41,7 @@ for ax, name in zip(axes, ("manhattan_ddqn_early", "manhattan_ddqn")):
 # | --- | --- |
 # | **What you'll do** | Train an agent for a village, read its curves, and make training fail |
 # | **What you'll learn** | The training loop, what each curve says, two ways to fail, what a recipe is |
-# | **What you'll need** | Notebooks 3 and 6. 45 minutes to read, 45 seconds to run; 77 minutes of exercises |
+# | **What you'll need** | Notebooks 3 and 6. 45 minutes to read, 45 seconds to run; 110 minutes of exercises |
 #
 # The captions give the time used and the data collected. The early agent leaves about a sixth of the data behind and lands at the last
 # moment, whereas the late one brings all of it home and has two units of time to spare.

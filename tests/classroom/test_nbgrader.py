@@ -127,8 +127,8 @@ STUDENTS = {
     "asks": (lambda n: solved(n, _1_2="return float(input())"), [1, 0, 2], None),
     "edited_check": (edited_check, [1, 0, 2], "the check of 1.2 was edited: restored"),
     "fake": (lambda n: with_cell(n, FAKE, _1_2=WRONG), [1, 0, 2], "`checks` for more than"),
-    "patches": (lambda n: with_cell(n, PATCH, _1_2=WRONG), [1, 0, 2], "for more than to check"),
-    "takes": (takes_a_solution, [1, 0, 2], "answer to 1.2 uses `checks` for more than to check"),
+    "patches": (lambda n: with_cell(n, PATCH, _1_2=WRONG), [1, 0, 2], "for more than checking"),
+    "takes": (takes_a_solution, [1, 0, 2], "answer to 1.2 uses `checks` for more than checking"),
     "helped": (helped, [1, 2, 2], None),
 }  # fmt: skip
 OTHER = NOTEBOOKS / "exercises/02_shadow_ray_tracing/02_shadow_ray_tracing.ipynb"

@@ -42,6 +42,14 @@ def test_a_part_has_the_minutes_of_the_notebook_and_of_its_exercises():
     assert parts["[`00_first_flight`](../tutorials/00_first_flight.ipynb)"] == read + own
 
 
+def test_what_trial_readings_took_stands_next_to_what_is_planned():
+    read = [re.search(r"(\d+) minutes to read", p.read_text()) for p in tables.NOTEBOOKS.glob("0*")]
+    own = sum(one.minutes for one in EXERCISES.values() if int(one.number.split(".")[0]) < 10)
+    kit = (DOCS / "teach" / "kit.md").read_text()
+    planned = re.search(r"are planned as (\d+), .* planned as (\d+)\.", kit, re.S)
+    assert [int(n) for n in planned.groups()] == [sum(int(found[1]) for found in read), own]
+
+
 def test_every_exercise_has_its_goals():
     rows = [line.split(" | ") for line in tables.exercises().splitlines()[2:]]
     assert len(rows) == len(EXERCISES)

@@ -304,25 +304,21 @@ def _board(path: Path) -> dict:
     board = _read(path, ["scenario", "episodes", "fingerprint", "scores", "failures"])
     try:
         Challenge(board["scenario"], board["episodes"])
+        scores, failures = list(board["scores"].values()), board["failures"]
+        texts = [board["fingerprint"], *(one["failed"] for one in failures)]
+        for one in scores + failures:
+            texts += [one["name"], one["when"], one["file"] or ""]
+        rows = [one[name] for one in scores for name in SCORED]
+        numbers = [number for row in rows for number in row if len(row) == 3]
+        whole = all(type(text) is str for text in texts) and len(numbers) == 3 * len(rows)
+        whole = whole and all(type(n) in (int, float) and abs(n) < 1e9 for n in numbers)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    scores, failures = board["scores"], board["failures"]
-    if not isinstance(board["fingerprint"], str) or not isinstance(scores, dict):
-        raise InputError(f"{path}: fingerprint must be a text, and scores an object")
-    if not isinstance(failures, list):
-        raise InputError(f"{path}: failures must be a list")
-    for entry in [*scores.values(), *failures]:
-        whole = isinstance(entry, dict) and all(type(entry.get(k)) is str for k in ("name", "when"))
-        if not whole or not isinstance(entry.get("file"), str | None):
-            raise InputError(
-                f"{path}: each score and failure needs a name, a file, and when it was"
-            )
-    if not all(isinstance(entry.get("failed"), str) for entry in failures):
-        raise InputError(f"{path}: each failure needs a text, failed")
-    for values in (entry.get(name) for entry in scores.values() for name in SCORED):
-        numbers = [n for n in values if type(n) in (int, float)] if type(values) is list else []
-        if len(numbers) != 3 or values != numbers or not all(abs(n) < 1e9 for n in numbers):
-            raise InputError(f"{path}: {', '.join(SCORED)} of each score must be three numbers")
+    except (AttributeError, KeyError, TypeError):
+        whole = False
+    if not whole:
+        said = "each score needs name, when, file, failed and three numbers of each measure"
+        raise InputError(f"{path}: no leaderboard: {said}")
     return board
 
 

@@ -217,7 +217,7 @@ def _is_honest(
     try:
         parts = _statements(cell.source).items()
     except (SyntaxError, ValueError, RecursionError) as error:
-        sheet.notes.append(f"{name} cannot be read: {str(error)[:80]}")
+        sheet.notes.append(f"{name} cannot be read: {str(error).replace('<unknown>, ', '')[:80]}")
         return "checks" not in cell.source
     own = [part for text, part in parts if text not in usual and not USUAL.fullmatch(text)]
     words: set[str] = set()
@@ -229,7 +229,7 @@ def _is_honest(
             named.append(node.value)
         words.update(part for text in named if text for part in str(text).split("."))
     if taken := words & {"checks", "course"}:
-        sheet.notes.append(f"{name} uses `{min(taken)}` for more than to check: it does not count")
+        sheet.notes.append(f"{name} uses `{min(taken)}` for more than checking: it does not count")
     elif looked := words & DYNAMIC:
         sheet.notes.append(f"{name} uses `{min(looked)}`: look at it")
     return not taken

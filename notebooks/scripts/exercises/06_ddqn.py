@@ -45,7 +45,7 @@ def step(cell, action):
     return after, 10 * at_device - 0.2, at_device
 
 # %% [markdown]
-# ## 6.1 · A table that learns (3 points, 20 minutes)
+# ## 6.1 · A table that learns (3 points, 25 minutes)
 #
 # Write the whole loop of Q-learning. The UAV flies a number of flights, always from `start`, and picks each of its four moves at
 # random. After every step one entry of the table moves towards its target:
@@ -126,7 +126,7 @@ checks.learned_table(learn_table)
 #         return self.last(torch.relu(self.hidden(cells)))
 # ```
 #
-# ## 6.2 · A network in the table's place (3 points, 20 minutes)
+# ## 6.2 · A network in the table's place (3 points, 25 minutes)
 #
 # Now a network computes the four Q-values of a cell from its row and column. It learns from recorded steps. Here are those of
 # 100 random flights, one in each row of a tensor: row and column of the cell, the action, the reward, row and column of the next
@@ -204,7 +204,7 @@ checks.learned_network(learn_network)
 # mends it.
 
 # %% [markdown]
-# ## 6.3 · A replay memory (3 points, 15 minutes)
+# ## 6.3 · A replay memory (3 points, 20 minutes)
 #
 # In 6.2 the memory was there from the beginning. An agent that flies while it learns needs one that it can add to. Write such a
 # replay memory. It stores the last `capacity` items, in a ring, and a sample of it always holds the newest item (**combined
@@ -265,7 +265,7 @@ class Ring:
 checks.ring_buffer(Ring)
 
 # %% [markdown]
-# ## 6.4 · A target network (2 points, 15 minutes)
+# ## 6.4 · A target network (2 points, 20 minutes)
 #
 # Mend the network of 6.2: a second network, the target network, makes the targets. It begins as a copy of the online network and
 # follows it slowly. After every update each of its weights becomes

@@ -36,7 +36,7 @@ from uavdh_lite.course.checks.notebook_07 import MAY_CHANGE, REWARDS, ROUNDS, RU
 from uavdh_lite.recipe import SMALL, Recipe
 
 # %% [markdown]
-# ## 7.1 · Your own DQN flies the village (6 points, 45 minutes)
+# ## 7.1 · Your own DQN flies the village (6 points, 70 minutes)
 #
 # Put the parts of exercises 6 together: about forty lines, and an agent that was built by you flies a city. Three of the parts are
 # here. Paste your own in their place; until then the cell takes those of the checks.
@@ -265,7 +265,7 @@ for name, shares in RUNS.items():
 # short a training. With seed 0 the agent first flew until its time was up, and then learned not to fly at all.
 
 # %% [markdown]
-# ## 7.3 · The n-step return (2 points, 12 minutes)
+# ## 7.3 · The n-step return (2 points, 15 minutes)
 #
 # The recipe `lite` learns from the rewards of three steps and the value of the state after them: a 3-step return. Here is that
 # target for any number of steps. A memory holds $T$ consecutive steps of one UAV. Compute the target for the first state, $s_0$, over up to $n$ steps:
@@ -311,7 +311,7 @@ def n_step(rewards, terminals, values, n, discount):
 checks.n_step_return(n_step)
 
 # %% [markdown]
-# ## 7.4 · Mend a lazy agent (4 points, 15 minutes)
+# ## 7.4 · Mend a lazy agent (4 points, 20 minutes)
 #
 # This is the lazy recipe of the notebook, for the village. Its agent lands in every mission, but at once: it uses 4 % of
 # its flying time and collects nothing.

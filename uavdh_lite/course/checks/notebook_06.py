@@ -38,7 +38,7 @@ EASTWARD = (3, 3), 0.0, 4 * [(0, 1)]  # device, price and moves: whatever it doe
 
 
 @exercise(
-    "6.1 · A table that learns (3 points, 20 minutes)",
+    "6.1 · A table that learns (3 points, 25 minutes)",
     rules={
         "In a street where every action leads east, one flight teaches the last cell alone: its "
         "entry goes the share α of the way to y = 10, all others stay 0. Learn in each step.": [
@@ -107,7 +107,7 @@ def draw_explosion(ax, learn):
 
 
 @exercise(
-    "6.2 · A network in the table's place (3 points, 20 minutes)",
+    "6.2 · A network in the table's place (3 points, 25 minutes)",
     figure=draw_explosion,
     rules={
         "y is the reward plus γ times the largest Q-value of the next cell; after the end nothing "
@@ -180,7 +180,7 @@ def wrong_chance(ring: type) -> str:
 
 
 @exercise(
-    "6.3 · A replay memory (3 points, 15 minutes)",
+    "6.3 · A replay memory (3 points, 20 minutes)",
     rules={
         "The newest item is in every sample, so that a sample of 1 is the newest alone.": [
             (5, added, 1) for added in range(1, 5)
@@ -218,7 +218,7 @@ class ring_buffer:
 
 
 @exercise(
-    "6.4 · A target network (2 points, 15 minutes)",
+    "6.4 · A target network (2 points, 20 minutes)",
     rules={
         "y comes from the target network. With τ = 0 it stays what it was at the start, so y is "
         "the reward, plus a guess near 0.": [(0, 0.4, 0.0, (0, 3), 1.0)],

@@ -11,7 +11,7 @@ from uavdh_lite.course.checks.exercise import CheckFailed, exercise
 from uavdh_lite.course.checks.learning import Watched
 from uavdh_lite.course.checks.values import show
 from uavdh_lite.environment import Environment, Rewards
-from uavdh_lite.evaluation import FunctionPolicy, evaluate
+from uavdh_lite.evaluation import FunctionPolicy, Policy, evaluate
 from uavdh_lite.planners import Random
 from uavdh_lite.recipe import SMALL, Recipe
 from uavdh_lite.scenario import find_scenario
@@ -34,6 +34,15 @@ class Flown(Environment):
         return super().step(state, action, generator)
 
 
+def flown(policy: Policy) -> tuple[dict[str, float], str]:
+    """The means of a policy over 500 test missions of the village, and what is said of them."""
+    environment, scenario = Environment(load_cities("village")), find_scenario("village")
+    records = evaluate(environment, policy, scenario, 500, seed=0).records()
+    means = {name: float(values.mean()) for name, values in records.items()}
+    names = ("landed", "collected", "time_used", "collected_and_landed")
+    return means, ", ".join(f"{name} {means[name]:.1%}" for name in names).replace("_", " ")
+
+
 def wrong_training(train) -> str:
     """What is wrong with an agent that an answer trains, after 500 test missions of the village."""
     scenario, environment = find_scenario("village"), Flown(load_cities("village"))
@@ -50,18 +59,10 @@ def wrong_training(train) -> str:
     if not torch.isfinite(q).all():
         return "The Q-values are not finite: they have exploded. Is y made by the target network?"
 
-    village = Environment(load_cities("village"))
-
-    def score(policy):
-        records = evaluate(village, policy, scenario, 500, seed=0).records()
-        return {name: float(values.mean()) for name, values in records.items()}
-
-    own = score(FunctionPolicy(lambda state: q_values(state).detach().argmax(1).numpy()))
-    chance = score(Random(0))
-    names = ("landed", "collected", "collected_and_landed")
-    said = ", ".join(f"{name.replace('_', ' ')} {own[name]:.0%}" for name in names)
-    print(f"{said}; random: {chance['collected_and_landed']:.0%}")
-    if own["collected_and_landed"] >= chance["collected_and_landed"] + LEAST_LEAD:
+    own, said = flown(FunctionPolicy(lambda s: q_values(s).detach().argmax(1).numpy()))
+    chance = flown(Random(0))[0]["collected_and_landed"]
+    print(f"{said}; random: {chance:.0%}")
+    if own["collected_and_landed"] >= chance + LEAST_LEAD:
         return ""
     why = "It collects and does not come home: does y end with the reward where an episode ended?"
     if own["landed"] > 0.8:
@@ -71,16 +72,15 @@ def wrong_training(train) -> str:
             "In no minibatch did an episode end. Store the next state as `step` gave it, before a "
             "new mission takes its place."
         )
-    random = chance["collected_and_landed"]
-    asked = f"Random flying has {random:.0%} collected and landed, and at least 20 points more"
-    return f"{said}. {asked}, {random + LEAST_LEAD:.0%}, are asked for. {why}"
+    asked = f"Random flying has {chance:.0%} collected and landed, and at least 20 points more"
+    return f"{said}. {asked}, {chance + LEAST_LEAD:.0%}, are asked for. {why}"
 
 
-@exercise("7.1 · Your own DQN flies the village (6 points, 45 minutes)", also=wrong_training)
+@exercise("7.1 · Your own DQN flies the village (6 points, 70 minutes)", also=wrong_training)
 def village_dqn(environment, scenario, rewards, rounds, generator):
     """`train(environment, scenario, rewards, rounds, generator)`: a function of states, Q-values.
 
-    Here the library's own trainer; the exercise asks for one made of the answers of notebook 5.
+    Here the library's own trainer; the exercise asks for one made of the answers of notebook 6.
     """
     recipe = replace(SMALL, steps=rounds * SMALL.environments)
     trainer = Trainer(scenario, recipe, 0, environment.city)
@@ -151,7 +151,7 @@ def stored(length, ends, n, discount):
 
 
 @exercise(
-    "7.3 · The n-step return (2 points, 12 minutes)",
+    "7.3 · The n-step return (2 points, 15 minutes)",
     rules={
         "With n = 1 it is rewards[0] plus γ times values[1], the value of the next state.": [
             (3, (), 1, 0.5), (2, (), 1, 0.9), (2, (), 1, 1.0), (2, (), 1, 0.0),
@@ -218,10 +218,7 @@ def wrong_recipe(recipe: Recipe) -> str:
     trainer = Trainer(find_scenario("village"), recipe, 0)
     while not trainer.finished:
         trainer.step()
-    flights = evaluate(trainer.environment, trainer.agent, trainer.scenario, 500, seed=0)
-    means = {name: float(values.mean()) for name, values in flights.records().items()}
-    names = ("landed", "collected", "time_used", "collected_and_landed")
-    said = ", ".join(f"{name} {means[name]:.1%}" for name in names).replace("_", " ")
+    means, said = flown(trainer.agent)
     print(said)
     if means["collected_and_landed"] >= LEAST_SCORE:
         return ""
@@ -233,6 +230,6 @@ def wrong_recipe(recipe: Recipe) -> str:
     return f"{said}, and {LEAST_SCORE:.0%} collected and landed are asked for. {why}"
 
 
-@exercise("7.4 · Mend a lazy agent (4 points, 15 minutes)", takes=Recipe, also=wrong_recipe)
+@exercise("7.4 · Mend a lazy agent (4 points, 20 minutes)", takes=Recipe, also=wrong_recipe)
 def mended_recipe():
     """A recipe that differs from `LAZY` in `MAY_CHANGE` and trains a useful agent."""
