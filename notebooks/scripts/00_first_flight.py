@@ -1,10 +1,11 @@
 # %% [markdown]
 # # 0 · First flight
 #
-# **Five devices have data to send. A drone has 67 units of time to collect it and get home. Who decides where it
-# flies?**
+# **Five devices hold data. A drone has 67 units of time to collect their data and get home. Who
+# decides where it flies?**
 #
-# Here a neural network does. Nobody gave it a route. This is one of its flights; section 0.2 explains the picture.
+# Here a neural network does. Nobody gave it a route. The picture shows one of its flights; section
+# 0.2 explains how to read it.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -40,33 +41,44 @@ trajectory_figure(environment, flights.trajectory(0))
 # | | |
 # | --- | --- |
 # | **What you'll do** | Watch a trained agent fly, set missions of your own, and race it against two simple pilots |
-# | **What you'll learn** | What the task is, how to read a flight, six numbers that say how good a pilot is, and why anybody would learn to fly when there is a rule |
+# | **What you'll learn** | What the task is, how to read a flight, six numbers that say how good a pilot is, and why one would train an agent when a simple rule flies so well |
 # | **What you'll need** | Python. 40 minutes to read, 20 seconds to run; 25 minutes of exercises |
 #
 # ## 0.1 The task
 #
-# The drone is a *UAV*, an unmanned aerial vehicle. It flies 10 m above a city. Sensors on the ground, the *devices*, hold
-# data and send it to the UAV by radio. Buildings block the radio.
+# The drone is a *UAV*, an unmanned aerial vehicle. It flies 10 m above the ground, over a city that
+# is divided into square cells. Sensors on the ground, the *devices*, hold data and send it to the
+# UAV by radio. Buildings block the signal.
 #
-# The UAV starts in a landing zone with a limited *flying time*. It has six actions: fly one cell north, east, south or
-# west, hover, or land. Each takes one unit of time. The aim is to collect as much data as possible and to land before
-# the time runs out. If it runs out in the air, the UAV *crashes*.
+# The UAV starts in a landing zone and has a limited *flying time*. It has six actions: it can move
+# one cell north, east, south or west, it can hover, and it can land. Each action takes one unit of
+# time. The aim is to collect as much data as possible and to land before the time runs out. If it
+# runs out in the air, the UAV *crashes*.
 #
-# Flying up to every device wastes time, because radio reaches far down an open street. Waiting at a distance wastes time
-# too, because a distant link is slow. The best route lies in between, and it is different for every mission.
+# Flying right up to every device wastes time, because a radio signal reaches far down an open
+# street. Waiting at a distance wastes time, too, because far from a device the data comes in
+# slowly. The best route is a compromise between the two. It is different for every *mission*: a
+# mission says where the devices are and how much data they hold, where the UAV starts, and how much
+# flying time it has.
 #
-# A program that chooses one action after another is called an *agent*. The one above chooses with a neural network, a
-# formula with hundreds of thousands of adjustable numbers. These numbers were *trained*: the agent flew random missions,
-# millions of steps in all, and the numbers were adjusted to predict what each action will bring, with later rewards
-# counting less. Learning of this kind, by trying and from rewards, is called **reinforcement learning**.
+# A program that chooses one action after another is called an *agent*. The one above chooses with a
+# neural network, a formula with hundreds of thousands of adjustable numbers. These numbers
+# were *trained*. The agent flew random missions, millions of steps in all, and after each step it
+# received a *reward*, a number that is large if much data came in, slightly negative if none did,
+# and strongly negative if the UAV crashed. The numbers were adjusted until they predicted how much
+# reward each action would lead to, with later rewards counting less. Learning of this kind, by
+# trial and error and from rewards, is called **reinforcement learning**.
 #
-# Its full name is `manhattan_ddqn`. In this course it is simply **the agent**. The library has others. We use this one
-# because it was trained with the method that the course teaches, a *double deep Q-network* or **DDQN**, from an article by
-# Bayerlein and others, 2020, which we call *the paper*. Ours is a strengthened version of it; notebook 7 says what was changed.
+# The full name of this agent is `manhattan_ddqn`, but in this course we simply call it **the
+# agent**. The library contains other agents. We use this one because it was trained with the method
+# that the course teaches, the *double deep Q-network* or **DDQN**. The course follows an article by
+# Bayerlein and others from 2020, which uses this method to collect data with a UAV; we call it *the
+# paper*. Our agent was trained with a strengthened version of the paper's method, and notebook 7
+# says what was changed.
 #
 # ## 0.2 Reading a flight
 #
-# Now the same flight in motion. Run the cell, then press play or drag the slider:
+# Now watch the same flight in motion. Run the cell, then press play or drag the slider:
 
 # %%
 from uavdh_lite.player import play
@@ -76,19 +88,22 @@ play(environment, flights.trajectory(0))
 # %% [markdown]
 # Go back to the still picture at the top. It shows the city from above, and each cell is 10 m wide.
 #
-# - The white **triangle** is the start, the **diamond** the landing. Both lie in the blue landing zones.
-# - Each **cross** is a device. The number beside it is the data it holds at the start. In the player, the number on a device
-#   is its name.
-# - Each **arrow** is one unit of time. Its colour names the device that sent most during that step. Black means that
-#   no device sent. Arrows lie a little beside the cell's centre, so that the way there and the way back do not cover each
-#   other. A **ring** marks hovering.
+# - The white **triangle** marks the start, and the **diamond** marks the landing. Both lie in blue
+#   landing zones.
+# - Each **cross** is a device. The number beside it says how much data the device holds at the
+#   start. (In the player, the number on a device is its name.)
+# - Each **arrow** is one step, which takes one unit of time. Its colour shows which device sent the
+#   most data during that step; black means that no device sent anything. Arrows are drawn a little
+#   to one side of the cells' centres, so that you can tell the way out from the way back.
+#   A **ring** marks hovering.
 # - A **thick** arrow means a lot of data, a thin one only a little.
-# - **Violet** cells lie in the radio shadow of buildings. The deeper the violet, the more devices are hidden there.
+# - **Violet** cells lie in the radio shadow of buildings. The deeper the violet, the more devices
+#   are hidden from that cell.
 #
-# Follow the arrows. Does the agent fly over every device, or does it empty some of them in passing, from a distance? Where does it
-# turn, and in which of the zones does it land?
+# Follow the arrows. Does the agent fly over every device, or does it empty some of them in passing,
+# from a distance? Where does it turn, and in which of the zones does it land?
 #
-# The flight in numbers:
+# Here is the same flight in numbers:
 
 # %%
 for name, values in flights.records().items():
@@ -106,19 +121,23 @@ for name, values in flights.records().items():
 # | `time_used` | the share of the flying time that was used |
 # | `safety_interventions` | how often a forbidden action was refused |
 #
-# The score to watch is `collected_and_landed`, because data that goes down with the UAV counts for nothing. The return would not
-# be a fair score by itself: it is large whenever a mission offers a lot of data, and it depends on penalties that people chose.
+# The score to watch is `collected_and_landed`, because data that goes down with the UAV counts for
+# nothing. The return would not be a fair score by itself: it is large whenever a mission offers a
+# lot of data, and it depends on penalties that people chose.
 #
-# The UAV may not leave the map, enter a building or a no-fly zone, or land outside the landing zones. If it tries,
-# the *safety controller* makes it hover instead. Notebook 3 comes back to it, and to the rewards.
+# The UAV may not leave the map, fly into a tall building or a no-fly zone, or land outside the
+# landing zones. If it tries to, the *safety controller* makes it hover instead. Notebook 3 comes
+# back to the safety controller and to the rewards.
 #
 # ## 0.3 Set a mission yourself
 #
-# A mission over this city has two to five devices and 35 to 70 units of time. Each device holds 5 to 20 data units. All
-# of this is drawn at random, and so are the places of the devices and the start, one of the eight landing cells. The
-# agent flies any such mission without more training.
+# A mission over this city has two to five devices and 35 to 70 units of time. Each device holds 5
+# to 20 data units. All of this is drawn at random, and so are the positions of the devices and the
+# start, which is one of the eight landing cells. The agent flies any such mission without further
+# training.
 #
-# Put three devices where you like. A place is a pair, row and column, counted from the top left corner:
+# Put three devices wherever you like, except on a building or in a landing zone. A position is a
+# pair of numbers, row and column, which are counted from 0 at the top left corner:
 
 # %%
 devices, data = ((0, 12), (8, 1), (12, 14)), (12, 15, 18)
@@ -127,9 +146,10 @@ flights = relaxed.fly(environment, agent)
 trajectory_figure(environment, flights.trajectory(0))
 
 # %% [markdown]
-# With so much time the agent can collect everything. The caption says whether it did, and how much time it had left.
+# With so much time the agent can collect everything. The caption says whether it did, and how much
+# of its time it used.
 #
-# Now halve the time. Make your prediction before you run the next cell:
+# Now halve the time. Run the next cell and make your prediction before you fly the mission:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -144,22 +164,23 @@ flights = hurried.fly(environment, agent)
 trajectory_figure(environment, flights.trajectory(0))
 
 # %% [markdown]
-# The route begins like the old one, but it is not the old one cut short: it goes on another way and ends in the other landing zone.
-# Which device does it give up? Look for the colour whose arrows are all thin.
-# Nobody wrote a rule for that. The time left is one of the things it sees, and training has taught it what to do when
-# there is little.
+# The route begins like the old one, but it is not the old one cut short: it continues along
+# different streets and ends in the other landing zone. Which device does the agent give up? Look
+# for the colour whose arrows are all thin. Nobody wrote a rule for that. The time left is one of
+# the things that the agent sees, and training has taught it what to do when little is left.
 #
 # Change the devices, the data or the time in the cells above and run them again.
 #
 # ## 0.4 Two pilots for comparison
 #
-# Is that good? A number alone means little. So two simple pilots fly beside the agent throughout the course.
+# Was that a good flight? A score means little as long as there is nothing to compare it with. So
+# throughout the course two simple pilots fly the same missions as the agent.
 #
-# - **greedy** flies to the nearest device that still has data. When it has just enough time to get home, it turns back.
-#   It does not learn. It was given a street map and this rule.
+# - **greedy** flies to the nearest device that still has data. When it has just enough time left to
+#   get home, it turns back. It does not learn; it was given a street map and this rule.
 # - **random** picks one of the six actions at random, again and again.
 #
-# All three fly the hurried mission. Press play:
+# Now all three fly the hurried mission. Press play:
 
 # %%
 names = ("manhattan_ddqn", "greedy", "random")
@@ -172,15 +193,16 @@ for name, each in flown.items():
     print(f"{name:<16}collected {each.end.collected[0]:.0%} in {each.steps[0]} steps")
 
 # %% [markdown]
-# Greedy goes from device to device and then home, in whatever order their distances give. That order need not suit the time. The random pilot
-# wanders, and lands as soon as it happens to draw `land` in the right place.
+# Greedy always goes to the nearest device that still has data, and then home. The order that
+# results need not suit the time. The random pilot wanders about, and lands as soon as it happens to
+# draw `land` in the right place.
 #
-# One flight proves nothing, though. We picked this mission; in others the order is reversed. A fair race needs many missions,
-# drawn at random and the same for all three.
+# One flight proves nothing, though. We picked this mission, and in others greedy beats the agent. A
+# fair race needs many missions, drawn at random and the same for all three.
 #
 # ## 0.5 Two thousand missions
 #
-# First a guess:
+# First make a guess:
 
 # %%
 Quiz("random_lands")
@@ -200,44 +222,59 @@ for metric in scores["random"]:
     print(f"{metric:<22}", *(f"{each[metric].mean():14.3f}" for each in scores.values()))
 
 # %% [markdown]
-# Notebook 8 flies other missions, so its numbers differ a little. Read the columns from right to left.
+# Notebook 8 flies other missions, so its numbers differ a little. Read the columns from right to
+# left.
 #
-# **Random** lands in most missions, and yet it is useless: it lands with hardly any data. A high `landed` alone says
-# little; `collected_and_landed` shows how little random achieves.
+# **Random** lands in most missions, and yet it is useless: it lands with hardly any data. A high
+# `landed` alone does not make a good pilot, and `collected_and_landed` shows how little random
+# achieves.
 #
-# **Greedy** never crashes, because its rule forbids it, and it collects nearly everything. In this city it is a strong
-# rival. Good rules often are.
+# **Greedy** never crashes, because its rule forbids it, and it collects nearly everything. In this
+# city it is a strong rival. Good rules often are.
 #
-# **The agent** comes close to greedy, and does not pass it. Think of what each of them was told. Both see the street map. Greedy was given the shortest routes, too, and a rule
-# that a person thought up. Nobody told the agent what the map means: it started with random numbers in its network, and from rewards alone it has learned to fly to data, to turn back and to land, in *this* city. How much of that is understanding, and how much are places learned by
-# heart, is a question for notebook 8.
+# **The agent** comes close to greedy but does not overtake it. Consider what each of them was told.
+# Both see the street map. Greedy was also given the shortest routes, and a rule that a person had
+# thought up. Nobody told the agent what the map means. It started with random numbers in its
+# network, and from rewards alone it has learned to fly to data, to turn back and to land, in *this*
+# city. How much of this is understanding, and how much is places learned by heart, is a question
+# for notebook 8.
 #
-# So a rule of a few lines beats a network that took millions of steps. **Why learn at all?** Keep this question in mind, because the whole course
-# answers it. Two hints: the rule's author knew what the map means, and somebody has to think up a new rule whenever the task changes. In the last
-# notebook of the course, an agent will beat the rule, and another one will fly a city that you have typed a minute before.
+# So a rule of a few lines beats a network that took millions of steps to train. **Why learn at
+# all?** Keep this question in mind, because the whole course is an answer to it. Here are two
+# hints: the rule's author knew what the map means, and somebody has to think up a new rule whenever
+# the task changes. In the last notebook of the course, one agent will beat the rule, and another
+# will fly over a city that you typed in only a minute before.
 #
-# A mean hides a lot, so look at the single flights, too. This is the one of the two thousand that brought home the smallest share:
+# A mean hides a lot, so look at individual flights, too. Of the agent's two thousand flights, this
+# is the one that brought home the smallest share:
 
 # %%
 worst = scores["manhattan_ddqn"]["collected_and_landed"].argmin()
 trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 
 # %% [markdown]
-# The agent empties the near device and goes home with half of its time unused, although the two devices in the east still hold nearly all of their data.
-# Nobody can say which of its numbers is to blame. A red star would mark a crash, and the score of that flight would be 0, however much data the caption says it had on board. Even this flight
-# ended in a landing zone, as all two thousand did, although nothing forces the agent to land.
+# The agent empties the near device and goes home with half of its time unused, although the two
+# devices in the east still hold nearly all of their data. Nobody can say which of the numbers in
+# its network is to blame. Even this flight ended in a landing zone, as all two thousand did,
+# although nothing forces the agent to land. (Had it crashed, the picture would show a red star, and
+# the flight would score 0, however much data the caption says had been collected.)
 #
-# So does this agent always land? Two thousand landings in a row do not prove it. A pilot that crashes in one mission of a thousand would
-# manage such a row about once in seven tries.
+# So does this agent always land? Two thousand landings in a row do not prove it. Even a pilot that
+# crashes in one mission out of a thousand would manage such a run about once in seven tries.
 #
 # ## 0.6 What the agent knows
 #
-# It sees the map of the city, its own place, the places of the devices, how much data each still has and has already
-# sent, and the time left. It does not see the violet shadows. It could find out about them in training only, because little
-# reward comes in behind a building. It does not know the formulas of the radio channel. It makes no plan: at every step
-# it asks again which of the six actions looks most promising. You can ask it, too. For each action the network gives a number, the
-# **Q-value**: the rewards that it expects from now on if it takes that action and flies well afterwards. Later rewards
-# count less, one that is twenty steps ahead about a third, so a Q-value is smaller than the return of the flight. Here they are at the start of the first mission:
+# The agent sees the map of the city, its own position, the positions of the devices, how much data
+# each of them still has and has already sent, and the time left. It does not see the violet
+# shadows: only in training could it find out about them, because little reward comes in behind a
+# building. Nor does it know the formulas of the radio channel. It makes no plan, either. At every
+# step it asks afresh which of the six actions looks most promising.
+#
+# You can put the same question to its network. For each action the network gives a number,
+# the **Q-value**: the sum of the rewards that it expects from now on if the agent takes that action
+# and flies well afterwards. Later rewards count less in this sum (one that is twenty steps ahead
+# counts about a third), so a Q-value is usually smaller than the return of the flight. Here are the
+# Q-values at the start of the first mission:
 
 # %%
 from uavdh_lite.environment import ACTIONS
@@ -247,21 +284,27 @@ for action, value in zip(ACTIONS, q_values):
     print(f"{action:<6}{value:7.1f}", "  ◀ taken" if value == q_values.max() else "")
 
 # %% [markdown]
-# That is all that it computes. Where such numbers come from is the subject of notebook 6.
+# These six numbers are all that the network computes. How it learns to compute them is the subject
+# of notebook 6.
 #
-# The course follows from this. Notebooks 1 and 2 show what the radio channel does. Notebook 3 says what a step is and
-# what it earns. Notebooks 4 and 5 show what a network sees and how it computes, 6 and 7 how it learns and what can go wrong. Notebook 8 asks
-# what it has learned, and notebook 9 beats the rule. On the way you build all of it once yourself, in the exercises.
+# Here is the plan of the course. Notebooks 1 and 2 show what the radio channel does. Notebook 3
+# says what a step is and what it earns. Notebooks 4 and 5 show what the network sees and how it
+# computes, and notebooks 6 and 7 how it learns and what can go wrong. Notebook 8 asks what the
+# agent has learned, and in notebook 9 an agent beats the rule. On the way, in the exercises, you
+# build all of it yourself.
 #
-# You can also fly against the agent yourself, with the arrow keys, in the lab *Fly*: `python -m uavdh_lite app` opens the labs.
+# The library also has *labs*, interactive pages that `python -m uavdh_lite app` opens in a browser.
+# In the lab *Fly* you can fly against the agent yourself, with the arrow keys.
 #
 # ## Recap
 #
-# - The task: collect as much data as possible, and land before the flying time runs out.
-# - An arrow has the colour of the device that sends. Violet cells are in the radio shadow.
-# - One network flies every mission on this map, and changes its route when the time is short.
+# - The task is to collect as much data as possible and to land before the flying time runs out.
+# - An arrow has the colour of the device that sends most. Violet cells lie in the radio shadow of
+#   buildings.
+# - One network flies every mission over this city, and takes a different route when the time is
+#   short.
 # - `collected_and_landed` is the score: data counts only if the UAV lands.
-# - A comparison needs rivals and many missions. Greedy is a strong rival, random a weak one.
+# - A comparison needs rivals and many missions. Greedy is a strong rival, and random is a weak one.
 #
 # ## Exercises
 #
@@ -270,5 +313,6 @@ for action, value in zip(ACTIONS, q_values):
 #
 # ## Further reading
 #
-# Bayerlein, Theile, Caccamo, Gesbert: *UAV Path Planning for Wireless Data Harvesting: A Deep Reinforcement Learning
-# Approach*, Globecom 2020, [arXiv 2007.00544](https://arxiv.org/abs/2007.00544).
+# Bayerlein, Theile, Caccamo, Gesbert: *UAV Path Planning for Wireless Data Harvesting: A Deep
+# Reinforcement Learning Approach*, Globecom 2020,
+# [arXiv 2007.00544](https://arxiv.org/abs/2007.00544).

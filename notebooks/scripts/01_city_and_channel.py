@@ -3,9 +3,10 @@
 #
 # **A device waits in the street. Where should the UAV hover to fetch its data?**
 #
-# The code below draws the answer for one device, the white cross. Over a yellow cell the UAV gets data quickly, over a
-# dark one hardly any. It may not fly over the grey buildings or the hatched zone. By the end you will be able to compute
-# every colour, given the cells in sight.
+# The code below draws the answer for one device, the white cross. Over a yellow cell the UAV gets
+# data quickly, and over a dark one it gets hardly any. It may not fly over the grey buildings or
+# the hatched zone. By the end you will be able to compute every one of these colours, as long as
+# you are told which cells are in sight of the device.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -41,12 +42,14 @@ figure
 # | **What you'll learn** | Decibels, path loss with and without line of sight, the link budget, Shannon's rate, shadow fading |
 # | **What you'll need** | Notebook 0, logarithms, the normal distribution. 45 minutes to read, 10 seconds to run; 25 minutes of exercises |
 #
-# The bright area is not a disc. It reaches far down two streets and hardly bends round corners, because buildings are in the way.
+# The bright area is not a disc. It reaches far down two streets and hardly bends round corners,
+# because buildings are in the way.
 #
 # ## 1.1 Three layers
 #
-# The city is a grid of 16 × 16 cells, each 10 m wide. It was redrawn from the paper's description, because the original
-# was never published. Each cell answers three yes-or-no questions, and each question is a *layer* of the map:
+# The city is a grid of 16 × 16 cells, each 10 m wide. It was redrawn from the paper's description,
+# because the original was never published. For each cell there are three yes-or-no questions, and
+# the answers to each question form one *layer* of the map:
 
 # %%
 city, channel = environment.city, environment.channel
@@ -57,10 +60,14 @@ for ax, name in zip(figure.subplots(1, 3), ("landing", "no_fly", "buildings")):
 figure
 
 # %% [markdown]
-# Black means yes. May the UAV start and land here? May it *not* fly here? Does a building block the radio here?
+# Black means yes. The questions are, from left to right: May the UAV start and land here? Is it
+# forbidden to fly here? Does a building block the radio here?
 #
-# Compare the second and the third layer. A cell that is in both is a *tall* building: the UAV may not enter it, and it blocks the radio. A cell in the
-# third layer alone is a *low* building, which the UAV may fly over and which blocks the radio all the same. A cell in the second alone is a no-fly zone without a building. Which of the three kinds does this city have?
+# Compare the second layer with the third. A cell that is black in both is a *tall* building: the
+# UAV may not enter it, and it blocks the radio. A cell that is black only in the third layer is
+# a *low* building, which the UAV may fly over but which blocks the radio nevertheless. A cell that
+# is black only in the second is a no-fly zone without a building. Which of the three kinds does
+# this city have?
 
 # %%
 tall, low = city.buildings & city.no_fly, city.buildings & ~city.no_fly
@@ -68,28 +75,32 @@ closed = city.no_fly & ~city.buildings
 print(f"{tall.sum()} tall cells, {low.sum()} low ones, {closed.sum()} only closed")
 
 # %% [markdown]
-# The paper's UAV is “not allowed to fly over buildings” at all, so this city has no low buildings; they are an addition of other maps. A device may stand anywhere, even in the no-fly zone, except on a building or in a
-# landing zone. No two devices share a cell.
+# The paper's UAV is “not allowed to fly over buildings” at all, so this city has no low buildings;
+# some other maps of the library do. A device may stand anywhere, even in the no-fly zone, except on
+# a building or in a landing zone. No two devices share a cell.
 #
 # ## 1.2 Path loss
 #
-# A radio signal gets weaker on its way. The loss spans many powers of ten, so engineers use a logarithmic scale, the
-# *decibel*: $x_{\mathrm{dB}} = 10 \log_{10} x$. Then 10 dB is a factor of ten, 20 dB a factor of a hundred, and 3 dB
-# about a factor of two. Negative numbers mean less than one: −10 dB is a tenth. Products become sums.
+# A radio signal gets weaker on its way. The loss spans many powers of ten, so engineers use a
+# logarithmic scale, the *decibel*: $x_{\mathrm{dB}} = 10 \log_{10} x$. So 10 dB is a factor of ten,
+# 20 dB a factor of a hundred, and 3 dB about a factor of two. Negative numbers stand for factors
+# smaller than one: −10 dB is a tenth. On this scale products become sums.
 #
-# What counts is the signal compared with the noise, the random hiss in every receiver. Their ratio is the
-# *signal-to-noise ratio*, SNR. It falls with a power of the distance $d$ in metres (paper, eq. 2):
+# What counts is how strong the signal is compared with the noise, the random hiss in every
+# receiver. The ratio of their powers is the *signal-to-noise ratio*, SNR. It falls as a power of
+# the distance $d$ in metres (paper, eq. 2):
 #
 # $$\mathrm{SNR} = \frac{P}{\sigma^2} \cdot d^{-\alpha_l} \cdot 10^{\eta_l/10}$$
 #
-# $P$ is the transmitted power, $\sigma^2$ the power of the noise. $\eta_l$ is luck, and waits until section 1.5. In
-# decibels the same equation is a sum:
+# Here $P$ is the transmitted power and $\sigma^2$ the power of the noise. The number $\eta_l$
+# stands for luck, which section 1.5 explains. In decibels the same equation becomes a sum:
 #
 # $$\mathrm{SNR_{dB}} = \Big(\frac{P}{\sigma^2}\Big)_{\mathrm{dB}} - 10\,\alpha_l \log_{10} d + \eta_l$$
 #
-# The term in the middle is the *path loss*. The index $l$ says which kind of link it is. With *line of sight*, LoS,
-# nothing is in the way, and the path-loss exponent is 2.27. Without it, NLoS, a building is in the way, and the exponent
-# is 3.64:
+# The term in the middle, $10\,\alpha_l \log_{10} d$, is the *path loss*, and $\alpha_l$ is
+# the *path-loss exponent*. The index $l$ says what kind of link it is. If there is *line of sight*
+# (LoS), nothing is in the way, and the exponent is 2.27. If there is none (NLoS), a building is in
+# the way, and the exponent is 3.64:
 
 # %%
 import numpy as np
@@ -104,20 +115,24 @@ ax.legend()
 figure
 
 # %% [markdown]
-# On a logarithmic axis both losses are straight lines. Ten times the distance costs 22.7 dB in sight and 36.4 dB behind a
-# building. The gap between the lines is what the building costs. At 100 m that is 27.4 dB: the signal is some 550 times
-# weaker.
+# On a logarithmic axis both losses are straight lines. Ten times the distance costs 22.7 dB in
+# sight and 36.4 dB behind a building. The gap between the lines is what the building costs. At 100
+# m that is 27.4 dB: the signal is some 550 times weaker.
 #
-# $d$ is measured through the air. The UAV flies 10 m high, so 30 m on the ground are $\sqrt{30^2 + 10^2} = 31.6$ m, and
-# even directly above a device $d$ is 10 m. Why not fly higher? At a height of 100 m every $d$ is 100 m or more. That costs 22.7 dB above the device, and leaves hardly any
-# difference between near and far, so that there is little reason to fly about. (In reality one would see over the roofs from up there. The shadows of notebook 2 are flat, and would not notice.)
+# The distance $d$ is measured through the air. The UAV flies 10 m high, so 30 m on the ground
+# become $\sqrt{30^2 + 10^2} = 31.6$ m through the air, and even directly above a device $d$ is 10
+# m. Why not fly higher? At a height of 100 m every $d$ is 100 m or more. Directly above the device,
+# that would cost another 22.7 dB. It would also make near and far almost the same, so there would
+# be little reason to fly anywhere. (In reality the UAV would see over the roofs from up there, but
+# our model ignores that.)
 #
 # ## 1.3 The link budget
 #
-# How strong is the transmitter? The paper does not give $P/\sigma^2$. It gives the *cell-edge SNR*. Here a cell is not
-# one of our grid cells, but the area that one station of a phone network serves: the whole map. Between the middle of
-# the map and a device in its corner, at ground level and in sight, the SNR is −15 dB. The rest follows. Take the
-# distance, compute the loss, and add it to what arrives:
+# How strong is the transmitter? The paper does not state $P/\sigma^2$. What it states is
+# the *cell-edge SNR*. This cell is not one of our grid cells, but the area that one station of a
+# phone network serves, which here is the whole map. Between the middle of the map and a device in
+# one of the map's corners, at ground level and in sight, the SNR is −15 dB. From this $P/\sigma^2$
+# follows. Take the distance, compute the loss, and add it to the SNR at the corner:
 
 # %%
 edge_m = np.sqrt(2) * 16 * 10 / 2
@@ -126,11 +141,12 @@ print(f"to the corner: {edge_m:.1f} m, budget: {budget_db:.1f} dB")
 assert np.isclose(budget_db, channel.transmit_snr_db(16))
 
 # %% [markdown]
-# We call this the *link budget*: the SNR that a link would have at a distance of 1 m. Path loss eats into it. (Elsewhere, “link
-# budget” often means the whole calculation, losses included.)
+# We call $P/\sigma^2$ in decibels the *link budget*. It is the SNR that a link would have at a
+# distance of 1 m, and path loss eats into it. (Elsewhere, “link budget” often means the whole
+# calculation, losses included.)
 #
-# A link behind a building has the same budget, because the transmitter does not know what stands in the way. So without
-# luck, every SNR is now a single subtraction:
+# A link behind a building has the same budget, because the transmitter does not know what stands in
+# the way. So, apart from luck, it now takes only one subtraction to compute any SNR:
 
 # %%
 def snr_db(ground_m, exponent):
@@ -142,18 +158,20 @@ print(f"above the device {snr_db(0, 2.27):.1f} dB, 30 m away {snr_db(30, 2.27):.
 # %% [markdown]
 # ## 1.4 From SNR to data
 #
-# How much data fits through a link? Claude Shannon found the limit in 1948. In one communication *slot* a device can send
-# (paper, eq. 1)
+# How much data can a link carry? Claude Shannon found the limit in 1948. In one
+# communication *slot* a device can send (paper, eq. 1)
 #
 # $$R = \log_2(1 + \mathrm{SNR})$$
 #
-# data units. While the UAV makes one move there are four slots. When signal and noise are equally strong, the SNR is 1,
-# and a slot carries $\log_2 2 = 1$ unit. That defines the data unit of this course.
+# data units. There are four such slots in the time that the UAV takes for one move. When signal and
+# noise are equally strong, the SNR is 1, and a slot carries $\log_2 2 = 1$ unit. This defines the
+# data unit of the course.
 #
-# Why a logarithm? One unit more in a slot means twice as many signals that must be told apart in the same noise, and at a high SNR that takes twice the
-# power. So power is multiplied where data is added.
+# Why a logarithm? If a slot is to carry one unit more, the receiver must tell twice as many
+# different signals apart in the same noise, and at a high SNR that takes twice the power. So
+# to *add* one unit of data, you have to *multiply* the power by two.
 #
-# First predict:
+# Before you look at the rates, make a prediction:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -178,38 +196,47 @@ for distance in (0, 10, 20, 30, 100):
     print(f"{distance:>4} m: {los:.3f} data units per slot in sight, {nlos:.4f} behind a building")
 
 # %% [markdown]
-# - **Twice as far** costs 6.8 dB in sight and 11 dB behind a building. At a high SNR each 3 dB is one unit a slot, however many there were. At a low SNR
-#   the rate is proportional to the SNR, so it falls to a fifth or to a twelfth.
-# - **Near is fast.** Three cells away, the UAV gets about a fifth of what it gets directly above the device.
-# - **Far still counts.** A hundred metres down a street little arrives, but it adds up slot by slot while the UAV flies
-#   on.
-# - **A building all but ends the link.** Even at 10 m it cuts the data by more than nine tenths.
+# - **Twice as far** costs 6.8 dB in sight and 11 dB behind a building. At a high SNR each loss of 3
+#   dB takes one unit away from a slot, however many units the slot carried before. At a low SNR the
+#   rate is proportional to the SNR, so twice the distance reduces it to a fifth in sight and to a
+#   twelfth behind a building.
+# - **Near is fast.** Three cells away and in sight, the UAV gets about a fifth of what it gets
+#   directly above the device.
+# - **Far still counts.** A hundred metres down a street little arrives in a slot, but the slots add
+#   up while the UAV flies on.
+# - **A building all but ends the link.** Even at a distance of 10 m on the ground it cuts the data
+#   by more than nine tenths.
 #
 # ## 1.5 Shadow fading
 #
-# Trees, signs and reflections make a signal stronger or weaker than its distance says. This is called *shadow fading*.
-# In this model it stands apart from the violet shadows. Those are
-# made by the buildings, which the map knows; the fading is all that the map does not know. The model adds $\eta_l$, a normally
-# distributed number of decibels with mean 0, drawn again for every slot and every device. Its variance is 2 dB² in
-# sight and 5 dB² behind a building. The paper calls it $\sigma_l^2$. Do not confuse it with $\sigma^2$, the power of
-# the noise.
+# Trees, signs and reflections make a signal stronger or weaker than you would expect at its
+# distance. This is called *shadow fading*. In spite of its name, it has nothing to do with the
+# violet shadows of notebook 0. Those are cast by buildings, which are on the map, whereas fading
+# stands for everything that is not on the map. The model adds $\eta_l$ to the SNR: a normally
+# distributed number of decibels with mean 0, which is drawn anew for every slot and every device.
+# Its variance is 2 dB² in sight and 5 dB² behind a building. The paper calls this variance
+# $\sigma_l^2$; do not confuse it with $\sigma^2$, the power of the noise.
 #
-# A radio engineer will object here. In a real street shadow fading is *correlated*: the tree that is in the way now is still in the way one
-# step later, over tens of metres. The paper draws it anew in every slot all the same, and so do we, for a reason that notebook 3 explains: if good
-# luck came in runs, the luck of the past would say something about the future, and the agent would have to remember it. Independent draws keep
-# the problem simple. They also make it milder, because over the four slots of a step much of the luck averages out.
+# A radio engineer will object here. In a real street shadow fading is *correlated*: the tree that
+# is in the way now is still in the way one step later, so the fading stays similar over tens of
+# metres. The paper nevertheless draws it anew in every slot, and so do we, for a reason that
+# notebook 3 explains: if good luck came in runs, the luck of the past would say something about the
+# future, and the agent would have to remember it. Independent draws keep the problem simple. They
+# also make luck matter less, because much of it averages out over the four slots of a step.
 #
-# A random number generator expects the *standard deviation*, the square root of the variance. They are easy to
-# mix up.
+# When you program this, note that numpy expects the *standard deviation*, the square root of the
+# variance. The two are easy to mix up.
 #
-# In decibels, good and bad luck cancel out on average. What do they do to the data?
+# In decibels, good and bad luck cancel out on average. Do they also cancel out in the amount of
+# data?
 
 # %%
 Quiz("luck_on_average")
 
 # %% [markdown]
-# To find the mean, take all amounts of luck from very bad to very good, and weight the rate of each by how likely it is, the bell curve of the
-# normal distribution. (Exercise 1.3 does it in another way, by drawing.)
+# To find the mean rate, take all amounts of luck from very bad to very good, and weight the rate
+# for each amount by how likely that amount is, according to the bell curve of the normal
+# distribution. (Exercise 1.3 finds the mean in another way, by drawing random numbers.)
 
 # %%
 luck_db, mean_db = np.linspace(-12, 12, 481), snr_db(30, 2.27)
@@ -223,9 +250,9 @@ for kind, variance, exponent in (("in sight", 2, 2.27), ("behind a building", 5,
     assert lucky > rate(alone)
 
 # %% [markdown]
-# In line of sight, fading helps a little; behind a building it adds about a seventh. A drawing shows why. The curve is the rate,
-# and the dashed line joins a slot with bad luck to one with good luck. 6 dB of luck are very rare, and shown only to
-# make the bend visible:
+# In line of sight, fading helps a little; behind a building it adds about a seventh. The next
+# figure shows why. The curve is the rate, and the dashed line joins a slot with bad luck to one
+# with good luck. (Luck of 6 dB is very rare; we chose it to make the bend easy to see.)
 
 # %%
 axis_db, ends_db = np.linspace(-12, 8), mean_db + np.array([-6, 6])
@@ -240,16 +267,19 @@ ax.legend()
 figure
 
 # %% [markdown]
-# The curve bends upwards: it is *convex*. So the mean of two slots, on the dashed line, lies above the curve. Good luck
-# gains more than bad luck loses. This is Jensen's inequality.
+# The curve bends upwards: it is *convex*. So the mean of the two slots, which lies on the dashed
+# line, is above the curve: good luck gains more than bad luck loses. This is an example
+# of *Jensen's inequality*.
 #
 # The UAV cannot foresee luck. It can only choose places that are good on average.
 #
 # ## 1.6 Where to hover
 #
-# Now compare four places. The distances are on the ground. Three of the places lie around the device of the first picture, which stands
-# at (4, 7). The third is not to be found there: in this city whatever is so near to it is either in sight or a building. The last column
-# counts the steps that it takes to fetch 15 data units, at four slots per step:
+# Now compare four places. The distances are on the ground. Three of the places can be found around
+# the device of the first picture, which stands at (4, 7). The other one, 14 m away behind a
+# building, cannot: in this city every cell so near to that device is either in sight of it or a
+# building itself. The last column counts the steps that it takes to fetch 15 data units at four
+# slots per step:
 
 # %%
 for name, ground, exponent in (
@@ -262,21 +292,22 @@ for name, ground, exponent in (
     print(f"{name:<32}{here:.4f} data units per slot, {np.ceil(15 / (4 * here)):>4.0f} steps")
 
 # %% [markdown]
-# - Directly above, two steps are enough.
-# - Down the street it takes six. Flying two cells nearer and back takes four, because data comes in on the way.
-# - Behind a building the UAV may be only half as far away and still gets no more than a tenth.
-# - Round the corner it takes longer than any flight lasts.
+# - Directly above the device, two steps are enough.
+# - Down the street, hovering takes six steps. Flying two cells nearer and back again takes only
+#   four, because data comes in on the way.
+# - Behind a building, the UAV is only half as far away and still gets no more than a tenth as much.
+# - Round the corner, it would take longer than any flight lasts.
 #
-# So the answer to the first question is: anywhere *in sight* and not too far. Where that is depends on the buildings,
-# and the agent is never told. In the lab *Channel* (`python -m uavdh_lite app`) you can drag a device around and watch its map
-# change.
+# So the answer to the question at the top is: anywhere that is *in sight* of the device and not too
+# far away. Where that is depends on the buildings, and the agent is never told. In the
+# lab *Channel* (`python -m uavdh_lite app`) you can drag a device around and watch its map change.
 #
 # ## Recap
 #
 # - Three yes-or-no layers describe the city.
 # - The SNR in dB is the link budget, minus $10\,\alpha_l \log_{10} d$, plus luck.
 # - A slot carries $\log_2(1 + \mathrm{SNR})$ data units, and a step has four slots.
-# - At 10 m or more, a building costs more than nine tenths of the data.
+# - At 10 m or more on the ground, a building costs more than nine tenths of the data.
 # - Fading is luck in decibels. On average it helps, because the rate is convex.
 #
 # ## Exercises

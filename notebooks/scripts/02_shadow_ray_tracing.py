@@ -3,8 +3,9 @@
 #
 # **Where must the UAV be to see a device, and how can a program know?**
 #
-# The code below puts a device at the cross. In violet cells a building blocks the view. To colour this map, a program
-# follows one straight ray to each cell and asks what it crosses. The hard part is getting the answer right every time.
+# The code below puts a device at the cross. In violet cells a building blocks the view. To colour
+# this map, a program follows one straight ray from the device to each cell and asks what the ray
+# crosses. The hard part is getting the answer right every time.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -46,12 +47,14 @@ figure
 #
 # ## 2.1 One ray
 #
-# A link goes from the middle of the device's cell to the middle of the cell below the UAV. It is blocked if this straight
-# line crosses the inside of a building, seen from above. It is also blocked if it would have to slip through the corner
-# that two diagonally adjacent buildings share. Then the link is NLoS, and notebook 1 says what that costs.
+# A link runs in a straight line from the middle of the device's cell to the middle of the cell
+# below the UAV. It is blocked if, seen from above, this line crosses the inside of a building. It
+# is also blocked if the line would have to slip through the corner that two diagonally adjacent
+# buildings share. A blocked link is NLoS, and notebook 1 says what that costs.
 #
-# The model is flat: it ignores height. In a city with low buildings, such as `harbour`, a UAV above one of them sees nobody, though from a
-# real roof you could look down into the street. That is a simplification.
+# The model is flat: it ignores height. In a city with low buildings, such as `harbour`, a UAV above
+# one of them has no device in sight, although from a real roof you could look down into the street.
+# That is a simplification.
 #
 # Here is a ray from cell (0, 0) to cell (2, 5). The blue cells are those that it crosses:
 
@@ -75,13 +78,14 @@ draw_ray(figure.subplots(), 2, 5, crossed_cells(2, 5))
 figure
 
 # %% [markdown]
-# Two of the eight are only just clipped. How does the program know? The line through (0, 0) and $(R, C)$ consists of all
-# points $(r, c)$ with
+# Two of the eight blue cells are only just clipped at a corner. How does the program know that the
+# ray crosses them? The line through (0, 0) and $(R, C)$ consists of all points $(r, c)$ with
 #
 # $$R\,c - C\,r = 0.$$
 #
-# On one side of the line this number is positive, on the other side it is negative. So compute it at the corners of the
-# cells. It is doubled here, to make it a whole number:
+# On one side of the line the number $R\,c - C\,r$ is positive, and on the other side it is
+# negative. So let us compute it at the corners of the cells. It is doubled here, because at a
+# corner $r$ and $c$ end in ½, and doubling makes the number whole:
 
 # %%
 from uavdh_lite.plotting import BLUE, VERMILION
@@ -99,16 +103,21 @@ for r, c in np.ndindex(R + 2, C + 2):
 figure
 
 # %% [markdown]
-# Look at the cells one by one. A crossed cell has corners on both sides of the line, plus and minus, blue and orange. Any
-# other cell has four corners of one colour, so the line misses it. **That is the whole test.**
+# Look at the cells one by one. A crossed cell has corners on both sides of the line, some plus
+# (blue) and some minus (orange). Any other cell has four corners of the same colour, so the line
+# misses it. **That is the whole test.**
 #
-# It needs only one number for each cell, the one in its middle. In the middle of cell (1, 1) it is $2 - 5 = -3$, not doubled. From
-# there to a corner, row and column change by ½ each, so the number changes by $(2 + 5)/2 = 3.5$ at most, and for two opposite corners by exactly that. So some corners are plus and some are minus, and the ray crosses the cell. In the
-# middle of (0, 2) the number is 4, so the ray passes by. In general:
+# A program need not look at all four corners, because the number in the middle of the cell is
+# enough. Take cell (1, 1). In its middle the number is $2 - 5 = -3$ (not doubled this time). From
+# there to a corner, row and column change by ½ each, so the number changes by at most
+# $(2 + 5)/2 = 3.5$. At two opposite corners it changes by exactly that, up at one and down at the
+# other. One of these corners is therefore plus and the other minus, and the ray crosses the cell.
+# In the middle of cell (0, 2) the number is 4. A change of 3.5 cannot take it below 0, so the ray
+# misses this cell. In general:
 #
 # $$\text{crossed} \quad\Longleftrightarrow\quad |R\,c - C\,r| < \frac{|R| + |C|}{2}.$$
 #
-# Now all cells at once, again doubled:
+# Here is the test for all cells at once, with both sides doubled:
 
 # %%
 r, c = np.indices((R + 1, C + 1))
@@ -117,16 +126,17 @@ print(crossed.astype(int))
 assert (np.argwhere(crossed) == crossed_cells(R, C)).all()
 
 # %% [markdown]
-# A line goes on for ever, but our ray ends at the UAV. So we test only the cells in the rectangle between its ends.
+# A line goes on for ever, but our ray ends at the UAV. So we test only the cells in the rectangle
+# between its two ends.
 #
-# All of these numbers are whole, and nothing is rounded. That matters. In a larger city, the ray to (7, 25) passes
-# exactly through the point at row 3.5 and column 12.5, the corner of four cells. In ordinary floating-point numbers `7
-# / 25 * 12.5` is 3.5000000000000004, and the ray seems to pass beside it. In a city made of squares, rays meet corners
-# all the time.
+# All of these numbers are whole, so nothing has to be rounded. That matters. In a larger city, the
+# ray from (0, 0) to (7, 25) passes exactly through the point at row 3.5 and column 12.5, where four
+# cells meet. In ordinary floating-point numbers `7 / 25 * 12.5` is 3.5000000000000004, so the ray
+# seems to miss this point. And in a city made of squares, rays meet corners all the time.
 #
 # ## 2.2 At a corner
 #
-# What would you expect there?
+# What would you expect where a ray meets a corner?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -134,8 +144,8 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("touching_a_corner")
 
 # %% [markdown]
-# A diagonal ray passes exactly through corners, and at each of them it touches two more cells, one on either side. Grey
-# cells are buildings:
+# A diagonal ray passes exactly through corners, and at each of them it touches two more cells, one
+# on either side. In the next figure, grey cells are buildings:
 
 # %%
 figure = Figure(figsize=(7, 2.7), layout="constrained")
@@ -147,28 +157,33 @@ for ax, cells in zip(figure.subplots(1, 3), ([(1, 2)], [(1, 2), (3, 2)], [(1, 2)
 figure
 
 # %% [markdown]
-# One building beside a corner does not block the ray. Two at different corners do not either. Two at the same corner do:
-# walls that meet leave no gap.
+# One building that touches the ray at a corner does not block it, and neither do two buildings at
+# different corners. Two buildings at the same corner do, because walls that meet leave no gap.
 #
-# Other rules are possible. What matters is that there is one rule, the same in both directions.
+# Other rules are possible. What matters is that there is a single rule, and that it gives the same
+# answer in both directions.
 #
 # ## 2.3 A whole city
 #
-# Which cells a ray crosses depends only on how far it goes down and to the right, not on where it starts. So the library
-# asks once for each such displacement, and shifts the whole layer of buildings under the ray. A few array operations
-# decide all pairs of cells with this displacement.
+# Which cells a ray crosses depends only on how far it goes down and to the right, not on where it
+# starts. So for each such displacement the library works out the crossed cells only once, and then
+# shifts the whole layer of buildings under the ray. In this way a few array operations settle all
+# pairs of cells with this displacement.
 #
-# The result is a table with four indices: two for the cell of the device, two for that of the UAV. It says whether they
-# see each other. The table is computed once per city, because buildings do not move. Flying
-# only looks things up, so devices may stand elsewhere in the next mission at no cost. There are 65,536 pairs, that is $16^4$: every cell with every cell. A city twice as
-# wide has 16 times as many, and its rays are twice as long.
+# The result is a table with four indices, two for the cell of the device and two for that of the
+# UAV. Each entry says whether the two see each other. The table is computed only once per city,
+# because buildings do not move. During a flight the program only looks things up in it, so in the
+# next mission the devices may stand elsewhere at no cost. The table has $16^4 = 65{,}536$ entries,
+# because every cell is paired with every cell. A city twice as wide has 16 times as many, and its
+# rays are twice as long.
 
 # %%
 sight = line_of_sight(environment.city.buildings)
 assert (sight == sight.transpose(2, 3, 0, 1)).all()
 
 # %% [markdown]
-# The last line swaps the two ends of every ray, and nothing changes: if the device sees the UAV, the UAV sees the device.
+# The last line of code swaps the two ends of every ray, and nothing changes: if the device sees the
+# UAV, the UAV sees the device.
 #
 # How much of the city can be seen from each cell?
 
@@ -180,13 +195,15 @@ figure.colorbar(picture, label="cells in sight, %")
 figure
 
 # %% [markdown]
-# Buildings see nothing. Along a street you see far, and from a crossing along two, so crossings are mostly brighter
-# than the street between them. For a UAV the bright cells are good places: more devices are in sight from there.
+# From a building nothing is in sight. In a street you can see a long way in two directions, and at
+# a crossing in four, so crossings are mostly brighter than the stretches of street between them.
+# For a UAV the bright cells are good places, because more devices are likely to be in sight from
+# there.
 #
 # ## 2.4 Several devices
 #
-# With several devices the violet adds up. The paper's maps shade each cell by the number of devices that are hidden
-# from it:
+# With several devices the shadows add up. The paper's maps shade each cell by the number of devices
+# that are hidden from it:
 
 # %%
 devices = [(4, 4), (7, 9), (14, 11)]
@@ -200,19 +217,23 @@ figure
 print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 
 # %% [markdown]
-# There is no cell from which the UAV sees all three. The palest ones see two. Hovering in one good place is not enough
-# here, so the UAV has to travel, and the question becomes which places to visit, and in which order. That is the
-# agent's task.
+# There is no cell from which the UAV sees all three devices; from the palest cells it sees two.
+# Hovering in one good place is not enough here, so the UAV has to travel. Which places should it
+# visit, and in which order? Deciding this is the agent's task.
 #
-# The library is not the only program that draws such shadows. The authors of the paper trace their rays in another way, which errs: [notebook 13](13_any_city.ipynb) compares
-# the two over many cities.
+# The library is not the only program that draws such shadows. The authors of the paper trace their
+# rays in a different way, which makes mistakes; [notebook 13](13_any_city.ipynb) compares the two
+# methods over many cities.
 #
 # ## Recap
 #
 # - A link is blocked if the ray crosses the inside of a building, seen from above.
-# - A ray crosses a cell if the cell has corners on both sides of it. Whole numbers decide, without rounding.
-# - Two buildings that share a corner block the ray through it. One alone does not.
-# - A table holds all pairs of cells, and it is the same in both directions. The violet of a cell counts the devices that are hidden from it.
+# - A ray crosses a cell if the cell has corners on both sides of the ray. Whole numbers decide
+#   this, without rounding.
+# - Two buildings that share a corner block the ray through that corner. One building alone does
+#   not.
+# - A table holds all pairs of cells, and it is the same in both directions. The violet of a cell
+#   counts the devices that are hidden from it.
 #
 # ## Exercises
 #

@@ -3,8 +3,9 @@
 #
 # **How does a flight become numbers that a program can learn from?**
 #
-# Below, the greedy pilot of notebook 0 flies a mission with two devices. It leaves a good part of the data behind. At the
-# end of this notebook you will fly the same mission by hand, and beat greedy.
+# Below, the greedy pilot of notebook 0 flies a mission with two devices. It leaves a good part of
+# the data behind. At the end of this notebook you will fly the same mission by hand, and beat
+# greedy.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -35,14 +36,14 @@ trajectory_figure(environment, flights.trajectory(0))
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Step through an episode, keep its ledger, trigger the safety controller, follow four slots, fly by hand |
+# | **What you'll do** | Step through a flight, add up its rewards, trigger the safety controller, follow four slots, fly by hand |
 # | **What you'll learn** | State, action, reward and end: the Markov decision process of the paper |
 # | **What you'll need** | Notebooks 1 and 2. 45 minutes to read, 10 seconds to run; 35 minutes of exercises |
 #
 # ## 3.1 The state
 #
-# One flight from start to end is an *episode*. One action is one *step*, and takes one unit of flying time. Every step
-# goes once round this loop:
+# One flight from start to end is an *episode*. One action is one *step* and takes one unit of
+# flying time. Each step goes once round this loop:
 #
 # ```text
 #              action
@@ -52,7 +53,8 @@ trajectory_figure(environment, flights.trajectory(0))
 #        reward, next state
 # ```
 #
-# The *state* holds all that matters for what comes next. Here it is at the start:
+# The *state* holds everything that matters for what comes next. Here is the state at the start of
+# the mission:
 
 # %%
 state = mission.state
@@ -60,18 +62,23 @@ for name, value in vars(state).items():
     print(f"{name:<13} {value.tolist()}")
 
 # %% [markdown]
-# A cell is one number here, row · 16 + column, so 17 is row 1, column 1. There is room for five devices, and this episode
-# uses two. The outer brackets are there because the library flies many episodes at once, a *batch*. `city` is 0, because there is only one.
+# Here a cell is given by one number, row · 16 + column, so 17 is row 1, column 1. There is room for
+# five devices, but this episode uses only two. The outer brackets are there because the library can
+# fly many episodes together, as a *batch*. `city` is the number of the city; it is 0, because there
+# is only one.
 #
-# Why is the time left in the state? With 40 units left, flying on may be best. In the same place with only 5, it is not.
+# Why does the state contain the time left? With 40 units left, flying on may be best. In the same
+# place with only 5 units left, it is not.
 #
 # ## 3.2 Actions and one step
 #
-# There are six actions: four moves, hovering and landing. A rule that picks an action from a state is a *policy*.
+# There are six actions: four moves, hovering and landing. A rule that picks an action in each state
+# is a *policy*.
 #
-# A step has two parts. First the luck: the fading of notebook 1 is drawn. Then a *pure function*, one without luck or
-# memory, computes the rest. State, action and fading go in, the next state and the outcome come out. So where the UAV
-# goes is certain, and only how much data comes in is luck.
+# A step has two parts. The first is luck: the fading of notebook 1 is drawn at random. The second
+# is a *pure function*, that is, a function without luck or memory. State, action and fading go in,
+# and the next state and the outcome of the step come out. So it is certain where the UAV goes, and
+# only the amount of data that comes in depends on luck.
 
 # %%
 import numpy as np
@@ -89,17 +96,20 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 #
 # $$s_{t+1} \sim p(\,\cdot \mid s_t, a_t)$$
 #
-# The sign ~ means “is drawn from”, and the dot stands for the next state. The distribution depends on the present state
-# $s_t$ and the action $a_t$ alone, and not on how the UAV came to be there. A world with this property is a **Markov decision
-# process**, MDP. Ours has it because fading is drawn anew in every slot. If good luck came in runs, the luck of the past would say something about
-# the future, and the state would have to hold it. The time left is there for the same reason: it decides when the episode
-# ends. If an agent sees only a part of such a state, its problem is a *partially observable* one, a **POMDP**, and much harder, because
-# it has to remember.
+# The sign ~ means “is drawn from”, and the dot stands for the next state. The distribution depends
+# only on the present state $s_t$ and the action $a_t$, not on how the UAV came to be there. A world
+# with this property is a **Markov decision process**, MDP. Ours has the property because fading is
+# drawn anew in every slot. If good luck came in runs, the luck of the past would say something
+# about the future, and the state would have to include it. The time left belongs in the state for
+# the same reason, because it decides when the episode ends. If an agent sees only a part of such a
+# state, the process is *partially observable*, and the problem is called a **POMDP**. Such a
+# problem is much harder, because the agent has to remember what it saw earlier.
 #
 # ## 3.3 What a step earns
 #
-# Nobody tells an agent which action is right. It gets a *reward* for each step. Learning means changing the policy so
-# that the sum of the rewards, the *return*, becomes larger. The reward has four parts (paper, section III):
+# Nobody tells an agent which action is right. Instead, it gets a *reward* for each step. Learning
+# means changing the policy so that the sum of the rewards, the *return*, becomes larger. The reward
+# has four parts (paper, section III):
 #
 # $$r_t = \text{data uploaded} + r_\mathrm{mov} + r_\mathrm{sc} + r_\mathrm{crash}$$
 #
@@ -110,9 +120,10 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # | $r_\mathrm{sc}$ | −1 | the safety controller intervenes |
 # | $r_\mathrm{crash}$ | −150 | time is up and the UAV has not landed |
 #
-# The paper prints no values. These are defaults of the authors' code. The agent learned with
-# two other values: −0.1 per step, and a crash that cost little at first and 150 later. Notebook 7 says why. Here is the
-# ledger of greedy's flight:
+# The paper does not state these values; they are the defaults of the authors' code. Our agent was
+# trained with two different ones: a step cost 0.1, and a crash cost little at first and 150 at the
+# end of training. Notebook 7 says why. Here are the rewards of greedy's flight, one bar for each
+# step:
 
 # %%
 from matplotlib.figure import Figure
@@ -128,13 +139,16 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Follow the black line. It falls on the way to a device and rises near it. Its last value is the return. An agent that
-# looked no further than the next reward would land at once in this mission, because that costs nothing. It has to learn
-# that a step which costs now may earn much later. Which of forty steps deserves the praise for the data at the end? This question is called
-# **credit assignment**, and notebook 6 is about it.
+# Follow the black line. It falls while the UAV is on its way to a device and rises when the UAV is
+# near one. Its last value is the return. An agent that looked no further than the next reward would
+# land at once in this mission, because landing costs nothing. So an agent has to learn that a step
+# that costs something now may bring in much more later. When data comes in after thirty steps,
+# which of those steps deserve the credit? This is the problem of **credit assignment**, and
+# notebook 6 is about it.
 #
-# Is 0.2 a good cost? At 0 there would be no reason to land before the last moment. At 5, most flights would cost more
-# than they bring. At 0.2, a detour of ten steps pays if it brings more than two data units.
+# Is 0.2 a good price for a step? At a price of 0 there would be no reason to land before the last
+# moment. At 5, most flights would cost more than they bring in. At 0.2, a detour of ten steps pays
+# if it brings in more than two data units.
 #
 # ## 3.4 The safety controller
 #
@@ -152,16 +166,18 @@ for action in (NORTH, NORTH):
     print(f"in cell {flight.state.uav_cell[0]}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# The first move is a normal one. The second would leave the map, so the UAV hovers in its cell and pays 1 more. A little
-# data comes in both times. The same happens at a tall building, at a no-fly zone, and when it tries to land outside the
-# landing zones.
+# The first move is an ordinary one. The second would leave the map, so the UAV hovers in its cell
+# instead and pays an extra 1. A little data comes in both times. The same happens when the UAV
+# tries to enter a tall building or a no-fly zone, or to land outside the landing zones.
 #
-# Why does a wrong move not end the episode? A beginner makes one every few steps, and would hardly ever collect much.
+# Why does a wrong move not end the episode? A beginner makes a wrong move every few steps, so its
+# episodes would hardly ever last long enough for it to collect much.
 #
-# One could also take the forbidden actions out of the choice, which is called **masking**. Then nobody would have to learn from penalties where the
-# walls are. The paper lets the agent try and pay, so that it has to read the map. Notebook 6 comes back to it.
+# One could also remove the forbidden actions from the choice, which is called **masking**. Then the
+# agent would not need penalties to learn where the walls are. The paper lets it try and pay, so
+# that it has to learn to read the map. Notebook 6 comes back to masking.
 #
-# One disaster remains: no time left, and still in the air.
+# One disaster remains: the time is up, and the UAV is still in the air.
 
 # %%
 Quiz("the_last_step")
@@ -172,26 +188,30 @@ outcome = HandFlight(environment, late).step(HOVER)
 print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# Nothing is uploaded in the step that ends an episode, whether a crash or a landing. The paper leaves this open, so this
-# library had to choose.
+# Nothing is uploaded in the step that ends an episode, whether it is a crash or a landing. The
+# paper leaves this open, so this library had to choose.
 #
-# From here one can see that **even a perfect pilot stays below 100 %**. A mission is drawn without anybody asking whether it can be done. Five devices in
-# far corners and 35 units of time may be too much for any route, a device in a courtyard may cost more than it holds, and fading is luck. So compare
-# a pilot with the best that is possible, and not with 100 %.
+# You can now see why, on average, **even a perfect pilot stays below 100 %**. Missions are drawn at
+# random, and nobody checks whether all of their data can be collected. Five devices in far corners
+# may be too many for any route of 35 units of time; a device in a courtyard may cost more to reach
+# than its data is worth; and fading is luck. So compare a pilot with the best that is possible, not
+# with 100 %.
 #
 # ## 3.5 Who may send: four slots per step
 #
-# Each step has four communication slots, because much can change within a move of 10 m: the UAV may come round a
-# corner, and the fading changes. In each slot *one* device sends: of those with data left, the loudest, that is, the one with the
-# best SNR. Sharing a channel by taking turns is called **time division multiple access**, TDMA (paper, eq. 3). The data that a step brings is the sum
-# over its slots (eq. 4).
+# Each step has four communication slots, because much can change within a move of 10 m: the UAV may
+# come round a corner, and the fading changes. In each slot *one* device sends: of those with data
+# left, the loudest, that is, the one with the best SNR. Sharing a channel by taking turns in time
+# is called **time division multiple access**, TDMA (paper, eq. 3). The data that a step brings in
+# is the sum over its slots (eq. 4).
 #
-# Why is the fading drawn for each slot and not once for each step, or once for each flight? A single draw for the whole flight would make some missions
-# lucky from start to end, and there would be something to find out by measuring. Four draws a step let the luck average out, so what remains is mostly
-# geometry.
+# Why is the fading drawn for each slot and not once for each step, or once for each flight? With a
+# single draw for the whole flight, some missions would be lucky from start to end, and a pilot
+# would first have to find out by measuring whether its own mission is one of them. With four draws
+# in each step most of the luck averages out, so what remains is mostly geometry.
 #
-# In the next figure the UAV hovers between three devices, all two cells away. Device 2 has only 1.5 units of data. Fading
-# is drawn for every slot and every device:
+# In the next figure the UAV hovers between three devices, each of them two cells away. Device 2 has
+# only 1.5 units of data left. Fading is drawn for every slot and every device:
 
 # %%
 from uavdh_lite.plotting import device_colour, draw_city
@@ -213,17 +233,20 @@ ax.set(xlabel="communication slot", ylabel="device", xticks=range(1, 5), yticks=
 figure
 
 # %% [markdown]
-# Each column is a slot, and its coloured box is the device that sends. In the first two slots device 2 is the loudest, by
-# luck. In the second it can send only what it has left. Then it is empty, and another one sends.
+# Each column is a slot, and the coloured box in it marks the device that sends. In the first two
+# slots device 2 happens to be the loudest. In the second of them it can send only the little that
+# it still has. Then it is empty, and the loudest of the others sends.
 #
-# The rule looks at neither amounts nor fairness. The loudest has the whole slot even for 0.1 units, and a device that is never the loudest never sends. So it is a cheap
-# schedule and not the best one.
+# The rule takes no account of how much data a device has, or of fairness. The loudest device gets
+# the whole slot, even if it has only 0.1 units left to send, and a device that is never the loudest
+# never sends. So the rule is simple, but it does not give the best schedule.
 #
-# Why is "serve device 2" not an action of the agent? It would have to learn what a simple rule does well. And it still
-# has a say: where it flies decides who is loudest.
+# Why is "serve device 2" not an action of the agent? If it were, the agent would have to learn what
+# a simple rule already does well. And even without such an action it has a say, because where it
+# flies decides which device is loudest.
 #
-# In each slot the UAV has moved on a little: in slot $i$ it has flown $i$ quarters of the way. Here it flies east,
-# round the corner of a building, without fading:
+# From slot to slot the UAV moves on a little: in slot $i$ it has flown $i$ quarters of the way. In
+# the next figure it flies east, past the corner of a building. Fading is left out:
 
 # %%
 corner = Mission(environment.city, (4, 2), ((5, 4),), (50,), 30).state
@@ -238,15 +261,17 @@ right.set(xlabel="communication slot", ylabel="data units uploaded", xticks=rang
 figure
 
 # %% [markdown]
-# The dots are the UAV in the four slots, the cross is the device. In slot 1 the building is in the way. From slot 2 on
-# the device is in sight, and each slot carries a little more. Notebook 2 has one answer for each *cell*, whereas the UAV is now
-# between two of them. So the nearest cell decides whether the UAV is in sight. Half-way, in slot 2, both are equally near; then the one it is
-# entering counts.
+# The dots are the UAV in the four slots, and the cross is the device. In slot 1 the building is in
+# the way. From slot 2 on the device is in sight, and each slot carries a little more than the one
+# before. How does the program know? The table of notebook 2 has one answer for each *cell*, whereas
+# the UAV is now between two cells. So the nearer of the two decides whether the UAV is in sight.
+# Halfway, in slot 2, both are equally near, and then the cell that the UAV is entering counts.
 #
 # ## 3.6 Fly it yourself
 #
-# Back to the mission in the first picture. Look for the white cells there: from them the UAV sees both devices. The
-# device in the middle need not be visited, because you can see it along its street from the west.
+# Now go back to the mission in the first picture. Look for the white cells there, from which the
+# UAV sees both devices. It need not fly up to the device in the middle, because it can see that
+# device along its street from the west.
 #
 # Here is a plan. Change it, run the cell, and try to do better:
 
@@ -267,19 +292,20 @@ for name, each in flown.items():
 assert flown["by hand"].returns > flown["greedy"].returns + 5
 
 # %% [markdown]
-# The plan brings everything home, and greedy does not. Greedy flies towards the first device until it is empty, and from there it is a long way to
-# the second. You had a map of shadows. The agent has none, and still it brings everything home, too.
+# The plan brings everything home, but greedy does not. Greedy flies towards the first device until
+# that device is empty, and from there it is a long way to the second. You had a map of the shadows
+# to plan with. The agent has none, and yet it brings everything home, too.
 #
-# One mission says little about a pilot. But this one shows that a good rule leaves something to gain. In the lab *Fly*
-# (`python -m uavdh_lite app`) you fly with the arrow keys.
+# One mission says little about a pilot. But this one shows that a good rule can be beaten. In the
+# lab *Fly* (`python -m uavdh_lite app`) you can fly missions with the arrow keys.
 #
 # ## Recap
 #
-# - The state holds the places, the data and the time left.
-# - A step is a pure function of state, action and fading. What comes next depends on the present state and the action, not
-#   on the past: a Markov decision process.
+# - The state holds the positions, the data and the time left.
+# - A step is a pure function of state, action and fading. What comes next depends on the present
+#   state and the action, not on the past, so this is a Markov decision process.
 # - The reward pays for data and charges for steps, interventions and a crash.
-# - In each of four slots the loudest device with data left sends.
+# - In each of the four slots of a step, the loudest device that has data left sends.
 # - The return is the sum of all rewards. Learning means raising it.
 #
 # ## Exercises

@@ -1,11 +1,13 @@
 # %% [markdown]
 # # 4 · What the network sees
 #
-# The agent looks at its mission and picks one of six actions. **What does it look at?** It gets one number, the flying
-# time that is left, and five pictures.
+# The agent looks at its mission and picks one of six actions. **What does it look at?** It gets one
+# number, the flying time that is left, and five pictures.
 #
-# Here they are for a UAV over cell (8, 4), at the start of a mission with devices at (4, 7) and (11, 11). Dark blue is large and
-# white is zero. The UAV itself is in no picture, because it is always in the middle, where the small triangle is.
+# Here are the pictures for a UAV over cell (8, 4), at the start of a mission with devices at (4, 7)
+# and (11, 11). Dark blue stands for large numbers and white for zero. The UAV itself is not in the
+# pictures that the network gets, because it is always in the middle; we have marked the place with
+# a small triangle.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -46,10 +48,12 @@ draw_maps(dict(zip(LAYERS, maps[0])), uav=(15, 15))
 #
 # ## 4.1 The layers
 #
-# Each picture is a **layer** of the map. Three show the city: where to land, where not to fly, and what blocks the radio. Two show
-# the data: what each device still has, and what the UAV has collected from it. The last one is empty because the flight has not
-# begun. The fading, the rate of a link and the shadows of notebook 2 are in none of them. So what the agent knows about shadows, it has to work out from the
-# layer of buildings, or, in a single city, learn by heart.
+# Each picture is a **layer** of the map. Three show the city: where to land, where not to fly, and
+# what blocks the radio. Two show the data: what each device still has, and what the UAV has
+# collected from it. The last picture is empty because the flight has not begun. None of the five
+# shows the fading, the rate of a link or the shadows of notebook 2. So whatever the agent knows
+# about shadows it has to work out from the layer of buildings or, if it flies in a single city,
+# learn by heart.
 #
 # The UAV is always in the middle. This is **map centring**, the paper's main idea (section III-C).
 
@@ -59,13 +63,16 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("frame_size")
 
 # %% [markdown]
-# A city with $M$ cells on each side needs a frame of $2M-1$, so that all of it is in the picture wherever the UAV is. Outside the
-# city the layer "no-fly zone" is 1, because leaving the city is refused just as entering a no-fly zone is. All other layers are 0
-# there.
+# A city with $M$ cells on each side needs a frame that is $2M-1$ cells wide. When the UAV is at one
+# edge of the city, the opposite edge is $M-1$ cells away. That can happen in either direction, so
+# the frame has $M-1$ cells on both sides of the UAV's own cell, and all of the city is in the
+# picture wherever the UAV is. Outside the city the layer "no-fly zone" is 1, because leaving the
+# city is refused just as entering a no-fly zone is. All other layers are 0 there.
 #
 # ## 4.2 The stopped clock
 #
-# Why does the network need the time? Keep the picture and change the time:
+# Why does the network need to know the time? Let us leave the pictures as they are and change only
+# the time:
 
 # %%
 from dataclasses import replace
@@ -84,12 +91,15 @@ for units in (50, 14, 10):
     print(units, "units left:", ACTIONS[agent.act(at_time(street, units))[0]])
 
 # %% [markdown]
-# One device is far in the north, the other near in the east, and home is in the south-east. The five pictures are the same each time, and
-# the answers are not. With 50 units left, and with 14, the agent makes for the near device. With 10 it turns for home, because nine moves
-# and the landing take just that long. From the pictures alone it would have to do the same in all three cases.
+# One device is far away in the north, the other is near, in the east, and home is in the
+# south-east. The five pictures are the same each time, but the answers are not. With 50 units left,
+# and with 14, the agent makes for the near device. With 10 it turns for home, because nine moves
+# and the landing take exactly that long. From the pictures alone it could not tell these cases
+# apart, so it would have to do the same in all three.
 #
-# To see what the time is worth, let the agent fly 200 missions with a **stopped clock**. It sees the true picture, but always the
-# same time. The true time runs out all the same.
+# To see what the time is worth, let the agent fly 200 missions with a **stopped clock**. The agent
+# sees the true pictures, but the time that it is shown never changes. The true time runs out
+# nevertheless.
 
 # %%
 from uavdh_lite.evaluation import FunctionPolicy, evaluate
@@ -115,23 +125,32 @@ ax.set(xlabel="units of time on the stopped clock", ylabel="share")
 figure.legend(loc="outside right upper", fontsize="small");
 
 # %% [markdown]
-# A clock that shows little time sends about half of the UAVs home with little data; the others are still in the air when the true time is up. A
-# clock in the middle of its range lets them collect nearly everything, but many come home too late. A clock that shows a lot of time
-# keeps them in the air even when nothing is left to collect, because an agent that believes in 60 more units sees no hurry. No orange
-# point comes near the black line.
+# With 5 units on the clock most UAVs never leave the landing zone. More than half of all UAVs land,
+# but with little data. Nearly all the others hover over the zone until the true time is up, because
+# on a clock that stands still the moment to land never comes. With 10 units on the clock most UAVs
+# fly out a little way, but hardly more data comes home.
 #
-# In the words of notebook 3: without the time the observation is not a **Markov** state, because the future depends on something
-# that cannot be seen. A problem in which the agent sees only a part of the state is called a *partially observable* Markov decision
-# process, a **POMDP**. With the time, ours is none: map and time together hold all of the state that matters.
+# With 20 to 40 units the UAVs collect most of the data, but a third to a half of them are still in
+# the air when the true time is up, because the clock never warns them. With 50 or 60 units most
+# UAVs stay in the air until they crash, even if nothing is left to collect, because an agent that
+# believes it has 60 more units sees no need to hurry. No orange point comes near the black line.
 #
-# The layer "data left" is there for the same reason. Without it a full device and an empty one look the same, and the agent would go on circling above the empty one. What has
-# been *collected*, the future does not need; that layer is a convenience of the paper.
+# In the words of notebook 3, what the agent sees without the time, its *observation*, is not
+# a **Markov** state, because the future depends on something that cannot be seen. A problem in
+# which the agent sees only a part of the state is called a *partially observable* Markov decision
+# process, a **POMDP**. With the time, our problem is not a POMDP, because map and time together
+# hold all of the state that matters.
+#
+# The layer "data left" is there for the same reason. Without it a full device and an empty one
+# would look the same, and the agent could not tell when to fly on. The future does not depend on
+# what has been *collected*, so that layer could be left out; it is there because the paper has it.
 #
 # ## 4.3 Two frames
 #
-# How is the map centred? Every layer is shifted by as many cells as the UAV is away from the middle, and what is beyond the city's border is filled in. Exercise 4.1 asks
-# you to write that. Here are the buildings, the dark ones, and the no-fly zone, the pale one, as the network sees them
-# from three places.
+# How is the map centred? Every layer is shifted so that the UAV's cell lies in the middle of the
+# frame, and the places beyond the city's border are filled in: with 1 in the no-fly layer, and with
+# 0 in all others. In exercise 4.1 you write this yourself. Here are the buildings (dark) and all
+# other cells of the no-fly layer (pale) as the network sees them from three places:
 
 # %%
 def seen_from(uav):
@@ -141,74 +160,105 @@ def seen_from(uav):
 draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))}, uav=(15, 15))
 
 # %% [markdown]
-# The world moves around the UAV. Without centring, the city would stay **in place**, and the UAV would need a layer of its own with a
-# single 1 that moves. Both frames hold the same facts. What differs is what a place in the picture stands for. In the centred
-# frame a place of the picture is a *relative* one, "three cells north of me". In the fixed frame it is an *absolute* one, "cell (4,
-# 7)". Most of what a pilot has to know is relative: a wall to the north is a wall to the north in any street. Notebook 5 shows in a
-# small example what that is worth, and notebook 8 asks whether it helps an agent to fly.
+# The world moves around the UAV. Without centring, the city would stay **in place**, and the UAV
+# would need a layer of its own, in which a single 1 moves. Both frames hold the same facts, but a
+# place in the picture means something different in each. In the centred frame it stands for
+# a *relative* position, such as "three cells north of me". In the fixed frame it stands for
+# an *absolute* position, such as "cell (4, 7)". Most of what a pilot has to know is relative: a
+# wall to the north is a wall to the north in any street. Notebook 5 shows with a small example what
+# the centred frame is worth, and notebook 8 asks whether it helps an agent to fly.
 #
-# Why not simply *roll* the layer, so that what leaves the picture on one side comes in again on the other? The picture would need
-# only $M$ cells a side, a quarter of the work. But a roll lies about distance: a device at the far eastern edge would appear just west
-# of a UAV at the western edge, as if the world were a doughnut. The frame of $2M-1$ cells is the smallest in which every
-# *displacement* from the UAV has a place of its own.
+# Why not simply *roll* the layer, so that what leaves the picture on one side comes in again on the
+# other? Then the picture would need only $M$ cells on each side, which means about a quarter of the
+# work. But rolling misrepresents distances: a device at the far eastern edge would appear just west
+# of a UAV at the western edge, as if the world were a doughnut. The frame of $2M-1$ cells is the
+# smallest in which every *displacement* from the UAV has a place of its own.
 #
-# Another thing may be done to a centred picture: turn it by a right angle, or mirror it. The same step, turned eight ways, is eight examples, as long as
-# the actions turn with it (north becomes west). It is allowed because neither radio nor moves prefer a direction. With wind, or with an antenna that points north, it would not
-# be.
+# A centred picture allows one more thing: it can be turned by right angles and mirrored, as long as
+# the action turns with it (north becomes west). So a single step that was flown gives eight
+# examples to learn from, four directions and their mirror images, without another flight. This is
+# called *data augmentation*. It is allowed because neither the radio nor the moves prefer a
+# direction; with wind, or with an antenna that points north, it would be wrong. The agents of
+# notebooks 9 and 12 that learn by copying are trained in this way, but the DDQN agent of this
+# course is not.
 #
 # ## 4.4 Why pictures?
 #
-# The mission could be told in fewer numbers: the UAV's cell, and for each device its cell and its data. Three things speak for
-# pictures.
+# A mission could be described by far fewer numbers: the UAV's cell, and for each device its cell
+# and its data. There are three arguments for pictures nevertheless.
 #
-# - **The number of devices may vary.** A list for five devices has no room for a sixth, and with two devices three of its entries mean
-#   nothing. On a map any number of devices fits, so the size of the input **does not depend on the number of devices**, and neither
-#   does the network. One agent flies missions with two devices and with five.
-# - **The order does not matter.** In a list "device 1 here, device 2 there" and "device 2 here, device 1 there" look different, though
-#   they are the same mission, and a network would have to learn each. On the map they are one picture.
-# - **The city can be seen beside the devices.** That a device lies behind a building is a pattern in the picture. In a list of numbers
-#   the building is not there at all, so everything about the city would have to be learned by heart.
+# - **The number of devices may vary.** A list for five devices has no room for a sixth, and if
+#   there are only two, three of its entries mean nothing. On a map any number of devices fits, so
+#   the size of the input **does not depend on the number of devices**, and neither does the
+#   network. One agent flies missions with two devices and with five.
+# - **The order does not matter.** In a list, "device 1 here, device 2 there" and "device 2 here,
+#   device 1 there" look different, although they are the same mission, and a network would have to
+#   learn both. On the map they are the same picture.
+# - **The city can be seen beside the devices.** A device behind a building forms a pattern in the
+#   picture. In a list of numbers the building does not appear at all, so everything about the city
+#   would have to be learned by heart.
 #
-# The price is size: 4805 numbers instead of a few. A fully connected network could hardly make use of them, and that is why the agent's
-# network begins with convolutions. They are the subject of the next notebook.
+# The price is size: 4805 numbers instead of a few. A network with a separate adjustable number,
+# a *weight*, for each of them would have to learn the same thing again for each place in the
+# picture. That is why the agent's network begins with *convolutions*, which look for the same
+# pattern everywhere. The next notebook explains them.
 #
-# Because the map is made anew from the state at each step, changing the *task* often means adding or taking away a layer. Five tasks to think
-# about before you go on. What would you change in the state, in the reward, and in what the network sees?
+# Because the pictures are made anew from the state at each step, a change of the *task* often means
+# no more than adding or removing a layer. Here are five other tasks to think about before you go
+# on. What would you change in the state, in the reward, and in what the network sees?
 #
-# - **Parcels.** The UAV delivers parcels instead of collecting data, one at a time, and fetches each in the landing zone.
-# - **A battery that is swapped.** Landing does not end the mission: on the ground the UAV gets a full battery, for three units of time.
-# - **Buffers that refill.** Every device gets new data in each step, and loses what does not fit into its memory.
+# - **Parcels.** Instead of collecting data, the UAV delivers parcels, one at a time, and fetches
+#   each from the landing zone.
+# - **A battery that is swapped.** Landing does not end the mission: on the ground the UAV gets a
+#   full battery, which takes three units of time.
+# - **Buffers that refill.** Every device gets new data in each step, and loses what does not fit
+#   into its memory.
 # - **Two UAVs** share the devices.
-# - **Landing anywhere.** And what if there were no action `land`, and touching the zone ended the flight?
+# - **Landing anywhere.** The UAV may land in any cell. Or what if there were no action `land`, and
+#   the flight ended as soon as the UAV entered the landing zone?
 #
 # <details><summary>One answer to each</summary>
 #
-# *Parcels:* the state says whether a parcel is on board, and the layer "data left" becomes "parcels expected here". The reward is for
-# a delivery. The layer of buildings, which says what blocks the radio, can go; the no-fly layer stays. With or without a parcel the same picture asks for different actions, so "on board"
-# goes in as one more number beside the time. That is enough if any parcel will do at any place. If each has an address, the map must show the place of the one on board, or the problem is a
-# POMDP.
+# *Parcels:* the state says whether a parcel is on board, and the layer "data left" becomes "parcels
+# expected here". Each delivery earns a reward. The layer of buildings, which says what blocks the
+# radio, can go; the no-fly layer stays. The same picture asks for one action with a parcel on board
+# and for another without, so "on board" goes in as one more number beside the time. That is enough
+# if any parcel will do at any place. If each parcel has an address, the map must show where the one
+# on board has to go, or the problem is a POMDP.
 #
-# *Swapped battery:* there are two times now, that of the battery and that of the mission. Both belong to the state and to the input. A
-# crash now means an empty battery; `land` ends an episode only when the mission's time is up, and before that it costs three units.
+# *Swapped battery:* there are now two times, one for the battery and one for the mission. Both
+# belong in the state and in what the network sees. The UAV now crashes if its battery runs out in
+# the air. As long as the mission has time left, `land` does not end the episode but costs three
+# units.
 #
-# *Refilling buffers:* an episode no longer has an amount of data that can be "all collected", so *collected and landed* must be replaced, for
-# example by data per unit of time, or by what was lost. "Data left" stays as a layer. If the devices fill at different rates that cannot be
-# seen, the task becomes a POMDP: give the rates as a layer, or the agent has to guess them.
+# *Refilling buffers:* an episode no longer has a fixed amount of data that could all be collected,
+# so *collected and landed* must be replaced, for example by the data collected per unit of time, or
+# by the data lost. "Data left" stays as a layer. If the devices fill at different rates that the
+# agent cannot see, the task becomes a POMDP. So show the rates in a layer of their own; otherwise
+# the agent has to guess them.
 #
-# *Two UAVs:* the state holds both places and both times. Each network gets one more layer, where the other one is. The reward is shared, or each competes; the safety controller stops two UAVs that
-# want the same cell. While the other one learns, the world changes, so old steps in its memory are wrong ([a map of the field](../docs/tutorials/map_of_the_field.md)).
+# *Two UAVs:* the state holds both places and both times. Each UAV's network gets one more layer,
+# which shows where the other UAV is. Either the two share one reward, or they compete. The safety
+# controller stops two UAVs that want the same cell. While one of them learns, the world in which
+# the other one flies changes, so the steps that the other one has stored to learn from (notebook 6)
+# no longer tell the truth ([a map of the field](../docs/tutorials/map_of_the_field.md)).
 #
-# *Landing anywhere:* the landing layer says nothing any more, and nobody has to turn back. At every step the only question is whether more data pays the next 0.2. *No `land`:* a UAV
-# could not fly through the zone, and could hardly start there.
+# *Landing anywhere:* the landing layer tells the network nothing any more, and the UAV never has to
+# turn back. At every step the only question is whether the data still to come is worth another
+# 0.2. *No `land`:* the UAV could not fly through the zone, and it could hardly start there.
 # </details>
 #
 # ## Recap
 #
-# - The agent sees five layers and the time that is left. With a stopped clock it does not know when to go home.
-# - Centring puts the UAV in the middle of a frame of $2M-1$ cells, so that a place in the picture is relative to the UAV.
-# - A map takes any number of devices in any order, and shows the city beside them.
-# - If the observation holds all that matters, it is a Markov state. If not, the problem is a POMDP.
+# - The agent sees five layers and the time that is left. With a stopped clock it does not know when
+#   to go home.
+# - Centring puts the UAV in the middle of a frame of $2M-1$ cells, so that a place in the picture
+#   is relative to the UAV.
+# - A map has room for any number of devices in any order, and shows the city together with them.
+# - If what the agent sees holds everything that matters, it is a Markov state. If not, the problem
+#   is a POMDP.
 #
 # ## Exercises
 #
-# The [exercises of this notebook](exercises/04_map_centring/04_map_centring.ipynb) come with checks and hints.
+# The [exercises of this notebook](exercises/04_map_centring/04_map_centring.ipynb) come with checks
+# and hints.

@@ -1,11 +1,13 @@
 # %% [markdown]
 # # Exercises 1 · The city and the channel
 #
-# These exercises go with notebook `01_city_and_channel`. You need logarithms, the normal distribution and a little numpy.
+# These exercises go with notebook `01_city_and_channel`. You need logarithms, the normal
+# distribution and a little numpy.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
-# never finishes, interrupt the kernel with the stop button.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check
+# says whether the answer is right, and if not, what is probably wrong. Hints are folded away below
+# each task. Your code runs inside this notebook. If it never finishes, interrupt the kernel with
+# the stop button.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -34,18 +36,20 @@ channel = Channel()
 # %% [markdown]
 # ## 1.1 · Rate from SNR (1 point, 5 minutes)
 #
-# In a communication slot the link carries $\log_2(1 + \mathrm{SNR})$ data units. The SNR in this formula is a ratio of
-# powers; you are given it in decibels, and maybe a whole array of them.
+# In a communication slot the link carries $\log_2(1 + \mathrm{SNR})$ data units. Write a function
+# that computes this rate. The SNR in the formula is a ratio of powers, but the function is given it
+# in decibels, and it may be given a whole array of values.
 #
 # <details><summary>Hint</summary>
 #
-# The rate is log2(1 + SNR), where the SNR is a plain ratio of powers. What is 0 dB as a ratio? And 10 dB?
+# The rate is log2(1 + SNR), where the SNR is a plain ratio of powers. What is 0 dB as a ratio? And
+# 10 dB?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# 10 dB more is ten times the power, so the decibels belong in an exponent. Which number is raised to it? The 1
-# is added to the ratio, and numpy has the logarithm to base 2.
+# 10 dB more is ten times the power, so the decibels belong in an exponent. Which number is raised
+# to that power? The 1 is added to the ratio, and numpy has the logarithm to base 2.
 # </details>
 
 # %%
@@ -61,22 +65,24 @@ checks.rate_from_snr(rate)
 # %% [markdown]
 # ## 1.2 · How much distance is a building worth? (2 points, 10 minutes)
 #
-# Over a distance of $d$ metres the path loss is $10\,\alpha \log_{10} d$ decibels, with $\alpha_\mathrm{LoS} = 2.27$ in
-# sight and $\alpha_\mathrm{NLoS} = 3.64$ behind a building (`channel.path_loss_exponent_los`, `..._nlos`). $d$ is the length of
-# the whole link, through the air; nothing is to be added to it.
+# Over a distance of $d$ metres the path loss is $10\,\alpha \log_{10} d$ decibels, with
+# $\alpha_\mathrm{LoS} = 2.27$ in sight and $\alpha_\mathrm{NLoS} = 3.64$ behind a building
+# (`channel.path_loss_exponent_los`, `..._nlos`). Here $d$ is the length of the whole link, through
+# the air; nothing has to be added to it.
 #
-# A device stands behind a building, `nlos_distance_m` away. At which distance would a device *in sight* have the same
-# path loss?
+# A device stands behind a building, `nlos_distance_m` away. At what distance would a device *in
+# sight* have the same path loss?
 #
 # <details><summary>Hint</summary>
 #
-# The path loss in dB is 10 α log10(d). Set the loss with α_LoS at the unknown distance equal to the one with
-# α_NLoS at the given distance.
+# The path loss in dB is 10 α log10(d). Set the loss with α_LoS at the unknown distance equal to the
+# one with α_NLoS at the given distance.
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Solve for the logarithm of the unknown distance. A factor in front of a logarithm is a power inside of it.
+# Solve for the logarithm of the unknown distance. A factor in front of a logarithm becomes a power
+# inside it.
 # </details>
 
 # %%
@@ -90,25 +96,27 @@ def same_loss_m(nlos_distance_m):
 checks.same_path_loss(same_loss_m)
 
 # %% [markdown]
-# The two laws agree at 1 m. The UAV flies 10 m above the devices, so a building always costs.
+# The two laws agree at 1 m. The UAV flies 10 m above the devices, so it is always farther away than
+# that, and a building always makes the link worse.
 
 # %% [markdown]
 # ## 1.3 · What fading does to the mean rate (2 points, 10 minutes)
 #
-# Shadow fading adds a normal random number of decibels, with mean 0, to the SNR in every slot. Is the mean rate then
-# the rate at the mean SNR in dB, `snr_db`? Estimate it by simulation: `draws` slots, each with its own fading of
-# variance `variance_db2` in dB², drawn from `generator`, a `numpy.random.Generator`. Turn SNRs into rates
-# with the library's function, `library_rate`.
+# Shadow fading adds a normal random number of decibels, with mean 0, to the SNR in every slot. Is
+# the mean rate then the rate at the mean SNR? Write a function that estimates the mean rate by
+# simulating `draws` slots. The mean SNR in dB is `snr_db`. Each slot has its own fading with the
+# variance `variance_db2`, in dB², drawn from `generator`, a `numpy.random.Generator`. Turn SNRs
+# into rates with the library's function, which is imported below as `library_rate`.
 #
 # <details><summary>Hint</summary>
 #
-# Draw many SNRs around the mean, turn each into a rate, and average the rates: in that order.
+# Draw many SNRs around the mean, turn each into a rate, and average the rates, in that order.
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Does generator.normal want a variance? The fading belongs to the SNR, while that is still in dB. One rate for
-# each draw, and the mean comes last.
+# Does generator.normal expect a variance? Add the fading to the SNR while the SNR is still in dB.
+# Compute one rate for each draw, and take the mean last.
 # </details>
 
 # %%
@@ -125,6 +133,7 @@ def mean_rate(snr_db, variance_db2, draws, generator):
 checks.mean_rate(mean_rate)
 
 # %% [markdown]
-# In decibels the rate bends upwards everywhere, most at 0 dB, so that lucky draws gain more than unlucky ones lose:
-# fading helps. Far above 0 dB the rate is almost a straight line, and fading changes next to nothing; far below, it
-# changes the data by only a little, but that little is a large share.
+# As a function of decibels the rate bends upwards everywhere, and most at 0 dB. So lucky draws gain
+# more than unlucky ones lose, and fading helps. Far above 0 dB the rate is almost a straight line,
+# and fading changes next to nothing. Far below 0 dB it adds only a little data, but that little is
+# a large share of what there is.

@@ -1,11 +1,13 @@
 # %% [markdown]
 # # Exercises 2 · Shadow ray tracing
 #
-# These exercises go with notebook `02_shadow_ray_tracing`. You need the equation of a line, loops and Boolean arrays.
+# These exercises go with notebook `02_shadow_ray_tracing`. You need the equation of a line, loops
+# and Boolean arrays.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
-# never finishes, interrupt the kernel with the stop button.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check
+# says whether the answer is right, and if not, what is probably wrong. Hints are folded away below
+# each task. Your code runs inside this notebook. If it never finishes, interrupt the kernel with
+# the stop button.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -34,30 +36,33 @@ from uavdh_lite.shadowing import line_of_sight
 # %% [markdown]
 # ## 2.1 · Does the ray cross the cell? (1 point, 10 minutes)
 #
-# A cell is a pair `(row, col)` of whole numbers. It is a square of side 1; its centre has these two numbers as
-# coordinates, and its *open interior* is the square without its edges and corners. Write a function that says whether
-# the straight segment between the centres of the cells `start` and `end` crosses the open interior of `cell`.
+# A cell is given by a pair `(row, col)` of whole numbers. It is a square of side 1 whose centre has
+# these two numbers as coordinates. Its *open interior* is the square without its edges and corners.
+# Write a function that says whether the straight segment between the centres of the cells `start`
+# and `end` crosses the open interior of `cell`.
 #
-# The notebook has the condition for a segment from (0, 0) to $(R, C)$: a cell $(r, c)$ in the rectangle between these two
-# cells is crossed exactly if
+# The notebook gives the condition for a segment from (0, 0) to $(R, C)$: a cell $(r, c)$ in the
+# rectangle between these two cells is crossed exactly if
 #
 # $$2\,|R\,c - C\,r| < |R| + |C|.$$
 #
-# Make it a function of any `start`, `end` and `cell`. The cells `start` and `end` themselves count as crossed. They may
-# also be the same cell: then the segment is one point. The rays can be a million cells long and go in any direction.
-# Try to do without `crossed_cells`, that is the point of the exercise, and so that no rounding can spoil it.
+# Turn it into a function that works for any `start`, `end` and `cell`. The cells `start` and `end`
+# themselves count as crossed. They may also be the same cell, and then the segment is a single
+# point. The rays can be a million cells long and go in any direction. Try to do without the
+# library's `crossed_cells`, because writing the test yourself is the point of the exercise, and
+# compute so that no rounding can spoil the answer.
 #
 # <details><summary>Hint</summary>
 #
-# The notebook's segment begins at (0, 0): move yours there. Which numbers may then be negative, and what is the
-# rectangle? What does the condition say if R = C = 0?
+# The notebook's segment begins at (0, 0): move yours there. Which numbers may then be negative, and
+# what is the rectangle? What does the condition say if R = C = 0?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# (R, C) is end minus start, (r, c) is cell minus start, by rows and columns. The rectangle is min(R, 0) <= r <=
-# max(R, 0), and the same with c and C. If R = C = 0 it is one cell, and the condition, 0 < 0, must not be
-# asked.
+# (R, C) is end minus start, (r, c) is cell minus start, by rows and columns. The rectangle is
+# min(R, 0) <= r <= max(R, 0), and the same with c and C. If R = C = 0, the rectangle is one cell,
+# and the condition, 0 < 0, is false although that cell is crossed; so treat this case by itself.
 # </details>
 
 # %%
@@ -78,21 +83,24 @@ checks.crosses(crosses)
 # %% [markdown]
 # ## 2.2 · A shadow map (2 points, 10 minutes)
 #
-# A city has M×M cells; `buildings` is a Boolean array (M, M), indexed `[row, col]`. A device stands in the cell
-# `device`, a pair `(row, col)`. The function `blocked(buildings, device, cell)` sends one ray: it says whether the link between the
-# device and a UAV over `cell` is blocked, by the rules of the notebook.
+# A city has M×M cells; `buildings` is a Boolean array (M, M), indexed `[row, col]`. A device stands
+# in the cell `device`, a pair `(row, col)`. The function `blocked(buildings, device, cell)` follows
+# one ray: it says whether the link between the device and a UAV over `cell` is blocked, by the
+# rules of the notebook.
 #
-# Make the shadow map of the device: a new Boolean array (M, M), True in each cell where the link is blocked.
+# Make the shadow map of the device: a new Boolean array (M, M) that is True in each cell where the
+# link is blocked.
 #
 # <details><summary>Hint</summary>
 #
-# Begin with an array that is False everywhere. Which cell does `blocked` need for each place of it?
+# Begin with an array that is False everywhere. For each place in the array, which cell must
+# `blocked` be given?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Loop over all rows and columns. For each cell ask blocked(buildings, device, cell), and write the answer where
-# the cell is.
+# Loop over all rows and columns. For each cell call blocked(buildings, device, cell), and write the
+# answer into the array at that cell's row and column.
 # </details>
 
 # %%
@@ -116,23 +124,24 @@ checks.shadow_map(shadow_map)
 # ## 2.3 · How asymmetric is a table? (2 points, 10 minutes)
 #
 # `line_of_sight(buildings)` gives a Boolean array of shape (M, M, M, M), indexed
-# `[device_row, device_col, uav_row, uav_col]`: True if a device in the first cell and a UAV over the second see each
-# other. Take an *unordered pair* of two different cells, A and B. It is asymmetric if it matters which of the two holds
-# the device: "device in A, UAV over B" is True and "device in B, UAV over A" is False, or the other way round.
+# `[device_row, device_col, uav_row, uav_col]`: an entry is True if a device in the first cell and a
+# UAV over the second see each other. Take an *unordered pair* of two different cells, A and B. The
+# pair is asymmetric if it matters which of the two cells holds the device, that is, if "device in
+# A, UAV over B" is True and "device in B, UAV over A" is False, or the other way round.
 #
-# Of all unordered pairs of different cells, which share is asymmetric? Write a function that takes such an array, for
-# any M > 1 and from whatever method, and gives the share, a number from 0 to 1.
+# What share of all unordered pairs of different cells is asymmetric? Write a function that takes
+# such an array, for any M > 1 and made by any method, and returns this share, a number from 0 to 1.
 #
 # <details><summary>Hint</summary>
 #
-# Make the table a square matrix, one row and one column for each cell. Where does it differ from its transpose?
-# How many unordered pairs are there?
+# Turn the table into a square matrix with one row and one column for each cell. Where does it
+# differ from its transpose? How many unordered pairs are there?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# With n = M² cells, reshape to (n, n) and compare with .T: each asymmetric pair shows up twice. There are n (n
-# − 1) / 2 unordered pairs of different cells.
+# With n = M² cells, reshape to (n, n) and compare with .T: each asymmetric pair shows up twice.
+# There are n(n − 1)/2 unordered pairs of different cells.
 # </details>
 
 # %%
@@ -148,6 +157,8 @@ def asymmetric_share(sight):
 checks.asymmetric_share(asymmetric_share)
 
 # %% [markdown]
-# Try yours on the city of the notebook, `City.load("manhattan").buildings`, with `line_of_sight` and with
-# `bresenham_fans` of `uavdh_lite.course.bresenham`, which notebook 13 explains: the first must give 0, and a share above 0 is a sure sign that a
-# method is not exact. But 0 is no proof: a rule can be symmetric and wrong.
+# Try your function on the city of the notebook, `City.load("manhattan").buildings`, once with the
+# table that `line_of_sight` makes and once with that of `bresenham_fans` from
+# `uavdh_lite.course.bresenham`, which notebook 13 explains. The first must give 0. A share above 0
+# is a sure sign that a method is not exact, but a share of 0 does not prove that it is: a rule can
+# be symmetric and still be wrong.

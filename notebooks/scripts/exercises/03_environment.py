@@ -1,11 +1,13 @@
 # %% [markdown]
 # # Exercises 3 · The environment
 #
-# These exercises go with notebook `03_environment`. You need arithmetic, Boolean arrays and a little numpy.
+# These exercises go with notebook `03_environment`. You need arithmetic, Boolean arrays and a
+# little numpy.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
-# never finishes, interrupt the kernel with the stop button.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check
+# says whether the answer is right, and if not, what is probably wrong. Hints are folded away below
+# each task. Your code runs inside this notebook. If it never finishes, interrupt the kernel with
+# the stop button.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -32,25 +34,28 @@ from uavdh_lite.channel import rate
 # %% [markdown]
 # ## 3.1 · Who gets the slot? (1 point, 10 minutes)
 #
-# In a communication slot one device sends: of those that have data left, the one with the highest SNR. It uploads as
-# much as the slot carries, `rate(snr_db)` data units, but no more than it has left. There are K ≥ 1 devices.
+# In a communication slot one device sends: of those that have data left, the one with the highest
+# SNR. It uploads as much as the slot carries, `rate(snr_db)` data units, but no more than it has
+# left. There are K ≥ 1 devices.
 #
-# - `snr_db`: array (K,), the SNR of each device in this slot, in dB; often negative, no two are equal
+# - `snr_db`: array (K,), the SNR of each device in this slot, in dB; often negative, and no two are
+#   equal
 # - `data_left`: array (K,), the data units that each device has left, 0 or more
 #
-# Return two numbers: the device that is served, an index from 0 to K − 1, and the data units that it uploads. If no
-# device has data left, return −1 and 0. Leave the two arrays as they are.
+# Return two numbers: the device that is served, an index from 0 to K − 1, and the data units that
+# it uploads. If no device has data left, return −1 and 0. Leave the two arrays as they are.
 #
 # <details><summary>Hint</summary>
 #
-# First rule out the devices without data. Then the best of the rest, by its number among all devices. Then two
-# limits on what it uploads.
+# First rule out the devices without data. Then find the best of the rest, and give its number among
+# all devices. Which two things limit what it uploads?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Let the empty devices stay in the array, with an SNR that never wins: then the devices keep their numbers. Would 0 dB
-# do? What if all are empty? The winner uploads the smaller of two amounts.
+# Leave the empty devices in the array, but give them an SNR that never wins, so that all devices
+# keep their numbers. Would 0 dB do? What if all devices are empty? The winner uploads the smaller
+# of two amounts.
 # </details>
 
 # %%
@@ -69,12 +74,12 @@ checks.tdma_slot(slot)
 # %% [markdown]
 # ## 3.2 · Rewards by hand (2 points, 10 minutes)
 #
-# Two short flights, the first with two devices, the second with one. The constants: 1 for each data unit uploaded; −0.2
-# for each step, unless it lands; −1 if the safety controller intervenes; −150 if the flying time runs out without a
-# landing. All that apply to a step are added. The column
-# "the link could carry" says how many data units could go up in the four slots of the step, and from which device; a
-# device cannot upload more than it has left. In the step that ends an episode, be it a landing or a crash, nothing is
-# uploaded.
+# Here are two short flights, the first with two devices and the second with one. The reward is 1
+# for each data unit uploaded, −0.2 for each step unless it lands, −1 if the safety controller
+# intervenes, and −150 if the flying time runs out without a landing. If several of these apply to a
+# step, add them up. The column "the link could carry" says how many data units could go up in the
+# four slots of the step, and from which device; a device cannot upload more than it has left. In
+# the step that ends an episode, be it a landing or a crash, nothing is uploaded.
 #
 # **Flight A.** At the start device 0 has 4.0 data units and device 1 has 3.0.
 #
@@ -95,19 +100,20 @@ checks.tdma_slot(slot)
 # | 2 | 2 | land | not in the landing zone: hovers instead | 1.0 |
 # | 3 | 1 | land | not in the landing zone: hovers instead | 1.5 |
 #
-# Work out the reward of each step with pencil and paper. Return two lists: six numbers for flight A, three for flight
-# B.
+# Work out the reward of each step with pencil and paper. Return two lists: six numbers for flight
+# A, three for flight B.
 #
 # <details><summary>Hint</summary>
 #
-# Ask four questions of each step. What was uploaded? Did it land? Did the controller intervene? Did the time
-# run out without a landing? More than one term may apply.
+# Ask four questions about each step. What was uploaded? Did the UAV land? Did the controller
+# intervene? Did the time run out without a landing? More than one term may apply.
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Keep an account of each device's data left, because a step uploads no more than that, and the step that ends a
-# flight uploads nothing. Only a landing is free of the 0.2, and the last step of flight B has three terms.
+# Keep track of how much data each device has left, because a step uploads no more than that, and
+# the step that ends a flight uploads nothing. Only a landing is spared the 0.2, and the reward of
+# flight B's last step has three terms.
 # </details>
 
 # %%
@@ -123,33 +129,35 @@ checks.rewards_by_hand(rewards_by_hand)
 # %% [markdown]
 # ## 3.3 · The safety controller (3 points, 15 minutes)
 #
-# The UAV is over the cell `cell`, a pair `(row, col)`, in a city with M×M cells, and wants to take the action
-# `action`, a number: 0 north (row − 1), 1 east (col + 1), 2 south (row + 1), 3 west (col − 1), 4 hover, 5 land. The
-# safety controller replaces the action by hovering
+# The UAV is over the cell `cell`, a pair `(row, col)`, in a city with M×M cells, and wants to take
+# the action `action`, a number: 0 north (row − 1), 1 east (col + 1), 2 south (row + 1), 3 west (col
+# − 1), 4 hover, 5 land. The safety controller replaces the action by hovering
 #
 # - if it is a move that leaves the grid or enters a cell in which the UAV may not fly;
 # - if it is `land`, and the UAV is not over the landing zone.
 #
-# Hovering and landing stay in the cell. The city has the number M, `city.size`, and three Boolean layers (M, M),
-# indexed `[row, col]`:
+# A UAV that hovers or lands stays in its cell. The city has the number M, `city.size`, and three
+# Boolean layers (M, M), indexed `[row, col]`:
 #
 # - `city.landing`: the landing zone
-# - `city.no_fly`: where the UAV may not fly, no-fly zones and tall buildings
-# - `city.buildings`: what blocks radio links, tall and low buildings; low ones may be flown over
+# - `city.no_fly`: where the UAV may not fly, that is, no-fly zones and tall buildings
+# - `city.buildings`: what blocks radio links, that is, tall and low buildings; low ones may be
+#   flown over
 #
-# Return two things: the cell in which the UAV is after the step, a pair `(row, col)`, and whether the controller
-# intervened, `True` or `False`.
+# Return two things: the cell in which the UAV is after the step, a pair `(row, col)`, and whether
+# the controller intervened, `True` or `False`.
 #
 # <details><summary>Hint</summary>
 #
-# Four kinds of actions: hovering is always allowed, landing is a matter of one layer, and a move needs two
-# questions about its target, in the right order.
+# There are three kinds of actions. Hovering is always allowed, landing depends on one layer, and a
+# move needs two questions about its target cell, in the right order.
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Work out the target's row and column. Ask first whether they are in the grid, from 0 to M − 1, and only then
-# what city.no_fly says of them. Twice no: the UAV stays in its old cell, and that counts as an intervention.
+# Work out the target's row and column. Ask first whether both are in the grid, from 0 to M − 1, and
+# only if they are, what city.no_fly says about that cell. If the target is outside or forbidden,
+# the UAV stays in its old cell, and that counts as an intervention.
 # </details>
 
 # %%

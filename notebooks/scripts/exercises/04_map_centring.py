@@ -1,11 +1,12 @@
 # %% [markdown]
 # # Exercises 4 · What the network sees
 #
-# These exercises go with notebook `04_map_centring`. You need indexing of numpy arrays.
+# These exercises go with notebook `04_map_centring`. You need to know how numpy arrays are indexed.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
-# never finishes, interrupt the kernel with the stop button.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check
+# says whether the answer is right, and if not, what is probably wrong. Hints are folded away below
+# each task. Your code runs inside this notebook. If it never finishes, interrupt the kernel with
+# the stop button.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -32,27 +33,28 @@ from uavdh_lite.course import checks
 # ## 4.1 · Centre a layer (2 points, 12 minutes)
 #
 # Centre one layer of the map, for one UAV. Use numpy as you like, but try to do without the
-# library's `Observation`, that is the point of the exercise.
+# library's `Observation`, because doing its work yourself is the point of the exercise.
 #
 # - `layer`: an array (M, M) of numbers or Booleans, indexed `[row, col]`
-# - `uav`: a pair `(row, col)`, the cell over which the UAV is
-# - `outside`: the value of all places outside the city, 1 for the no-fly zone and 0 for the other layers, or any
-#   other number
+# - `uav`: a pair `(row, col)`, the cell that the UAV is over
+# - `outside`: the value of all places outside the city, 1 for the no-fly zone and 0 for the other
+#   layers, or any other number
 #
-# Return the centred map, a new array (2M − 1, 2M − 1): the layer, shifted so that the UAV's cell is in the middle,
-# and `outside` everywhere else. Fractions must survive, in the layer (there may be 7.5 data units left) and in `outside`.
+# Return the centred map, a new array (2M − 1, 2M − 1): the layer, shifted so that the UAV's cell is
+# in the middle, and `outside` everywhere else. Fractions must not be lost, either in the layer
+# (there may be 7.5 data units left) or in `outside`.
 #
 # <details><summary>Hint</summary>
 #
-# Begin with a map that has the value `outside` everywhere. Where does the city's corner (0, 0) come to lie if
-# the UAV's cell is in the middle?
+# Begin with a map that has the value `outside` everywhere. Where does the city's corner (0, 0) come
+# to lie if the UAV's cell is in the middle?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the M×M cells from there on are the
-# layer. Or surround the layer by M − 1 cells on all sides (np.pad) and cut out the 2M − 1 rows from uav[0] on,
-# and as many columns from uav[1] on.
+# The city's cell (0, 0) goes to (M − 1 − uav[0], M − 1 − uav[1]), and the M×M cells from there on
+# are the layer. Or surround the layer with M − 1 cells on all sides (np.pad), and cut out 2M − 1
+# rows from row uav[0] on and as many columns from column uav[1] on.
 # </details>
 
 # %%
@@ -74,18 +76,22 @@ checks.centre(centre)
 #
 # Make the centred layer "data left" directly from a list of devices.
 #
-# - `size`: M, the cells on a side of the city
-# - `uav`: a pair `(row, col)`, the cell over which the UAV is
-# - `devices`: a list of such pairs, one for each device, none of them twice; the list may be empty
-# - `data`: an array with the data left of each device
+# - `size`: M, the number of cells on each side of the city
+# - `uav`: a pair `(row, col)`, the cell that the UAV is over
+# - `devices`: a list of such pairs, one for each device, no two of them equal; the list may be
+#   empty
+# - `data`: an array with the data that each device has left
 #
-# Return an array (2M − 1, 2M − 1): at each device's place *as seen from the UAV*, which is in the middle, its data, and 0 everywhere else.
+# Return an array (2M − 1, 2M − 1): at each device's place *as seen from the UAV*, which is in the
+# middle, its data, and 0 everywhere else.
 #
-# How does the shape of your answer depend on the number of devices? That is the point of the exercise.
+# How does the shape of your answer depend on the number of devices? That is the point of the
+# exercise.
 #
 # <details><summary>Hint</summary>
 #
-# A device in the UAV's own cell lies in the middle, at (M − 1, M − 1). Where does one lie that is a row further south?
+# A device in the UAV's own cell lies in the middle, at (M − 1, M − 1). Where does a device lie that
+# is one row further south?
 # </details>
 #
 # <details><summary>Another hint</summary>

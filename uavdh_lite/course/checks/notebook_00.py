@@ -15,8 +15,8 @@ from uavdh_lite.scenario import find_scenario
 @exercise(
     "0.1 · The score of one flight (1 point, 5 minutes)",
     rules={
-        "The score of a UAV that has landed is the sum of all that was collected over the sum of "
-        "all that was there, from 0 to 1. Nothing is rounded.": [
+        "The score of a UAV that has landed is the sum of all that was collected, divided by the "
+        "sum of all that was there: a number from 0 to 1. Nothing is rounded.": [
             ([20.0, 0.0], [20.0, 5.0], True), ([6, 1], [8, 2], True), ([1.5], [6.0], True),
             ([20.0, 5.0], [20.0, 5.0], True), ([0], [3], True), ([2.3, 0.4], [9.2, 6.6], True),
             ([1e-6, 0.0], [2e-6, 1e-6], True), ([1e9, 1.0], [3e9, 1.0], True),
@@ -35,7 +35,7 @@ from uavdh_lite.scenario import find_scenario
         "Every data unit counts the same: do not average ratios. An empty device has no ratio.": (
             lambda c, i, landed: landed * np.mean(np.divide(c, i))
         ),
-        "That is what is left. What was collected counts.": (
+        "That is the share that was left. The score is the share that was collected.": (
             lambda collected, initial, landed: landed * (1 - sum(collected) / sum(initial))
         ),
     },

@@ -14,7 +14,7 @@ from uavdh_lite.streams import Use, stream
     rules={
         "The rate is log2(1 + SNR), with the SNR as a ratio of powers: 0 dB is a ratio of 1, so "
         "the rate there is log2(2) = 1.": [0.0],
-        "10 dB more are ten times the power, so the ratio is 10 ** (snr_db / 10), near 0 dB and "
+        "10 dB more is ten times the power, so the ratio is 10 ** (snr_db / 10), near 0 dB and "
         "far from it. Nothing is rounded.": [
             10.0, -10.0, 3.0, 20, -15.0, 25.5, -30.0, -60.0, 55.25, 150.0, 0.001,
         ],
@@ -27,7 +27,7 @@ from uavdh_lite.streams import Use, stream
         "np.log is the natural logarithm. The rate counts doublings: take np.log2.": (
             lambda snr_db: np.log(1 + 10 ** (snr_db / 10))
         ),
-        "The SNR is given in decibels. Make a ratio of powers of it before you add 1.": (
+        "The SNR is given in decibels. Turn it into a ratio of powers before you add 1.": (
             lambda snr_db: np.log2(1 + snr_db)
         ),
         "The 1 is missing: log2(1 + SNR).": lambda snr_db: np.log2(10 ** (snr_db / 10)),
@@ -88,12 +88,12 @@ def scatters_wrongly(answer) -> str:
     """As many slots as asked for, by the generator's chance; a right answer fails once in 1e7."""
     one, other, again = (answer(0.0, 5.0, 9, stream(Use.EXERCISE, seed)) for seed in (0, 2, 0))
     if one != again or one == other:
-        return "All chance must come from the generator that is passed in, and from nothing else."
+        return "All random numbers must come from the generator that is passed in."
     for draws in (1, 40):
         few = [answer(12.0, 2.0, draws, stream(Use.EXERCISE, seed)) for seed in range(1000)]
         used = (exact(12.0, 2.0)[1] / (np.std(few) + 1e-12)) ** 2
         if not draws / 1.6 < used < 1.6 * draws:
-            said = f"mean_rate(12, 2, {draws}, generator) has the right mean, but scatters as with "
+            said = f"mean_rate(12, 2, {draws}, generator) has the right mean, but scatters like "
             return f"{said}{show(used)} draws: simulate `draws` slots, each with its own fading."
     return ""
 
@@ -110,10 +110,10 @@ def scatters_wrongly(answer) -> str:
         ],
     },
     mistakes={
-        "The fading is far too strong: generator.normal wants the root of the variance.": (
+        "The fading is far too strong: generator.normal expects the root of the variance.": (
             lambda snr_db, variance, *_: exact(snr_db, variance**2)[0]
         ),
-        "On average that is the rate at the mean SNR, which is the median rate, too. Either the "
+        "On average that is the rate at the mean SNR, which is also the median rate. Either the "
         "fading is not added, or the SNRs are averaged before they become rates, or you take the "
         "median. Add a fading to the SNR in each slot, turn each SNR into a rate, then average the "
         "rates.": lambda snr_db, *_: library_rate(snr_db),

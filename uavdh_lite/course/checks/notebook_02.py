@@ -27,15 +27,15 @@ APART = [case for case in DRAWN if case not in TOUCHING]
     "2.1 · Does the ray cross the cell? (1 point, 10 minutes)",
     rules={
         "The segment begins and ends in the middle of a cell, so it crosses both of these. There "
-        "R·c − C·r is 0, less than (|R| + |C|) / 2.": [
+        "R·c − C·r is 0, which is less than (|R| + |C|) / 2.": [
             ((2, 3), (4, 8), (2, 3)), ((2, 3), (4, 8), (4, 8)),
         ],
         "If both ends are the same point, it crosses that cell and no other. There R and C are 0, "
-        "so that nothing is less than (|R| + |C|) / 2: ask for this case by itself.": [
+        "so nothing is less than (|R| + |C|) / 2: treat this case by itself.": [
             ((4, 6), (4, 6), (4, 6)), ((4, 6), (4, 6), (4, 7)),
         ],
         "Along a row or a column the segment runs through the middle of each cell between its "
-        "ends, and through no other; no slope is needed, compare products.": [
+        "ends, and through no other. Compare products, then no slope is needed.": [
             ((3, 2), (3, 7), (3, 5)), ((3, 2), (3, 7), (4, 5)), ((6, 4), (1, 4), (3, 5)),
         ],
         "A cell that is on the line beyond an end of the segment is not crossed: only cells in the "
@@ -88,8 +88,8 @@ def blocked(buildings, device, cell):
         "in an array of Booleans such as np.zeros(shape, bool).": [
             (1, (0, 0)), (2, (1, 0)), (5, (2, 2)),
         ],
-        "A building that the ray crosses hides all behind it, and a UAV over a building is hidden, "
-        "too: True is where the link is blocked.": [
+        "A building that the ray crosses hides everything behind it, and a UAV over a building is "
+        "hidden, too: True is where the link is blocked.": [
             (3, (2, 1), (1, 0), (1, 1), (1, 2)), (4, (1, 3), (0, 1), (1, 1), (2, 1), (3, 1)),
         ],
         "A ray through the corner that two diagonal buildings share is blocked. One that only "
@@ -148,7 +148,7 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
             (2, (0, 1, 1, 0)), (2, (1, 0, 0, 1)), (3, (2, 1, 0, 2)),
             (3, (0, 0, 0, 2), (2, 2, 0, 0)), (2, (0, 0, 0, 0), (0, 0, 1, 0)),
         ],
-        "It must hold for any table; in a large one 16 bits cannot count the asymmetric pairs.": [
+        "It must work for any table; in a large one 16 bits cannot count the asymmetric pairs.": [
             RANDOM[2] < 0.5, RANDOM[2] < 0.9, RANDOM[4] < 0.5, RANDOM[4] < 0.9, RANDOM[24] < 0.5,
             bresenham_fans(BUILDINGS),
         ],
@@ -156,8 +156,8 @@ RANDOM = {m: stream(Use.EXERCISE, m).random((m,) * 4) for m in (2, 4, 24)}
     mistakes={
         "Pairs of a cell with itself are in your count: there are n (n − 1) / 2 pairs of different "
         "cells, not n².": lambda sight: 2 * count_asymmetric(sight) / len(sight) ** 4,
-        "Yours is twice the share: the matrix shows each asymmetric pair twice, at [i, j] and at "
-        "[j, i].": lambda sight: 2 * asymmetric_share.solution(sight),
+        "Your answer is twice the share: the matrix shows each asymmetric pair twice, at [i, j] "
+        "and at [j, i].": lambda sight: 2 * asymmetric_share.solution(sight),
     },
     case=table,
     call=lambda sight: (

@@ -18,8 +18,8 @@ from uavdh_lite.environment import ACTIONS, HOVER, LAND, MOVES
         "rate(snr_db), but no more than is left.": [
             ([2], [9]), ([-30.0], [5.0]), ([60.0], [1000.0]), ([10.0], [0.7]), ([40.0], [1.5]),
         ],
-        "The device with the highest SNR is served, however little it is ahead, and however much "
-        "it has left, if it has any; its number is an index into snr_db.": [
+        "The device with the highest SNR is served, however small its lead is and however little "
+        "it has left, as long as it has any; its number is an index into snr_db.": [
             ([4.0, 9.0, -2.0], [50.0, 30.0, 40.0]), ([5.0, 5.000001, 5.0], [9.0, 8.0, 9.0]),
             ([-3, -1], [9, 9]), ([9.0, 3.0], [1.0, 50.0]), ([10.0, 3.0], [0.7, 8.0]),
         ],
@@ -34,7 +34,7 @@ from uavdh_lite.environment import ACTIONS, HOVER, LAND, MOVES
         ],
     },
     mistakes={
-        "0 dB is not low: other devices may be below. An empty device must get −infinity.": (
+        "0 dB is not low enough: others may be below it. An empty device must get −infinity.": (
             lambda snr_db, left: tdma_slot.solution(snr_db, left, empty=0)
         ),
     },
@@ -66,13 +66,13 @@ def step_of(answer, flight, step):
         "and a UAV that hovers uploads all the same.": [
             ("A", 2), ("B", 2),
         ],
-        "A step uploads no more than the device has left: keep an account of it.": [("A", 4)],
+        "A step uploads no more than the device has left: keep track of that.": [("A", 4)],
         "The step that lands does not pay for the movement, and uploads nothing.": [("A", 6)],
         "The step that ends a flight uploads nothing. The time has run out in the air: the crash "
         "is added to the penalty of the controller and to the 0.2.": [("B", 3)],
     },
     mistakes={
-        "These are the sums of the rewards so far. Give each step's own.": (
+        "These are the sums of the rewards so far. Give the reward of each step alone.": (
             lambda: [np.cumsum(part) for part in rewards_by_hand.solution()]
         ),
     },
@@ -98,7 +98,7 @@ SENTENCES = {
     "free": "North is one row up (row − 1), east one column to the right (col + 1). Nothing is in "
     "the way there, so the controller does not intervene.",
     "low": "The building in the target cell is low and may be flown over: only city.no_fly says "
-    "where the UAV may not go, city.buildings is about the radio link.",
+    "where the UAV may not go; city.buildings is about the radio link.",
     "closed": "The target is a no-fly zone or a tall building, one that is in city.no_fly[row, "
     "col]: the UAV hovers instead, in its cell, and the controller intervenes.",
     "outside": "That leaves the grid: the UAV hovers instead, in its cell, and the controller "

@@ -31,7 +31,7 @@ FRACTIONS = {n: stream(Use.EXERCISE, n).uniform(0, 9, (n, n)).round(3) for n in 
         "M may be any number. With M = 1 the map is the layer.": [(SQUARES[1], (0, 0), 0)],
     },
     mistakes={
-        "The shift goes the wrong way: where the UAV is further north, the city lies further "
+        "The shift goes the wrong way: if the UAV is further north, the city lies further "
         "south.": lambda layer, uav, outside: centre.solution(
             layer, [len(layer) - 1 - u for u in uav], outside
         ),
@@ -64,7 +64,7 @@ def scattered(size, uav, count):
         "M − 1), as its cell lies from the UAV's, and its data stands there; all else is 0.": [
             (3, (1, 1), 1), (3, (0, 2), 2), (4, (3, 1), 2), (8, (0, 6), 5), (2, (1, 0), 1),
         ],
-        "Any number of devices fits, also none, and so does a device below the UAV.": [
+        "Any number of devices fits, even none, and so does a device right below the UAV.": [
             (3, (2, 0), 0), (3, (1, 2), 9), (1, (0, 0), 1), (16, (15, 0), 40),
         ],
     },
@@ -74,8 +74,8 @@ def scattered(size, uav, count):
                 size, (size - 1, size - 1), devices, data
             )
         ),
-        "The signs are turned round: a device further south than the UAV lies below the middle, "
-        "one further east to the right of it.": (
+        "The signs are the wrong way round: a device further south than the UAV lies below the "
+        "middle, one further east to the right of it.": (
             lambda *case: data_layer.solution(*case)[::-1, ::-1]
         ),
         "Rows and columns are swapped: places are (row, col).": (
