@@ -128,11 +128,11 @@ figure
 #
 # ## 1.3 The link budget
 #
-# How strong is the transmitter? The paper does not state $P/\sigma^2$. What it states is
-# the *cell-edge SNR*. This cell is not one of our grid cells, but the area that one station of a
-# phone network serves, which here is the whole map. Between the middle of the map and a device in
-# one of the map's corners, at ground level and in sight, the SNR is −15 dB. From this $P/\sigma^2$
-# follows. Take the distance, compute the loss, and add it to the SNR at the corner:
+# How strong is the transmitter? The paper does not state $P/\sigma^2$ but the *cell-edge SNR*. This
+# cell is not one of our grid cells, but the area that one station of a phone network serves, which
+# here is the whole map. Between the middle of the map and a device in one of the map's corners, at
+# ground level and in sight, the SNR is −15 dB. From this $P/\sigma^2$ follows. Take the distance,
+# compute the loss, and add it to the SNR at the corner:
 
 # %%
 edge_m = np.sqrt(2) * 16 * 10 / 2
@@ -141,9 +141,9 @@ print(f"to the corner: {edge_m:.1f} m, budget: {budget_db:.1f} dB")
 assert np.isclose(budget_db, channel.transmit_snr_db(16))
 
 # %% [markdown]
-# We call $P/\sigma^2$ in decibels the *link budget*. It is the SNR that a link would have at a
-# distance of 1 m, and path loss eats into it. (Elsewhere, “link budget” often means the whole
-# calculation, losses included.)
+# We call $P/\sigma^2$ in decibels the *link budget*. It is the SNR that a link would have at 1 m,
+# and path loss eats into it. (Elsewhere, “link budget” often means the whole calculation, losses
+# included.)
 #
 # A link behind a building has the same budget, because the transmitter does not know what stands in
 # the way. So, apart from luck, it now takes only one subtraction to compute any SNR:
