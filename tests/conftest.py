@@ -28,10 +28,15 @@ def pytest_xdist_auto_num_workers(config) -> int:
 
 
 def pytest_collection_modifyitems(items):
-    """The solutions run as notebooks in the long tests; `test_solutions.py` runs their code."""
+    """Whole files go to the workers in the order of `SLOW`, and the many short ones last.
+
+    `test_solutions.py` runs the code of the solutions, and the project's examples are like its
+    template; as notebooks they run in the `longest` tests.
+    """
     for item in items:
-        if "solutions" in item.path.parts:
+        if "solutions" in item.path.parts or item.path.stem.startswith("example_"):
             item.add_marker("long")
+            item.add_marker("longest")
 
 
 @pytest.fixture(scope="module")

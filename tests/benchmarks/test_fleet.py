@@ -1,28 +1,23 @@
 """What `benchmarks/fleet.py` computes on the device is what the library computes."""
 
 import itertools
-import sys
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
-
-from benchmarks import fleet as program  # noqa: E402
-from benchmarks.fleet import Fleet, Run, packed  # noqa: E402
-from uavdh_lite.checkpoint import load_agent  # noqa: E402
-from uavdh_lite.environment import ACTIONS, Environment, State  # noqa: E402
-from uavdh_lite.experiments.runs import restore_run  # noqa: E402
-from uavdh_lite.recipe import PAPER, SMALL  # noqa: E402
-from uavdh_lite.replay import Batch  # noqa: E402
-from uavdh_lite.scenario import find_scenario  # noqa: E402
-from uavdh_lite.streams import Use, stream  # noqa: E402
-from uavdh_lite.training import Trainer  # noqa: E402
+from benchmarks import fleet as program
+from benchmarks.fleet import Fleet, Run, packed
+from uavdh_lite.checkpoint import load_agent
+from uavdh_lite.environment import ACTIONS, Environment, State
+from uavdh_lite.experiments.runs import restore_run
+from uavdh_lite.recipe import PAPER, SMALL
+from uavdh_lite.replay import Batch
+from uavdh_lite.scenario import find_scenario
+from uavdh_lite.streams import Use, stream
+from uavdh_lite.training import Trainer
 
 VILLAGE = find_scenario("village")
 TINY = replace(

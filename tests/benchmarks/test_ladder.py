@@ -1,15 +1,10 @@
 """The ladder's intervals, and its rows on the same missions."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
-from benchmarks import ladder  # noqa: E402
-from uavdh_lite.storage import read_json, read_table  # noqa: E402
+from benchmarks import ladder
+from uavdh_lite.storage import read_json, read_table
 
 
 def test_intervals_draw_seeds_as_well_as_missions():

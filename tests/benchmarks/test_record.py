@@ -1,6 +1,6 @@
 """The list of recorded studies: runs become tables and agents, and it is known what made them."""
 
-import sys
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks import record
 from uavdh_lite.checkpoint import load_agent, save_agent, shipped_agents
 from uavdh_lite.errors import InputError
 from uavdh_lite.experiments import runs
@@ -15,10 +16,6 @@ from uavdh_lite.recipe import find_recipe
 from uavdh_lite.scenario import find_scenario
 from uavdh_lite.storage import read_json, read_table
 from uavdh_lite.training import Trainer
-
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
-from benchmarks import record  # noqa: E402
 
 LIST = """
 [same]
@@ -35,16 +32,24 @@ TINY = replace(
 )  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory) -> Path:
+    """A folder with two runs."""
+    out = tmp_path_factory.mktemp("trained")
+    for name, recipe in {"one": TINY, "other": replace(TINY, discount=0.9)}.items():
+        trainer = Trainer(find_scenario("village"), recipe, seed=3)
+        runs.train(trainer, out / f"{name}-3", show_progress=False)
+    return out
+
+
 @pytest.fixture
-def folder(tmp_path, monkeypatch) -> Path:
-    """A folder with two runs, and a list that has them as a study."""
+def folder(trained, tmp_path, monkeypatch) -> Path:
+    """A folder with these runs, and a list that has them as a study."""
+    shutil.copytree(trained, tmp_path, dirs_exist_ok=True)
     monkeypatch.setattr(record, "RUNS", tmp_path / "runs")
     monkeypatch.setattr(record, "AGENTS", tmp_path / "agents")
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / "list.toml").write_text(LIST)
-    for name, recipe in {"one": TINY, "other": replace(TINY, discount=0.9)}.items():
-        trainer = Trainer(find_scenario("village"), recipe, seed=3)
-        runs.train(trainer, tmp_path / f"{name}-3", show_progress=False)
     return tmp_path
 
 

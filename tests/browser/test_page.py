@@ -5,6 +5,7 @@ import json
 import re
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -128,29 +129,26 @@ MAIN = {  # what the main task of a tool needs
 }
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_every_tool_fits_its_window(page, size):
-    width, height = SIZES[size]
-    page.set_viewport_size({"width": width, "height": height})
-    for title in TOOLS:
+def test_every_tool_fits_its_window(page):
+    for size, title in product(SIZES, TOOLS):
+        width, height = SIZES[size]
+        page.set_viewport_size({"width": width, "height": height})
         open_tool(page, title)
-        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), title
-        assert page.evaluate("document.documentElement.scrollHeight <= innerHeight"), title
-        assert page.locator(".tool").evaluate("each => each.scrollWidth <= each.clientWidth"), title
+        at = size, title
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), at
+        assert page.evaluate("document.documentElement.scrollHeight <= innerHeight"), at
+        assert page.locator(".tool").evaluate("each => each.scrollWidth <= each.clientWidth"), at
         rooms = page.locator(".bar .room").evaluate_all(
             "all => all.filter((each) => each.checkVisibility()).map((each) => each.offsetWidth)"
         )
-        assert min(rooms, default=15) >= 15, title
+        assert min(rooms, default=15) >= 15, at
         sides = page.locator(".flight .side").evaluate_all(
             "all => all.every((each) => each.scrollWidth <= each.clientWidth)"
         )
-        assert sides, title
-        if (size, title) not in {
-            ("half", "Compare"),
-            ("half", "Watch"),
-        }:  # these scroll in the panel
+        assert sides, at
+        if at not in {("half", "Compare"), ("half", "Watch")}:  # these scroll in the panel
             for needed in (".map svg", *MAIN[title]):
-                assert visible(page, needed), (title, needed)
+                assert visible(page, needed), (at, needed)
         expect(page.locator(".tool .legend")).to_have_count(1)
 
 
@@ -173,14 +171,16 @@ def test_no_type_is_small_on_a_projector_and_no_page_half_empty(page):
         assert map_height > (640 if title == "Compare" else 900)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("title", TOOLS)
-def test_no_barriers(page, title, scheme):
-    page.emulate_media(color_scheme=scheme)
-    open_tool(page, title)
-    found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
-    told = [(v["id"], [n["target"] for n in v["nodes"]][:5], v["help"]) for v in found]
-    page.emulate_media(color_scheme="light")
+def test_no_barriers(page):
+    """In the dark, the colours alone are others."""
+    told = []
+    for scheme, rules in (("dark", {"runOnly": ["color-contrast"]}), ("light", {})):
+        page.emulate_media(color_scheme=scheme)
+        for title in TOOLS:
+            open_tool(page, title)
+            found = Axe().run(page, options={"resultTypes": ["violations"], **rules})
+            for v in found.response["violations"]:
+                told.append((scheme, title, v["id"], [n["target"] for n in v["nodes"]][:5]))
     assert told == []
 
 

@@ -1,13 +1,16 @@
-"""Every check accepts the solution next to it; the long tests run the solutions as notebooks."""
+"""Every check accepts the solution next to it; the longest tests run the solutions as notebooks."""
 
 import jupytext
 import pytest
 from mutants import SCRIPTS, code_of
 
-QUICK = [script for script in sorted(SCRIPTS.glob("*.py")) if script.stem != "07_training"]
+SHEETS = [  # on one of them, agents are trained
+    pytest.param(path, id=path.stem, marks=[pytest.mark.long] * (path.stem == "07_training"))
+    for path in sorted(SCRIPTS.glob("*.py"))
+]
 
 
-@pytest.mark.parametrize("script", QUICK, ids=lambda script: script.stem)
+@pytest.mark.parametrize("script", SHEETS)
 def test_solutions_pass(script, capsys):
     answers = {"__name__": "answers"}
     notebook = jupytext.reads(code_of(script), "py:percent")

@@ -1,7 +1,6 @@
 """The teaching guide: its plans add up, its tables are complete, its exam's points are right."""
 
 import re
-import sys
 from pathlib import Path
 
 import pytest
@@ -9,7 +8,6 @@ import pytest
 from uavdh_lite.course.checks import EXERCISES
 
 DOCS = Path(__file__).parents[2] / "docs"
-sys.path.insert(0, str(DOCS / "_extensions"))
 tables = pytest.importorskip("tables")
 COURSE = [f"{number:02d}" for number in range(10)]
 

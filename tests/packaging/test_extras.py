@@ -9,8 +9,6 @@ import sys
 import tomllib
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
 BLOCK = """
@@ -21,8 +19,14 @@ class Missing:
             raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
 sys.meta_path.insert(0, Missing())
 """
-IMPORT_ALL = """
+COMMANDS = {
+    "export --checkpoint manhattan": "onnx",
+    "city town.geojson --centre 50,8": "footprints",
+    "trace munich": "sionna",
+}
+CALL_ALL = """
 import importlib, pkgutil, uavdh_lite
+from uavdh_lite.cli.main import main
 from uavdh_lite.errors import MissingExtra
 for module in pkgutil.walk_packages(uavdh_lite.__path__, "uavdh_lite.", onerror=lambda name: None):
     if not module.name.endswith("__main__"):
@@ -30,8 +34,9 @@ for module in pkgutil.walk_packages(uavdh_lite.__path__, "uavdh_lite.", onerror=
             importlib.import_module(module.name)
         except MissingExtra as error:
             print(module.name, error)
+for command in {commands}:
+    assert main(command.split()) == 2
 """
-RUN = "from uavdh_lite.cli.main import main; sys.exit(main({arguments!r}.split()))"
 
 
 def packages(extras=EXTRAS):
@@ -41,41 +46,14 @@ def packages(extras=EXTRAS):
     return {named.get(name, name) for name in found - {"uavdh-lite"}} - {"hypothesis", "pytest"}
 
 
-def run(code, cwd):
-    blocked = BLOCK.format(packages=packages(set(EXTRAS) - {"test"}))
-    return subprocess.run(
-        [sys.executable, "-c", blocked + code], capture_output=True, text=True, cwd=cwd
-    )
-
-
-def test_a_module_imports_or_names_the_extra_that_it_needs(tmp_path):
-    done = run(IMPORT_ALL, tmp_path)
+def test_a_module_imports_or_names_the_extra_that_it_needs_and_so_does_a_command(tmp_path):
+    code = BLOCK.format(packages=packages(set(EXTRAS) - {"test"}))
+    command = [sys.executable, "-c", code + CALL_ALL.replace("{commands}", str([*COMMANDS]))]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    for said, extra in zip(done.stderr.splitlines(), COMMANDS.values(), strict=True):
+        assert f"uavdh-lite[{extra}]" in said
     missing = dict(line.split(" ", 1) for line in done.stdout.splitlines())
     assert all(re.search(r"uavdh-lite\[(\w+)\]'$", said)[1] in EXTRAS for said in missing.values())
     rooms = {"labs", "course", "bridges"}
     assert missing and {name.split(".")[1] for name in missing} <= rooms, missing
-    path = (
-        "training",
-        "evaluation",
-        "checkpoint",
-        "policies",
-        "plotting",
-        "player",
-        "beyond.genie",
-    )
-    assert not missing.keys() & {f"uavdh_lite.{name}" for name in path}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "extra"),
-    [
-        ("export --checkpoint manhattan", "onnx"),
-        ("city town.geojson --centre 50,8", "footprints"),
-        ("trace munich", "sionna"),
-    ],
-)
-def test_a_command_names_the_extra_that_it_needs(arguments, extra, tmp_path):
-    done = run(RUN.format(arguments=arguments), tmp_path)
-    assert done.returncode == 2 and f"uavdh-lite[{extra}]" in done.stderr
-    assert "Traceback" not in done.stderr
