@@ -127,13 +127,6 @@ class Grows(_Base):
         return [self.places[-1], *(self.places[k] for k in rest)]
 
 
-class WithoutReplacement(_Base):
-    def sample(self, size, generator):
-        stored = self.stored()
-        order = generator.permutation(len(stored))[: size - 1]
-        return [self.places[(self.count - 1) % self.capacity], *(stored[k] for k in order)]
-
-
 class LastPlaceNever(_Base):
     def sample(self, size, generator):
         stored = self.stored()
@@ -299,12 +292,6 @@ def minus_one_is_near(distance, next_cell, cell, time_left):
     return in_time
 
 
-def landing_everywhere(distance, next_cell, cell, time_left):
-    in_time = moves_home(distance)[next_cell[cell]] + 2 <= time_left[:, None]
-    in_time[:, 5] = True
-    return in_time
-
-
 def landing_in_the_zone(distance, next_cell, cell, time_left):
     in_time = moves_home(distance)[next_cell[cell]] + 2 <= time_left[:, None]
     in_time[:, 5] = distance[cell] == 0
@@ -352,11 +339,6 @@ def by_hand(flight, step, reward):
     return lambda: given
 
 
-def mean_ratio(collected, initial, landed):
-    ratios = [c / i for c, i in zip(collected, initial, strict=True) if i]
-    return sum(ratios) / len(ratios) if landed else 0
-
-
 def faded(chance):
     """The mean rate with other chance than that of the generator."""
 
@@ -370,10 +352,8 @@ OUT_AND_BACK = ["east"] * 6 + ["hover"] * 3 + ["west"] * 6
 ROWS = "LL.............. " * 2 + "................ " * 14
 MISTAKES = {
     "flight_score": [
-        (mean_ratio, "do not average the devices' own ratios"),
         (lambda c, i, landed: max(c) / max(i) * landed, "sum of all that was collected"),
         (lambda c, i, landed: sum(c) / sum(i), "has not landed scores 0"),
-        (lambda c, i, landed: (c.sort(), sum(c) / sum(i) * landed)[1], "changes what it is given"),
     ],
     "pilots": [
         ({"A": "greedy", "B": "random", "C": "ddqn"}, "nearest device"),
@@ -394,23 +374,11 @@ MISTAKES = {
     ],
     "rate_from_snr": [
         (lambda snr_db: np.log2(1 + 10 ** (float(snr_db) / 10)), "stops with TypeError.*An array"),
-        (lambda snr_db: np.log2(10 ** (snr_db / 10)), "The 1 is missing"),
         (lambda snr_db: np.log2(2 + 10 ** (snr_db / 10)), "0 dB is a ratio of 1"),
     ],
     "same_path_loss": [(lambda d: d ** (2.27 / 3.64), "in sight is the longer")],
     "mean_rate": [
-        (
-            lambda snr, var, n, g: to_rate(
-                snr + np.random.default_rng(0).normal(0, var**0.5, n)
-            ).mean(),
-            "passed in",
-        ),
-        (
-            lambda snr, var, n, g: to_rate(
-                snr + np.random.default_rng().normal(0, var**0.5, n)
-            ).mean(),
-            "passed in",
-        ),
+        (faded(lambda _: np.random.default_rng(0)), "passed in"),
         (lambda snr, var, n, g: to_rate(snr + g.normal(0, var**0.5)), "Simulate `draws` slots"),
         (
             lambda snr, var, n, g: (to_rate(snr) + g.normal(0, var**0.5, n)).mean(),
@@ -425,7 +393,6 @@ MISTAKES = {
     ],
     "shadow_map": [
         (lambda b, d: b.copy(), "hides all behind it"),
-        (lambda b, d: np.zeros(b.shape), r"but an array of Booleans is expected\.$"),
     ],
     "asymmetric_share": [
         (lambda s: (s != s.T).mean(), r"not a pair with itself, \[i, j, i, j\]"),
@@ -459,8 +426,6 @@ MISTAKES = {
     "data_layer": [
         (lambda size, uav, devices, data: np.zeros((size, size)), r"expected \(5, 5\)"),
         (lambda size, uav, devices, data: np.zeros((2 * size - 1,) * 2), "its data stands there"),
-        (lambda *case: checks.data_layer.solution(*case).T, "Rows and columns are swapped"),
-        (lambda *case: checks.data_layer.solution(*case)[::-1, ::-1], "further south"),
     ],
     "fitted_line": [
         (one_after_the_other, "Compute both slopes first"),
@@ -468,7 +433,6 @@ MISTAKES = {
         (lambda x, y, rate, steps: checks.fitted_line.solution(x, y, rate, 1), "without a step"),
     ],
     "convolve": [
-        (lambda layer, kernel, bias: layer * kernel[0, 0], "the shape"),
         (
             lambda layer, kernel, bias: checks.convolve.solution(layer, kernel[::-1, ::-1], bias),
             "neither turned nor mirrored",
@@ -478,7 +442,6 @@ MISTAKES = {
     "learned_table": [
         (table_learner(alpha=1), "the share α of the way"),
         (table_learner(best=np.min), "largest Q-value of the next cell"),
-        (table_learner(best=np.mean), "largest Q-value of the next cell"),
         (table_learner(gamma=0.95), "y is the reward plus γ times"),
         (table_learner(after_the_end=1), "the reward alone. That matters where"),
         (lambda *case: np.zeros((4, 4)), r"array of shape \(4, 4, 4\)"),
@@ -548,7 +511,6 @@ MISTAKES = {
     ],
     "lead": [
         (lambda a, b: lead_of(a - b, len(a) - 1), "1.96 standard errors"),
-        (lambda a, b: lead_of(a - b)[:2], "3 values are expected"),
     ],
     "permutation_p": [
         (values_for_positions, "deal out positions"),
@@ -560,7 +522,6 @@ MISTAKES = {
     "missions_needed": [
         (lambda share, crashes: int(share * 3.8416 / (1 - share)) + 1, "n − crashes of n missions"),
         (lambda share, crashes: 381, "smallest n at which"),
-        (lambda share, crashes: 381.0, "a whole number is expected"),
     ],
     "defeat": [
         ("L .\n. .", "it must have 16"),
@@ -572,18 +533,15 @@ MISTAKES = {
         (Grows, "the ring does not grow"),
         (OneLess, r"ValueError: high <= 0, in line \d+, `.*`\. The (newest|other) item"),
         (Replay, "of uavdh_lite.replay. Write it yourself"),
-        (WithoutReplacement, "a list of length 2, expected 3"),
         (LastPlaceNever, "upper end|all stored ones"),
         (OwnChance, "earlier calls|passed in"),
     ],
     "prioritised": [
         (lambda e, floor: (np.full(len(e), 1 / len(e)), np.ones(len(e))), "in proportion"),
-        (lambda error, floor: abs(error) + floor, "2 values are expected"),
     ],
     "old_share": [(lambda capacity, before, after: 0.5, "all items are there")],
     "failsafe_mask": [
         (minus_one_is_near, "no way home, distance −1"),
-        (landing_everywhere, "Only in the zone"),
         (landing_in_the_zone, "`land` outside the zone"),
     ],
     "data_of_a_step": [
@@ -597,7 +555,6 @@ MISTAKES = {
     ],
     "shadow_reach": [
         (lambda left, step: step, "mean product of all pairs"),
-        (lambda left, step: None, "Is there a `return`"),
     ],
     "corrected": [
         (lambda line, heard, w: np.average(heard, weights=w), "Add to the line|stops with"),

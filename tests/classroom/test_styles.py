@@ -4,7 +4,6 @@ import bisect
 import copy
 import functools
 import itertools
-import math
 from decimal import Decimal
 from fractions import Fraction
 
@@ -87,15 +86,6 @@ def test_numbers_of_any_type_pass(name):
         checks.EXERCISES[name](lambda *arguments, form=form: form(solved(name)(*arguments)))
 
 
-def by_logarithms(q_values, temperature):
-    return torch.exp(q_values / temperature - torch.logsumexp(q_values / temperature, 1, True))
-
-
-def by_one_hot(reward, terminal, discount, online_next, target_next):
-    chosen = torch.nn.functional.one_hot(online_next.argmax(1), 6).to(target_next)
-    return torch.where(terminal, reward, reward + discount * (chosen * target_next).sum(1))
-
-
 def by_sets(a, b):
     values = [Fraction(float(x)).limit_denominator(10**7) for x in (*a, *b)]
     total, places = sum(values), range(len(values))
@@ -117,34 +107,6 @@ def by_the_library(share, crashes):
     return bisect.bisect_left(range(crashes + 1, enough), share, key=low) + crashes + 1
 
 
-def by_steps(layers, action, turns, mirrored):
-    """One quarter turn after the other, and the moves by their names."""
-    seen, names = layers, ["north", "east", "south", "west", "hover", "land"]
-    own = list(names)
-    if mirrored:
-        seen, own[1], own[3] = seen[..., ::-1], "west", "east"
-    for _ in range(turns):
-        seen = np.rot90(seen, axes=(1, 2))
-        own = [dict(north="west", west="south", south="east", east="north").get(o, o) for o in own]
-    return seen, names.index(own[action])
-
-
-def by_matrix(values, city):
-    off = values - np.mean(values)
-    count = len(set(city.tolist()))
-    together = off @ (city[:, None] == city) @ off
-    return 1.96 * math.sqrt(count / (count - 1) * max(together, 0)) / len(city)
-
-
-def by_loop(distance, next_cell, cell, time_left):
-    result = np.full((len(cell), 6), False)
-    for b, (here, left) in enumerate(zip(cell.tolist(), time_left.tolist(), strict=True)):
-        for action in range(6):
-            there = distance[next_cell[here][action]]
-            result[b, action] = 0 <= there <= left - 2 or (action == 5 and distance[here] == 0)
-    return result
-
-
 def by_fractions(start, end, cell):
     """Cuts the segment at the four edges of the cell."""
     low, high = Fraction(0), Fraction(1)
@@ -155,11 +117,6 @@ def by_fractions(start, end, cell):
             ends = sorted((Fraction(2 * (c - a) + s, 2 * (b - a))) for s in (-1, 1))
             low, high = max(low, ends[0]), min(high, ends[1])
     return low < high
-
-
-def correlated(layer, kernel, bias):
-    one, other = (torch.tensor(x, dtype=torch.float64)[None, None] for x in (layer, kernel))
-    return torch.nn.functional.conv2d(one, other)[0, 0] + bias
 
 
 def by_dictionary(step, start, flights, gamma, alpha, generator):
@@ -216,16 +173,9 @@ OTHERS = {
     "learned_table": by_dictionary,
     "learned_network": by_mask,
     "learned_calmly": by_mask_calmly,
-    "view": by_steps,
-    "clustered_half_width": by_matrix,
-    "stable_policy": lambda q, beta: by_logarithms(q.double(), beta).float(),
     "permutation_p": by_sets,
     "missions_needed": by_the_library,
-    "double_target": by_one_hot,
-    "rate_from_snr": lambda snr_db: np.logaddexp2(0, np.asarray(snr_db) / 10 * np.log2(10)),
-    "failsafe_mask": by_loop,
     "crosses": by_fractions,
-    "convolve": lambda layer, kernel, bias: correlated(layer, kernel, bias).clip(min=0).numpy(),
 }
 
 

@@ -5,6 +5,7 @@ import sys
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -103,12 +104,16 @@ class Exercise:
         rows = [(rule, row) for rule, several in self.rules.items() for row in several]
         return [(rule, self.case(*(row if type(row) is tuple else (row,)))) for rule, row in rows]
 
+    @cached_property
+    def _right(self) -> list:
+        """What the solution gives in each case: of some exercises that takes a second."""
+        return [self.ask(self.solution, *case) for _, case in self.cases()]
+
     def _wrong_case(self, answer) -> str:
         """The mistake that an answer makes, or the rule whose case fails first."""
         cases = self.cases()
         given = [self._asked(answer, case) for _, case in cases]
-        right = [self.ask(self.solution, *case) for _, case in cases]
-        told = list(map(self._told, given, right))
+        told = list(map(self._told, given, self._right))
         if not any(told):
             return self._asked_again(answer, cases, given)
         for sentence, mistake in self.mistakes.items():
@@ -125,7 +130,7 @@ class Exercise:
             return said  # a slip that no rule explains, unless it is a TypeError in a later rule
         if re.search(r", but .* (is|are) expected$", told[k]):
             return said  # nor does one explain that the value is of another kind
-        if given[k] is None and not any(value is None for value in right):
+        if given[k] is None and not any(value is None for value in self._right):
             return f"{said} Is there a `return` in every branch?"
         return f"{said} {cases[k][0]}"
 
