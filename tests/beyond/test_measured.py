@@ -140,18 +140,6 @@ def test_a_fit_finds_the_exponents_of_another_channel(model):
     assert belief.mean_snr_db[known] == pytest.approx(truth[known], abs=0.01)
 
 
-def test_a_spread_is_worth_more_data_where_the_mean_is_low(model):
-    """log2(1 + SNR) is convex in dB: the mean rate is above the rate of the mean."""
-    noise = stream(Use.TEST).normal(0, 6, (model.size**2,) * 2)
-    belief = expected(model, measured_everywhere(modelled_snr_db(model) + noise, model))
-    known = links(model) & (modelled_snr_db(model) < -10)
-    assert (belief.mean_snr_db[known] > modelled_snr_db(model)[known] + 1).all()
-    samples = rate(
-        modelled_snr_db(model)[known][:50, None] + stream(Use.TEST, 1).normal(0, 6, 20_000)
-    )
-    assert rate(belief.mean_snr_db[known][:50]) == pytest.approx(samples.mean(1), rel=0.25)
-
-
 def test_too_few_snrs_leave_the_models_line(model):
     device, uav = np.nonzero(links(model) & model.sight[0])
     few = Heard(device[:10], uav[:10], np.full(10, 20.0))
@@ -177,24 +165,6 @@ def test_one_snr_moves_its_link_half_way_and_those_nearby_less(model):
         spread_db = model.channel.fading_db(1, model.sight[0, device, cell])
         rates = rate(mean_db + spread_db / np.sqrt(heard_here + 1) * z)
         assert rate(belief[device, cell]) == pytest.approx(rates @ density, rel=1e-4)
-
-
-def test_link_by_link_a_shadow_that_is_not_on_the_map_is_learned_where_it_was_heard(model):
-    """A device's corner of the city is 15 dB worse than any line says."""
-    truth = modelled_snr_db(model)
-    device, uav = np.nonzero(links(model))
-    row, col = np.divmod(device, model.size)
-    corner = (row < 3) & (col > 4)
-    truth[device[corner], uav[corner]] -= 15
-    found = Heard(device, uav, truth[device, uav])
-    errors = [
-        np.abs(expected(model, found, near).mean_snr_db - truth)[device, uav][corner].mean()
-        for near in (None, 1.0)
-    ]
-    assert corner.sum() > 50 and errors[1] < errors[0] / 3
-    away = Heard(*(part[~corner] for part in found))
-    blind = [expected(model, away, near).mean_snr_db[device, uav] for near in (None, 1.0)]
-    assert np.abs(blind[0] - blind[1]).max() < 6  # what was not heard does not change by much
 
 
 def test_what_was_heard_often_is_believed_with_less_spread(model):

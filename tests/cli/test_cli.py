@@ -149,7 +149,9 @@ def test_without_a_checkpoint_the_agent_flies_that_knows_the_city_best(tmp_path,
     assert capsys.readouterr().out == by_default
     for city, scenario in (("random:2:5", "any_city"), ("open_field", "open_field")):
         assert main(["evaluate", "--episodes", "2", "--city", city]) == 0
-        assert f"{scenario}: 2 random missions" in capsys.readouterr().out
+        header, _, row = capsys.readouterr().out.splitlines()
+        assert f"{scenario}: 2 random missions over " in header and ", seed 0" in header
+        assert row.split()[0] in shipped_agents()
 
 
 @pytest.mark.parametrize(("command", "name"), [("train", "lite"), ("study", "told")])
@@ -186,9 +188,6 @@ def test_help_shows_the_values_of_the_scenario_that_is_named(capsys):
         ("train --scenario mars", "mars"),
         ("train --recipe secret --help", "secret"),
         ("train --recipe", "--recipe"),
-        ("train --discount 2", "discount"),
-        ("train --return-steps 1000000", "return_steps is 1000000, must be at least 1 and at most"),
-        ("train --steps 5000", "replay_prefill is 10000, must be at most steps, 5000"),
         ("fly --mission m.json --city village", "leave out --city and --seed"),
         ("fly --mission m.json --seed 0", "leave out --city and --seed"),
         ("fly --checkpoint any_city", "any_city over 3000 cities: .*--city"),
@@ -200,33 +199,20 @@ def test_help_shows_the_values_of_the_scenario_that_is_named(capsys):
         ("fly --save-mission a.png", "must end in .json"),
         ("evaluate --checkpoint=", "--checkpoint is empty"),
         ("evaluate --city=", "--city is empty"),
-        ("train --out=", "--out is empty"),
-        ("evaluate --episodes 9999999999999999999", "--episodes"),
-        ("study --variants as_it_is observation=x", "observation is 'x'"),
         ("study --variants leak=0,leak=0.5", "gives leak twice"),
-        ("study --variants kernels=null", "kernels is None, must be a whole number"),
         ("study --variants name=../x", "write FIELD=VALUE"),
         ("study --variants as_it_is kernel_size=60", "variant 'kernel_size=60': a map of 31×31"),
         ("train --discoun 1", "--discount"),
-        ("train --steps 1.5", "--steps"),
         ("train --hidden 16 1.5", "--hidden"),
-        ("train --seed 99999999999999999999", "seed 99999999999999999999"),
-        ("train --crash-reward nan", "crash_reward is nan"),
-        ("train --data 1 inf", "data"),
         ("train --device cuda", "cuda"),
-        ("train --devices 1 2000", "devices from 1 to 2000"),
         ("train --failsafe", "--failsafe"),  # `lite` has none
         ("train fast", "fast"),
         ("train --city nowhere.png", "nowhere.png"),
         ("evaluate --checkpoint any_city --city harbour", "32"),
-        ("fly --out flight.doc", "flight.doc"),
         ("export --out a.onnx", "--checkpoint"),
         ("evaluate --checkpoint none.safetensors", "none.safetensors"),
         ("evaluate --episodes 0", "--episodes"),
         ("evaluate --checkpoint manhattan --city metropolis", "metropolis"),
-        ("evaluate --city random:1:0:60", "60 × 60"),
-        ("evaluate --checkpoint any_city --city random:3", "random:3"),
-        ("evaluate --city random:0:1", "0"),
         ("evaluate --city atlantis", "atlantis"),
         ("city nowhere.geojson --centre 50", "two numbers"),
         ("city nowhere.geojson", "--centre"),
@@ -235,7 +221,6 @@ def test_help_shows_the_values_of_the_scenario_that_is_named(capsys):
         ("challenge", "--help"),
         ("challenge score nobody", "nobody"),
         ("challenge show nowhere.json", "nowhere.json"),
-        ("app --port 65536", "--port"),
         ("app --no-browser --out city.png", "city.png: must end in .html"),
     ],
 )
@@ -358,13 +343,6 @@ def test_help_is_plain_text_of_the_terminals_width_and_the_list_of_commands_need
         assert all(f"│ {name} " in printed for name in COMMANDS)
 
 
-def test_evaluate_says_what_it_flew_over_and_with_whom(capsys):
-    assert main(["evaluate", "--city", "village", "--episodes", "2"]) == 0
-    header, _, row = capsys.readouterr().out.splitlines()
-    assert "2 random missions over village, seed 0" in header
-    assert row.split()[0] in shipped_agents()
-
-
 @pytest.mark.filterwarnings("default")
 def test_a_warning_is_one_line(tmp_path, capsys):
     walled = City.from_text(
@@ -401,10 +379,9 @@ def test_a_training_stopped_before_a_validation_says_that_it_has_no_best_agent(t
     assert f"best agent: {best}" in capsys.readouterr().out and best.exists()
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
-def test_help_is_printed_where_not_every_letter_can_be(encoding):
+def test_help_is_printed_where_not_every_letter_can_be():
     command = [sys.executable, "-m", "uavdh_lite", "train", "--help"]
-    environment = {**os.environ, "PYTHONIOENCODING": encoding}
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     done = subprocess.run(command, capture_output=True, env=environment)
     assert done.returncode == 0 and b"discount factor" in done.stdout and not done.stderr
 

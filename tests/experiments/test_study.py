@@ -21,6 +21,7 @@ from uavdh_lite.beyond.recipes import TOLD
 from uavdh_lite.checkpoint import load, load_agent
 from uavdh_lite.cli.main import main
 from uavdh_lite.errors import InputError
+from uavdh_lite.experiments import runs
 from uavdh_lite.experiments.runs import SAVED, train
 from uavdh_lite.experiments.study import (
     centring,
@@ -228,23 +229,33 @@ def test_a_run_of_the_shortest_curve_takes_one_thread(tmp_path):
     assert read_table(tmp_path / "a-0" / "training.csv")["steps"].tolist() == [BIN]
 
 
-def test_two_studies_share_no_folder(tmp_path):
-    with (
-        FileLock(tmp_path / "lock"),
-        pytest.raises(InputError, match="another process is training there"),
+def test_two_studies_share_no_folder_and_no_more_do_two_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr(runs, "LOCK_SECONDS", 0)
+    village = find_scenario("village")
+    for work in (
+        lambda: run_study(village, centring(RECIPE), 1, tmp_path),
+        lambda: train(Trainer(village, RECIPE, 0), tmp_path, resume=True),
     ):
-        run_study(find_scenario("village"), centring(RECIPE), 1, tmp_path)
+        with FileLock(tmp_path / "lock"), pytest.raises(InputError, match="another process is"):
+            work()
+
+
+@pytest.fixture(scope="module")
+def longer(tmp_path_factory):
+    """Options of longer runs, and a folder with two of these runs."""
+    out, recipe = tmp_path_factory.mktemp("longer"), replace(RECIPE, steps=40_960)
+    for kind, own in centring(replace(recipe, validation_interval=20_480)).items():
+        train(Trainer(find_scenario("village"), own, 0), out / f"{kind}-0")
+    return ("--steps", "40960", "--validation-interval", "20480"), out
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
-def test_a_stopped_study_leaves_no_process_and_goes_on_to_the_same_runs(
-    finished, tmp_path, capsys, number
-):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_a_stopped_study_leaves_no_process_and_goes_on_to_the_same_runs(longer, tmp_path, number):
     """The signal goes to the parent alone, at a random moment; the workers save and end with it."""
-    longer = ("--steps", "40960", "--validation-interval", "20480")
+    options, whole = longer
     process = subprocess.Popen(
-        [sys.executable, "-m", "uavdh_lite", *study(tmp_path, *longer, "--jobs", "2")],
+        [sys.executable, "-m", "uavdh_lite", *study(tmp_path, *options, "--jobs", "2")],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
@@ -264,37 +275,7 @@ def test_a_stopped_study_leaves_no_process_and_goes_on_to_the_same_runs(
     if number != signal.SIGKILL:
         assert process.returncode == 130 and "the same command continues" in message
         assert not (tmp_path / "stop").exists()
-    assert main(study(tmp_path, *longer, "--jobs", "2")) == 0
-    recipe = replace(RECIPE, steps=40_960, validation_interval=20_480)
+    assert main(study(tmp_path, *options, "--jobs", "2")) == 0
     for name in ("centred-0", "non_centred-0"):
-        recipe = replace(recipe, observation=name.removesuffix("-0"))
-        train(Trainer(find_scenario("village"), recipe, 0), tmp_path / "whole" / name)
-        ours, theirs = (
-            load(out / name / SAVED, "training")[0] for out in (tmp_path, tmp_path / "whole")
-        )
+        ours, theirs = (load(out / name / SAVED, "training")[0] for out in (tmp_path, whole))
         assert all(torch.equal(ours[key], theirs[key]) for key in theirs)
-
-
-@pytest.mark.long
-def test_a_killed_study_goes_on_to_the_same_runs_with_any_number_of_jobs(
-    finished, tmp_path, capsys
-):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "uavdh_lite", *study(tmp_path, "--jobs", "2")],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    while not list(tmp_path.glob(f"*/{SAVED}")):
-        assert process.poll() is None
-        time.sleep(0.01)
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-    time.sleep(0.5)  # the workers of the killed process are gone
-    saved = list(tmp_path.glob(f"*/{SAVED}"))
-    assert len(saved) < 4 or any(load(path, "training")[1]["steps"] < 5120 for path in saved)
-    assert main(study(tmp_path, "--jobs", "2")) == 0
-    assert_same_runs(tmp_path, finished[0])
-    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert [row[0] for row in rows[1:3]] == ["centred", "non_centred"] and len(rows[1]) == 3
-    assert (tmp_path / "curves.png").stat().st_size > 5000

@@ -45,38 +45,6 @@ def reference_line_of_sight(buildings, device, uav) -> bool:
     return True
 
 
-def ray(start, end):
-    """The cells from start to end: at each step either the row or the column advances."""
-    row, col = start
-    dx, dy = abs(end[1] - col), -abs(end[0] - row)
-    err = dx + dy
-    cells = [(row, col)]
-    while (row, col) != tuple(end):
-        if 2 * err - dy > dx - 2 * err:
-            err += dy
-            col += 1 if end[1] > col else -1
-        else:
-            err += dx
-            row += 1 if end[0] > row else -1
-        cells.append((row, col))
-    return cells
-
-
-def reference_bresenham(buildings, device):
-    """What the rays from a device cell to every border cell meet before a building."""
-    size = len(buildings)
-    visible = set()
-    for row in range(size):
-        for col in range(size):
-            if row not in (0, size - 1) and col not in (0, size - 1):
-                continue
-            for cell in ray(device, (row, col)):
-                if buildings[cell[0]][cell[1]]:
-                    break
-                visible.add(cell)
-    return visible
-
-
 def exact_sight(buildings):
     """Of one city: `sight(device, uav)`, each pair computed once."""
     return cache(lambda device, uav: reference_line_of_sight(buildings, device, uav))

@@ -1,5 +1,4 @@
 import copy
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from uavdh_lite.environment import Rewards
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate, fly
 from uavdh_lite.experiments.runs import restore_run, save_run
-from uavdh_lite.recipe import PAPER
 from uavdh_lite.streams import Use, stream
 from uavdh_lite.training import CURVES, Trainer
 
@@ -113,16 +111,6 @@ def test_what_a_training_is_not_made_of_is_refused_at_once(
     right = {"scenario": corridor_scenario, "recipe": quick, "seed": 0, "city": corridor}
     with pytest.raises(InputError, match=named):
         Trainer(**{**right, **given})
-
-
-@pytest.mark.parametrize("kind", ["centred", "non_centred"])
-def test_the_paper_recipe_runs(corridor, corridor_scenario, kind):
-    changes = {"observation": kind, "kernel_size": 3, "hidden": (16,), "batch_size": 32}
-    recipe = replace(PAPER, replay_prefill=60, steps=80, **changes)
-    trainer = Trainer(corridor_scenario, recipe, 0, corridor)
-    before = run(trainer, 0)
-    assert run(trainer) != before
-    assert trainer.updates == 21  # one a step, from the last of the prefill on
 
 
 def test_a_row_of_the_learning_curve_has_the_means_of_the_counted_episodes(trainer, monkeypatch):
