@@ -31,7 +31,7 @@ def pytest_collection_modifyitems(items):
     """Whole files go to the workers in the order of `SLOW`, and the many short ones last.
 
     `test_solutions.py` runs the code of the solutions, and the project's examples are like its
-    template; as notebooks they run in the `longest` tests.
+    template; as notebooks they are `longest` tests.
     """
     for item in items:
         if "solutions" in item.path.parts or item.path.stem.startswith("example_"):

@@ -136,7 +136,7 @@ def test_flights_draw_actions_and_know_which_were_unsure(run, corridor_scenario)
 def test_reward_makes_a_poor_copy_better(trained, corridor_scenario):
     poor, better = (
         evaluate(run.environment, run.agent, corridor_scenario, 200, seed=0).returns.mean()
-        for run in map(trained, (960, 40_000))
+        for run in map(trained, (960, 20_000))
     )
     assert better > poor + 1
 

@@ -179,13 +179,11 @@ VALUES = [
     "name", [n for n in checks.EXERCISES if n not in ("mended_recipe", "village_dqn")]
 )
 def test_whatever_is_handed_in_or_given_back_ends_in_a_sentence(name):
-    one = checks.EXERCISES[name]
-    for value in VALUES:
-        answers = [value]
-        if name in FUNCTIONS:
-            answers.append(lambda *_, value=value: value)
-        for answer in answers:
-            assert 10 < len(one.wrong_with(answer)) < 1500
+    """What is asked in no way of its own is compared as all others are: a part of them will do."""
+    one, own = checks.EXERCISES[name], checks.EXERCISES[name].ask.__name__ != "<lambda>"
+    answers = [*VALUES, *(lambda *_, value=v: value for v in (VALUES if own else VALUES[::7]))]
+    for answer in answers if name in FUNCTIONS else VALUES:
+        assert 10 < len(one.wrong_with(answer)) < 1500
 
 
 def test_values_are_compared_as_what_they_are():

@@ -45,15 +45,16 @@ def options(application, *words):
             yield from options(application[word], *words, word)
 
 
+LONGEST = pytest.mark.long, pytest.mark.longest
 OPTIONS = [one for name in COMMANDS for one in options(_application([name])[name], name)]
 
 
-@pytest.mark.parametrize("every", [12, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize("every", [4, pytest.param(1, marks=LONGEST)])
 @pytest.mark.parametrize(("command", "name"), OPTIONS)
 def test_an_odd_value_gives_one_line_or_the_work_begins(
     command, name, every, monkeypatch, tmp_path, capsys
 ):
-    """Each option with a twelfth of the values, another for the next; with all in long tests."""
+    """Each option with a quarter of the values, another for the next; with all once a week."""
 
     def begin(*arguments, **named):
         raise Begun

@@ -145,6 +145,8 @@ def training_processes(out):
     return found
 
 
+@pytest.mark.long
+@pytest.mark.longest
 def test_a_cluster_that_loses_a_worker_makes_the_same_runs(finished, tmp_path):
     """The first worker that is seen with a run of its own is killed while it trains."""
     distributed = pytest.importorskip("dask.distributed")

@@ -33,9 +33,9 @@ def export(agent, path):
     return json.loads(session.get_modelmeta().custom_metadata_map["uavdh_lite"])
 
 
-@pytest.mark.parametrize("kinds", [(), *combinations(KINDS, 2), tuple(KINDS)])
+@pytest.mark.parametrize("kinds", list(combinations(KINDS, 2)))
 def test_every_pair_of_kinds_of_agents(tmp_path, corridor, corridor_scenario, quick, kinds):
-    """A tiny network of each kind, as it is before training."""
+    """A tiny network, as it is before training; of the shipped agents one has none, one all."""
     tiny = {"kernels": 2, "hidden": (8,), "strides": (1,), "kernel_size": 2, "local_size": 5}
     recipe = BeyondRecipe(**(asdict(quick) | tiny | {kind: KINDS[kind] for kind in kinds}))
     agent = Trainer(corridor_scenario, recipe, 0, corridor).agent

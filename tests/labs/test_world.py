@@ -42,8 +42,8 @@ CITIES = (
     *(City.from_text(name, "\n".join(place["rows"])) for name, place in PLACES.items()),
 )
 SCENARIO = Scenario("twin", devices=(1, 4), data=(0.0, 20.0), flying_time=(1, 60))
-TRANSITIONS = 20_000
-STATES = 500  # of each agent
+TRANSITIONS = 8_000
+STATES = 200  # of each agent
 SAME = "labs/world.js or labs/pilots.js do not do what Python does: make the same change there"
 
 
