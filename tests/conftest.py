@@ -28,11 +28,7 @@ def pytest_xdist_auto_num_workers(config) -> int:
 
 
 def pytest_collection_modifyitems(items):
-    """Whole files go to the workers in the order of `SLOW`, and the many short ones last.
-
-    `test_solutions.py` runs the code of the solutions, and the project's examples are like its
-    template; as notebooks they are `longest` tests.
-    """
+    """Of these notebooks others run the code: `test_solutions.py`, and the project's template."""
     for item in items:
         if "solutions" in item.path.parts or item.path.stem.startswith("example_"):
             item.add_marker("long")

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+import torch
 
 from uavdh_lite import registry
 from uavdh_lite.cli.main import main
@@ -26,6 +27,8 @@ COMMAND = ["python", "-m", "uavdh_lite"]
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_every_block_of_a_guide_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    # Two threads of a training wait for each other where other tests take their core
+    monkeypatch.setattr(torch, "set_num_threads", lambda number: None)
     for kind in get_args(registry.Kind):
         registry.names(kind)  # all that registers something is imported
     known = {kind: dict(things) for kind, things in registry._known.items()}

@@ -155,6 +155,7 @@ def test_what_students_get_holds_no_solutions(site):
     assert len(answers) > 25 and len(pages) > 20
 
 
+@pytest.mark.longest
 def test_the_site_for_teachers_has_the_guide(tmp_path):
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "-t", "teachers", "docs", tmp_path]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
