@@ -117,7 +117,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Rewards:
-    """The reward's constants (section III).
+    """The reward's constants (section II-B).
 
     The paper gives none of them. These are the defaults of the classes in the authors' code.
     """

@@ -109,7 +109,7 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 #
 # Nobody tells an agent which action is right. Instead, it gets a *reward* for each step. Learning
 # means changing the policy so that the sum of the rewards, the *return*, becomes larger. The reward
-# has four parts (paper, section III):
+# has four parts (paper, section II-B):
 #
 # $$r_t = \text{data uploaded} + r_\mathrm{mov} + r_\mathrm{sc} + r_\mathrm{crash}$$
 #

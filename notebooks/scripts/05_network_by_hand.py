@@ -265,7 +265,7 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # Go back to the drawing at the top. The last layer has six neurons without a ReLU, because a Q-value may be negative. Why six? The action could also be an input and the
 # Q-value the only output, but then it would take six passes to find the best action. With six outputs one pass gives all, and they share what they know about the picture.
 #
-# | layer | the paper's network gives | the agent's gives |
+# | layer | the network of the recipe `paper` (authors' code) gives | the agent's gives |
 # | --- | --- | --- |
 # | the map | 5×31×31 | 5×31×31 |
 # | convolution, 16 kernels 5×5 | 16×27×27 | 16×9×9, with stride 3 |

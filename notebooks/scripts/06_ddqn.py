@@ -138,7 +138,7 @@ for gamma in (0.5, 0.95, 1.0):
 # Two choices remain.
 #
 # - *How large?* A small memory holds little but the last few flights, so it brings back the problem that it should solve. A large one holds more of the
-#   past, flown by agents that knew less. The paper's holds 50,000 steps, ours 200,000. What counts is how many *flights* it holds: in the village a tenth of the memory, and even a fortieth, does nearly as well, but
+#   past, flown by agents that knew less. That of the authors' code holds 50,000 steps, ours 200,000. What counts is how many *flights* it holds: in the village a tenth of the memory, and even a fortieth, does nearly as well, but
 #   less than one flight of each UAV is too little ([notebook 11](11_replay.ipynb)).
 # - *Why the newest?* A memory of 50,000 steps draws the newest of them about once in 400 minibatches of 128. The paper's **combined experience replay**
 #   puts it into every one. It costs one place in 128. It guarantees that no step has to wait; in the experiments of Zhang and Sutton it also made a memory that is too large less

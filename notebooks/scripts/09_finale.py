@@ -1,8 +1,8 @@
 # %% [markdown]
 # # 9 · The finale
 #
-# A rule of a few lines has been ahead of our agent since notebook 0. And notebook 8 showed that much of what the agent knows is places learned by heart, so that it fails when
-# the city changes. **Can an agent beat the rule, and can one fly a city that it has never seen?** Each point below is the mean
+# A rule of a few lines has been ahead of our agent since notebook 0. And when notebook 8 moved the landing zones, the agent was lost, probably because much of what it knew
+# was places learned by heart. **Can an agent beat the rule, and can one fly a city that it has never seen?** Each point below is the mean
 # return of one pilot over the same 1000 missions. The grey line is the rule.
 
 # %% tags=["remove-cell"]
@@ -133,7 +133,7 @@ figure
 #
 # ## 9.4 Copy
 #
-# The *genie* is a planner that knows the mean rate of every link and searches over whole flights. It is better than any agent here. But it has to search
+# The *genie* is a planner that knows the mean rate of every link (strictly, the rate without fading, which notebook 1 showed to be a little lower) and searches over whole flights. It is better than any agent here. But it has to search
 # anew for each mission, and it needs the formulas. Can a network learn to do at a glance what the genie does after a search? Let the genie fly, write down for each
 # state what it did, and train a network on these examples. The network gives a score for each action, a softmax turns scores into probabilities, and the loss is the
 # **cross-entropy**, the surprise at what the genie did:
@@ -166,13 +166,13 @@ for name, values in ladder.items():
     print(f"{name:<34}{values.mean():8.2f}{mean:+18.2f}{interval:>20}")
 
 # %% [markdown]
-# Read it from the bottom up. The agent that was told, guarded, and taught by a planner is **ahead of the rule**, and its interval stays away from 0. It had all four gifts;
+# Read it from the bottom up. The agent that was told, guarded, and taught by a planner (one training) is **ahead of the rule**, and its interval stays away from 0. It had all four gifts;
 # whether three would do, these flights do not say. What they cost:
 #
 # | gift | what somebody had to know | what it cannot do |
 # | --- | --- | --- |
 # | guarantee | the map, and that it is right | it lands; it does not collect |
-# | tell | the map and the constants of the channel | with reward alone it helps little in a single city, where places can be learned by heart |
+# | tell | the map and the constants of the channel | help those who learn from reward alone, as far as short runs of an earlier program in a single city show (notebook 12) |
 # | copy | a planner, that is, all equations and a search | be better than its teacher |
 # | learn on | nothing but the reward | begin from nothing, since few flights of a random agent are good. (DDQN can, in millions of steps) |
 #
@@ -185,7 +185,7 @@ for name, values in ladder.items():
 #
 # ## 9.7 A city that you have just typed
 #
-# One question is left. Notebook 8 moved the landing zones by two cells, and the agent was lost in most of its missions, because part of what it had learned was places and not streets. What if an agent learns in
+# One question is left. Notebook 8 moved the landing zones by two cells, and the agent was lost in most of its missions, probably because part of what it had learned was places and not streets. What if an agent learns in
 # *thousands* of cities, a new one for each mission? It cannot know all of them by heart. `any_city` learned in that way, with the four gifts. Type a city, and let it fly.
 # `L` is the landing zone, `N` a no-fly zone, `B` a building, and a dot a free cell. Any size up to 16 × 16 will do. Change it as you like:
 
@@ -226,7 +226,7 @@ for name, each in flown.items():
 # single one either may win. [Notebook 13](13_any_city.ipynb) answers with due care.
 #
 # Even where it is no better than the rule, nobody wrote its rule. This is what learning is for. One agent **for each mission** would be an optimiser: it would search until it had a good flight, and begin again with the next. One agent
-# **for all missions** has paid for its search once, in training, and decides in a few thousandths of a second wherever it is put.
+# **for all missions** has paid for its search once, in training, and decides in about a hundredth of a second wherever it is put.
 #
 # ## 9.8 Your turn
 #
@@ -246,7 +246,7 @@ for name, each in flown.items():
 # ## Recap
 #
 # - A rule that always holds need not be learned; what can be computed can be told; a planner can be copied; reward teaches the rest.
-# - With all four an agent beats the rule in its own city. With reward alone it comes close, and nobody has to know a rule.
+# - With all four an agent (one training) beats the rule in its own city. With reward alone it comes close, and nobody has to know a rule.
 # - An agent that learned in thousands of cities flies one that was typed a minute ago.
 # - Say what a pilot was told before you compare it, and put the rule beside every number.
 #

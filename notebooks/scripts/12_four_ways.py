@@ -66,7 +66,7 @@ draw_ways()
 # | **What you'll learn** | How a guarantee, told layers, copied moves and reward each put knowledge into an agent, what each costs, and what it is worth |
 # | **What you'll need** | The course, notebooks 0 to 9. 45 minutes to read, 30 seconds to run; 27 minutes of exercises |
 #
-# Each row is one recipe with three seeds, over an earlier map of Manhattan that had eight low buildings. The upper four
+# Each row is one recipe with three seeds, flown by an earlier version of the program over an earlier map of Manhattan, which had eight low buildings. The upper four
 # learn from reward, the next four copy a planner, and the last one copies first and then learns from reward. All runs of a group are equally long. The plain row *learn* has the rewards and
 # starts of the recipe `lite` of notebook 7. Higher returns lie further right. The rest of this notebook explains the words.
 #
@@ -158,7 +158,7 @@ Quiz("what_may_be_told")
 # %% [markdown]
 # ## 12.3 Copy: a planner as teacher
 #
-# The *genie* is a search over whole flights. It knows the mean rate of every link at every place, and keeps the best candidates for
+# The *genie* is a search over whole flights. It knows the mean rate of every link at every place (strictly, the rate at the mean SNR, without fading, which is a little lower), and keeps the best candidates for
 # each cell and moment. It flies better than any agent here, but takes much longer to decide. Can a network learn to do what the genie
 # does, but without the search?
 
@@ -242,7 +242,7 @@ print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 # This is a *policy gradient*: no network has to learn values. It would take an agent that knows nothing very long, because hardly any
 # of its flights are good. After copying, it takes about twelve minutes.
 #
-# The paper's agents see the map, and are told nothing but reward. In principle they could learn where nobody can write down the channel, if they could fly there
+# The paper's agents see the map, and are told nothing but reward. In principle they could learn even in a place whose channel nobody can write down, if they could fly there
 # millions of times, crashes included. In practice one trains in a simulator, or measures and fits a model (notebook 14).
 #
 # ## 12.5 What each way is worth
@@ -283,8 +283,8 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # %% [markdown]
 # - **Guarantee** matters most in runs this short. Without it, the agents that learn from reward crash in most missions, or collect
 #   little, and even the copies still crash in about one mission in ten.
-# - **Tell** helps the copies. Learning from reward gains nothing from it here, because in a single city a network can also learn by
-#   heart what it is not told.
+# - **Tell** helps the copies. Agents that learn from reward gain nothing from it here under the guarantee, perhaps because in a
+#   single city a network can also learn by heart what it is not told. Without the guarantee, all three told runs crash nearly always.
 # - **Copy** is ahead of learning from reward under the guarantee. With the told layers both collect about the same amount, but the
 #   copy does so in two thirds of the flying time, whereas the learner uses nearly all of it.
 # - **Learn**, after copying, adds 0.4 to 1.3 units within a minute.
