@@ -32,29 +32,29 @@ FRAMES = """async () => {
     }
     return frames / 3;
 }"""
-# Moves a device to and fro for three seconds and counts the maps that are drawn meanwhile
+# Drags a device to and fro along the streets of rows 7 and 8 for three seconds and counts the pictures
 DRAG = """async () => {
     const drawn = new Set();
     const stages = document.querySelector(".stages");
-    const device = stages.querySelector("g[data-device='0']").getBoundingClientRect();
-    const side = stages.querySelector("svg .paper").getBoundingClientRect().width / 16;
-    const [x, y] = [device.x + device.width / 2, device.y + device.height / 2];
+    const places = stages.querySelector("svg").getScreenCTM();
     const main = document.querySelector(".main");
     main.setPointerCapture = () => {};
-    const send = (type, k) => {
-        const where = { clientX: x + k * side, clientY: y, pointerId: 1, bubbles: true };
-        const target = stages.querySelector("g[data-device='0'] path");
-        (type === "pointerdown" ? target : main).dispatchEvent(new PointerEvent(type, where));
+    const send = (type, target, point) => {
+        const { x: clientX, y: clientY } = point.matrixTransform(places);
+        const where = { clientX, clientY, pointerId: 1, bubbles: true };
+        target.dispatchEvent(new PointerEvent(type, where));
     };
     const watch = new MutationObserver(() => drawn.add(performance.now()));
     watch.observe(stages, { childList: true });
-    send("pointerdown", 0);
+    const device = stages.querySelector("g[data-device='0']");
+    const [x, y] = device.getAttribute("transform").match(/\\d+/g).map(Number);
+    send("pointerdown", device.querySelector("path"), new DOMPoint(x, y));
     const began = performance.now();
-    for (let k = 1; performance.now() - began < 3000; k += 1) {
-        send("pointermove", k % 2);
+    for (let k = 0; performance.now() - began < 3000; k += 1) {
+        send("pointermove", main, new DOMPoint(Math.floor(k / 2) % 16, 7 + (k % 2)));
         await new Promise((resolve) => setTimeout(resolve, 8));
     }
-    send("pointerup", 0);
+    send("pointerup", main, new DOMPoint(8, 7));
     return drawn.size / 3;
 }"""
 KEY = """(key) => new Promise((resolve) => {
@@ -74,8 +74,7 @@ PASSES = """([agent, { rows, scenario }]) => {
     const read = pilots_js.readAgent(pilots_js.bytesOf(agent.base64));
     const reading = performance.now() - began;
     const environment = new world_js.Environment(world_js.City.fromText("it", rows.join("\\n")));
-    const ranges = { ...scenario, flyingTime: scenario.flying_time };
-    const { state } = world_js.Mission.draw(ranges, environment.city, 0);
+    const { state } = world_js.Mission.draw(scenario, environment.city, 0);
     const flier = read.over(environment);
     const passes = Array.from({ length: 300 }, () => {
         const began = performance.now();

@@ -7,8 +7,9 @@ import pytest
 from uavdh_lite.labs.page import PACKAGE, bundle, data
 
 DDQN = {"manhattan_ddqn": "manhattan_ddqn"}
-TELL = """async (told) => {
+TELL = """async ({ base64, ...told }) => {
     const answers = [];
+    if (base64 !== undefined) told.file = new File([pilots_js.bytesOf(base64)], told.name);
     lab.post = (answer) => answers.push(answer);
     await lab.hear(told);
     return answers.findLast(({ kind }) => kind === "scene").scene;

@@ -21,26 +21,15 @@ SAVED = """async () => {
     return btoa(String.fromCharCode(...bytes));
 }"""
 LANDING = np.argwhere(load_city("village").landing).tolist()
-OPEN = """async ([name, content]) => {
-    const answers = [];
-    lab.post = (answer) => answers.push(answer);
-    const bytes = Uint8Array.from(atob(content), (letter) => letter.charCodeAt(0));
-    await lab.hear({ kind: "open", file: new File([bytes], name) });
-    return answers.findLast(({ kind }) => kind === "scene").scene;
-}"""
 
 
 @pytest.fixture
-def opened(modules, tell):
+def opened(tell):
     """A function that opens a file's content and returns the next scene."""
 
-    def opened(name, content, refused=""):
+    def opened(name, content, refused="", **more):
         content = content if isinstance(content, bytes) else json.dumps(content).encode()
-        scene = modules(OPEN, [name, base64.b64encode(content).decode()])
-        assert refused in scene["refused"] and bool(scene["refused"]) == bool(refused), scene[
-            "refused"
-        ]
-        return scene
+        return tell("open", refused, name=name, base64=base64.b64encode(content).decode(), **more)
 
     return opened
 
@@ -242,18 +231,11 @@ def test_a_mission_goes_to_python_and_back_and_a_stage_keeps_everything(tell, op
     assert fresh["policies"] == ["random", "greedy"] and fresh["flown"] == ""
 
 
-def test_of_several_files_the_first_is_opened_and_this_is_said(modules, tell, saved):
-    mission = saved("mission").decode()
+def test_of_several_files_the_first_is_opened_and_this_is_said(tell, opened, saved):
+    mission = saved("mission")
     tell("city", name="manhattan")
-    script = """async (mission) => {
-        const answers = [];
-        lab.post = (answer) => answers.push(answer);
-        await lab.hear({ kind: "open", file: new File([mission], "a.json"), others: 1 });
-        return answers.findLast(({ kind }) => kind === "scene").scene;
-    }"""
-    scene = modules(script, mission)
+    scene = opened("a.json", mission, "only a.json was opened: open one file at a time", others=1)
     assert scene["state"]["city"] == "village"
-    assert scene["refused"] == "only a.json was opened: open one file at a time"
 
 
 def test_a_city_goes_into_a_picture_and_back(tell, opened, saved, tmp_path):

@@ -214,7 +214,7 @@ def asked(flown, agents):
         ],
         "missions": [
             {
-                "scenario": as_twin(find_scenario(city.name)),
+                "scenario": asdict(find_scenario(city.name)),
                 "city": CITIES.index(city),
                 "seed": seed,
             }
@@ -225,15 +225,6 @@ def asked(flown, agents):
         "texts": TEXTS,
         "pictures": [(p.shape[1], p.shape[0], p.ravel().tolist()) for p in PICTURES],
         "numbers": {"seed": 2**53 - 1, "count": 1000},
-    }
-
-
-def as_twin(scenario: Scenario) -> dict:
-    return {
-        "name": scenario.name,
-        "devices": scenario.devices,
-        "data": scenario.data,
-        "flyingTime": scenario.flying_time,
     }
 
 

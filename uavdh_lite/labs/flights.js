@@ -2,7 +2,7 @@
 
 import { hiddenRows } from "./channel.js";
 import { Greedy, Random, bytesOf } from "./pilots.js";
-import { ACTIONS, Environment, HandFlight, MeasuredEnvironment, sum } from "./world.js";
+import { ACTIONS, Environment, HandFlight, MeasuredEnvironment, kept, sum } from "./world.js";
 import { LETTERS, YOU } from "./state.js";
 
 /**
@@ -37,8 +37,7 @@ export class Hangar {
   /** @returns {Flight} of a policy, or that by hand, as far as it has come */
   flight(policy, letters = "") {
     const key = policy === YOU ? `${YOU} ${letters}` : policy;
-    if (!this.flown.has(key)) this.flown.set(key, this.fly(this.mission, policy, letters));
-    return this.flown.get(key);
+    return kept(this.flown, key, () => this.fly(this.mission, policy, letters));
   }
 
   /** @returns {Flight} of any mission over this city */
@@ -59,11 +58,8 @@ export class Hangar {
   }
 
   pilot(name) {
-    if (!this.pilots.has(name)) {
-      const agent = this.agents[name];
-      this.pilots.set(name, agent ? agent.agent.over(this.environment) : new Greedy(this.environment));
-    }
-    return this.pilots.get(name);
+    const { agents, environment } = this;
+    return kept(this.pilots, name, () => agents[name]?.agent.over(environment) ?? new Greedy(environment));
   }
 }
 

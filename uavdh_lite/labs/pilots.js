@@ -2,7 +2,7 @@
 // and of beyond told, failsafe and global_local, by their names; tests/labs/test_world.py compares
 // them. M is the number of cells on a side of the largest city that an agent sees, W = 2M − 1.
 
-import { ACTIONS, CHANNEL, City, HOVER, InputError, Portable, Use, safeActions } from "./world.js";
+import { ACTIONS, CHANNEL, City, HOVER, InputError, Portable, Use, kept, safeActions } from "./world.js";
 
 /** Every action equally likely. */
 export class Random {
@@ -55,7 +55,7 @@ export class Greedy {
 
   /** The nearest cell to one that the UAV can reach from a landing zone. */
   approach(cell) {
-    if (!this.approaches.has(cell)) {
+    return kept(this.approaches, cell, () => {
       const { city } = this.environment;
       const [row, col] = city.position(cell);
       let [nearest, least] = [0, Infinity];
@@ -64,9 +64,8 @@ export class Greedy {
         const squared = (r - row) ** 2 + (c - col) ** 2;
         if (moves >= 0 && squared < least) [nearest, least] = [other, squared];
       });
-      this.approaches.set(cell, nearest);
-    }
-    return this.approaches.get(cell);
+      return nearest;
+    });
   }
 }
 
@@ -93,7 +92,9 @@ class Observation {
     const area = width ** 2;
     const maps = new Float32Array(this.channels * area);
     maps.fill(1, area, 2 * area); // no-fly cells around the city
-    const corner = this.centred ? city.position(state.uavCell) : Array(2).fill(this.margin);
+    // The window has the UAV in its middle, or the city, half a cell to the north-west if need be
+    const margin = size - 1 - Math.floor((width - city.size) / 2);
+    const corner = this.centred ? city.position(state.uavCell) : [margin, margin];
     const [down, right] = corner.map((axis) => size - 1 - axis);
     const place = (cell) => {
       const [row, col] = city.position(cell);
@@ -114,11 +115,6 @@ class Observation {
     });
     if (!this.centred) maps[5 * area + place(state.uavCell)] = 1;
     return maps;
-  }
-
-  /** Corner of the window that has the city in its middle, or half a cell north-west of it. */
-  get margin() {
-    return this.size - 1 - Math.floor((this.width - this.environment.size) / 2);
   }
 
   /** The layers that are told: expected data, way home, way there; see beyond/told.py. */
@@ -272,8 +268,8 @@ function middle(map, width, local) {
 export class Agent {
   /** @param {object} about the JSON of the file's header */
   constructor(about, tensors) {
-    const { recipe, scenario, training, size, cities } = about;
-    Object.assign(this, { recipe, scenario, training, size });
+    const { recipe, size, cities } = about;
+    Object.assign(this, { recipe, size });
     this.network = new QNetwork(recipe, tensors);
     /** The city that it was trained in; null if there were many. @type {City | null} */
     this.city = cities.length === 1 ? new City(cities[0].name, tensors.cities) : null;

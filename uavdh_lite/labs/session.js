@@ -13,6 +13,7 @@ import { ACTIONS, City, InputError, bootstrapInterval, wilsonInterval } from "./
 import { RUNS, grouped, sentence } from "./words.js";
 
 const TOGETHER = 700; // ms between changes of one kind that are undone as one
+const LINKED = 200; // ms without a change after which the address follows
 const KEPT = 100; // changes that can be undone
 const RANKED = 6; // flights of the ranking
 const MISSIONS = 100;
@@ -57,7 +58,7 @@ export class Session {
     const [cities, scenarios] = [{}, {}];
     for (const { name, rows, scenario } of data.cities) {
       cities[name] = City.fromText(name, rows.join("\n"));
-      scenarios[name] = { ...scenario, flyingTime: scenario.flying_time };
+      scenarios[name] = scenario;
     }
     for (const size of EMPTY) {
       const rows = Array.from({ length: size }, (_, r) => (r < 2 ? "LL" : "").padEnd(size, "."));
@@ -89,6 +90,7 @@ export class Session {
 
   /** Does what the page tells, or says why it was not done. */
   async hear(told) {
+    clearTimeout(this.linking);
     if (!BESIDE.includes(told.kind)) this.work = null;
     let refused = "";
     try {
@@ -129,7 +131,18 @@ export class Session {
     };
     this.drawn = { stage, hangar, race, extra };
     this.post({ kind: "scene", scene });
-    linkOf(stage).then((link) => stage === this.stage && this.post({ kind: "link", link }));
+    clearTimeout(this.linking);
+    this.linking = setTimeout(() => this.link(number), LINKED);
+  }
+
+  /** Tells the page its address, and whether that is another place, to which one can go back. */
+  async link(number) {
+    const [{ stage }, before] = [this, this.linked];
+    const link = await linkOf(stage);
+    if (stage !== this.stage) return;
+    this.linked = stage;
+    const moved = Boolean(before) && (before.mission !== stage.mission || before.tool !== stage.tool);
+    this.post({ kind: "link", link, moved, number });
   }
 
   summary() {
@@ -381,7 +394,8 @@ export class Session {
       if (!this.stage.mission.city.sameAs(this.village)) this.take(overCity(this.stage, this.village, this.shelf), "city");
       this.race = { ...this.race, point };
     },
-    async open({ file, link, others }) {
+    async open({ file, link, here, others }) {
+      if (here) this.linked = null;
       this.take(await this.long("", () => this.opened(file, link)), "open");
       if (others) throw new InputError(`only ${file.name} was opened: open one file at a time`);
     },

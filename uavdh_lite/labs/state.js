@@ -55,7 +55,7 @@ function scenarioOf(city, { cities, scenarios }) {
   const known = Object.values(cities).find((each) => scenarios[each.name] && each.sameAs(city));
   if (known) return scenarios[known.name];
   const most = Math.min(3, sum(city.openToDevices));
-  return { name: city.name, devices: [1, most], data: [5, 20], flyingTime: [2 * city.size, 4 * city.size] };
+  return { name: city.name, devices: [1, most], data: [5, 20], flying_time: [2 * city.size, 4 * city.size] };
 }
 
 export const randomMission = (city, number, shelf) => Mission.draw(scenarioOf(city, shelf), city, number);

@@ -417,9 +417,10 @@ export class MeasuredEnvironment extends Environment {
   }
 }
 
-function kept(rows, cell, make) {
-  if (!rows.has(cell)) rows.set(cell, make());
-  return rows.get(cell);
+/** What a map holds under a key, made when it is first needed. */
+export function kept(map, key, make) {
+  if (!map.has(key)) map.set(key, make());
+  return map.get(key);
 }
 
 /** TDMA: each slot goes to the device with the highest SNR among those with data left. */
@@ -474,7 +475,7 @@ export function safeActions(environment, state) {
  * @typedef {object} Scenario the ranges from which a mission is drawn, both ends included
  * @property {[number, number]} devices
  * @property {[number, number]} data of each device, data units
- * @property {[number, number]} flyingTime units of time
+ * @property {[number, number]} flying_time units of time
  */
 
 /** One episode: start, devices and their data, flying time, seed of the fading; see missions.py. */
@@ -503,7 +504,7 @@ export class Mission {
     const data = Array.from({ length: most }, () => generator.uniform(...scenario.data));
     const landing = cellsOf(city.landing);
     const start = city.position(landing[generator.integers(0, landing.length)]);
-    const flyingTime = generator.integers(...scenario.flyingTime, true);
+    const flyingTime = generator.integers(...scenario.flying_time, true);
     const used = [...Array(count).keys()].filter((device) => data[device] > 0);
     return new Mission({
       city,
