@@ -32,7 +32,7 @@ FRAMES = """async () => {
     }
     return frames / 3;
 }"""
-# Drags a device to and fro along the streets of rows 7 and 8 for three seconds and counts the pictures
+# Drags a device along the streets of rows 7 and 8 for three seconds and counts the pictures
 DRAG = """async () => {
     const drawn = new Set();
     const stages = document.querySelector(".stages");

@@ -148,8 +148,11 @@ function shower(panel, film, flight) {
   const all = (selector) => [...panel.querySelectorAll(selector)];
   const [marks, shadows, links, bars] = ["[data-step]", ".shadow", ".link", ".bar"].map(all);
   const toggle = (element, visible) => element.toggleAttribute("hidden", !visible);
-  let [cell, moment] = [null, null]; // the cell is that under the pointer
-  const tell = () => (here.textContent = cell ? aboutCell(film, cell, moment) : "");
+  let [cell, moment, shadowed] = [null, null, null]; // the cell under the pointer, the device with its shadow
+  const tell = () => {
+    here.textContent = cell ? aboutCell(film, cell, moment) : aboutShadow(film, shadowed);
+    here.classList.toggle("violet", !cell);
+  };
   const point = (event) => {
     const pointer = new DOMPoint(event.clientX, event.clientY);
     const { x, y } = pointer.matrixTransform(picture.getScreenCTM().inverse());
@@ -164,7 +167,8 @@ function shower(panel, film, flight) {
     const { now, place, amounts, uploads, served } = moment;
     uav.setAttribute("transform", at(place));
     for (const mark of marks) toggle(mark, Number(mark.dataset.step) < now);
-    shadows.forEach((shadow, k) => toggle(shadow, k === (pointed ?? served)));
+    shadowed = pointed ?? served;
+    shadows.forEach((shadow, k) => toggle(shadow, k === shadowed));
     links.forEach((link, k) => {
       const [[row, col], [toRow, toCol]] = [film.devices[k].cell, place];
       link.setAttribute("d", `M${col} ${row}L${toCol} ${toRow}`);
@@ -211,6 +215,12 @@ function aboutCell({ city, devices }, [row, col], { amounts }) {
   const seen = devices.filter(({ hidden }) => hidden[row][col] === ".").map(({ number }) => number);
   texts.push(seen.length ? `in sight of device ${seen.join(", ")}` : "no device in sight");
   return `${texts.join("; ")}.`;
+}
+
+// Which device the violet cells belong to, if there are any.
+function aboutShadow({ devices }, shadowed) {
+  const { number, hidden = [] } = devices[shadowed] ?? {};
+  return hidden.some((row) => row.includes("#")) ? `Violet: hidden from device ${number}.` : "";
 }
 
 // From here on: HTML and SVG as text

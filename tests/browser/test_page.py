@@ -23,6 +23,7 @@ TOOLS = ("Fly", "Compare", "Think", "Channel", "Paint", "Watch")
 SIZES = {  # in CSS pixels: a phone, a page at 200 %, tablets, laptops, a projector
     "phone": (390, 844),
     "half": (640, 360),
+    "landscape": (844, 390),
     "tablet": (820, 1180),
     "small": (1024, 768),
     "laptop": (1280, 720),
@@ -121,7 +122,7 @@ def visible(page, selector):
 
 MAIN = {  # what the main task of a tool needs
     "Fly": (".pad .land", ".pad .east", ".pad .south", ".controls output"),
-    "Compare": ("h2", "[data-ask*=duel]", ".play"),
+    "Compare": (".bar:nth-last-child(2)", "h2", "[data-ask*=duel]", ".play"),
     "Think": (".says-why", ".q > div"),
     "Channel": (".sentence", ".ledger"),
     "Paint": (".swatch", "[data-set=city]"),
@@ -146,7 +147,7 @@ def test_every_tool_fits_its_window(page):
             "all => all.every((each) => each.scrollWidth <= each.clientWidth)"
         )
         assert sides, at
-        if at not in {("half", "Compare"), ("half", "Watch")}:  # these scroll in the panel
+        if at != ("half", "Compare"):  # which scrolls
             for needed in (".map svg", *MAIN[title]):
                 assert visible(page, needed), (at, needed)
         expect(page.locator(".tool .legend")).to_have_count(1)
@@ -288,6 +289,8 @@ def test_the_map_and_the_curves_are_one_tab_stop_each_and_obey_the_arrows(page):
         "d", re.compile(r"M5.5 5.5\S*M6.5 6.5")
     )
     expect(page.locator(".map svg:focus")).to_have_count(1)  # though it was drawn anew
+    expect(page.locator(".map .cursor")).to_be_visible()
+    expect(page.locator(".map .cursor")).to_have_attribute("d", re.compile("M5.5 5.5"))
     open_tool(page, "Channel")
     page.locator(".map svg").focus()
     page.keyboard.press("ArrowUp")
@@ -387,7 +390,7 @@ def test_a_link_opens_the_same_in_another_browser_and_after_a_reload(browser, ad
     open_tool(page, "Channel")
     press(page, "New")
     expect(page).to_have_url(re.compile("#stage="))
-    page.wait_for_timeout(300)
+    page.wait_for_timeout(600)
     label = page.locator(".map g[data-device='0']").get_attribute("aria-label")
     with visiting(browser, page.url) as other:
         other.locator(".main[data-shows='channel']").wait_for()
@@ -399,6 +402,19 @@ def test_a_link_opens_the_same_in_another_browser_and_after_a_reload(browser, ad
         other.locator("[data-set='link']").fill("nothing")
         other.locator("[data-set='link']").press("Enter")
         expect(other.locator(".refusal")).to_contain_text("no link")
+
+
+def test_back_returns_to_the_mission_and_the_tool_before(page):
+    label, tab = page.locator(".map g[data-device='0']").first, page.locator("[aria-selected=true]")
+    seen = []
+    for name in ("New", "New", "Think"):
+        open_tool(page, name) if name in TOOLS else press(page, name)
+        page.wait_for_timeout(600)  # the address follows
+        seen.append((label.get_attribute("aria-label"), tab.inner_text()))
+    for way, there in (("back", 1), ("back", 0), ("forward", 1), ("forward", 2)):
+        page.evaluate(f"history.{way}()")
+        expect(label).to_have_attribute("aria-label", seen[there][0])
+        expect(tab).to_have_text(seen[there][1])
 
 
 def test_files_are_saved_opened_and_dropped(page, tmp_path):

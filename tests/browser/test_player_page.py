@@ -69,6 +69,8 @@ def test_every_step_shows_its_data_and_what_is_served(show, flights):
         hidden = page.locator(".link").evaluate_all("all => all.map((e) => e.matches('[hidden]'))")
         assert hidden == (uploads[time - 1] == 0).tolist()
         expect(page.locator(".says")).to_contain_text(f"Step {time}: ")
+        violet = f"Violet: hidden from device {uploads[time - 1].argmax()}."
+        assert page.locator(".here").inner_text() == (violet if uploads[time - 1].any() else "")
 
 
 def test_the_legend_has_the_words_of_the_figures(show, flights):

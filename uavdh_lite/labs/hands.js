@@ -125,7 +125,9 @@ export function attend(stage) {
     } else if (set === "place") {
       el.classList.toggle("adding");
       stage.paint();
-      if (el.classList.contains("adding")) maps()[0].focus();
+      if (!el.classList.contains("adding")) return;
+      maps()[0].setAttribute("tabindex", "-1"); // so that keys choose the cell in any tool
+      maps()[0].focus();
     } else if (does_) does[does_](target);
     // Keys steer after a press, too, unless it asks for a place or a number
     const steers = name === "fly" || (stage.scene.state.tool === "fly" && !target.closest(".drawer, .term"));
@@ -205,18 +207,23 @@ export function attend(stage) {
     };
   }
 
+  /** The keys' pointer comes to a cell. */
+  function pointAt([row, col]) {
+    const [svg] = maps();
+    const { x: clientX, y: clientY } = new DOMPoint(col, row).matrixTransform(svg.getScreenCTM());
+    svg.dispatchEvent(new PointerEvent("pointermove", { clientX, clientY, bubbles: true }));
+  }
+  el.addEventListener("focusin", ({ target }) => {
+    if (target.matches(".map svg:focus-visible")) pointAt(stage.hovered ?? stage.scene.state.start);
+  });
+
   /** Keys move a cell over the map; Enter and space do there what a press does. */
   function overMap(key, down, right) {
     const size = stage.scene.film.city.length;
     const [row, col] = stage.hovered ?? stage.scene.state.start;
     if (down !== undefined) {
       const inside = (axis) => Math.min(Math.max(axis, 0), size - 1);
-      return () => {
-        hover([inside(row + down), inside(col + right)]);
-        const d = `M${stage.hovered[1] - 0.5} ${stage.hovered[0] - 0.5}${SQUARE}`;
-        for (const cursor of el.querySelectorAll(".cursor")) cursor.setAttribute("d", d);
-        find(".here").textContent = `Row ${stage.hovered[0]}, column ${stage.hovered[1]}`;
-      };
+      return () => pointAt([inside(row + down), inside(col + right)]);
     }
     if (key !== " " && key !== "Enter") return null;
     if (el.classList.contains("adding")) return () => add([row, col]);

@@ -1,7 +1,7 @@
 // The stage: one page with the map, the controls and the panel of a tool. `paint` draws what the
 // session sent, the scene; whatever is done is told to the session, which answers with the next scene.
 
-import { CONTROLS, escaped, flightPanels, lastStep, legend, playback, showing } from "../player.js";
+import { CONTROLS, SQUARE, escaped, flightPanels, lastStep, legend, playback, showing } from "../player.js";
 import { attend } from "./hands.js";
 import { TOOLS, brush, button, options } from "./tools.js";
 
@@ -99,7 +99,11 @@ export function draw(el, model) {
       svg.setAttribute("viewBox", place ? `${box} ${2 * size - 1} ${2 * size - 1}` : svg.usual);
     },
     paint,
-    point: () => TOOLS[scene.state.tool].point?.(stage, scene, stage.hovered),
+    point() {
+      const [row, col] = stage.hovered ?? [];
+      find(".cursor").setAttribute("d", stage.hovered ? `M${col - 0.5} ${row - 0.5}${SQUARE}` : "");
+      TOOLS[scene.state.tool].point?.(stage, scene, stage.hovered);
+    },
     endStory,
     skipStory() {
       const end = clock.now.time >= clock.now.last;
@@ -112,10 +116,10 @@ export function draw(el, model) {
       button.textContent = "Copied";
       setTimeout(() => (button.textContent = button.dataset.name), 1500);
     },
-    /** Opens a link's part of an address, or a text that ends with it. */
-    openLink(text) {
+    /** Opens a link's part of an address, or a text that ends with it; `here` if the address is there already. */
+    openLink(text, here = false) {
       const there = text.split(LINK)[1]?.trim();
-      if (there && there !== link) stage.ask({ kind: "open", link: there });
+      if (there) stage.ask({ kind: "open", link: there, here });
       return Boolean(there);
     },
   };
@@ -214,8 +218,8 @@ export function draw(el, model) {
     return () => {
       if (!focused || el.contains(document.activeElement)) return;
       const same = map ? ".map svg" : name ? `${where}[data-${name}="${CSS.escape(value)}"]` : `.${focused.classList[0]}`;
-      const there = same !== ".undefined" && find(same);
-      (there && !there.disabled ? there : find("#panel")).focus({ preventScroll: true });
+      if (same !== ".undefined") find(same)?.focus({ preventScroll: true });
+      if (!el.contains(document.activeElement)) find("#panel").focus({ preventScroll: true });
     };
   }
 
@@ -308,12 +312,14 @@ export function draw(el, model) {
       }
       if (!scene.quiet || scene.refused) stage.refuse(scene.refused && `Not done: ${scene.refused}.`);
       if (brush.cells) return; // a stroke is drawn until it is over
+      if (waiting === null) askNext(); // it is computed while this is drawn
       paint();
-      if (waiting === null) askNext();
     },
-    link({ link: found }) {
+    link({ link: found, moved, number }) {
+      if (number < asked) return; // another one will come
       link = found;
-      if (!scene.fresh && model.own) history.replaceState(null, "", `#${LINK}${link}`);
+      const address = scene.fresh ? null : `#${LINK}${link}`;
+      if (model.own) history[moved ? "pushState" : "replaceState"](link, "", address);
     },
     progress({ text, share }) {
       if (text || (share === undefined && waiting === null)) busy(text, share);
@@ -339,8 +345,8 @@ export function draw(el, model) {
     });
     for (const copy of el.querySelectorAll(".copy")) copy.hidden = !model.own;
     find(".full").hidden = !document.fullscreenEnabled;
-    window.addEventListener("hashchange", () => stage.openLink(location.hash));
+    window.addEventListener("popstate", ({ state }) => stage.openLink(state ? LINK + state : location.hash, true));
     paint();
-    if (!(model.own && stage.openLink(location.hash))) beginStory();
+    if (!(model.own && stage.openLink(location.hash, true))) beginStory();
   }
 }

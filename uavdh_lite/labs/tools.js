@@ -7,7 +7,6 @@ import { RUNS, gapOf, grouped, signed, timeUnits, units, upper } from "./words.j
 const WORDS = {
   UAV: "the drone: it flies 10 m above the ground, one cell in a step",
   shadow: "cells that a building hides from a device: the radio link is much weaker there",
-  agent: "a neural network that learned to fly from its own trials",
   greedy: "a simple rule: to the nearest device with data, and home in time",
   random: "every action is equally likely",
   "data units": "what the devices have for the UAV to collect",
