@@ -263,11 +263,13 @@ function flightPanel(film, flight) {
     </div>`;
 }
 
+export const scaleOf = (size) => Math.min(Math.max(size / 16, 0.5), 1.6); // of signs and letters
+
 // The map with all that appears on it in the course of a flight.
 function flightMap(film, flight) {
   const { city, devices, title } = film;
   const size = city.length;
-  const scale = Math.min(Math.max(size / 16, 0.5), 1.6); // of signs and letters
+  const scale = scaleOf(size);
   const scaled = (place, sign, about = "") =>
     `<g transform="${at(place)}" ${about}><g transform="scale(${scale})">${sign}</g></g>`;
   const each = (draw) => devices.map(draw).join("");

@@ -225,8 +225,13 @@ def test_a_device_is_dragged_and_moved_by_keys_and_both_can_be_undone(page):
         "aria-label", re.compile(f"row {free[0] + 1}, column {free[1]}")
     )
     expect(page.locator(".map g[data-device='0']:focus")).to_have_count(1)
-    press(page, "undo")
+    page.keyboard.press("Control+z")
     expect(label).to_have_attribute("aria-label", before)
+    page.get_by_role("button", name="undo").focus()
+    while page.locator(".undo:focus").count():
+        page.keyboard.press("Enter")
+        page.wait_for_timeout(200)
+    assert page.evaluate("document.activeElement.id") == "panel"  # nothing is left to undo
 
 
 def test_a_device_that_is_dragged_quickly_over_many_cells_stays_where_it_is_let_go(page):
@@ -334,6 +339,15 @@ def test_a_city_is_painted_and_its_shadow_follows_the_pointer(page):
     expect(page.locator(".map .kind-B").first).to_have_attribute(
         "d", re.compile("M2.5 3.5.*M5.5 3.5")
     )
+    row, col = map(
+        int,
+        re.findall(r"\d+", page.locator(".map g[data-device='0']").get_attribute("aria-label"))[
+            1:3
+        ],
+    )
+    page.mouse.move(*place(page, row, col))
+    full = page.locator(".bar > :last-child").first.inner_text().split()[-1]
+    expect(page.locator(".here")).to_contain_text(f"device 0, {full} units left")  # none is flown
     page.mouse.move(*place(page, 6, 4))
     expect(page.locator(".map .shadow.live")).to_have_attribute("d", re.compile("M3.5 2.5"))
 

@@ -11,6 +11,11 @@ const [one, two, you] = ["one", "two", "you"].map(whoIs);
 const say = words_js.sentence;"""
 
 
+# Where a flight was flown: home is everywhere, and another action would bring 2 units
+WHERE = """{ mission: { fading: () => 0 }, environment: { timeToLand: Array(9).fill(0),
+    drawFading: () => 0, transition: () => ({ outcome: { uploaded: [2] } }) } }"""
+
+
 def flown(*cells, left=None, **more):
     """A flight over a city of 10 × 10 cells with one device, which gives nothing unless told."""
     moves = {0: HOVER, 1: EAST, -1: WEST, -10: NORTH, 10: SOUTH}
@@ -155,7 +160,8 @@ def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number):
         values = panel["values"][step]
         best, second = sorted(values, reverse=True)[:2]
         assert text.startswith(panel["actions"][values.index(best)])
-        gap = float(re.search(r"([\d.]+) ahead of (\w+)\.$", text)[1])
+        instead = r"(, which would bring [\d.]+ units in this step)?"
+        gap = float(re.search(rf"([\d.]+) ahead of (\w+){instead}\.$", text)[1])
         assert gap == pytest.approx(best - second, abs=0.051) or best - second < 0.01
         found = re.search(r"device (\d).* gives ([\d.]+) units (in this|within (\d+)) step", text)
         if "back to where it just was" in text:
@@ -176,9 +182,14 @@ def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules
     flight = flown(0, 1, 2, 3, left=[9, 9, 0, 0])
     call, values = "(flight) => think_js.closestCall(flight)", [[5, 1], [5, 4], [5, 4.9]]
     assert modules(call, flight | {"values": values}) == {"step": 1, "gap": 1, "stake": True}
-    said = "(flight) => [1, 2].map((k) => think_js.choice(flight, k, []).close)"
-    calls = flight | {"values": [[5, 1], [5, 4.9], [5, 4.9]]}
-    assert modules(said, calls) == [True, False]
+    said = f"(flight) => [1, 2].map((k) => think_js.choice(flight, k, {WHERE}).instead)"
+    calls = flight | {"values": [[5, 1], [5, 4.9], [5, 4.9]], "states": [0, 0, 0]}
+    assert modules(said, calls) == [2, None]
+    waits = flown(0, 0, 1, 2, left=[9, 9, 9, 0]) | {"values": [[5, 1]] * 3}
+    assert modules(said.replace("instead", "reason").replace("1, 2", "0, 1"), waits) == [
+        None,
+        {"kind": "gives", "device": 0, "amount": 9, "within": 2, "way": False, "back": False},
+    ]  # hovering does not bring what comes from flying on
     done = flown(0, 1, 2, 3, left=[0, 0, 0, 0])
     found = modules(call, done | {"values": values})
     assert found["step"] == 2 and found["stake"] is False
@@ -188,9 +199,7 @@ def test_a_gain_is_named_first_and_a_landing_says_since_when_all_is_collected(mo
     flight = flown(0, 1, 0, 1, 1, left=[9, 9, 5, 0, 0])
     flight["action"][3] = LAND
     values = [[5, 4]] * 4
-    why = (
-        "(it) => [1, 2, 3].map((k) => words_js.sentence(think_js.choice(it, k, Array(9).fill(0))))"
-    )
+    why = f"(it) => [1, 2, 3].map((k) => words_js.sentence(think_js.choice(it, k, {WHERE})))"
     back, last, land = modules(why, flight | {"values": values})
     assert back.startswith("west, because device 0 gives 4.0 units in this step, back to where it")
     assert last.startswith("east, because device 0 gives 5.0 units in this step, back")

@@ -78,6 +78,7 @@ def test_undo_brings_a_mission_back_and_redo_takes_it_again(tell):
         ("move", {"device": -1, "cell": [2, 4]}, "a building"),
         ("data", {"device": 0, "value": -1}, "must be 0 to below"),
         ("time", {"value": 0}, "flying time 0: must be at least 1"),
+        ("time", {"value": 501}, "this page flies at most 500 units of time"),
         ("paint", {"cells": LANDING, "sign": "."}, "no start and landing zone"),
         ("open", {"link": "abc"}, "this link is damaged"),
     ],
@@ -91,6 +92,8 @@ def test_painting_moves_what_stands_there_to_the_nearest_cell(tell):
     tell("city", name="empty 8 × 8")
     scene = tell("paint", cells=[[5, 5], [5, 6]], sign="B")
     assert scene["film"]["city"][5] == ".....BB." and scene["state"]["city"] == "my_city"
+    again = tell("paint", cells=[[5, 5]], sign="B")
+    assert again["state"] == scene["state"] and again["version"] == scene["version"]
     row, col = scene["state"]["devices"][0]["cell"]
     painted = tell("paint", cells=[[row, col]], sign="B")
     there = painted["state"]["devices"][0]["cell"]

@@ -75,6 +75,8 @@ export function reasons(who, flights, part) {
   const apart = ends[0].device !== ends[1].device || ends[0].home !== ends[1].home;
   const acts = flights.map((flight, k) => ({ who: who[k], ...acted(flight, part) }));
   const facts = [{ kind: "part", step: part, acts, ends: apart ? ends : null, look: part }];
+  const first = flights[0].action.findIndex((action, k) => action !== flights[1].action[k]);
+  if (first >= 0 && first < part) facts.push({ kind: "first", step: first, look: first });
   if (flights.some(({ landed, timeLeft }) => !landed && timeLeft.at(-1) > 0)) return facts; // one is in the air
   const behind = sum(flights[0].reward) < sum(flights[1].reward) ? 0 : 1;
   const [count, others] = [behind, 1 - behind].map((k) => idle(flights[k], part).filter((each) => each).length);

@@ -149,17 +149,21 @@ export function attend(stage) {
       looks[set] = target.type === "checkbox" ? target.checked : value;
       stage.paint();
     }
-    if (field && target.reportValidity()) changeField(field, target.valueAsNumber);
+    if (field) changeField(field, target);
     if (target.files?.length) {
       open(target.files);
       target.value = ""; // so that the same file can be opened again
     }
   });
 
-  function changeField(field, value) {
+  function changeField(field, { valueAsNumber: value, validationMessage: wrong }) {
     const [name, place] = field.split(" ");
     const device = Number(place);
-    if (name === "data") ask({ kind: "data", device, value });
+    for (const place of [".devices", ".fields"]) find(place).written = null; // so that a refused number is put back
+    if (wrong) {
+      stage.paint();
+      stage.refuse(`Not done: ${wrong}`);
+    } else if (name === "data") ask({ kind: "data", device, value });
     else if (!place) ask({ kind: name, value });
     else {
       const { start, devices } = stage.scene.state;
@@ -167,7 +171,6 @@ export function attend(stage) {
       cell[name === "row" ? 0 : 1] = value;
       ask({ kind: "move", device, cell });
     }
-    for (const place of [".devices", ".fields"]) find(place).written = null; // so that a refused number is put back
   }
 
   const open = ([file, ...others]) => {
@@ -181,8 +184,10 @@ export function attend(stage) {
   });
 
   /** What a key does, or null: it steers, or moves what has the focus. */
-  function keyed({ key, target }) {
+  function keyed({ key, target, ctrlKey, metaKey, shiftKey }) {
     const { tools, state } = stage.scene;
+    const by = { z: shiftKey ? 1 : -1, Z: 1, y: 1 }[key];
+    if (ctrlKey || metaKey) return by ? () => ask({ kind: "undo", by }) : null;
     const [down, right] = WAYS[ARROWS[key]] ?? [];
     const tab = target.closest("[role=tab]");
     if (tab && right) {
@@ -237,7 +242,7 @@ export function attend(stage) {
 
   // First of all, and whatever has the focus on a page of our own
   window.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || !event.target.closest) return;
+    if (event.altKey || !event.target.closest) return;
     if (event.target !== document.body && !el.contains(event.target)) return;
     if (event.key === "Escape") {
       el.classList.remove("adding");

@@ -9,11 +9,12 @@ import { kinkOf, raceFacts } from "./race.js";
 import { CHANGES, TOOLS, YOU, cityOfPicture, linkOf, newStage, overCity, pictureOf, randomMission, readFile, stageAsJson,
   textOfLink, withMission } from "./state.js";
 import { choice, closestCall } from "./think.js";
-import { ACTIONS, City, InputError, bootstrapInterval, wilsonInterval } from "./world.js";
+import { ACTIONS, City, InputError, bootstrapInterval, require, wilsonInterval } from "./world.js";
 import { RUNS, grouped, sentence } from "./words.js";
 
 const TOGETHER = 700; // ms between changes of one kind that are undone as one
 const LINKED = 200; // ms without a change after which the address follows
+const LONGEST = 500; // units of time that the page flies at most
 const KEPT = 100; // changes that can be undone
 const RANKED = 6; // flights of the ranking
 const MISSIONS = 100;
@@ -228,7 +229,7 @@ export class Session {
       const name = this.thinker;
       if (!name) return { agent: null };
       const agents = this.known(mission.city).filter((each) => this.agents[each]);
-      const facts = flight.values.map((_, step) => choice(flight, step, this.hangar.environment.timeToLand));
+      const facts = flight.values.map((_, step) => choice(flight, step, this.hangar));
       return {
         name,
         agent: whoIs(name, this.agents).title,
@@ -263,6 +264,8 @@ export class Session {
   /** Goes on with another stage; a change of its mission can be undone. */
   take(stage, kind) {
     if (stage.mission !== this.stage.mission) {
+      const { flyingTime } = stage.mission;
+      require(flyingTime <= LONGEST, `flying time ${flyingTime}: this page flies at most ${LONGEST} units of time`);
       const soon = this.last[0] === kind && performance.now() - this.last[1] < TOGETHER;
       if (soon && ["move", "data", "time"].includes(kind)) this.history[this.at] = stage;
       else {

@@ -73,6 +73,7 @@ export function draw(el, model) {
       if (told.show !== undefined) return clock.show(told.show);
       if (told.kind === "tool") clock.show(clock.now.time); // pauses, so that the step is kept
       else clearTimeout(keeping); // a step of what was there before
+      stage.refuse("");
       askNext();
       send(told);
     },
@@ -189,6 +190,9 @@ export function draw(el, model) {
 
   function drawMaps(film, tool) {
     const shown = tool === "compare" ? film : { ...film, flights: film.flights.slice(0, 1) };
+    const still = Boolean(TOOLS[tool].still?.(scene));
+    if (still) shown.flights = shown.flights.map(atStart);
+    el.classList.toggle("still", still);
     find(".stages").innerHTML = flightPanels(shown);
     update = showing(find(".flights"), shown);
     const cursor = TOOLS[tool].cursor;
@@ -207,6 +211,10 @@ export function draw(el, model) {
     }
   }
 
+  /** A flight that has not begun, where none is shown. */
+  const atStart = ({ name, path: [start], left: [all] }) =>
+    ({ name, path: [start], left: [all], refused: [], end: "in the air", ending: "" });
+
   /** A function that gives the focus back to what has taken its place, or to the panel. */
   function heldFocus() {
     const focused = el.contains(document.activeElement) ? document.activeElement : null;
@@ -215,11 +223,12 @@ export function draw(el, model) {
     const [name, value] = Object.entries(named).find(([, each]) => each !== undefined) ?? [];
     const map = focused?.matches(".map svg");
     const where = focused?.closest("svg") ? "svg " : focused?.closest(".side") ? ".side " : "";
+    const lost = () => !el.contains(document.activeElement) || document.activeElement.disabled;
     return () => {
-      if (!focused || el.contains(document.activeElement)) return;
+      if (!focused || !lost()) return;
       const same = map ? ".map svg" : name ? `${where}[data-${name}="${CSS.escape(value)}"]` : `.${focused.classList[0]}`;
       if (same !== ".undefined") find(same)?.focus({ preventScroll: true });
-      if (!el.contains(document.activeElement)) find("#panel").focus({ preventScroll: true });
+      if (lost()) find("#panel").focus({ preventScroll: true });
     };
   }
 
@@ -236,7 +245,7 @@ export function draw(el, model) {
       <td>${field(`data ${k}`, "data", data, 'min="0" max="32767" step="any"')}</td>
       <td>${button("×", { kind: "remove", device: k }, `aria-label="remove device ${k}" title="remove"`)}</td></tr>`;
     stage.fill(".devices", `${state.devices.map(row).join("")}<tr><th>start</th>${place(-1, state.start)}</tr>`);
-    stage.fill(".fields", field("time", "flying time", state.flyingTime, 'min="1" max="32767"'));
+    stage.fill(".fields", field("time", "flying time", state.flyingTime, 'min="1" max="500"'));
     find("[data-set=place]").setAttribute("aria-pressed", adding);
     find("[data-set=place]").disabled = full;
     stage.fill(".hint", full ? `at most ${state.most} devices here` : adding ? "Press a free cell on the map." : "");
@@ -266,7 +275,7 @@ export function draw(el, model) {
     const often = home ? ` Over 100 random missions, ${home} of the data home.` : "";
     return [
       [0, "Two drones, one mission: collect the devices' data, and land in blue in time."],
-      [parting ?? 0, `Here they part. ${[why[0], ...why.slice(1).slice(-1)].join(" ")}`],
+      [parting ?? 0, `Here they part for good. ${[why[0], ...why.slice(1).slice(-1)].join(" ")}`],
       [Math.max(...results.map(({ steps }) => steps)),
         `${verdict} This mission was chosen because the difference shows.${often} Now it is your turn: drag a device, or fly yourself.`],
     ];
@@ -281,7 +290,7 @@ export function draw(el, model) {
     if (caption.dataset.text === text) return;
     caption.dataset.text = text;
     const held = !caption.innerHTML || caption.contains(document.activeElement);
-    caption.innerHTML = `<p>${escaped(text)}</p><p><small>Orange ring: where they part.</small></p>
+    caption.innerHTML = `<p>${escaped(text)}</p><p><small>Orange ring: where each is before they part.</small></p>
       <button type="button" class="skip">${end ? "Your turn" : "Skip the story"}</button>`;
     if (held) find(".skip").focus({ preventScroll: true }); // so that Enter goes on
     if (end || !playing) return;

@@ -6,6 +6,7 @@ import { bytesOf } from "./pilots.js";
 import { ACTIONS, City, InputError, MAX_SIZE, Mission, missionFromJson, require, sum } from "./world.js";
 
 const FORMAT = "uavdh_lite stage";
+const PAINTS = "Black is open ground, blue landing zone, yellow a tall building, green a low one, red a no-fly zone";
 const LARGEST = 1_000_000; // characters of a file; the largest city takes a hundredth
 export const TOOLS = ["fly", "compare", "think", "channel", "paint", "watch"];
 export const LETTERS = "neswhl"; // of the actions, in their order
@@ -122,7 +123,11 @@ export async function cityOfPicture(file) {
   require(Math.max(width, height) <= MAX_SIZE, `${width} × ${height} pixels, at most ${MAX_SIZE} on a side fit`);
   const canvas = new OffscreenCanvas(width, height).getContext("2d");
   canvas.drawImage(picture, 0, 0);
-  return City.fromPixels("my_city", width, height, canvas.getImageData(0, 0, width, height).data);
+  try {
+    return City.fromPixels("my_city", width, height, canvas.getImageData(0, 0, width, height).data);
+  } catch ({ message }) {
+    throw new InputError(`${message}. ${PAINTS}`);
+  }
 }
 
 /** A city as a PNG, one pixel a cell. @returns {Promise<Blob>} */
@@ -188,6 +193,7 @@ export const CHANGES = {
   /** Paints cells with one of the city's signs. */
   paint(stage, { cells, sign }, shelf) {
     const rows = stage.mission.city.rows.map((row) => [...row]);
+    if (cells.every(([row, col]) => rows[row][col] === sign)) return stage;
     for (const [row, col] of cells) rows[row][col] = sign;
     const city = City.fromText("my_city", rows.map((row) => row.join("")).join("\n"));
     return withMission(stage, repainted(stage.mission, city), shelf);

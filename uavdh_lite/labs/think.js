@@ -28,18 +28,26 @@ export function closestCall({ values, dataLeft }) {
 
 /**
  * What an agent does in a step, what for where its flight shows it, and how sure it is: a fact.
- * @param {Int16Array} timeToLand from each cell
+ * @param {{mission: object, environment: import("./world.js").Environment}} where it was flown
  */
-export function choice(flight, step, timeToLand) {
+export function choice(flight, step, where) {
   const { second, gap } = runnerUp(flight.values[step]);
+  const close = gap < CLOSE && sum(flight.dataLeft[step]) >= STAKE;
   return {
     kind: "chooses",
     action: ACTIONS[flight.action[step]],
-    reason: reasonOf(flight, step, timeToLand),
+    reason: reasonOf(flight, step, where.environment.timeToLand),
     gap: Number.isFinite(gap) ? gap : null,
     second: ACTIONS[second],
-    close: gap < CLOSE && sum(flight.dataLeft[step]) >= STAKE,
+    instead: close ? broughtBy(second, flight.states, step, where) : null,
   };
+}
+
+/** Data units that another action would bring in a step, with the same fading. */
+function broughtBy(action, states, step, { mission, environment }) {
+  const generator = mission.fading();
+  const draws = states.slice(0, step + 1).map((state) => environment.drawFading(state, generator));
+  return sum(environment.transition(states[step], action, draws[step]).outcome.uploaded);
 }
 
 function reasonOf(flight, step, timeToLand) {
@@ -57,7 +65,8 @@ function reasonOf(flight, step, timeToLand) {
   if (within) {
     const amount = Math.max(...given[within - 1]);
     const device = given[within - 1].indexOf(amount);
-    if (within <= SOON || action !== HOVER) return { kind: "gives", device, amount, within, way: within > SOON, back };
+    const stays = within <= SOON && uavCell.slice(step, step + within + 1).every((cell) => cell === uavCell[step]);
+    if (action !== HOVER || stays) return { kind: "gives", device, amount, within, way: within > SOON, back };
     return null;
   }
   return landed && after < home ? { kind: "home", home, left, now: false } : null;

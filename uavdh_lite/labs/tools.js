@@ -1,7 +1,7 @@
 // The six tools. Each has what its panel says, as HTML, and what it adds to the map and to the panel at
 // a moment. `scene` is what the session sent, `stage` is where it is shown.
 
-import { KINDS, SQUARE, UAV, at, cells, escaped, momentAt, tiles } from "../player.js";
+import { KINDS, SQUARE, UAV, at, cells, escaped, momentAt, scaleOf, tiles } from "../player.js";
 import { RUNS, gapOf, grouped, signed, timeUnits, units, upper } from "./words.js";
 
 const WORDS = {
@@ -10,10 +10,10 @@ const WORDS = {
   greedy: "a simple rule: to the nearest device with data, and home in time",
   random: "every action is equally likely",
   "data units": "what the devices have for the UAV to collect",
-  return: "the sum of rewards: a unit of data is 1, a step −0.2, a refused action −1, a crash −150",
+  return: "the sum of rewards: a unit of data is 1, a step −0.2 (a landing nothing), a refused action −1, a crash −150",
   landed: "the share of missions that ended in the landing zone in time",
   fading: "random changes of the radio link: the same draws for all who fly a mission",
-  "Q-value": "the return that the agent expects from here on if it takes this action now",
+  "Q-value": "the return that the agent expects from here on if it takes this action now; later rewards count less, so it is below the sum that comes",
   score: "how surely the planner that the agent copied would take this action",
   SNR: "signal-to-noise ratio: how far the signal is above the noise, in decibels",
   dB: "decibels, a logarithmic scale: 10 dB are ten times, 20 dB a hundred times",
@@ -149,7 +149,7 @@ export const TOOLS = {
         <p>${end}${refused} ${explained(upper(rival.title))}: ${other}. ${term("return", "Return")}:
         ${signed(you.return)} against ${signed(ghost.return)}.</p></div>`;
     },
-    over: () => `<path class="ghost-path"/><g class="uav ghost">${UAV}</g>`,
+    over: ({ film }) => `<path class="ghost-path"/><g class="uav ghost"><g transform="scale(${scaleOf(film.city.length)})">${UAV}</g></g>`,
     keys: { ...ARROWS, " ": "hover", l: "land", L: "land" },
     // The ghost and its trail, as far as it has come at this time
     moment(stage, { film }, time) {
@@ -257,6 +257,7 @@ export const TOOLS = {
 
   channel: {
     title: "Channel",
+    still: () => true,
     cursor: "arrow keys move the cell that the UAV is over; Enter on a device chooses it",
     html({ panel, state }) {
       const [low, high] = panel.range;
@@ -301,6 +302,7 @@ export const TOOLS = {
 
   paint: {
     title: "Paint",
+    still: () => true,
     cursor: "arrow keys move the cell; space paints it",
     html(scene) {
       const swatch = ([sign, { name }]) => `<button type="button" class="swatch" data-sign="${sign}"
@@ -328,6 +330,7 @@ export const TOOLS = {
 
   watch: {
     title: "Watch",
+    still: ({ panel }) => !panel.point,
     html({ panel, film }) {
       const { settings, chosen, runs, says, elsewhere } = panel;
       const known = settings.map(([title], k) => [k, title]);
@@ -404,6 +407,9 @@ function curves({ runs, point }, metric) {
   const ticks = [0, 0.5, 1].map(
     (tick) => `<path class="grid" d="M${left} ${y(tick)}H${width - 12}"/><text x="${left - 6}" y="${y(tick)}">${name(tick)}</text>`,
   );
+  const times = [0, 0.25, 0.5, 0.75].map(
+    (part) => `<text class="time" x="${x(part * steps)}" y="${height - 8}">${grouped(Math.round(part * steps))}</text>`,
+  );
   const about = (run, k) => `${RUNS[run]}, ${runs[run].title}, after ${grouped(runs[run].points[k].steps)} steps: ${name(runs[run].points[k][metric])}`;
   const drawn = ({ points, kink }, run) => {
     const here = kink === null ? "" : `<path class="kink" d="M${x(points[kink].steps)} 4V${height - bottom}"/>`;
@@ -419,6 +425,6 @@ function curves({ runs, point }, metric) {
   const told = point ? about(...point) : "no point chosen";
   return `<svg class="curves" viewBox="0 0 ${width} ${height}" role="slider" tabindex="0" aria-label="points of the curves"
     aria-valuemin="1" aria-valuemax="${runs[0].points.length}" aria-valuenow="${point ? point[1] + 1 : 1}" aria-valuetext="${escaped(told)}">
-    ${ticks.join("")}<text x="${width - 12}" y="${height - 8}">${grouped(steps)} steps</text>
-    <text x="${left}" y="${height - 8}">0</text>${runs.map(drawn).reverse().join("")}</svg>`;
+    ${ticks.join("")}${times.join("")}<text x="${width - 12}" y="${height - 8}">${grouped(steps)} steps</text>
+    ${runs.map(drawn).reverse().join("")}</svg>`;
 }

@@ -58,6 +58,7 @@ const TEMPLATES = {
   same: () => "They come to the same end.",
   part: ({ step, acts, ends }) =>
     `At step ${step + 1}, ${acts.map((each, k) => act(each) + (ends ? towards(ends[k]) : "")).join(", while ")}.`,
+  first: ({ step }) => `They first act differently at step ${step + 1}, but come near each other again.`,
   astray({ who, first, last, gained, hovers, turns }) {
     const they = { ...who, subject: who.you ? "you" : "it" };
     const often = (count) => (count === last - first ? "all the while" : `in ${count} of these steps`);
@@ -72,10 +73,11 @@ const TEMPLATES = {
     `${unused ? `, with ${unused} units of time unused` : ""}; ${says(other, "collects", `there ${fromTo(first, last)}`)}.`,
 
   // What an agent does in a step, and why
-  chooses({ action, reason, gap, second, close }) {
+  chooses({ action, reason, gap, second, instead }) {
     const why = reason ? REASONS[reason.kind](reason) : "";
     if (gap === null) return `${action}, because nothing else is allowed in time.`;
-    return `${action}${why}; ${close ? "a close call: " : ""}${gapOf(gap)} ahead of ${second}.`;
+    if (instead === null) return `${action}${why}; ${gapOf(gap)} ahead of ${second}.`;
+    return `${action}${why}; a close call: ${gapOf(gap)} ahead of ${second}, which would bring ${units(instead)} units in this step.`;
   },
 
   place: ({ source, licence }) =>
