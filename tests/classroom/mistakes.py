@@ -392,7 +392,7 @@ MISTAKES = {
         (inside, "must be near the line"),
     ],
     "shadow_map": [
-        (lambda b, d: b.copy(), "hides all behind it"),
+        (lambda b, d: b.copy(), "hides everything behind it"),
     ],
     "asymmetric_share": [
         (lambda s: (s != s.T).mean(), r"not a pair with itself, \[i, j, i, j\]"),
