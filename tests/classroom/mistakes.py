@@ -115,6 +115,14 @@ class NewestAtTheEnd(_Base):
         return [stored[-1], *(stored[k] for k in generator.integers(0, len(stored), size - 1))]
 
 
+class Stale(_Base):
+    """What was there when it was first asked, for ever."""
+
+    def stored(self):
+        self.first = getattr(self, "first", super().stored())
+        return self.first
+
+
 class Grows(_Base):
     def __init__(self, capacity):
         self.places = []
@@ -238,6 +246,14 @@ def trained(fault):
         return target if fault == "returned" else online
 
     return learn
+
+
+def _ends_with_pay(step):
+    def guessed(cell, action):
+        after, reward, ended = step(cell, action)
+        return after, reward, ended or reward > 0
+
+    return guessed
 
 
 def village(here="", there=""):
@@ -430,12 +446,19 @@ MISTAKES = {
     "fitted_line": [
         (one_after_the_other, "Compute both slopes first"),
         (lambda x, y, rate, steps: (0.0, 0.0), "rate times its slope"),
+        (lambda x, y, rate, steps: checks.fitted_line.solution(x, y, min(rate, 1), steps), "grows"),
         (lambda x, y, rate, steps: checks.fitted_line.solution(x, y, rate, 1), "without a step"),
     ],
     "convolve": [
         (
             lambda layer, kernel, bias: checks.convolve.solution(layer, kernel[::-1, ::-1], bias),
             "neither turned nor mirrored",
+        ),
+        (
+            lambda layer, kernel, bias: checks.convolve.solution(layer, kernel, bias).astype(
+                layer.dtype
+            ),
+            "even if the layer holds whole numbers",
         ),
     ],
     "network_weights": [(lambda *case: 2_308_854, "gives 2308854, expected")],
@@ -445,6 +468,9 @@ MISTAKES = {
         (table_learner(gamma=0.95), "y is the reward plus γ times"),
         (table_learner(after_the_end=1), "the reward alone. That matters where"),
         (lambda *case: np.zeros((4, 4)), r"array of shape \(4, 4, 4\)"),
+        (lambda *case: learn_table(*case)[:, :, ::-1], r"Q-value \[row, column, action\] gives"),
+        (lambda step, *case: learn_table(_ends_with_pay(step), *case), "A step may also pay"),
+        (lambda step, *case: learn_table(lambda cell, a: step((3, 3), a), *case), "has not ended"),
         (learn_table, "the library's own, of uavdh_lite.course.small_city. Write it yourself"),
     ],
     "learned_network": [
@@ -531,6 +557,7 @@ MISTAKES = {
     "ring_buffer": [
         (NewestAtTheEnd, "gives item 5, expected item 6.*no longer at the end"),
         (Grows, "the ring does not grow"),
+        (Stale, r"gives item.*expected items"),
         (OneLess, r"ValueError: high <= 0, in line \d+, `.*`\. The (newest|other) item"),
         (Replay, "of uavdh_lite.replay. Write it yourself"),
         (LastPlaceNever, "upper end|all stored ones"),

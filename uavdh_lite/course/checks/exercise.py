@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+import torch
 from matplotlib.figure import Figure
 
 from uavdh_lite.course.checks.values import copied, difference, show, unchanged
@@ -81,7 +83,8 @@ class Exercise:
         if answer is None or answer is ...:
             return f"Exercise {self.number} has no answer yet."
         if not isinstance(answer, self.takes) or isinstance(answer, type) != (self.takes is type):
-            kind = "function, without brackets" if self.takes is Callable else self.takes.__name__
+            named = {Callable: "function, without brackets", type: "class", str: "text"}
+            kind = named.get(self.takes, self.takes.__name__)
             return f"Hand over a {kind}. You handed over {show(answer)}."
         home = str(getattr(answer, "__module__", ""))
         own = self.takes not in (Callable, type) or home.startswith("uavdh_lite.course.checks.")
@@ -95,7 +98,7 @@ class Exercise:
         except KeyboardInterrupt as stopped:
             return f"Interrupted{_line(stopped)}. Is there a loop that never ends?"
         except Exception as error:
-            if type(error) is NotImplementedError:  # and not one of its kinds: `input()` raises one
+            if re.match("exercise ", str(error)) and type(error) is NotImplementedError:
                 return f"Exercise {self.number} is not written yet."
             return f"Your answer {_stops(error)}."
 
@@ -107,7 +110,12 @@ class Exercise:
     @cached_property
     def _right(self) -> list:
         """What the solution gives in each case: of some exercises that takes a second."""
-        return [self.ask(self.solution, *case) for _, case in self.cases()]
+        kept = torch.get_default_dtype()  # a student may have set another one
+        torch.set_default_dtype(torch.float32)
+        try:
+            return [self.ask(self.solution, *case) for _, case in self.cases()]
+        finally:
+            torch.set_default_dtype(kept)
 
     def _wrong_case(self, answer) -> str:
         """The mistake that an answer makes, or the rule whose case fails first."""
@@ -117,7 +125,9 @@ class Exercise:
         if not any(told):
             return self._asked_again(answer, cases, given)
         for sentence, mistake in self.mistakes.items():
-            if not any(map(self._told, given, (self._asked(mistake, case) for _, case in cases))):
+            with np.errstate(all="ignore"):
+                made = [self._asked(mistake, case) for _, case in cases]
+            if not any(map(self._told, given, made)):
                 return sentence
         wrong = [k for k, said in enumerate(told) if said]
         own = [k for k in wrong if cases[k][0] == cases[wrong[0]][0]]  # of the same rule

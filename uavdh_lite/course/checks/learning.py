@@ -26,7 +26,7 @@ class Watched(TorchFunctionMode):
         self.before: dict[Tensor, Tensor] = {}  # the trained weights at the last `backward`
         self.used: dict[Tensor, None] = {}  # the weights of all layers before the first update
         self.targets: list[tuple[Tensor, Tensor, Tensor]] = []  # target, online, target before
-        self.cells: dict[bool, Tensor] = {}  # what a network was last given, by whether it learns
+        self.cells: list[tuple[bool, Tensor]] = []  # what networks were given, and to learn or not
         self.moved: list[tuple[Tensor, Tensor]] = []  # Q-values and the loss's slopes in them
 
     def __torch_function__(self, func, types, args=(), kwargs=None):
@@ -44,7 +44,7 @@ class Watched(TorchFunctionMode):
             self._update(tensors[0])
         result = func(*args, **(kwargs or {}))
         if func.__name__ == "linear" and tensors[0].shape[1:] == (2,):
-            self.cells[torch.is_grad_enabled()] = tensors[0]
+            self.cells.append((torch.is_grad_enabled(), tensors[0]))
         if func.__name__ == "linear" and result.requires_grad and result.shape[1:] == (4,):
             q = result.detach()
             result.register_hook(lambda slope: self.moved.append((q, slope)))
@@ -59,11 +59,15 @@ class Watched(TorchFunctionMode):
 
     def _moved(self) -> None:
         """Which Q-values of a row the last loss moves, and whose value y was made of."""
-        if len(self.cells) == 2 and torch.equal(*self.cells.values()):
+        learns, only_seen = (
+            [c for on, c in self.cells if on is learning] for learning in (True, False)
+        )
+        self.cells.clear()
+        if only_seen and learns and all(torch.equal(learns[-1], one) for one in only_seen):
             raise CheckFailed(
                 "y is made of the Q-values of the cell itself. It asks for those of the next one."
             )
-        for q, slope in self.moved:
+        for q, slope in self.moved[:1]:  # the nearest to the loss: a hidden layer may have 4, too
             if (slope != 0).sum(1).max() > 1:
                 raise CheckFailed(
                     "All four Q-values of a cell move towards y. Only that of the action that was "

@@ -20,7 +20,7 @@ from uavdh_lite.streams import Use, stream
         ],
         "An array has a rate for each element: use np.log2 and ** on the whole array, without a "
         "loop, `if` or `math`.": [
-            np.array(snr_db) for snr_db in ([6.0], [0, 10, -20], [[-3.0, 0.0], [3.0, 20.0]], [])
+            np.array(snr_db) for snr_db in ([6.0], [0, 10, -20], [[-3.0, 0.0], [3.0, 20.0]])
         ],
     },
     mistakes={

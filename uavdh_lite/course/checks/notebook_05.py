@@ -23,7 +23,9 @@ def examples(count, rate, steps):
             (1, 0.1, 1), (2, 0.1, 1), (5, 0.05, 1), (4, 0.2, 1),
         ],
         "Every step begins where the last one ended, and moves w and b at the same time, with the "
-        "errors from before the step.": [(2, 0.1, 2), (5, 0.05, 3), (8, 0.1, 40), (30, 0.3, 40)],
+        "errors from before the step, even if the loss grows.": [
+            (2, 0.1, 2), (5, 0.05, 3), (8, 0.1, 40), (30, 0.3, 40), (4, 2.0, 3),
+        ],
     },
     mistakes={
         "It goes uphill: subtract the rate times the slope.": (
@@ -77,6 +79,9 @@ def drawn(rows, cols, height, width, bias=0.0):
         ],
         "Layer and kernel need not be square.": [
             drawn(3, 6, 2, 2, 0.3), drawn(6, 4, 2, 3, 0.9), drawn(4, 7, 4, 1, -0.2),
+        ],
+        "The map is one of floats, np.zeros(shape), even if the layer holds whole numbers.": [
+            (np.array([[1, 2], [3, 4]]), np.array([[0.5]]), 0),
         ],
     },
     mistakes={

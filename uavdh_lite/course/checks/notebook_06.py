@@ -21,19 +21,33 @@ from uavdh_lite.streams import Use, stream
 def table_values(
     learn, flights, gamma, alpha, device=(0, 3), price=0.2, moves=MOVES[:4], start=START
 ):
-    """The largest Q-value of each cell in the table that an answer learns, (4, 4)."""
-    city = small_city(device, price, moves)
-    q = learn(city, start, flights, gamma, alpha, stream(Use.EXERCISE, 0))
-    if np.shape(q) != (4, 4, 4):
+    """The table that an answer learns, (4, 4, 4); of a single flight its largest values, (4, 4)."""
+    city, place, steps = small_city(device, price, moves), None, 0
+
+    def step(cell, action):
+        nonlocal place, steps
+        if place == tuple(cell) != start:
+            raise CheckFailed(f"The flight had ended at {place}, and you fly on: ask `ended`.")
+        after, reward, ended = city(cell, action)
+        place, steps = (after, 0) if ended else (None, steps + 1)
+        if steps > LONGEST:
+            said = f"A flight of {LONGEST:,} steps has not ended. Does the cell change in each step"
+            raise CheckFailed(f"{said}, and is each of the four moves drawn?")
+        return after, reward, ended
+
+    q = np.asarray(learn(step, start, flights, gamma, alpha, stream(Use.EXERCISE, 0)))
+    if q.shape != (4, 4, 4):
         raise CheckFailed(f"Return the table, an array of shape (4, 4, 4), not {show(q)}.")
-    return np.max(q, axis=2)
+    return q if flights > 1 else q.max(axis=2)
 
 
 def called_table(flights, gamma, alpha, *more):
     said = f"After {flights} flight{'s' * (flights > 1)} with γ = {gamma} and α = {alpha}"
-    return f"{said}, the table's largest Q-value of a cell [row, column]"
+    value = "Q-value [row, column, action]" if flights > 1 else "largest Q-value [row, column]"
+    return f"{said}, the table's {value}"
 
 
+LONGEST = 20_000  # steps of a random flight: it has hardly ever 500
 EASTWARD = (3, 3), 0.0, 4 * [(0, 1)]  # device, price and moves: whatever it does, it goes east
 
 
@@ -47,7 +61,10 @@ EASTWARD = (3, 3), 0.0, 4 * [(0, 1)]  # device, price and moves: whatever it doe
         "y is the reward plus γ times the largest Q-value of the next cell. The start becomes "
         "worth 6.7 with γ = 0.95.": [(200, 0.95, 0.5), (200, 0.95, 1.0), (200, 1.0, 0.5)],
         "With another γ, or a device elsewhere, or another price of a step, other values come "
-        "out.": [(200, 0.5, 0.5), (200, 0.9, 0.5, (1, 1), 0.5), (200, 0.0, 0.8, (2, 3), 1.0)],
+        "out. A step may also pay: `ended` says that an episode ends, and not the reward.": [
+            (200, 0.5, 0.5), (200, 0.9, 0.5, (1, 1), 0.5), (200, 0.0, 0.8, (2, 3), 1.0),
+            (200, 0.5, 0.5, (0, 3), -0.5),
+        ],
         "If the episode ended with this step, y is the reward alone. That matters where flights "
         "start in the device's cell, as here, so that Q has values there, too.": [
             (200, 0.95, 0.5, (0, 3), 0.2, MOVES[:4], (0, 3)),
@@ -114,7 +131,8 @@ def draw_explosion(ax, learn):
         "follows, and y is the reward alone. The Q-value of the action that was taken learns it.": [
             (0, 0.5, (0, 3), 0.2),
         ],
-        "With another γ, or a device elsewhere, other values come out.": [(1, 0.3, (3, 3), 1.0)],
+        "With another γ, or a device elsewhere, other values come out. A step may also pay: only "
+        "`ended` says that an episode ends.": [(1, 0.7, (3, 3), -0.5)],
     },
     ask=network_values,
     call=called_network,
@@ -131,9 +149,11 @@ def draws(ring: type, capacity: int, added: int, size: int, count: int = 1, seed
     items = [(np.full(2, n % 3), n % 6, n / 10, f"state {n % 4}") for n in range(added)]
     numbers = {id(item): number for number, item in enumerate(items, 1)}
     own, other, generator = ring(capacity), ring(3), stream(Use.EXERCISE, seed)
-    for item in items:
+    for number, item in enumerate(items):
         own.add(item)
         other.add((item,))
+        if 2 * number == added - added % 2:  # as in a training, which goes on adding
+            own.sample(2, stream(Use.EXERCISE, 7))
     samples = [list(own.sample(size, generator)) for _ in range(count)]
     for sample in samples:
         strange = [item for item in sample if id(item) not in numbers]

@@ -68,8 +68,8 @@ def failsafe_mask(distance, next_cell, cell, time_left, spare=2):
 
 def links(devices, size, *left):
     """Mean rates of so many devices to every cell, and their data left."""
-    rate = stream(Use.EXERCISE, 10 * devices + size).uniform(0, 7, (devices, size, size)).round(2)
-    return rate, np.array(left)
+    generator = stream(Use.EXERCISE, 10 * devices + size)
+    return generator.uniform(0.05, 7, (devices, size, size)).round(2), np.array(left)
 
 
 def one_device(rate, left):

@@ -24,8 +24,11 @@ def difference(given, right, tolerance: float = 1e-6, smallest: float = 1e-12) -
         parts = list(given) if isinstance(given, tuple | list) or _is_array(given) else []
         if len(parts) != len(right):
             return f"gives {show(given)}, but {len(right)} values are expected"
-        pairs = zip(parts, right, strict=True)
-        return _two(given, right) if any(difference(*p, tolerance, smallest) for p in pairs) else ""
+        for number, pair in enumerate(zip(parts, right, strict=True), 1):
+            if said := difference(*pair, tolerance, smallest):
+                kind = said.replace(", but ", f" as value {number}, but ")
+                return kind if kind != said else _two(given, right)
+        return ""
     one, other = _array(given), _array(right)
     if wanted := _wanted(given, right, one):
         return f"gives {show(given)}, but {wanted} is expected"
@@ -56,14 +59,14 @@ def _wanted(given, right, one: np.ndarray) -> str:
     if isinstance(right, bool | np.bool_):
         return "" if single and kind in "biu" and one in (0, 1) else "True or False"
     if isinstance(right, int | np.integer):
-        return "" if single and kind in "iu" else "a whole number"
+        return "" if single and kind in "iu" else "a whole number, an int,"
     if hasattr(right, "detach"):
         return "" if hasattr(given, "detach") else "a torch tensor"
     if np.ndim(right) == 0:
         return "" if single and kind in "biufO" else "one number"
-    if right.dtype == bool != one.dtype:
-        return "an array of Booleans"
-    return "" if _is_array(given) and kind in "biuf" else "an array of numbers, not a list"
+    if right.dtype == bool:
+        return "" if _is_array(given) and kind == "b" else "an array of Booleans"
+    return "" if _is_array(given) and kind in "biuf" else "an array of numbers, such as floats,"
 
 
 def _is_array(value) -> bool:
@@ -98,6 +101,8 @@ def show(value, digits: int | None = 4) -> str:
         whole = len(f"{abs(value):.0f}") if abs(value) < 1e15 else 0  # 100000, not 1e+05
         text = f"{value:.{max(digits, whole)}g}" if digits else repr(float(value))
         return text.removesuffix(".0")
+    if type(value) is str:
+        value = value[:80]  # it may be megabytes
     if isinstance(value, np.random.Generator):
         return "generator"
     if _is_array(value):
