@@ -407,7 +407,7 @@ function curves({ runs, point }, metric) {
   const ticks = [0, 0.5, 1].map(
     (tick) => `<path class="grid" d="M${left} ${y(tick)}H${width - 12}"/><text x="${left - 6}" y="${y(tick)}">${name(tick)}</text>`,
   );
-  const times = [0, 0.25, 0.5, 0.75].map(
+  const times = [0, 0.25, 0.5].map(
     (part) => `<text class="time" x="${x(part * steps)}" y="${height - 8}">${grouped(Math.round(part * steps))}</text>`,
   );
   const about = (run, k) => `${RUNS[run]}, ${runs[run].title}, after ${grouped(runs[run].points[k].steps)} steps: ${name(runs[run].points[k][metric])}`;
