@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 5 · A network by hand
 #
-# The agent's network turns the five pictures of notebook 4 into six numbers, one for each action. **How can a formula look at a
-# picture, and how does it learn what to look for?** Here is the whole
-# of it, from the map to the six numbers:
+# The agent's network turns the five pictures of notebook 4 into six numbers, one for each action.
+# **How can a formula look at a picture, and how does it learn what to look for?** Here is the whole
+# network, from the map to the six numbers:
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -33,16 +33,16 @@ SVG("../data/figures/network.svg")
 # | **What you'll learn** | Neuron, loss, gradient descent, backpropagation, convolution, stride, receptive field, PyTorch's training loop |
 # | **What you'll need** | Notebook 4, the derivative of a function. 50 minutes to read, 60 seconds to run; 42 minutes of exercises |
 #
-# If you have trained networks before, 5.5 and 5.6 will do.
+# If you have trained networks before, read 5.5 to 5.7.
 #
 # ## 5.1 A neuron
 #
-# A network is made of **neurons**. Each multiplies its inputs by **weights** and adds up the products and a constant, the
-# *bias*:
+# A network is made of **neurons**. Each multiplies its inputs by **weights**, then adds up the
+# products and a constant, the *bias*:
 #
 # $$\text{output}=w_1x_1+w_2x_2+\dots+w_nx_n+w_0$$
 #
-# Nine inputs, arranged as a picture, nine weights, and their products:
+# Here are nine inputs, arranged as a picture, nine weights, and their products:
 
 # %%
 import numpy as np
@@ -56,15 +56,19 @@ weights = np.array([[-1, 0, 1]] * 3)
 draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, numbers=True)
 
 # %% [markdown]
-# With a bias of 0, the output is the sum of the right picture, 3. It is large because something is on the right and nothing on the left: a neuron is a
-# question, and its weights say which.
+# With a bias of 0, the output is the sum of the numbers in the right-hand picture, 3. These
+# weights add what is in the right column, subtract what is in the left one, and ignore the middle.
+# So the output is large when something is on the right and nothing on the left. In this sense a
+# neuron asks a question about its inputs, and its weights say which.
 #
-# Neurons with the same inputs form a **layer** of the network. (A layer of the *map* is a picture.) A layer is
-# **fully connected**, or *dense*, if each of its neurons has a weight for every input.
+# Neurons with the same inputs form a **layer** of the network. (A layer of the *map* is a picture.)
+# A layer is **fully connected**, or *dense*, if each of its neurons has a weight for every input.
 #
-# What does a second layer gain us? Nothing yet. A neuron's output is a straight line, and a weighted sum of straight lines is one again, so two layers can do no more than one. Something has to bend the line in
-# between. The usual choice is the **ReLU**, the *rectified linear unit*, which makes 0 of each negative number. Three
-# bent lines together:
+# What does a second layer gain us? Nothing yet. Plotted against any one input, a neuron's output is
+# a straight line. A weighted sum of straight lines is again a straight line, so two layers can do
+# no more than one. Something has to bend the line in between. The usual choice is the **ReLU**, the
+# *rectified linear unit*, which turns negative numbers into 0 and keeps all others. Here are three
+# bent lines and their sum:
 
 # %%
 from matplotlib import pyplot as plt
@@ -78,17 +82,18 @@ ax.set(xlabel="input", ylabel="output")
 ax.legend();
 
 # %% [markdown]
-# Each neuron puts in one kink. With enough of them the sum can follow any curve.
+# Each neuron adds one kink. With enough kinks the sum can follow any continuous curve.
 #
 # ## 5.2 Going downhill
 #
-# At first all weights are random numbers. A **loss** measures how wrong the output is: it is 0 for the right answer, and the larger it is, the worse the output.
-# Its *slope* with respect to a weight says whether the loss grows or shrinks when the weight grows. So the weight takes a step in the
-# direction in which the loss shrinks: minus the slope times a small number, the **learning rate**. This is **gradient descent**. The
-# *gradient* is
-# nothing but the list of all slopes.
+# At first all weights are random numbers. A **loss** measures how wrong the output is: it is 0 for
+# the right answer, and grows as the output gets worse. Its *slope* with respect to a weight says
+# whether the loss grows or shrinks when the weight grows. So the weight takes a step the other way:
+# it changes by minus the slope times a small number, the **learning rate**. This is **gradient
+# descent**. The *gradient* is the list of all slopes.
 #
-# One neuron, one weight: the input is 3 and the output should be 6, so the weight should become 2.
+# Take one neuron with one weight. The input is 3 and the output should be 6, so the weight should
+# become 2.
 
 # %%
 w = [0.0]
@@ -103,18 +108,23 @@ ax.plot(line, (3 * line - 6) ** 2, "-", w, (3 * np.array(w) - 6) ** 2, "o")
 ax.set(xlabel="weight", ylabel="loss");
 
 # %% [markdown]
-# The steps get shorter as the slope gets flatter, and the weight settles at the bottom. With a learning rate of 0.2 each step would jump
-# across the valley and land higher up on the other side; with 0.0002 it would hardly move. The slope in the code has the input, 3, as a factor. So an input of 70 beside inputs of
-# 0 and 1 would take far longer steps than they do, and jump where they crawl. That is why data and time are scaled to a size near 1. A number like this one, which is chosen before the
-# learning and not learned, is called a **hyperparameter**.
+# The steps get shorter as the curve gets flatter, and the weight settles at the bottom. With a
+# learning rate of 0.2 each step would jump across the valley and land higher up on the other side;
+# with 0.0002 the weight would hardly move. A number that is chosen like this, and not learned, is a
+# **hyperparameter**.
 #
-# With the squared error, one error of 150 pulls as hard as 150 errors of 1. The **Huber loss**, a parabola near 0 and a straight line further out, lets no single error
-# pull too hard. Our agents learn with it.
+# The slope in the code has the input, 3, as a factor. So the weight of an input of 70 takes far
+# longer steps than the weights of inputs near 1, and overshoots where they hardly move. That is why
+# data and time are scaled to a size near 1.
+#
+# A single squared error of 150 pulls at the weights as hard as 150 errors of 1. So our agents
+# learn with the **Huber loss**, a parabola near 0 and a straight line further out, where the slope
+# no longer grows.
 #
 # ## 5.3 Backpropagation
 #
-# Only the last layer touches the loss. How does a weight in the first one learn which way is down? By the chain rule. Take the smallest network with two layers: input $x=3$, a first weight $w_1=0.5$, a ReLU, a second weight $w_2=2$. The output
-# should be 6.
+# Only the last layer feeds the loss directly. How does a weight in the first one learn which way is
+# down? By the chain rule, as the smallest network with two layers shows. Its output should be 6.
 #
 # ```text
 #  forward      x = 3  ──×w₁──▶  h = 1.5  ──ReLU──▶  1.5  ──×w₂──▶  y = 3  ──▶  loss (y−6)² = 9
@@ -124,13 +134,17 @@ ax.set(xlabel="weight", ylabel="loss");
 #                                                └──×1.5──▶   −9 at w₂
 # ```
 #
-# Go through it from right to left. If $y$ grows by a little, the loss changes by $-6$ times as much. If $w_2$ grows, $y$ grows $h=1.5$ times as
-# much, so the slope at $w_2$ is $-6\cdot1.5=-9$. If $h$ grows, $y$ grows $w_2=2$ times as much: $-12$. And $h$ grows $x=3$ times as much as $w_1$:
-# $-36$. Each slope is the one to its right times a number that the forward pass has already computed. So one backward
-# pass gives the slopes of *all* weights, at the cost of one or two forward passes, whether there are two weights or two million. This is **backpropagation**. Where a ReLU gave 0, the slope is 0, and the weights that feed into it learn
-# nothing from this example.
+# Go through the drawing from right to left. If $y$ grows by a little, the loss changes by $-6$
+# times as much. If $w_2$ grows, $y$ grows $h=1.5$ times as much, so the slope at $w_2$ is
+# $-6\cdot1.5=-9$. If $h$ grows, $y$ grows $w_2=2$ times as much, so the slope at $h$ is
+# $-6\cdot2=-12$. (The ReLU changes nothing here, because $h$ is positive. Where it gives 0, the
+# slope is 0, and the weights before it learn nothing from this example.) If $w_1$ grows, $h$ grows
+# $x=3$ times as much, so the slope at $w_1$ is $-12\cdot3=-36$. Each slope is the one to its right
+# times a number that is known from the forward pass. So one backward pass gives the slopes of *all*
+# weights, at the cost of one or two forward passes, however many there are. This is
+# **backpropagation**.
 #
-# PyTorch does it for you:
+# PyTorch does all this for you:
 
 # %%
 w1, w2 = torch.tensor([0.5, 2.0], requires_grad=True)  # remember what is computed with these
@@ -142,7 +156,8 @@ assert [slope.item() for slope in slopes] == [-36, -9]
 # %% [markdown]
 # ## 5.4 Five lines of PyTorch
 #
-# This function trains any network. Every program that trains one has these five lines.
+# This function trains a network on the examples `x` with the right answers `y`. Nearly every
+# program that trains one has the five lines explained below.
 
 # %%
 from torch import nn
@@ -157,18 +172,19 @@ def train(model, x, y, updates=400):
         optimiser.step()
 
 # %% [markdown]
-# | line | what it does |
-# | --- | --- |
-# | `optimiser = …` | The optimiser keeps the weights and knows the learning rate, `lr`. **Adam** adapts the size of the step to each weight: if its slopes keep their sign, the steps become longer; if the sign keeps flipping, they become shorter |
-# | `loss = …` | The forward pass. PyTorch notes each operation. The loss is a mean over a **minibatch**: all examples would be slower, a single one too noisy |
-# | `optimiser.zero_grad()` | Forget the last slopes: PyTorch adds new ones to them |
-# | `loss.backward()` | Backpropagation: the slope of the loss for every weight |
-# | `optimiser.step()` | A step downhill with every weight |
+# - `optimiser = …` makes the optimiser, which keeps the weights and knows the learning rate, `lr`.
+#   **Adam** adapts the steps of each weight: they become longer while its slopes keep their sign,
+#   and shorter while the sign keeps flipping.
+# - `loss = …` is the forward pass, in which PyTorch notes each operation. The loss is a mean over a
+#   **minibatch**, because taking all examples would be slower, and a single one too noisy.
+# - `optimiser.zero_grad()` forgets the last slopes, because PyTorch would add the new ones to them.
+# - `loss.backward()` is backpropagation: the slope of the loss for every weight.
+# - `optimiser.step()` lets every weight take a step downhill.
 #
 # ## 5.5 A window that moves
 #
-# Take the neuron of 5.1, with its nine weights, and move it across a larger picture like a window. At each place write down its output. That is a
-# **convolution** (an engineer would mirror it), and its weights are a *kernel*.
+# Take the neuron of 5.1, with its nine weights, and move it across a larger picture like a window.
+# At each place write down its output. This is a **convolution**, and the weights are its *kernel*.
 
 # %%
 picture = np.pad(np.ones((4, 2)), ((1, 1), (2, 2)))  # a building
@@ -177,19 +193,22 @@ result = torch.nn.functional.conv2d(one, kernel)[0, 0]
 draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, numbers=True)
 
 # %% [markdown]
-# Blue marks the building's western edge, red its eastern one. The window fits in only four positions along each side, so the
-# result is smaller than the picture. What nine weights learn in one place they know in all others.
+# Blue marks the building's western edge, red its eastern one. The window has only four positions
+# along each side, so the result is smaller than the picture. Because the same nine weights are used
+# everywhere, what they learn in one place holds in all others.
 #
-# The agent's kernels read all five layers of the map at once: each has 5 × 5 weights for every layer, and adds up all the products.
-# One kernel makes one new picture. The network has 16 kernels, so it makes 16 pictures, and the second convolution reads those.
+# Each of the agent's 16 kernels has 5 × 5 weights for each of the map's five layers, adds up all
+# the products, and so makes one new picture. The second convolution reads these 16 pictures.
 #
-# If the window moves by more than one cell at a time, that is a **stride**. With a stride of 3 the result has a third as many cells a side.
-# That saves work and weights, at the cost of precision.
+# The number of cells by which the window moves each time is the **stride**. So far it was 1. With
+# a stride of 3 the result has a third as many cells a side. That saves work, and it saves weights
+# in the fully connected layer that follows, at the cost of precision.
 #
 # ### What a unit can see
 #
-# A number in the second convolution's output depends on 5 × 5 numbers of the first one's, and each of those on 5 × 5 cells of the map. So how much
-# of the map can it see? Slopes answer that, too. A cell that the number does not depend on has slope 0:
+# Each number in a layer's output is called a *unit*. A unit of the second convolution depends on
+# 5 × 5 units of the first, and each of those on 5 × 5 cells of the map. How much of the map
+# does it see? Its slope is 0 for every cell on which it does not depend:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -205,15 +224,20 @@ assert seen.any(dim=0).sum() == 17
 draw_maps({"what it sees": seen}, uav=(15, 15))
 
 # %% [markdown]
-# This is the unit's **receptive field**, 17 of 31 cells a side. (Off centre, because with stride 3 two rows and columns are left over.) You can count it by hand. A unit of the second convolution sees 5 of the first one's, which lie 3 cells
-# apart because of the stride, and each of these sees 5 cells: $5+4\cdot3=17$. In the paper's network both strides are 1, so a unit sees
-# only $5+4=9$ cells. A building and a device that are further apart than that meet for the first time in the fully connected layers
-# that follow, which see everything but have to learn each place separately.
+# This is the unit's **receptive field**, 17 of 31 cells a side. (It lies off centre because the
+# windows cover only 29 of the 31 rows and columns.) You can work out the 17: the unit sees 5 units
+# of the first convolution, which lie 3 cells apart because of the stride, and each of these sees 5
+# cells, so $5+4\cdot3=17$. With the paper's strides of 1 it would be only $5+4=9$ cells. What does
+# not fit into one receptive field meets only in the fully connected layers that follow, which see
+# everything but have to learn each place separately.
 #
 # ## 5.6 One question, three networks
 #
-# A question to test the parts with: **is a device near the UAV?** Near means within three rows and three columns. The answer should be
-# +1 if so and −1 if not. Half of our 8000 pairs are near. Every other one is for learning, the rest for the test. *In place*, a map has two layers: a 1 at the device, a 1 at the UAV. *Centred*, it has one, with a 1 where the device is as seen from the UAV.
+# Here is a question to test the parts with: **is a device near the UAV**, within three rows and
+# three columns? The answer should be +1 if so and −1 if not. Our 8000 examples are pairs of a
+# device's cell and a UAV's cell, and half of the pairs are near. Every other pair is for training,
+# the rest for the test. *In place*, a map has two layers, one with a 1 at the device's cell and one
+# with a 1 at the UAV's. *Centred*, it has one, with a 1 where the device is as seen from the UAV.
 
 # %%
 from uavdh_lite.course.near_far import near_pairs
@@ -221,7 +245,8 @@ from uavdh_lite.course.near_far import near_pairs
 in_place, centred, y = near_pairs()
 
 # %% [markdown]
-# Three networks answer: a dense one in place, one with two convolutions in place, and a dense one that sees the centred map. Which ones will do?
+# Three networks try to answer: a dense one and one with two convolutions, which see the map in
+# place, and a dense one that sees the centred map. Which will succeed?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -246,26 +271,29 @@ for name, (model, maps) in networks.items():
 assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 
 # %% [markdown]
-# The **dense network in place** does well in training and poorly in the test. It has learned its pairs by heart, and guesses at new ones. This is **overfitting**: it fits its examples better than the world that they come from. A weight of its first layer belongs
-# to an absolute place, such as "device at (4, 7)". Whether that is near depends on the UAV, and nothing that it learns about one pair tells
-# it anything about the next.
+# The **dense network in place** does well in training and poorly in the test. It has learned its
+# pairs by heart, and guesses at new ones. This is **overfitting**: the network fits its examples
+# better than the world that they come from. A weight of its first layer belongs to an absolute
+# place, such as "device at (4, 7)". Whether that is near depends on the UAV, so what the network
+# learns about one pair tells it little about the next.
 #
-# The **convolutions** repair that. Their window sees device and UAV *together*, wherever both may be, so what a kernel learns about one place holds
-# everywhere. And **centred**, even the dense network is nearly perfect, because the question has become trivial: the answer is whether the
-# device lies in a certain square of the picture.
+# The **convolutions** repair that. Their window sees the UAV and a near device *together*, wherever
+# in the city they are, so what a kernel learns about one place holds everywhere. And with the
+# **centred** map even the dense network is nearly perfect, because the question has become trivial:
+# does the device lie in a certain square of the picture?
 #
-# So what does centring add? A convolution compares only what lies within its window. "Near"
-# fits into one; "can I reach the landing zone in the time that I have left?" does not, because the zone may be a whole
-# city away. In the centred
-# frame every displacement from the UAV is a single place in the picture, and a single weight can ask for it. (How long the way around walls is, the dense layers still have to learn.) Whether that helps
-# an agent that has convolutions anyway is a question for an experiment: notebook 8.
+# So what does centring add? A convolution compares only what lies within its window. "Is it near?"
+# fits into a window; "can I still reach the landing zone in time?" does not, because the zone may
+# be a whole city away. In the centred frame every displacement from the UAV is a single place in
+# the picture, so a single weight can ask for it. Does this help an agent that has convolutions
+# anyway? Notebook 8 finds out.
 #
 # ## 5.7 The whole network
 #
-# Go back to the drawing at the top. The last layer has six neurons without a ReLU, because a Q-value may be negative. Why six? The action could also be an input and the
-# Q-value the only output, but then it would take six passes to find the best action. With six outputs one pass gives all, and they share what they know about the picture.
+# In the drawing at the top, the last layer has six neurons without a ReLU, because a Q-value may be
+# negative. With one output for each action, a single pass gives all six values.
 #
-# | layer | the network of the recipe `paper` (authors' code) gives | the agent's gives |
+# | layer | the recipe `paper` (authors' code) gives | the agent's gives |
 # | --- | --- | --- |
 # | the map | 5×31×31 | 5×31×31 |
 # | convolution, 16 kernels 5×5 | 16×27×27 | 16×9×9, with stride 3 |
@@ -275,20 +303,25 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # | output | 6 | 6 |
 # | weights in all | 2,308,854 | 246,006 |
 #
-# Layer normalisation shifts and scales the 256 sums to mean 0 and spread 1, so that none is far too large for the next layer. The time comes in behind the convolutions because it has no place in the city:
-# as a layer it would be 961 times the same number, and as one number it still has a weight in each neuron.
+# Layer normalisation shifts and scales the 256 sums to mean 0 and spread 1, so that none is far too
+# large for the next layer; two learned numbers for each of them then adjust it. The time has no
+# place in the city, so it joins the list behind the convolutions.
 #
-# Nearly all of the paper's weights are in the first dense layer, 256 neurons with 8465 inputs. So the size of the *city* is built into the network. The number of devices is not.
+# Nearly all of the paper's weights are in the first dense layer, 256 neurons with 8465 inputs each.
+# So the network is built for one size of *city*, but not for one number of devices.
 #
 # ## Recap
 #
-# - A neuron is a weighted sum, and a ReLU puts a kink in the line. Many kinks make any curve.
-# - Gradient descent moves each weight downhill. Backpropagation computes all slopes in one pass from back to front.
-# - A convolution moves one neuron across a picture.
-# - A dense network in place overfits; with convolutions or the centred frame, what is learned in one place holds in others.
+# - A neuron is a weighted sum, and a ReLU puts a kink in it. Enough kinks can follow any curve.
+# - Gradient descent moves each weight downhill. Backpropagation computes all slopes in one backward
+#   pass.
+# - A convolution moves one neuron across a picture, so what it learns in one place holds in others.
+#   In the centred frame that holds even for a dense network.
 #
 # ## Exercises
 #
-# The [exercises of this notebook](exercises/05_network_by_hand/05_network_by_hand.ipynb) come with checks and hints.
+# The [exercises of this notebook](exercises/05_network_by_hand/05_network_by_hand.ipynb) come with
+# checks and hints.
 #
-# Further reading: Nielsen, [*Neural Networks and Deep Learning*](http://neuralnetworksanddeeplearning.com), chapters 1 and 2.
+# Further reading: Nielsen, [*Neural Networks and Deep
+# Learning*](http://neuralnetworksanddeeplearning.com), chapters 1 and 2.

@@ -1,9 +1,10 @@
 # %% [markdown]
 # # 6 · From Q-learning to DDQN
 #
-# The agent is over cell (11, 8) and decides by the six numbers below. Each is a **Q-value**: the sum of the rewards that
-# the agent expects from now on if it takes that action and acts well afterwards, later ones counting less. It takes the action with the largest one. **How can one
-# number know about the rewards of the next twenty steps?**
+# The agent is over cell (11, 8) and decides by the six numbers below. Each is a **Q-value**: the
+# sum of the rewards that the agent expects from now on if it takes that action and acts well
+# afterwards, with later rewards counting less. It takes the action with the largest Q-value. **How
+# can one number know about the rewards of the next twenty steps?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -43,34 +44,39 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 # | **What you'll learn** | Bellman's equation, discount, replay, target network, exploring, double Q-learning |
 # | **What you'll need** | Notebooks 3 to 5. 50 minutes to read, 40 seconds to run; 110 minutes of exercises |
 #
-# Here you read and watch. In the exercises you write the method yourself, and in notebook 7 it flies.
-#
 # ## 6.1 A table
 #
-# We begin with a city of four by four cells. The UAV starts in the south-west. In the north-east corner stands a device
-# with 10 units of data, and there the episode ends. Each step costs 0.2.
+# We begin with a city of four by four cells. The UAV starts in the south-west. In the north-east
+# corner stands a device with 10 units of data, and there the episode ends. Each step costs 0.2.
 #
-# Imagine a table $Q$ with one number for each cell $s$ and action $a$. What *should* each entry be? What you earn from that cell on if you
-# take that action and fly well afterwards. The last step brings $10-0.2=9.8$, and the episode is over. The step
-# before it costs 0.2 and leads to a cell from which 9.8 can be earned. And so on: a Q-value is the reward of its own step
-# and the best Q-value of the next cell:
+# Imagine a table $Q$ with one number for each cell $s$ and action $a$. Each entry *should* be what
+# you earn from that cell on if you take that action and fly well afterwards. The last step brings
+# $10-0.2=9.8$, and then the episode is over. The step before it costs 0.2 and leads to a cell from
+# which 9.8 can be earned. And so on: a Q-value is the reward $r$ of its own step plus the best
+# Q-value of the next cell $s'$, the largest over all actions $a'$. A factor $\gamma$ a little below
+# 1, the *discount*, makes that second part count slightly less, for reasons given below.
 #
 # $$Q(s,a)=r+\gamma\max_{a'}Q(s',a')$$
 #
-# This is the **Bellman equation**. It answers the question at the top. No number has to know twenty steps; each has to agree with its
-# neighbour, and the neighbour with the next. (In a world with luck the right side is a mean, $\mathbb E\,[r+\gamma\max Q(s',a')]$. Learning finds it by moving only a fraction of the way each
-# time, so that good and bad luck average out.) The *discount* $\gamma$ is explained below. 
+# This is the **Bellman equation**. It answers the question at the top: no number has to know about
+# twenty steps, because each only has to agree with its neighbour, and the neighbour with the next.
+# (In a world with luck the right side is a mean. Learning finds it because small moves average out
+# good and bad luck.)
 #
-# Nobody gives us the table, so we start with zeros and let the UAV fly. Each step tells us $r$ and $s'$, and so what the right side is *at present*. That is called the **target** $y$. The entry moves a fraction $\alpha$ of the way to it:
+# Nobody gives us the table, so we start with zeros and let the UAV fly. Each step tells us $r$ and
+# $s'$, and so what the right side is *at present*. This value is called the **target** $y$. The
+# entry moves a fraction $\alpha$ of the way to it:
 #
 # $$y=r+\gamma\max_{a'}Q(s',a'),\qquad Q(s,a)\leftarrow Q(s,a)+\alpha\,\big(y-Q(s,a)\big)$$
 #
-# This is **Q-learning**. After the end of an episode nothing follows, so there $y=r$. If one forgets that, flying seems to go on after the end: a crash can be hoped
-# away, and with a reward of −0.2 for ever each value sinks towards $-0.2/(1-\gamma)=-4$.
+# This is **Q-learning**. After the end of an episode nothing follows, so there $y=r$. If one
+# forgets this, the flight seems to go on after its end, so a crash no longer looks final: better
+# rewards seem to follow it.
 #
-# Once by hand: the UAV is one cell west of the device and flies east, $y=9.8$. With $\alpha=0.5$ the entry goes from 0 to 4.9. Some flights later
-# it comes through the cell before and flies east from there: $y=-0.2+0.95\cdot4.9=4.5$. The news has moved one cell back. Here is the largest Q-value of each
-# cell after 1, 3 and 100 flights:
+# Let us do it once by hand. The UAV is one cell west of the device and flies east, so $y=9.8$. With
+# $\alpha=0.5$ the entry goes from 0 to 4.9. Some flights later the UAV passes the cell to the west
+# of that one and flies east: $y=-0.2+0.95\cdot4.9=4.5$. The news has moved one cell back. Here is
+# the largest Q-value of each cell after 1, 3 and 100 flights:
 
 # %%
 from uavdh_lite.course.small_city import CELLS, START, flights_of
@@ -84,17 +90,20 @@ def table(flights, gamma=0.95):
 draw_maps({f"flights: {n}": table(n) for n in (1, 3, 100)}, numbers=True)
 
 # %% [markdown]
-# After one flight only the last cell before the device knows that something good is near. Each further flight spreads the news, until the
-# start in the lower left corner is worth 6.7. This is how a table solves **credit assignment**: from the back to the front.
+# After one flight only the last cell before the device knows that something good is near. Each
+# further flight spreads the news, until the start in the lower left corner is worth 6.7. This is
+# how a table solves **credit assignment**: from the back to the front.
 #
-# The UAV picked all actions at random, and still learned what *good* flying is worth, because the target asks for the *best* next action and
-# not for the one that comes next. A method that may learn from any behaviour
-# is called **off-policy**. An **on-policy** method would have learned what flying at random is worth.
+# The UAV picked all actions at random, and still learned what *good* flying is worth, because the
+# target asks for the *best* next action and not for the one that is actually taken next. A method
+# that may learn from any behaviour is called **off-policy**. An **on-policy** method would have
+# learned what flying at random is worth.
 #
 # ### The discount
 #
-# Notebook 3 measured a flight by its plain sum of rewards. The agent learns something else: the sum in which a reward $k$ steps ahead
-# counts only $\gamma^k$ of its size (paper, eq. 6), and a Q-value is what it expects of that sum (eq. 5):
+# Notebook 3 measured a flight by its plain sum of rewards. The agent learns something else: the sum
+# in which a reward $k$ steps ahead counts only $\gamma^k$ of its size (paper, eq. 6), and a Q-value
+# is the expected value of that sum (eq. 5):
 #
 # $$Q(s_t,a_t)=\mathbb{E}\left[\sum_{k}\gamma^k\,r_{t+k}\right]$$
 
@@ -103,51 +112,64 @@ for gamma in (0.5, 0.95, 1.0):
     print(f"γ = {gamma:<5}the start is worth {table(300, gamma)[START]:.1f}")
 
 # %% [markdown]
-# With $\gamma=0.5$ the start hardly sees the device. With $\gamma=1$ it counts in full, and here that does no harm. So **why discount,
-# if the plain sum is what we want?**
+# With $\gamma=0.5$ the start hardly sees the device. With $\gamma=1$ the device counts in full,
+# which does no harm here. So **why discount, if the plain sum is what we want?**
 #
-# - *Errors.* A value is built on an estimate of the next one, and that one on an estimate of the one after it. Each link in this chain adds an
-#   error, and $\gamma$ shrinks those from far away. Even with 0.95 they can grow (6.3).
-# - *Noise.* Rewards fifty steps ahead depend on fifty draws of the fading and fifty actions still to be chosen. They say little about which action
-#   is better *now*.
-# - *Time.* News has to travel about $1/(1-\gamma)$ steps, 20 with 0.95, before a Q-value is right.
+# - *Errors.* Each value is built on an estimate of the next value, and that on an estimate of the
+#   value after it. Each link in this chain adds an error, and $\gamma$ shrinks those from far away.
+#   Even with 0.95 the errors can grow (6.3).
+# - *Noise.* Rewards fifty steps ahead depend on fifty draws of the fading and fifty actions still
+#   to be chosen, so they say little about which action is better *now*.
+# - *Time.* With 0.95 a reward more than some tens of steps ahead hardly counts, so news of it need
+#   not travel further than that. With $\gamma=1$ it has to travel the whole flight.
 #
-# The price is short-sightedness. A crash that costs 150 and is 60 steps ahead counts only $150\cdot0.95^{60}\approx7$. The agent's 0.95 is a compromise. The return is measured with $\gamma=1$ all the same.
+# The price is short-sightedness. A crash that costs 150 and is 60 steps ahead counts only
+# $150\cdot0.95^{60}\approx7$. The return of a flight is still measured with $\gamma=1$.
 #
 # ## 6.2 A network instead of the table
 #
-# A table for the paper's city would need a row for every combination of places, times and amounts of data: for five
-# devices more than $10^{13}$, even without the amounts. So a network computes the Q-values from its inputs, which are
-# here the row and the column of the cell. It answers even for a cell that it has never seen, and like cells get like values. That is called **generalising**, a
-# blessing and, as you will see, a danger.
+# A table for the paper's city would need a row for every combination of places, times and amounts
+# of data: for five devices more than $10^{13}$, even without the amounts. So a network computes the
+# Q-values from its inputs, which are here the row and the column of the cell. It answers even for a
+# cell that it has never seen, and similar cells get similar values. This is called
+# **generalising**; it is a blessing and, as you will see, a danger.
 #
-# Instead of moving an entry a fraction $\alpha$ towards $y$, the weights $\theta$ take a step downhill on the squared error (paper, eq. 7):
+# The table moved an entry a fraction $\alpha$ towards $y$. Now the weights $\theta$ take a step
+# downhill on the squared error (paper, eq. 7):
 #
 # $$L(\theta)=\mathbb{E}\big[(y-Q_\theta(s,a))^2\big]$$
 #
-# The target $y$ is computed with the network, too, but treated as a fixed number, because $Q$ is to move towards $y$, and not $y$ towards $Q$.
+# The target $y$ is computed with the network, too, but treated as a fixed number, because $Q$
+# should move towards $y$, and not $y$ towards $Q$.
 #
 # ### Why a memory?
 #
-# A table may learn from the steps of a flight one after the other. A network must not, for two reasons. Successive steps of a flight are much alike. A
-# network that learns from them in order fits what it has just seen and **forgets** the rest, because the same weights serve all places. And gradient
-# descent wants independent examples: thirty-two steps from one street are hardly worth more than one.
+# A table may learn from the steps of a flight one after the other. A network should not, for two
+# reasons. Successive steps of a flight are much alike, so a network that learns from them in order
+# fits what it has just seen and **forgets** the rest, because the same weights serve all places.
+# And gradient descent works best with independent examples: thirty-two steps from one street are
+# hardly worth more than one.
 #
-# So all steps go into a **replay memory**, and the network learns from a *minibatch* drawn from it at random: old and new ones, from many flights. Only an off-policy method may do this, because most of these steps were flown by earlier, worse versions of the agent.
+# So all steps go into a **replay memory**, and the network learns from a *minibatch* drawn from it
+# at random: old and new steps, from many flights. Only an off-policy method may do this, because
+# most of these steps were flown by earlier, worse versions of the agent.
 #
 # Two choices remain.
 #
-# - *How large?* A small memory holds little but the last few flights, so it brings back the problem that it should solve. A large one holds more of the
-#   past, flown by agents that knew less. That of the authors' code holds 50,000 steps, ours 200,000. What counts is how many *flights* it holds: in the village a tenth of the memory, and even a fortieth, does nearly as well, but
-#   less than one flight of each UAV is too little ([notebook 11](11_replay.ipynb)).
-# - *Why the newest?* A memory of 50,000 steps draws the newest of them about once in 400 minibatches of 128. The paper's **combined experience replay**
-#   puts it into every one. It costs one place in 128. It guarantees that no step has to wait; in the experiments of Zhang and Sutton it also made a memory that is too large less
-#   harmful. (*Prioritised* replay draws steps with large errors more often; see 11.2.)
+# - *How large?* A small memory holds little but the last few flights, so it brings back the problem
+#   that it should solve. A large one holds more of the past, flown by agents that knew less. The
+#   authors' memory holds 50,000 steps, ours 200,000. What counts is how many *flights* it holds
+#   ([notebook 11](11_replay.ipynb)).
+# - *Should the newest step be in every minibatch?* Drawn at random from 50,000 steps, it would be
+#   in only about one of 400 minibatches of 128. The paper's **combined experience replay** puts it
+#   into every one. This costs one place in 128 and guarantees that no step has to wait.
 #
 # ## 6.3 It explodes
 #
-# The memory holds 100 random flights, without cell (1, 1), a test for later. Three networks start from different random
-# weights, and each computes its own targets. The value of the start cell should become 6.7.
+# The memory holds 100 random flights. All steps from or to cell (1, 1) have been left out, so that
+# we can test later what a network says about a cell that it has never seen. Three networks start
+# from different random weights, and each computes its own targets. The value of the start cell
+# should become 6.7.
 
 # %%
 memory = flights_of(small_city(), 100)
@@ -164,25 +186,33 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 # %% [markdown]
 # Why does a network explode where a table does not?
 #
-# One update raises $Q(s,a)$ towards $y$. In a table nothing else would change. In the network the same weights also make the values
-# of the neighbouring cells, so those rise, too, and *the next cell $s'$ is a neighbour*. But $y$ is made of the values of $s'$. So by moving
-# towards the target, the network has pushed the target away. Next time it takes a longer step, and pushes harder.
+# One update raises $Q(s,a)$ towards $y$. In a table nothing else would change. In the network the
+# same weights also make the values of the neighbouring cells, so those rise, too, and *the next
+# cell $s'$ is a neighbour*. But $y$ is made from the values of $s'$. So by moving towards the
+# target, the network has pushed the target away. Next time it takes a longer step, and pushes
+# harder.
 #
-# Say an update raises $Q(s,a)$ by 1. If it raises the best value of $s'$ by less than $1/\gamma\approx1.05$, the target moves by less than 1, and the gap
-# closes. Otherwise the gap grows with every update: the network chases its own tail. With $\gamma=0.5$ the limit would be 2, and nothing explodes; exercise 6.2 tries that.
+# Say an update raises $Q(s,a)$ by 1. If it raises the best value of $s'$ by less than
+# $1/\gamma\approx1.05$, the target moves by less than 1, and the gap between them shrinks.
+# Otherwise the gap grows with every update: the network chases its own tail. (With $\gamma=0.5$ the
+# limit would be 2.)
 #
-# Three things have come together: a network that generalises, targets made of its own estimates (**bootstrapping**), and learning off-policy. Together
-# they are known as the *deadly triad*: no theorem promises that such learning ends well.
+# Three things have come together: a network that generalises, targets made from its own estimates
+# (**bootstrapping**), and learning off-policy. Together they are known as the *deadly triad*: no
+# theorem promises that such learning ends well.
 #
 # ### The target network
 #
-# The cure is simple: do not let the target move at once. A second network, the **target network** with the weights $\bar\theta$, computes $y$. It begins as a
-# copy of the **online network** $\theta$, and after each update it follows by a small fraction $\tau$ of the way:
+# The cure is simple: do not let the target move at once. A second network, the **target network**
+# with the weights $\bar\theta$, computes $y$. It begins as a copy of the **online network**
+# $\theta$, and after each update moves a small fraction $\tau$ of the way towards it:
 #
 # $$\bar\theta\leftarrow(1-\tau)\,\bar\theta+\tau\,\theta$$
 #
-# While the online network takes a step, the targets hardly move, so it has time to catch up with them. Too slow is bad, too: with
-# $\tau=0.005$ the target network is 200 updates behind, and with 0.00001 it would make the targets of the random start for the whole run. With $\tau=1$ both are the same, as above. With $\tau=0.05$:
+# While the online network takes a step, the targets hardly move, so it has time to catch up with
+# them. Too slow is bad, too: with $\tau=0.00001$ the target network would stay close to its random
+# start, and keep producing meaningless targets, for the whole run. With $\tau=1$ both networks are
+# the same, as above. Here is $\tau=0.05$ for comparison:
 
 # %%
 calm = [learn(tau=0.05, seed=seed) for seed in range(3)]
@@ -194,21 +224,22 @@ ax.set(xlabel="updates", ylabel="value of the start cell", yscale="symlog",
 assert min(path[-1] for _, path in copies) > 100 > max(path[-1] for _, path in calm)
 
 # %% [markdown]
-# With $\tau=1$ all three runs climb, with 0.05 all three settle. At the right values?
+# With $\tau=1$ all three runs climb, but with 0.05 all three settle. Are their values right?
 
 # %%
 values = [online(CELLS).detach().amax(1).view(4, 4) for online, _ in calm]
 draw_maps({"table": table(300), "network": values[0], "another": values[1]}, numbers=True)
 
 # %% [markdown]
-# Nearly, even in cell (1, 1), which the networks never saw. Only the device's own cell is far off: no step starts there,
-# so no target asks for it.
+# They nearly are, even in cell (1, 1), which the networks never saw. Only the device's own cell is
+# far off: no step starts there, so nothing corrects its value.
 #
 # ## 6.4 Exploring
 #
-# In a large city random flights rarely get far, so the agent should use what it has learned. But if it always takes
-# the action that seems best, it may never find out that another is better. Trying others, for the sake of knowledge that may pay off
-# later, is called **exploration**. The paper draws actions from a **softmax policy** with the **temperature** $\beta$ (eq. 10):
+# In a large city random flights rarely get far, so the agent should use what it has learned. But if
+# it always takes the action that seems best, it may never find out that another is better. Trying
+# other actions, for the sake of knowledge that may pay off later, is called **exploration**. The
+# paper draws actions from a **softmax policy** with the **temperature** $\beta$ (eq. 10):
 #
 # $$\pi(a\mid s)=\frac{\exp(Q(s,a)/\beta)}{\sum_{a'}\exp(Q(s,a')/\beta)}$$
 
@@ -218,7 +249,7 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("cold_policy")
 
 # %% [markdown]
-# For the Q-values at the top:
+# For the Q-values at the top of this notebook, three temperatures give these probabilities:
 
 # %%
 from uavdh_lite.ddqn import softmax_policy
@@ -230,32 +261,40 @@ for ax, beta in zip(axes, (0.1, 1, 10)):
 axes[0].set_ylabel("probability");
 
 # %% [markdown]
-# At β = 0.1 it takes one of the two best actions, at β = 1 any move or hovering, at β = 10 nearly anything. When
-# training is over, it takes the best without drawing. That is the **greedy policy** (eq. 9), not to be confused with our rival `greedy`.
+# At β = 0.1 the agent takes one of the two best actions, at β = 1 any move or hovering, and at
+# β = 10 nearly anything. When training is over, it takes the best action without drawing. This is
+# the **greedy policy** (eq. 9), not to be confused with our rival `greedy`.
 #
-# The best-known alternative is **ε-greedy**: with probability ε any action, otherwise the best. It needs no scale, whereas β has to fit the
-# size of the Q-values. But it tries the worst action, such as landing outside the zone, as often as the second best.
+# The best-known alternative is **ε-greedy**: it takes a random action with probability ε, and
+# otherwise the best. ε needs no scale, whereas β has to fit the size of the Q-values. But ε-greedy
+# tries the worst action as often as the second best.
 #
-# Why are pointless actions not simply forbidden? One could **mask** what the safety controller would refuse. Then one must mask twice, in the choice *and* in the maximum of the target, or the value
-# of an action that is never flown, and so never corrected, leaks into all others. Masking spares the penalty and the wasted steps, but the network learns nothing about walls, and fails where
-# the mask is missing. The paper lets it try and pay.
+# Why are pointless actions not simply forbidden? One could **mask** them, that is, leave them out
+# of the choice. But then the maximum of the target must be masked, too, or it may fall on an action
+# whose value nothing corrects, because it is never flown. Masking saves the agent the penalties and
+# the wasted steps, but the network learns nothing about walls, and fails where the mask is missing.
+# The paper lets the agent try and pay.
 #
 # ## 6.5 Double Q-learning
 #
-# Q-values are estimates, so each has some error. In the first picture, landing is refused and costs 1, so its bar should be 1 below that of hovering. It is further off: where an action is hardly ever tried, nothing corrects
-# its value. What do such errors do to the largest Q-value?
+# Q-values are estimates, so each has some error. In the first picture, landing is refused and costs
+# 1 more than hovering, so its bar should be 1 below that of hovering. It is nearly 7 below, because
+# where an action is hardly ever tried, nothing corrects its value. What do such errors do to the
+# largest Q-value?
 
 # %%
 Quiz("whose_maximum")
 
 # %% [markdown]
-# The maximum asks the same estimates two questions: *which* action is best, and *what* is it worth? The luckiest error answers both, so that the value
-# comes out too high. In **double Q-learning** one set of estimates
-# chooses and another one judges. In the paper's target these are the online and the target network (eq. 8):
+# The maximum asks the same estimates two questions: *which* action is best, and *what* is it worth?
+# The luckiest error answers both, so the value comes out too high. In **double Q-learning** one set
+# of estimates chooses and another one judges. In the paper's target these are the online and the
+# target network (eq. 8):
 #
 # $$y=r+\gamma\,Q_{\bar\theta}\big(s',\arg\max_{a'}Q_\theta(s',a')\big)$$
 #
-# Six actions, all worth 0, estimates with random errors, three judges:
+# Let six actions all be worth 0, with random errors in their estimates, and ask three judges what
+# the chosen action is worth:
 
 # %%
 from uavdh_lite.ddqn import ddqn_target
@@ -268,27 +307,34 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
     print(f"{name:<19} mean target {y.mean():5.2f}")
 
 # %% [markdown]
-# The right target is 0. The chooser flatters itself; a stranger does not. The target network, an older copy, is a related judge, so it
-# removes a part of the bias.
+# The right target is 0. The chooser flatters itself; a stranger does not. The target network, an
+# older copy, is a related judge, so it removes only part of the bias.
 #
-# **DDQN** means *double deep Q-network*: a network for the table, a chooser and a judge.
+# **DDQN** means *double deep Q-network*: *deep*, because a network replaces the table, and
+# *double*, because one network chooses and another judges.
 #
 # ## 6.6 All of it
 #
-# Act, remember, draw a minibatch, move towards the targets, let the target network follow: that is all. [One page](../docs/tutorials/pseudocode.md)
-# has it as pseudocode, beside the names in the code. For the paper's city only the network changes: that of notebook 5 reads the map and the time.
+# Act, remember, draw a minibatch, move towards the targets, let the target network follow: that is
+# all. [One page](../docs/tutorials/pseudocode.md) has it as pseudocode, beside the names in the
+# code. For the paper's city only the network changes: that of notebook 5 reads the map and the
+# time.
 #
 # ## Recap
 #
-# - Bellman's equation ties each Q-value to its neighbour, so the news of a reward spreads backwards.
+# - Bellman's equation ties each Q-value to its neighbour, so the news of a reward spreads
+#   backwards.
 # - A discount below 1 damps errors and noise from far ahead; the price is short-sightedness.
-# - A replay memory makes the examples of a minibatch nearly independent; combined replay lets no step wait.
-# - A network that makes its own targets may explode; a slow target network keeps it calm, and in DDQN it judges what the online network chooses.
-# - Softmax explores where Q-values are close together; ε-greedy explores everywhere alike.
+# - A replay memory makes the examples of a minibatch nearly independent; combined replay lets no
+#   step wait.
+# - A network that makes its own targets may explode; a slow target network keeps it calm, and in
+#   DDQN it judges what the online network chooses.
+# - Softmax explores where Q-values are close together; ε-greedy explores equally everywhere.
 #
 # ## Exercises
 #
-# In the [exercises of this notebook](exercises/06_ddqn/06_ddqn.ipynb) you build a deep Q-network, part by part. They are the heart of the course.
+# In the [exercises of this notebook](exercises/06_ddqn/06_ddqn.ipynb) you build a deep Q-network,
+# part by part.
 #
-# Further reading: Sutton and Barto, *Reinforcement Learning*, sections 6.5, 6.7 and 11.3; Mnih et al., *Human-level control through deep
-# reinforcement learning*, 2015; van Hasselt et al., 2016.
+# Further reading: Sutton and Barto, *Reinforcement Learning*, sections 6.5, 6.7 and 11.3; Mnih et
+# al., 2015; van Hasselt et al., 2016.

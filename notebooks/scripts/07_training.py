@@ -1,9 +1,10 @@
 # %% [markdown]
 # # 7 · Training
 #
-# Two agents fly the same mission below. Both were trained by the **recipe** `lite`: all constants and choices that
-# define a training run. The left one had 300,000 steps to learn, the right one is the best agent of a run of four
-# million. **What happens in all these steps, and how can you tell that it is going well?**
+# Two agents fly the same mission below. Both were trained by the same **recipe**, `lite`. (A recipe
+# is the set of all constants and choices that define a training run.) The left one had 300,000
+# steps to learn, whereas the right one is the best agent of a run of four million. **What happens
+# in all these steps, and how can you tell that it is going well?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -43,9 +44,9 @@ for ax, name in zip(axes, ("manhattan_ddqn_early", "manhattan_ddqn")):
 # | **What you'll learn** | The training loop, what each curve says, two ways to fail, what a recipe is |
 # | **What you'll need** | Notebooks 3 and 6. 45 minutes to read, 45 seconds to run; 110 minutes of exercises |
 #
-# The captions give the time used and the data collected. The early agent leaves about a sixth of the data behind and lands at the last
-# moment, whereas the late one brings all of it home and has two units of time to spare.
-# The late one, `manhattan_ddqn`, is the agent of this course.
+# The captions give the time used and the data collected. The early agent leaves about a sixth of
+# the data behind and lands at the last moment, whereas the late one brings all of it home and has
+# two units of time to spare. This late agent, `manhattan_ddqn`, is the agent of the course.
 #
 # ## 7.1 One step of the loop
 #
@@ -67,23 +68,27 @@ print(inspect.getsource(Trainer.step))
 # | `replay.sample` | **sample** a minibatch that includes the newest steps | 6.2 |
 # | `learner.update` | **update**: DDQN targets (eq. 8), a step downhill (eq. 7), the soft update | 6.3, 6.5 |
 #
-# Then it begins again at the top. It is a circle: the agent makes the data that it learns from, so that a bad agent collects bad data, and
-# a lucky one good data. That is what makes reinforcement learning harder to watch over than learning from a fixed set of examples.
+# Then the loop begins again at the top. It is a circle: the agent makes the data that it learns
+# from, so a bad agent collects bad data, and a lucky one collects good data. That makes
+# reinforcement learning harder to monitor than learning from a fixed set of examples.
 #
 # Five more things are worth knowing:
 #
-# - Several UAVs fly side by side, one step each for every update.
-# - `_restart_ended` replaces an episode that has ended with a new random mission, so the agent cannot memorise one.
+# - Several UAVs fly side by side. Each of them flies one step between two updates.
+# - When an episode has ended, `_restart_ended` puts a new random mission in its place, so the agent
+#   cannot memorise a single mission.
 # - Until the memory holds `replay_prefill` steps, the agent flies at random and learns nothing.
-# - The memory holds states: 19 numbers each, for Manhattan. Their maps, 4805 numbers, are made just before the network reads
-#   them, which saves memory.
-# - The agent learns from `training_rewards_at`, where the cost of a crash may grow, and is measured by `REPORTED`, which is fixed.
+# - The memory holds states, which for Manhattan are 19 numbers each. The maps of a state, 4805
+#   numbers, are made only when the network reads them, which saves memory.
+# - The agent learns from the rewards of `training_rewards_at`, in which the cost of a crash may
+#   grow during the run. It is measured by the rewards `REPORTED`, which are fixed.
 #
 # ## 7.2 Train one now
 #
-# A village of 8 × 8 cells with one or two devices is small enough to train while you wait. The recipe `small` sets all **hyperparameters**,
-# the numbers that are chosen before the learning: the network, the learning rate, $\gamma$, $\tau$, $\beta$ and the rewards. The next cell takes half a
-# minute and prints how far it is.
+# A village of 8 × 8 cells with one or two devices is so small that an agent can be trained for it
+# while you wait. The recipe `small` sets all **hyperparameters**, the numbers that are chosen
+# beforehand and not learned: the size of the network, the learning rate, $\gamma$, $\tau$, $\beta$
+# and the rewards. The next cell takes half a minute and prints how far it has got.
 
 # %%
 from dataclasses import replace
@@ -104,13 +109,16 @@ trainer = train()
 print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
 
 # %% [markdown]
-# In `small` 16 UAVs fly side by side, so after the 2000 steps of the prefill there is one update for every 16 steps.
+# In `small` 16 UAVs fly side by side, so after the 2000 steps of the prefill there is one update
+# for every 16 steps.
 #
-# Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions that are always the
-# same, and always takes the best action, without exploring (eq. 9). Validation also chooses: a run keeps its best agent. The
-# late one at the top was chosen so. Such a choice is partly luck, so its final score comes from a third set of
-# missions, the *test*. The three sets share no mission. A *seed*, which starts the random numbers, makes every agent fly the same
-# missions.
+# Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions
+# that are always the same, and always takes the best action, without exploring (eq. 9). Validation
+# also chooses the agent, because a run keeps the one that did best in a validation. The late agent
+# at the top was chosen in this way. Such a choice is partly luck, so the final score of an agent
+# comes from a third set of missions, the *test*. The sets for training, validation and test have no
+# mission in common. In validation and test, a *seed*, which is the number that starts the random
+# numbers, makes every agent fly the same missions.
 
 # %%
 def draw(ax, rows, title):
@@ -124,9 +132,12 @@ figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
 draw(ax, trainer.validation_rows, "the village")
 
 # %% [markdown]
-# At step 0 the weights are random, and what such an agent does is chance. Some bring nothing home. Others wait a little near the start and land, and the village is so small that this alone brings up to half of the data.
-# So do not look at where a curve starts, but at how far it rises, and at **collected and landed**, the data of the flights that also landed. To watch networks learn in this village, open the lab
-# *Watch* (`python -m uavdh_lite app`).
+# At step 0 the weights are random, so what the agent does is a matter of chance. Some untrained
+# agents bring nothing home. Others wait a little near the start and then land, and the village is
+# so small that this alone brings in up to half of the data. So look not at where a curve starts but
+# at how far it rises. Above all, look at **collected and landed**, which counts only the data of
+# flights that also landed. To watch networks learn in this village, open the lab *Watch* (`python
+# -m uavdh_lite app`).
 
 # %%
 last = trainer.validation_rows[-1]
@@ -136,8 +147,10 @@ print(f"landed {last['landed']:.0%}, collected and landed {last['collected_and_l
 # %% [markdown]
 # ## 7.3 Reading the curves of a real run
 #
-# This is the run that made the agent, in bins of 5000 steps. On a graphics card it took eight minutes, beside fourteen other runs. It shows *training* flights, which explore. Half of the
-# flights begin in mid-air, so that the agent practises the way home. They are left out.
+# This is the run that made the agent, in bins of 5000 steps. On a graphics card it took eight
+# minutes, while fourteen other runs were trained beside it. The figure shows *training* flights, in
+# which the agent explores. Half of the flights in training begin in mid-air, so that the agent
+# practises the way home; these are left out of the figure.
 
 # %%
 from uavdh_lite.storage import read_table
@@ -154,18 +167,24 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
     ax.set(ylabel=name, xlabel="million steps")
 
 # %% [markdown]
-# During this run the cost of a crash grew from 10 to 150. The curve of the return has 150 throughout.
+# During this run the cost of a crash grew from 10 to 150, but the curve of the return counts every
+# crash as 150.
 #
-# At first the agent learns to land. Then **collected** rises while **landed** and the **return** dive: it flies
-# farther, and exploring makes it late. Later they recover. By then the agent explores less and crashes cost more; this run
-# cannot say which of the two helped.
+# At first the agent learns to land. Then **collected** rises while **landed** and the **return**
+# fall sharply, because the agent flies farther, and exploring makes it late. Later both recover. By
+# then the agent explores less and crashes cost more; this run cannot say which of the two helped.
 #
-# Everybody looks at the **loss** first, and it tells you least. In notebook 5 the examples were fixed, so a falling loss meant better answers. Here
-# the loss measures how far the Q-values are from their targets, and the targets move with the network. A lazy agent that only ever
-# lands has a tiny loss, because there is nothing to predict. Here the loss rises for a while as the agent collects more. Two possible
-# reasons: a bolder agent has more to predict, and each crash counts for more.
+# Everybody looks at the **loss** first, but it tells you least. In notebook 5 the examples were
+# fixed, so a falling loss meant better answers. Here the loss measures how far the Q-values are
+# from their targets, and the targets move with the network. A lazy agent that only ever lands has a
+# tiny loss, because there is hardly anything to predict. In this run the loss rises for a while as
+# the agent collects more. There are two possible reasons: a bolder agent has more to predict, and
+# each crash counts for more.
 #
 # ## 7.4 Two ways to fail
+#
+# What happens if the penalty for a crash is too large, and what if there is none at all? Predict
+# the first case before you read on:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -173,9 +192,11 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("huge_penalty")
 
 # %% [markdown]
-# **The lazy agent.** What if a crash costs 150 from the start? This was recorded over an earlier map of Manhattan, with three seeds each.
-# The runs have 300,000 steps. $\beta$, the cost of a crash and the learning rate change within them as they do in longer
-# runs, only faster. So these agents are ahead of longer runs at that step.
+# **The lazy agent.** What if a crash costs 150 from the start? Here is such a recipe beside `lite`,
+# where the cost begins at 10, with three seeds each, recorded over an earlier map of Manhattan.
+# These runs have only 300,000 steps. Within them $\beta$, the learning rate and, in `lite`, the
+# cost of a crash change as they do in longer runs, only faster. So at their end these agents are
+# ahead of what longer runs have reached at that step.
 
 # %%
 study = read_table("../data/runs/deviations-manhattan.csv.gz")
@@ -186,10 +207,11 @@ for variant, crash in names.items():
         print(f"{crash:<20}{name:<21}", *(f"{share:4.0%}" for share in study[name][rows]))
 
 # %% [markdown]
-# With the large penalty all three agents land safely and leave most of the data where it is. The paper's method
-# has the same penalty and gets past that, as 7.5 shows.
+# With the large penalty all three agents land safely, but they leave most of the data where it is.
+# The paper's method has the same penalty and gets past this stage, as 7.5 shows.
 #
-# **The agent that never lands.** If a crash costs nothing, there is hardly any reason to fly home. Try it in the village:
+# **The agent that never lands.** If a crash costs nothing, there is hardly any reason to fly home.
+# Try it in the village:
 
 # %%
 crashing = train(crash_reward=0.0, crash_reward_end=0.0, steps=16_000, validation_interval=4000)
@@ -198,19 +220,22 @@ figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
 draw(ax, crashing.validation_rows, "a crash costs nothing")
 
 # %% [markdown]
-# It collects, but little or nothing comes home. Nothing is wrong with the learning: the agent did what we asked for. The
-# reward was wrong.
+# The agent collects, but little or nothing comes home. Nothing is wrong with the learning: the
+# agent did what we asked for. The reward was wrong.
 #
-# How large must the penalty be? The agent sees it through the discount. Ten steps before the end, a penalty of 20 counts
-# $20 \cdot 0.95^{10} \approx 12$. Even in the village a device may hold 15 units, so a crash can pay. A penalty of 150
-# counts 90.
+# How large must the penalty be? The agent sees it through the discount. Ten steps before the end, a
+# penalty of 20 counts $20 \cdot 0.95^{10} \approx 12$. Even in the village a device may hold 15
+# units, so collecting them and then crashing can be worth more than landing without them. At the
+# same distance a penalty of 150 counts 90.
 #
 # ## 7.5 Two recipes
 #
-# Two recipes share centred maps, the softmax policy, double Q-learning, the soft update with τ = 0.005, combined replay
-# and γ = 0.95. `plain` is the paper's method with nothing added, and with a network that is small enough for a processor. `lite` is ours and trained the agent.
-# It changes the network, the loss and the starts, too: `docs/project/differences_from_the_paper.md` lists
-# everything. Four departures show the idea:
+# The two recipes in this section share centred maps, the softmax policy, double Q-learning, the
+# soft update with τ = 0.005, combined replay and γ = 0.95. `plain` is the paper's method with
+# nothing added, but with a network that is small enough for an ordinary processor. `lite` is our
+# own recipe, which trained the agent of this course. It also changes the network, the loss and the
+# states in which flights begin; `docs/project/differences_from_the_paper.md` lists everything. Four
+# departures show the idea:
 #
 # | in `lite` | what it is for |
 # | --- | --- |
@@ -219,20 +244,24 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # | $\beta$ from 2 to 0.1 | explore first, then get it right |
 # | crash from −10 to −150 | first fly far, then land in time |
 #
-# The target of such a *three-step return* is
+# With three rewards before its Q-value, the target is a *three-step return*:
 #
 # $$y=r_t+\gamma r_{t+1}+\gamma^2r_{t+2}+\gamma^3\,Q_{\bar\theta}\big(s_{t+3},\arg\max_{a'}Q_\theta(s_{t+3},a')\big)$$
 #
 # If the episode ends within these steps, the sum ends there, without a $Q$.
 #
-# News spreads faster, and there is a price. In 6.1 the target asked for the *best* next action, whatever was flown. Here the two middle rewards were earned by an older agent that
-# was exploring, so the target is a little too low. Strictly, this is no longer off-policy. With three steps the bias is accepted.
+# News spreads faster, but there is a price. In 6.1 the target asked for the *best* next action,
+# whatever was flown. Here the second and the third reward were earned by an older agent that was
+# exploring, so the target is a little too low. Strictly speaking, the method is then no longer
+# off-policy. With only three steps one usually accepts this bias.
 #
-# `lite` also lowers the cost of a step from 0.2 to 0.1. In the recorded study, of an earlier program, this does not help: with 0.2 the
-# agents collect as much, and their return is 1.5 units higher ([the page on the recipe](../docs/results/recipe.md)).
+# `lite` also lowers the cost of a step from 0.2 to 0.1. In the recorded study, of an earlier
+# program, this does not help: with 0.2 the agents collect as much, and their return is 1.5 units
+# higher ([the page on the recipe](../docs/results/recipe.md)).
 #
-# The **paper's method** makes an update for every single step, once its memory holds 25,000 random steps. The
-# picture shows *training* flights of three runs of each recipe; those of `plain` were stopped early.
+# The **paper's method** makes an update for every single step, once its memory holds 25,000 random
+# steps. The picture shows *training* flights of three runs of each recipe; the runs of `plain` were
+# stopped early.
 
 # %%
 figure, ax = plt.subplots(figsize=(5.5, 2.6), layout="constrained")
@@ -246,25 +275,30 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
        ylabel="collected and landed");
 
 # %% [markdown]
-# In the picture `plain` rises after fewer steps. It makes many more updates, and explores less: β is 0.1
-# throughout. So the picture compares steps and not work, and it does not say where `plain` would end.
+# In the picture `plain` rises after fewer steps. But it makes many more updates, and it explores
+# less, because β is 0.1 throughout. So the picture compares steps and not work, and it does not
+# show where `plain` would end.
 #
-# What would you do with a tenth of the steps? Let β, the crash penalty and the learning rate change ten times as fast, make more updates for each step, and begin more
-# flights in mid-air and near their end. Then tell the agent what is known, or let it copy (notebooks 9 and 12). A longer horizon or a larger network comes last.
+# What would you do if you could afford only a tenth of the steps? First let β, the crash penalty
+# and the learning rate change ten times as fast, make more updates for each step, and begin more
+# flights in mid-air and near their end. If that is not enough, tell the agent what is known, or let
+# it copy a planner (notebooks 9 and 12). Try a longer horizon or a larger network last.
 #
 # ## Recap
 #
 # - Training is a loop: act, step, add, sample, update. The agent makes its own data.
 # - A validation flies missions that training never sees, always with the best action.
 # - Look at landed and collected together. The loss tells you least.
-# - With a large penalty from the start an agent may get lazy, and without one it has hardly any reason to come home.
+# - With a large penalty from the start an agent may become lazy, and without one it has hardly any
+#   reason to come home.
 # - A recipe defines a training run. Every departure from the paper's recipe needs a reason.
 #
 # ## Exercises
 #
-# The [exercises of this notebook](exercises/07_training/07_training.ipynb) come with checks and hints.
+# The [exercises of this notebook](exercises/07_training/07_training.ipynb) come with checks and
+# hints.
 #
-# An agent that does not learn is the normal case, before it is made to. [My agent does not learn](../docs/tutorials/does_not_learn.md) is a checklist of
-# what to look at, and in which order.
+# It is normal that an agent does not learn at first. [My agent does not
+# learn](../docs/tutorials/does_not_learn.md) is a checklist of what to look at, and in which order.
 #
 # Further reading: Henderson et al., *Deep Reinforcement Learning that Matters*, 2018.

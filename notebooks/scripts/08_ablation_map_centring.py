@@ -1,9 +1,10 @@
 # %% [markdown]
 # # 8 · Ablation: map centring
 #
-# Notebook 4 put the UAV in the middle of its map, and notebook 5 showed in an example why that might help. **Does it help an agent to fly?** To find out, take it away and train
-# again. Such an experiment is called an **ablation**. Here are the first 600,000 steps of six training runs: three with
-# the centred map, and three with the city in place.
+# Notebook 4 put the UAV in the middle of its map, and notebook 5 showed in an example why that
+# might help. **Does it help an agent to fly?** To find out, take the centring away and train again.
+# Such an experiment is called an **ablation**. Here are the first 600,000 steps of six training
+# runs: three with the centred map, and three with the city in place.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -41,8 +42,9 @@ for ax in figure.axes:
 #
 # ## 8.1 One thing changed
 #
-# An ablation says something only if all else is equal. Both kinds of run have the same number of steps, missions drawn
-# in the same way, and the same missions for validation. What differs is one field of the recipe:
+# An ablation tells us something only if all else is equal. Both kinds of run have the same number
+# of steps, missions drawn in the same way, and the same missions for validation. What differs is
+# one field of the recipe:
 
 # %%
 from uavdh_lite.experiments.study import centring
@@ -52,26 +54,30 @@ for name, recipe in centring(LITE).items():
     print(name, {k: v for k, v in recipe.as_json().items() if v != LITE.as_json()[k]})
 
 # %% [markdown]
-# Both networks see 31 × 31 cells, because the city in place gets a rim of no-fly cells. So they are equally large,
-# except for the layer that shows the position: 246,006 weights with the centred map, 246,406 without.
+# Both networks see 31 × 31 cells, because the city in place gets a rim of no-fly cells. So they
+# are equally large, except that the city in place needs one more layer to show the position:
+# 246,006 weights with the centred map, 246,406 without.
 #
-# Chance differs, too. A **seed** sets it: the first weights, the missions, the fading, and every action that is drawn.
-# There are three seeds of each kind.
+# Chance differs, too. It is set by a **seed**, on which the first weights, the missions, the fading
+# and every action that is drawn depend. Each kind has three seeds.
 #
 # ## 8.2 The paper's figure
 #
-# The figure at the top has the form of the paper's. On the left is the return, on the right what is collected and landed.
-# Each point is a bin of 5000 steps of training flights. The line is the mean of three runs, and the pale band around it
-# holds 99 % of the values.
+# The figure at the top has the form of the paper's. The return is on the left, and what is
+# collected and landed is on the right. Each point is a bin of 5000 steps of training flights. The
+# line is the mean of three runs, and the pale band around it holds 99 % of the values.
 #
-# Be careful with that band. With three values, it reaches almost exactly from the smallest to the largest. A fourth run would be the lowest of the four with a chance of one in four, and the
-# highest likewise. So it would fall outside the band half of the time.
+# Be careful with that band. With three values, it reaches almost exactly from the smallest to the
+# largest. A fourth run would be the lowest of the four with a chance of one in four, and the
+# highest with the same chance. So it would fall outside the band half of the time.
 #
-# The two pictures do not agree. On the left the centred agents do *worse* for a good part of the time, on the right they do better. They collect
-# more and crash more often while they explore, and each crash costs 150. Two measures tell two stories, so always say which one you
-# mean. (The paper's own picture of the reward shows the centred agents ahead; on the left this is not reproduced here.)
+# The two pictures do not agree. On the left the centred agents do *worse* for a good part of the
+# time, but on the right they do better. They collect more, but they crash more often while they
+# explore, and each crash costs 150. Two measures tell two stories, so always say which one you
+# mean. (In the paper's own picture of the reward the centred agents are ahead; ours does not
+# reproduce this.)
 #
-# Training flights explore, and that hides what an agent can do. Here are the validations of the same six runs, without
+# Exploring hides what an agent can do. Here are the validations of the same six runs, without
 # exploring, each run with a line of its own.
 
 # %%
@@ -93,15 +99,18 @@ ax.set(xlabel="thousand steps", ylabel="collected and landed")
 ax.legend();
 
 # %% [markdown]
-# After 200,000 and 300,000 steps all centred runs are far ahead of all others. Later the gap shrinks to half a
-# point, and at the end the lowest centred run is level with the highest of the others. In the paper's
-# figure the gap is larger. The paper has another recipe and other maps, so the two figures do not contradict each
-# other. With the recipe `plain`, the paper's method, the gap is wide as far as those runs go: after 150,000 steps 66 to 78 % against 11 to 14 %.
+# After 200,000 and 300,000 steps all centred runs are far ahead of all the others. Later the gap
+# shrinks to half a point, and at the end the lowest centred run is level with the highest of the
+# others. In the paper's figure, which comes from another recipe and other maps, the gap is larger.
+# With the recipe `plain`, the paper's method, the gap is wide as far as those runs go: after
+# 150,000 steps 66 to 78 % against 11 to 14 %.
 #
 # ## 8.3 One seed, and six
 #
-# Let us repeat the ablation in the village, with short runs of 16,000 steps. Their schedules (β, crash penalty, learning rate) run faster, so the curves differ from those in
-# notebook 7. Remember that an untrained network may bring home anything up to half of the data here. One seed of each kind:
+# Let us repeat the ablation in the village, with short runs of 16,000 steps. Their schedules (β,
+# crash penalty, learning rate) run faster, so the curves differ from those in notebook 7. Remember
+# that an untrained network may bring home anything up to half of the data here. Here is one seed of
+# each kind:
 
 # %%
 village = read_table("../data/runs/centring-village.csv.gz")
@@ -111,8 +120,8 @@ ax.set(xlabel="thousand steps", ylabel="collected and landed", ylim=(-0.02, 0.82
 ax.legend();
 
 # %% [markdown]
-# A clear result: at the end, the centred map wins by far. Would you publish it? Here is the same comparison with six
-# seeds. The one above is seed 2.
+# The result looks clear: at the end, the centred map wins by far. Would you publish it? Here is the
+# same comparison with six seeds. The seed above was seed 2.
 
 # %%
 figure, axes = plt.subplots(2, 3, figsize=(8, 4.4), sharex=True, sharey=True,
@@ -124,24 +133,26 @@ figure.supxlabel("thousand steps")
 figure.supylabel("collected and landed");
 
 # %% [markdown]
-# **One seed can show nearly anything**: that the centred map is far better, as with seed 2, that it is better by a little, as with
-# seed 3, or that it makes no difference, as with seed 5. Had the runs ended after 4000 steps, seed 2 itself would have shown the
-# opposite. Each of these figures comes from a correct experiment that was done only once.
+# **One seed can show nearly anything**: that the centred map is far better, as with seed 2, that it
+# is better by a little, as with seed 3, or that it makes no difference, as with seed 5. Had the
+# runs ended after 4000 steps, seed 2 itself would have shown the opposite. Each of these pictures
+# comes from a correct experiment that was done only once.
 #
 # ## 8.4 How sure can you be?
 #
 # ### Intervals over runs
 #
-# Six other runs would give a different mean. How different? The **standard error** gives an idea: it is the standard
-# deviation $s$ of the results, divided by the square root of their number $n$. The standard error of the gap
-# combines both:
+# Six other runs would give a different mean. How different? The **standard error** gives an idea:
+# it is the standard deviation $s$ of the results, divided by the square root of their number $n$.
+# The standard error of the gap combines those of both kinds:
 #
 # $$\text{error} = \sqrt{\frac{s_1^2}{n} + \frac{s_2^2}{n}}$$
 #
-# A **95 % interval** extends a few standard errors to either side. With many runs it takes two, or 1.96 to be exact.
-# With few runs $s$ itself is uncertain, so it takes more. *Student's t distribution* says how many: 2.6 with six runs,
-# 4.3 with three. For two kinds together the number is a little smaller; we take this one, to be safe. If all runs were
-# made again and again, at least 95 % of such intervals would hold the true gap.
+# A **95 % interval** extends a few standard errors to either side of the result. With many runs it
+# takes two, or 1.96 to be exact. With few runs $s$ itself is uncertain, so it takes more.
+# *Student's t distribution* says how many: 2.6 with six runs, 4.3 with three. For two kinds
+# together the number is a little smaller; we take this one, to be safe. If all runs were made again
+# and again, at least 95 % of such intervals would contain the true gap.
 
 # %%
 import numpy as np
@@ -163,11 +174,12 @@ ax.axvline(0, color="black")
 ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 
 # %% [markdown]
-# Each bar is such an interval, of at least 95 %. After 300,000 steps the whole bar lies on one side of 0: the centred
-# agents seem to learn **sooner**. At the end of the long runs the interval contains 0, so these runs do not say which
-# kind is **better in the end**. In the village it only just contains 0, and only because of the
-# factor that we take to be safe: with the exact one for these two kinds, 2.24, it would begin at 0.8 points. So there is a lead in
-# the village, probably, but we hardly know how large it is. We chose the 300,000 steps after we had seen the curves, so the first gap is less certain than it looks.
+# Each bar is such an interval, of at least 95 %. After 300,000 steps the whole bar lies on one side
+# of 0: the centred agents seem to learn **sooner**. At the end of the long runs the interval
+# contains 0, so these runs do not say which kind is **better in the end**. In the village 0 lies
+# just inside the interval, but only because we took the larger number, to be safe. So there is
+# probably a lead there, but we hardly know how large it is. We chose the 300,000 steps after seeing
+# the curves, so the first gap is less certain than it looks.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -175,19 +187,22 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("three_seeds")
 
 # %% [markdown]
-# Every run of one kind above every run of the other: we saw that after 300,000 steps. Look at the ranks alone, from the best of
-# the six runs to the worst. If the methods were equally good, each of the 20 ways to give three of the six ranks to one of them would be equally likely, and in two of the
-# 20 one method has all the best ranks. Judged by rank alone, equally good methods would
-# produce such a result 10 % of the time. This share is called a **p-value**, and going through all ways to deal out the results is a **permutation test**.
-# In the village there are 924 ways to deal out twelve results, and only 10 of them give a gap as large as the one that we saw. That is a p-value of 1 %.
+# After 300,000 steps every run of one kind was above every run of the other. Look at the ranks
+# alone, from the best of the six runs to the worst. If the methods were equally good, each of the
+# 20 ways to give three of the six ranks to one of them would be equally likely, and in two of the
+# 20 one method has all the best ranks. Judged by rank alone, equally good methods would produce
+# such a result 10 % of the time. This share is called a **p-value**, and going through all ways to
+# deal out the results is called a **permutation test**. In the village only 10 of the 924 ways give
+# so large a gap, which is a p-value of 1 %.
 #
-# The interval also uses the sizes: after 300,000 steps the gap is nine times the standard deviation of either kind. In return it assumes a normal distribution, and
-# three runs are too few to check that.
+# The interval also uses the sizes of the results, but it assumes a normal distribution, and three
+# runs are too few to check that.
 #
 # ### Baselines
 #
-# Is an agent that brings home 96 % a good one? The paper's brought home 94.6 %, but over another map. A baseline flies the same missions. Here are `random` and
-# `greedy`, the pilots of notebook 0, and the agent in 1000 missions:
+# Is an agent that brings home 96 % a good one? The paper's brought home 94.6 %, but over another
+# map. So we need *baselines*, other pilots that fly the same missions. Here are `random` and
+# `greedy` of notebook 0 and the agent in 1000 missions:
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -201,16 +216,17 @@ for name, values in share.items():
 # %% [markdown]
 # The agent is far better than chance, but a simple rule does at least as well.
 #
-# These intervals are over missions. The *bootstrap* makes them: it draws 1000 of these 1000 results, some of them twice,
-# some not at all, and takes the mean. It does so many times, and records how much the mean varies.
-# For a yes-or-no metric such as `landed`, $s$ is $\sqrt{p(1-p)}$: 97 % of 1000 has a standard error of half a point, so it is 97 ± 1.1 %, and 96 % by another pilot in
-# *other* missions is no difference.
+# These intervals are over missions. They come from the *bootstrap*, which draws 1000 of these 1000
+# results, some of them twice, some not at all, and takes the mean. It does so many times, and
+# records how much the mean varies. For a yes-or-no metric such as `landed`, $s$ is $\sqrt{p(1-p)}$:
+# 97 % of 1000 missions is 97 ± 1.1 %, so 96 % in *other* missions would show no difference.
 #
 # ### Paired differences
 #
-# Do the two differ at all? Their intervals almost touch, but what counts is the interval of the difference. There are two ways to get it. One adds the errors of both, as above. The other makes
-# use of the fact that both flew the *same* missions. A hard mission is hard for both, so subtract mission by mission, and much of
-# that luck cancels.
+# Do agent and greedy differ at all? Their intervals almost touch, but what counts is the interval
+# of the difference. There are two ways to get it. One adds the errors of both, as above. The other
+# makes use of the fact that both flew the *same* missions. A hard mission is hard for both, so if
+# you subtract mission by mission, much of that luck cancels.
 
 # %%
 agent, greedy = share["manhattan_ddqn"], share["greedy"]
@@ -224,8 +240,11 @@ print(f"paired:     from {100 * low:+.2f} to {100 * high:+.2f}")
 assert high < 0 and high - low < 1.5 * apart
 
 # %% [markdown]
-# Neither contains 0. The unpaired interval of the difference is narrower than the two intervals above together, because errors add as squares.
-# Had those overlapped a little, the difference would still have been clear: **overlapping intervals do not mean “no difference”**. Pairing makes the interval narrower still. Here it gains about as much as twice the number of missions would.
+# Neither interval contains 0. The unpaired interval of the difference is narrower than the two
+# intervals above together, because errors add as squares. Even if those two had overlapped a
+# little, the difference could have been clear: **overlapping intervals do not mean “no
+# difference”**. Pairing makes the interval narrower still, here by about as much as twice the
+# number of missions would.
 #
 # So `greedy` is ahead, by a little more than a point.
 
@@ -235,8 +254,9 @@ Quiz("more_missions")
 # %% [markdown]
 # ## 8.5 What has it learned?
 #
-# An ablation changes the agent. One can also change the *world* and see whether what was learned still holds. Move both landing zones of the city by two cells, and fly the same
-# agent and the same rule. Predict first: how many of the agent's missions will land?
+# An ablation changes the agent. One can also change the *world* and see whether what was learned
+# still holds. Let us move both landing zones of the city by two cells, and fly the same agent and
+# the same rule. Predict first: how many of the agent's missions will land?
 
 # %%
 from dataclasses import replace
@@ -259,23 +279,24 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
     print(f"{name:<7} landed {flown['landed'].mean:.0%}, collected {flown['collected'].mean:.0%}")
 
 # %% [markdown]
-# Greedy does not care. It looks up the way home in the map, wherever home is. The agent is lost in most missions, although the layer with the
-# landing zones is in its input and was moved, too. In training the zones were always in the same two corners. A network that learns "towards the corner" earns as much as one that learns
-# "towards the landing zone", so
-# nothing made it tell the two apart. **Part of what it knows is places, learned by heart** (or such a picture is simply new to it; either way it did not learn "fly to where the
-# layer says"). This is overfitting again, to a city this time and not to examples.
+# Greedy flies as well as before, because it looks up the way home in the map, wherever home is. But
+# the agent is lost in most missions, although the layer with the landing zones is in its input and
+# was moved, too. In training the zones were always in the same two corners. A network that learns
+# "towards the corner" earns as much as one that learns "towards the landing zone", so nothing made
+# it tell the two apart. **Part of what it knows is places, learned by heart** (or such a picture is
+# simply new to the network; in either case it has not learned "fly to where the layer says"). This
+# is overfitting again, to a city this time and not to examples.
 #
-# This is also a way of asking a network what it looks at: change one thing that should matter, and beside it something like it that should not. It does not show that the agent would fly well there, since the changed picture is new to it.
-#
-# So do not ask only how good an agent is, but also what would have to stay the same for it to be as good. In the next notebook, we ask for an agent that has never seen its city.
+# So ask not only how good an agent is, but also what has to stay the same for it to be as good. In
+# the next notebook, we ask for an agent that can fly a city that it has never seen.
 #
 # ## 8.6 What the evidence shows
 #
 # | question | what these runs say |
 # | --- | --- |
-# | Does an agent learn sooner with the centred map? | Very likely, by what it collects and lands with, in this city and with this recipe |
+# | Does an agent learn sooner with the centred map? | Very likely, judged by *collected and landed*, in this city and with this recipe |
 # | Is it better in the end? | Open: every centred run ended with a higher return, but what they collect is level, and three of each kind cannot settle it |
-# | Is the paper's larger gap wrong? | They cannot say: it comes from another recipe and other maps |
+# | Is the paper's larger gap wrong? | These runs cannot say: it comes from another recipe and other maps |
 # | Is the recipe fair to both? | Not quite: we tuned it with the centred map |
 # | Is it the centring alone? | Open: the other frame also gives the position differently, as a single 1 |
 #
@@ -284,14 +305,18 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # ## Recap
 #
 # - Change one thing, keep all else equal, and run several seeds.
-# - With one seed you can show nearly anything. The runs are the sample, and their number is what counts.
-# - A gap comes with an interval. If 0 is well inside it, the question is open. If 0 is near one of its ends, neither answer is safe.
+# - With one seed you can show nearly anything. The runs are the sample, and their number is what
+#   counts.
+# - A gap comes with an interval. If 0 is well inside it, the question is open; if 0 is near one
+#   end, neither answer is safe.
 # - Put baselines next to every number, and compare on the same missions, pair by pair.
-# - Centred agents very likely learn sooner here. Whether they are better in the end, these runs leave open.
+# - Centred agents very likely learn sooner here. Whether they are better in the end, these runs
+#   leave open.
 #
 # ## Exercises
 #
-# The [exercises of this notebook](exercises/08_ablation_map_centring/08_ablation_map_centring.ipynb) come with checks
-# and hints.
+# The [exercises of this
+# notebook](exercises/08_ablation_map_centring/08_ablation_map_centring.ipynb) come with checks and
+# hints.
 #
 # Further reading: Agarwal et al., *Deep RL at the Edge of the Statistical Precipice*, 2021.

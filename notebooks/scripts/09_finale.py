@@ -1,9 +1,13 @@
 # %% [markdown]
 # # 9 · The finale
 #
-# A rule of a few lines has been ahead of our agent since notebook 0. And when notebook 8 moved the landing zones, the agent was lost, probably because much of what it knew
-# was places learned by heart. **Can an agent beat the rule, and can one fly a city that it has never seen?** Each point below is the mean
-# return of one pilot over the same 1000 missions. The grey line is the rule.
+# A rule of a few lines has been ahead of our agent since notebook 0. And when notebook 8 moved the
+# landing zones, the agent was lost, probably because much of what it knew was places learned by
+# heart. **Can an agent beat the rule, and can one fly a city that it has never seen?** Each point
+# below is the mean return of one pilot over the same 1000 missions. The grey line is the rule. The
+# labels on the left name what each pilot was given; sections 9.2 to 9.5 explain them. (The pilot
+# `random` is left out of the picture, because it would be far to the left; it is in the table of
+# 9.6.)
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -64,24 +68,29 @@ figure
 # | **What you'll learn** | Guarantee, tell, copy, learn: four ways to get knowledge into an agent, and what each of them costs |
 # | **What you'll need** | Notebooks 0 to 8. 40 minutes to read, 40 seconds to run; the project takes an afternoon |
 #
-# (Random is left out of the picture, because it would be far to the left; it is in the table below.)
-#
 # ## 9.1 Where we stand
 #
-# Look back at what you have done. You know what a link is worth and why (1, 2), what a step earns (3), what the network sees (4), how it computes (5) and
-# how it learns (6, 7). If you did the exercises, you have built all of it once yourself. And you know how to say honestly how good an agent is (8): the
-# strengthened DDQN brings home about as much as the paper's, and a little less than a rule that needs no training.
+# Look back at what you have done. You know what a link is worth and why (notebooks 1 and 2), what a
+# step earns (3), what the network sees (4), how it computes (5) and how it learns (6, 7). If you
+# did the exercises, you have built all of it yourself. And you know how to say honestly how good an
+# agent is (8): the DDQN agent, strengthened by the recipe `lite`, brings home about as much as the
+# paper's did over its own map, and a little less than a rule that needs no training.
 #
-# Should we have stopped at the rule, then? Our agent learned from reward alone. It sees the street map, like the rule, but nobody told it what the map means: how
-# moves go, which way is short, what a wall does to the radio. It paid for every piece of knowledge with crashes and with millions of steps. In principle such an agent would learn where nobody can write down
-# the channel, if it could fly there millions of times, crashes included. In practice one trains in a simulator, as the paper does, or measures and fits a model (notebook 14). And *our*
-# city can be computed. So let us give the agent what we have, one gift after the other.
+# Should we have stopped at the rule, then? Our agent learned from reward alone. It sees the street
+# map, like the rule, but nobody told it what the map means: how moves work, which way is short,
+# what a wall does to the radio. It paid for every piece of knowledge with crashes and with millions
+# of steps. In principle such an agent could learn even in a place whose channel nobody can write
+# down, if it could fly there millions of times, crashes included. In practice one trains in a
+# simulator, as the paper does, or measures and fits a model (notebook 14). For *our* city, however,
+# the channel can be computed. So let us give the agent what we know, one gift after the other.
 #
 # ## 9.2 Guarantee
 #
-# The DDQN agent learned from crashes how to land. A rule needs no crash: from the map one can count the moves from each cell to the nearest landing zone, and an
-# action is *too late* if the way home would then take longer than the time that is left. The **failsafe** replaces such an action by the first move home.
-# Many drones have a function like it. Does it work for any pilot? Try the worst one:
+# The DDQN agent learned from crashes how to land. A rule needs no crash: from the map one can count
+# the moves from each cell to the nearest landing zone, and an action is *too late* if, after it,
+# the way home takes longer than the time that is left. The **failsafe** replaces such an action by
+# the first move home. Many drones have a function of this kind. Does the failsafe work for any
+# pilot? Let us try the worst one:
 
 # %%
 from uavdh_lite.beyond.failsafe import SafeEnvironment
@@ -100,14 +109,17 @@ for name, world in worlds.items():
 assert flights.end.landed.all()
 
 # %% [markdown]
-# Every flight lands, by construction, as long as the map is right and no wind makes a step longer. What a rule guarantees need not be learned, and no crash of −150 disturbs the Q-values any more. So from here on
-# "landed 100 %" is no achievement of the agent, and we shall look at the return.
+# With the failsafe every flight lands, by construction, as long as the map is right and no wind
+# makes a step longer. What a rule guarantees need not be learned, and no crash of −150 disturbs the
+# Q-values any more. So from here on "landed 100 %" is no achievement of the agent, and we shall
+# look at the return.
 #
 # ## 9.3 Tell
 #
-# The network sees buildings, and has to find out from reward what they do to the radio. But anyone who knows the city and the constants of notebook 1 can
-# compute, before the flight, about how much data a unit of time over each cell would bring. That is a picture, and a network that reads five pictures can read
-# six:
+# The network sees buildings, and has to find out from reward what they do to the radio. But anyone
+# who knows the city and the constants of notebook 1 can compute, before the flight, about how much
+# data a unit of time over each cell would bring. The result is a picture, and a network that reads
+# five pictures can also read a sixth:
 
 # %%
 from uavdh_lite.beyond.told import ToldObservation
@@ -128,35 +140,53 @@ figure.colorbar(picture, label="data units in one unit of time, without fading")
 figure
 
 # %% [markdown]
-# Around each device it is bright, along the streets too, and dark where a building is in the way: the shadows of notebook 2. The second device is dimmer and flat on top, because it holds only 6 units. The agent is given two more pictures of this kind: how far home is from each cell, and
-# how far each cell is from the UAV.
+# The picture is bright around each device and along the streets, and dark where a building is in
+# the way: these are the shadows of notebook 2. The spot around the second device is dimmer, and
+# its brightest cells all have the same colour, because the device holds only 6 units and no cell
+# can bring more than that. The agent is given two more pictures of this kind: how far home is from
+# each cell, and how far each cell is from the UAV.
 #
 # ## 9.4 Copy
 #
-# The *genie* is a planner that knows the mean rate of every link (strictly, the rate without fading, which notebook 1 showed to be a little lower) and searches over whole flights. It is better than any agent here. But it has to search
-# anew for each mission, and it needs the formulas. Can a network learn to do at a glance what the genie does after a search? Let the genie fly, write down for each
-# state what it did, and train a network on these examples. The network gives a score for each action, a softmax turns scores into probabilities, and the loss is the
-# **cross-entropy**, the surprise at what the genie did:
+# The *genie* is a planner that knows the mean rate of every link and searches over whole flights.
+# (Strictly, it knows the rate without fading, which notebook 1 showed to be a little lower than the
+# mean.) The genie is better than any agent here. But it has to search anew for each mission, and it
+# needs the formulas of the channel. Can a network learn to do at a glance what the genie does after
+# a search? Let the genie fly, write down for each state what it did, and train a network on these
+# examples. The network gives a score for each action, a softmax turns scores into probabilities,
+# and the loss is the **cross-entropy**, a measure of how surprised the network is at what the genie
+# did:
 #
 # $$L=-\log\pi(a_\text{genie}\mid s)$$
 #
-# This is **imitation learning**, or *behavioural cloning*. It is the training loop of notebook 5 with another loss; nothing in it knows what a reward is.
+# This is **imitation learning**, or *behavioural cloning*. It is the training loop of notebook 5
+# with another loss; nothing in it knows what a reward is.
 #
 # ## 9.5 Learn on
 #
-# A copy makes mistakes that it does not know of, and the genie, which plans with mean rates, does not reckon with luck. Asking the genie what to do where the copy itself flies repairs a part of the mistakes (notebook 12).
-# What the genie does not know, only reward can teach. The agent
-# flies each mission several times, drawing its actions, and looks at which of the flights were better than their mean. What it did in those becomes likelier, what it did
-# in the others less likely:
+# A copy makes small mistakes, and each of them takes it to states in which it never saw the genie
+# act; there it makes larger ones. Asking the genie what to do in those states repairs a part of
+# this (notebook 12). And the genie itself is not perfect: it plans with mean rates and does not
+# reckon with luck. What the genie does not know, only reward can teach.
+#
+# So the agent now learns from its own flights. It flies each mission several times, drawing its
+# actions from its probabilities, and compares the return of each flight with the mean of them all.
+# The actions of a flight that was better than the mean become more likely, and the actions of a
+# flight that was worse become less likely:
 #
 # $$L=-A\,\log\pi(a\mid s)$$
 #
-# where $A$, the **advantage**, says by how much the flight was better than the mean. It is the loss of 9.4, weighted by $A$. Such a method is called a **policy gradient**. Here no values are learned; the
-# probabilities themselves are. And it is on-policy: flights of an older agent say nothing about the present probabilities.
+# where $A$, the **advantage**, says by how much the flight was better than the mean. This is the
+# loss of 9.4, weighted by $A$. A step downhill on it raises the probability of the action $a$ if
+# $A$ is positive, as if the action came from the genie, and lowers it if $A$ is negative. Such a
+# method is called a **policy gradient**. It learns no values, because it changes the probabilities
+# themselves. And it is on-policy: it can learn only from flights of the present agent, because
+# those of an older agent were drawn from other probabilities.
 #
 # ## 9.6 The ladder
 #
-# Here are all the pilots on the same 1000 missions, each compared with the rule mission by mission, as in notebook 8:
+# Here are all the pilots on the same 1000 missions, each compared with the rule mission by mission,
+# as in notebook 8:
 
 # %%
 print(f"{'':<34}{'return':>8}{'ahead of greedy':>18}{'95 % interval':>20}")
@@ -166,28 +196,37 @@ for name, values in ladder.items():
     print(f"{name:<34}{values.mean():8.2f}{mean:+18.2f}{interval:>20}")
 
 # %% [markdown]
-# Read it from the bottom up. The agent that was told, guarded, and taught by a planner (one training) is **ahead of the rule**, and its interval stays away from 0. It had all four gifts;
-# whether three would do, these flights do not say. What they cost:
+# Read the ladder from the bottom up. The agent that was guarded, told, taught by a planner, and
+# then learned on is **ahead of the rule**, and its interval stays away from 0. (This agent comes
+# from a single training.) It had all four gifts; these flights do not say whether three would have
+# been enough. Here is what each gift costs:
 #
 # | gift | what somebody had to know | what it cannot do |
 # | --- | --- | --- |
-# | guarantee | the map, and that it is right | it lands; it does not collect |
-# | tell | the map and the constants of the channel | help those who learn from reward alone, as far as short runs of an earlier program in a single city show (notebook 12) |
+# | guarantee | the map, and that it is right | collect data; it only lands |
+# | tell | the map and the constants of the channel | help agents that learn from reward alone, as far as short runs of an earlier program in a single city show (notebook 12) |
 # | copy | a planner, that is, all equations and a search | be better than its teacher |
-# | learn on | nothing but the reward | begin from nothing, since few flights of a random agent are good. (DDQN can, in millions of steps) |
+# | learn on | nothing but the reward | begin from nothing, since few flights of a random agent are good. (DDQN can, in millions of steps.) |
 #
-# So the order of the table does not mean that good methods beat bad ones. The pilots differ in what they were told, and *a comparison is fair only
-# between pilots that were told the same*. Greedy knows the street map and the shortest ways. The genie knows every mean rate. The DDQN agent knows the map and no rule.
+# So the order of the pilots in the ladder does not mean that good methods beat bad ones. The pilots
+# differ in what they were told, and *a comparison is fair only between pilots that were told the
+# same*. Greedy knows the street map and the shortest ways. The genie knows every mean rate. The
+# DDQN agent knows the map but no rule.
 #
-# Even the genie does not collect everything. Some missions offer more data than the time allows, a device may stand in a courtyard that costs too much to enter, and fading is
-# luck. **So do not expect 100 % of any pilot.** The genie's score is the best that we have found, and no bound; still, the distance to it
-# says more than the distance to 100. [Notebook 12](12_four_ways.ipynb) takes the gifts away one by one, with seeds and minutes.
+# Even the genie does not collect everything. Some missions offer more data than the time allows, a
+# device may stand in a courtyard that takes too much time to enter, and fading is luck. **So do not
+# expect 100 % of any pilot.** The genie's score is the best that we have found. It is not an upper
+# bound, but the distance to it still says more than the distance to 100. [Notebook
+# 12](12_four_ways.ipynb) takes the gifts away one by one, with seeds and minutes.
 #
 # ## 9.7 A city that you have just typed
 #
-# One question is left. Notebook 8 moved the landing zones by two cells, and the agent was lost in most of its missions, probably because part of what it had learned was places and not streets. What if an agent learns in
-# *thousands* of cities, a new one for each mission? It cannot know all of them by heart. `any_city` learned in that way, with the four gifts. Type a city, and let it fly.
-# `L` is the landing zone, `N` a no-fly zone, `B` a building, and a dot a free cell. Any size up to 16 × 16 will do. Change it as you like:
+# One question is left. Notebook 8 moved the landing zones by two cells, and the agent was lost in
+# most of its missions, probably because part of what it had learned was places and not streets.
+# What if an agent learns in *thousands* of cities, a new one for each mission? It cannot know all
+# of them by heart. `any_city` learned in that way, with the four gifts. Type a city, and let it
+# fly. `L` is the landing zone, `N` a no-fly zone, `B` a building, and a dot a free cell. Any size
+# up to 16 × 16 will do. Change the city as you like:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -221,37 +260,52 @@ for name, each in flown.items():
     print(f"{name:<9} return {each.returns.mean():5.1f} over 300 missions in your city")
 
 # %% [markdown]
-# Nobody trained it for this city; a minute ago the city did not exist. The network sees walls and zones around itself, in the centred map of the paper, and a wall to the north is a wall to the north
-# in any city. That is what the centring is good for in the end. And what it is told, the expected data and the ways, is computed for your city before the flight. Is it ahead of greedy here? Over many cities it is a narrow race, and in a
-# single one either may win. [Notebook 13](13_any_city.ipynb) answers with due care.
+# Nobody trained the agent for this city; a minute ago the city did not exist. The network sees the
+# walls and zones around the UAV in the centred map of the paper, and a wall to the north is a wall
+# to the north in any city. That is what the centring is good for in the end. And what the agent is
+# told, the expected data and the distances to home and from the UAV, is computed for your city
+# before the flight. Is the agent ahead of greedy here? Over many cities the race is narrow, and in
+# a single city either may win. [Notebook 13](13_any_city.ipynb) answers with due care.
 #
-# Even where it is no better than the rule, nobody wrote its rule. This is what learning is for. One agent **for each mission** would be an optimiser: it would search until it had a good flight, and begin again with the next. One agent
-# **for all missions** has paid for its search once, in training, and decides in about a hundredth of a second wherever it is put.
+# What has learning brought, if the agent may be no better than the rule? One agent **for each
+# mission** would be an optimiser, like the genie: it searches until it has a good flight, and
+# begins again with the next mission. One agent **for all missions** has paid for its search once,
+# in training, and decides in about a hundredth of a second wherever it is put.
 #
 # ## 9.8 Your turn
 #
-# The course ends with something of your own: [the project](project/project.ipynb). Choose a city or a reward, write down what you expect, train with three seeds,
-# and report a paired interval against greedy, on one page. The notebook there is a template that runs; two finished projects stand beside it, one better than the other, so that you can
-# see what makes the difference.
+# The course ends with something of your own: [the project](project/project.ipynb). Choose a city or
+# a reward, write down what you expect, train with three seeds, and report a paired interval against
+# greedy, on one page. The notebook there is a template that runs; two finished projects stand
+# beside it, one better than the other, so that you can see what makes the difference.
 #
-# And there is a **challenge**. Write a pilot, any function from states to actions: a rule, a planner, the network of exercise 7.1. The practice set scores it on missions that are the same for everybody:
+# And there is a **challenge**. Write a pilot, any function from states to actions: a rule, a
+# planner, the network of exercise 7.1. Your score is its result on the *practice set*, missions
+# that are the same for everybody:
 #
 # ```text
 # python -m uavdh_lite challenge score my_policy.py greedy --leaderboard board.json
 # python -m uavdh_lite challenge show board.json
 # ```
 #
-# The second line prints your own board. The guide to [comparing policies](../docs/how_to/compare.md) shows what a policy looks like. Greedy is the one to beat. You know by now that it can be done.
+# The second line prints your own leaderboard. The guide to [comparing
+# policies](../docs/how_to/compare.md) shows what a policy looks like. Greedy is the pilot to beat,
+# and you know by now that it can be beaten.
 #
 # ## Recap
 #
-# - A rule that always holds need not be learned; what can be computed can be told; a planner can be copied; reward teaches the rest.
-# - With all four an agent (one training) beats the rule in its own city. With reward alone it comes close, and nobody has to know a rule.
+# - A rule that always holds need not be learned; what can be computed can be told; a planner can be
+#   copied; reward teaches the rest.
+# - With all four gifts an agent, from a single training, beats the rule in its own city. With
+#   reward alone it only comes close, but nobody has to know a rule.
 # - An agent that learned in thousands of cities flies one that was typed a minute ago.
 # - Say what a pilot was told before you compare it, and put the rule beside every number.
 #
 # ## Exercises
 #
-# The [project](project/project.ipynb) is the exercise of this notebook. [What you can do now](../docs/tutorials/what_you_can_do.md) has twelve questions to test yourself.
+# The [project](project/project.ipynb) is the exercise of this notebook. [What you can do
+# now](../docs/tutorials/what_you_can_do.md) has twelve questions to test yourself.
 #
-# Going further: [evaluation](10_evaluation.ipynb), [replay](11_replay.ipynb), [four ways to knowledge](12_four_ways.ipynb), [any city](13_any_city.ipynb), in any order.
+# Going further: [evaluation](10_evaluation.ipynb), [replay](11_replay.ipynb), [four ways to
+# knowledge](12_four_ways.ipynb), [any city](13_any_city.ipynb) and [a real
+# city](14_a_real_city.ipynb), in any order, except that the last one needs the two before it.

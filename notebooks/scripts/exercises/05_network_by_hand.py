@@ -1,11 +1,13 @@
 # %% [markdown]
 # # Exercises 5 · A network by hand
 #
-# These exercises go with notebook `05_network_by_hand`. You need numpy, slopes, and what a convolution is.
+# These exercises go with notebook `05_network_by_hand`. You need a little numpy, the slope of a
+# function, and an idea of what a convolution does.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
-# never finishes, interrupt the kernel with the stop button.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check
+# says whether the answer is right, and if not, what is probably wrong. Hints are folded away below
+# each task. Your code runs inside this notebook. If it never finishes, interrupt the kernel with
+# the stop button.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -31,26 +33,28 @@ from uavdh_lite.course import checks
 # %% [markdown]
 # ## 5.1 · A neuron that learns (3 points, 15 minutes)
 #
-# Train a single neuron, without PyTorch. It has one input, so it computes $w x + b$. Its loss is the mean of the squared errors over all
-# examples,
+# Train a single neuron, without PyTorch. It has one input, so it computes $w x + b$. Its loss is
+# the mean of the squared errors over all examples,
 #
 # $$L(w, b) = \frac{1}{n} \sum_{k=1}^{n} (w x_k + b - y_k)^2.$$
 #
 # - `x`, `y`: arrays of $n$ inputs and of the $n$ outputs that belong to them
 # - `rate`: the learning rate
-# - `steps`: how many steps of gradient descent, each with all examples
+# - `steps`: the number of steps of gradient descent, each of which uses all examples
 #
-# Both numbers begin at 0. In each step both move downhill at the same time. Return the pair $w$, $b$.
+# Both $w$ and $b$ begin at 0, and in each step both move downhill at the same time. Return the pair
+# $w$, $b$.
 #
 # <details><summary>Hint</summary>
 #
-# You need two slopes. Keep the error $w x_k + b - y_k$ of each example in an array. How does its square change if $w$ grows a little, and how
-# if $b$ does?
+# You need two slopes. Keep the error $w x_k + b - y_k$ of each example in an array. How does the
+# square of the error change if $w$ grows a little, and how if $b$ does?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# The slope for $w$ is the mean of 2 · error · x, the slope for $b$ the mean of 2 · error. Compute both before you change either.
+# The slope for $w$ is the mean of 2 · error · x, and the slope for $b$ is the mean of 2 · error.
+# Compute both before you change either.
 # </details>
 
 # %%
@@ -72,25 +76,28 @@ checks.fitted_line(fit)
 # %% [markdown]
 # ## 5.2 · A kernel moves over a map (2 points, 12 minutes)
 #
-# A convolution moves a small window over the map. Compute what one kernel makes of one layer, without padding and with stride 1.
+# A convolution moves a small window over the map. Compute the output of one kernel for one layer of
+# the map, without padding and with stride 1.
 #
 # - `layer`: an array (rows, columns) of numbers
 # - `kernel`: an array of numbers, not larger than the layer; it need not be square
 # - `bias`: a number
 #
-# At each place where the kernel lies wholly inside the layer, multiply window and kernel cell by cell, add up the products, and add the
-# bias. Then apply ReLU: a number below 0 becomes 0. Return the array of these values. An example: the layer [[1, 2], [3, 4]] with the
-# kernel [[1, −1]] and the bias 0 has two places. The sums are −1 and −1, so ReLU gives [[0], [0]].
+# At each place where the kernel lies wholly inside the layer, multiply window and kernel cell by
+# cell, add up the products, and add the bias. Then apply ReLU: a number below 0 becomes 0. Return
+# the array of these values. For example, the kernel [[1, −1]] fits at two places of the layer [[1,
+# 2], [3, 4]]. With a bias of 0 both sums are −1, so ReLU gives [[0], [0]].
 #
 # <details><summary>Hint</summary>
 #
-# Do one place first: lay the kernel on the corner, multiply cell by cell, add up, add the bias. How many places
-# are there along a side?
+# Do one place first: lay the kernel over a corner, multiply cell by cell, add up the products, and
+# add the bias. How many places are there along each side?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# There are rows − k + 1 places along the rows. At (i, j) the window is layer[i : i + k, j : j + k]; its value
+# A kernel of h rows and w columns fits at rows − h + 1 places from top to bottom, and at columns −
+# w + 1 places from left to right. At (i, j) the window is layer[i : i + h, j : j + w]; its value
 # is (window * kernel).sum() + bias, or 0 if that is negative.
 # </details>
 
@@ -114,47 +121,55 @@ checks.convolve(convolve)
 # %% [markdown]
 # ## 5.3 · How many weights? (3 points, 15 minutes)
 #
-# The Q-network takes the centred map of a city with M×M cells, and the flying time that is left. It gives one Q-value
-# for each of the six actions. Its parts, in order:
+# The Q-network takes the centred map of a city with M×M cells, and the flying time that is left. It
+# gives one Q-value for each of the six actions. These are its parts, in order:
 #
-# - convolutions, one for each number in `strides`, each with `kernels` kernels of `kernel_size`×`kernel_size` cells.
-#   A kernel sees all the layers that its convolution is given: first those of the map, then one for each kernel of
-#   the convolution before. There is no padding: a kernel is only put where it lies wholly inside its input, first in
-#   the corner, then each time `stride` cells further, along the rows and the columns, as long as it fits;
+# - convolutions, one for each number in `strides`, each with `kernels` kernels of
+#   `kernel_size`×`kernel_size` cells. A kernel sees all the layers that its convolution is given:
+#   in the first convolution those of the map, in a later one a layer for each kernel of the
+#   convolution before it. There is no padding: a kernel is placed only where it lies wholly inside
+#   its input. It starts in the corner and moves on by `stride` cells each time, along the rows and
+#   the columns, as long as it fits;
 # - flattening into a list, to which the flying time is appended as one more number;
 # - fully connected layers, one for each number in `hidden`, with that many neurons;
 # - a fully connected output layer.
 #
-# Each kernel and each neuron, also those of the output, has a bias. How many numbers does the network learn, weights
-# and biases together?
+# Each kernel and each neuron, including those of the output, has a bias. How many numbers does the
+# network learn, weights and biases together?
 #
 # - `layers`: the layers of the map, 5 in the paper
-# - `size`: M, the cells a side of the *city*; the map is larger
+# - `size`: M, the number of cells along each side of the *city*; the map is larger
 # - `kernels`, `kernel_size`: whole numbers, 16 and 5 in the paper
-# - `strides`: one stride for each convolution, `(1, 1)` in the paper; may have any length from 1 on
-# - `hidden`: the neurons of each hidden layer, `(256, 256, 256)` in the paper; any length from 1 on
+# - `strides`: one stride for each convolution, `(1, 1)` in the paper; there may be any number of
+#   them from 1 up
+# - `hidden`: the neurons of each hidden layer, `(256, 256, 256)` in the paper; again, there may be
+#   any number of them from 1 up
 #
-# An example, counted by hand: M = 2, so that the map has 3×3 cells, and 2 layers. One convolution has 3 kernels of
-# 2×2 cells, with stride 1. Each of them sees both layers, so it has 2 · 2 · 2 = 8 weights and a bias: 3 · 9 = 27
-# numbers. A kernel fits at 2×2 places and makes one layer of 2×2 of them, so there are 3 layers of 2×2. As a list these
-# are 12 numbers, 13 with the flying time. A hidden layer of 4 neurons has 4 · (13 + 1) = 56 numbers, the output
-# 6 · (4 + 1) = 30. That makes 27 + 56 + 30 = 113 for `weights(2, 2, 3, 2, (1,), (4,))`. A second convolution
-# would see these 3 layers, not the 2 of the map.
+# An example, counted by hand: M = 2, so the map has 3×3 cells; we give it 2 layers. One
+# convolution has 3 kernels of 2×2 cells, with stride 1. Each kernel sees both layers, so it has 2
+# · 2 · 2 = 8 weights and a bias, which makes 3 · 9 = 27 numbers for the convolution. A kernel
+# fits at 2×2 places, so each makes a layer of 2×2 numbers, and there are 3 such layers. Flattened,
+# these are 12 numbers, or 13 with the flying time. A hidden layer of 4 neurons then has 4 ·
+# (13 + 1) = 56 numbers, and the output has 6 · (4 + 1) = 30. In all, `weights(2, 2, 3, 2,
+# (1,), (4,))` is 27 + 56 + 30 = 113. If there were a second convolution, it would see these 3
+# layers, not the 2 of the map.
 #
-# Try to do it with plain arithmetic, without torch, that is the point of the exercise. For the paper's network in a city
-# with M = 16 it is 2,308,854.
+# Try to do this with plain arithmetic and without torch, because counting is the point of the
+# exercise. For the paper's network in a city with M = 16 the result is 2,308,854.
 #
 # <details><summary>Hint</summary>
 #
-# Follow the shape of the map through the network, as in a table: layers and side before and after each
-# convolution, then the length of the list, then layer by layer. Each kernel and each neuron has a bias.
+# Follow the shape of the map through the network and write it into a table: the number of layers
+# and the side before and after each convolution, then the length of the list, then the neurons of
+# each fully connected layer. Each kernel and each neuron has a bias.
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# A convolution has c·k·k weights and one bias a kernel, where c is the number of layers that it gets, and
-# leaves (side − k) // stride + 1 cells a side. The list has kernels · side² numbers and the flying time. From n
-# to m neurons: n·m + m. The output has 6.
+# A convolution has c·k·k weights and one bias for each kernel, where c is the number of layers that
+# it gets and k the kernel's side; it leaves (side − k) // stride + 1 cells a side. The list has
+# kernels · side² numbers and the flying time. A fully connected layer from n to m neurons has
+# n·m + m numbers. The output has 6 neurons.
 # </details>
 
 # %%
@@ -177,5 +192,5 @@ def weights(layers, size, kernels, kernel_size, strides, hidden):
 checks.network_weights(weights)
 
 # %% [markdown]
-# Print how many of them are in the first fully connected layer, with strides of 1 and of 2. That is where the size of
-# the map is paid for.
+# Print how many of these numbers are in the first fully connected layer, with strides of 1 and with
+# strides of 2. It is in this layer that the size of the map is paid for.

@@ -1,16 +1,18 @@
 # %% [markdown]
 # # Exercises 6 · From Q-learning to DDQN
 #
-# These exercises go with notebook `06_ddqn`. Here you build a deep Q-network yourself, in six steps: a table that learns, a network in its
-# place, a memory, a target network, the double target and the softmax policy. In the exercises of notebook 7 the six become one
-# program that learns to fly over the village.
+# These exercises go with notebook `06_ddqn`. Here you build a deep Q-network yourself, in six
+# steps: a table that learns, a network in its place, a memory, a target network, the double target
+# and the softmax policy. In the exercises of notebook 7 the six become one program that learns to
+# fly over the village.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. It looks at what your code *does*, not at how it is written. Hints are folded away
-# below each task. Your code runs inside this notebook. If it never finishes, interrupt the kernel with the stop button.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check
+# says whether the answer is right, and if not, what is probably wrong. It looks at what your code
+# *does*, not at how it is written. Hints are folded away below each task. Your code runs inside
+# this notebook. If it never finishes, interrupt the kernel with the stop button.
 #
-# Nobody gets stuck: a step that builds on the one before it begins with a solution of that one, folded away. Open it when you
-# have yours, or when you want to go on without.
+# You cannot get stuck: a step that builds on the one before it begins with a solution to that
+# earlier step, folded away. Open it when you have your own, or when you want to go on without one.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -47,29 +49,34 @@ def step(cell, action):
 # %% [markdown]
 # ## 6.1 · A table that learns (3 points, 25 minutes)
 #
-# Write the whole loop of Q-learning. The UAV flies a number of flights, always from `start`, and picks each of its four moves at
-# random. After every step one entry of the table moves towards its target:
+# Write the whole loop of Q-learning. The UAV flies a number of flights, always from `start`, and
+# picks each of its four moves at random. After every step one entry of the table moves towards its
+# target:
 #
 # $$y = r + \gamma \max_{a'} Q(s', a'), \qquad Q(s, a) \leftarrow Q(s, a) + \alpha\,(y - Q(s, a)),$$
 #
-# and $y = r$ if the episode ended with this step, because nothing follows. (The check also starts flights in the device's own cell.)
+# and $y = r$ if the episode ended with this step, because nothing follows. (The check also starts
+# flights in the device's own cell.)
 #
-# - `step`: a function as above; the check hands in other cities, too
-# - `start`: the cell, (row, column), in which each flight begins; a flight goes on until `step` says that it has ended
-# - `flights`: how many; `gamma`, `alpha`: $\gamma$ and $\alpha$
+# - `step`: a function like the one above; the check passes in other cities, too
+# - `start`: the cell, (row, column), in which each flight begins; a flight goes on until `step`
+#   says that it has ended
+# - `flights`: the number of flights; `gamma`, `alpha`: $\gamma$ and $\alpha$
 # - `generator`: a `numpy.random.Generator`, for example for `generator.integers(4)`
 #
 # Return the table: an array of shape (4, 4, 4), `q[row, column, action]`, all zeros at first.
 #
 # <details><summary>Hint</summary>
 #
-# Two loops, one inside the other: over the flights, and over the steps of a flight. In which of them does the table change?
+# Two loops, one inside the other: over the flights, and over the steps of a flight. In which of
+# them does the table change?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# A step needs five things: the cell, the action, what it earned, the next cell, and whether that was the end. `q[cell]` are the four
-# Q-values of a cell, if `cell` is a tuple. At the bottom of the inner loop the next cell becomes the cell.
+# A step has five parts: the cell, the action, the reward, the next cell, and whether the episode
+# ended. `q[cell]` are the four Q-values of a cell, if `cell` is a tuple. At the bottom of the inner
+# loop the next cell becomes the current one.
 # </details>
 
 # %%
@@ -96,25 +103,28 @@ checks.learned_table(learn_table)
 # %% [markdown]
 # ## PyTorch, as much as you need
 #
-# From here on you need the following of PyTorch, in 6.4 and 7.1 as well. The lines run one after the other.
+# From here on you need the following parts of PyTorch, in 6.4 and 7.1 as well. The lines can be run
+# one after the other.
 #
 # | what it does | a line |
 # | --- | --- |
 # | a layer of 4 neurons, each of which is given 2 numbers | `layer = nn.Linear(2, 4)` |
 # | layers one after the other | `network = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))` |
-# | asks a network about 5 examples, a row each: (5, 4) | `q = network(torch.rand(5, 2))` |
+# | asks a network about 5 examples, one in each row: (5, 4) | `q = network(torch.rand(5, 2))` |
 # | the entry in column `a[k]` of each row k: (5,) | `a = torch.tensor([0, 3, 1, 1, 2]); taken = q[torch.arange(5), a]` |
 # | the same as a column: (5, 1) | `taken = q.gather(1, a[:, None])` |
 # | the largest of each row: (5,), or as a column (5, 1) | `q.amax(dim=1), q.amax(dim=1, keepdim=True)` |
-# | computes something that no gradient goes through | `with torch.no_grad(): y = network(torch.rand(5, 2))` |
+# | computes something through which no gradient flows | `with torch.no_grad(): y = network(torch.rand(5, 2))` |
 # | a second network with the same weights | `import copy; other = copy.deepcopy(network)` |
 # | 16 kernels of 3 × 3 over 5 layers, moved 2 cells at a time | `convolution = nn.Conv2d(5, 16, 3, stride=2)` |
-# | makes one row of numbers of each example's maps: (8, 784) | `rows = nn.Flatten()(convolution(torch.rand(8, 5, 15, 15)))` |
+# | turns each example's maps into one row of numbers: (8, 784) | `rows = nn.Flatten()(convolution(torch.rand(8, 5, 15, 15)))` |
 #
-# Mind the shapes. From numbers in a row, (5,), and numbers in a column, (5, 1), a subtraction makes a table of 5 × 5, and nothing warns you.
+# Mind the shapes. If you subtract numbers in a column, (5, 1), from numbers in a row, (5,), you get
+# a table of 5 × 5, and nothing warns you.
 #
-# A network that is not simply one layer after the other is a class. `super().__init__()` must come first, so that PyTorch finds the layers;
-# `forward` is what happens when the network is called:
+# A network that is not simply one layer after the other is written as a class. `super().__init__()`
+# must come first, so that PyTorch finds the layers; `forward` is what happens when the network is
+# called:
 #
 # ```python
 # class Network(nn.Module):
@@ -128,9 +138,10 @@ checks.learned_table(learn_table)
 #
 # ## 6.2 · A network in the table's place (3 points, 25 minutes)
 #
-# Now a network computes the four Q-values of a cell from its row and column. It learns from recorded steps. Here are those of
-# 100 random flights, one in each row of a tensor: row and column of the cell, the action, the reward, row and column of the next
-# cell, and 1 if the episode ended, else 0.
+# Now a network computes the four Q-values of a cell from its row and column. It learns from
+# recorded steps. Here are the steps of 100 random flights, one in each row of a tensor: the row and
+# column of the cell, the action, the reward, the row and column of the next cell, and 1 if the
+# episode ended or 0 if it went on.
 
 # %%
 from uavdh_lite.course.small_city import flights_of
@@ -140,41 +151,46 @@ print(memory.shape)
 print(memory[:3])
 
 # %% [markdown]
-# This is all of PyTorch that you need here:
+# This is all that you need from PyTorch here:
 #
 # | to write | it means |
 # | --- | --- |
 # | `nn.Linear(2, 64)` | a fully connected layer, from 2 inputs to 64 neurons |
 # | `nn.Sequential(a, nn.ReLU(), b)` | a network: first `a`, then ReLU, then `b`; call it with a batch, $(B, 2)$ |
 # | `with torch.no_grad():` | what is computed inside is a plain number: no gradient flows through it |
-# | `q.gather(1, column)` | from each row of `q`, $(B, 4)$, the entry that `column`, $(B, 1)$ whole numbers, names; $(B, 1)$ |
+# | `q.gather(1, column)` | one entry from each row of `q`, $(B, 4)$: the one whose number stands in `column`, $(B, 1)$; the result is $(B, 1)$ |
 # | `x.amax(1, keepdim=True)` | the largest number of each row, $(B, 1)$; without `keepdim` its shape is $(B,)$ |
 # | `copy.deepcopy(network)` | a second network with the same weights (after `import copy`) |
 #
-# Mind the shapes: $(B, 1)$ minus $(B,)$ is $(B, B)$, without an error.
+# Mind the shapes: $(B, 1)$ minus $(B,)$ is $(B, B)$, and no error is raised.
 #
 # Write a function that makes a network and trains it.
 #
 # - `memory`: a tensor like the one above; `gamma`: $\gamma$
-# - `updates`: how many steps of gradient descent
+# - `updates`: the number of steps of gradient descent
 #
-# Return the network: called with a tensor of cells, $(B, 2)$, it gives their Q-values, $(B, 4)$. One hidden layer of 64 units
-# with ReLU, Adam with a learning rate of 0.01 and minibatches of 32 random rows do well. The loss is the mean of $(y - Q(s, a))^2$
-# (paper, eq. 7), where $Q(s, a)$ belongs to the action that was taken and $y = r + \gamma \max_{a'} Q(s', a')$ comes from the
-# **same** network; after the end, $y = r$. The target is a fixed number: no gradient goes through it.
+# Return the network. Called with a tensor of cells, $(B, 2)$, it should give their Q-values, $(B,
+# 4)$. One hidden layer of 64 units with ReLU, Adam with a learning rate of 0.01 and minibatches of
+# 32 random rows do well. The loss is the mean of $(y - Q(s, a))^2$ (paper, eq. 7), where $Q(s, a)$
+# belongs to the action that was taken and $y = r + \gamma \max_{a'} Q(s', a')$ comes from the
+# **same** network; at the end of an episode, $y = r$. The target is a fixed number: no gradient
+# flows through it.
 #
-# The check asks for small $\gamma$ only. When your answer is right, it shows what the same code does with $\gamma = 0.95$.
+# The check uses only small values of $\gamma$. When your answer is right, it shows what the same
+# code does with $\gamma = 0.95$.
 #
 # <details><summary>Hint</summary>
 #
-# A minibatch: `memory[torch.randint(len(memory), (32,))]`. Its columns: `batch.split([2, 1, 1, 2, 1], dim=1)`, each of shape
-# (32, width). The training loop is that of notebook 5: loss, `zero_grad`, `backward`, `step`.
+# A minibatch is `memory[torch.randint(len(memory), (32,))]`. Its columns are `batch.split([2, 1, 1,
+# 2, 1], dim=1)`, each of shape (32, width). The training loop is that of notebook 5: loss,
+# `zero_grad`, `backward`, `step`.
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Inside `with torch.no_grad():` compute y, of shape (32, 1), with `amax(1, keepdim=True)`; the product with (1 − ended) takes away
-# what follows the end. Outside, `network(cell).gather(1, action.long())` has the same shape.
+# Inside `with torch.no_grad():` compute y, of shape (32, 1), with `amax(1, keepdim=True)`;
+# multiplying by (1 − ended) takes away what would follow the end. Outside, `network(cell).gather(1,
+# action.long())` has the same shape.
 # </details>
 
 # %%
@@ -200,37 +216,42 @@ def learn_network(memory, gamma, updates):
 checks.learned_network(learn_network)
 
 # %% [markdown]
-# With $\gamma = 0.95$ it explodes: the network is its own teacher, and every lesson raises the next one. Notebook 6 says why. 6.4
-# mends it.
+# With $\gamma = 0.95$ the network explodes: it is its own teacher, and every lesson raises the
+# next one. Notebook 6 explains why, and exercise 6.4 mends it.
 
 # %% [markdown]
 # ## 6.3 · A replay memory (3 points, 20 minutes)
 #
-# In 6.2 the memory was there from the beginning. An agent that flies while it learns needs one that it can add to. Write such a
-# replay memory. It stores the last `capacity` items, in a ring, and a sample of it always holds the newest item (**combined
-# experience replay**), so that every step is learned from at least once.
+# In 6.2 the memory was there from the beginning. An agent that flies while it learns needs one that
+# it can add to. Write such a replay memory. It stores the last `capacity` items, in a ring, and
+# every sample contains the newest item (**combined experience replay**), so that every step is
+# learned from at least once.
 #
 # - `Ring(capacity)`: an empty memory for `capacity` ≥ 1 items.
-# - `add(item)`: stores an item. If the memory is full, it takes the place of the oldest one.
-# - `sample(size, generator)`: a list of `size` ≥ 1 items in any order. One is the newest. Each of the other `size` − 1 is
-#   drawn from *all* stored items, the newest included, all equally likely and independent of each other, so that an item
-#   may come more than once. `generator` is a `numpy.random.Generator`; all chance must come from it, for example by
-#   `generator.integers(0, n, count)`: `count` whole numbers from 0 to `n` − 1. `sample` is never called on an empty memory.
+# - `add(item)`: stores an item. If the memory is full, the new item takes the place of the oldest
+#   one.
+# - `sample(size, generator)`: a list of `size` ≥ 1 items in any order. One is the newest. Each of
+#   the other `size` − 1 is drawn from *all* stored items, the newest included. All are equally
+#   likely, and the draws are independent of each other, so an item may appear more than once.
+#   `generator` is a `numpy.random.Generator`; all randomness must come from it, for example from
+#   `generator.integers(0, n, count)`, which gives `count` whole numbers from 0 to `n` − 1.
+#   `sample` is never called on an empty memory.
 #
-# An item is a tuple of any content; return the very tuples that were added. Adding should not get slower when the
-# memory is large: try to do without shifting all items by a place (as `pop(0)` does), that is the point of a ring.
+# An item is a tuple with any content; return the very tuples that were added. Adding should not get
+# slower when the memory is large. So try to do without shifting all items by one place, as `pop(0)`
+# does; avoiding this is the point of a ring.
 #
 # <details><summary>Hint</summary>
 #
-# Keep two things apart: how many places are filled, and where the newest item is. The places are used in a
-# circle: which operator takes the last one back to the first?
+# Keep two things apart: how many places are filled, and where the newest item is. The places are
+# used in a circle: which operator takes the last one back to the first?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# The remainder of a division by the capacity runs in such a circle. While the memory is not full, only the
-# places filled so far may be drawn; draw places, not items. And of the size items one is the newest, drawn or
-# not.
+# The remainder of a division by the capacity runs in such a circle. While the memory is not full,
+# only the places filled so far may be drawn; draw places, not items. And since the newest item is
+# in every sample, only size − 1 items have to be drawn.
 # </details>
 
 # %%
@@ -267,14 +288,14 @@ checks.ring_buffer(Ring)
 # %% [markdown]
 # ## 6.4 · A target network (2 points, 20 minutes)
 #
-# Mend the network of 6.2: a second network, the target network, makes the targets. It begins as a copy of the online network and
-# follows it slowly. After every update each of its weights becomes
+# Mend the network of 6.2: a second network, the target network, makes the targets. It begins as a
+# copy of the online network and follows it slowly. After every update each of its weights becomes
 #
 # $$\bar\theta \leftarrow (1 - \tau)\,\bar\theta + \tau\,\theta$$
 #
-# Everything else is as in 6.2: return the online network.
+# Everything else is as in 6.2. Return the online network.
 #
-# <details><summary>Begin here: a solution of 6.2</summary>
+# <details><summary>Begin here: a solution to 6.2</summary>
 #
 # ```python
 # def learn_network(memory, gamma, updates):
@@ -296,14 +317,15 @@ checks.ring_buffer(Ring)
 #
 # <details><summary>Hint</summary>
 #
-# Four lines are new or changed: one makes the copy, one computes y, and two follow after `optimiser.step()`. Do not forget to stop
-# the gradient there.
+# Four lines are new or changed: one makes the copy, one computes y, and two follow after
+# `optimiser.step()`. Do not forget to stop the gradient there.
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# `copy.deepcopy(online)` is a copy. `zip(target.parameters(), online.parameters())` gives the weights in pairs, and
-# `old.lerp_(new, tau)` moves a tensor the share tau of the way to another, in place.
+# `copy.deepcopy(online)` is a copy. `zip(target.parameters(), online.parameters())` gives the
+# weights in pairs, and `old.lerp_(new, tau)` moves the tensor `old` a fraction tau of the way to
+# `new`, in place.
 # </details>
 
 # %%
@@ -336,19 +358,20 @@ checks.learned_calmly(learn_calmly)
 # %% [markdown]
 # ## 6.5 · The double-DQN target (2 points, 10 minutes)
 #
-# The function below is wrong in two ways. Mend it. It is to return a tensor $(B,)$, the targets $y$ of a minibatch of $B$ transitions
-# from a state to the next state $s'$:
+# The function below is wrong in two ways. Mend it. It should return a tensor $(B,)$, the targets
+# $y$ of a minibatch of $B$ transitions from a state to the next state $s'$:
 #
 # - `reward`: $(B,)$ floats, the reward $r$ of the transition
-# - `terminal`: $(B,)$ bools, whether the episode ended with it; there is no next state then, and the Q-values given for it
-#   mean nothing
+# - `terminal`: $(B,)$ bools, whether the episode ended with that transition; if so, there is no
+#   next state, and the Q-values given for it mean nothing
 # - `discount`: the number $\gamma$
-# - `online_next`, `target_next`: $(B, 6)$ floats, the Q-values of $s'$ by the online and by the target network
+# - `online_next`, `target_next`: $(B, 6)$ floats, the Q-values of $s'$ according to the online and
+#   the target network
 #
 # $$y = r + \gamma\, Q_{\bar\theta}\big(s', \arg\max_{a'} Q_\theta(s', a')\big) \qquad \text{(paper, eq. 8)}$$
 #
-# where $\theta$ are the weights of the online and $\bar\theta$ those of the target network. At a terminal transition
-# $y = r$. This is the wrong function:
+# where $\theta$ are the weights of the online and $\bar\theta$ those of the target network. At a
+# terminal transition $y = r$. This is the wrong function:
 #
 # ```python
 # def target(reward, terminal, discount, online_next, target_next):
@@ -356,20 +379,21 @@ checks.learned_calmly(learn_calmly)
 #     return reward + discount * value
 # ```
 #
-# An example with $\gamma = 0.9$ and three actions: $r = 1$, the online Q-values of $s'$ are 2, 5, 3 and the target network's 4, 2, 6.
-# The best action is the second, and the target network says that it is worth 2: $y = 1 + 0.9 \cdot 2 = 2.8$.
+# An example with $\gamma = 0.9$ and three actions: $r = 1$, the online network gives $s'$ the
+# Q-values 2, 5, 3, and the target network 4, 2, 6. For the online network the second action is the
+# best, and the target network says that this action is worth 2: $y = 1 + 0.9 \cdot 2 = 2.8$.
 #
 # <details><summary>Hint</summary>
 #
-# One network is asked which action is best in the next state, the other what that action is worth. And what is
-# a next state worth after the episode has ended?
+# One network is asked which action is best in the next state, the other what that action is worth.
+# And what is a next state worth after the episode has ended?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# The wrong function lets one network do both. argmax says which action is best; with the number of that action
-# in each row, look up its worth. And a Boolean counts as 0 or 1 in a product: which of the two terms falls away
-# at the end?
+# The wrong function lets one network do both. argmax says which action is best; use the number of
+# that action in each row to look up what the action is worth. And a Boolean counts as 0 or 1 in a
+# product: which of the two terms falls away at the end?
 # </details>
 
 # %%
@@ -387,35 +411,36 @@ checks.double_target(target)
 # %% [markdown]
 # ## 6.6 · A softmax that does not overflow (2 points, 10 minutes)
 #
-# An agent that only ever takes the action with the largest Q-value never finds out what the others would have brought. The
-# softmax policy takes action $a$ in state $s$ with the probability
+# An agent that only ever takes the action with the largest Q-value never finds out what the others
+# would have brought. The softmax policy takes action $a$ in state $s$ with the probability
 #
 # $$\pi(a \mid s) = \frac{\exp(Q(s,a)/\beta)}{\sum_{a'} \exp(Q(s,a')/\beta)} \qquad \text{(paper, eq. 10)}$$
 #
-# Compute it for a batch of $B$ states: `q_values` is a float tensor of shape $(B, 6)$ with a row for each state and a
-# column for each action, `temperature` is the number $\beta > 0$. Return the probabilities as a new tensor of the same
-# shape; leave `q_values` as it is.
+# Compute it for a batch of $B$ states: `q_values` is a float tensor of shape $(B, 6)$ with a row
+# for each state and a column for each action, `temperature` is the number $\beta > 0$. Return the
+# probabilities as a new tensor of the same shape; leave `q_values` as it is.
 #
-# The Q-values may be near 1000 or −1000 and the temperature may be 0.1, also with very different values in different
-# rows of a batch. A float32 overflows above $\exp(88)$. Use `torch.exp`, and try to do without `torch.softmax` and its
-# relatives: they solve the problem in the way that you are to find, and that is the point of the exercise.
+# The Q-values may be near 1000 or −1000, the temperature may be 0.1, and the values may differ
+# greatly between the rows of a batch. A float32 overflows above $\exp(88)$. Use `torch.exp`, and
+# try to do without `torch.softmax` and its relatives: they already contain the trick that this
+# exercise asks you to find.
 #
-# A reminder: `x.amax(dim=1)` is the largest number of each row of `x`. For `x` = `[[1., 5.], [3., 2.]]` it is `[5., 3.]`,
-# of shape `(2,)`. With `keepdim=True` the dimension stays, with length 1: `x.amax(dim=1, keepdim=True)` is
-# `[[5.], [3.]]`, a column of shape `(2, 1)`, and in a sum or a quotient with `x` each row meets its own number. `x.sum`
-# takes the same arguments.
+# A reminder: `x.amax(dim=1)` is the largest number of each row of `x`. For `x` = `[[1., 5.], [3.,
+# 2.]]` it is `[5., 3.]`, of shape `(2,)`. With `keepdim=True` the dimension stays, with length 1:
+# `x.amax(dim=1, keepdim=True)` is `[[5.], [3.]]`, a column of shape `(2, 1)`, so in a sum or a
+# quotient with `x` each row is combined with its own number. `x.sum` takes the same arguments.
 #
 # <details><summary>Hint</summary>
 #
-# exp(10 000) is infinite. But the probabilities depend on the gaps between a state's Q-values only: what may
-# you subtract from all of them?
+# exp(10 000) is infinite. But the probabilities depend only on the gaps between a state's
+# Q-values: what may you subtract from all of them?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# A factor that all exponentials of a row share cancels when you divide by their sum; exp(−c/β) is such a
-# factor, and makes exp((Q − c)/β) of exp(Q/β). Which c, another one in each row, leaves no exponent above 0,
-# and one that is exactly 0?
+# A factor that all exponentials of a row share cancels when you divide by their sum; exp(−c/β) is
+# such a factor, and turns exp(Q/β) into exp((Q − c)/β). Which c, a different one in each row,
+# leaves no exponent above 0, and makes one of them exactly 0?
 # </details>
 
 # %%

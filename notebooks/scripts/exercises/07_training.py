@@ -1,12 +1,13 @@
 # %% [markdown]
 # # Exercises 7 · Training
 #
-# These exercises go with notebook `07_training`. You need the curves and the recipe of the notebook, and for the first one the parts that you
-# built in the exercises of notebook 6.
+# These exercises go with notebook `07_training`. You need the curves and the recipe of the
+# notebook, and for the first exercise the parts that you built in the exercises of notebook 6.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
-# never finishes, interrupt the kernel with the stop button.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check
+# says whether the answer is right, and if not, what is probably wrong. Hints are folded away below
+# each task. Your code runs inside this notebook. If it never finishes, interrupt the kernel with
+# the stop button.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -38,8 +39,9 @@ from uavdh_lite.recipe import SMALL, Recipe
 # %% [markdown]
 # ## 7.1 · Your own DQN flies the village (6 points, 70 minutes)
 #
-# Put the parts of exercises 6 together: about forty lines, and an agent that was built by you flies a city. Three of the parts are
-# here. Paste your own in their place; until then the cell takes those of the checks.
+# Put the parts from exercises 6 together. It takes about forty lines, and then an agent that you
+# have built yourself flies over a city. The next cell takes three of the parts from the solutions.
+# Paste your own in their place if you like.
 
 # %%
 Ring, target_of, policy = (
@@ -47,7 +49,7 @@ Ring, target_of, policy = (
 )
 
 # %% [markdown]
-# This is what you need of the library:
+# This is what you need from the library:
 
 # %%
 from uavdh_lite.city import load_cities
@@ -68,30 +70,38 @@ pair = State.concatenate([states[0:1], states[5:6]])  # two single states become
 print("a batch of", len(pair))
 
 # %% [markdown]
-# Write `train(environment, scenario, rewards, rounds, generator)`. In each round 16 UAVs fly one step, and the network learns from
-# one minibatch:
+# Write `train(environment, scenario, rewards, rounds, generator)`. In each round 16 UAVs fly one
+# step, and the network learns from one minibatch:
 #
-# 1. **act**: the Q-values of the states, the softmax policy, and an action for each UAV drawn from it
+# 1. **act**: the Q-values of the states, the softmax policy, and an action for each UAV drawn from
+#    it
 # 2. **step**: `environment.step`, and `rewards(outcome)`
-# 3. **add**: each UAV's own step goes into the ring, for example as `(state, action, reward, next state)` with states of one
-# 4. UAVs whose episode has ended start a new mission: `states.with_rows(places, new_states)` gives a copy with other rows
+# 3. **add**: each UAV's own step goes into the ring, for example as `(state, action, reward, next
+#    state)`, where each state is a batch of one
+# 4. UAVs whose episode has ended start a new mission: `states.with_rows(places, new_states)` gives
+#    a copy in which the rows at these places are new
 # 5. **sample** a minibatch, compute the double target, and make one step downhill
 # 6. the **target network** follows
 #
-# Return a function `q_values(state)`: the Q-values of all six actions for a batch of states, a tensor $(B, 6)$.
+# Return a function `q_values(state)` that gives the Q-values of all six actions for a batch of
+# states, as a tensor $(B, 6)$.
 #
-# What worked for us: a convolution of 16 kernels 3 × 3 with stride 2, then 64 units; a minibatch of 64, a ring of 20,000, a first
-# hundred rounds without learning; Adam with a learning rate of 0.002, $\gamma = 0.95$, $\tau = 0.02$; $\beta$ falls from 1 to 0.05 in
-# the course of the rounds; `nn.functional.huber_loss` with `delta=5` in place of the squared error (the **Huber loss** is a
-# parabola for small errors and a straight line for large ones, so that a crash does not tear at all weights).
+# This is what worked for us: a convolution of 16 kernels of 3 × 3 with stride 2, then 64 units; a
+# minibatch of 64 and a ring of 20,000; no learning in the first hundred rounds; Adam with a
+# learning rate of 0.002, $\gamma = 0.95$, $\tau = 0.02$; $\beta$ falls from 1 to 0.05 in the
+# course of the rounds; `nn.functional.huber_loss` with `delta=5` in place of the squared error (the
+# **Huber loss** is a parabola for small errors and a straight line for large ones, so that a single
+# crash does not pull too hard at the weights).
 #
-# The check trains your agent for 2000 rounds, in about half a minute, and flies it through 500 missions, always with the best action.
-# It asks for 20 points more *collected and landed* than random flying brings.
+# The check trains your agent for 2000 rounds, in about half a minute, and flies it through 500
+# missions, always with the best action. Your agent passes if its *collected and landed* is at least
+# 20 points above that of random flying.
 #
 # <details><summary>Hint: the network</summary>
 #
-# The map and the time go in by different doors. A class with `__init__` and `forward(maps, time)` is the usual way:
-# `torch.cat([self.convolution(maps), time], dim=1)` joins them. A convolution 3 × 3 with stride 2 makes 7 × 7 cells of 15 × 15.
+# The map and the time enter the network at different places. A class with `__init__` and
+# `forward(maps, time)` is the usual way: `torch.cat([self.convolution(maps), time], dim=1)` joins
+# them. A convolution of 3 × 3 with stride 2 turns 15 × 15 cells into 7 × 7.
 # </details>
 #
 # <details><summary>Hint: the same as a skeleton</summary>
@@ -107,18 +117,21 @@ print("a batch of", len(pair))
 #         ...
 # ```
 #
-# `nn.Conv2d(layers in, kernels, size, stride)` is a convolution, `nn.Flatten()` makes a list of each picture. Call the network as `network(maps, time)`.
+# `nn.Conv2d(layers in, kernels, size, stride)` is a convolution, and `nn.Flatten()` turns the
+# pictures of each example into a list. Call the network as `network(maps, time)`.
 # </details>
 #
 # <details><summary>Hint: actions</summary>
 #
-# `torch.multinomial(probabilities, 1)[:, 0].numpy()` draws an action from each row. The Q-values for acting need no gradient.
+# `torch.multinomial(probabilities, 1)[:, 0].numpy()` draws an action from each row. The Q-values
+# for acting need no gradient.
 # </details>
 #
 # <details><summary>Hint: the minibatch</summary>
 #
-# `zip(*ring.sample(64, generator))` makes four columns of a list of four-tuples. Join states into a batch with
-# `State.concatenate(list)`, and numbers with `torch.tensor(np.array(column))`. `batch.ended` says where the episode ended.
+# `zip(*ring.sample(64, generator))` turns a list of four-tuples into four columns. Join states into
+# a batch with `State.concatenate(list)`, and numbers with `torch.tensor(np.array(column))`.
+# `batch.ended` says where the episode ended.
 # </details>
 
 # %%
@@ -181,9 +194,10 @@ def train(environment, scenario, rewards, rounds, generator):
 checks.village_dqn(train)
 
 # %% [markdown]
-# How good is it? Fly the same missions with random, with greedy, and with an agent that the library's own loop trained for as many
-# steps. This takes another half minute. More rounds, another $\beta$, a larger network: what helps? Write down what you expect before you
-# try it, and try it with more than one seed.
+# How good is your agent? The next cell flies the same missions with random, with greedy, and with
+# an agent that the library's own loop has trained for as many steps. This takes another half
+# minute. What would help: more rounds, another $\beta$, a larger network? Write down what you
+# expect before you try it, and try it with more than one seed.
 
 # %%
 from uavdh_lite.evaluation import FunctionPolicy, evaluate
@@ -212,22 +226,23 @@ compare(ROUNDS)
 # %% [markdown]
 # ## 7.2 · What is wrong with this agent? (1 point, 5 minutes)
 #
-# A greedy validation gives three shares between 0 and 1, each a mean over many missions: `landed`, `collected`
-# (collected data over all data, landed or not) and `time_used` (flying time used over flying time given). Here are nine of
-# them, from training runs over an earlier map of Manhattan: one of the whole recipe `lite` (`all`), the others with one part of it
-# replaced by the paper's (`data/runs/deviations-manhattan.csv.gz`). A name ends with the training seed and the thousands of
-# steps after which it was validated:
+# A greedy validation gives three shares between 0 and 1, each a mean over many missions: `landed`,
+# `collected` (collected data over all data, landed or not) and `time_used` (flying time used over
+# flying time given). The cell below shows nine such validations, from training runs over an earlier
+# map of Manhattan: one with the whole recipe `lite` (`all`), the others with one part of it
+# replaced by the paper's (`data/runs/deviations-manhattan.csv.gz`). Each name ends with the
+# training seed and the number of steps, in thousands, after which the agent was validated.
 #
 # <details><summary>Hint</summary>
 #
-# The four terms are defined one after the other, each among those that are left. So which number must be looked
-# at first?
+# The four terms are defined one after the other, each only for agents to which none of the earlier
+# ones applies. So which number must you look at first?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# First `if time_used < 0.25`, then `if landed < 0.9`, then collected: from 0.8 on it is "good", else it
-# "wanders".
+# First `if time_used < 0.25`, then `if landed < 0.9`, then look at `collected`: from 0.8 on the
+# agent is "good", otherwise it "wanders".
 # </details>
 
 # %%
@@ -240,7 +255,7 @@ for name, shares in RUNS.items():
 # 1. is `"lazy"` if it uses less than 25 % of the flying time, whatever else it does;
 # 2. otherwise it `"crashes"` if fewer than 90 % of its missions land;
 # 3. otherwise it is `"good"` if it collects at least 80 %;
-# 4. otherwise it `"wanders"`: it flies about, and comes home with little.
+# 4. otherwise it `"wanders"`: it flies about but comes home with little.
 
 # %%
 def diagnose(landed, collected, time_used):
@@ -261,36 +276,40 @@ for name, shares in RUNS.items():
     print(f"{name:<32}{diagnose(*shares)}")
 
 # %% [markdown]
-# The paper's crash reward, −150 from the start, makes a lazy agent with two of three seeds, and no good one in so
-# short a training. With seed 0 the agent first flew until its time was up, and then learned not to fly at all.
+# With the paper's crash reward, −150 from the start, two of three seeds give a lazy agent, and none
+# gives a good one in so short a training. With seed 0 the agent first flew until its time was up,
+# and then learned not to fly at all.
 
 # %% [markdown]
 # ## 7.3 · The n-step return (2 points, 15 minutes)
 #
-# The recipe `lite` learns from the rewards of three steps and the value of the state after them: a 3-step return. Here is that
-# target for any number of steps. A memory holds $T$ consecutive steps of one UAV. Compute the target for the first state, $s_0$, over up to $n$ steps:
+# The recipe `lite` learns from the rewards of three steps and the value of the state after them, a
+# 3-step return. Here you compute such a target for any number of steps. A memory holds $T$
+# consecutive steps of one UAV. Compute the target for the first state, $s_0$, over up to $n$ steps:
 #
 # $$y = r_0 + \gamma r_1 + \dots + \gamma^{m-1} r_{m-1} + \gamma^m V(s_m)$$
 #
-# - `rewards`: array of $T$ floats; `rewards[k]` is $r_k$, earned in the step from $s_k$ to $s_{k+1}$
-# - `terminals`: array of $T$ bools; `terminals[k]` says whether that step ended the episode. What is stored after it belongs
-#   to the next episode
+# - `rewards`: array of $T$ floats; `rewards[k]` is $r_k$, earned in the step from $s_k$ to
+#   $s_{k+1}$
+# - `terminals`: array of $T$ bools; `terminals[k]` says whether that step ended the episode; what
+#   is stored after it belongs to the next episode
 # - `values`: array of $T + 1$ floats; `values[k]` is $V(s_k)$, what the state $s_k$ is worth
 # - `n`: whole number, at least 1; `discount`: $\gamma$
 #
-# Here $m = n$, or $m = T$ if fewer than $n$ steps are stored. If one of these $m$ steps is terminal, the sum ends with the
-# reward of the first such step, and no value is added. Return the number $y$; leave the arrays as they are.
+# Here $m = n$, or $m = T$ if fewer than $n$ steps are stored. If one of these $m$ steps is
+# terminal, the sum ends with the reward of the first such step, and no value is added. Return the
+# number $y$; leave the arrays as they are.
 #
 # <details><summary>Hint</summary>
 #
-# Write it down for n = 1 and n = 2, then for n = 2 with the first step terminal. After m rewards, with which
-# power of γ and of which state does the value come?
+# Write the sum down for n = 1 and n = 2, then for n = 2 with the first step terminal. After m
+# rewards, which state's value is added, and with which power of γ?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor by γ, and return if
-# terminals[k]. After m = min(n, T) steps add factor · values[m].
+# Keep a factor, at first 1. For each step k: add factor · rewards[k], multiply the factor by γ,
+# and return if terminals[k]. After m = min(n, T) steps add factor · values[m].
 # </details>
 
 # %%
@@ -313,20 +332,21 @@ checks.n_step_return(n_step)
 # %% [markdown]
 # ## 7.4 · Mend a lazy agent (4 points, 20 minutes)
 #
-# This is the lazy recipe of the notebook, for the village. Its agent lands in every mission, but at once: it uses 4 % of
-# its flying time and collects nothing.
+# The recipe `lazy` below does in the village what the lazy recipe of the notebook did in Manhattan.
+# Its agent lands in every mission, but it lands at once: it uses 4 % of its flying time and
+# collects nothing.
 #
 # <details><summary>Hint</summary>
 #
-# It lands at once since it learned to fear the crash before it saw what there is to collect. Must a crash cost
-# as much at the beginning of the training as at its end?
+# The agent lands at once because it learned to fear the crash before it saw what there is to
+# collect. Must a crash cost as much at the beginning of the training as at its end?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Begin with a crash_reward of a few points, comparable with the data that a step brings, and let it grow to
-# crash_reward_end. Explore more while the Q-values are still wrong (temperature about 1), limit the pull of
-# large errors (huber_delta), use all the steps.
+# Begin with a crash that costs a few points, comparable with the data that a step brings, and let
+# it grow to crash_reward_end. Explore more while the Q-values are still wrong (temperature about
+# 1), limit the pull of large errors (huber_delta), and use all the steps.
 # </details>
 
 # %%
@@ -334,9 +354,9 @@ lazy = replace(SMALL, name="lazy", steps=20_000, crash_reward=-150.0, crash_rewa
                temperature=0.1, exploring_starts=0.0)
 
 # %% [markdown]
-# Mend it: give a recipe, made by `replace(lazy, ...)`, that trains an agent with at least 35 % collected and landed. Only
-# the settings in the table may be changed; it shows what they are in `lazy`, and in `small`, with which the notebook
-# trains.
+# Mend it: use `replace(lazy, ...)` to make a recipe that trains an agent with at least 35 %
+# collected and landed. Only the settings in the following table may be changed. The table shows
+# their values in `lazy` and in `small`, the recipe with which the notebook trains.
 
 # %%
 meaning = {field.name: field.metadata["help"] for field in fields(Recipe) if "help" in field.metadata}
@@ -346,15 +366,17 @@ for name in MAY_CHANGE:
 
 # %% [markdown]
 # - `steps`: 24,000 or fewer
-# - `crash_reward_end`: −40 or lower (a crash must cost 40 at least, at the end). So the −20 of `small` are not enough.
-# - `crash_reward`, at the start, is free, but not above 0: it goes linearly to `crash_reward_end` during the first
-#   `crash_reward_growth` of the run, 0.75 being three quarters.
-# - `temperature` goes to `temperature_end` in the same way, during the first `temperature_decay` of the run. The
-#   higher, the more it explores.
-# - `exploring_starts`: so large a share of the training episodes begins under way, anywhere.
+# - `crash_reward_end`: −40 or lower (at the end, a crash must cost at least 40). So the −20 of
+#   `small` is not enough.
+# - `crash_reward`, the value at the start, may be anything up to 0. From there it changes linearly
+#   to `crash_reward_end`, and `crash_reward_growth` is the share of the run that this takes: 0.75
+#   means the first three quarters.
+# - `temperature` changes to `temperature_end` in the same way, during the share `temperature_decay`
+#   of the run. The higher it is, the more the agent explores.
+# - `exploring_starts` is the share of the training episodes that begin in mid-air, anywhere.
 #
-# The check trains your recipe with seed 0 and flies the agent, as it is at the end, greedily through 500 test missions of
-# the village. That takes about half a minute on a quiet machine.
+# The check trains an agent with your recipe and seed 0, and flies it, as it is at the end, greedily
+# through 500 test missions of the village. That takes about half a minute on a quiet machine.
 
 # %%
 # Replace the line below by your recipe: mended = replace(lazy, ...)
@@ -367,4 +389,5 @@ mended = replace(lazy, name="mended", steps=24_000, crash_reward=-2.0, crash_rew
 checks.mended_recipe(mended)
 
 # %% [markdown]
-# One seed decides here, to save time. How would you find out whether your recipe is better than another?
+# To save time, a single seed decides here. How would you find out whether your recipe is better
+# than another?

@@ -1,11 +1,13 @@
 # %% [markdown]
 # # Exercises 8 · Ablation: map centring
 #
-# These exercises go with notebook `08_ablation_map_centring`. You need numpy, means and standard deviations, and the idea of a p-value.
+# These exercises go with notebook `08_ablation_map_centring`. You need numpy, means and standard
+# deviations, and the idea of a p-value.
 #
-# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
-# right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
-# never finishes, interrupt the kernel with the stop button.
+# Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check
+# says whether the answer is right, and if not, what is probably wrong. Hints are folded away below
+# each task. Your code runs inside this notebook. If it never finishes, interrupt the kernel with
+# the stop button.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -34,23 +36,26 @@ from uavdh_lite.course import checks
 # %% [markdown]
 # ## 8.1 · How many steps to a threshold (1 point, 8 minutes)
 #
-# A training run is validated now and then. `steps` says after how many environment steps, in increasing order, and
-# `values` what came out: two arrays of numbers, equally long. Such curves rise, but fall back in between. So the first
-# crossing of a threshold, as one reads it off, may be luck. Ask for more: that the curve stays there for good.
+# A training run is validated now and then. The array `steps` says after how many environment steps,
+# in increasing order, and the array `values`, which is equally long, gives the results. Such curves
+# rise, but fall back in between. So the first time that a curve crosses a threshold may be luck.
+# Ask for more: the curve has to stay there for good.
 #
-# Return the environment steps of the first validation from which on *all* values, up to the last, are at least
-# `threshold`: an element of `steps`. Return `None` if there is none, that is, if the last value is below.
+# Return the environment steps of the first validation from which on *all* values, up to the last,
+# are at least `threshold`: an element of `steps`. Return `None` if there is none, that is, if the
+# last value is below `threshold`.
 #
 # <details><summary>Hint</summary>
 #
-# At which validations is the curve below the threshold? The one after the last of them is asked for. And if
-# there is none below, or if it is the last of all?
+# At which validations is the curve below the threshold? You are asked for the one after the last of
+# them. And what if there is none below, or if the last of all is below?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Go from the end backwards, through zip(steps[::-1], values[::-1]), and keep the steps of each value that is at
-# least threshold, until one is below. If you kept none: None.
+# Go from the end backwards, through zip(steps[::-1], values[::-1]), and remember the steps of each
+# value that is at least threshold, until a value is below it. If you have none to remember, return
+# None.
 # </details>
 
 # %%
@@ -69,28 +74,31 @@ def steps_to(steps, values, threshold):
 checks.steps_to(steps_to)
 
 # %% [markdown]
-# Such a number is as coarse as the validations are apart, and one unlucky validation late in the run makes it much
-# larger. What the first crossing says is too small after a lucky one.
+# Such a number is only as precise as the distance between two validations, and one unlucky
+# validation late in the run makes it much larger. The first crossing, in turn, comes too early if
+# there is one lucky validation.
 
 # %% [markdown]
 # ## 8.2 · Paired or not (2 points, 8 minutes)
 #
-# Two policies flew the *same* $n$ missions; `a` and `b` are their results, two arrays of shape (n,), where `a[k]` and
-# `b[k]` belong to the same mission. By how much is the first ahead, and how sure is that?
+# Two policies flew the *same* $n$ missions; `a` and `b` are their results, two arrays of shape
+# (n,), where `a[k]` and `b[k]` belong to the same mission. By how much is the first policy ahead,
+# and how certain is that?
 #
-# Return `(mean, low, high)`: the mean of $a - b$ and the ends of its 95 % interval, by the normal approximation
-# (1.96 standard errors), with the standard deviation estimated with $n - 1$. Make use of the pairs, and leave `a` and `b`
-# as they are.
+# Return `(mean, low, high)`: the mean of $a - b$ and the ends of its 95 % interval. Use the normal
+# approximation (1.96 standard errors), and divide by $n - 1$ for the standard deviation. Make use
+# of the pairs, and leave `a` and `b` as they are.
 #
 # <details><summary>Hint</summary>
 #
-# Both policies flew the same missions, so every mission gives one difference. Of these you have n, and you know
-# how to give a mean with an interval.
+# Both policies flew the same missions, so every mission gives one difference. You have n of these,
+# and you know how to give their mean with an interval.
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# With d = a − b: d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The variances of a and of b do not appear.
+# With d = a − b, the ends are d.mean() ± 1.96 * d.std(ddof=1) / sqrt(n). The variances of a and
+# of b do not appear.
 # </details>
 
 # %%
@@ -108,25 +116,29 @@ checks.lead(lead)
 # %% [markdown]
 # ## 8.3 · A p-value for a few seeds (2 points, 15 minutes)
 #
-# Two kinds of training, a few seeds each, one result a seed: `a` and `b`, two short arrays of numbers, not always equally
-# long. Say the kind made no difference. Then any other way to deal the same values out, `len(a)` of them to a first
-# group and the rest to a second one, would have been as likely as the one observed. Two equal values still count as two.
+# Two kinds of training were run with a few seeds each. The results, one for each seed, are `a` and
+# `b`, two short arrays of numbers that need not be equally long. Suppose that the kind made no
+# difference. Then any other way to deal the same values out, `len(a)` of them to a first group and
+# the rest to a second one, would have been as likely as the one observed. (Two equal values still
+# count as two values.)
 #
-# Go through *all* such splits. Return the share of them whose difference of the two groups' means is, in absolute value,
-# at least as large as the observed one: the two-sided p-value of the exact permutation test. The observed split is one
-# of them. Let differences that are equal up to 1e-9 count as equal, since sums of floats are rounded. numpy and the
-# standard library are enough; no random numbers.
+# Go through *all* such splits. Return the share of them whose difference of the two groups' means
+# is, in absolute value, at least as large as the observed one: the two-sided p-value of the exact
+# permutation test. The observed split is one of them. Let differences that are equal up to 1e-9
+# count as equal, since sums of floats are rounded. You need only numpy and the standard library,
+# and no random numbers.
 #
 # <details><summary>Hint</summary>
 #
-# If the kind made no difference, every way to deal the values out to the two groups would be as likely as the
-# one that you saw. How many of them differ as much?
+# If the kind made no difference, every way to deal the values out to the two groups would be as
+# likely as the one that you saw. How many of them differ as much?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first group; the rest are
-# the second. Count where abs(difference) >= abs(observed) - 1e-9, and divide by the number of splits.
+# itertools.combinations(range(len(a) + len(b)), len(a)) lists which values go to the first group;
+# the rest are the second. Count where abs(difference) >= abs(observed) - 1e-9, and divide by the
+# number of splits.
 # </details>
 
 # %%
@@ -147,5 +159,5 @@ def permutation_p(a, b):
 checks.permutation_p(permutation_p)
 
 # %% [markdown]
-# The test assumes nothing about how results are distributed, but it can say something of these two groups only: which
-# values there are is taken as given.
+# The test assumes nothing about how results are distributed. But what it says holds only for these
+# two groups, because it takes the values that occurred as given.

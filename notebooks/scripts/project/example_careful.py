@@ -5,16 +5,20 @@
 #
 # ## 1 · The question
 #
-# The recipe `small` charges 0.1 for each step. Section 7.5 says why that is half of what the paper charges: with 0.2 the agents of `lite` collected two points less on another map. If a step costs 0.5, does the agent use less of its flying time, and does it leave data behind?
+# The recipe `small` charges 0.1 for each step. Section 7.5 says why that is half of what the paper
+# charges: with 0.2 the agents of `lite` collected two points less on another map. If a step costs
+# 0.5, does the agent use less of its flying time, and does it leave data behind?
 #
 # ## 2 · What I expect
 #
-# A detour of ten steps costs 5 units then, about half of what a device holds. So I expect the agent to use at least 5 points less of its time. I also expect it to collect less, by about 5 points. If the
-# interval over seeds of either difference contains 0, I call that “not shown”.
+# A detour of ten steps then costs 5 units, about half of what a device holds. So I expect the agent
+# to use at least 5 points less of its time. I also expect it to collect less, by about 5 points. If
+# the interval over seeds of either difference contains 0, I call that “not shown”.
 #
 # ## 3 · What I do
 #
-# Two recipes that differ in one number, three seeds each, 16,000 steps. The same 500 test missions for all, and greedy beside them.
+# I train agents by two recipes that differ in one number, with three seeds each, for 16,000 steps.
+# All of them fly the same 500 test missions, and so does greedy.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -100,15 +104,25 @@ for name in recipes:
 # %% [markdown]
 # ## 5 · What I conclude, and what I do not
 #
-# The direction of the prediction was right, and its size was wrong. With the dearer step the agents use 63 points less of their time, and I had expected at least 5. They collect 54
-# points less, and I had expected about 5. Neither interval contains 0, and all three seeds agree.
+# The direction of the prediction was right, but its size was wrong. With the dearer step the agents
+# use 63 points less of their time, whereas I had expected at least 5. They collect 54 points less,
+# whereas I had expected about 5. Neither interval contains 0, and all three seeds agree.
 #
-# The reason is not that they hurry. They have become *lazy*, as notebook 7 calls it (7.4): they use 4 to 8 % of their flying time, land at once, and leave nearly all data behind. Half a unit
-# a step is more than a first, clumsy flight brings in, so that staying at home pays best early in the training, and an agent that stays at home never finds out what flying could bring. That is
-# my explanation and not a measurement; the training curves would show it. So the question, whether a dearer step makes an agent hurry, is still open: it would take a price between 0.1 and 0.5.
+# The reason is not that they hurry. They have become *lazy*, as notebook 7 calls it (7.4): they use
+# 4 to 8 % of their flying time, land at once, and leave nearly all data behind. Half a unit a step
+# is more than a first, clumsy flight brings in. So staying at home pays best early in the training,
+# and an agent that stays at home never finds out what flying could bring. That is my explanation
+# and not a measurement; the training curves would show whether it is right. So the question whether
+# a dearer step makes an agent hurry is still open, and to answer it I would need a price between
+# 0.1 and 0.5.
 #
-# How sure am I? The interval of *collected* reaches down to −103, but no difference can be below −100. The t formula takes it for granted that the seeds scatter like a bell curve, and with three of them, one
-# far from the other two, it is rough. I trust the sign, not the ends. And the cheap step is no triumph: seed 0 has 47 %, and the [template](project.ipynb) shows that the same agent had 45 % before its training.
+# How sure am I? The interval of *collected* reaches down to −103, but no difference can be below
+# −100. The t formula takes it for granted that the seeds scatter like a bell curve, and with only
+# three of them, one far from the other two, its result is rough. I trust the sign, but not the
+# ends. And the agents with the cheap step are no triumph: seed 0 has 47 %, and the
+# [template](project.ipynb) shows that the same agent had 45 % before its training.
 #
-# What I do not conclude: that 0.1 is the best value. The runs are short and the village is small. I also changed the reward and measured *collected and landed*, which neither of the two recipes maximises. Next I
-# would try 0.2 and 0.3 with six seeds and 48,000 steps, and look at *time used* only where *collected* is above one half.
+# What I do not conclude: that 0.1 is the best value. The runs are short and the village is small. I
+# also changed the reward but measured *collected and landed*, which neither of the two recipes
+# maximises. Next I would try 0.2 and 0.3 with six seeds and 48,000 steps, and look at *time used*
+# only where *collected* is above one half.

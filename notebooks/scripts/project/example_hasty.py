@@ -1,9 +1,11 @@
 # %% [markdown]
 # # A better discount
 #
-# *A worked project, the hasty one. Every line of it runs. What would you ask its author? The questions at the end are ours.*
+# *A worked project, the hasty one. Every line of it runs. What would you ask its author? The
+# questions at the end are ours.*
 #
-# We wanted to improve the agent. The discount of 0.95 seemed low to us, so we took 0.99, and since it looked slow we doubled the learning rate, too.
+# We wanted to improve the agent. The discount of 0.95 seemed low to us, so we took 0.99, and since
+# it looked slow we doubled the learning rate, too.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -61,11 +63,16 @@ for name, recipe in (("normal", normal), ("better", better)):
 # ## What is wrong with it
 #
 # - **Two things were changed.** Whatever came out, nobody can say which of them did it.
-# - **One seed.** Notebook 8 shows one seed far in favour, one a little, and one without a difference, all from the same experiment.
-# - **No prediction.** Any result would have been taken for a success.
-# - **The wrong score.** *Collected* counts data that went down with the UAV. How many landed?
-# - **No interval, and 100 missions.** Two shares of 100 missions differ by several points by luck.
-# - **No baseline.** Is either of them as good as greedy?
+# - **One seed.** In notebook 8 one seed is far in favour, another is slightly in favour, and a
+#   third shows no difference, although all come from the same experiment.
+# - **No prediction.** Any increase would have been taken for a success.
+# - **The wrong score.** *Collected* also counts data that went down with the UAV. How many flights
+#   landed?
+# - **No interval, and only 100 missions.** By luck alone, two shares of 100 missions differ by
+#   several points.
+# - **No baseline.** Is either of the agents as good as greedy?
 # - **The words.** “Better” is the name of the recipe, not its result.
 #
-# By the table of the [template](project.ipynb) it earns one point of ten, for a comparison that at least used the same missions. The idea is a good one all the same. How would you test it?
+# By the table in the [template](project.ipynb) this project earns one point of ten, for a
+# comparison that at least used the same missions. Nevertheless, the idea is a good one. How would
+# you test it?

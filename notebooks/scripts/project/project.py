@@ -1,33 +1,41 @@
 # %% [markdown]
 # # A project of your own
 #
-# **Choose a city or a reward, say what you expect, train, and report what happened, on one page.** This notebook is the template. It runs as it is, with a small question of its own; put yours in
-# its place. Plan an afternoon: an hour to choose and to predict, 15 minutes of computing, and the rest for writing.
+# **Choose a city or a reward, say what you expect, train, and report what happened, on one page.**
+# This notebook is the template. It runs as it is, with a small question of its own; put yours in
+# its place. Plan an afternoon: an hour to choose and to predict, 15 minutes of computing, and the
+# rest for writing.
 #
-# Two finished projects lie beside it: [one](example_careful.ipynb) and [another](example_hasty.ipynb). Read both before you begin. Which of them would you believe, and why?
+# Two finished projects lie beside it: [one](example_careful.ipynb) and
+# [another](example_hasty.ipynb). Read both before you begin. Which of them would you believe, and
+# why?
 #
 # ## 1 · The question
 #
-# *One sentence that can turn out to be wrong.* Some that fit into an afternoon:
+# *Write one sentence that can turn out to be wrong.* Here are some questions that fit into an
+# afternoon:
 #
 # - Does an agent that pays more for each step land sooner, and does it leave data behind?
 # - Does a discount of 0.9 do as well as 0.95 in so small a city?
 # - In my city the landing zone lies behind a wall. Is learning harder there than in the village?
-# - Does my own DQN of exercise 7.1 profit from a larger memory?
+# - Does my own DQN from exercise 7.1 profit from a larger memory?
 # - What happens if data is worth less towards the end of a flight?
 #
-# Here, as an example: *is an agent that has trained for 16,000 steps over the village level with greedy?*
+# The example in this template is: *is an agent that has trained for 16,000 steps over the village
+# level with greedy?*
 #
 # ## 2 · What I expect
 #
-# *Write it before you run anything, with a number, and say which result would mean “no”.* Here: I expect it to be behind, by more than 5 points of collected and landed. I look at the 95 % interval
-# of the mean difference over seeds. If all of it lies below −5, I was right; if all of it lies above −5, I was wrong; if it contains −5, the
-# question stays undecided.
+# *Write it before you run anything, with a number, and say which result would mean “no”.* In the
+# example, I expect the agent to be behind greedy by more than 5 points of collected and landed. I
+# look at the 95 % interval of the mean difference over seeds. If all of it lies below −5, I was
+# right; if all of it lies above −5, I was wrong; if it contains −5, the question stays undecided.
 #
 # ## 3 · What I do
 #
-# Three seeds of everything, because one run shows what can happen and not what usually does. `recipe` has all hyperparameters; change one thing, and keep the rest. For a city of your own begin with
-# `from uavdh_lite.city import City`.
+# Use three seeds for everything, because one run shows what can happen, not what usually happens.
+# `recipe` holds all hyperparameters; change one of them, and keep the rest. For a city of your own
+# begin with `from uavdh_lite.city import City`.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -78,8 +86,9 @@ agents = [train(recipe, seed) for seed in range(3)]
 untrained = [Trainer(scenario, recipe, seed).agent for seed in range(3)]
 
 # %% [markdown]
-# The test missions are the same 500 for every agent and for greedy, so that they can be compared mission by mission. The agents before their training fly
-# them, too: only what is added to that has been learned.
+# The test missions are the same 500 for every agent and for greedy, so that their results can be
+# compared mission by mission. The agents also fly them before their training, because only what
+# training adds has been learned.
 
 # %%
 METRIC = "collected_and_landed"
@@ -121,14 +130,18 @@ print("The prediction was", "right" if high < -5 else "wrong" if low > -5 else "
 # %% [markdown]
 # ## 5 · What I conclude, and what I do not
 #
-# *Three to five sentences. Was the prediction right? How sure are you, and over what: missions, seeds, cities? What else could explain it? What would you do next?*
+# *Three to five sentences. Was the prediction right? How sure are you, and over what: missions,
+# seeds, cities? What else could explain it? What would you do next?*
 #
-# The template's own verdict, as an example: by the rule of section 2 the question is undecided, since the interval over seeds contains −5. Each of the
-# three agents is far behind greedy, but they differ so much from each other that three are too few. The training of seed 0 has added next to nothing
-# to what the agent did before it. Next I would train six seeds for 48,000 steps.
+# Here is the template's own conclusion, as an example: by the rule of section 2 the question is
+# undecided, since the interval over seeds contains −5. Each of the three agents is far behind
+# greedy, but they differ so much from each other that three are too few. The training of seed 0 has
+# added next to nothing to what the agent did before it. Next I would train six seeds for 48,000
+# steps.
 #
-# The intervals of single seeds say how sure we are of *that agent*. The last line is about agents trained in this way, and with three seeds it is wide. Look at a few flights before you
-# write: `trajectory_figure(environment, evaluate(…).trajectory(k))`.
+# The interval of a single seed says how sure we are of *that agent*. The interval in the last line
+# is about all agents trained in this way, and with three seeds it is wide. Look at a few flights
+# before you write: `trajectory_figure(environment, evaluate(…).trajectory(k))`.
 #
 # ## How it is judged
 #
@@ -136,8 +149,8 @@ print("The prediction was", "right" if high < -5 else "wrong" if low > -5 else "
 # | --- | --- | --- | --- |
 # | question | vague | clear | could turn out wrong, and somebody would care |
 # | prediction | none, or made afterwards | before, without a number | before, with a number and a “no” |
-# | experiment | several things changed | one thing changed | and three seeds, equal missions |
+# | experiment | several things changed | one thing changed | and three seeds and equal missions |
 # | comparison | none | greedy beside it | and a paired interval |
 # | conclusion | more than the data says | what the data says | and what it does not say, and why it may be so |
 #
-# Eight of ten is a good project. It does not matter whether the prediction was right.
+# Eight points of ten make a good project. It does not matter whether the prediction was right.
