@@ -78,7 +78,7 @@ for name, recipe in centring(LITE).items():
 # reproduce this.)
 #
 # Exploring hides what an agent can do. Here are the validations of the same six runs, without
-# exploring, each run with a line of its own.
+# exploring.
 
 # %%
 METRIC = "collected_and_landed"
@@ -177,9 +177,9 @@ ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 # Each bar is such an interval, of at least 95 %. After 300,000 steps the whole bar lies on one side
 # of 0: the centred agents seem to learn **sooner**. At the end of the long runs the interval
 # contains 0, so these runs do not say which kind is **better in the end**. In the village 0 lies
-# just inside the interval, but only because we took the larger number, to be safe. So there is
-# probably a lead there, but we hardly know how large it is. We chose the 300,000 steps after seeing
-# the curves, so the first gap is less certain than it looks.
+# just inside the interval, but only because we took the larger number. So there is probably a lead
+# there, but we hardly know how large it is. We chose the 300,000 steps after seeing the curves, so
+# the first gap is less certain than it looks.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -192,8 +192,8 @@ Quiz("three_seeds")
 # 20 ways to give three of the six ranks to one of them would be equally likely, and in two of the
 # 20 one method has all the best ranks. Judged by rank alone, equally good methods would produce
 # such a result 10 % of the time. This share is called a **p-value**, and going through all ways to
-# deal out the results is called a **permutation test**. In the village only 10 of the 924 ways give
-# so large a gap, which is a p-value of 1 %.
+# deal out the results is a **permutation test**. In the village only 10 of the 924 ways give so
+# large a gap, which is a p-value of 1 %.
 #
 # The interval also uses the sizes of the results, but it assumes a normal distribution, and three
 # runs are too few to check that.
