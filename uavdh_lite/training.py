@@ -72,6 +72,11 @@ class Trainer:
                     f"a training's {name} is a {right.__name__}, here is {shown(given)}: "
                     f"find_{name} gives that of a name"
                 )
+        if not isinstance(self, kind := trainer_of(recipe)):
+            raise InputError(
+                f"recipe {recipe.name} is trained by {kind.__name__}, here is "
+                f"{type(self).__name__}: trainer_of(recipe) gives the class"
+            )
         self.scenario, self.recipe, self.seed = scenario, recipe, seed
         self.environment = recipe.environment_for(
             load_cities(scenario.city) if city is None else city

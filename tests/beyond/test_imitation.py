@@ -6,8 +6,8 @@ import torch
 from torch.nn.functional import cross_entropy
 
 from uavdh_lite.beyond.genie import Genie
-from uavdh_lite.beyond.imitation import Imitation
 from uavdh_lite.beyond.recipes import ImitationRecipe
+from uavdh_lite.beyond.reinforce import Reinforced
 from uavdh_lite.beyond.symmetry import SYMMETRIES, turned, turned_actions
 from uavdh_lite.environment import LAND
 from uavdh_lite.evaluation import evaluate
@@ -30,7 +30,7 @@ def recipe(quick):
 
 
 def trainer(corridor, corridor_scenario, recipe, steps):
-    run = Imitation(corridor_scenario, replace(recipe, steps=steps), 0, corridor)
+    run = Reinforced(corridor_scenario, replace(recipe, steps=steps), 0, corridor)
     while not run.finished:
         run.step()
     return run
@@ -55,7 +55,7 @@ def test_before_it_has_learned_no_flight_begins_where_the_learner_has_flown(
     corridor, corridor_scenario, recipe
 ):
     recipe = replace(recipe, own_starts=1.0, exploring_starts=0.0)
-    run = Imitation(corridor_scenario, recipe, 0, corridor)
+    run = Reinforced(corridor_scenario, recipe, 0, corridor)
     assert all(ordinary for ordinary, *_ in run._planned())
     run.updates = 1
     assert not any(ordinary for ordinary, *_ in run._planned())
@@ -64,7 +64,7 @@ def test_before_it_has_learned_no_flight_begins_where_the_learner_has_flown(
 def test_a_flight_that_cannot_land_any_more_is_not_copied(
     corridor, corridor_scenario, recipe, monkeypatch
 ):
-    run = Imitation(corridor_scenario, replace(recipe, own_starts=1.0), 0, corridor)
+    run = Reinforced(corridor_scenario, replace(recipe, own_starts=1.0), 0, corridor)
     run.updates = 1
     late = {"uav_cell": 14, "time_left": 4}  # the street's east end, four moves from its west
     monkeypatch.setattr(

@@ -9,13 +9,14 @@ import torch
 from torch.nn.utils import parameters_to_vector
 
 from uavdh_lite.beyond.recipes import IMITATION, TOLD, BeyondRecipe, ImitationRecipe
+from uavdh_lite.beyond.reinforce import Reinforced
 from uavdh_lite.checkpoint import load_agent, save_agent
 from uavdh_lite.city import City
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
 from uavdh_lite.experiments.runs import restore_run, save_run
 from uavdh_lite.scenario import Scenario
-from uavdh_lite.training import trainer_of
+from uavdh_lite.training import Trainer, trainer_of
 
 CITY = City.from_text("five", "L . N . . \n . . b . . \n . B . . L \n . . . N . \n b . . . .")
 SMALLER = City.from_text("three", "L . . \n . b N \n . . .")
@@ -98,6 +99,18 @@ def test_it_resumes_to_the_bit(recipe, tmp_path):
         parameters_to_vector(ran(one).learner.online.parameters()) for one in (again, whole)
     )
     assert torch.equal(ours, theirs)
+
+
+class OwnRecipe(ImitationRecipe):
+    """A recipe with an idea of somebody else."""
+
+
+@pytest.mark.parametrize("kind", [ImitationRecipe, OwnRecipe])
+def test_a_recipe_is_trained_by_what_it_names_and_nothing_else(kind):
+    recipe = kind(**asdict(IMITATION))
+    assert trainer_of(recipe) is Reinforced
+    with pytest.raises(InputError, match="imitation is trained by Reinforced, here is Trainer"):
+        Trainer(SCENARIO, recipe, 0, CITY)
 
 
 def test_two_resolutions_need_the_centred_map():

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 from dataclasses import asdict
 from pathlib import Path
 
@@ -360,4 +361,9 @@ def policy(environment, state):
 
 def test_what_a_submission_prints_takes_no_memory_and_its_end_is_told(submit):
     text = "import sys\nsys.stderr.write('x' * 10**8 + chr(10))\nraise RuntimeError('the reason')"
-    assert score(PRACTICE, submit(text))["failed"] == "RuntimeError: the reason"
+    tracemalloc.start()
+    try:
+        assert score(PRACTICE, submit(text))["failed"] == "RuntimeError: the reason"
+        assert tracemalloc.get_traced_memory()[1] < 5 * 10**7
+    finally:
+        tracemalloc.stop()

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import fields, replace
 from pathlib import Path
+from runpy import run_path
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,7 +19,7 @@ from uavdh_lite.beyond.recipes import BeyondRecipe
 from uavdh_lite.bridges import sionna
 from uavdh_lite.checkpoint import load_agent, shipped_agents
 from uavdh_lite.city import City, load_cities
-from uavdh_lite.cli import training
+from uavdh_lite.cli import flying, training
 from uavdh_lite.cli.main import COMMANDS, main
 from uavdh_lite.cli.options import output
 from uavdh_lite.environment import Environment
@@ -99,12 +100,12 @@ def test_intervals_over_several_cities_are_those_of_whole_cities(tmp_path, capsy
 
 
 def test_a_mission_is_saved_changed_and_flown_again(tmp_path, capsys):
-    path, picture, page = (tmp_path / name for name in ("m.json", "f.png", "f.html"))
+    path, picture, page = (tmp_path / name for name in ("m.json", "f.png", "f.HTML"))
     assert main(["fly", "--seed", "4", "--save-mission", str(path), "--out", str(picture)]) == 0
     first = capsys.readouterr().out
     assert picture.stat().st_size > 10_000
     assert main(["fly", "--mission", str(path), "--out", str(page)]) == 0
-    assert capsys.readouterr().out.replace("html", "png") == first
+    assert capsys.readouterr().out.replace("HTML", "png") == first
     data = re.search(r"data (\S+)/(\S+)\. ", first).groups()
     assert f"{data[0]} of {data[1]} units of data" in page.read_text(encoding="utf-8")
     path.write_text(json.dumps(json.loads(path.read_text()) | {"flying_time": 60}))
@@ -113,6 +114,30 @@ def test_a_mission_is_saved_changed_and_flown_again(tmp_path, capsys):
     assert "/60" in capsys.readouterr().out and load_mission(path).flying_time == 60
     with Image.open(animation) as image:
         assert image.n_frames > 10
+
+
+@pytest.mark.parametrize(
+    ("command", "module", "work", "place", "most"),
+    [
+        ("compare --city village", flying.comparison, "compare", 5, 5),
+        ("study --seeds 2", training.studies, "run_study", 4, 4),
+    ],
+)
+def test_there_are_no_more_jobs_than_things_to_do(monkeypatch, command, module, work, place, most):
+    def begin(*arguments):
+        asked.append(arguments)
+        raise KeyboardInterrupt
+
+    asked = []
+    monkeypatch.setattr(module, work, begin)
+    assert main([*command.split(), "--jobs", "1000000"]) == 130
+    assert asked[0][place] == most
+
+
+@pytest.mark.parametrize(("processors", "threads"), [({3}, 1), ({0, 1, 2}, 2)])
+def test_a_training_has_the_threads_of_its_processors(monkeypatch, processors, threads):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: processors, raising=False)
+    assert run_path(training.__file__)["THREADS"] == threads
 
 
 def test_train_takes_a_city_and_ranges_of_ones_own(corridor, tmp_path):

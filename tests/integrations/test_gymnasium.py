@@ -6,13 +6,14 @@ from functools import partial
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.testing import assert_equal
 
 from uavdh_lite.beyond.cities import CityGenerator
 from uavdh_lite.beyond.failsafe import SafeEnvironment
-from uavdh_lite.bridges.gymnasium import ID, as_policy
+from uavdh_lite.bridges.gymnasium import ID, DataHarvesting, as_policy
 from uavdh_lite.channel import Channel
 from uavdh_lite.city import City
 from uavdh_lite.environment import HOVER, LAND, NORTH, Environment, Rewards, State
@@ -66,6 +67,23 @@ def test_an_episode_ends_with_a_landing_or_without_time():
     assert reward == pytest.approx(-0.2 - 1 - 7) and end == [True, False]
     assert info["safety_interventions"] and not info["landed"]
     assert before.shape == (640, 600, 3) and (env.render() != before).any()
+
+
+def test_before_the_first_reset_there_is_no_episode():
+    one, two = single(render_mode="rgb_array").unwrapped, batch(2).unwrapped
+    some = {"reset_mask": np.array([True, False])}
+    for call in (
+        *(one.action_masks, lambda: one.step(HOVER), one.render),
+        *(two.action_masks, lambda: two.step(np.array([HOVER, HOVER]))),
+        lambda: two.reset(options=some),
+    ):
+        with pytest.raises(ResetNeeded, match=r"call reset\(\) first"):
+            call()
+
+
+def test_a_picture_is_the_only_way_to_render():
+    with pytest.raises(InputError, match=r"render_mode 'human': must be None or rgb_array"):
+        DataHarvesting("village", render_mode="human")
 
 
 def test_a_start_of_several_episodes_is_refused():
@@ -238,3 +256,9 @@ def test_a_policy_of_observations_is_evaluated_as_ours_are(masked):
     flights = evaluate(environment, policy, SCENARIO, 20, seed=0)
     assert flights.end.landed.all() and (flights.steps == 1).all()
     assert shapes == [{"map": (5, 15, 15), "time": (1,)}]
+
+
+def test_a_policy_that_gives_more_than_actions_is_refused():
+    policy = as_policy(single(), lambda seen: (np.full(len(seen["time"]), LAND), None))
+    with pytest.raises(InputError, match=r"predict gave a tuple.*model\.predict\(\.\.\.\)\[0\]"):
+        evaluate(Environment(VILLAGE), policy, SCENARIO, 2, seed=0)

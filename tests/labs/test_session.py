@@ -23,6 +23,58 @@ SAVED = """async () => {
 LANDING = np.argwhere(load_city("village").landing).tolist()
 
 
+RANDOM = """async ([seed, count]) => {
+    const random = () => { // mulberry32
+        let t = (seed += 0x6d2b79f5);
+        t = Math.imul(t ^ (t >>> 15), t | 1);
+        t ^= t + Math.imul(t ^ (t >>> 7), t | 61);
+        return ((t ^ (t >>> 14)) >>> 0) / 4294967296;
+    };
+    const pick = (list) => list[Math.floor(random() * list.length)];
+    const whole = (least, most) => least + Math.floor(random() * (most - least + 1));
+    const cell = () => [whole(-1, 8), whole(-1, 8)];
+    const names = [...Object.keys(lab.shelf.cities), ...Object.keys(lab.agents), "greedy", "you"];
+    const usual = {
+        action: () => pick(["north", "east", "south", "west", "hover", "land"]),
+        by: () => pick([-1, 1]),
+        cell,
+        cells: () => [cell(), cell()],
+        device: () => whole(-1, 3),
+        file: () => new File([pick(["", "{}", "[", "null"])], pick(["a.json", "a.safetensors"])),
+        name: () => pick(names),
+        point: () => [whole(0, 1), whole(0, 1)],
+        runs: () => [whole(-1, 9), 0],
+        sign: () => pick([..."LN.BbT"]),
+        step: () => whole(-1, 40),
+        tool: () => pick(["fly", "compare", "think", "channel", "paint", "watch"]),
+        value: () => pick([whole(-1, 40), 7.5, 1e9]),
+        wanted: () => whole(-1, 1),
+        what: () => pick(["stage", "mission", "png"]),
+        which: () => whole(0, 1),
+    };
+    const odd = [undefined, null, NaN, -1, 1.5, Infinity, "", "x", "7", "__proto__", "constructor",
+        true, [], [[]], [0], [1.5, 2], [99, 99], ["0", "1"], [null, null], {}];
+    const kinds = ["add", "again", "cancel", "city", "data", "fly", "look", "many", "move", "new",
+        "open", "paint", "policy", "race", "remove", "save", "shadow", "show", "time", "tool",
+        "undo", "values", "duel", "toString", "constructor", undefined, ""];
+    const answers = { works: 0, refused: [], changed: [] };
+    for (let k = 0; k < count; k += 1) {
+        const told = { kind: pick(kinds) };
+        for (const [name, value] of Object.entries(usual))
+            if (random() < 0.9) told[name] = random() < 0.1 ? pick(odd) : value();
+        const before = lab.stage;
+        let scene = null;
+        lab.post = (answer) => { scene = answer.scene ?? scene; };
+        await lab.hear(told);
+        const { refused } = scene; // each message has an answer
+        if (refused) answers.refused.push([JSON.stringify(told), refused]);
+        else answers.works += 1;
+        if (refused && lab.stage !== before) answers.changed.push(JSON.stringify(told));
+    }
+    return answers;
+}"""
+
+
 @pytest.fixture
 def opened(tell):
     """A function that opens a file's content and returns the next scene."""
@@ -282,3 +334,13 @@ def test_what_is_no_file_of_the_labs_is_refused(opened):
     opened("photo.jpg", b"\xff\xd8{", refused=r"(.json), a city (.png) or an agent (.safetensors)")
     opened("a.json", [1], refused="no stage and no mission")
     opened("a.json", b" " * 1_000_001, refused="too large")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_random_message_is_refused_with_the_reason_or_works(modules, tell, seed):
+    answers = modules(RANDOM, [seed, 300])
+    assert [each for each in answers["refused"] if "did not work" in each[1]] == []
+    assert answers["changed"] == []
+    assert answers["works"] > 75 and len(answers["refused"]) > 75
+    before = mission_of(tell("new"))
+    assert mission_of(tell("new")) != before

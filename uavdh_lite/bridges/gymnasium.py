@@ -16,6 +16,7 @@ from uavdh_lite.streams import Use, stream
 with extra("gym"):
     import gymnasium
     from gymnasium import spaces
+    from gymnasium.error import ResetNeeded
     from gymnasium.vector import AutoresetMode, VectorEnv
     from gymnasium.vector.utils import batch_space
 
@@ -54,8 +55,11 @@ class DataHarvesting(gymnasium.Env):
         observation: `centred` or `non_centred`.
         environment: instead of one over the scenario's city; it has other cities, or other rules.
         render_mode: with `rgb_array`, `render()` draws the flight so far.
+
+    Before the first `reset` there is no episode: what needs one raises Gymnasium's `ResetNeeded`.
     """
 
+    state: State | None = None
     metadata = {"render_modes": ["rgb_array"], "render_fps": 8}  # noqa: RUF012
 
     def __init__(
@@ -69,6 +73,11 @@ class DataHarvesting(gymnasium.Env):
         self.scenario = find_scenario(scenario) if isinstance(scenario, str) else scenario
         self.environment = environment or Environment(load_cities(self.scenario.city))
         self.rewards, self.render_mode = rewards, render_mode
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise InputError(
+                f"render_mode {render_mode!r}: must be None or rgb_array; 'human' is a wrapper's, "
+                "which gymnasium.make adds and which needs pygame"
+            )
         most_data, most_time = self.scenario.data[1], self.scenario.flying_time[1]
         self._observation = Observation(self.environment, observation, most_data, most_time)
         shapes = {"map": self._observation.map_shape, "time": (1,)}
@@ -84,7 +93,7 @@ class DataHarvesting(gymnasium.Env):
 
     def action_masks(self) -> np.ndarray:
         """The actions that the safety controller would not replace; (6,) bool."""
-        return self.environment.allowed_actions(self.state)[0]
+        return self.environment.allowed_actions(_begun(self))[0]
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
         super().reset(seed=seed)
@@ -111,7 +120,7 @@ class DataHarvesting(gymnasium.Env):
         return start
 
     def step(self, action: int) -> tuple[dict, float, bool, bool, dict]:
-        before, actions = self.state, np.array([action])
+        before, actions = _begun(self), np.array([action])
         self.state, outcome = self.environment.step(before, actions, self.np_random)
         reward = self.rewards(outcome)
         self._history.append(Step(before, actions, outcome, reward))
@@ -122,12 +131,13 @@ class DataHarvesting(gymnasium.Env):
         """The flight so far, an (height, width, 3) uint8 picture; None without a render mode."""
         if self.render_mode is None:
             return None
+        end = _begun(self)
         from matplotlib.figure import Figure
 
         from uavdh_lite.plotting import draw_trajectory, pixels
 
         figure = Figure(figsize=(6, 6.4), layout="constrained")
-        flight = Flights(self._start, self.state, self._history).trajectory(0)
+        flight = Flights(self._start, end, self._history).trajectory(0)
         draw_trajectory(figure.subplots(), self.environment, flight)
         return pixels(figure)
 
@@ -152,7 +162,7 @@ class VectorDataHarvesting(VectorEnv):
         options: those of `DataHarvesting` but `render_mode`: a batch is not drawn.
     """
 
-    state: State
+    state: State | None = None
 
     def __init__(
         self,
@@ -177,7 +187,7 @@ class VectorDataHarvesting(VectorEnv):
 
     def action_masks(self) -> np.ndarray:
         """The actions that the safety controller would not replace; (num_envs, 6) bool."""
-        return self.environment.allowed_actions(self.state)
+        return self.environment.allowed_actions(_begun(self))
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
         super().reset(seed=seed)
@@ -185,17 +195,18 @@ class VectorDataHarvesting(VectorEnv):
             _seed(self, seed)
         rows = (options or {}).get("reset_mask", np.ones(self.num_envs, bool))
         start = self.one.starts(int(rows.sum()), self.np_random, options)
-        self.state = start if rows.all() else self.state.with_rows(rows, start)
+        self.state = start if rows.all() else _begun(self).with_rows(rows, start)
         return self.observe(self.state), _masked(_info(self.state), rows)
 
     def step(self, actions: np.ndarray) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray, dict]:
-        over = self.state.ended
+        before = _begun(self)
+        over = before.ended
         if self._mode is AutoresetMode.DISABLED and over.any():
             raise InputError(
                 f"episode {over.argmax()} is over: begin it anew with "
                 "reset(options={'reset_mask': mask})"
             )
-        self.state, outcome = self.environment.step(self.state, actions, self.np_random)
+        self.state, outcome = self.environment.step(before, actions, self.np_random)
         reward, ended = self.one.rewards(outcome).astype(float), self.state.ended
         counts, info = outcome.counts(), {}
         if self._mode is AutoresetMode.NEXT_STEP:
@@ -224,6 +235,13 @@ def _any_seed() -> int:
 def _seed(env: Any, seed: int) -> None:
     """Give an environment its generator and the seed from which it can be made again."""
     env._np_random, env._np_random_seed = stream(Use.GYMNASIUM, seed), seed
+
+
+def _begun(env: DataHarvesting | VectorDataHarvesting) -> State:
+    """The state of the episodes."""
+    if env.state is None:
+        raise ResetNeeded("no episode has begun: call reset() first")
+    return env.state
 
 
 def _info(state: State) -> dict[str, np.ndarray]:
@@ -270,7 +288,13 @@ def as_policy(env: gymnasium.Env | VectorEnv, predict: Callable, masked: bool = 
 
     def act(state: State) -> np.ndarray:
         masks = [one.environment.allowed_actions(state)] if masked else []
-        return predict(one.observe(state), *masks)
+        actions = predict(one.observe(state), *masks)
+        if isinstance(actions, tuple):
+            raise InputError(
+                "predict gave a tuple, expected (B,) actions: of Stable-Baselines3's, take the "
+                "first entry, model.predict(...)[0]"
+            )
+        return actions
 
     return FunctionPolicy(act, one.environment)
 

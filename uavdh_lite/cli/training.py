@@ -57,8 +57,8 @@ def train(arguments: list[str]) -> Callable[..., None]:
             out: folder of the run, by default runs/SCENARIO-RECIPE-SEED.
             resume: continue the run in that folder; if nothing is saved there yet, begin it.
             stop_after: stop after this many environment steps; --resume continues.
-            threads: of PyTorch; another number gives another agent of the same kind, so a run
-                continues only with its own.
+            threads: of PyTorch, by default two, or one where it has a single processor; another
+                number gives another agent of the same kind, so a run continues only with its own.
             device: what the network runs on.
             tensorboard: write event files for TensorBoard as well.
         """

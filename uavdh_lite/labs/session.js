@@ -9,7 +9,7 @@ import { kinkOf, raceFacts } from "./race.js";
 import { CHANGES, TOOLS, YOU, cityOfPicture, linkOf, newStage, overCity, pictureOf, randomMission, readFile, stageAsJson,
   textOfLink, withMission } from "./state.js";
 import { choice, closestCall } from "./think.js";
-import { ACTIONS, City, InputError, bootstrapInterval, require, wilsonInterval } from "./world.js";
+import { ACTIONS, City, InputError, SIGNS, bootstrapInterval, require, wilsonInterval } from "./world.js";
 import { RUNS, grouped, sentence } from "./words.js";
 
 const TOGETHER = 700; // ms between changes of one kind that are undone as one
@@ -25,6 +25,41 @@ const TURN = 50; // ms of a computation after which others have their turn
 const EMPTY = [8, 12, 16]; // cells on a side of cities that are still to be painted
 const BESIDE = ["show", "values", "shadow", "look"]; // what does not end what takes long
 const STOPPED = new InputError("stopped");
+
+const isCell = (value) => Array.isArray(value) && value.length === 2 && value.every(Number.isInteger);
+const isInside = (value, { stage }) => isCell(value) && value.every((at) => at >= 0 && at < stage.mission.city.size);
+const isDevice = (value, { stage }) => Number.isInteger(value) && value >= 0 && value < stage.mission.devices.length;
+const isOf = (...values) => (value) => values.includes(value);
+
+/** What the page may tell: the entries that each kind of message needs, and what fits, `(value, session, message)`. */
+const MESSAGES = {
+  again: {},
+  cancel: {},
+  many: {},
+  new: {},
+  add: { cell: isCell },
+  city: { name: (name, { shelf }) => Object.hasOwn(shelf.cities, name) },
+  data: { device: isDevice, value: Number.isFinite },
+  duel: { wanted: isOf(-1, 0, 1) },
+  fly: { action: isOf(...ACTIONS) },
+  look: { device: isDevice },
+  move: { device: (device, session) => device === -1 || isDevice(device, session), cell: isCell },
+  open: { file: (file, session, { link }) => file instanceof File || (typeof link === "string" && link !== "") },
+  paint: { cells: (cells, session) => Array.isArray(cells) && cells.every((cell) => isInside(cell, session)), sign: isOf(...SIGNS) },
+  policy: { which: isOf(0, 1), name: (name, { stage, known }) => [...known(stage.mission.city), YOU].includes(name) },
+  race: {
+    runs: (runs = []) => Array.isArray(runs),
+    point: (point, { races, race }) => point === undefined || (isCell(point) && races[race.runs[point[0]]]?.points[point[1]]),
+  },
+  remove: { device: isDevice },
+  save: { what: isOf("stage", "mission", "png") },
+  shadow: { cell: isInside },
+  show: { step: (step) => Number.isInteger(step) && step >= -1 },
+  time: { value: Number.isFinite },
+  tool: { tool: (tool, { tools }) => tools.includes(tool) },
+  undo: { by: isOf(-1, 1) },
+  values: { step: (step) => Number.isInteger(step) && step >= 0 },
+};
 
 /** Why something was not done, for people; nothing if they ended it themselves. */
 function reasonOf(error) {
@@ -66,7 +101,7 @@ export class Session {
       cities[`empty ${size} × ${size}`] = City.fromText(`empty ${size} × ${size}`, rows.join("\n"));
     }
     this.places = data.cities.filter(({ gain }) => gain);
-    this.shelf = { cities, scenarios, known: (city) => this.known(city) };
+    this.shelf = { cities, scenarios, known: this.known };
     this.agents = {};
     for (const each of data.agents) this.agents[each.name] = shelved(each, cities[each.city] ?? null);
     this.races = data.races?.settings ?? [];
@@ -82,12 +117,12 @@ export class Session {
   }
 
   /** The names of who can fly over a city: the agents made for it first, unless the reader gave one. */
-  known(city) {
+  known = (city) => {
     const knowing = Object.entries(this.agents).filter(([, agent]) => agent.knows(city));
     const last = ([, { of, given }]) => (given ? 0 : of ? 1 : 2);
     knowing.sort((one, other) => last(one) - last(other));
     return [...knowing.map(([name]) => name), "greedy", "random"];
-  }
+  };
 
   /** Does what the page tells, or says why it was not done. */
   async hear(told) {
@@ -95,6 +130,7 @@ export class Session {
     if (!BESIDE.includes(told.kind)) this.work = null;
     let refused = "";
     try {
+      this.requireFits(told);
       if (this.does[told.kind]) await this.does[told.kind].call(this, told);
       else this.take(CHANGES[told.kind](this.stage, told, this.shelf), told.kind);
     } catch (error) {
@@ -107,6 +143,13 @@ export class Session {
       Object.assign(this, this.drawn); // what cannot be drawn is not kept
       this.render(told, reasonOf(error));
     }
+  }
+
+  /** The error names what is wrong with a message. */
+  requireFits(told) {
+    require(Object.hasOwn(MESSAGES, told.kind), `${told.kind}: nothing that can be done here`);
+    for (const [entry, fits] of Object.entries(MESSAGES[told.kind]))
+      require(fits(told[entry], this, told), `${told.kind}: ${entry} ${JSON.stringify(told[entry])} does not fit here`);
   }
 
   /** Shows what the stage looks like now, in answer to what was told. */
