@@ -100,7 +100,8 @@ def test_a_larger_city_is_refused_by_name(kind, corridor, corridor_scenario):
 def test_a_policy_of_a_function_flies_anywhere(environment, corridor_scenario):
     policy = FunctionPolicy(lambda state: np.full(len(state), HOVER))
     assert policy.made_for() is None and Random(0).made_for() is None
-    assert len(evaluate(environment, policy, corridor_scenario, 3, seed=1).start) == 3
+    end = evaluate(environment, policy, corridor_scenario, 3, seed=1).end
+    assert end.ended.all() and policy.act(end).tolist() == [HOVER] * 3  # nobody is asked any more
 
 
 def test_a_flight_by_hand(environment, start):
@@ -128,6 +129,7 @@ def test_a_seed_fixes_missions_and_fading_whatever_the_policy_does(environment, 
     assert np.array_equal(long.start.device_cells, short.start.device_cells)
     assert long.returns[0] == short.returns[0] != other.returns[0]
     assert long.steps[0] == short.steps[0] > 1 and (short.steps[1:] == 1).all()
+    assert short.trajectory(1).action.tolist() == [LAND]  # its own steps alone
 
 
 def test_bootstrap_interval_is_that_of_the_normal_approximation(generator):

@@ -63,6 +63,12 @@ def test_shortest_paths_on_a_small_map(small):
     assert walls[0, 3] == NO_PATH and walls[3, 7] == 1
 
 
+def test_the_cell_to_approach_is_the_nearest_as_the_radio_link_goes():
+    """Two cells down and two across are nearer than three across."""
+    city = City.from_text("corner", "N N N L \n N N N . \n N N . . \n . . . .")
+    assert Greedy(Environment(city)).approach[0, [0, 15]].tolist() == [10, 15]
+
+
 def test_the_tables_of_a_large_city_take_little_more_than_their_own_memory():
     """Goals in several parts: the same paths; nothing else is as large as the table."""
     city = CityGenerator(48).draw(1, 3)[0]

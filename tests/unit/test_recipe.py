@@ -20,6 +20,21 @@ def test_schedules():
     assert [recipe.learning_rate_at(s) for s in (1000, 2000)] == pytest.approx([1e-3, 0])
 
 
+def test_the_recipe_of_the_paper_has_the_constants_of_the_authors_code():
+    constants = {
+        "learning_rate": 3e-5,
+        "target_update_rate": 0.005,
+        "discount": 0.95,
+        "temperature": 0.1,
+        "batch_size": 128,
+        "replay_capacity": 50_000,
+        "replay_prefill": 25_000,
+        "crash_reward": -150,
+        "return_steps": 1,
+    }
+    assert {name: getattr(PAPER, name) for name in constants} == constants
+
+
 @pytest.mark.parametrize("name", registry.names("recipe"))
 def test_recipes_come_back_from_json(name):
     recipe = registry.find("recipe", name)

@@ -74,7 +74,7 @@ def test_samples_are_those_of_a_slow_memory(steps, environments, capacity, n, se
             discount *= 0 if ended[k, e] else 0.5
             k += 1
         assert (batch.reward[row], batch.discount[row]) == (reward, discount)
-        assert not discount or batch.next_state.uav_cell[row] == 100 * e + k
+        assert batch.next_state.uav_cell[row] == 100 * e + k
     assert np.array_equal(batch.action, batch.state.uav_cell % 6)
     expected = states(batch.state.uav_cell)  # each field; and a new episode's first has not landed
     for field in fields(State):
