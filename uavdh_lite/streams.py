@@ -67,9 +67,9 @@ class Portable(np.random.Generator):
         """Uniform over [0, 1), multiples of 2**−32; float64 whatever the `dtype`."""
         shape = () if size is None else size
         count = math.prod(np.atleast_1d(shape).tolist())
-        numbers = np.arange(self._drawn, self._drawn + count, dtype=np.uint64).reshape(shape)
+        numbers = np.arange(self._drawn, self._drawn + count, dtype=np.uint64)
         self._drawn += count
-        return _hash(numbers + self._key) / 2**32
+        return (_hash(numbers + self._key) / 2**32).reshape(shape)[()]
 
     def uniform(self, low: Any = 0.0, high: Any = 1.0, size: Any = None) -> Any:
         return low + (high - low) * self.random(size)

@@ -229,7 +229,7 @@ class VectorDataHarvesting(VectorEnv):
 
 def _any_seed() -> int:
     """A seed that nobody chose, for an environment that was given none: `reset` takes it, too."""
-    return int(np.random.SeedSequence().generate_state(1, np.uint64)[0] >> 1)
+    return int(np.random.SeedSequence().generate_state(1, np.uint64)[0]) >> 1
 
 
 def _seed(env: Any, seed: int) -> None:
