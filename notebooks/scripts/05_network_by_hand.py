@@ -88,8 +88,8 @@ ax.legend();
 #
 # At first all weights are random numbers. A **loss** measures how wrong the output is: it is 0 for
 # the right answer, and grows as the output gets worse. Its *slope* with respect to a weight says
-# whether the loss grows or shrinks when the weight grows. So the weight takes a step the other way:
-# it changes by minus the slope times a small number, the **learning rate**. This is **gradient
+# whether the loss grows or shrinks when the weight grows. So the weight takes a step downhill: it
+# changes by minus the slope times a small number, the **learning rate**. This is **gradient
 # descent**. The *gradient* is the list of all slopes.
 #
 # Take one neuron with one weight. The input is 3 and the output should be 6, so the weight should
@@ -117,7 +117,7 @@ ax.set(xlabel="weight", ylabel="loss");
 # longer steps than the weights of inputs near 1, and overshoots where they hardly move. That is why
 # data and time are scaled to a size near 1.
 #
-# A single squared error of 150 pulls at the weights as hard as 150 errors of 1. So our agents
+# Squared, a single error of 150 pulls at the weights as hard as 150 errors of 1. So our agents
 # learn with the **Huber loss**, a parabola near 0 and a straight line further out, where the slope
 # no longer grows.
 #
@@ -227,8 +227,8 @@ draw_maps({"what it sees": seen}, uav=(15, 15))
 # This is the unit's **receptive field**, 17 of 31 cells a side. (It lies off centre because the
 # windows cover only 29 of the 31 rows and columns.) You can work out the 17: the unit sees 5 units
 # of the first convolution, which lie 3 cells apart because of the stride, and each of these sees 5
-# cells, so $5+4\cdot3=17$. With the paper's strides of 1 it would be only $5+4=9$ cells. What does
-# not fit into one receptive field meets only in the fully connected layers that follow, which see
+# cells, so $5+4\cdot3=17$. With the paper's strides of 1 it would be only $5+4=9$ cells. Two things
+# that do not fit into one receptive field meet only in the fully connected layers, which see
 # everything but have to learn each place separately.
 #
 # ## 5.6 One question, three networks
@@ -285,8 +285,8 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # So what does centring add? A convolution compares only what lies within its window. "Is it near?"
 # fits into a window; "can I still reach the landing zone in time?" does not, because the zone may
 # be a whole city away. In the centred frame every displacement from the UAV is a single place in
-# the picture, so a single weight can ask for it. Does this help an agent that has convolutions
-# anyway? Notebook 8 finds out.
+# the picture, so a single weight can ask for it. Does this help an agent that already has
+# convolutions? Notebook 8 finds out.
 #
 # ## 5.7 The whole network
 #
@@ -316,7 +316,7 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # - Gradient descent moves each weight downhill. Backpropagation computes all slopes in one backward
 #   pass.
 # - A convolution moves one neuron across a picture, so what it learns in one place holds in others.
-#   In the centred frame that holds even for a dense network.
+#   In the centred frame the same holds even for a dense network.
 #
 # ## Exercises
 #

@@ -316,7 +316,7 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 # ## 6.6 All of it
 #
 # Act, remember, draw a minibatch, move towards the targets, let the target network follow: that is
-# all. [One page](../docs/tutorials/pseudocode.md) has it as pseudocode, beside the names in the
+# all. [One page](../docs/tutorials/pseudocode.md) shows it as pseudocode, beside the names in the
 # code. For the paper's city only the network changes: that of notebook 5 reads the map and the
 # time.
 #

@@ -192,11 +192,11 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("huge_penalty")
 
 # %% [markdown]
-# **The lazy agent.** What if a crash costs 150 from the start? Here is such a recipe beside `lite`,
-# where the cost begins at 10, with three seeds each, recorded over an earlier map of Manhattan.
-# These runs have only 300,000 steps. Within them $\beta$, the learning rate and, in `lite`, the
-# cost of a crash change as they do in longer runs, only faster. So at their end these agents are
-# ahead of what longer runs have reached at that step.
+# **The lazy agent.** What if a crash costs 150 from the start? The next cell compares such a recipe
+# with `lite`, in which the cost begins at 10. Both were recorded over an earlier map of Manhattan,
+# with three seeds each. These runs have only 300,000 steps. Within them $\beta$, the learning rate
+# and, in `lite`, the cost of a crash change as they do in longer runs, only faster. So at their end
+# these agents are ahead of what longer runs have reached at that step.
 
 # %%
 study = read_table("../data/runs/deviations-manhattan.csv.gz")

@@ -193,7 +193,7 @@ Quiz("three_seeds")
 # 20 one method has all the best ranks. Judged by rank alone, equally good methods would produce
 # such a result 10 % of the time. This share is called a **p-value**, and going through all ways to
 # deal out the results is a **permutation test**. In the village only 10 of the 924 ways give so
-# large a gap, which is a p-value of 1 %.
+# large a gap, a p-value of 1 %.
 #
 # The interval also uses the sizes of the results, but it assumes a normal distribution, and three
 # runs are too few to check that.
@@ -300,7 +300,8 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # | Is the recipe fair to both? | Not quite: we tuned it with the centred map |
 # | Is it the centring alone? | Open: the other frame also gives the position differently, as a single 1 |
 #
-# An ablation answers one question. Write it down beforehand, and also which result would mean *no*.
+# An ablation answers one question. Write the question down beforehand, and also which result would
+# mean *no*.
 #
 # ## Recap
 #
@@ -310,8 +311,8 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # - A gap comes with an interval. If 0 is well inside it, the question is open; if 0 is near one
 #   end, neither answer is safe.
 # - Put baselines next to every number, and compare on the same missions, pair by pair.
-# - Centred agents very likely learn sooner here. Whether they are better in the end, these runs
-#   leave open.
+# - Centred agents very likely learn sooner here. These runs leave open whether they are better in
+#   the end.
 #
 # ## Exercises
 #

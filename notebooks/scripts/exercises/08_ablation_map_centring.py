@@ -41,9 +41,9 @@ from uavdh_lite.course import checks
 # rise, but fall back in between. So the first time that a curve crosses a threshold may be luck.
 # Ask for more: the curve has to stay there for good.
 #
-# Return the environment steps of the first validation from which on *all* values, up to the last,
-# are at least `threshold`: an element of `steps`. Return `None` if there is none, that is, if the
-# last value is below `threshold`.
+# Return the number of environment steps at the first validation from which *all* values, up to the
+# last, are at least `threshold`. It is an element of `steps`. Return `None` if there is none, that
+# is, if the last value is below `threshold`.
 #
 # <details><summary>Hint</summary>
 #

@@ -5,7 +5,7 @@
 # questions at the end are ours.*
 #
 # We wanted to improve the agent. The discount of 0.95 seemed low to us, so we took 0.99, and since
-# it looked slow we doubled the learning rate, too.
+# learning looked slow we doubled the learning rate, too.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
