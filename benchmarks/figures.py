@@ -9,6 +9,7 @@ of seed 0.
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import torch
 from matplotlib.figure import Figure
 
@@ -57,6 +58,11 @@ def manhattan() -> dict[str, Mission]:
     agent = agent_of("manhattan")
     city = agent.city
 
+    def straight_home(flight: Trajectory) -> bool:
+        last = np.flatnonzero(np.diff(flight.data_left.sum(axis=1)))[-1] + 1  # the last upload
+        home = agent.environment.time_to_land[0, flight.uav_cell[last]]
+        return len(flight.action) - last <= home + 2
+
     def shows(devices: int, flight: Trajectory) -> bool:
         left, time = flight.data_left[-1][:devices], flight.time_left
         cells = flight.start.device_cells[0, :devices]
@@ -66,7 +72,7 @@ def manhattan() -> dict[str, Mission]:
             flight.landed
             and {
                 2: bool(inside and emptied == 2),
-                3: bool(time[-1] == 0 and emptied == 3),
+                3: bool(time[-1] == 0 and emptied == 3 and straight_home(flight)),
                 4: bool(early and emptied == 3 and left.max() > 3),
                 5: bool(early and emptied == 5),
             }[devices]

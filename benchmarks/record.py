@@ -128,11 +128,13 @@ def gather(study: str, folder: Path, commit: str = "") -> None:
         variant: recipe if recipe is usual else {k: v for k, v in recipe.items() if v != usual[k]}
         for variant, recipe in recipes.items()
     }
+    # One session of `benchmarks/fleet.py` may make the runs of several studies
+    command = first["command"].partition(" --out")[0] if "program" in first else entry["command"]
     write_table(RUNS / f"{study}.csv.gz", tables["validation"])
     write_table(RUNS / f"{study}-training.csv.gz", tables["training"])
     write_json(
         RUNS / f"{study}.json",
-        {"what": entry["what"], "command": entry["command"], "golden": digest(commit)}
+        {"what": entry["what"], "command": command, "golden": digest(commit)}
         | {name: first[name] for name in OF_STUDY if name in first}
         | {"scenario": first["scenario"], "cities": first["cities"]}
         | {"runs": {name: {k: how[k] for k in OF_RUN} for name, how in about.items()}}

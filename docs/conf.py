@@ -82,10 +82,14 @@ def copy_notebooks(app: Sphinx) -> None:
             copy.write_text(text, encoding="utf-8")
 
 
-def leave_out(app: Sphinx, name: str, source: list[str]) -> None:
-    """Drop what stands between `<!-- teachers -->` and `<!-- end -->` from the students' site."""
+def prepare(app: Sphinx, name: str, source: list[str]) -> None:
+    """Drop what stands between `<!-- teachers -->` and `<!-- end -->` from the students' site.
+
+    Links to notebooks, which work in a checkout, go to the copies of `copy_notebooks`.
+    """
     kept = "" if not TEACHERS else r"\1"
-    source[0] = re.sub(r"(?ms)^<!-- teachers -->\n(.*?)^<!-- end -->\n", kept, source[0])
+    text = re.sub(r"(?ms)^<!-- teachers -->\n(.*?)^<!-- end -->\n", kept, source[0])
+    source[0] = re.sub(r"\]\(\.\./((?:\.\./)*)notebooks/", r"](\1tutorials/", text)
 
 
 def no_source(app: Sphinx, module: str) -> tuple[str, dict] | None:
@@ -108,7 +112,7 @@ def write_labs(app: Sphinx, error: Exception | None) -> None:
 
 def setup(app: Sphinx) -> None:
     app.connect("builder-inited", copy_notebooks)
-    app.connect("source-read", leave_out)
+    app.connect("source-read", prepare)
     app.connect("viewcode-find-source", no_source)
     app.connect("env-updated", no_source_pages)
     app.connect("build-finished", write_labs)

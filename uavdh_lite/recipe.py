@@ -159,7 +159,7 @@ PLAIN = replace(PAPER, name="plain", strides=(3, 1), learning_rate=3e-4)
 """The paper's algorithm and nothing else, with a network that a processor can afford.
 
 It departs from `PAPER` in two values: the first convolution takes every third cell, so that an
-update costs a tenth, and the learning rate fits the smaller network.
+update costs about an eighth, and the learning rate fits the smaller network.
 """
 
 LITE = Recipe(

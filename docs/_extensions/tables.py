@@ -402,12 +402,15 @@ def ladder(scenario: str) -> str:
     return f"{_table([*head, 'return, ahead of greedy'], rows)}\n{_made_with('ladder')}"
 
 
-def outstanding() -> str:
-    """The studies that today's program has not made, and the hours of one core that they need."""
+def outstanding(page: str = "") -> str:
+    """The studies that today's program has not made, and the hours of one core that they need.
+
+    All of them, or those that a page such as `docs/results/any_city.md` shows.
+    """
     rows = [
         [f"`{name}`", study["what"], study["outstanding"], f"{study['core_hours']:g}"]
         for name, study in tomllib.loads((RUNS / "list.toml").read_text())["studies"].items()
-        if "outstanding" in study
+        if "outstanding" in study and (not page or page in study["drawn"])
     ]
     return _table(["study", "what it is", "what is outstanding", "core-hours"], rows)
 
