@@ -1,7 +1,7 @@
 # %% [markdown]
 # # 10 · Evaluation
 #
-# The agent brings home 96 % of the data. **Is that good? How sure can you be? And what does a mean hide?** The picture holds part of
+# The agent brings home 96 % of the data. **Is that good? How sure can you be? And what does a mean hide?** The picture gives a part of
 # the answer. It shows the agent beside a simple rule and beside a search that knows the channel, each with a 95 % interval.
 
 # %% tags=["remove-cell"]
@@ -53,7 +53,7 @@ figure
 # | --- | --- |
 # | the agent | the map, the devices, their data and the time that is left. It has learned what to do by a strengthened form of the paper's method |
 # | greedy | the same. A person wrote its rule: fly to the nearest device with data, and be home in time |
-# | genie | the mean rate from every cell to every device as well. It searches whole flights for the one with the most data |
+# | genie | the same and, from every cell to every device, the mean rate (strictly, the slightly lower rate without fading). It searches whole flights for the one with the most data |
 # | random | nothing. It draws its actions |
 #
 # Each city has an agent of its own: `manhattan_ddqn`, which you know from the course, and `open_field_ddqn`.
@@ -78,13 +78,12 @@ def recorded(city):
 cities = {city: recorded(city) for city in ("manhattan", "open_field")}
 
 # %% [markdown]
-# The score is *collected and landed*: the share of the data that a flight brings home, and 0 if it crashes. This score needs no
+# The score is *collected and landed*: the share of the data that a flight brings home, or 0 if it crashes. This score needs no
 # constants, whereas the *return* does: a step costs 0.2 and a crash 150, as in notebook 3.
 #
 # ### Random numbers
 #
-# "The same missions" is easily said. But a test is worth nothing if training has seen its missions, so training, validation and test
-# each need random numbers of their own. A common habit is to seed them with `seed`, `seed + 1` and `seed + 2`. Do you see the trap?
+# A test is worth nothing if training has seen its missions, so training, validation and test each need random numbers of their own. A common habit is to seed them with `seed`, `seed + 1` and `seed + 2`. Do you see the trap?
 # Compare the validation missions of seed 0 with the training missions of seed 1:
 
 # %%
@@ -106,7 +105,7 @@ for way in (habit, stream):
 # numbers and are never added, so no two uses share a stream, whatever the seeds.
 #
 # There is a second trap. If a policy drew its actions from the generator of the missions, a long flight would use up more numbers than
-# a short one, and the next mission would then be a different one. That is why all missions are drawn first here, and why the fading is
+# a short one, so the next mission would be a different one. That is why all missions are drawn first here, and why the fading is
 # drawn for every mission in every step, whatever the policy does.
 #
 # ## 10.2 The paper's table
@@ -174,8 +173,8 @@ for count in (995, 999, 1000):
 # Is an agent that landed 999 times safer than one that landed 995 times? Together they crashed six times. If both were equally safe,
 # each crash would be a coin toss between the two. Six tosses split 5–1 or 6–0 about one time in five. So the difference proves nothing.
 #
-# The other means use notebook 8's bootstrap. Either kind of interval covers luck in the missions, not in training. For a claim
-# about a *method*, the runs are the sample.
+# The intervals of all other means come from notebook 8's bootstrap. Either kind of interval covers luck in the missions, but not luck in
+# training. For a claim about a *method*, the runs are the sample.
 #
 # ## 10.3 Next to the planners
 #
@@ -192,7 +191,7 @@ for city, results in cities.items():
 # nothing.
 #
 # Greedy does about as well as the trained network, as you saw in notebook 8. A paper without such a baseline does not show that
-# its learner was worth the training. Which of the two is ahead? The paired differences:
+# its learner was worth the training. Which of the two is ahead? The paired differences answer that:
 
 # %%
 for city, results in cities.items():
@@ -206,7 +205,7 @@ for city, results in cities.items():
 # home a point more, but the agent's return is higher because it wastes less time, whereas greedy flies
 # to the last unit of data, whatever that costs. So which of them is better depends on the question that you ask.
 #
-# All of this is about two particular agents. Another training seed would have made others.
+# All of this is about two particular agents. Another training seed would have produced different ones.
 #
 # ## 10.4 The best of many checkpoints
 #
@@ -229,7 +228,8 @@ for missions in (200, 1000):
 #
 # ## 10.5 Which missions go badly?
 #
-# A mean hides what it is made of. Split the missions by what was drawn, and ask in each group how far the agent is behind:
+# A mean hides what it is made of. So split the missions by their flying time or by their number of devices, and ask in each group how far the
+# agent is behind:
 
 # %%
 from uavdh_lite.experiments.comparison import breakdown
@@ -248,9 +248,9 @@ figure.axes[0].set_ylabel("points behind\ngenie (blue), greedy (orange)")
 figure
 
 # %% [markdown]
-# On the left, the agent is furthest behind the genie where flying time is short, and it catches up as time grows. Greedy has the same
-# trouble with short flights: in the shortest ones the two are level, and the orange points show no such trend. A likely reason is that, when time is short, a detour to the
-# wrong device cannot be made up for, and only the genie knows beforehand what a device will yield.
+# On the left, the agent is furthest behind the genie where the flying time is short; in missions with more time it is closer. Greedy has the
+# same trouble with short flights: in the shortest ones the two are level, and the orange points show no such trend. A likely reason is that, when
+# time is short, a detour to the wrong device cannot be made up for, and only the genie knows beforehand what a device will yield.
 #
 # On the right, the agent is behind greedy mainly in missions with two or three devices. Those are the easy ones, where greedy brings
 # home 98 to 99 %. So hard missions are hard for both, and it is in easy missions that the agent could do better. With eight groups
@@ -280,9 +280,10 @@ add_legend(figure, 3)
 figure
 
 # %% [markdown]
-# On the left is the one crash in a thousand missions. The flight has emptied three of four devices, and turns for home too late. On the right
-# is a flight that serves the nearest device and goes home, with plenty of time left for the others. Watch the crash step by step. With 14
-# units of time left the UAV flies one cell further north, for the last 7 units of data of the third device. From there the way home takes 14 units, and 13 are left:
+# On the left is the one crash in a thousand missions. The UAV has emptied three of four devices, but turns for home too late. On the right
+# is a flight that serves the nearest device and goes home, although there is plenty of time left for the others. Watch the crash step by step. With
+# 14 units of time left the UAV flies one cell further north, for the last 7 units of data of the third device. From there the way home takes 14
+# units, but only 13 are left:
 
 # %%
 from uavdh_lite.player import play
@@ -290,7 +291,7 @@ from uavdh_lite.player import play
 play(agent.environment, flights.trajectory(worst[0]))
 
 # %% [markdown]
-# Such flights catch the eye. How much do they matter? Sort all missions by what was lost:
+# Such flights catch the eye, but how much do they matter? Sort all missions by how much was lost:
 
 # %%
 much, little = lost >= 0.3, (lost > 0) & (lost < 0.3)
@@ -319,13 +320,13 @@ for name, results in cities.items():
 # Flying both on the same missions saves more than half of them, because what is hard for one policy is hard for the other, and this
 # cancels out in the difference.
 #
-# Is a half width of half a point enough to *find* a lead of half a point? Only in half of all tries, because the measured lead falls
-# below the true one as often as above it, and when it falls below, the interval contains 0. To find such a lead in eight out of ten
-# tries takes twice as many missions.
+# Is a half width of half a point enough to *find* a lead of half a point? Only in half of all tries. The measured lead falls below the
+# true one as often as above it, and then the interval contains 0. To find such a lead in eight out of ten tries takes twice as many missions.
 #
 # ## 10.8 The same mission with different luck
 #
-# Fading is luck, too. How much of a result is due to it? Here is one mission with five devices, flown with 40 draws of the fading:
+# Fading is luck, too. How much of a result is due to it? Here is one mission with five devices, flown 40 times, each time with another
+# draw of the fading:
 
 # %%
 from dataclasses import replace
@@ -347,14 +348,14 @@ two = {"one draw": first.trajectory(0), "another": second.trajectory(0)}
 play(agent.environment, two)
 
 # %% [markdown]
-# These two flights are alike for more than half of the time, and then they part; the 40 draws give 15 different paths. The agent
-# sees luck only through the data that is left, where a little more or less can tip a decision. Yet luck changes nothing in what is brought home here, because a flight has some two hundred communication slots, and over so many
-# slots most of the luck averages out.
+# These two flights are alike for more than half of the time, but then they part; the 40 draws give 15 different paths. The agent
+# sees luck only through the data that is left, where a little more or less can tip a decision. Yet luck makes no difference to what is brought
+# home here: a flight has some two hundred communication slots, and over so many of them most of the luck averages out.
 #
 # ## 10.9 One thing changed
 #
 # The paper shows its open-field agent in two missions that differ in one thing only. In the first, both devices hold the same amount
-# of data. In the second, the far one holds a quarter of that. Before you look, guess what changes:
+# of data. In the second, the far one holds only a quarter of it. Before you look, guess what changes:
 
 # %%
 Quiz("one_quarter")
@@ -374,16 +375,17 @@ figure
 
 # %% [markdown]
 # The network and the places are the same in both flights. Both times the UAV empties the near device first and then flies towards the
-# far one. With equal data it flies right up to it; with a quarter of the data there, it turns for home two cells before it. A single flight might be luck, but
-# the 20 draws printed above say that it is not: every flight with a quarter of the data is shorter than every flight with equal data.
+# far one. With equal data it flies right up to the far device; with a quarter of the data there, it turns for home two cells before it. In a
+# single flight that might be luck, but the 20 draws printed above say that it is not: every flight with a quarter of the data is shorter than
+# every flight with equal data.
 #
-# Nobody trained the agent for this mission. It reacts to the data because the data is in the state. Before you trust it, look at its worst missions.
+# Nobody trained the agent for this mission. It reacts to the amount of data because that is a part of the state.
 #
 # ## Recap
 #
 # - A result is a mean with an interval, over missions that were not used before.
 # - Training, validation and test draw from streams of their own.
-# - Put something simple and something nearly perfect beside it, on the same missions.
+# - Put something simple and something nearly perfect beside your agent, on the same missions.
 # - The best of many checkpoints looks better than it is.
 # - A mean does not say what goes wrong. Fly the failures again and look.
 #

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 11 · Replay
 #
-# The agent learns from a memory of steps that it flew long ago. What if it remembered only the last few flights? And once the flights
-# are forgotten, what is left of them in the network? The picture shows twelve training runs in the village that differ only in the
-# size of the memory.
+# The agent learns from a memory of steps, some of which it flew long ago. What if it remembered only the last few flights? And once the
+# flights are forgotten, what is left of them in the network? The picture shows twelve training runs in the village that differ only in
+# their seeds and in the size of the memory.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -59,8 +59,8 @@ figure
 #
 # ## 11.1 Four sizes of memory
 #
-# The runs of the picture follow the recipe `small`, with 48,000 steps each and three seeds for each size. The recipe's own memory
-# holds 40,000 steps. The cell that drew the picture has read the runs' final results into a table:
+# The runs in the picture follow the recipe `small`, with 48,000 steps each and three seeds for each size. The recipe's own memory
+# holds 40,000 steps. The cell that drew the picture has already read the runs' final results into a table, which is printed here:
 
 # %%
 for variant, size in SIZES.items():
@@ -69,22 +69,23 @@ for variant, size in SIZES.items():
 
 # %% [markdown]
 # In the picture, the dashed line is greedy and the dotted one random. With 40,000 steps all three runs come close to greedy. With
-# a tenth of that, and even with 1,000 steps, they are a little behind, and their ranges overlap. With 250 steps, not even sixteen for each of the 16 UAVs, two of
-# the runs end far below all others, and the third only reaches the worst of those with 4,000 steps: they bring home 46 to 81 % of the data.
+# a tenth of that, and even with 1,000 steps, they are only a little behind, and their ranges overlap. With 250 steps, not even sixteen for each of
+# the 16 UAVs, the runs bring home 46 to 81 % of the data: two of them end far below all others, and the third only reaches the worst of those
+# with 4,000 steps.
 #
-# All runs make the same number of updates, and each update draws the same number of steps. So what is it that a small memory lacks?
+# All runs make the same number of updates, and each update draws the same number of steps. So what does a small memory lack?
 #
 # ## 11.2 How old is what it learns from?
 #
-# A replay memory is a *ring buffer*: when it is full, the newest step takes the place of the oldest. The recipe flies 16 missions at
-# once. After each of their steps comes one update, which draws 64 steps from the memory. So a step is drawn $64/16 = 4$ times on
+# A replay memory is a *ring buffer*: when it is full, the newest step takes the place of the oldest. The recipe flies 16 missions side by
+# side. Each time all of them have made a step, there is one update, which draws 64 steps from the memory. So a step is drawn $64/16 = 4$ times on
 # average before it is forgotten. That holds for a memory of any size, because a larger one keeps a step longer but draws it less
 # often.
 #
 # What the size does change is how *old* the drawn steps are. A memory of 250 holds the last 16 steps of each of the 16 missions, which
-# is less than a flight. A memory of 40,000 holds 2500 steps of each, which makes more than a thousand flights in all.
+# is less than a flight. A memory of 40,000 holds the last 2500 steps flown in each of the 16 places, more than a thousand flights in all.
 #
-# Is it good or bad to learn from old steps? Both, as a tiny example shows.
+# Is it good or bad to learn from old steps? It is both, as a tiny example shows.
 #
 # ## 11.3 A small memory forgets
 #
@@ -139,8 +140,8 @@ def update(network, optimizer, drawn):
 
 # %% [markdown]
 # Halfway through, the missions change. For the first 1000 updates the device is *near*, in one of the cells 1 to 5. After that it is
-# *far*, in one of the cells 7 to 11. Before each update, 16 random steps of the present missions go into the memory. Every 50 updates
-# we ask in what share of the states the network's best action is a right one, for near devices and for far ones.
+# *far*, in one of the cells 7 to 11. Before each update, 16 random steps of the current kind of mission go into the memory. Every 50 updates
+# we ask in what share of the states the network's best action is a right one, separately for near devices and for far ones.
 
 # %%
 kinds = {"near": (1 <= device) & (device <= 5), "far": device >= 7}
@@ -185,7 +186,7 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Look at the left side first. While the device is near, such missions are learned with both memories. Then the missions change. With a
+# Look at the left side first. While the device is near, both networks learn such missions. Then the missions change. With a
 # memory of 200 steps the share of right actions drops steeply in every run, on average from nine states in ten to about four. Nothing
 # was wrong with what the network knew. It was overwritten: an update for one state moves weights that other states use as well, and
 # the memory holds no step that would object. Later the share recovers in part, because far and near missions have something in common.
@@ -195,19 +196,20 @@ figure
 #
 # Now look at the right side. By the end the small memory is ahead on average, though some runs overlap. It holds only far missions, whereas
 # even at the end half of the large one's samples come from the past. So a large memory keeps what is no longer flown, and it is
-# slow to follow when the world changes. *Combined* replay, which puts the newest step into every minibatch, softens that.
+# slow to follow when the world changes. *Combined* replay, which puts the newest step into every minibatch, makes a large memory less slow to follow.
 #
-# *Prioritised* replay goes further, and draws steps with a large error more often. That changes how often each stroke of luck is seen, so that the mean
-# which Q should learn would shift. Therefore each step's loss is divided by how much more often the step is drawn (**importance weights**; exercise 11.2).
+# **Prioritised replay** goes further, and draws steps with a large error more often. But a Q-value is a mean over good and bad luck, and if lucky
+# steps, for example, are drawn too often, that mean shifts. Therefore each step's loss is divided by how much more often the step is drawn
+# (**importance weights**; exercise 11.2).
 #
 # In the village the missions do not change halfway through. But a memory of 250 steps holds only parts of the flights that are in the
-# air. As these change, the network is pulled from one handful of missions to the next, and forgets. That is the likely reason why
-# these runs fell behind in 11.1.
+# air at the time. As one flight follows another, the network is pulled from one handful of missions to the next, and forgets. That is the likely
+# reason why these runs fell behind in 11.1.
 #
 # ## 11.4 What the network knows of shadows
 #
-# When training is over, the memory is thrown away and the network stays. What has it kept of all the flights? One thing worth knowing
-# is that a building in the way takes most of the signal, as in notebook 1, but no input says so. The network sees only a layer of
+# When training is over, the memory is thrown away, and only the network is kept. What does it still know from all the flights? One thing
+# worth knowing is that a building in the way takes most of the signal, as in notebook 1, but no input says so. The network sees only a layer of
 # buildings and a layer of data, and it gets rewards. Has it found out that the two are related?
 #
 # Let us ask it. Take states in which a device is close but hidden, and wipe out the buildings between the UAV and the device, without
@@ -234,8 +236,8 @@ def hidden_devices(agent, generator):
     return state[hidden & (np.hypot(*to_device(state, environment.size)) <= 5)]
 
 # %% [markdown]
-# What lies between? Let us take it to be the rectangle with the UAV at one corner and the device at the opposite one. In the centred
-# map the UAV is in the middle:
+# Which buildings lie between the two? Let us take those in the rectangle with the UAV at one corner and the device at the opposite one. In the
+# centred map the UAV is in the middle:
 
 # %%
 def between(state, size):
@@ -245,8 +247,8 @@ def between(state, size):
     return torch.from_numpy(rows[:, :, None] & cols[:, None, :])
 
 # %% [markdown]
-# A hole in the map may surprise the network, whatever was there before. So we need a control: the same
-# rectangle on the *other* side of the UAV. Only states that have at least as many buildings there are counted. Here is an example:
+# A hole in the map may surprise the network, whatever was there before. So we need a **control**: the same
+# rectangle on the *other* side of the UAV. We count only states that have at least as many buildings there. Here is an example:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -277,8 +279,8 @@ ax.set(xlim=(8.5, 21.5), ylim=(21.5, 8.5), xticks=range(9, 22, 3), yticks=range(
 figure
 
 # %% [markdown]
-# The triangle is the UAV, and the blue cross is the device. Wiping out what is orange clears the way between them, whereas wiping out
-# what is green changes nothing there. By how much does the network's largest Q-value rise?
+# The triangle is the UAV, and the blue cross is the device. Wiping out what is orange clears the way between the two, whereas wiping out
+# what is green changes nothing between them. By how much does the network's largest Q-value rise in each case?
 #
 # We ask two agents, one for each of the paper's cities, and also a network of the same shape without any training.
 
@@ -308,8 +310,8 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
 # %% [markdown]
 # The untrained networks hardly notice. Both trained ones expect more when any buildings disappear, and clearly more when those buildings
 # were in the way. So they have learned from rewards that buildings *between* them and a device cost something, and they look for them.
-# One doubt is left: the control also lies farther from the *device*. If open space around a device were worth more, that would explain a part of the
-# difference, too.
+# One doubt is left: the control also lies farther from the *device*. If the networks value open space around a device for another reason, that,
+# too, would explain a part of the difference.
 #
 # Neither network has become a ray tracer. The difference is small next to what these states are worth, 3 % of it over Manhattan and 15 % on the open field, and in three or four states out of ten
 # there is none, or it goes the other way. Also, a city with a missing building is new to such a network. The

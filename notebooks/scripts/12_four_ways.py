@@ -3,7 +3,7 @@
 #
 # The paper's agents learn from reward alone: they are told nothing but the map, and find out the rest by flying. How else can
 # knowledge get into an agent? You can **guarantee** something by a rule, **tell** the agent something as one more layer of the map,
-# let it **copy** a planner, or let it **learn** from reward. This figure shows what each way is worth.
+# let it **copy** a planner, or let it **learn** from reward. The figure shows what each way is worth, alone and together with others.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -118,13 +118,15 @@ for name, one in {"paper": Environment(city), "failsafe": environment}.items():
 assert flights["landed"].all()
 
 # %% [markdown]
-# All flights land, as long as the map is right and no wind makes a step longer. But the return is still poor, because random moves collect little. What a rule guarantees need not be learned. No
-# crash disturbs the Q-values, and no schedule of penalties is needed. On the other hand, somebody must know the rule.
+# All flights land, as long as the map is right and no wind makes a step longer. But the return is still poor, because random moves collect little.
+#
+# What a rule guarantees need not be learned. No crash disturbs the Q-values, and no schedule of penalties is needed. On the other hand, somebody
+# must know the rule.
 #
 # ## 12.2 Tell: maps of what can be computed
 #
-# The network of notebook 4 sees buildings, but it must find out from reward where devices can be heard and which way leads around a
-# block. The environment, however, knows the channel and the city, so both can be computed and laid over the map as three more layers:
+# The network of notebook 5 sees buildings, but it must find out from reward where devices can be heard and which way leads around a
+# block. The environment, however, knows the channel and the city, so both can be computed and added to the map as three more layers:
 
 # %%
 from uavdh_lite.beyond.told import TOLD_LAYERS, ToldObservation
@@ -143,14 +145,15 @@ for ax, layer, name in zip(figure.subplots(1, 3), told, TOLD_LAYERS):
 figure
 
 # %% [markdown]
-# Bright is large; the triangle is the UAV, the crosses are devices. *Expected data* is about what one unit of time over a cell would bring without fading. It is an
-# estimate for a single device that sends all the time; exercise 12.2 computes the sum slot by slot:
+# Bright cells have large values. The triangle is the UAV, and the crosses are the devices. *Expected data* is about what one unit of time over a cell
+# would bring without fading. It is an estimate that takes the best single device and lets it send all the time; exercise 12.2 computes the sum slot by
+# slot. Here $R_k$ is the rate of device $k$ without fading, and $\delta$ the number of slots in a unit of time:
 #
 # $$\max_k \min(\delta \cdot R_k,\; \text{data left}_k)$$
 #
 # Around each device lies a bright spot with dark wedges: the shadows of notebook 2. *Way home* and *way there* count moves, one from
 # the landing zones and the other from the UAV. Both flow around buildings. Anyone who knows the city and the constants of the channel
-# can work all of this out before the flight, whereas a network has to find it out by flying.
+# can work all of this out before the flight, whereas a network that is not told has to find it out by flying.
 
 # %%
 Quiz("what_may_be_told")
@@ -160,7 +163,7 @@ Quiz("what_may_be_told")
 #
 # The *genie* is a search over whole flights. It knows the mean rate of every link at every place (strictly, the rate at the mean SNR, without fading, which is a little lower), and keeps the best candidates for
 # each cell and moment. It flies better than any agent here, but takes much longer to decide. Can a network learn to do what the genie
-# does, but without the search?
+# does, without the search?
 
 # %%
 from uavdh_lite.beyond.genie import Genie
@@ -204,11 +207,11 @@ print(f"the copy takes the genie's action in {np.mean(agree):.0%} of {len(agree)
 assert np.mean(agree) > 0.85
 
 # %% [markdown]
-# Where they differ, both actions are often equally good, for example when two ways around a block are equally long.
+# Where the two differ, both actions are often equally good, for example when two ways around a block are equally long.
 #
-# There is a trap. The genie never flies into a dead end, so its flights show no way out of one. A copy that errs once comes to places
-# that it has never seen, and errs again. The remedy is to let the *learner* fly, and to ask the genie what it would do from there. A
-# third of the labels are made in this way, which is called DAgger, for *dataset aggregation*.
+# There is a trap, however. The genie never flies into a dead end, so its flights show no way out of one. A copy that errs once comes to places
+# that it has never seen, and errs again. The remedy is to let the *learner* fly, and to ask the genie what it would do from the states that the
+# learner gets into. A third of the labels are made in this way, which is called **DAgger**, for *dataset aggregation*.
 
 # %%
 Quiz("why_own_starts")
@@ -216,8 +219,9 @@ Quiz("why_own_starts")
 # %% [markdown]
 # ## 12.4 Learn: what only reward can say
 #
-# The genie plans with mean rates, so it does not reckon with luck, and a copy makes errors that it does not know of. Reward needs
-# neither teacher nor formula, because all it asks is how good a flight was. So the shipped agents go on to learn from reward. They draw their actions from $\pi$, and fly each mission eight times:
+# The genie plans with mean rates, so it does not reckon with luck. And a copy makes errors that no further look at the genie's own flights
+# would show. Reward needs neither teacher nor formula, because all it asks is how good a flight was. So after copying, the shipped agents go on
+# to learn from reward. They draw their actions from $\pi$, and fly each mission eight times:
 
 # %%
 from uavdh_lite.beyond.reinforce import advantages
@@ -239,16 +243,16 @@ print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 # $$L = -A\,\log \pi(a \mid s)$$
 #
 # What the agent did in a good flight becomes likelier, as if the genie had done it, and what it did in a bad one becomes less likely.
-# This is a *policy gradient*: no network has to learn values. It would take an agent that knows nothing very long, because hardly any
-# of its flights are good. After copying, it takes about twelve minutes.
+# This is a **policy gradient** method: no network has to learn values. An agent that knows nothing would take very long to learn in this way,
+# because hardly any of its flights are good. After copying, it takes about twelve minutes.
 #
 # The paper's agents see the map, and are told nothing but reward. In principle they could learn even in a place whose channel nobody can write down, if they could fly there
-# millions of times, crashes included. In practice one trains in a simulator, or measures and fits a model (notebook 14).
+# millions of times, crashes included. In practice one trains in a simulator, or measures the channel and fits a model to it (notebook 14).
 #
 # ## 12.5 What each way is worth
 #
-# Here are the validations of the recorded runs, plotted over the minutes that they took on one core. Because other programs ran beside
-# some of them, all three runs of each way are scaled to the length of the quickest. Returns below 10 are left out:
+# Here are the validations of the recorded runs, plotted against the minutes that they took on one core. Because other programs ran beside
+# some of the runs, all three of each way are scaled to the length of the quickest. Returns below 10 are left out:
 
 # %%
 from uavdh_lite.planners import Greedy
@@ -281,8 +285,8 @@ for way in WAYS:
 print(f"{'greedy':<28}{greedy:8.1f}")
 
 # %% [markdown]
-# - **Guarantee** matters most in runs this short. Without it, the agents that learn from reward crash in most missions, or collect
-#   little, and even the copies still crash in about one mission in ten.
+# - **Guarantee** matters most in runs this short. Without it, the agents that learn from reward crash in most missions or collect
+#   little, and even the copies crash in about one mission in ten.
 # - **Tell** helps the copies. Agents that learn from reward gain nothing from it here under the guarantee, perhaps because in a
 #   single city a network can also learn by heart what it is not told. Without the guarantee, all three told runs crash nearly always.
 # - **Copy** is ahead of learning from reward under the guarantee. With the told layers both collect about the same amount, but the
@@ -293,13 +297,14 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # guarantee and the told layers add. Greedy's line is drawn for
 # today's map, whereas the runs flew over the earlier one, so small differences from it mean nothing; but none of these short runs is clearly ahead of greedy yet.
 #
-# Runs this short show what learns sooner, not what is better in the end. The course's DDQN agent, for example, has no guarantee, but
-# learned for nearly four million steps, and not for 80,000, and it lands.
+# Runs this short show what learns sooner, not what is better in the end. The course's DDQN agent, for example, has no guarantee, but it
+# learned for nearly four million steps instead of 80,000, and it does land.
 #
 # ## 12.6 What the labels cost
 #
 # A planner's labels are not free. Somebody has to know the channel's equations and the city, and to write a search. Where all that is
-# possible, copying is the shortest way to a good agent. Where nobody can write down the channel, one has to measure, or to learn from reward. So compare agents only with others that were told the same.
+# possible, copying was the quickest way to a good agent here. Where nobody can write down the channel, one has to measure it, or to learn from
+# reward. An agent that was told more had a head start, so compare agents only with others that were told the same.
 #
 # Here are two agents that you can load, flown on 300 missions that are new to both:
 
@@ -317,7 +322,7 @@ for name, knows in agents.items():
 # - A rule that always holds need not be learned: the failsafe brings any policy home.
 # - What can be computed can be told, as a layer of the map.
 # - A planner's moves can be copied by cross-entropy, from its own starts and from where the learner flies.
-# - Reward needs no teacher. Alone it is slow, but it needs nobody who knows the equations. After copying, it repairs what the
+# - Reward needs no teacher, and nobody who knows the equations. Alone it is slow. After copying, it repairs some of what the
 #   copy got wrong.
 # - Say what an agent was told before you compare it.
 #

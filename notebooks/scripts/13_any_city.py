@@ -70,7 +70,7 @@ figure
 # Every city has what a mission needs: there are one to three landing zones, and every cell over which the UAV may fly can be reached.
 # Equal seeds give equal cities, so `random:100:1` always means the same hundred: the first hundred of seed 1.
 #
-# Every city is really eight cities, at no cost. Turn it by a right angle, or reflect it in a mirror, and you have another city with
+# Every city is really eight cities, at no extra cost. Turn it by a right angle, or mirror it, and you have another city with
 # the same task. Only the actions have to turn with it, so that north becomes west, and so on.
 #
 # The agent `any_city` learned in cities of seed 0, with one of them drawn for each mission. Are any of the hundred among them? A
@@ -93,17 +93,17 @@ both = sum(city.fingerprint in learned for city in unseen)
 print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in both")
 
 # %% [markdown]
-# That is what *unseen* means here: other cities from the same generator. The word says nothing yet about cities that no such generator
+# That is what *unseen* means here: other cities, but from the same generator. The word says nothing about cities that no such generator
 # would draw.
 #
 # ## 13.2 Is one network enough?
 #
 # What has to change in the network? Hardly anything. It is the network of the agent `manhattan`, which copies a planner (notebook 12),
 # except that its first fully connected layer is twice as wide. The maps that it sees have always shown buildings, no-fly zones and
-# landing zones. But an agent with a single city can learn by heart what to do in each place, and need not look at the buildings,
+# landing zones. But an agent with a single city can learn by heart what to do in each place, without looking at the buildings,
 # whereas an agent that wakes up in another city each time has to look.
 #
-# Let it fly 300 missions over the hundred unseen cities. The greedy rule, a random pilot and an agent that has learned only in
+# Let `any_city` fly 300 missions over the hundred unseen cities. The greedy rule, a random pilot and an agent that has learned only in
 # Manhattan fly the same missions. All of them have the *failsafe*, so a move that would make it impossible to be home in time is never
 # flown.
 
@@ -126,12 +126,12 @@ for name, record in records.items():
 # %% [markdown]
 # All flights land, so the differences are in the data. The Manhattan specialist brings home far more than the random pilot, so
 # something of what it learned holds elsewhere, too. But it falls well behind the agent that has learned in many cities. The unknown
-# streets are one reason; another may be that its missions had narrower ranges than these.
+# streets are one likely reason; another may be that its missions had narrower ranges than these.
 #
 # The greedy rule is a strong rival here, because it knows the shortest way between any two cells of any city. Whether the difference
 # between greedy and `any_city` is luck is a question for 13.5.
 #
-# What helps an agent in a new city? Think of the map in two frames, in place and centred:
+# What helps an agent in a new city? Compare the two frames of notebook 4, the map in place and the map centred on the UAV:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -139,8 +139,8 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("centred_in_a_new_city")
 
 # %% [markdown]
-# This was also measured, with three seeds of each kind: networks that saw the city in place and learned in 2000 cities bring home
-# about half as much as networks that saw it centred. The runs are in the table that 13.4 reads.
+# This was also measured with version 0.1.0, three seeds of each kind: in new cities, networks that saw 2000 cities in place bring home
+# about half as much as networks that saw them centred. The runs are in the table that 13.4 reads.
 #
 # ## 13.3 Draw your own
 #
@@ -170,7 +170,7 @@ play(own.environment, flight.trajectory(0))
 
 # %% [markdown]
 # The network was made for 16 cells on a side. How does it cope with ten? A city that is too small is surrounded by no-fly cells, as
-# every city is at its border. These cells say what is true: the UAV cannot get there. And because the agent learned in cities of eight
+# every city is beyond its border. What these cells say is true: the UAV cannot get there. And because the agent learned in cities of eight
 # to sixteen cells on a side, it has seen cities like that. A city that is too large does not fit, because the first fully connected
 # layer has a weight for every place on the map.
 #
@@ -178,11 +178,11 @@ play(own.environment, flight.trajectory(0))
 #
 # ## 13.4 Seen and unseen
 #
-# Does the agent do better in the cities that it learned in than in new ones? If it does, it has learned some of them by heart, and
+# Does an agent do better in the cities that it learned in than in new ones? If it does, it has learned some of them by heart, and
 # more cities would help.
 #
-# To see an agent learn by heart, take cities away. Twelve networks learned from reward in 1, 10, 100 or 2000 cities, three seeds of
-# each, with 200,000 steps of a recipe of version 0.1.0. They flew 500 missions over the cities that they learned in, and 500 over 300
+# To see an agent learn by heart, give it fewer cities. Twelve networks of version 0.1.0 learned from reward in 1, 10, 100 or 2000 cities, three seeds
+# of each, in 200,000 steps. They flew 500 missions over the cities that they had learned in, and 500 over 300
 # others. Because the two sets are not equally hard, greedy flies the same missions, and each network is compared with it:
 
 # %%
@@ -231,9 +231,10 @@ figure
 # behind it elsewhere. With ten cities the gap between the curves is about ten points, and with a hundred it is still about five. With
 # 2000 cities it is gone. That the curves even cross may be luck, because each point is a mean over only 500 missions.
 #
-# Notice what happens on the way. The blue curve falls, because many cities are harder to know than one. The red curve rises, because
+# Notice what happens from left to right. The blue curve falls, because many cities are harder to know than one. The red curve rises, because
 # what holds in many cities also holds in the next. Where they meet, nothing is learned by heart any more, so what still holds the
-# networks back is something other than memorising. After only 200,000 steps, all twelve are far behind greedy in new cities. The shipped agent copies a planner first, and then learns on from reward, as notebook 12 explains.
+# networks back is something other than memorising. After only 200,000 steps, all twelve are far behind greedy in new cities. The shipped agent
+# therefore copies a planner first, and only then learns from reward, as notebook 12 explains.
 #
 # From 100 to 2000 cities the red curve rises by about a point. That is no more than the spread between seeds, so three short runs
 # cannot tell whether more cities help. And since all seeds learned in the same cities, their spread says nothing about other choices
@@ -245,9 +246,8 @@ Quiz("what_unseen_proves")
 # %% [markdown]
 # ## 13.5 What is a mission worth?
 #
-# A hundred missions in one city say little about cities, because they all share its walls. How much less are they worth? Fly 400
-# missions in 12 cities, and take the interval twice: once as if missions were independent, and once resampling whole
-# cities.
+# A hundred missions in one city say little about cities in general, because they all share the same walls. How much less are they worth? Fly 400
+# missions in 12 cities, and compute the interval twice: once as if the missions were independent, and once by resampling whole cities.
 
 # %%
 few = agent.over(load_cities("random:12:7"))
@@ -260,7 +260,7 @@ for what, groups in (("missions", None), ("cities", flown.start.city)):
 # %% [markdown]
 # The second interval is clearly wider. Which one is right? If you want to know about these twelve cities, take the first. If you want
 # to know about *cities*, take the second, because next time twelve others will be drawn. If each mission had a city of its own, the
-# two intervals would be the same. So if you can choose, take many cities with few missions each.
+# two intervals would be the same. So if you can choose, take many cities, with few missions in each.
 
 # %%
 Quiz("draw_cities_again")
@@ -276,8 +276,8 @@ print(f"ahead by {mean:+.1f} points ({low:+.1f} to {high:+.1f})")
 
 # %% [markdown]
 # Read the interval, and not only the mean. It is several points wide, although there were a hundred cities. In 3000 other missions
-# over 300 cities the lead was only 0.6 points, and its interval reached below 0 (see the results page). So these hundred cities were
-# kind to the agent. Finding a lead of half a point takes thousands of missions over hundreds of cities.
+# over 300 cities the lead was only 0.6 points, and its interval reached below 0 ([the results](../docs/results/four_ways.md)). So these
+# hundred cities were kind to the agent. Finding a lead of half a point takes thousands of missions over hundreds of cities.
 #
 # ## 13.6 Where it fails
 #
@@ -294,23 +294,25 @@ for ax, mission in zip(figure.subplots(1, 3), lead.argsort()):
 figure
 
 # %% [markdown]
-# Sort them by what the captions and the arrows say:
+# The captions and the arrows tell which of these faults each flight has:
 #
 # - Most of the time was used, but few arrows can be seen, because they lie on top of one another. The UAV went back and forth,
-#   since several cells looked equally good to the network.
+#   probably because several cells looked equally good to the network.
 # - Much time was left when the UAV landed. In that case it gave up, although there was enough data and time.
-# - The data lies behind walls or a no-fly zone, with a long way round. The greedy rule has that way in a table.
+# - The data lies behind walls or a no-fly zone, so the way to it is long. The greedy rule has that way in a table.
 #
-# Change `lead.argsort()` to `(-lead).argsort()`, and you see the missions in which greedy is furthest behind.
+# Change `lead.argsort()` to `(-lead).argsort()`, and you will see the missions in which greedy is furthest behind.
 #
 # ## 13.7 Shadows for every city
 #
-# Each city needs its own table of who sees whom. The library's comes from the exact test of notebook 2. The authors of the paper trace their rays in another way. In 1962 Jack
-# Bresenham wrote an algorithm that draws a line as a row of pixels. Their variant walks from cell to cell and keeps a running error: how far the centre of the cell is off
-# the straight line. This error decides whether the next step goes along the row or the column. Their code sends a fan of such lines from the device to every cell of the
-# border, and a cell is in sight if some line reaches it before it meets a building.
+# Each city needs its own table of which cells see each other. The library computes it with the exact test of notebook 2. The authors of the paper trace
+# their rays in another way. In 1962 Jack Bresenham wrote an algorithm that draws a line as a row of pixels. The authors' variant of it walks from cell to
+# cell and keeps a running error: how far the centre of the cell is off the straight line. This error decides whether the next step goes along the row or
+# the column. The authors' code sends a fan of such lines from the device to every cell of the border, and a cell is in sight if some line reaches it
+# before meeting a building.
 #
-# Many cities are a good test of such a program, and one need not know the right answers for it. It is enough to know a property that they must have:
+# Many cities are a good test of such a program, and for that test one need not know the right answers. It is enough to know a property that all right
+# answers must have:
 
 # %%
 Quiz("both_ways")
@@ -330,8 +332,9 @@ for name, shares in (("wrong, of all links in sight", wrong), ("one direction on
 assert min(one_way) > 0.02
 
 # %% [markdown]
-# In each of the twelve cities, some links of the fan work in one direction only. Rounding is to blame: seen from the other end, the same line is rounded to different cells, and may run into a
-# building there. Radio works the same both ways, so no measurement was needed to know that the table is wrong. Here is what it does, in the last of these cities:
+# In each of the twelve cities, some links of the fan work in one direction only. Rounding is to blame: drawn from the other end, the same line is rounded
+# to different cells, and may run into a building there. Radio works the same both ways, so no measurement was needed to know that the table is wrong. Here
+# is what the fan sees in the last of these cities:
 
 # %%
 from uavdh_lite.plotting import draw_city
@@ -344,14 +347,15 @@ for ax, name, seen in zip(figure.subplots(1, 2), ("exact", "Bresenham's fan"), (
 figure
 
 # %% [markdown]
-# The fan mostly errs by seeing too much: it looks round several corners that block the exact ray. Does that matter to an agent? We do not know, because we trained none with such shadows.
+# The fan mostly errs by seeing too much: it looks round several corners that block the exact ray. Does that matter to an agent? We do not know, because we
+# have not trained one with such shadows.
 #
 # ## Recap
 #
 # - A network with a single city can learn it by heart. One that wakes up in another city each time has to look.
 # - In the centred map, a wall to the east looks the same in every city.
-# - The more cities to learn in, the closer seen and unseen come to each other.
-# - *Unseen* is a claim about where the cities come from. Say it with the number.
+# - The more cities there are to learn in, the closer the scores over seen and unseen cities come to each other.
+# - *Unseen* is a claim about where the cities come from. When you report a number for unseen cities, say where they come from.
 # - Missions in one city share its walls. For a claim about cities, resample whole cities.
 # - A property that every right answer must have finds errors without knowing the answers.
 #

@@ -2,8 +2,8 @@
 # # 14 · A real city
 #
 # Every city so far was invented, and so was its radio: path loss by a formula, and a yes or no for the line of sight. **Does the
-# agent still fly over a place that exists, when its radio waves bounce off the walls?** The picture shows four places that the agent has never seen, and a flight
-# over each, from the triangle to the diamond. The deeper the violet, the more devices a cell is hidden from.
+# agent still fly well over a place that exists, where radio waves bounce off the walls?** The picture shows four places that the agent has never seen,
+# and a flight over each, from the triangle to the diamond. The deeper the violet of a cell, the more devices are hidden from it.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -47,7 +47,7 @@ figure
 #
 # | | |
 # | --- | --- |
-# | **What you'll do** | Compare the paper's channel with a ray-traced one; fly in both; let the UAV measure, and tell the agent |
+# | **What you'll do** | Compare the paper's channel with a ray-traced one; fly in both; let the UAV measure the channel, and tell the agent what it measured |
 # | **What you'll learn** | What a path loss model leaves out; why world and belief are two things; what measuring is worth |
 # | **What you'll need** | Notebooks 1, 2, 12 and 13. 60 minutes to read, 40 seconds to run; 24 minutes of exercises |
 #
@@ -57,8 +57,8 @@ figure
 # Munich, the streets south of Florence's cathedral, the Arc de Triomphe, and a level part of San Francisco.
 # Each is a square of 160 m, or 16 × 16 cells.
 #
-# A cell is a *tall building* if half of it or more is covered by something higher than the UAV flies, 10 m above
-# the ground; else a *low building* if half of it or more is built on. The landing zone is the six free cells nearest to the middle.
+# A cell is a *tall building* if at least half of it is covered by something higher than the UAV flies, which is 10 m above the ground.
+# Otherwise it is a *low building* if at least half of it is built on. The landing zone is the six free cells nearest to the middle.
 
 # %%
 from uavdh_lite.beyond.measured import links, modelled_snr_db
@@ -69,8 +69,8 @@ city, sight, possible = munich.city, munich.sight[0], links(munich)
 print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells see each other")
 
 # %% [markdown]
-# A cell less than half built on counts as free, and a roof of 9.9 m as low: a coarse map in simulation, a collision in flight.
-# The shadow map is flat: a shed of 3 m blocks a link as fully as a tower does, even to a UAV right above it.
+# This map is coarse, and in flight a roof of 9.9 m would be too close. The shadow map is flat, too: a shed of 3 m blocks a link as fully as a tower
+# does, even to a UAV right above it.
 #
 # ## 14.2 What a ray tracer does
 #
@@ -78,22 +78,24 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 #
 # $$\mathrm{SNR} = \frac{P}{\sigma^2}\; d^{-\alpha_\ell}\; 10^{\eta_\ell/10}, \qquad \ell \in \{\text{LoS}, \text{NLoS}\} \qquad\text{(eq. 2)}$$
 #
-# Here $d$ is in metres, and $P/\sigma^2$ includes the gain at 1 m. It is a *statistical* model: the drop behind a building depends on the distance only, 14 dB at 10 m and 27 dB at
-# 100 m. A **ray tracer** computes the link itself. It sends a million rays from the device. Walls and the ground reflect a ray, at a loss
-# that depends on the material; an edge also bends it: **diffraction**. What arrives at the UAV's height is added up,
-# cell by cell. Received power by power sent is the **path gain**, in dB the path loss with its sign turned. We have a table of
-# it: `gain_db[device cell, UAV cell]`, for a UAV 10 m above the ground, which is 8.5 m above the devices.
+# Here $d$ is in metres, and $P/\sigma^2$ includes the gain at 1 m. This is a *statistical* model: the drop behind a building depends on the distance
+# only, and is 14 dB at 10 m and 27 dB at 100 m.
 #
-# It has up to five reflections or one diffraction, a carrier of 3.5 GHz, isotropic antennas, and no ray
-# through a wall. The device is one point; powers are averaged over the UAV's cell, the nearest one in flight, and added without their phases, so there is no small-scale fading.
-# We fly without $\eta$, too, so the two worlds also differ in fading.
+# A **ray tracer** computes each link itself. It sends a million rays from the device. Walls and the ground reflect a ray, with a loss
+# that depends on the material, and an edge can bend it, which is called **diffraction**. The tracer then adds up, cell by cell, what arrives at the
+# UAV's height. The received power divided by the power that was sent is the **path gain**; in dB it is the path loss with its sign turned. We have a
+# table of gains, `gain_db[device cell, UAV cell]`, for a UAV 10 m above the ground, which is 8.5 m above the devices.
 #
-# Gains are not SNRs yet. We shift all gains of a place by one
-# offset, so that the pairs in sight have the mean SNR of the paper's model. So their *mean in dB* agrees by construction; the comparison tests
-# *where* the signal goes. The offset is the ratio of transmit power to noise: 69 dB, with isotropic antennas and a noise figure of 5 dB only 0.1 µW in a bandwidth of 1 MHz. A
-# real sensor sends 1 to 100 mW, 40 to 60 dB more, and even its hidden links would carry data (14.3).
+# In our tables a ray has up to five reflections or one diffraction, and none goes through a wall. Powers are averaged over the UAV's cell, and added
+# without their phases, so there is no small-scale fading. We also fly without $\eta$ in this radio, so the two worlds differ in fading, too.
+# ([The results](../docs/results/real_city.md) give all settings.)
 #
-# Take a device in a street in the west. **Before you run the cell:** where will the two maps differ most?
+# Gains are not SNRs yet. We shift all gains of a place by one offset, chosen so that the pairs in sight have the mean SNR of the paper's model. So
+# their *mean in dB* agrees by construction, and the comparison tests *where* the signal goes. At this level, 0.1 µW of transmit power is enough for a
+# bandwidth of 1 MHz. A real sensor sends 40 to 60 dB more, so even its hidden links would carry data (14.3).
+#
+# Take a device in a street in the west, and draw the rate to it from every cell, in either radio. **Before you run the cell:** where will the two maps
+# differ most?
 
 # %%
 from uavdh_lite.beyond.failsafe import SafeEnvironment
@@ -109,9 +111,9 @@ figure.colorbar(ax.images[-1], ax=figure.axes, extend="min", label="data units a
 figure
 
 # %% [markdown]
-# On the right the lit area is wider, because the real street opens further than our 10 m grid
-# says. Beyond its edge the rate falls by a factor of 3 to 60 within a cell and by more further in, but not to zero: there the wave is bent around the corner, or reflected. White cells
-# get less than $10^{-5}$, or no ray.
+# On the right the lit area is wider, because the real street is more open than our 10 m grid says. Beyond the edge of that area the rate falls by a
+# factor of 3 to 60 within one cell, and by more further in. But it does not fall to zero, because waves are bent around the corner or reflected. White
+# cells get less than $10^{-5}$.
 #
 # ## 14.3 Link by link
 #
@@ -135,9 +137,8 @@ figure.axes[0].legend(loc="lower left", markerscale=6)
 figure
 
 # %% [markdown]
-# One cloud hugs a line, the other does not. Fit a straight line to each over $10\log_{10} d$; its slope is $-\alpha$, the **path loss exponent**. (Compare
-# lines, not exponents: here the level is free. Behind Munich's buildings the median link is 11 dB *above* the paper's line, or 2.5 dB with the third that has no ray, which the fits leave out; in San Francisco,
-# with these, it is 29 dB *below*.)
+# The left cloud hugs a line, but the right one does not. Fit a straight line to each over $10\log_{10} d$. Its slope is $-\alpha$, where $\alpha$ is the
+# **path loss exponent**. (Links without a ray are left out.)
 
 # %%
 for kind, state in kinds.items():
@@ -150,14 +151,16 @@ for kind, state in kinds.items():
 # %% [markdown]
 # The paper has 2.27 and 3.64, with spreads of 1.4 and 2.2 dB.
 #
-# - **In sight** the exponent is *below* 2, that of free space: at a distance the ground and the walls add up to 3 dB here, and 5 to 7 dB in the narrow streets of
-#   Florence and San Francisco, the **street canyon**.
-#   The 3 % of points far below are blocked by walls that our grid misses; without them the spread is 0.8 dB.
-# - **Behind buildings** a single line says little: distance explains 14 % of the variance. At one distance, links differ by 60 dB and more, and for a third the tracer finds no path (with more rays, for fewer).
+# - **In sight** the exponent is *below* 2, that of free space. The reason is that at a distance, reflections from the ground and the walls add up to
+#   3 dB here, and 5 to 7 dB in the narrow streets of Florence and San Francisco. This is called the **street canyon** effect. The 3 % of points far
+#   below the others are blocked by walls that our grid misses; without them the spread is 0.8 dB.
+# - **Behind buildings** a single line says little: distance explains only 14 % of the variance. At the same distance, links differ by 60 dB and more, and
+#   for a third of them the tracer finds no path (with more rays, for fewer).
 # - **The spread is of another kind.** In the paper, $\eta$ is **shadow fading**, drawn anew for each device and slot. Real shadow fading is correlated over
-#   10 to 50 m, here over 30 to 50 m, and belongs to the place: fly by again, and the link is as bad as before. It is a *map*, which could be learned.
+#   10 to 50 m, and here over 30 to 50 m. It belongs to the place: fly by again, and the link is as bad as before. So it is a *map*, which could be learned.
 #
-# Is the model a bad one, then? Below −20 dB the rate $\log_2(1+\mathrm{SNR})$ is next to nothing, whether at −30 or at −80 dB:
+# Is the model a bad one, then? What counts for the agent is the rate, $\log_2(1+\mathrm{SNR})$, and below −20 dB that is next to nothing. So compare the
+# rates:
 
 # %%
 from uavdh_lite.channel import rate
@@ -166,11 +169,11 @@ rates = rate(model_db[possible]), rate(traced_db[possible])
 print(f"correlation of the rates {np.corrcoef(*rates)[0, 1]:.2f}")
 
 # %% [markdown]
-# Both rates are high near by and in sight, and low elsewhere. Link by link they agree less: behind
-# buildings the correlation is 0.54, and the RMS error over all pairs is more than half the mean rate, most of it from near links in sight. Hidden links carry only
-# 4 % of the summed rate *at this SNR level*; with a transmitter 40 dB stronger it would be 16 %.
+# The correlation is high because both rates are high near by and in sight, and low elsewhere. In detail they agree less: behind buildings the
+# correlation is only 0.54, and the RMS error over all pairs is more than half the mean rate, most of it from near links in sight. Hidden links carry
+# only 4 % of the summed rate *at this SNR level*; with a transmitter 40 dB stronger it would be 16 %.
 #
-# For each cell of the UAV, the errors summed over all devices:
+# The next figure shows, for each cell of the UAV, the errors of the rates summed over all cells of devices:
 
 # %%
 error = np.where(possible, rate(traced_db) - rate(model_db), 0)
@@ -185,17 +188,20 @@ figure.colorbar(picture, ax=figure.axes, label=label, extend="both")
 figure
 
 # %% [markdown]
-# Violet cells hear more than the model promises, orange ones less. In sight the model's line is steeper than that of the rays and has the same mean. So up to 40 m, where the data is, the rays bring a sixth less
-# than it promises, and beyond 70 m nearly half as much again.
-# Behind buildings the rays bring *more*, next to corners. Nine tenths of it comes from links at most 3 dB below free space, many of them above it: our shadow map calls them hidden, but the device is in view past a wall
-# that does not fill its cell. Reflection and diffraction alone bring little data.
+# In violet cells the UAV hears more than the model promises, in orange ones less. In sight, the model's line is steeper than that of the rays, but has
+# the same mean. So up to 40 m, where most of the data is collected, the rays bring a sixth less than the model promises, and beyond 70 m nearly half as
+# much again.
 #
-# Beware: the ray tracer is a model, too. Without trees and cars it is too optimistic; without rough walls that scatter a wave, windows that let it in, and waves
-# that bend twice, or bend and are then reflected, it is too pessimistic deep in the shadow. It shows *another* radio, not Munich's.
+# Behind buildings the rays bring *more*, next to corners. Nine tenths of this surplus comes from links that are at most 3 dB below free space. Our shadow
+# map calls them hidden, but the device is in view, past a wall that does not fill its cell. Reflection and diffraction alone bring little data.
+#
+# Beware: the ray tracer is a model, too. It knows no trees and no cars, so it is too optimistic. It also knows no rough walls that scatter a wave and no
+# waves that are bent twice, so deep in the shadow it is too pessimistic. It shows *another* radio, but not Munich's.
 #
 # ## 14.4 Does the agent still fly?
 #
-# Three pilots fly 100 missions over Munich with the failsafe: `any_city`, greedy, and the course's DDQN agent, which knows only Manhattan. **Your guess first:** who suffers most from the change of radio?
+# Three pilots fly 100 missions over Munich with the failsafe: `any_city`, greedy, and the course's DDQN agent, which knows only Manhattan. **Guess
+# first:** which of them suffers most from the change of radio?
 
 # %%
 from uavdh_lite.planners import Greedy
@@ -214,10 +220,10 @@ for (name, radio), flights in flown.items():
     print(f"{name:<9}{radio:<11}{share:4.0%} collected, return {flights.returns.mean():5.1f}")
 
 # %% [markdown]
-# DDQN collects almost as much as greedy, but its return is far behind in either radio: it flies until the failsafe sends it home, and the safety controller refuses about 15 of its actions in
-# each mission. It learned one city by heart. For the other two, the change is small.
+# The DDQN agent collects almost as much as greedy, but its return is far behind in either radio: it flies until the failsafe sends it home, and the
+# safety controller refuses about 15 of its actions in each mission. It has learned in one city only. For the other two pilots, the change is small.
 #
-# The recorded runs have three seeds of 300 missions in each place and in both radios. This
+# The recorded runs, made with an earlier version of the program, have three seeds of 300 missions in each place and in both radios. This
 # is the lead of `any_city` over greedy, mission by mission:
 
 # %%
@@ -241,20 +247,21 @@ for place in (*places, None):
         print(f"{place or 'all four':<15}{radio:<12}{mean:+.1f} ({low:+.1f} to {high:+.1f})")
 
 # %% [markdown]
-# The last line is about *other missions over these four places*, and not about a fifth (13.5).
+# The intervals are for *other missions over these four places*, and say nothing about a fifth (13.5).
 #
-# On average the agent returns 32.2 in either radio, but it loses 0.9 in Munich and 0.6 in Paris and gains 1.3 in San Francisco. Greedy gains 0.9 on average, so the lead
-# shrinks in Munich and Florence, and hardly in the other two. (Greedy is told nothing of the radio, so no wrong belief misleads it. Right above a device the rays bring *less*, so its gain must come from further away; we have not taken it
-# apart.) What would it gain if it knew the radio?
+# On average the agent returns 32.2 in either radio, but it loses 0.9 in Munich and 0.6 in Paris and gains 1.3 in San Francisco. Greedy gains 0.9 on
+# average, so the lead shrinks in Munich and Florence, and hardly in the other two. Greedy is told nothing about the radio, so no wrong belief misleads
+# it. How much would the agent gain if it knew the ray-traced radio?
 #
 # ## 14.5 World and belief
 #
-# The agent does not hear the world. It is *told*: one layer of its map says how much data a unit of time would bring over each cell (notebook 12), even in the ray-traced
-# world by the **paper's model**. So there are two radios. The **world** decides what is really uploaded: it is the environment in which a policy flies, here `munich`. The
-# **belief** says what the agent expects: it is the environment of its observation, here `model`.
+# The agent does not measure the radio around it. It is *told*: one layer of its map says how much data a unit of time would bring over each cell
+# (notebook 12). Even in the ray-traced world, that layer was computed from the **paper's model**. So there are two radios. The **world** decides what is
+# really uploaded: it is the environment in which a policy flies, here `munich`. The **belief** says what the agent expects: it is the environment of its
+# observation, here `model`.
 #
-# Now change the belief only. At one end the agent is told the world's table, which only a genie knows; at the other, silence: no data
-# anywhere.
+# Now change only the belief. At one end, the agent is told the world's own table, which only a genie could know. At the other end it is told silence:
+# that no data can be had anywhere.
 
 # %%
 from uavdh_lite.beyond.measured import MeasuredEnvironment, believing
@@ -267,13 +274,15 @@ for name, belief in beliefs.items():
     print(f"told {name:<10}return {flights.returns.mean():5.1f}")
 
 # %% [markdown]
-# Told silence, the agent falls far behind, because it never had to learn the radio from the map. Between the model and the truth lies about what measuring can win:
-# the truth is no upper bound for a network that was never trained with it, and over a hundred missions a gap as small as this one is within chance.
+# Told silence, the agent falls far behind, because it never had to learn the radio from the map. The gap between the model and the truth is about what
+# measuring can win. But the truth is no upper bound for a network that was never trained with it, and over a hundred missions so small a gap is within
+# chance.
 #
 # ## 14.6 Measure, then tell
 #
-# The schedule compares the SNRs of all devices, so each device sends a known signal, a **pilot**. We assume that it can be measured down to −30 dB, though the UAV's Doppler shift limits how long it can be averaged; what
-# is weaker counts as −30 dB. The UAV notes the device's cell, its own, and the SNR, at best without noise or error of position, as here.
+# In each slot the device with the best SNR sends, so the UAV has to measure the SNRs of all devices. For this, each device sends a known signal, called
+# a **pilot signal**. We assume that it can be measured down to −30 dB; what is weaker counts as −30 dB. The UAV notes the device's cell, its own cell and the SNR. Here it does so without noise and without errors of position,
+# which is the best case. There are two ways to turn these notes into a belief:
 
 # %%
 from uavdh_lite.beyond.measured import expected, heard
@@ -286,16 +295,17 @@ pairs = len({*zip(found.device, found.uav, strict=True)})
 print(f"{len(found.snr_db)} SNRs of {pairs} pairs of cells, out of {possible.sum()}")
 
 # %% [markdown]
-# 1. **Two lines.** Fit a line to the SNRs in sight and one to those behind buildings. Because links too weak to hear count as −30 dB, the
-#    second line is much flatter than in 14.3 and promises too much deep in the shadow. The expected data is the mean rate over their spread.
+# 1. **Two lines.** Fit a line to the SNRs in sight and another to those behind buildings. Because links that are too weak to hear count as −30 dB, the
+#    second line is much flatter than in 14.3 and promises too much deep in the shadow.
 # 2. **Link by link.** Correct these lines by what was heard *nearby*: if a device in the next cell was 15 dB below the line, this one probably is, too.
 #
-# Let $e$ be the errors of the line, and $w$ weights that fall with the distance between the devices and between the UAVs, from 1 to 0.6 at one cell:
+# For the second way, let $e$ be how far each measured SNR is above its line. Each gets a weight $w$. It is 1 for the same two cells, and falls with the
+# distance between the devices and between the UAVs, to 0.6 at one cell:
 #
 # $$\widehat{\mathrm{SNR}} = \text{line} + \frac{\sum w\,e}{1 + \sum w}$$
 #
-# The 1 below is the line's own weight. Where nothing was heard, the line stays. The weights look through walls, and a pair heard ten times weighs ten times as much, although
-# without noise repeats tell nothing new. This is **kernel smoothing**, a relative of Gaussian process regression.
+# The 1 in the denominator is the line's own weight, so where nothing was heard near by, the line stays as it is. The weights take no notice of walls,
+# which is crude. The method is called **kernel smoothing**, and is a relative of Gaussian process regression.
 
 # %%
 beliefs = {"the model": model, "two lines": expected(model, found),
@@ -311,9 +321,10 @@ figure.colorbar(ax.images[-1], ax=figure.axes, extend="min", label="data units a
 figure
 
 # %% [markdown]
-# Link by link, 28 % of all hidden links change by 3 dB and more, and three in four of those that were heard; for this device hardly any do.
+# Link by link, three in four of the hidden links that were heard change by 3 dB or more, although for this device hardly any do.
 #
-# How many earlier flights does it take? The recorded runs have twelve surveys, one for each seed and place. The lead over greedy again (`line`: two lines, `link`: link by link):
+# How many earlier flights does it take? The recorded runs have twelve surveys, one for each seed and place. Here is the lead over greedy again (`line`
+# stands for two lines, `link` for link by link, and the number for the earlier flights):
 
 # %%
 for radio in worlds:
@@ -324,11 +335,13 @@ for radio in worlds:
         print(f"{radio:<11}told {told:<9}{lead.mean():.2f}, by seed {', '.join(surveys)}")
 
 # %% [markdown]
-# In the paper's radio there is nothing to gain, since there the model is the truth: on average even a single flight gives two lines that are nearly as good. (Where it heard fewer than 20 links of a kind, as
-# in about 70 of 100 flights, the paper's line was kept, here the right one.)
+# In the paper's radio there is nothing to gain, because there the model is the truth: on average even a single flight gives two lines that are nearly as
+# good.
 #
-# In the ray-traced radio, two lines win next to nothing: from ten flights −1.1 to +0.7, by survey. *Which* link is bad is what counts, and that takes the second way and many flights: ten add −0.5 to +1.2; a hundred are about 60 % of the way to the truth (46 to 72 %). That is 0.55 of 32, mostly in Munich;
-# whether it is worth a hundred flights depends on how often one returns.
+# In the ray-traced radio, two lines win next to nothing: from ten flights, −1.1 to +0.7, depending on the survey. What counts is *which* link is bad, and
+# to find that out takes the second way and many flights. Ten flights add −0.5 to +1.2, depending on the survey; a hundred go about 60 % of the way to the
+# truth (46 to 72 %). That is 0.55 units of a return of 32, and is won mostly in Munich. Whether it is worth a hundred flights depends on how often one
+# comes back.
 #
 # ## 14.7 Before you fly there
 #
@@ -336,15 +349,15 @@ for radio in worlds:
 #
 # 1. **Ask.** Flying is regulated.
 # 2. **Check the map.** Heights may be wrong; trees, cranes and wires are missing. Count a cell as tall if any part of it is within a safety distance, sideways and vertically.
-# 3. **Measure before you trust**, at the height and with the antennas of the mission, in sight of somebody who can take over. Calibrate transmit power, noise, interference in the air, and the antenna pattern
-#    on the airframe (a vertical dipole is deaf straight below). Average over some metres. Know your position to better than a cell, which
-#    GNSS between walls may not give. Test the link by which you command the UAV first.
+# 3. **Measure before you trust**, at the height and with the antennas of the mission, in sight of somebody who can take over. Test the link by which you
+#    command the UAV first. Know your position to better than a cell, which satellite navigation between walls may not give.
 # 4. **Keep the failsafe**, with a margin.
 #
 # ## Recap
 #
-# - A ray tracer computes each link; the paper's model draws two lines through all. Behind Munich's buildings they are off by 21 dB (RMS) where there is a ray.
-# - `any_city` is ahead of greedy over four real places, by less in the ray-traced radio.
+# - A ray tracer computes each link, whereas the paper's model has two lines for all links. Behind Munich's buildings the model is off by 21 dB (RMS)
+#   where there is a ray.
+# - `any_city` is ahead of greedy over four real places, but by less in the ray-traced radio.
 # - World and belief are two things. Measuring, link by link and with many flights, mends the belief.
 #
 # ## Exercises

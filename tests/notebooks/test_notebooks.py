@@ -174,7 +174,7 @@ def test_template(notebook):
 def test_the_list_of_tutorials_says_how_long_each_takes(script, notebook):
     index = (execute.HERE.parent / "docs" / "tutorials" / "index.md").read_text()
     read, run = stated(notebook)
-    assert re.search(rf"\({script.stem}\.ipynb\) \|.*\| {read} min \| {run} s \|", index)
+    assert re.search(rf"/{script.stem}\.ipynb\) \|.*\| {read} min \| {run} s \|", index)
 
 
 def test_no_prose_is_lost_in_a_code_cell(notebook):
