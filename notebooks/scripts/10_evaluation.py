@@ -127,7 +127,7 @@ for city, results in cities.items():
 #
 # ### What three shares tell
 #
-# A table of means can tell more than it prints. Take the paper's Manhattan column: 99.5 % landed, 94.8 % collected, 94.6 % both. The
+# Take the paper's Manhattan column: 99.5 % landed, 94.8 % collected, 94.6 % both. The
 # difference between the last two is data that was collected and then lost in a crash. Divide it by the share of crashes:
 
 # %%
@@ -139,7 +139,7 @@ print(f"the flights that landed had collected  {both / landed:.0%}")
 # In the paper's own test, the flights that crashed had collected about 40 % of their data. The paper does not print this number, but
 # it is hidden in the table. It is a rough one, since with shares rounded to a tenth of a percent anything from 20 to 60 % is possible.
 # Even so, it is far below the 95 % of the other flights, so staying out for the last bit of data cannot explain all of those crashes.
-# The only crash of our own agent does come from staying out too long, as you will see in 10.6.
+# The only crash of our own agent does come from staying out too long (10.6).
 #
 # ### All of them landed
 #
@@ -228,8 +228,7 @@ for missions in (200, 1000):
 #
 # ## 10.5 Which missions go badly?
 #
-# A mean hides what it is made of. So split the missions by their flying time or by their number of devices, and ask in each group how far the
-# agent is behind:
+# Split the missions by their flying time or by their number of devices, and ask in each group how far the agent is behind:
 
 # %%
 from uavdh_lite.experiments.comparison import breakdown
@@ -325,8 +324,7 @@ for name, results in cities.items():
 #
 # ## 10.8 The same mission with different luck
 #
-# Fading is luck, too. How much of a result is due to it? Here is one mission with five devices, flown 40 times, each time with another
-# draw of the fading:
+# Fading is luck, too. How much of a result is due to it? Here is one mission with five devices, flown with 40 draws of the fading:
 
 # %%
 from dataclasses import replace

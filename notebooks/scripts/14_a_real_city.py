@@ -340,15 +340,14 @@ for radio in worlds:
 #
 # In the ray-traced radio, two lines win next to nothing: from ten flights, −1.1 to +0.7, depending on the survey. What counts is *which* link is bad, and
 # to find that out takes the second way and many flights. Ten flights add −0.5 to +1.2, depending on the survey; a hundred go about 60 % of the way to the
-# truth (46 to 72 %). That is 0.55 units of a return of 32, and is won mostly in Munich. Whether it is worth a hundred flights depends on how often one
-# comes back.
+# truth (46 to 72 %). That is 0.55 units of a return of 32, won mostly in Munich.
 #
 # ## 14.7 Before you fly there
 #
 # The guide *Fly over your own campus* makes the map. Before a real UAV takes off:
 #
 # 1. **Ask.** Flying is regulated.
-# 2. **Check the map.** Heights may be wrong; trees, cranes and wires are missing. Count a cell as tall if any part of it is within a safety distance, sideways and vertically.
+# 2. **Check the map.** Heights may be wrong; trees, cranes and wires are missing.
 # 3. **Measure before you trust**, at the height and with the antennas of the mission, in sight of somebody who can take over. Test the link by which you
 #    command the UAV first. Know your position to better than a cell, which satellite navigation between walls may not give.
 # 4. **Keep the failsafe**, with a margin.
