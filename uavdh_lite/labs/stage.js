@@ -142,6 +142,7 @@ export function draw(el, model) {
   }
 
   function busy(text, share) {
+    if (!text && find(".busy").contains(document.activeElement)) find("#panel").focus({ preventScroll: true });
     find(".busy").hidden = !text;
     find(".busy span").textContent = text;
     find(".busy progress").toggleAttribute("value", false);
