@@ -167,7 +167,7 @@ figure
 # A copy makes small mistakes, and each of them takes it to states in which it never saw the genie
 # act; there it makes larger ones. Asking the genie what to do in those states repairs a part of
 # this (notebook 12). And the genie itself is not perfect: it plans with mean rates and does not
-# reckon with luck. What the genie does not know, only reward can teach.
+# reckon with luck. Only reward can teach what the genie does not know.
 #
 # So the agent now learns from its own flights. It flies each mission several times, drawing its
 # actions from its probabilities, and compares the return of each flight with the mean of them all.

@@ -58,7 +58,7 @@ def step(cell, action):
 # and $y = r$ if the episode ended with this step, because nothing follows. (The check also starts
 # flights in the device's own cell.)
 #
-# - `step`: a function like the one above; the check passes in other cities, too
+# - `step`: a function like the one above; the check calls your function with other cities, too
 # - `start`: the cell, (row, column), in which each flight begins; a flight goes on until `step`
 #   says that it has ended
 # - `flights`: the number of flights; `gamma`, `alpha`: $\gamma$ and $\alpha$

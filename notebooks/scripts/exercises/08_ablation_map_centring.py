@@ -122,11 +122,11 @@ checks.lead(lead)
 # the rest to a second one, would have been as likely as the one observed. (Two equal values still
 # count as two values.)
 #
-# Go through *all* such splits. Return the share of them whose difference of the two groups' means
-# is, in absolute value, at least as large as the observed one: the two-sided p-value of the exact
-# permutation test. The observed split is one of them. Let differences that are equal up to 1e-9
-# count as equal, since sums of floats are rounded. You need only numpy and the standard library,
-# and no random numbers.
+# Go through *all* such splits. Return the share of splits in which the difference between the two
+# groups' means is, in absolute value, at least as large as the observed one: the two-sided p-value
+# of the exact permutation test. The observed split is one of them. Let differences that are equal
+# up to 1e-9 count as equal, since sums of floats are rounded. You need only numpy and the standard
+# library, and no random numbers.
 #
 # <details><summary>Hint</summary>
 #
