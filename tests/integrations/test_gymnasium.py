@@ -6,10 +6,13 @@ from functools import partial
 import gymnasium
 import numpy as np
 import pytest
+import torch
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.testing import assert_equal
+from torch import nn
+from torch.distributions import Categorical
 
 from uavdh_lite.beyond.cities import CityGenerator
 from uavdh_lite.beyond.failsafe import SafeEnvironment
@@ -19,6 +22,7 @@ from uavdh_lite.city import City
 from uavdh_lite.environment import HOVER, LAND, NORTH, Environment, Rewards, State
 from uavdh_lite.errors import InputError
 from uavdh_lite.evaluation import evaluate
+from uavdh_lite.planners import Random
 from uavdh_lite.scenario import Scenario, find_scenario
 
 VILLAGE, SCENARIO = City.load("village"), find_scenario("village")
@@ -241,6 +245,66 @@ def test_what_a_batch_cannot_do_is_refused():
     for options in ({"render_mode": "rgb_array"}, {"count": 0}):
         with pytest.raises(InputError, match=r"num_envs.*render_mode.*sync"):
             batch(**{"count": 2, **options})
+
+
+@pytest.mark.long
+def test_ppo_learns_in_the_batch_not_to_crash(corridor):
+    """PPO in CleanRL's style, 20,480 steps; over three seeds it ended at least 72 above."""
+    scenario, environment = Scenario("short", "", (1, 1), (5, 10), (6, 9)), Environment(corridor)
+    options = {"scenario": scenario, "environment": environment, "autoreset_mode": "SameStep"}
+    envs = batch(32, rewards=Rewards(crash=-10.0), **options)
+    policy = as_policy(envs, ppo(envs, rollouts=40, steps=16, seed=0))
+    ours, theirs = (
+        evaluate(environment, each, scenario, 200, seed=0).returns.mean()
+        for each in (policy, Random(0))
+    )
+    assert ours > theirs + 50
+
+
+def ppo(envs, rollouts, steps, seed):
+    """Learn from so many rollouts; gives the greedy actions for a batch of observations."""
+    torch.manual_seed(seed)
+    width = sum(np.prod(space.shape) for space in envs.single_observation_space.values())
+    body = nn.Sequential(nn.Linear(int(width), 64), nn.Tanh())
+    actor, critic = nn.Linear(64, 6), nn.Linear(64, 1)
+    parameters = [p for part in (body, actor, critic) for p in part.parameters()]
+    adam = torch.optim.Adam(parameters, 3e-3)
+
+    def features(seen):
+        flat = [torch.as_tensor(seen[name]).float().flatten(1) for name in ("map", "time")]
+        return torch.cat(flat, dim=1)
+
+    seen, _ = envs.reset(seed=seed)
+    for _ in range(rollouts):
+        rows = []
+        for _ in range(steps):
+            x = features(seen)
+            with torch.no_grad():
+                choice = Categorical(logits=actor(body(x)))
+                action, value = choice.sample(), critic(body(x))[:, 0]
+            seen, reward, ended, _, _ = envs.step(action.numpy())
+            reward, ended = torch.as_tensor(reward).float(), torch.as_tensor(ended).float()
+            rows.append((x, action, choice.log_prob(action), value, reward, ended))
+        with torch.no_grad():
+            after = critic(body(features(seen)))[:, 0]
+        advantage, advantages = torch.zeros(envs.num_envs), []
+        for *_, value, reward, ended in reversed(rows):
+            error = reward + 0.95 * after * (1 - ended) - value
+            advantage = error + 0.95 * 0.95 * (1 - ended) * advantage
+            advantages.insert(0, advantage)
+            after = value
+        x, action, log_prob, value = (torch.cat(part) for part in list(zip(*rows, strict=True))[:4])
+        advantage = torch.cat(advantages)
+        target, scaled = advantage + value, (advantage - advantage.mean()) / advantage.std()
+        for _ in range(8):
+            choice = Categorical(logits=actor(body(x)))
+            ratio = (choice.log_prob(action) - log_prob).exp()
+            gain = torch.minimum(ratio * scaled, ratio.clamp(0.8, 1.2) * scaled).mean()
+            error = (critic(body(x))[:, 0] - target).square().mean()
+            adam.zero_grad()
+            (error / 50 - gain - 0.01 * choice.entropy().mean()).backward()
+            adam.step()
+    return lambda seen: actor(body(features(seen))).argmax(dim=1).numpy()
 
 
 @pytest.mark.parametrize("masked", [False, True])
