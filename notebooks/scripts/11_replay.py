@@ -78,7 +78,7 @@ for variant, size in SIZES.items():
 # ## 11.2 How old is what it learns from?
 #
 # A replay memory is a *ring buffer*: when it is full, the newest step takes the place of the oldest. The recipe flies 16 missions side by
-# side. Each time all of them have made a step, there is one update, which draws 64 steps from the memory. So a step is drawn $64/16 = 4$ times on
+# side. Whenever all 16 have made a step, there is one update, which draws 64 steps from the memory. So a step is drawn $64/16 = 4$ times on
 # average before it is forgotten. That holds for a memory of any size, because a larger one keeps a step longer but draws it less
 # often.
 #
@@ -189,7 +189,7 @@ figure
 # Look at the left side first. While the device is near, both networks learn such missions. Then the missions change. With a
 # memory of 200 steps the share of right actions drops steeply in every run, on average from nine states in ten to about four. Nothing
 # was wrong with what the network knew. It was overwritten: an update for one state moves weights that other states use as well, and
-# the memory holds no step that would object. Later the share recovers in part, because far and near missions have something in common.
+# the memory no longer holds a step that would correct them. Later the share recovers in part, because far and near missions have something in common.
 #
 # With the large memory hardly anything is lost. Near missions are no longer flown, but they are still drawn, so the
 # network has to stay right about them.
