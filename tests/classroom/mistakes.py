@@ -115,14 +115,6 @@ class NewestAtTheEnd(_Base):
         return [stored[-1], *(stored[k] for k in generator.integers(0, len(stored), size - 1))]
 
 
-class Stale(_Base):
-    """What was there when it was first asked, for ever."""
-
-    def stored(self):
-        self.first = getattr(self, "first", super().stored())
-        return self.first
-
-
 class Grows(_Base):
     def __init__(self, capacity):
         self.places = []
@@ -145,6 +137,30 @@ class LastPlaceNever(_Base):
 class OwnChance(_Base):
     def sample(self, size, generator):
         return super().sample(size, np.random.default_rng())
+
+
+class Stale(_Base):
+    """Draws from what was there at the first sample."""
+
+    def stored(self):
+        self.first = getattr(self, "first", None) or super().stored()
+        return self.first
+
+
+class Shuffles(_Base):
+    def sample(self, size, generator):
+        sample = super().sample(size, generator)
+        stored = self.places[: self.count]
+        generator.shuffle(stored)
+        self.places[: self.count] = stored
+        return sample
+
+
+class Shared(Grows):
+    """One list for all rings."""
+
+    def __init__(self, capacity, places=[]):  # noqa: B006
+        self.places = places
 
 
 class OneLess(_Base):
@@ -170,6 +186,12 @@ def one_after_the_other(x, y, rate, steps):
     return w, b
 
 
+def stops_early(x, y, rate, steps):
+    fits = [checks.fitted_line.solution(x, y, rate, k) for k in range(steps + 1)]
+    losses = [np.mean((w * x + b - y) ** 2) for w, b in fits]
+    return fits[next((k for k in range(steps) if losses[k + 1] > losses[k]), steps)]
+
+
 def _value_after_the_end(rewards, terminals, values, n, discount):
     total = 0
     for k in range(min(n, len(rewards))):
@@ -179,37 +201,50 @@ def _value_after_the_end(rewards, terminals, values, n, discount):
     return total + discount ** (k + 1) * values[k + 1]
 
 
-def table_learner(best=np.max, after_the_end=0, **fixed):
-    """Q-learning with another idea of what the next cell is worth, or with a constant fixed."""
+def table_learner(best=np.max, end=None, entry=lambda a: a, stale=False, move=None, **fixed):
+    """Q-learning with another idea of what the next cell is worth, or of when nothing follows, with
+    another entry that learns, another move that is flown, or with a constant fixed."""
 
     def learn(step, start, flights, gamma, alpha, generator):
         case = {"start": start, "flights": flights, "gamma": gamma, "alpha": alpha} | fixed
         q = np.zeros((4, 4, 4))
         for _ in range(case["flights"]):
-            cell, ended = case["start"], False
-            while not ended:
-                action = generator.integers(4)
+            cell, ended, judge = case["start"], False, q.copy() if stale else q
+            while cell != (0, 3) if move == "on" else not ended:
+                action = generator.integers(4) if move in (None, "on") else move
                 after, reward, ended = step(cell, action)
-                y = reward + (not ended or after_the_end) * case["gamma"] * best(q[after])
-                q[cell][action] += case["alpha"] * (y - q[cell][action])
+                last = end(reward) if end else ended
+                y = reward + (not last) * case["gamma"] * best(judge[after])
+                place = entry(action)
+                q[cell][place] += case["alpha"] * (y - q[cell][place])
                 cell = after
         return q
 
     return learn
 
 
-def network_learner(gamma=None, tau=1.0, end=0, action=None):
-    """A network that learns with a fault: a fixed γ, another τ, a value after the end, or one
-    action in the place of that which was taken."""
+def network_learner(gamma=None, tau=None, change=None):
+    """What a network learns with a fault: a fixed γ or τ, or other steps than those handed in."""
 
-    def learn(memory, given, updates):
+    def learn(memory, given, *rest):
         rows = memory.clone()
-        rows[:, 6] *= 1 - end
-        if action is not None:
-            rows[:, 2] = action
-        return learn_network(rows, gamma or given, tau, updates)[0]
+        if change:
+            change(rows)
+        if tau is None:
+            return checks.learned_network.solution(rows, gamma or given, *rest[-1:])
+        return learn_network(rows, gamma or given, tau(rest[0]), rest[-1])[0]
 
     return learn
+
+
+def column(k, value):
+    """Sets a column of the steps; `value` is made of the rewards."""
+    return lambda rows: rows[:, k].copy_(value(rows[:, 3]))
+
+
+class Misspelt(nn.Module):
+    def foward(self, cells):
+        return cells
 
 
 def trained(fault):
@@ -221,7 +256,8 @@ def trained(fault):
         target = copy.deepcopy(online) if tau else online
         if fault == "fresh":
             target = nn.Sequential(nn.Linear(2, 64), nn.ReLU(), nn.Linear(64, 4))
-        optimiser = torch.optim.Adam(online.parameters(), lr=0.01)
+        learning = online[2] if fault == "part" else online
+        optimiser = torch.optim.Adam(learning.parameters(), lr=0.01)
         for _ in range(updates):
             batch = memory[torch.randint(len(memory), (32,))]
             cell, action, reward, after, ended = batch.split([2, 1, 1, 2, 1], dim=1)
@@ -236,6 +272,8 @@ def trained(fault):
             if fault != "slopes":
                 optimiser.zero_grad()
             loss.backward()
+            if fault == "cleared":
+                optimiser.zero_grad()
             if fault != "step":
                 optimiser.step()
             for old, new in zip(target.parameters(), online.parameters(), strict=True):
@@ -246,14 +284,6 @@ def trained(fault):
         return target if fault == "returned" else online
 
     return learn
-
-
-def _ends_with_pay(step):
-    def guessed(cell, action):
-        after, reward, ended = step(cell, action)
-        return after, reward, ended or reward > 0
-
-    return guessed
 
 
 def village(here="", there=""):
@@ -368,6 +398,7 @@ OUT_AND_BACK = ["east"] * 6 + ["hover"] * 3 + ["west"] * 6
 ROWS = "LL.............. " * 2 + "................ " * 14
 MISTAKES = {
     "flight_score": [
+        (lambda c, i, landed, past=[]: past.append(c) or len(past) / 99, "earlier calls"),
         (lambda c, i, landed: max(c) / max(i) * landed, "sum of all that was collected"),
         (lambda c, i, landed: sum(c) / sum(i), "has not landed scores 0"),
     ],
@@ -444,21 +475,19 @@ MISTAKES = {
         (lambda size, uav, devices, data: np.zeros((2 * size - 1,) * 2), "its data stands there"),
     ],
     "fitted_line": [
+        (stops_early, "even if the loss grows"),
         (one_after_the_other, "Compute both slopes first"),
         (lambda x, y, rate, steps: (0.0, 0.0), "rate times its slope"),
-        (lambda x, y, rate, steps: checks.fitted_line.solution(x, y, min(rate, 1), steps), "grows"),
         (lambda x, y, rate, steps: checks.fitted_line.solution(x, y, rate, 1), "without a step"),
     ],
     "convolve": [
         (
-            lambda layer, kernel, bias: checks.convolve.solution(layer, kernel[::-1, ::-1], bias),
-            "neither turned nor mirrored",
+            lambda layer, *case: checks.convolve.solution(layer, *case).astype(layer.dtype),
+            "even if the layer holds whole numbers",
         ),
         (
-            lambda layer, kernel, bias: checks.convolve.solution(layer, kernel, bias).astype(
-                layer.dtype
-            ),
-            "even if the layer holds whole numbers",
+            lambda layer, kernel, bias: checks.convolve.solution(layer, kernel[::-1, ::-1], bias),
+            "neither turned nor mirrored",
         ),
     ],
     "network_weights": [(lambda *case: 2_308_854, "gives 2308854, expected")],
@@ -466,17 +495,27 @@ MISTAKES = {
         (table_learner(alpha=1), "the share α of the way"),
         (table_learner(best=np.min), "largest Q-value of the next cell"),
         (table_learner(gamma=0.95), "y is the reward plus γ times"),
-        (table_learner(after_the_end=1), "the reward alone. That matters where"),
+        (table_learner(end=lambda reward: False), "the reward alone. That matters where"),
+        (table_learner(end=lambda reward: reward > 0), "A step may also pay"),
+        (table_learner(stale=True), "the table as it is by then"),
+        (table_learner(entry=lambda action: 3 - action), r"Q-value \[row, column, action\] gives"),
+        (table_learner(move="on"), r"The flight had ended at \(3, 3\)"),
+        (table_learner(move=3), "20,000 steps has not ended"),
+        (lambda *case: torch.zeros(4, 4, 4), "In a street"),
         (lambda *case: np.zeros((4, 4)), r"array of shape \(4, 4, 4\)"),
-        (lambda *case: learn_table(*case)[:, :, ::-1], r"Q-value \[row, column, action\] gives"),
-        (lambda step, *case: learn_table(_ends_with_pay(step), *case), "A step may also pay"),
-        (lambda step, *case: learn_table(lambda cell, a: step((3, 3), a), *case), "has not ended"),
         (learn_table, "the library's own, of uavdh_lite.course.small_city. Write it yourself"),
     ],
     "learned_network": [
-        (network_learner(end=1), r"at \[\d, \d\], expected.*after the end nothing follows"),
+        (
+            network_learner(tau=lambda updates: 1.0, change=column(6, lambda r: 0 * r)),
+            r"at \[\d, \d\], expected.*after the end nothing follows",
+        ),
         (network_learner(gamma=0.5), "With another γ"),
-        (network_learner(action=0), "of the action that was taken"),
+        (network_learner(change=column(2, lambda r: 0 * r)), "of the action that was taken"),
+        (network_learner(change=column(6, lambda r: (r > 0).float())), "Steps may pay"),
+        (trained("part"), "Some weights never change"),
+        (trained("cleared"), r"without `zero_grad\(\)` between them"),
+        (lambda *case: Misspelt(), "stops with NotImplementedError.*forward"),
         (trained("gradient"), r"A gradient runs through y.*`torch.no_grad\(\)`. See line \d+, `"),
         (trained("shape"), r"shape \(32,\) meets one of the shape \(32, 1\): that makes 32 × 32"),
         (trained("all"), "All four Q-values of a cell move towards y"),
@@ -488,10 +527,10 @@ MISTAKES = {
         (lambda *case: torch.nn.Linear(2, 3), r"not a tensor \(16, 4\)"),
     ],
     "learned_calmly": [
-        (lambda m, gamma, tau, n: network_learner()(m, gamma, n), "comes from the target network"),
-        (lambda m, gamma, tau, n: network_learner(tau=1 - tau)(m, gamma, n), "are swapped"),
-        (lambda m, gamma, tau, n: network_learner(tau=0.05)(m, gamma, n), "With τ = 0"),
-        (trained("never"), "Your target network did not change"),
+        (network_learner(), "comes from the target network"),
+        (network_learner(tau=lambda tau: 1 - tau), r"are swapped.*its weights\.$"),
+        (network_learner(tau=lambda tau: 0.05), "With τ = 0"),
+        (trained("never"), r"Your target network did not change.*online one\.$"),
         (trained("fresh"), "does not begin as a copy of the online one"),
         (trained("returned"), "is not the trained one: return the online"),
         (trained("gradient"), "A gradient runs through y"),
@@ -505,6 +544,10 @@ MISTAKES = {
         (lambda q, beta: _shifted(q, beta, q.max()), "its own maximum"),
     ],
     "double_target": [
+        (
+            checks.double_target.solution,
+            "the library's own, of uavdh_lite.course.checks.notebook_06",
+        ),
         (lambda r, t, d, online, target: r + d * online, "the shape|one target for each"),
         (
             lambda r, t, d, online, target: r + d * ~t * online.argmax(1),
@@ -552,12 +595,15 @@ MISTAKES = {
     "defeat": [
         ("L .\n. .", "it must have 16"),
         (ROWS.strip().replace(" ", "\n"), "at most 16 may"),
-        ("...", "no valid city"),
+        ("L..", "no valid city"),
+        ("...", "at least one sign must be L"),
     ],
     "ring_buffer": [
         (NewestAtTheEnd, "gives item 5, expected item 6.*no longer at the end"),
         (Grows, "the ring does not grow"),
-        (Stale, r"gives item.*expected items"),
+        (Stale, "all stored ones|overwrite the oldest"),
+        (Shuffles, "overwrite the oldest"),
+        (Shared, "put into another ring: give each its own list"),
         (OneLess, r"ValueError: high <= 0, in line \d+, `.*`\. The (newest|other) item"),
         (Replay, "of uavdh_lite.replay. Write it yourself"),
         (LastPlaceNever, "upper end|all stored ones"),
@@ -579,6 +625,10 @@ MISTAKES = {
     "view": [
         (lambda m, a, k, f: (np.rot90(m, k, (1, 2)), (a - k) % 4), "Hover and land|swaps left"),
         (lambda m, a, k, f: (m, a), "takes 1 from the number"),
+        (
+            lambda m, a, k, f: (m.tolist(), a),
+            "as value 1, but an array of numbers, not a list, is expected",
+        ),
     ],
     "shadow_reach": [
         (lambda left, step: step, "mean product of all pairs"),

@@ -129,6 +129,22 @@ def test_answers_that_change_their_arguments_or_remember_calls_are_refused():
     assert not one.wrong_with(lambda x: sum(x))
 
 
+def test_what_an_answer_prints_is_shown_of_the_case_that_failed_and_settings_are_put_back(capsys):
+    def noisy(x):
+        print(x, "\n" * 99)
+        torch.set_default_dtype(torch.float64)
+        torch.set_grad_enabled(False)
+        return x + (x != 1000.25)
+
+    with pytest.raises(checks.CheckFailed, match="gives 1000, expected 1001"):
+        plus_one()(noisy)
+    said = capsys.readouterr().out
+    assert said.startswith("1000.25") and said.count("\n") == 20
+    plus_one()(lambda x: print(x) or x + 1)
+    assert capsys.readouterr().out == "Exercise 9.9: right.\n"
+    assert torch.get_default_dtype() == torch.float32 and torch.is_grad_enabled()
+
+
 def test_the_right_value_may_be_kept_back():
     one = plus_one(secret=True)
     assert one.wrong_with(lambda x: x).startswith("your function(1) gives 1, which is not right.")
@@ -189,7 +205,12 @@ def test_whatever_is_handed_in_or_given_back_ends_in_a_sentence(name):
 def test_values_are_compared_as_what_they_are():
     assert not difference(np.float32(0.1), 0.1) and not difference([1, 2.0], (1.0, 2.0))
     assert not difference(torch.tensor([1.0]), np.array([1.0])) and not difference(1, True)
-    assert not difference(Fraction(1, 2), 0.5) and difference(4.0, 4) and difference([1.0], 1.0)
+    assert (
+        not difference(Fraction(1, 2), 0.5)
+        and difference(4.5, 4)
+        and not difference(4.0, 4)
+        and difference([1.0], 1.0)
+    )
     assert difference([1.0], np.ones(1)) and difference(np.ones(1), np.ones(1, bool))
     assert "at [12]" in difference(np.arange(13), np.minimum(np.arange(13), 11))
 

@@ -1,14 +1,16 @@
 """What all exercises share: an answer is asked all cases, compared, and told what is wrong."""
 
+import io
 import re
 import sys
 import traceback
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
 import torch
 from matplotlib.figure import Figure
 
@@ -18,11 +20,17 @@ EXERCISES: dict[str, "Exercise"] = {}
 """All exercises by the name of their check, in the order of the notebooks."""
 
 LIBRARY = tuple(str(place) for place in (Path(__file__).parents[2], sys.prefix, sys.base_prefix))
+KINDS = {Callable: "function, without brackets", type: "class", str: "text"}  # that are taken
+MOST_LINES = 20  # of what an answer prints
 CHANGED = "changes what it is given. Work on a copy: `x = x + 1`, not `x += 1` or `x.sort()`."
 
 
 class CheckFailed(AssertionError):
     """An answer is not right yet; the message says what is probably wrong with it."""
+
+    def __init__(self, text: str, seen: bool = True):
+        super().__init__(text)
+        self.seen = seen  # whether the line in which the answer was stopped says more
 
     def _render_traceback_(self) -> list[str]:
         """What a notebook shows of it: the message alone."""
@@ -72,33 +80,37 @@ class Exercise:
     def __call__(self, answer) -> None:
         """Check an answer; raises `CheckFailed` with what is probably wrong with it."""
         if wrong := self.wrong_with(answer):
+            if said := self.printed.getvalue():  # in the case that failed
+                print("\n".join(said.splitlines()[:MOST_LINES])[: 100 * MOST_LINES])
             raise CheckFailed(wrong)
+        print(f"Exercise {self.number}: right.")
         ipython = sys.modules.get("IPython")
         if self.figure and ipython and ipython.get_ipython():
-            ipython.display.display(self.picture())
-        print(f"Exercise {self.number}: right.")
+            with suppress(KeyboardInterrupt):
+                ipython.display.display(self.picture())
 
     def wrong_with(self, answer) -> str:
         """What is to be said of an answer; "" if it is right."""
+        self.printed = io.StringIO()  # by an answer with cases; one that trains may print at once
         if answer is None or answer is ...:
             return f"Exercise {self.number} has no answer yet."
         if not isinstance(answer, self.takes) or isinstance(answer, type) != (self.takes is type):
-            named = {Callable: "function, without brackets", type: "class", str: "text"}
-            kind = named.get(self.takes, self.takes.__name__)
+            kind = KINDS.get(self.takes, self.takes.__name__)
             return f"Hand over a {kind}. You handed over {show(answer)}."
         home = str(getattr(answer, "__module__", ""))
         own = self.takes not in (Callable, type) or home.startswith("uavdh_lite.course.checks.")
-        if home.startswith("uavdh_lite.") and not own:
+        if home.startswith("uavdh_lite.") and (answer is self.solution or not own):
             return f"That is the library's own, of {home}. Write it yourself."
         try:
-            return self._wrong_case(answer) or self.also(answer)
+            with _settings_kept(), redirect_stdout(self.printed) if self.rules else nullcontext():
+                return self._wrong_case(answer) or self.also(answer)
         except CheckFailed as failed:
-            seen = _line(failed)  # in the answer, if it was stopped there
+            seen = _line(failed) * failed.seen
             return f"{failed}{seen.replace(', in', ' See', 1)}{'.' * bool(seen)}"
         except KeyboardInterrupt as stopped:
             return f"Interrupted{_line(stopped)}. Is there a loop that never ends?"
         except Exception as error:
-            if re.match("exercise ", str(error)) and type(error) is NotImplementedError:
+            if f"exercise {self.number}" in str(error):  # PyTorch, too, has NotImplementedError
                 return f"Exercise {self.number} is not written yet."
             return f"Your answer {_stops(error)}."
 
@@ -110,29 +122,30 @@ class Exercise:
     @cached_property
     def _right(self) -> list:
         """What the solution gives in each case: of some exercises that takes a second."""
-        kept = torch.get_default_dtype()  # a student may have set another one
-        torch.set_default_dtype(torch.float32)
-        try:
+        with _settings_kept():
+            torch.set_default_dtype(torch.float32)
+            torch.set_grad_enabled(True)
             return [self.ask(self.solution, *case) for _, case in self.cases()]
-        finally:
-            torch.set_default_dtype(kept)
 
     def _wrong_case(self, answer) -> str:
         """The mistake that an answer makes, or the rule whose case fails first."""
         cases = self.cases()
         given = [self._asked(answer, case) for _, case in cases]
         told = list(map(self._told, given, self._right))
-        if not any(told):
-            return self._asked_again(answer, cases, given)
+        if not any(told):  # once more, in another order
+            both = reversed(list(zip(cases, given, strict=True)))
+            later = (self._later(answer, case, one) for (_, case), one in both)
+            return next(filter(None, later), "")
         for sentence, mistake in self.mistakes.items():
-            with np.errstate(all="ignore"):
-                made = [self._asked(mistake, case) for _, case in cases]
-            if not any(map(self._told, given, made)):
+            same = (self._asked(mistake, case, read_only=True) for _, case in cases)
+            if not any(map(self._told, given, same)):
                 return sentence
         wrong = [k for k, said in enumerate(told) if said]
         own = [k for k in wrong if cases[k][0] == cases[wrong[0]][0]]  # of the same rule
         # The smallest case; one that gives a value says more than one that stops
         k = min(own, key=lambda k: (isinstance(given[k], BaseException), len(repr(cases[k][1]))))
+        if later := self._later(answer, cases[k][1], given[k]):
+            return later
         said = re.sub(", expected .*", ", which is not right", told[k]) if self.secret else told[k]
         said = f"{self._called(answer, cases[k][1])} {said}."
         early = TypeError if cases[k][0] == cases[0][0] else NameError
@@ -144,20 +157,24 @@ class Exercise:
             return f"{said} Is there a `return` in every branch?"
         return f"{said} {cases[k][0]}"
 
-    def _asked_again(self, answer, cases, given) -> str:
-        """Ask all once more, in another order and with read-only arrays: it must give the same."""
-        for (_, case), one in reversed(list(zip(cases, given, strict=True))):
-            again = self._asked(answer, case, read_only=True)
-            if self._told(again, one):
-                said = f"{self._called(answer, case)} gives {show(one)}, and later {show(again)}."
-                return f"{said} A result may not depend on earlier calls or on other chance."
-        return ""
+    def _later(self, answer, case: tuple, one) -> str:
+        """What is wrong if an answer does not give the same once more, with read-only arrays."""
+        again = self._asked(answer, case, read_only=True)
+        if self._told(one, one) or not self._told(again, one):
+            return ""
+        said = f"{self._called(answer, case)} gives {show(one)}, and later {show(again)}."
+        return f"{said} A result may not depend on earlier calls or on other chance."
 
     def _asked(self, answer, case: tuple, read_only: bool = False):
         """What an answer gives in a case, or the error that it raises; it must change nothing."""
         own = copied(case, read_only)
+        self.printed.seek(0)
+        self.printed.truncate()
         try:
-            result = self.ask(answer, *own)
+            with warnings.catch_warnings():
+                if read_only:  # and not for the first time: what NumPy warns of is known
+                    warnings.simplefilter("ignore")
+                result = self.ask(answer, *own)
         except (CheckFailed, NotImplementedError):
             raise
         except (Exception, SystemExit) as error:
@@ -210,6 +227,17 @@ def exercise(heading: str, **options) -> Callable[[Callable], Exercise]:
         return one
 
     return made
+
+
+@contextmanager
+def _settings_kept() -> Iterator[None]:
+    """Afterwards PyTorch's default dtype and gradients are what they were."""
+    dtype, gradients = torch.get_default_dtype(), torch.is_grad_enabled()
+    try:
+        yield
+    finally:
+        torch.set_default_dtype(dtype)
+        torch.set_grad_enabled(gradients)
 
 
 def _stops(error: BaseException) -> str:

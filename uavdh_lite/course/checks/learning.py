@@ -26,7 +26,7 @@ class Watched(TorchFunctionMode):
         self.before: dict[Tensor, Tensor] = {}  # the trained weights at the last `backward`
         self.used: dict[Tensor, None] = {}  # the weights of all layers before the first update
         self.targets: list[tuple[Tensor, Tensor, Tensor]] = []  # target, online, target before
-        self.cells: list[tuple[bool, Tensor]] = []  # what networks were given, and to learn or not
+        self.cells: dict[bool, list[Tensor]] = {}  # since the last update, by whether it learns
         self.moved: list[tuple[Tensor, Tensor]] = []  # Q-values and the loss's slopes in them
 
     def __torch_function__(self, func, types, args=(), kwargs=None):
@@ -44,7 +44,7 @@ class Watched(TorchFunctionMode):
             self._update(tensors[0])
         result = func(*args, **(kwargs or {}))
         if func.__name__ == "linear" and tensors[0].shape[1:] == (2,):
-            self.cells.append((torch.is_grad_enabled(), tensors[0]))
+            self.cells.setdefault(torch.is_grad_enabled(), []).append(tensors[0])
         if func.__name__ == "linear" and result.requires_grad and result.shape[1:] == (4,):
             q = result.detach()
             result.register_hook(lambda slope: self.moved.append((q, slope)))
@@ -59,15 +59,12 @@ class Watched(TorchFunctionMode):
 
     def _moved(self) -> None:
         """Which Q-values of a row the last loss moves, and whose value y was made of."""
-        learns, only_seen = (
-            [c for on, c in self.cells if on is learning] for learning in (True, False)
-        )
-        self.cells.clear()
-        if only_seen and learns and all(torch.equal(learns[-1], one) for one in only_seen):
+        learned, judged = self.cells.pop(True, [None])[-1], self.cells.pop(False, [])
+        if learned is not None and judged and all(torch.equal(learned, cells) for cells in judged):
             raise CheckFailed(
                 "y is made of the Q-values of the cell itself. It asks for those of the next one."
             )
-        for q, slope in self.moved[:1]:  # the nearest to the loss: a hidden layer may have 4, too
+        for q, slope in self.moved[:1]:  # of the last layer, whose slopes come first
             if (slope != 0).sum(1).max() > 1:
                 raise CheckFailed(
                     "All four Q-values of a cell move towards y. Only that of the action that was "
@@ -91,16 +88,21 @@ class Watched(TorchFunctionMode):
             if same and not copied:
                 raise CheckFailed(
                     "The target network does not begin as a copy of the online one: "
-                    "`copy.deepcopy(online)` is one."
+                    "`copy.deepcopy(online)` is one.",
+                    seen=False,
                 )
             if all(own is not other for own in weights) and copied:
                 self.targets.append((other, copied[0], other.detach().clone()))
-        stale = any(w.grad is not None and bool(w.grad.any()) for w in weights)
-        moved = any(w not in self.before or not torch.equal(w, self.before[w]) for w in weights)
+        stale = {w for w in weights if w.grad is not None and w.grad.any()}
+        still = {w for w in weights if w in self.before and torch.equal(w, self.before[w])}
+        moved = len(still) < len(weights)
         if self.before and moved and stale:
             raise CheckFailed(
-                "The slopes of earlier updates are still there, and new ones are added to them: "
-                "`optimiser.zero_grad()` is missing before `loss.backward()`."
+                "Some weights never change: the optimiser must have all of the online network's, "
+                "`online.parameters()`."
+                if stale <= still
+                else "The slopes of earlier updates are still there, and new ones are added to "
+                "them: `optimiser.zero_grad()` is missing before `loss.backward()`."
             )
         if self.before and moved and self.tau:
             self._followed()
@@ -109,7 +111,8 @@ class Watched(TorchFunctionMode):
         if self.idle > (64 if stale else 1):  # a loss may be made of many parts
             raise CheckFailed(
                 "The weights do not change from update to update. `optimiser.step()` must follow "
-                "`loss.backward()`, with an optimiser of the online network's parameters."
+                "`loss.backward()`, without `zero_grad()` between them, and with an optimiser of "
+                "the online network's parameters."
             )
         self.before = {w: w.detach().clone() for w in weights}
 
@@ -118,7 +121,8 @@ class Watched(TorchFunctionMode):
         if self.targets and all(torch.equal(now, old) for now, _, old in self.targets):
             raise CheckFailed(
                 "Your target network did not change. After each update it moves the share τ of the "
-                "way to the online one."
+                "way to the online one.",
+                seen=False,
             )
         right, swapped = (
             all(torch.allclose(now, old.lerp(own, share)) for now, own, old in self.targets)
@@ -126,7 +130,8 @@ class Watched(TorchFunctionMode):
         )
         if self.targets and swapped and not right:
             raise CheckFailed(
-                "τ and 1 − τ are swapped: the target network keeps the share 1 − τ of its weights."
+                "τ and 1 − τ are swapped: the target network keeps the share 1 − τ of its weights.",
+                seen=False,
             )
         self.targets = [(now, own, now.detach().clone()) for now, own, _ in self.targets]
 

@@ -47,7 +47,7 @@ LOS, NLOS = Channel().path_loss_exponent_los, Channel().path_loss_exponent_nlos
     rules={
         "The loss 10 α log10(d) with α_LoS at your distance must be the one with α_NLoS at the "
         "distance given. Behind a building the loss grows faster, so the distance in sight is the "
-        "longer one.": [20.0, 2.0, 55, 7.5, 1000.0],
+        "longer one. Do not round the exponents' ratio.": [20.0, 2.0, 55, 7.5, 1000.0],
         "Both losses are 0 dB at 1 m; nearer, the distance in sight is the shorter one.": [
             1.0, 0.5, 0.03
         ],

@@ -1,5 +1,7 @@
 """Exercises of notebook 2, shadows."""
 
+import functools
+
 import numpy as np
 
 from uavdh_lite.course.bresenham import bresenham_fans
@@ -72,8 +74,13 @@ def town(size, device, *buildings):
     return cells, device
 
 
+@functools.cache
+def sight_of(size, cells):
+    return line_of_sight(np.frombuffer(cells, bool).reshape(size, size))
+
+
 def shadow(buildings, device):
-    return ~line_of_sight(buildings)[device]
+    return ~sight_of(len(buildings), buildings.tobytes())[device]
 
 
 def blocked(buildings, device, cell):

@@ -78,6 +78,8 @@ def scores(city: City) -> list[float]:
 
 
 def wrong_city(text: str) -> str:
+    if "L" not in text:
+        return "That city has no landing zone: at least one sign must be L."
     try:
         city = City.from_text("mine", text)
     except InputError as error:

@@ -59,14 +59,14 @@ def _wanted(given, right, one: np.ndarray) -> str:
     if isinstance(right, bool | np.bool_):
         return "" if single and kind in "biu" and one in (0, 1) else "True or False"
     if isinstance(right, int | np.integer):
-        return "" if single and kind in "iu" else "a whole number, an int,"
+        return "" if single and kind in "iuf" and one == np.rint(one) else "a whole number"
     if hasattr(right, "detach"):
         return "" if hasattr(given, "detach") else "a torch tensor"
     if np.ndim(right) == 0:
         return "" if single and kind in "biufO" else "one number"
-    if right.dtype == bool:
-        return "" if _is_array(given) and kind == "b" else "an array of Booleans"
-    return "" if _is_array(given) and kind in "biuf" else "an array of numbers, such as floats,"
+    kinds, wanted = ("b", "Booleans") if right.dtype == bool else ("biuf", "numbers")
+    found = one.dtype if _is_array(given) else f"a {type(given).__name__}"
+    return "" if _is_array(given) and kind in kinds else f"an array of {wanted}, not {found},"
 
 
 def _is_array(value) -> bool:
