@@ -30,6 +30,7 @@ import numpy as np
 
 from uavdh_lite.course import checks
 from uavdh_lite.channel import Channel
+from uavdh_lite.channel import rate as library_rate
 
 channel = Channel()
 
@@ -106,7 +107,7 @@ checks.same_path_loss(same_loss_m)
 # the mean rate then the rate at the mean SNR? Write a function that estimates the mean rate by
 # simulating `draws` slots. The mean SNR in dB is `snr_db`. Each slot has its own fading with the
 # variance `variance_db2`, in dB², drawn from `generator`, a `numpy.random.Generator`. Turn SNRs
-# into rates with the library's function, which is imported below as `library_rate`.
+# into rates with the library's function, which is imported above as `library_rate`.
 #
 # <details><summary>Hint</summary>
 #
@@ -120,8 +121,6 @@ checks.same_path_loss(same_loss_m)
 # </details>
 
 # %%
-from uavdh_lite.channel import rate as library_rate
-
 def mean_rate(snr_db, variance_db2, draws, generator):
     """The mean of the rate over the fading, data units per slot."""
     ### BEGIN SOLUTION

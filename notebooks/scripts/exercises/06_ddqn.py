@@ -151,19 +151,6 @@ print(memory.shape)
 print(memory[:3])
 
 # %% [markdown]
-# This is all that you need from PyTorch here:
-#
-# | to write | it means |
-# | --- | --- |
-# | `nn.Linear(2, 64)` | a fully connected layer, from 2 inputs to 64 neurons |
-# | `nn.Sequential(a, nn.ReLU(), b)` | a network: first `a`, then ReLU, then `b`; call it with a batch, $(B, 2)$ |
-# | `with torch.no_grad():` | what is computed inside is a plain number: no gradient flows through it |
-# | `q.gather(1, column)` | one entry from each row of `q`, $(B, 4)$: the one whose number stands in `column`, $(B, 1)$; the result is $(B, 1)$ |
-# | `x.amax(1, keepdim=True)` | the largest number of each row, $(B, 1)$; without `keepdim` its shape is $(B,)$ |
-# | `copy.deepcopy(network)` | a second network with the same weights (after `import copy`) |
-#
-# Mind the shapes: $(B, 1)$ minus $(B,)$ is $(B, B)$, and no error is raised.
-#
 # Write a function that makes a network and trains it.
 #
 # - `memory`: a tensor like the one above; `gamma`: $\gamma$
@@ -176,8 +163,8 @@ print(memory[:3])
 # **same** network; at the end of an episode, $y = r$. The target is a fixed number: no gradient
 # flows through it.
 #
-# The check uses only small values of $\gamma$. When your answer is right, it shows what the same
-# code does with $\gamma = 0.95$.
+# The check uses only small values of $\gamma$. When your answer is right, it shows what such
+# a network does with $\gamma = 0.95$.
 #
 # <details><summary>Hint</summary>
 #

@@ -232,18 +232,6 @@ compare(ROUNDS)
 # map of Manhattan: one with the whole recipe `lite` (`all`), the others with one part of it
 # replaced by the paper's (`data/runs/deviations-manhattan.csv.gz`). Each name ends with the
 # training seed and the number of steps, in thousands, after which the agent was validated.
-#
-# <details><summary>Hint</summary>
-#
-# The four terms are defined one after the other, each only for agents to which none of the earlier
-# ones applies. So which number must you look at first?
-# </details>
-#
-# <details><summary>Another hint</summary>
-#
-# First `if time_used < 0.25`, then `if landed < 0.9`, then look at `collected`: from 0.8 on the
-# agent is "good", otherwise it "wanders".
-# </details>
 
 # %%
 for name, shares in RUNS.items():
@@ -256,6 +244,18 @@ for name, shares in RUNS.items():
 # 2. otherwise it `"crashes"` if fewer than 90 % of its missions land;
 # 3. otherwise it is `"good"` if it collects at least 80 %;
 # 4. otherwise it `"wanders"`: it flies about but comes home with little.
+#
+# <details><summary>Hint</summary>
+#
+# The four terms are defined one after the other, each only for agents to which none of the earlier
+# ones applies. So which number must you look at first?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# First `if time_used < 0.25`, then `if landed < 0.9`, then look at `collected`: from 0.8 on the
+# agent is "good", otherwise it "wanders".
+# </details>
 
 # %%
 def diagnose(landed, collected, time_used):
@@ -335,19 +335,6 @@ checks.n_step_return(n_step)
 # The recipe `lazy` below does in the village what the lazy recipe of the notebook did in Manhattan.
 # Its agent lands in every mission, but it lands at once: it uses 4 % of its flying time and
 # collects nothing.
-#
-# <details><summary>Hint</summary>
-#
-# The agent lands at once because it learned to fear the crash before it saw what there is to
-# collect. Must a crash cost as much at the beginning of the training as at its end?
-# </details>
-#
-# <details><summary>Another hint</summary>
-#
-# Begin with a crash that costs a few points, comparable with the data that a step brings, and let
-# it grow to crash_reward_end. Explore more while the Q-values are still wrong (temperature about
-# 1), limit the pull of large errors (huber_delta), and use all the steps.
-# </details>
 
 # %%
 lazy = replace(SMALL, name="lazy", steps=20_000, crash_reward=-150.0, crash_reward_end=-150.0, huber_delta=None,
@@ -377,6 +364,19 @@ for name in MAY_CHANGE:
 #
 # The check trains an agent with your recipe and seed 0, and flies it, as it is at the end, greedily
 # through 500 test missions of the village. That takes about half a minute on a quiet machine.
+#
+# <details><summary>Hint</summary>
+#
+# The agent lands at once because it learned to fear the crash before it saw what there is to
+# collect. Must a crash cost as much at the beginning of the training as at its end?
+# </details>
+#
+# <details><summary>Another hint</summary>
+#
+# Begin with a crash that costs a few points, comparable with the data that a step brings, and let
+# it grow to crash_reward_end. Explore more while the Q-values are still wrong (temperature about
+# 1), limit the pull of large errors (huber_delta), and use all the steps.
+# </details>
 
 # %%
 # Replace the line below by your recipe: mended = replace(lazy, ...)

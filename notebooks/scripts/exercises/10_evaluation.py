@@ -42,8 +42,12 @@ from uavdh_lite.planners import Greedy
 # - `share`: what is to be shown, between 0 and 1
 # - `crashes`: how many of the missions crash, 0 or more
 #
-# Return the smallest number of missions $n$ for which the low end of Wilson's 95 % interval (10.2, with $z = 1.96$) is at least `share`. All missions but
-# `crashes` of them land. An example: if none crashes, 381 missions show 99 %, because $381 / (381 + 1.96^2)$ is just above 0.99, and 380 do not.
+# Return the smallest number of missions $n$ for which the low end of Wilson's 95 % interval (notebook 10, section 10.2) is at least `share`. All missions but
+# `crashes` of them land, so a share $p = (n - \text{crashes}) / n$ of them, and with $z = 1.96$ the low end is
+#
+# $$\frac{1}{1 + z^2/n} \left(p + \frac{z^2}{2n} - z \sqrt{\frac{p\,(1 - p)}{n} + \frac{z^2}{4n^2}}\right).$$
+#
+# An example: if none crashes, 381 missions show 99 %, because $381 / (381 + 1.96^2)$ is just above 0.99, and 380 do not.
 #
 # <details><summary>Hint</summary>
 #
@@ -52,7 +56,7 @@ from uavdh_lite.planners import Greedy
 #
 # <details><summary>Another hint</summary>
 #
-# Write a small function for the low end of `n - crashes` landings in `n` missions: the formula of 10.2 with the minus sign. Begin at
+# Write a small function for the low end of `n - crashes` landings in `n` missions. Begin at
 # `crashes + 1`, and add 1 as long as the low end is below the share.
 # </details>
 

@@ -72,7 +72,7 @@ checks.old_share(old_share)
 #
 # A step whose Q-value is far from its target has more to teach than one that is known already. **Prioritised replay** draws such steps more often. But
 # then strokes of luck are seen more often than they happen, and the mean that Q should learn is shifted. So each drawn step's loss gets a weight
-# that makes up for it (notebook 6.2). Compute both.
+# that makes up for it. Compute both.
 #
 # - `error`: array $(N,)$, target minus Q-value of each step in the memory, of either sign
 # - `floor`: a number above 0, so that a step without an error is drawn now and then, too

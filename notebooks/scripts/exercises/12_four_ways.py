@@ -80,7 +80,7 @@ checks.failsafe_mask(fits)
 # %% [markdown]
 # ## 12.2 · What a cell really brings (2 points, 15 minutes)
 #
-# The told layer of 12.2 is an estimate: it gives all four slots of a step to one device. What does a step bring by the rule of 3.5, if the UAV hovers over a cell and there
+# The told layer of notebook 12, section 12.2, is an estimate: it gives all four slots of a step to one device. What does a step bring by the rule of notebook 3, section 3.5, if the UAV hovers over a cell and there
 # is no fading? In every slot the loudest of the devices that have data left sends. It sends what the slot carries, its mean rate, but no more than it has left.
 # When it is empty, the next slot belongs to another one.
 #

@@ -31,7 +31,7 @@ from uavdh_lite.course import checks
 # %% [markdown]
 # ## 14.1 · How far does a shadow reach? (2 points, 12 minutes)
 #
-# In the paper, shadow fading is drawn anew for each slot. In a real street it belongs to the place, so that neighbouring cells resemble each other (14.3). How far does that
+# In the paper, shadow fading is drawn anew for each slot. In a real street it belongs to the place, so that neighbouring cells resemble each other (notebook 14, section 14.3). How far does that
 # reach? A UAV flies down a straight street past one device. Take what the fitted line leaves over of the SNR in each cell.
 #
 # - `left_db`: $(N,)$, what is left over, dB, cell by cell; $N \ge 2$, and not all values are equal
@@ -74,7 +74,7 @@ checks.shadow_reach(reach_m)
 # %% [markdown]
 # ## 14.2 · Believe what you heard (2 points, 12 minutes)
 #
-# A line says what to expect of a link. Nearby, a few SNRs were measured. What should the agent believe of this link? As in 14.6,
+# A line says what to expect of a link. Nearby, a few SNRs were measured. What should the agent believe of this link? As in notebook 14, section 14.6,
 #
 # $$\widehat{\mathrm{SNR}} = \text{line} + \frac{\sum_i w_i\,(\text{heard}_i - \text{line})}{1 + \sum_i w_i}$$
 #
