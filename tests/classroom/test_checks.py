@@ -140,6 +140,9 @@ def test_what_an_answer_prints_is_shown_of_the_case_that_failed_and_settings_are
         plus_one()(noisy)
     said = capsys.readouterr().out
     assert said.startswith("1000.25") and said.count("\n") == 20
+    with pytest.raises(checks.CheckFailed, match="It forgets"):
+        plus_one(mistakes={"It forgets the 1.": lambda x: x})(lambda x: print("seen") or x)
+    assert capsys.readouterr().out == "seen\n"
     plus_one()(lambda x: print(x) or x + 1)
     assert capsys.readouterr().out == "Exercise 9.9: right.\n"
     assert torch.get_default_dtype() == torch.float32 and torch.is_grad_enabled()

@@ -168,8 +168,9 @@ class Exercise:
     def _asked(self, answer, case: tuple, read_only: bool = False):
         """What an answer gives in a case, or the error that it raises; it must change nothing."""
         own = copied(case, read_only)
-        self.printed.seek(0)
-        self.printed.truncate()
+        if not any(answer is mistake for mistake in self.mistakes.values()):
+            self.printed.seek(0)
+            self.printed.truncate()
         try:
             with warnings.catch_warnings():
                 if read_only:  # and not for the first time: what NumPy warns of is known
