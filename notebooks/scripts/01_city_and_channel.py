@@ -293,21 +293,22 @@ for name, ground, exponent in (
 
 # %% [markdown]
 # - Directly above the device, two steps are enough.
-# - Down the street, hovering takes six steps. Flying two cells nearer and back again takes only
-#   four, because data comes in on the way.
+# - Down the street, hovering takes six steps. Flying two cells nearer and back takes only four,
+#   because data comes in on the way.
 # - Behind a building, the UAV is only half as far away and still gets no more than a tenth as much.
 # - Round the corner, it would take longer than any flight lasts.
 #
 # So the answer to the question at the top is: anywhere that is *in sight* of the device and not too
-# far away. Where that is depends on the buildings, and the agent is never told. In the
-# lab *Channel* (`python -m uavdh_lite app`) you can drag a device around and watch its map change.
+# far away. Where that is depends on the buildings, and the agent is never told. In the lab
+# *Channel* (`python -m uavdh_lite app`) you can drag a device and watch its map change.
 #
 # ## Recap
 #
 # - Three yes-or-no layers describe the city.
 # - The SNR in dB is the link budget, minus $10\,\alpha_l \log_{10} d$, plus luck.
 # - A slot carries $\log_2(1 + \mathrm{SNR})$ data units, and a step has four slots.
-# - At 10 m or more on the ground, a building costs more than nine tenths of the data.
+# - If a device is 10 m or more away along the ground, a building in between costs more than nine
+#   tenths of the data.
 # - Fading is luck in decibels. On average it helps, because the rate is convex.
 #
 # ## Exercises

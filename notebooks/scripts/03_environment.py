@@ -239,7 +239,7 @@ figure
 #
 # The rule takes no account of how much data a device has, or of fairness. The loudest device gets
 # the whole slot, even if it has only 0.1 units left to send, and a device that is never the loudest
-# never sends. So the rule is simple, but it does not give the best schedule.
+# never sends. The rule is simple, but it does not give the best schedule.
 #
 # Why is "serve device 2" not an action of the agent? If it were, the agent would have to learn what
 # a simple rule already does well. And even without such an action it has a say, because where it

@@ -241,7 +241,8 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # which shows where the other UAV is. Either the two share one reward, or they compete. The safety
 # controller stops two UAVs that want the same cell. While one of them learns, the world in which
 # the other one flies changes, so the steps that the other one has stored to learn from (notebook 6)
-# no longer tell the truth ([a map of the field](../docs/tutorials/map_of_the_field.md)).
+# come from a world that is no longer there ([a map of the
+# field](../docs/tutorials/map_of_the_field.md)).
 #
 # *Landing anywhere:* the landing layer tells the network nothing any more, and the UAV never has to
 # turn back. At every step the only question is whether the data still to come is worth another
@@ -254,7 +255,8 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #   to go home.
 # - Centring puts the UAV in the middle of a frame of $2M-1$ cells, so that a place in the picture
 #   is relative to the UAV.
-# - A map has room for any number of devices in any order, and shows the city together with them.
+# - A map has room for any number of devices, needs no order among them, and shows the city together
+#   with them.
 # - If what the agent sees holds everything that matters, it is a Markov state. If not, the problem
 #   is a POMDP.
 #

@@ -60,8 +60,8 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 #
 # This is the **Bellman equation**. It answers the question at the top: no number has to know about
 # twenty steps, because each only has to agree with its neighbour, and the neighbour with the next.
-# (In a world with luck the right side is a mean. Learning finds it because small moves average out
-# good and bad luck.)
+# (In a world with luck the right-hand side is a mean. Learning finds it because small moves average
+# out good and bad luck.)
 #
 # Nobody gives us the table, so we start with zeros and let the UAV fly. Each step tells us $r$ and
 # $s'$, and so what the right side is *at present*. This value is called the **target** $y$. The
@@ -157,7 +157,7 @@ for gamma in (0.5, 0.95, 1.0):
 # Two choices remain.
 #
 # - *How large?* A small memory holds little but the last few flights, so it brings back the problem
-#   that it should solve. A large one holds more of the past, flown by agents that knew less. The
+#   that it should solve. A large one also holds older steps, flown by agents that knew less. The
 #   authors' memory holds 50,000 steps, ours 200,000. What counts is how many *flights* it holds
 #   ([notebook 11](11_replay.ipynb)).
 # - *Should the newest step be in every minibatch?* Drawn at random from 50,000 steps, it would be

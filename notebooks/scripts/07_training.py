@@ -2,9 +2,9 @@
 # # 7 · Training
 #
 # Two agents fly the same mission below. Both were trained by the same **recipe**, `lite`. (A recipe
-# is the set of all constants and choices that define a training run.) The left one had 300,000
-# steps to learn, whereas the right one is the best agent of a run of four million. **What happens
-# in all these steps, and how can you tell that it is going well?**
+# is the set of all constants and choices that define a training run.) The agent on the left learned
+# for 300,000 steps, whereas the one on the right is the best agent of a run of four million. **What
+# happens in all these steps, and how can you tell that it is going well?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.

@@ -69,15 +69,14 @@ for name, recipe in centring(LITE).items():
 #
 # Be careful with that band. With three values, it reaches almost exactly from the smallest to the
 # largest. A fourth run would be the lowest of the four with a chance of one in four, and the
-# highest with the same chance. So it would fall outside the band half of the time.
+# highest with the same chance, so half of the time it would fall outside the band.
 #
 # The two pictures do not agree. On the left the centred agents do *worse* for a good part of the
 # time, but on the right they do better. They collect more, but they crash more often while they
-# explore, and each crash costs 150. Two measures tell two stories, so always say which one you
-# mean. (In the paper's own picture of the reward the centred agents are ahead; ours does not
-# reproduce this.)
+# explore, and each crash costs 150. Two measures tell two stories, so say which one you mean. (In
+# the paper's picture of the reward the centred agents are ahead; ours does not reproduce this.)
 #
-# Exploring hides what an agent can do. Here are the validations of the same six runs, without
+# Exploring hides what an agent can do. Here are the validations of these six runs, without
 # exploring.
 
 # %%
@@ -99,18 +98,17 @@ ax.set(xlabel="thousand steps", ylabel="collected and landed")
 ax.legend();
 
 # %% [markdown]
-# After 200,000 and 300,000 steps all centred runs are far ahead of all the others. Later the gap
+# After 200,000 and 300,000 steps all centred runs are far ahead of the others. Later the gap
 # shrinks to half a point, and at the end the lowest centred run is level with the highest of the
 # others. In the paper's figure, which comes from another recipe and other maps, the gap is larger.
-# With the recipe `plain`, the paper's method, the gap is wide as far as those runs go: after
-# 150,000 steps 66 to 78 % against 11 to 14 %.
+# With the recipe `plain`, the paper's method, the gap is wide so far: after 150,000 steps centred
+# runs collect and land 66 to 78 % of the data, and the others 11 to 14 %.
 #
 # ## 8.3 One seed, and six
 #
-# Let us repeat the ablation in the village, with short runs of 16,000 steps. Their schedules (β,
-# crash penalty, learning rate) run faster, so the curves differ from those in notebook 7. Remember
-# that an untrained network may bring home anything up to half of the data here. Here is one seed of
-# each kind:
+# Let us repeat the ablation in the village, with runs of 16,000 steps. Their schedules (β, crash
+# penalty, learning rate) run faster, so the curves differ from those in notebook 7. Remember that
+# an untrained network may bring home up to half of the data here. Here is one seed of each kind:
 
 # %%
 village = read_table("../data/runs/centring-village.csv.gz")
@@ -121,7 +119,7 @@ ax.legend();
 
 # %% [markdown]
 # The result looks clear: at the end, the centred map wins by far. Would you publish it? Here is the
-# same comparison with six seeds. The seed above was seed 2.
+# comparison with six seeds; the one above was seed 2.
 
 # %%
 figure, axes = plt.subplots(2, 3, figsize=(8, 4.4), sharex=True, sharey=True,

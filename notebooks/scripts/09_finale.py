@@ -81,8 +81,9 @@ figure
 # what a wall does to the radio. It paid for every piece of knowledge with crashes and with millions
 # of steps. In principle such an agent could learn even in a place whose channel nobody can write
 # down, if it could fly there millions of times, crashes included. In practice one trains in a
-# simulator, as the paper does, or measures and fits a model (notebook 14). For *our* city, however,
-# the channel can be computed. So let us give the agent what we know, one gift after the other.
+# simulator, as the paper does, possibly with a model of the channel that was fitted to measurements
+# (notebook 14). For *our* city, however, the channel can be computed. So let us give the agent what
+# we know, one gift after the other.
 #
 # ## 9.2 Guarantee
 #
@@ -210,7 +211,7 @@ for name, values in ladder.items():
 #
 # So the order of the pilots in the ladder does not mean that good methods beat bad ones. The pilots
 # differ in what they were told, and *a comparison is fair only between pilots that were told the
-# same*. Greedy knows the street map and the shortest ways. The genie knows every mean rate. The
+# same*. Greedy knows the street map and the shortest routes. The genie knows every mean rate. The
 # DDQN agent knows the map but no rule.
 #
 # Even the genie does not collect everything. Some missions offer more data than the time allows, a
@@ -268,9 +269,9 @@ for name, each in flown.items():
 # a single city either may win. [Notebook 13](13_any_city.ipynb) answers with due care.
 #
 # What has learning brought, if the agent may be no better than the rule? One agent **for each
-# mission** would be an optimiser, like the genie: it searches until it has a good flight, and
-# begins again with the next mission. One agent **for all missions** has paid for its search once,
-# in training, and decides in about a hundredth of a second wherever it is put.
+# mission** would be an optimiser, like the genie: it would search until it had a good flight, and
+# begin again with the next mission. One agent **for all missions** has paid for its search once, in
+# training, and decides in about a hundredth of a second wherever it is put.
 #
 # ## 9.8 Your turn
 #

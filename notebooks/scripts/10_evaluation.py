@@ -223,8 +223,8 @@ for missions in (200, 1000):
 
 # %% [markdown]
 # All checkpoints are equally good, and yet the best one seems better than it is, because it was chosen for its luck. With 200 missions
-# the illusion is worth more than a point. More missions shrink it, but do not remove it. What helps is another set of missions, which
-# had no say in the choice. That is why validation and test are two different streams.
+# the illusion amounts to more than a point. More missions shrink it, but do not remove it. What helps is another set of missions,
+# which had no say in the choice. That is why validation and test are two different streams.
 #
 # ## 10.5 Which missions go badly?
 #

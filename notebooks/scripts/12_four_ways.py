@@ -285,13 +285,13 @@ for way in WAYS:
 print(f"{'greedy':<28}{greedy:8.1f}")
 
 # %% [markdown]
-# - **Guarantee** matters most in runs this short. Without it, the agents that learn from reward crash in most missions or collect
-#   little, and even the copies crash in about one mission in ten.
-# - **Tell** helps the copies. Agents that learn from reward gain nothing from it here under the guarantee, perhaps because in a
+# - The **guarantee** matters most in runs this short. Without it, the agents that learn from reward crash in most missions or
+#   collect little, and even the copies crash in about one mission in ten.
+# - **Telling** helps the copies. Agents that learn from reward gain nothing from it here under the guarantee, perhaps because in a
 #   single city a network can also learn by heart what it is not told. Without the guarantee, all three told runs crash nearly always.
-# - **Copy** is ahead of learning from reward under the guarantee. With the told layers both collect about the same amount, but the
-#   copy does so in two thirds of the flying time, whereas the learner uses nearly all of it.
-# - **Learn**, after copying, adds 0.4 to 1.3 units within a minute.
+# - **Copying** is ahead of learning from reward under the guarantee. With the told layers both collect about the same amount, but
+#   the copy does so in two thirds of the flying time, whereas the learner uses nearly all of it.
+# - **Learning**, after copying, adds 0.4 to 1.3 units within a minute.
 #
 # Look at the dashed and the solid lines of one colour to compare copying with learning, and at the colours to see what the
 # guarantee and the told layers add. Greedy's line is drawn for

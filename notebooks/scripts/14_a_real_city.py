@@ -223,8 +223,8 @@ for (name, radio), flights in flown.items():
 # The DDQN agent collects almost as much as greedy, but its return is far behind in either radio: it flies until the failsafe sends it home, and the
 # safety controller refuses about 15 of its actions in each mission. It has learned in one city only. For the other two pilots, the change is small.
 #
-# The recorded runs, made with an earlier version of the program, have three seeds of 300 missions in each place and in both radios. This
-# is the lead of `any_city` over greedy, mission by mission:
+# The recorded runs, made with an earlier version of the program, have three seeds of 300 missions in each place and in both radios. Here
+# is the mean lead of `any_city` over greedy on the same missions, with its interval:
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -275,14 +275,13 @@ for name, belief in beliefs.items():
 
 # %% [markdown]
 # Told silence, the agent falls far behind, because it never had to learn the radio from the map. The gap between the model and the truth is about what
-# measuring can win. But the truth is no upper bound for a network that was never trained with it, and over a hundred missions so small a gap is within
+# measuring can gain. But the truth is no upper bound for a network that was never trained with it, and over a hundred missions so small a gap may be
 # chance.
 #
 # ## 14.6 Measure, then tell
 #
-# In each slot the device with the best SNR sends, so the UAV has to measure the SNRs of all devices. For this, each device sends a known signal, called
-# a **pilot signal**. We assume that it can be measured down to −30 dB; what is weaker counts as −30 dB. The UAV notes the device's cell, its own cell and the SNR. Here it does so without noise and without errors of position,
-# which is the best case. There are two ways to turn these notes into a belief:
+# In each slot the device with the best SNR sends, so the UAV has to measure the SNRs of all devices. For this, each device sends a known signal, called a **pilot signal**. We assume that it can be measured down to −30 dB;
+# what is weaker counts as −30 dB. The UAV notes the device's cell, its own cell and the SNR, here without noise or errors of position, which is the best case. There are two ways to turn these notes into a belief:
 
 # %%
 from uavdh_lite.beyond.measured import expected, heard
@@ -324,7 +323,7 @@ figure
 # Link by link, three in four of the hidden links that were heard change by 3 dB or more, although for this device hardly any do.
 #
 # How many earlier flights does it take? The recorded runs have twelve surveys, one for each seed and place. Here is the lead over greedy again (`line`
-# stands for two lines, `link` for link by link, and the number for the earlier flights):
+# stands for two lines, `link` for link by link, and the number for the flights):
 
 # %%
 for radio in worlds:
@@ -338,9 +337,9 @@ for radio in worlds:
 # In the paper's radio there is nothing to gain, because there the model is the truth: on average even a single flight gives two lines that are nearly as
 # good.
 #
-# In the ray-traced radio, two lines win next to nothing: from ten flights, −1.1 to +0.7, depending on the survey. What counts is *which* link is bad, and
-# to find that out takes the second way and many flights. Ten flights add −0.5 to +1.2, depending on the survey; a hundred go about 60 % of the way to the
-# truth (46 to 72 %). That is 0.55 units of a return of 32, won mostly in Munich.
+# In the ray-traced radio, two lines gain next to nothing: from ten flights, −1.1 to +0.7, depending on the survey. What counts is *which* link is bad,
+# and to find that out takes the second way and many flights. Ten flights change the return by −0.5 to +1.2, depending on the survey; a hundred gain about
+# 60 % of what the truth would gain (95 % interval: 46 to 72 %). That is 0.55 units of a return of 32, won mostly in Munich.
 #
 # ## 14.7 Before you fly there
 #

@@ -71,8 +71,8 @@ checks.rate_from_snr(rate)
 # (`channel.path_loss_exponent_los`, `..._nlos`). Here $d$ is the length of the whole link, through
 # the air; nothing has to be added to it.
 #
-# A device stands behind a building, `nlos_distance_m` away. At what distance would a device *in
-# sight* have the same path loss?
+# A device stands behind a building, `nlos_distance_m` away from the UAV. At what distance would a
+# device *in sight* have the same path loss?
 #
 # <details><summary>Hint</summary>
 #

@@ -60,9 +60,10 @@ from uavdh_lite.shadowing import line_of_sight
 #
 # <details><summary>Another hint</summary>
 #
-# (R, C) is end minus start, (r, c) is cell minus start, by rows and columns. The rectangle is
-# min(R, 0) <= r <= max(R, 0), and the same with c and C. If R = C = 0, the rectangle is one cell,
-# and the condition, 0 < 0, is false although that cell is crossed; so treat this case by itself.
+# (R, C) is end minus start, and (r, c) is cell minus start, component by component. The rectangle
+# is min(R, 0) <= r <= max(R, 0), and the same with c and C. If R = C = 0, the rectangle is one
+# cell, and the condition, 0 < 0, is false although that cell is crossed; so treat this case by
+# itself.
 # </details>
 
 # %%

@@ -75,11 +75,11 @@ checks.tdma_slot(slot)
 # ## 3.2 · Rewards by hand (2 points, 10 minutes)
 #
 # Here are two short flights, the first with two devices and the second with one. The reward is 1
-# for each data unit uploaded, −0.2 for each step unless it lands, −1 if the safety controller
-# intervenes, and −150 if the flying time runs out without a landing. If several of these apply to a
-# step, add them up. The column "the link could carry" says how many data units could go up in the
-# four slots of the step, and from which device; a device cannot upload more than it has left. In
-# the step that ends an episode, be it a landing or a crash, nothing is uploaded.
+# for each data unit uploaded, −0.2 for each step in which the UAV does not land, −1 if the safety
+# controller intervenes, and −150 if the flying time runs out without a landing. If several of these
+# apply to a step, add them up. The column "the link could carry" says how many data units could go
+# up in the four slots of the step, and from which device; a device cannot upload more than it has
+# left. In the step that ends an episode, be it a landing or a crash, nothing is uploaded.
 #
 # **Flight A.** At the start device 0 has 4.0 data units and device 1 has 3.0.
 #

@@ -49,9 +49,9 @@ def step(cell, action):
 # %% [markdown]
 # ## 6.1 · A table that learns (3 points, 25 minutes)
 #
-# Write the whole loop of Q-learning. The UAV flies a number of flights, always from `start`, and
-# picks each of its four moves at random. After every step one entry of the table moves towards its
-# target:
+# Write the whole loop of Q-learning. The UAV flies a number of flights, always from `start`, and at
+# every step picks one of the four moves at random. After every step one entry of the table moves
+# towards its target:
 #
 # $$y = r + \gamma \max_{a'} Q(s', a'), \qquad Q(s, a) \leftarrow Q(s, a) + \alpha\,(y - Q(s, a)),$$
 #
@@ -168,9 +168,9 @@ print(memory[:3])
 #
 # <details><summary>Hint</summary>
 #
-# A minibatch is `memory[torch.randint(len(memory), (32,))]`. Its columns are `batch.split([2, 1, 1,
-# 2, 1], dim=1)`, each of shape (32, width). The training loop is that of notebook 5: loss,
-# `zero_grad`, `backward`, `step`.
+# Draw a minibatch with `batch = memory[torch.randint(len(memory), (32,))]`. Then `batch.split([2,
+# 1, 1, 2, 1], dim=1)` gives its five parts: cell, action, reward, next cell and end, of 2, 1, 1, 2
+# and 1 columns. The training loop is that of notebook 5: loss, `zero_grad`, `backward`, `step`.
 # </details>
 #
 # <details><summary>Another hint</summary>

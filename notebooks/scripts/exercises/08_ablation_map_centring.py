@@ -53,9 +53,9 @@ from uavdh_lite.course import checks
 #
 # <details><summary>Another hint</summary>
 #
-# Go from the end backwards, through zip(steps[::-1], values[::-1]), and remember the steps of each
-# value that is at least threshold, until a value is below it. If you have none to remember, return
-# None.
+# Go backwards from the end, through zip(steps[::-1], values[::-1]). At each value that is at least
+# threshold, keep its step in place of the one you kept before; stop at the first value below
+# threshold. If you have kept no step, return None.
 # </details>
 
 # %%
