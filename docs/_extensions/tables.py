@@ -527,7 +527,7 @@ def exercises() -> str:
 
 PILOTS = {
     "greedy": "greedy",
-    "ddqn": "`manhattan_ddqn`, a strengthened DDQN, made for one other city",
+    "ddqn": "`manhattan_ddqn`, a strengthened DDQN that was trained for another city",
     "nothing": "`any_city`, told silence: that no data can be had anywhere",
     "model": "`any_city`, told the paper's model",
     **{
@@ -615,7 +615,7 @@ def worth_of_telling() -> str:
                     of = flown[policy][key]
                     row.append(_numbers((added[of == one].mean() for one in np.unique(of)), digits))
     names = ", ".join(name.replace("_", " ").title() for name in shipped_places())
-    head = ["", "in the paper's radio", "in the ray-traced radio", "by seed", f"in {names}"]
+    head = ["", "under the paper's model", "under the ray-traced model", "by seed", f"in {names}"]
     return _table(head, rows.values())
 
 
