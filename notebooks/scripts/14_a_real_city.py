@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 14 · A real city
 #
-# Every city so far was invented, and so was its radio: path loss by a formula, and a yes or no for the line of sight. **Does the
-# agent still fly well over a place that exists, where radio waves bounce off the walls?** The picture shows four places that the agent has never seen,
-# and a flight over each, from the triangle to the diamond. The deeper the violet of a cell, the more devices are hidden from it.
+# Every city so far was invented, and so was its radio: path loss by a formula, and a yes or no for the line of sight. **Does the agent still fly well
+# over a real place, where radio waves bounce off the walls?** The picture shows four places that the agent has never seen, and a flight over each,
+# from the triangle to the diamond. The deeper the violet of a cell, the more devices are hidden from it.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -87,15 +87,15 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 # table of gains, `gain_db[device cell, UAV cell]`, for a UAV 10 m above the ground, which is 8.5 m above the devices.
 #
 # In our tables a ray has up to five reflections or one diffraction, and none goes through a wall. Powers are averaged over the UAV's cell, and added
-# without their phases, so there is no small-scale fading. We also fly without $\eta$ in this radio, so the two worlds differ in fading, too.
-# ([The results](../docs/results/real_city.md) give all settings.)
+# without their phases, so there is no small-scale fading. We also fly without $\eta$ in this world, so the two worlds differ in fading, too. ([The
+# results](../docs/results/real_city.md) give all settings.)
 #
 # Gains are not SNRs yet. We shift all gains of a place by one offset, chosen so that the pairs in sight have the mean SNR of the paper's model. So
 # their *mean in dB* agrees by construction, and the comparison tests *where* the signal goes. At this level, 0.1 µW of transmit power is enough for a
 # bandwidth of 1 MHz. A real sensor sends 40 to 60 dB more, so even its hidden links would carry data (14.3).
 #
-# Take a device in a street in the west, and draw the rate to it from every cell, in either radio. **Before you run the cell:** where will the two maps
-# differ most?
+# Take a device in a street in the west, and draw the rate to it from every cell, under either model. **Before you run the cell:** where will the two
+# maps differ most?
 
 # %%
 from uavdh_lite.beyond.failsafe import SafeEnvironment
@@ -220,11 +220,12 @@ for (name, radio), flights in flown.items():
     print(f"{name:<9}{radio:<11}{share:4.0%} collected, return {flights.returns.mean():5.1f}")
 
 # %% [markdown]
-# The DDQN agent collects almost as much as greedy, but its return is far behind in either radio: it flies until the failsafe sends it home, and the
-# safety controller refuses about 15 of its actions in each mission. It has learned in one city only. For the other two pilots, the change is small.
+# The DDQN agent collects almost as much as greedy, but its return is far behind under either model: it flies until the failsafe sends it home, and
+# the safety controller refuses about 15 of its actions in each mission. It has learned in one city only. For the other two pilots, the change is
+# small.
 #
-# The recorded runs, made with an earlier version of the program, have three seeds of 300 missions in each place and in both radios. Here
-# is the mean lead of `any_city` over greedy on the same missions, with its interval:
+# The recorded runs, made with an earlier version of the program, have three seeds of 300 missions in each place and under both models.
+# Here is the mean lead of `any_city` over greedy on the same missions, with its interval:
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -249,9 +250,9 @@ for place in (*places, None):
 # %% [markdown]
 # The intervals are for *other missions over these four places*, and say nothing about a fifth (13.5).
 #
-# On average the agent returns 32.2 in either radio, but it loses 0.9 in Munich and 0.6 in Paris and gains 1.3 in San Francisco. Greedy gains 0.9 on
+# The agent's mean return is 32.2 under either model, but it loses 0.9 in Munich and 0.6 in Paris and gains 1.3 in San Francisco. Greedy gains 0.9 on
 # average, so the lead shrinks in Munich and Florence, and hardly in the other two. Greedy is told nothing about the radio, so no wrong belief misleads
-# it. How much would the agent gain if it knew the ray-traced radio?
+# it. How much would the agent gain if it knew the ray-traced rates?
 #
 # ## 14.5 World and belief
 #
@@ -334,10 +335,10 @@ for radio in worlds:
         print(f"{radio:<11}told {told:<9}{lead.mean():.2f}, by seed {', '.join(surveys)}")
 
 # %% [markdown]
-# In the paper's radio there is nothing to gain, because there the model is the truth: on average even a single flight gives two lines that are nearly as
-# good.
+# Under the paper's model there is nothing to gain, because there the model is the truth: on average even a single flight gives two lines that are nearly
+# as good.
 #
-# In the ray-traced radio, two lines gain next to nothing: from ten flights, −1.1 to +0.7, depending on the survey. What counts is *which* link is bad,
+# Under the ray-traced model, two lines gain next to nothing: from ten flights, −1.1 to +0.7, depending on the survey. What counts is *which* link is bad,
 # and to find that out takes the second way and many flights. Ten flights change the return by −0.5 to +1.2, depending on the survey; a hundred gain about
 # 60 % of what the truth would gain (95 % interval: 46 to 72 %). That is 0.55 units of a return of 32, won mostly in Munich.
 #
@@ -355,7 +356,7 @@ for radio in worlds:
 #
 # - A ray tracer computes each link, whereas the paper's model has two lines for all links. Behind Munich's buildings the model is off by 21 dB (RMS)
 #   where there is a ray.
-# - `any_city` is ahead of greedy over four real places, but by less in the ray-traced radio.
+# - `any_city` is ahead of greedy over four real places, but by less under the ray-traced model.
 # - World and belief are two things. Measuring, link by link and with many flights, mends the belief.
 #
 # ## Exercises
