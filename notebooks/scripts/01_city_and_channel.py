@@ -209,20 +209,20 @@ for distance in (0, 10, 20, 30, 100):
 #
 # ## 1.5 Shadow fading
 #
-# Trees, signs and reflections make a signal stronger or weaker than you would expect at its
-# distance. This is called *shadow fading*. In spite of its name, it has nothing to do with the
-# violet shadows of notebook 0. Those are cast by buildings, which are on the map, whereas fading
-# stands for everything that is not on the map. The model adds $\eta_l$ to the SNR: a normally
-# distributed number of decibels with mean 0, which is drawn anew for every slot and every device.
-# Its variance is 2 dB² in sight and 5 dB² behind a building. The paper calls this variance
-# $\sigma_l^2$; do not confuse it with $\sigma^2$, the power of the noise.
+# Trees, signs and vehicles make a signal stronger or weaker than you would expect at its distance.
+# This is called *shadow fading*. In spite of its name, it has nothing to do with the violet shadows
+# of notebook 0. Those are cast by buildings, which are on the map, whereas fading stands for what
+# is not on the map. (Reflections add *multipath fading*, which changes within centimetres; the
+# paper leaves it out.) The model adds $\eta_l$ to the SNR: a normally distributed number of
+# decibels with mean 0, which is drawn anew for every slot and every device. Its variance is 2 dB²
+# in sight and 5 dB² behind a building. The paper calls this variance $\sigma_l^2$; do not confuse
+# it with $\sigma^2$, the power of the noise.
 #
 # A radio engineer will object here. In a real street shadow fading is *correlated*: the tree that
 # is in the way now is still in the way one step later, so the fading stays similar over tens of
 # metres. The paper nevertheless draws it anew in every slot, and so do we, for a reason that
 # notebook 3 explains: if good luck came in runs, the luck of the past would say something about the
-# future, and the agent would have to remember it. Independent draws keep the problem simple. They
-# also make luck matter less, because much of it averages out over the four slots of a step.
+# future, and the agent would have to remember it. Independent draws keep the problem simple.
 #
 # When you program this, note that numpy expects the *standard deviation*, the square root of the
 # variance. The two are easy to mix up.
@@ -252,7 +252,7 @@ for kind, variance, exponent in (("in sight", 2, 2.27), ("behind a building", 5,
 # %% [markdown]
 # In line of sight, fading helps a little; behind a building it adds about a seventh. The next
 # figure shows why. The curve is the rate, and the dashed line joins a slot with bad luck to one
-# with good luck. (Luck of 6 dB is very rare; we chose it to make the bend easy to see.)
+# with good luck. (6 dB is very rare luck, chosen to make the bend easy to see.)
 
 # %%
 axis_db, ends_db = np.linspace(-12, 8), mean_db + np.array([-6, 6])
@@ -309,7 +309,7 @@ for name, ground, exponent in (
 # - A slot carries $\log_2(1 + \mathrm{SNR})$ data units, and a step has four slots.
 # - If a device is 10 m or more away along the ground, a building in between costs more than nine
 #   tenths of the data.
-# - Fading is luck in decibels. On average it helps, because the rate is convex.
+# - Fading is luck in decibels. On average it helps, because the rate is convex in decibels.
 #
 # ## Exercises
 #

@@ -141,9 +141,10 @@ figure.legend(loc="outside right upper", fontsize="small");
 # process, a **POMDP**. With the time, our problem is not a POMDP, because map and time together
 # hold all of the state that matters.
 #
-# The layer "data left" is there for the same reason. Without it a full device and an empty one
-# would look the same, and the agent could not tell when to fly on. The future does not depend on
-# what has been *collected*, so that layer could be left out; it is there because the paper has it.
+# The layer "data left" is there for the same reason. Without it the agent would not see a device
+# until some of its data had come in, and then not how much is left, so it could not tell when to
+# fly on. The future does not depend on what has been *collected*, so that layer could be left out;
+# it is there because the paper has it.
 #
 # ## 4.3 Two frames
 #
@@ -245,8 +246,9 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # field](../docs/tutorials/map_of_the_field.md)).
 #
 # *Landing anywhere:* the landing layer tells the network nothing any more, and the UAV never has to
-# turn back. At every step the only question is whether the data still to come is worth another
-# 0.2. *No `land`:* the UAV could not fly through the zone, and it could hardly start there.
+# turn back. It still has to choose its route, and it lands when no data is left that is worth the
+# steps it takes to fetch it, or with its last unit of time. *No `land`:* the UAV could not fly
+# through the zone, and it could hardly start there.
 # </details>
 #
 # ## Recap

@@ -56,10 +56,10 @@ weights = np.array([[-1, 0, 1]] * 3)
 draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, numbers=True)
 
 # %% [markdown]
-# With a bias of 0, the output is the sum of the numbers in the right-hand picture, 3. These
-# weights add what is in the right column, subtract what is in the left one, and ignore the middle.
-# So the output is large when something is on the right and nothing on the left. In this sense a
-# neuron asks a question about its inputs, and its weights say which.
+# With a bias of 0, the output is the sum of the numbers in the right-hand picture, 3. These weights
+# add what is in the right column, subtract what is in the left one, and ignore the middle. So a
+# neuron asks a question about its inputs, here whether something is on the right and nothing on the
+# left, and its weights say which question.
 #
 # Neurons with the same inputs form a **layer** of the network. (A layer of the *map* is a picture.)
 # A layer is **fully connected**, or *dense*, if each of its neurons has a weight for every input.
@@ -88,9 +88,9 @@ ax.legend();
 #
 # At first all weights are random numbers. A **loss** measures how wrong the output is: it is 0 for
 # the right answer, and grows as the output gets worse. Its *slope* with respect to a weight says
-# whether the loss grows or shrinks when the weight grows. So the weight takes a step downhill: it
-# changes by minus the slope times a small number, the **learning rate**. This is **gradient
-# descent**. The *gradient* is the list of all slopes.
+# whether the loss grows or shrinks when the weight grows. So the weight steps downhill: it changes
+# by minus the slope times a small number, the **learning rate**. This is **gradient descent**. The
+# *gradient* is the list of all slopes.
 #
 # Take one neuron with one weight. The input is 3 and the output should be 6, so the weight should
 # become 2.
@@ -115,7 +115,7 @@ ax.set(xlabel="weight", ylabel="loss");
 #
 # The slope in the code has the input, 3, as a factor. So the weight of an input of 70 takes far
 # longer steps than the weights of inputs near 1, and overshoots where they hardly move. That is why
-# data and time are scaled to a size near 1.
+# data and time are scaled to a few units at most.
 #
 # Squared, a single error of 150 pulls at the weights as hard as 150 errors of 1. So our agents
 # learn with the **Huber loss**, a parabola near 0 and a straight line further out, where the slope
@@ -138,11 +138,12 @@ ax.set(xlabel="weight", ylabel="loss");
 # times as much. If $w_2$ grows, $y$ grows $h=1.5$ times as much, so the slope at $w_2$ is
 # $-6\cdot1.5=-9$. If $h$ grows, $y$ grows $w_2=2$ times as much, so the slope at $h$ is
 # $-6\cdot2=-12$. (The ReLU changes nothing here, because $h$ is positive. Where it gives 0, the
-# slope is 0, and the weights before it learn nothing from this example.) If $w_1$ grows, $h$ grows
-# $x=3$ times as much, so the slope at $w_1$ is $-12\cdot3=-36$. Each slope is the one to its right
-# times a number that is known from the forward pass. So one backward pass gives the slopes of *all*
-# weights, at the cost of one or two forward passes, however many there are. This is
-# **backpropagation**.
+# slope is 0, and the weights before it learn nothing from this example. A unit that gives 0 for
+# every example never learns again; the agent's *leaky* ReLUs turn a negative number into a tenth of
+# it instead.) If $w_1$ grows, $h$ grows $x=3$ times as much, so the slope at $w_1$ is
+# $-12\cdot3=-36$. Each slope is the one to its right times a number that is known from the forward
+# pass. So one backward pass gives the slopes of *all* weights, at the cost of one or two forward
+# passes, however many there are. This is **backpropagation**.
 #
 # PyTorch does all this for you:
 
@@ -156,8 +157,8 @@ assert [slope.item() for slope in slopes] == [-36, -9]
 # %% [markdown]
 # ## 5.4 Five lines of PyTorch
 #
-# This function trains a network on the examples `x` with the right answers `y`. Nearly every
-# program that trains one has the five lines explained below.
+# This function trains a network on the examples `x` with the right answers `y`. Nearly every such
+# program has the five lines explained below.
 
 # %%
 from torch import nn
@@ -224,12 +225,11 @@ assert seen.any(dim=0).sum() == 17
 draw_maps({"what it sees": seen}, uav=(15, 15))
 
 # %% [markdown]
-# This is the unit's **receptive field**, 17 of 31 cells a side. (It lies off centre because the
-# windows cover only 29 of the 31 rows and columns.) You can work out the 17: the unit sees 5 units
-# of the first convolution, which lie 3 cells apart because of the stride, and each of these sees 5
-# cells, so $5+4\cdot3=17$. With the paper's strides of 1 it would be only $5+4=9$ cells. Two things
-# that do not fit into one receptive field meet only in the fully connected layers, which see
-# everything but have to learn each place separately.
+# This is the unit's **receptive field**, 17 of 31 cells a side. You can work out the 17: the unit
+# sees 5 units of the first convolution, which lie 3 cells apart because of the stride, and each of
+# these sees 5 cells, so $5+4\cdot3=17$. With the paper's strides of 1 it would be only $5+4=9$
+# cells. Two things that do not fit into one receptive field meet only in the fully connected
+# layers, which see everything but have to learn each place separately.
 #
 # ## 5.6 One question, three networks
 #
@@ -299,7 +299,7 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # | convolution, 16 kernels 5×5 | 16×27×27 | 16×9×9, with stride 3 |
 # | convolution, 16 kernels 5×5 | 16×23×23 | 16×5×5 |
 # | as a list, and the time | 8465 | 401 |
-# | three fully connected layers | 256 each | 256 each, with **layer normalisation** before the ReLU (512 weights more in each) |
+# | three fully connected layers | 256 each | 256 each, with **layer normalisation** before the leaky ReLU (512 weights more in each) |
 # | output | 6 | 6 |
 # | weights in all | 2,308,854 | 246,006 |
 #

@@ -175,11 +175,11 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 # then the agent explores less and crashes cost more; this run cannot say which of the two helped.
 #
 # Everybody looks at the **loss** first, but it tells you least. In notebook 5 the examples were
-# fixed, so a falling loss meant better answers. Here the loss measures how far the Q-values are
-# from their targets, and the targets move with the network. A lazy agent that only ever lands has a
-# tiny loss, because there is hardly anything to predict. In this run the loss rises for a while as
-# the agent collects more. There are two possible reasons: a bolder agent has more to predict, and
-# each crash counts for more.
+# fixed, so a falling loss meant better answers, at least to those examples. Here the loss measures
+# how far the Q-values are from their targets, and the targets move with the network. A lazy agent
+# that only ever lands has a tiny loss, because there is hardly anything to predict. In this run the
+# loss rises for a while as the agent collects more. There are two possible reasons: a bolder agent
+# has more to predict, and each crash counts for more.
 #
 # ## 7.4 Two ways to fail
 #

@@ -67,14 +67,14 @@ for name, recipe in centring(LITE).items():
 # collected and landed is on the right. Each point is a bin of 5000 steps of training flights. The
 # line is the mean of three runs, and the pale band around it holds 99 % of the values.
 #
-# Be careful with that band. With three values, it reaches almost exactly from the smallest to the
-# largest. A fourth run would be the lowest of the four with a chance of one in four, and the
-# highest with the same chance, so half of the time it would fall outside the band.
+# With three values, that band reaches almost exactly from the smallest to the largest. A fourth run
+# would be the lowest of the four with a chance of one in four, and the highest with the same
+# chance, so half of the time it would fall outside.
 #
 # The two pictures do not agree. On the left the centred agents do *worse* for a good part of the
 # time, but on the right they do better. They collect more, but they crash more often while they
-# explore, and each crash costs 150. Two measures tell two stories, so say which one you mean. (In
-# the paper's picture of the reward the centred agents are ahead; ours does not reproduce this.)
+# explore, and each crash costs 150. So say which measure you mean. (In the paper's picture of the
+# reward the centred agents are ahead; ours does not reproduce this.)
 #
 # Exploring hides what an agent can do. Here are the validations of these six runs, without
 # exploring.
@@ -107,8 +107,8 @@ ax.legend();
 # ## 8.3 One seed, and six
 #
 # Let us repeat the ablation in the village, with runs of 16,000 steps. Their schedules (β, crash
-# penalty, learning rate) run faster, so the curves differ from those in notebook 7. Remember that
-# an untrained network may bring home up to half of the data here. Here is one seed of each kind:
+# penalty, learning rate) run faster, so the curves differ from those in notebook 7. Here is one
+# seed of each kind:
 
 # %%
 village = read_table("../data/runs/centring-village.csv.gz")
@@ -118,8 +118,8 @@ ax.set(xlabel="thousand steps", ylabel="collected and landed", ylim=(-0.02, 0.82
 ax.legend();
 
 # %% [markdown]
-# The result looks clear: at the end, the centred map wins by far. Would you publish it? Here is the
-# comparison with six seeds; the one above was seed 2.
+# The result looks clear: at the end, the centred map wins by far. Here is the comparison with six
+# seeds; the one above was seed 2.
 
 # %%
 figure, axes = plt.subplots(2, 3, figsize=(8, 4.4), sharex=True, sharey=True,
@@ -134,7 +134,8 @@ figure.supylabel("collected and landed");
 # **One seed can show nearly anything**: that the centred map is far better, as with seed 2, that it
 # is better by a little, as with seed 3, or that it makes no difference, as with seed 5. Had the
 # runs ended after 4000 steps, seed 2 itself would have shown the opposite. Each of these pictures
-# comes from a correct experiment that was done only once.
+# comes from a correct experiment, done only once. Nor may you report the best of several seeds,
+# which owes more to luck than the others. Report them all.
 #
 # ## 8.4 How sure can you be?
 #
@@ -217,7 +218,8 @@ for name, values in share.items():
 # These intervals are over missions. They come from the *bootstrap*, which draws 1000 of these 1000
 # results, some of them twice, some not at all, and takes the mean. It does so many times, and
 # records how much the mean varies. For a yes-or-no metric such as `landed`, $s$ is $\sqrt{p(1-p)}$:
-# 97 % of 1000 missions is 97 ± 1.1 %, so 96 % in *other* missions would show no difference.
+# 97 % of 1000 missions is 97 ± 1.1 %. So 96 % in 1000 *other* missions would not show a difference,
+# because the gap of 1 point is known only to ± 1.6 points.
 #
 # ### Paired differences
 #

@@ -180,9 +180,12 @@ figure
 # where $A$, the **advantage**, says by how much the flight was better than the mean. This is the
 # loss of 9.4, weighted by $A$. A step downhill on it raises the probability of the action $a$ if
 # $A$ is positive, as if the action came from the genie, and lowers it if $A$ is negative. Such a
-# method is called a **policy gradient**. It learns no values, because it changes the probabilities
-# themselves. And it is on-policy: it can learn only from flights of the present agent, because
-# those of an older agent were drawn from other probabilities.
+# method, which changes the probabilities themselves, is called a **policy gradient**. Ours learns
+# no values. Others, such as PPO in its usual form, also learn what each state is worth, and measure
+# $A$ against that (**actor–critic**). Both are on-policy: they can learn only from flights of the
+# present agent, because those of an older agent were drawn from other probabilities. So they use a
+# flight once or a few times and throw it away, whereas DDQN learns from a stored step again and
+# again. Where steps are expensive, that is the better choice.
 #
 # ## 9.6 The ladder
 #
@@ -206,7 +209,7 @@ for name, values in ladder.items():
 # | --- | --- | --- |
 # | guarantee | the map, and that it is right | collect data; it only lands |
 # | tell | the map and the constants of the channel | help agents that learn from reward alone, as far as short runs of an earlier program in a single city show (notebook 12) |
-# | copy | a planner, that is, all equations and a search | be better than its teacher |
+# | copy | a planner, that is, all equations and a search | be expected to beat its teacher |
 # | learn on | nothing but the reward | begin from nothing, since few flights of a random agent are good. (DDQN can, in millions of steps.) |
 #
 # So the order of the pilots in the ladder does not mean that good methods beat bad ones. The pilots
@@ -263,10 +266,12 @@ for name, each in flown.items():
 # %% [markdown]
 # Nobody trained the agent for this city; a minute ago the city did not exist. The network sees the
 # walls and zones around the UAV in the centred map of the paper, and a wall to the north is a wall
-# to the north in any city. That is what the centring is good for in the end. And what the agent is
-# told, the expected data and the distances to home and from the UAV, is computed for your city
-# before the flight. Is the agent ahead of greedy here? Over many cities the race is narrow, and in
-# a single city either may win. [Notebook 13](13_any_city.ipynb) answers with due care.
+# to the north in any city. That is what the centring is good for in the end: in new cities,
+# networks that saw the map in place brought home about half as much ([notebook
+# 13](13_any_city.ipynb)). And what the agent is told, the expected data and the distances to home
+# and from the UAV, is computed for your city before the flight. Is the agent ahead of greedy here?
+# Over many cities the race is narrow, and in a single city either may win. [Notebook
+# 13](13_any_city.ipynb) answers with due care.
 #
 # What has learning brought, if the agent may be no better than the rule? One agent **for each
 # mission** would be an optimiser, like the genie: it would search until it had a good flight, and
