@@ -255,7 +255,7 @@ def longer(tmp_path_factory):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
 def test_a_stopped_study_leaves_no_process_and_goes_on_to_the_same_runs(longer, tmp_path, number):
     """The signal goes to the parent alone, at a random moment; the workers save and end with it."""
     options, whole = longer
