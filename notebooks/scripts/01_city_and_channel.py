@@ -225,7 +225,7 @@ for distance in (0, 10, 20, 30, 100):
 # future, and the agent would have to remember it. Independent draws keep the problem simple.
 #
 # When you program this, note that numpy expects the *standard deviation*, the square root of the
-# variance. The two are easy to mix up.
+# variance.
 #
 # In decibels, good and bad luck cancel out on average. Do they also cancel out in the amount of
 # data?
@@ -236,7 +236,7 @@ Quiz("luck_on_average")
 # %% [markdown]
 # To find the mean rate, take all amounts of luck from very bad to very good, and weight the rate
 # for each amount by how likely that amount is, according to the bell curve of the normal
-# distribution. (Exercise 1.3 finds the mean in another way, by drawing random numbers.)
+# distribution.
 
 # %%
 luck_db, mean_db = np.linspace(-12, 12, 481), snr_db(30, 2.27)
@@ -252,7 +252,7 @@ for kind, variance, exponent in (("in sight", 2, 2.27), ("behind a building", 5,
 # %% [markdown]
 # In line of sight, fading helps a little; behind a building it adds about a seventh. The next
 # figure shows why. The curve is the rate, and the dashed line joins a slot with bad luck to one
-# with good luck. (6 dB is very rare luck, chosen to make the bend easy to see.)
+# with good luck. (Luck of 6 dB is very rare.)
 
 # %%
 axis_db, ends_db = np.linspace(-12, 8), mean_db + np.array([-6, 6])
@@ -268,18 +268,21 @@ figure
 
 # %% [markdown]
 # The curve bends upwards: it is *convex*. So the mean of the two slots, which lies on the dashed
-# line, is above the curve: good luck gains more than bad luck loses. This is an example
-# of *Jensen's inequality*.
+# line, is above the curve: good luck gains more than bad luck loses. This is an example of
+# *Jensen's inequality*.
+#
+# Textbooks often say the opposite, that fading *lowers* the rate. They compare links with the same
+# mean SNR, and as a function of the SNR itself, not in decibels, the rate bends downwards. Here the
+# mean is fixed in decibels. So fading raises the mean SNR, by 5 % in sight and by 14 % behind a
+# building, and that is more than the bend takes away.
 #
 # The UAV cannot foresee luck. It can only choose places that are good on average.
 #
 # ## 1.6 Where to hover
 #
-# Now compare four places. The distances are on the ground. Three of the places can be found around
-# the device of the first picture, which stands at (4, 7). The other one, 14 m away behind a
-# building, cannot: in this city every cell so near to that device is either in sight of it or a
-# building itself. The last column counts the steps that it takes to fetch 15 data units at four
-# slots per step:
+# Now compare four places. The distances are on the ground. (Three of the places can be found around
+# the device of the first picture; the one 14 m away behind a building cannot.) The last column
+# counts the steps that it takes to fetch 15 data units at four slots per step:
 
 # %%
 for name, ground, exponent in (
@@ -307,7 +310,7 @@ for name, ground, exponent in (
 # - Three yes-or-no layers describe the city.
 # - The SNR in dB is the link budget, minus $10\,\alpha_l \log_{10} d$, plus luck.
 # - A slot carries $\log_2(1 + \mathrm{SNR})$ data units, and a step has four slots.
-# - If a device is 10 m or more away along the ground, a building in between costs more than nine
+# - From 10 m along the ground, a building in between costs more than nine
 #   tenths of the data.
 # - Fading is luck in decibels. On average it helps, because the rate is convex in decibels.
 #

@@ -146,6 +146,11 @@ figure
 # which of those steps deserve the credit? This is the problem of **credit assignment**, and
 # notebook 6 is about it.
 #
+# Why is data paid for when it comes in, and not at the landing, as the score would have it? Because
+# then the reward would come dozens of steps after the turn that earned it. Paid at once, it stands
+# beside the step that brought it in. The price is that reward and score are no longer the same, and
+# only the penalty for a crash makes the agent bring its data home (notebook 7).
+#
 # Is 0.2 a good price for a step? At a price of 0 there would be no reason to land before the last
 # moment. At 5, most flights would cost more than they bring in. At 0.2, a detour of ten steps pays
 # if it brings in more than two data units.
@@ -167,15 +172,20 @@ for action in (NORTH, NORTH):
 
 # %% [markdown]
 # The first move is an ordinary one. The second would leave the map, so the UAV hovers in its cell
-# instead and pays an extra 1. A little data comes in both times. The same happens when the UAV
-# tries to enter a tall building or a no-fly zone, or to land outside the landing zones.
+# instead and pays an extra 1. (A little data comes in, too.) The same happens when the UAV tries to
+# enter a tall building or a no-fly zone, or to land outside the landing zones. The agent of
+# notebook 6 learns from the action that it chose, not from the hovering, because it is the choice
+# that has to look worse.
 #
 # Why does a wrong move not end the episode? A beginner makes a wrong move every few steps, so its
 # episodes would hardly ever last long enough for it to collect much.
 #
+# The controller is a part of the UAV, not of the training. The trained agent still needs it: it
+# makes a few wrong moves in a hundred missions, and each of them could be a collision.
+#
 # One could also remove the forbidden actions from the choice, which is called **masking**. Then the
 # agent would not need penalties to learn where the walls are. The paper lets it try and pay, so
-# that it has to learn to read the map. Notebook 6 comes back to masking.
+# that it has to learn to read the map.
 #
 # One disaster remains: the time is up, and the UAV is still in the air.
 
@@ -188,8 +198,8 @@ outcome = HandFlight(environment, late).step(HOVER)
 print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# Nothing is uploaded in the step that ends an episode, whether it is a crash or a landing. The
-# paper leaves this open, so this library had to choose.
+# Nothing is uploaded in the step that ends an episode, crash or landing alike. (The paper leaves
+# this open.)
 #
 # You can now see why, on average, **even a perfect pilot stays below 100 %**. Missions are drawn at
 # random, and nobody checks whether all of their data can be collected. Five devices in far corners
@@ -205,10 +215,10 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 # is called **time division multiple access**, TDMA (paper, eq. 3). The data that a step brings in
 # is the sum over its slots (eq. 4).
 #
-# Why is the fading drawn for each slot and not once for each step, or once for each flight? With a
-# single draw for the whole flight, some missions would be lucky from start to end, and a pilot
-# would first have to find out by measuring whether its own mission is one of them. With four draws
-# in each step most of the luck averages out, so what remains is mostly geometry.
+# Why is the fading drawn for each slot and not once for a whole flight? Then some missions would be
+# lucky from start to end, and a pilot would first have to find out by measuring whether its own is
+# one of them. With four draws in each step most of the luck averages out, so what remains is mostly
+# geometry.
 #
 # In the next figure the UAV hovers between three devices, each of them two cells away. Device 2 has
 # only 1.5 units of data left. Fading is drawn for every slot and every device:
@@ -239,7 +249,7 @@ figure
 #
 # The rule takes no account of how much data a device has, or of fairness. The loudest device gets
 # the whole slot, even if it has only 0.1 units left to send, and a device that is never the loudest
-# never sends. The rule is simple, but it does not give the best schedule.
+# never sends. So the rule does not give the best schedule.
 #
 # Why is "serve device 2" not an action of the agent? If it were, the agent would have to learn what
 # a simple rule already does well. And even without such an action it has a say, because where it
@@ -270,8 +280,7 @@ figure
 # ## 3.6 Fly it yourself
 #
 # Now go back to the mission in the first picture. Look for the white cells there, from which the
-# UAV sees both devices. It need not fly up to the device in the middle, because it can see that
-# device along its street from the west.
+# UAV sees both devices, the middle one along its street from the west.
 #
 # Here is a plan. Change it, run the cell, and try to do better:
 
@@ -296,8 +305,8 @@ assert flown["by hand"].returns > flown["greedy"].returns + 5
 # that device is empty, and from there it is a long way to the second. You had a map of the shadows
 # to plan with. The agent has none, and yet it brings everything home, too.
 #
-# One mission says little about a pilot. But this one shows that a good rule can be beaten. In the
-# lab *Fly* (`python -m uavdh_lite app`) you can fly missions with the arrow keys.
+# One mission shows no more than that a good rule can be beaten. In the lab *Fly* (`python -m
+# uavdh_lite app`) you can fly missions with the arrow keys.
 #
 # ## Recap
 #

@@ -205,7 +205,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # pattern everywhere. The next notebook explains them.
 #
 # Because the pictures are made anew from the state at each step, a change of the *task* often means
-# no more than adding or removing a layer. Here are five other tasks to think about before you go
+# no more than adding or removing a layer. Here are eight other tasks to think about before you go
 # on. What would you change in the state, in the reward, and in what the network sees?
 #
 # - **Parcels.** Instead of collecting data, the UAV delivers parcels, one at a time, and fetches
@@ -217,6 +217,9 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # - **Two UAVs** share the devices.
 # - **Landing anywhere.** The UAV may land in any cell. Or what if there were no action `land`, and
 #   the flight ended as soon as the UAV entered the landing zone?
+# - **Devices that move.** They walk through the streets while the UAV flies.
+# - **Any direction.** An action is an angle and a speed instead of one of six words.
+# - **A city ten times as wide.**
 #
 # <details><summary>One answer to each</summary>
 #
@@ -249,6 +252,22 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # turn back. It still has to choose its route, and it lands when no data is left that is worth the
 # steps it takes to fetch it, or with its last unit of time. *No `land`:* the UAV could not fly
 # through the zone, and it could hardly start there.
+#
+# *Devices that move:* their cells change, so the next state is drawn at random with them. If each
+# of their steps is independent of the one before, their present places are enough. If they keep
+# their direction, one picture does not show it, and the task is a POMDP. There are three remedies:
+# a layer that shows the directions, the last few pictures together (**frame stacking**), or a
+# network with a memory (a **recurrent** network).
+#
+# *Any direction:* the places are now numbers with decimals, and the grid shows them only roughly.
+# The harder change is in the agent. Ours gives a number to each of six actions and takes the action
+# with the largest. Angles and speeds cannot be listed like this, so methods such as SAC train a
+# second network that proposes the action ([a map of the
+# field](../docs/tutorials/map_of_the_field.md)).
+#
+# *Ten times as wide:* the frame would have 319 cells a side, a hundred times as many numbers as
+# now. A later article by the same authors therefore shows the network two small pictures: the
+# surroundings of the UAV in full, and the whole map averaged to coarse cells.
 # </details>
 #
 # ## Recap

@@ -70,8 +70,12 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 # $$y=r+\gamma\max_{a'}Q(s',a'),\qquad Q(s,a)\leftarrow Q(s,a)+\alpha\,\big(y-Q(s,a)\big)$$
 #
 # This is **Q-learning**. After the end of an episode nothing follows, so there $y=r$. If one
-# forgets this, the flight seems to go on after its end, so a crash no longer looks final: better
-# rewards seem to follow it.
+# forgets this, better rewards seem to follow a crash.
+#
+# Not every stop is an end. When our UAV's time is up, the mission is over, and the time left is in
+# the state: this is a true end, a **termination**. If only the simulation stops, say after 1000
+# steps of a task that would go on, that is a **truncation**: something does follow, and $y$ keeps
+# its second part.
 #
 # Let us do it once by hand. The UAV is one cell west of the device and flies east, so $y=9.8$. With
 # $\alpha=0.5$ the entry goes from 0 to 4.9. Some flights later the UAV passes the cell to the west
@@ -117,14 +121,15 @@ for gamma in (0.5, 0.95, 1.0):
 #
 # - *Errors.* Each value is built on an estimate of the next value, and that on an estimate of the
 #   value after it. Each link in this chain adds an error, and $\gamma$ shrinks those from far away.
-#   Even with 0.95 the errors can grow (6.3).
 # - *Noise.* Rewards fifty steps ahead depend on fifty draws of the fading and fifty actions still
 #   to be chosen, so they say little about which action is better *now*.
-# - *Time.* With 0.95 a reward more than some tens of steps ahead hardly counts, so news of it need
-#   not travel further than that. With $\gamma=1$ it has to travel the whole flight.
+# - *Time.* With 0.95 news of a reward need not travel back more than some tens of steps. With
+#   $\gamma=1$ it has to travel the whole flight.
 #
 # The price is short-sightedness. A crash that costs 150 and is 60 steps ahead counts only
-# $150\cdot0.95^{60}\approx7$. The return of a flight is still measured with $\gamma=1$.
+# $150\cdot0.95^{60}\approx7$. That does no harm here, because home is never more than 14 moves
+# away, and 15 steps ahead a crash still counts 70. Longer ways need a larger $\gamma$. The return
+# of a flight is still measured with $\gamma=1$.
 #
 # ## 6.2 A network instead of the table
 #
@@ -132,7 +137,7 @@ for gamma in (0.5, 0.95, 1.0):
 # of data: for five devices more than $10^{13}$, even without the amounts. So a network computes the
 # Q-values from its inputs, which are here the row and the column of the cell. It answers even for a
 # cell that it has never seen, and similar cells get similar values. This is called
-# **generalising**; it is a blessing and, as you will see, a danger.
+# **generalising**.
 #
 # The table moved an entry a fraction $\alpha$ towards $y$. Now the weights $\theta$ take a step
 # downhill on the squared error (paper, eq. 7):
@@ -154,8 +159,6 @@ for gamma in (0.5, 0.95, 1.0):
 # at random: old and new steps, from many flights. Only an off-policy method may do this, because
 # most of these steps were flown by earlier, worse versions of the agent.
 #
-# Two choices remain.
-#
 # - *How large?* A small memory holds little but the last few flights, so it brings back the problem
 #   that it should solve. A large one also holds older steps, flown by agents that knew less. The
 #   authors' memory holds 50,000 steps, ours 200,000. What counts is how many *flights* it holds
@@ -166,10 +169,9 @@ for gamma in (0.5, 0.95, 1.0):
 #
 # ## 6.3 It explodes
 #
-# The memory holds 100 random flights. All steps from or to cell (1, 1) have been left out, so that
-# we can test later what a network says about a cell that it has never seen. Three networks start
-# from different random weights, and each computes its own targets. The value of the start cell
-# should become 6.7.
+# The memory holds 100 random flights. All steps from or to cell (1, 1) have been left out, to test
+# later what a network says about a cell that it has never seen. Three networks start from different
+# random weights, and each computes its own targets. The value of the start cell should become 6.7.
 
 # %%
 memory = flights_of(small_city(), 100)
@@ -194,8 +196,7 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 #
 # Say an update raises $Q(s,a)$ by 1. If it raises the best value of $s'$ by less than
 # $1/\gamma\approx1.05$, the target moves by less than 1, and the gap between them shrinks.
-# Otherwise the gap grows with every update: the network chases its own tail. (With $\gamma=0.5$ the
-# limit would be 2.)
+# Otherwise the gap grows with every update: the network chases its own tail.
 #
 # Three things have come together: a network that generalises, targets made from its own estimates
 # (**bootstrapping**), and learning off-policy. Together they are known as the *deadly triad*: no
@@ -209,10 +210,11 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 #
 # $$\bar\theta\leftarrow(1-\tau)\,\bar\theta+\tau\,\theta$$
 #
-# While the online network takes a step, the targets hardly move, so it has time to catch up with
-# them. Too slow is bad, too: with $\tau=0.00001$ the target network would stay close to its random
-# start, and keep producing meaningless targets, for the whole run. With $\tau=1$ both networks are
-# the same, as above. Here is $\tau=0.05$ for comparison:
+# While the online network takes a step, the targets hardly move, so it can catch up. Roughly, the
+# target network shows what the online network was $1/\tau$ updates ago. Too slow is bad, too: with
+# $\tau=0.00001$ the target network would stay close to its random start, and keep producing
+# meaningless targets, for the whole run. With $\tau=1$ both networks are the same. Here is
+# $\tau=0.05$ for comparison:
 
 # %%
 calm = [learn(tau=0.05, seed=seed) for seed in range(3)]
@@ -238,8 +240,8 @@ draw_maps({"table": table(300), "network": values[0], "another": values[1]}, num
 #
 # In a large city random flights rarely get far, so the agent should use what it has learned. But if
 # it always takes the action that seems best, it may never find out that another is better. Trying
-# other actions, for the sake of knowledge that may pay off later, is called **exploration**. The
-# paper draws actions from a **softmax policy** with the **temperature** $\beta$ (eq. 10):
+# other actions for the sake of knowledge is called **exploration**. The paper draws actions from a
+# **softmax policy** with the **temperature** $\beta$ (eq. 10):
 #
 # $$\pi(a\mid s)=\frac{\exp(Q(s,a)/\beta)}{\sum_{a'}\exp(Q(s,a')/\beta)}$$
 
@@ -269,11 +271,9 @@ axes[0].set_ylabel("probability");
 # otherwise the best. ε needs no scale, whereas β has to fit the size of the Q-values. But ε-greedy
 # tries the worst action as often as the second best.
 #
-# Why are pointless actions not simply forbidden? One could **mask** them, that is, leave them out
-# of the choice. But then the maximum of the target must be masked, too, or it may fall on an action
-# whose value nothing corrects, because it is never flown. Masking saves the agent the penalties and
-# the wasted steps, but the network learns nothing about walls, and fails where the mask is missing.
-# The paper lets the agent try and pay.
+# Why are pointless actions not masked (3.4)? Then the maximum of the target must be masked, too, or
+# it may fall on an action whose value nothing corrects, because it is never flown. And the network
+# learns nothing about walls, so it fails where the mask is missing.
 #
 # ## 6.5 Double Q-learning
 #
@@ -317,8 +317,7 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 #
 # Act, remember, draw a minibatch, move towards the targets, let the target network follow: that is
 # all. [One page](../docs/tutorials/pseudocode.md) shows it as pseudocode, beside the names in the
-# code. For the paper's city only the network changes: that of notebook 5 reads the map and the
-# time.
+# code. For the paper's city only the network changes (notebook 5).
 #
 # ## Recap
 #

@@ -111,9 +111,11 @@ assert flights.end.landed.all()
 
 # %% [markdown]
 # With the failsafe every flight lands, by construction, as long as the map is right and no wind
-# makes a step longer. What a rule guarantees need not be learned, and no crash of −150 disturbs the
-# Q-values any more. So from here on "landed 100 %" is no achievement of the agent, and we shall
-# look at the return.
+# makes a step longer. (With wind, a move would sometimes end in another cell. Random gusts leave
+# the problem an MDP, but a wind that lasts belongs in the state. The failsafe would have to turn
+# back earlier, and would hold only with a certain probability.) What a rule guarantees need not be
+# learned, and no crash of −150 disturbs the Q-values any more. So from here on "landed 100 %" is no
+# achievement of the agent, and we shall look at the return.
 #
 # ## 9.3 Tell
 #
