@@ -10,7 +10,8 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+EXTRAS = PROJECT["optional-dependencies"]
 BLOCK = """
 import sys
 class Missing:
@@ -40,10 +41,15 @@ for command in {commands}:
 
 
 def packages(extras=EXTRAS):
-    """The packages that the extras bring, as they are imported."""
+    """The packages that only the extras bring, as they are imported."""
     named = {"stable-baselines3": "stable_baselines3", "myst-nb": "myst_nb", "sionna-rt": "sionna"}
-    found = {re.match(r"[\w.\-]+", one)[0] for extra in extras for one in EXTRAS[extra]}
-    return {named.get(name, name) for name in found - {"uavdh-lite"}} - {"hypothesis", "pytest"}
+    listed = [one for extra in extras for one in EXTRAS[extra]]
+    brought, always = (
+        {re.match(r"[\w.\-]+", one)[0] for one in some}
+        for some in (listed, PROJECT["dependencies"])
+    )
+    only = brought - always - {"uavdh-lite", "hypothesis", "pytest"}
+    return {named.get(name, name) for name in only}
 
 
 def test_a_module_imports_or_names_the_extra_that_it_needs_and_so_does_a_command(tmp_path):
