@@ -2,8 +2,10 @@
 
 import json
 import re
+import tomllib
 from dataclasses import asdict
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import onnxruntime
@@ -54,6 +56,8 @@ def test_a_shipped_agent(tmp_path, name, city):
 
 @pytest.mark.parametrize("package", OLDEST)
 def test_a_package_that_is_too_old_is_named(tmp_path, monkeypatch, package):
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    assert f"{package}>={OLDEST[package]}" in project["optional-dependencies"]["onnx"]
     older = f"{float(OLDEST[package]) - 0.1:.1f}.9+cpu"
     monkeypatch.setattr(onnx, "version", lambda name: older if name == package else "99.0")
     with pytest.raises(

@@ -10,11 +10,10 @@ import { CHANGES, TOOLS, YOU, cityOfPicture, linkOf, newStage, overCity, picture
   textOfLink, withMission } from "./state.js";
 import { choice, closestCall } from "./think.js";
 import { ACTIONS, City, InputError, SIGNS, bootstrapInterval, require, wilsonInterval } from "./world.js";
-import { RUNS, grouped, sentence } from "./words.js";
+import { LONGEST, RUNS, grouped, sentence } from "./words.js";
 
 const TOGETHER = 700; // ms between changes of one kind that are undone as one
 const LINKED = 200; // ms without a change after which the address follows
-const LONGEST = 500; // units of time that the page flies at most
 const KEPT = 100; // changes that can be undone
 const RANKED = 6; // flights of the ranking
 const MISSIONS = 100;

@@ -4,6 +4,7 @@
 import { CONTROLS, SQUARE, escaped, flightPanels, lastStep, legend, playback, showing } from "../player.js";
 import { attend } from "./hands.js";
 import { TOOLS, brush, button, options } from "./tools.js";
+import { LONGEST } from "./words.js";
 
 const MORE = "Cells, numbers and files";
 const LINK = "stage=";
@@ -246,7 +247,7 @@ export function draw(el, model) {
       <td>${field(`data ${k}`, "data", data, 'min="0" max="32767" step="any"')}</td>
       <td>${button("×", { kind: "remove", device: k }, `aria-label="remove device ${k}" title="remove"`)}</td></tr>`;
     stage.fill(".devices", `${state.devices.map(row).join("")}<tr><th>start</th>${place(-1, state.start)}</tr>`);
-    stage.fill(".fields", field("time", "flying time", state.flyingTime, 'min="1" max="500"'));
+    stage.fill(".fields", field("time", "flying time", state.flyingTime, `min="1" max="${LONGEST}"`));
     find("[data-set=place]").setAttribute("aria-pressed", adding);
     find("[data-set=place]").disabled = full;
     stage.fill(".hint", full ? `at most ${state.most} devices here` : adding ? "Press a free cell on the map." : "");

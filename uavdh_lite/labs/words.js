@@ -19,6 +19,7 @@ export const units = (amount) => (amount >= 0.1 || amount === 0 ? amount.toFixed
 export const signed = (value) => (value <= -0.05 ? "−" : "") + Math.abs(value).toFixed(1);
 export const grouped = (number) => number.toLocaleString("en");
 export const RUNS = ["blue", "orange"]; // the runs of a race by their colours
+export const LONGEST = 500; // units of time that a mission of this page has at most
 export const gapOf = (gap) => (gap < 0.005 ? "less than 0.01" : gap >= 1 ? gap.toFixed(1) : gap.toFixed(2));
 const steps = (count) => (count === 1 ? "1 step" : `${count} steps`);
 export const timeUnits = (count) => `${count} ${count === 1 ? "unit" : "units"} of time`;
