@@ -62,19 +62,19 @@ trajectory_figure(environment, flights.trajectory(0))
 # flying time it has.
 #
 # A program that chooses one action after another is called an *agent*. The one above chooses with a
-# neural network, a formula with hundreds of thousands of adjustable numbers. These numbers
+# neural network, a formula with hundreds of thousands of adjustable numbers, its **weights**. These
 # were *trained*. The agent flew random missions, millions of steps in all, and after each step it
 # received a *reward*, a number that is large if much data came in, slightly negative if none did,
-# and strongly negative if the UAV crashed. The numbers were adjusted until they predicted how much
-# reward each action would lead to, with later rewards counting less. Learning of this kind, by
-# trial and error and from rewards, is called **reinforcement learning**.
+# and strongly negative if the UAV crashed. The weights were adjusted until the network predicted
+# how much reward each action would lead to, with later rewards counting less. Learning of this
+# kind, by trial and error and from rewards, is called **reinforcement learning**.
 #
 # The full name of this agent is `manhattan_ddqn`, but in this course we simply call it **the
 # agent**. The library contains other agents. We use this one because it was trained with the method
-# that the course teaches, the *double deep Q-network* or **DDQN**. The course follows an article by
-# Bayerlein and others from 2020, which uses this method to collect data with a UAV; we call it *the
-# paper*. Our agent was trained with a strengthened version of the paper's method, and notebook 7
-# says what was changed.
+# that the course teaches, the *double deep Q-network* or **DDQN**. The course follows a 2020
+# article by Bayerlein and others, which uses this method to collect data with a UAV; we call this
+# article *the paper*. Our agent was trained with a strengthened version of the paper's method, and
+# notebook 7 says what was changed.
 #
 # ## 0.2 Reading a flight
 #
@@ -193,9 +193,9 @@ for name, each in flown.items():
     print(f"{name:<16}collected {each.end.collected[0]:.0%} in {each.steps[0]} steps")
 
 # %% [markdown]
-# Greedy always goes to the nearest device that still has data, and then home. The order that
-# results need not suit the time. The random pilot wanders about, and lands as soon as it happens to
-# draw `land` in the right place.
+# Greedy always goes to the nearest device that still has data, and then home, so the order of its
+# visits does not depend on how much time there is. The random pilot wanders about, and lands as
+# soon as it happens to draw `land` in the right place.
 #
 # One flight proves nothing, though. We picked this mission, and in others greedy beats the agent. A
 # fair race needs many missions, drawn at random and the same for all three.
@@ -222,8 +222,8 @@ for metric in scores["random"]:
     print(f"{metric:<22}", *(f"{each[metric].mean():14.3f}" for each in scores.values()))
 
 # %% [markdown]
-# Notebook 8 flies other missions, so its numbers differ a little. Read the columns from right to
-# left.
+# (Notebook 8 repeats this comparison on other missions, so its numbers differ a little from these.)
+# Read the columns from right to left.
 #
 # **Random** lands in most missions, and yet it is useless: it lands with hardly any data. A high
 # `landed` alone does not make a good pilot, and `collected_and_landed` shows how little random
@@ -234,10 +234,10 @@ for metric in scores["random"]:
 #
 # **The agent** comes close to greedy but does not overtake it. Consider what each of them was told.
 # Both see the street map. Greedy was also given the shortest routes, and a rule that a person had
-# thought up. Nobody told the agent what the map means. It started with random numbers in its
-# network, and from rewards alone it has learned to fly to data, to turn back and to land, in *this*
-# city. How much of this is understanding, and how much is places learned by heart, is a question
-# for notebook 8.
+# thought up. Nobody told the agent what the map means. Its network started with random weights, and
+# from rewards alone the agent has learned to fly to data, to turn back and to land, in *this* city.
+# How much of this is understanding, and how much is places learned by heart, is a question for
+# notebook 8.
 #
 # So a rule of a few lines beats a network that took millions of steps to train. **Why learn at
 # all?** Keep this question in mind, because the whole course is an answer to it. Here are two
@@ -253,9 +253,9 @@ worst = scores["manhattan_ddqn"]["collected_and_landed"].argmin()
 trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 
 # %% [markdown]
-# The agent empties the near device and goes home with half of its time unused, although the two
-# devices in the east still hold nearly all of their data. Nobody can say which of the numbers in
-# its network is to blame. Even this flight ended in a landing zone, as all two thousand did,
+# The agent empties the near device and goes home with nearly half of its time unused, although the
+# two devices in the east still hold nearly all of their data. Nobody can say which of the weights
+# in its network are to blame. Even this flight ended in a landing zone, as all two thousand did,
 # although nothing forces the agent to land. (Had it crashed, the picture would show a red star, and
 # the flight would score 0, however much data the caption says had been collected.)
 #
@@ -290,8 +290,8 @@ for action, value in zip(ACTIONS, q_values):
 # Here is the plan of the course. Notebooks 1 and 2 show what the radio channel does. Notebook 3
 # says what a step is and what it earns. Notebooks 4 and 5 show what the network sees and how it
 # computes, and notebooks 6 and 7 how it learns and what can go wrong. Notebook 8 asks what the
-# agent has learned, and in notebook 9 an agent beats the rule. On the way, in the exercises, you
-# build all of it yourself.
+# agent has learned, and in notebook 9 an agent beats the rule. In the exercises along the way, you
+# program the main steps of all this yourself.
 #
 # The library also has *labs*, interactive pages that `python -m uavdh_lite app` opens in a browser.
 # In the lab *Fly* you can fly against the agent yourself, with the arrow keys.
@@ -299,8 +299,8 @@ for action, value in zip(ACTIONS, q_values):
 # ## Recap
 #
 # - The task is to collect as much data as possible and to land before the flying time runs out.
-# - An arrow has the colour of the device that sends most. Violet cells lie in the radio shadow of
-#   buildings.
+# - An arrow has the colour of the device that sends the most data. Violet cells lie in the radio
+#   shadow of buildings.
 # - One network flies every mission over this city, and takes a different route when the time is
 #   short.
 # - `collected_and_landed` is the score: data counts only if the UAV lands.

@@ -93,7 +93,8 @@ print(f"{tall.sum()} tall cells, {low.sum()} low ones, {closed.sum()} only close
 # $$\mathrm{SNR} = \frac{P}{\sigma^2} \cdot d^{-\alpha_l} \cdot 10^{\eta_l/10}$$
 #
 # Here $P$ is the transmitted power and $\sigma^2$ the power of the noise. The number $\eta_l$
-# stands for luck, which section 1.5 explains. In decibels the same equation becomes a sum:
+# stands for luck, the **shadow fading** of section 1.5. In decibels the same equation becomes a
+# sum:
 #
 # $$\mathrm{SNR_{dB}} = \Big(\frac{P}{\sigma^2}\Big)_{\mathrm{dB}} - 10\,\alpha_l \log_{10} d + \eta_l$$
 #
@@ -131,7 +132,7 @@ figure
 # How strong is the transmitter? The paper does not state $P/\sigma^2$ but the *cell-edge SNR*. This
 # cell is not one of our grid cells, but the area that one station of a phone network serves, which
 # here is the whole map. Between the middle of the map and a device in one of the map's corners, at
-# ground level and in sight, the SNR is −15 dB. From this $P/\sigma^2$ follows. Take the distance,
+# ground level and in sight, the SNR is −15 dB. From this, $P/\sigma^2$ follows. Take the distance,
 # compute the loss, and add it to the SNR at the corner:
 
 # %%
@@ -146,7 +147,7 @@ assert np.isclose(budget_db, channel.transmit_snr_db(16))
 # included.)
 #
 # A link behind a building has the same budget, because the transmitter does not know what stands in
-# the way. So, apart from luck, it now takes only one subtraction to compute any SNR:
+# the way. So, apart from luck, any SNR now takes only one subtraction:
 
 # %%
 def snr_db(ground_m, exponent):
@@ -171,7 +172,7 @@ print(f"above the device {snr_db(0, 2.27):.1f} dB, 30 m away {snr_db(30, 2.27):.
 # different signals apart in the same noise, and at a high SNR that takes twice the power. So
 # to *add* one unit of data, you have to *multiply* the power by two.
 #
-# Before you look at the rates, make a prediction:
+# First make a prediction:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -209,14 +210,14 @@ for distance in (0, 10, 20, 30, 100):
 #
 # ## 1.5 Shadow fading
 #
-# Trees, signs and vehicles make a signal stronger or weaker than you would expect at its distance.
-# This is called *shadow fading*. In spite of its name, it has nothing to do with the violet shadows
-# of notebook 0. Those are cast by buildings, which are on the map, whereas fading stands for what
-# is not on the map. (Reflections add *multipath fading*, which changes within centimetres; the
-# paper leaves it out.) The model adds $\eta_l$ to the SNR: a normally distributed number of
-# decibels with mean 0, which is drawn anew for every slot and every device. Its variance is 2 dB²
-# in sight and 5 dB² behind a building. The paper calls this variance $\sigma_l^2$; do not confuse
-# it with $\sigma^2$, the power of the noise.
+# Trees, signs and vehicles make a signal stronger or weaker than the distance alone would suggest.
+# This is called *shadow fading*. Despite its name, it has nothing to do with the violet shadows of
+# notebook 0. Those are cast by buildings, which are on the map, whereas fading stands for what is
+# not on the map. (Reflections add *multipath fading*, which changes within centimetres; the paper
+# leaves it out.) The model adds $\eta_l$ to the SNR: a normally distributed number of decibels with
+# mean 0, which is drawn anew for every slot and every device. Its variance is 2 dB² in sight and 5
+# dB² behind a building. The paper calls this variance $\sigma_l^2$; do not confuse it with
+# $\sigma^2$, the power of the noise.
 #
 # A radio engineer will object here. In a real street shadow fading is *correlated*: the tree that
 # is in the way now is still in the way one step later, so the fading stays similar over tens of
@@ -272,8 +273,8 @@ figure
 # *Jensen's inequality*.
 #
 # Textbooks often say the opposite, that fading *lowers* the rate. They compare links with the same
-# mean SNR, and as a function of the SNR itself, not in decibels, the rate bends downwards. Here the
-# mean is fixed in decibels. So fading raises the mean SNR, by 5 % in sight and by 14 % behind a
+# mean SNR, and as a function of this ratio, rather than of decibels, the rate bends downwards. Here
+# the mean is fixed in decibels. So fading raises the mean SNR, by 5 % in sight and by 14 % behind a
 # building, and that is more than the bend takes away.
 #
 # The UAV cannot foresee luck. It can only choose places that are good on average.
@@ -298,19 +299,20 @@ for name, ground, exponent in (
 # - Directly above the device, two steps are enough.
 # - Down the street, hovering takes six steps. Flying two cells nearer and back takes only four,
 #   because data comes in on the way.
-# - Behind a building, the UAV is only half as far away and still gets no more than a tenth as much.
+# - Behind a building, the UAV is only half as far away as down the street, but gets no more than a
+#   tenth as much.
 # - Round the corner, it would take longer than any flight lasts.
 #
 # So the answer to the question at the top is: anywhere that is *in sight* of the device and not too
 # far away. Where that is depends on the buildings, and the agent is never told. In the lab
-# *Channel* (`python -m uavdh_lite app`) you can drag a device and watch its map change.
+# *Channel* (`python -m uavdh_lite app`) you can drag a device and watch this map change.
 #
 # ## Recap
 #
 # - Three yes-or-no layers describe the city.
 # - The SNR in dB is the link budget, minus $10\,\alpha_l \log_{10} d$, plus luck.
 # - A slot carries $\log_2(1 + \mathrm{SNR})$ data units, and a step has four slots.
-# - From 10 m along the ground, a building in between costs more than nine
+# - If the UAV is at least 10 m away on the ground, a building in between costs more than nine
 #   tenths of the data.
 # - Fading is luck in decibels. On average it helps, because the rate is convex in decibels.
 #

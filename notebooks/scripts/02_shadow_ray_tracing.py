@@ -136,7 +136,7 @@ assert (np.argwhere(crossed) == crossed_cells(R, C)).all()
 #
 # ## 2.2 At a corner
 #
-# What would you expect where a ray meets a corner?
+# What would you expect to happen where a ray meets a corner?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -172,10 +172,10 @@ figure
 #
 # The result is a table with four indices, two for the cell of the device and two for that of the
 # UAV. Each entry says whether the two see each other. The table is computed only once per city,
-# because buildings do not move. During a flight the program only looks things up in it, so in the
-# next mission the devices may stand elsewhere at no cost. The table has $16^4 = 65{,}536$ entries,
-# because every cell is paired with every cell. A city twice as wide has 16 times as many, and its
-# rays are twice as long.
+# because buildings do not move. During a flight the program only looks things up in it, so the
+# devices may stand elsewhere in the next mission at no extra cost. The table has $16^4 = 65{,}536$
+# entries, because every cell is paired with every cell. A city twice as wide has 16 times as many,
+# and its rays are twice as long.
 
 # %%
 sight = line_of_sight(environment.city.buildings)
@@ -232,8 +232,8 @@ print("cells with 0, 1, 2 and 3 devices hidden:", np.bincount(hidden.ravel()))
 #   this, without rounding.
 # - Two buildings that share a corner block the ray through that corner. One building alone does
 #   not.
-# - A table holds all pairs of cells, and it is the same in both directions. The violet of a cell
-#   counts the devices that are hidden from it.
+# - A table says for every pair of cells whether they see each other, and the answer is the same in
+#   both directions. The violet of a cell counts the devices that are hidden from it.
 #
 # ## Exercises
 #

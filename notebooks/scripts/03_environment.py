@@ -91,8 +91,7 @@ after, outcome = environment.transition(state, np.array([EAST]), fading)
 print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 
 # %% [markdown]
-# In symbols, the next state is drawn
-# from a distribution
+# In symbols, the next state is drawn from a distribution:
 #
 # $$s_{t+1} \sim p(\,\cdot \mid s_t, a_t)$$
 #
@@ -101,15 +100,15 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # with this property is a **Markov decision process**, MDP. Ours has the property because fading is
 # drawn anew in every slot. If good luck came in runs, the luck of the past would say something
 # about the future, and the state would have to include it. The time left belongs in the state for
-# the same reason, because it decides when the episode ends. If an agent sees only a part of such a
-# state, the process is *partially observable*, and the problem is called a **POMDP**. Such a
-# problem is much harder, because the agent has to remember what it saw earlier.
+# the same reason: it decides when the episode ends. If an agent sees only a part of such a state,
+# the process is *partially observable*, and the problem is called a **POMDP**. Such a problem is
+# much harder, because the agent has to remember what it saw earlier.
 #
 # ## 3.3 What a step earns
 #
 # Nobody tells an agent which action is right. Instead, it gets a *reward* for each step. Learning
-# means changing the policy so that the sum of the rewards, the *return*, becomes larger. The reward
-# has four parts (paper, section II-B):
+# means changing the policy so that the sum of the rewards, the *return*, grows. The reward has four
+# parts (paper, section II-B):
 #
 # $$r_t = \text{data uploaded} + r_\mathrm{mov} + r_\mathrm{sc} + r_\mathrm{crash}$$
 #
@@ -120,10 +119,9 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 # | $r_\mathrm{sc}$ | −1 | the safety controller intervenes |
 # | $r_\mathrm{crash}$ | −150 | time is up and the UAV has not landed |
 #
-# The paper does not state these values; they are the defaults of the authors' code. Our agent was
-# trained with two different ones: a step cost 0.1, and a crash cost little at first and 150 at the
-# end of training. Notebook 7 says why. Here are the rewards of greedy's flight, one bar for each
-# step:
+# The paper does not state these values; they are the defaults of the authors' code. For our agent
+# two of them were different: a step cost 0.1, and a crash cost little at first and 150 at the end
+# of training. Notebook 7 says why. Here are the rewards of greedy's flight, step by step:
 
 # %%
 from matplotlib.figure import Figure
@@ -139,17 +137,18 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Follow the black line. It falls while the UAV is on its way to a device and rises when the UAV is
-# near one. Its last value is the return. An agent that looked no further than the next reward would
-# land at once in this mission, because landing costs nothing. So an agent has to learn that a step
-# that costs something now may bring in much more later. When data comes in after thirty steps,
-# which of those steps deserve the credit? This is the problem of **credit assignment**, and
-# notebook 6 is about it.
+# The black line falls while the UAV is on its way to a device and rises while data comes in. Its
+# last value is the return. An agent that looked no further than the next reward would land at once
+# in this mission, because landing costs nothing. So an agent has to learn that a step that costs
+# something now may bring in much more later. When data comes in after thirty steps, which of those
+# steps deserve the credit? This is the problem of **credit assignment**, and notebook 6 is about
+# it.
 #
 # Why is data paid for when it comes in, and not at the landing, as the score would have it? Because
-# then the reward would come dozens of steps after the turn that earned it. Paid at once, it stands
-# beside the step that brought it in. The price is that reward and score are no longer the same, and
-# only the penalty for a crash makes the agent bring its data home (notebook 7).
+# a reward at the landing would come dozens of steps after the turn that earned it. A reward that is
+# paid at once stands beside the step that brought in the data. The drawback is that return and
+# score are no longer the same, and only the penalty for a crash makes the agent bring its data home
+# (notebook 7).
 #
 # Is 0.2 a good price for a step? At a price of 0 there would be no reason to land before the last
 # moment. At 5, most flights would cost more than they bring in. At 0.2, a detour of ten steps pays
@@ -171,21 +170,22 @@ for action in (NORTH, NORTH):
     print(f"in cell {flight.state.uav_cell[0]}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# The first move is an ordinary one. The second would leave the map, so the UAV hovers in its cell
-# instead and pays an extra 1. (A little data comes in, too.) The same happens when the UAV tries to
-# enter a tall building or a no-fly zone, or to land outside the landing zones. The agent of
-# notebook 6 learns from the action that it chose, not from the hovering, because it is the choice
-# that has to look worse.
+# The first move is ordinary. The second would leave the map, so the UAV hovers in its cell instead
+# and pays an extra 1. (A little data comes in, too.) The same happens when the UAV tries to enter a
+# tall building or a no-fly zone, or to land outside the landing zones. The agent of notebook 6
+# learns from the action that it chose, not from the hovering, because it is the choice that has to
+# look worse.
 #
 # Why does a wrong move not end the episode? A beginner makes a wrong move every few steps, so its
 # episodes would hardly ever last long enough for it to collect much.
 #
-# The controller is a part of the UAV, not of the training. The trained agent still needs it: it
-# makes a few wrong moves in a hundred missions, and each of them could be a collision.
+# The controller is a part of the UAV, not of the training. The trained agent still needs it,
+# because each of the few wrong moves that the agent makes in a hundred missions could be a
+# collision.
 #
 # One could also remove the forbidden actions from the choice, which is called **masking**. Then the
-# agent would not need penalties to learn where the walls are. The paper lets it try and pay, so
-# that it has to learn to read the map.
+# agent would not need penalties to learn where the walls are. The paper lets the agent try them and
+# pay, so that it has to learn to read the map.
 #
 # One disaster remains: the time is up, and the UAV is still in the air.
 
@@ -198,14 +198,14 @@ outcome = HandFlight(environment, late).step(HOVER)
 print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f}")
 
 # %% [markdown]
-# Nothing is uploaded in the step that ends an episode, crash or landing alike. (The paper leaves
-# this open.)
+# Nothing is uploaded in the step that ends an episode, whether by a crash or a landing. (The paper
+# leaves this open.)
 #
 # You can now see why, on average, **even a perfect pilot stays below 100 %**. Missions are drawn at
 # random, and nobody checks whether all of their data can be collected. Five devices in far corners
 # may be too many for any route of 35 units of time; a device in a courtyard may cost more to reach
-# than its data is worth; and fading is luck. So compare a pilot with the best that is possible, not
-# with 100 %.
+# than its data is worth; and fading may bring bad luck. So compare a pilot with the best that is
+# possible, not with 100 %.
 #
 # ## 3.5 Who may send: four slots per step
 #
@@ -215,13 +215,13 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 # is called **time division multiple access**, TDMA (paper, eq. 3). The data that a step brings in
 # is the sum over its slots (eq. 4).
 #
-# Why is the fading drawn for each slot and not once for a whole flight? Then some missions would be
-# lucky from start to end, and a pilot would first have to find out by measuring whether its own is
-# one of them. With four draws in each step most of the luck averages out, so what remains is mostly
-# geometry.
+# Why is the fading drawn for each slot and not once for a whole flight? If it were drawn only once,
+# some missions would be lucky from start to end, and a pilot would first have to find out by
+# measuring whether its own is one of them. With four draws in each step most of the luck averages
+# out, so what remains is mostly geometry.
 #
 # In the next figure the UAV hovers between three devices, each of them two cells away. Device 2 has
-# only 1.5 units of data left. Fading is drawn for every slot and every device:
+# only 1.5 units of data left:
 
 # %%
 from uavdh_lite.plotting import device_colour, draw_city
@@ -249,11 +249,11 @@ figure
 #
 # The rule takes no account of how much data a device has, or of fairness. The loudest device gets
 # the whole slot, even if it has only 0.1 units left to send, and a device that is never the loudest
-# never sends. So the rule does not give the best schedule.
+# never sends. So the rule need not give the best schedule.
 #
 # Why is "serve device 2" not an action of the agent? If it were, the agent would have to learn what
-# a simple rule already does well. And even without such an action it has a say, because where it
-# flies decides which device is loudest.
+# a simple rule already does well. And even without it the agent has a say, because where it flies
+# decides which device is loudest.
 #
 # From slot to slot the UAV moves on a little: in slot $i$ it has flown $i$ quarters of the way. In
 # the next figure it flies east, past the corner of a building. Fading is left out:
@@ -272,15 +272,15 @@ figure
 
 # %% [markdown]
 # The dots are the UAV in the four slots, and the cross is the device. In slot 1 the building is in
-# the way. From slot 2 on the device is in sight, and each slot carries a little more than the one
+# the way. From slot 2 on, the device is in sight, and each slot carries a little more than the one
 # before. How does the program know? The table of notebook 2 has one answer for each *cell*, whereas
 # the UAV is now between two cells. So the nearer of the two decides whether the UAV is in sight.
 # Halfway, in slot 2, both are equally near, and then the cell that the UAV is entering counts.
 #
 # ## 3.6 Fly it yourself
 #
-# Now go back to the mission in the first picture. Look for the white cells there, from which the
-# UAV sees both devices, the middle one along its street from the west.
+# Now go back to the mission in the first picture. From the two white cells in the west the UAV sees
+# both devices, one along the street and the other along the edge of the city.
 #
 # Here is a plan. Change it, run the cell, and try to do better:
 
@@ -305,8 +305,8 @@ assert flown["by hand"].returns > flown["greedy"].returns + 5
 # that device is empty, and from there it is a long way to the second. You had a map of the shadows
 # to plan with. The agent has none, and yet it brings everything home, too.
 #
-# One mission shows no more than that a good rule can be beaten. In the lab *Fly* (`python -m
-# uavdh_lite app`) you can fly missions with the arrow keys.
+# One mission shows no more than that a good rule can be beaten. In the lab *Fly* you can fly many
+# more missions, with the arrow keys.
 #
 # ## Recap
 #

@@ -55,7 +55,8 @@ draw_maps(dict(zip(LAYERS, maps[0])), uav=(15, 15))
 # about shadows it has to work out from the layer of buildings or, if it flies in a single city,
 # learn by heart.
 #
-# The UAV is always in the middle. This is **map centring**, the paper's main idea (section III-C).
+# The UAV is always in the middle of the *frame*, the square that each picture fills. This is **map
+# centring**, the paper's main idea (section III-C).
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -135,16 +136,16 @@ figure.legend(loc="outside right upper", fontsize="small");
 # UAVs stay in the air until they crash, even if nothing is left to collect, because an agent that
 # believes it has 60 more units sees no need to hurry. No orange point comes near the black line.
 #
-# In the words of notebook 3, what the agent sees without the time, its *observation*, is not
-# a **Markov** state, because the future depends on something that cannot be seen. A problem in
-# which the agent sees only a part of the state is called a *partially observable* Markov decision
-# process, a **POMDP**. With the time, our problem is not a POMDP, because map and time together
-# hold all of the state that matters.
+# In the words of notebook 3, what the agent sees, its **observation**, would not be a **Markov**
+# state without the time, because the future would depend on something that the agent cannot see. A
+# problem in which the agent sees only a part of the state is called a *partially observable* Markov
+# decision process, a **POMDP**. With the time, our problem is not a POMDP, because map and time
+# together hold all of the state that matters.
 #
 # The layer "data left" is there for the same reason. Without it the agent would not see a device
-# until some of its data had come in, and then not how much is left, so it could not tell when to
-# fly on. The future does not depend on what has been *collected*, so that layer could be left out;
-# it is there because the paper has it.
+# until some of its data had come in, and even then not how much is left, so it could not tell when
+# to fly on. The future does not depend on what has been *collected*, so the layer that shows it
+# could be left out; it is there because the paper has it.
 #
 # ## 4.3 Two frames
 #
@@ -176,17 +177,16 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # smallest in which every *displacement* from the UAV has a place of its own.
 #
 # A centred picture allows one more thing: it can be turned by right angles and mirrored, as long as
-# the action turns with it (north becomes west). So a single step that was flown gives eight
-# examples to learn from, four directions and their mirror images, without another flight. This is
-# called *data augmentation*. It is allowed because neither the radio nor the moves prefer a
-# direction; with wind, or with an antenna that points north, it would be wrong. The agents of
-# notebooks 9 and 12 that learn by copying are trained in this way, but the DDQN agent of this
-# course is not.
+# the action turns with it (north becomes west). So a single step of a flight gives eight examples
+# to learn from, four directions and their mirror images, without another flight. This is called
+# *data augmentation*. It is allowed because neither the radio nor the moves prefer a direction;
+# with wind, or with an antenna that points north, it would be wrong. The agents of notebooks 9 and
+# 12 that learn by copying are trained in this way, but the DDQN agent of this course is not.
 #
 # ## 4.4 Why pictures?
 #
 # A mission could be described by far fewer numbers: the UAV's cell, and for each device its cell
-# and its data. There are three arguments for pictures nevertheless.
+# and its data. Nevertheless, there are three arguments for pictures.
 #
 # - **The number of devices may vary.** A list for five devices has no room for a sixth, and if
 #   there are only two, three of its entries mean nothing. On a map any number of devices fits, so
@@ -243,17 +243,17 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #
 # *Two UAVs:* the state holds both places and both times. Each UAV's network gets one more layer,
 # which shows where the other UAV is. Either the two share one reward, or they compete. The safety
-# controller stops two UAVs that want the same cell. While one of them learns, the world in which
-# the other one flies changes, so the steps that the other one has stored to learn from (notebook 6)
-# come from a world that is no longer there ([a map of the
+# controller stops two UAVs from entering the same cell. While one of them learns, the world in
+# which the other one flies changes, so the steps that the other one has stored to learn from
+# (notebook 6) come from a world that is no longer there ([a map of the
 # field](../docs/tutorials/map_of_the_field.md)).
 #
 # *Landing anywhere:* the landing layer tells the network nothing any more, and the UAV never has to
 # turn back. It still has to choose its route, and it lands when no data is left that is worth the
-# steps it takes to fetch it, or with its last unit of time. *No `land`:* the UAV could not fly
+# steps needed to fetch it, or else with its last unit of time. *No `land`:* the UAV could not fly
 # through the zone, and it could hardly start there.
 #
-# *Devices that move:* their cells change, so the next state is drawn at random with them. If each
+# *Devices that move:* the next state now also depends on where the devices happen to walk. If each
 # of their steps is independent of the one before, their present places are enough. If they keep
 # their direction, one picture does not show it, and the task is a POMDP. There are three remedies:
 # a layer that shows the directions, the last few pictures together (**frame stacking**), or a
@@ -261,21 +261,22 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #
 # *Any direction:* the places are now numbers with decimals, and the grid shows them only roughly.
 # The harder change is in the agent. Ours gives a number to each of six actions and takes the action
-# with the largest. Angles and speeds cannot be listed like this, so methods such as SAC train a
-# second network that proposes the action ([a map of the
+# with the largest number. Angles and speeds cannot be listed like this, so methods such as **soft
+# actor-critic** (SAC) train a second network that proposes the action ([a map of the
 # field](../docs/tutorials/map_of_the_field.md)).
 #
-# *Ten times as wide:* the frame would have 319 cells a side, a hundred times as many numbers as
-# now. A later article by the same authors therefore shows the network two small pictures: the
-# surroundings of the UAV in full, and the whole map averaged to coarse cells.
+# *Ten times as wide:* the frame would have 319 cells on each side, so the network would have to
+# read about a hundred times as many numbers as now. A later article by the same authors therefore
+# shows the network two small pictures: the surroundings of the UAV in full, and the whole map
+# averaged to coarse cells.
 # </details>
 #
 # ## Recap
 #
 # - The agent sees five layers and the time that is left. With a stopped clock it does not know when
 #   to go home.
-# - Centring puts the UAV in the middle of a frame of $2M-1$ cells, so that a place in the picture
-#   is relative to the UAV.
+# - Centring puts the UAV in the middle of a frame that is $2M-1$ cells wide, so that a place in the
+#   picture stands for a position relative to the UAV.
 # - A map has room for any number of devices, needs no order among them, and shows the city together
 #   with them.
 # - If what the agent sees holds everything that matters, it is a Markov state. If not, the problem

@@ -31,12 +31,12 @@ from uavdh_lite.course.checks.notebook_00 import flights_to_tell_apart, mission,
 # %% [markdown]
 # ## 0.1 · The score of one flight (1 point, 5 minutes)
 #
-# `collected_and_landed` is the score by which flights are compared: the share of all data that was
-# collected, or 0 if the UAV did not land. Compute it for one flight with one or more devices.
+# `collected_and_landed` is the score by which flights are compared: the collected share of all
+# data, or 0 if the UAV did not land. Compute it for one flight with one or more devices.
 #
 # - `collected`: a list of numbers, the data units collected from each device
-# - `initial`: a list of the same length, the data units that each device had at the start. A device
-#   may have had 0, but not all of them
+# - `initial`: a list of the same length, the data units that each device had at the start. Some
+#   devices may have had none, but not all of them
 # - `landed`: `True` or `False`
 #
 # Return one number between 0 and 1. All data units count the same, whichever device they come from.
@@ -73,9 +73,9 @@ checks.flight_score(collected_and_landed)
 # %% [markdown]
 # ## 0.2 · Which flight is the agent's? (1 point, 5 minutes)
 #
-# Three pilots flew the same mission: the agent, greedy and random. Greedy always flies the shortest
-# way to the nearest device that has data left, and turns for home when just enough time is left to
-# get there. The triangle marks the start. Who flew which flight?
+# Three pilots flew the same mission: the agent (`"ddqn"`), greedy and random. Greedy always flies
+# the shortest way to the nearest device that has data left, and turns for home when just enough
+# time is left to get there. The triangle marks the start. Who flew which flight?
 #
 # <details><summary>Hint</summary>
 #
@@ -102,11 +102,11 @@ who = {"A": "ddqn", "B": "random", "C": "greedy"}
 checks.pilots(who)
 
 # %% [markdown]
-# The next exercise takes place in the *village*, a city of 8×8 cells. The cell below draws its
+# The next exercise takes place in the *village*, a city of 8×8 cells. The code below draws the
 # mission. To try things out, call `picture(actions)` with a list of actions, which draws the flight
-# on the map. Arrows show moves, and rings show where the UAV hovers. They have the colour of the
-# device that sent most in that step, and are black if none did. When the list is used up, the UAV
-# hovers until its time is up.
+# on the map. Arrows show moves, and rings show where the UAV hovers. Both have the colour of the
+# device that sent the most data in that step, and are black if no device sent any. When the list is
+# used up, the UAV hovers until its time is up.
 
 # %%
 print("start", mission().start, "devices", mission().devices, "data", mission().data, "time", mission().flying_time)
@@ -124,24 +124,24 @@ picture([])
 # cell both are.
 #
 # Write a list of all actions of the flight, by name: `"north"` (one row up), `"east"` (one column
-# to the right), `"south"`, `"west"`, `"hover"` (stay) and `"land"`. Each takes one unit of time. So
-# does the landing, which must be the last action and must take place in the landing zone. The
-# flight must
+# to the right), `"south"`, `"west"`, `"hover"` (stay) and `"land"`. Each of these takes one unit of
+# time, even the landing. The landing must be the last action and must take place in the landing
+# zone. The flight must
 #
 # - collect at least 90 % of the data of both devices together,
 # - land within the 21 units of time,
 # - never try anything that is not allowed: leaving the map, entering a no-fly cell or a tall
 #   building, or landing outside the zone.
 #
-# The luck of the radio link is always the same here, so the same list always gives the same flight.
-# The link is best near a device with no building in between. Data also comes in while the UAV
-# moves.
+# The random part of the radio link is the same every time here, so the same list always gives the
+# same flight. The link is best near a device with no building in between. Data also comes in while
+# the UAV moves.
 #
 # <details><summary>Hint</summary>
 #
 # Count the time that each leg takes, landing included. Little is left for waiting, so collect on
 # the move. From which cells beside the no-fly cells is the first device in sight, and which of them
-# lie on a way to the second device and back?
+# lie on a route to the second device and back?
 # </details>
 #
 # <details><summary>Another hint</summary>

@@ -38,8 +38,8 @@ channel = Channel()
 # ## 1.1 · Rate from SNR (1 point, 5 minutes)
 #
 # In a communication slot the link carries $\log_2(1 + \mathrm{SNR})$ data units. Write a function
-# that computes this rate. The SNR in the formula is a ratio of powers, but the function is given it
-# in decibels, and it may be given a whole array of values.
+# that computes this rate. The SNR in the formula is a ratio of powers, but the function is given
+# the SNR in decibels, either a single number or a whole array.
 #
 # <details><summary>Hint</summary>
 #
@@ -49,8 +49,8 @@ channel = Channel()
 #
 # <details><summary>Another hint</summary>
 #
-# 10 dB more is ten times the power, so the decibels belong in an exponent. Which number is raised
-# to that power? The 1 is added to the ratio, and numpy has the logarithm to base 2.
+# 10 dB more is ten times the power, so the decibels belong in an exponent. What is its base? The 1
+# is added to the ratio, and numpy has the logarithm to base 2.
 # </details>
 
 # %%
@@ -68,8 +68,8 @@ checks.rate_from_snr(rate)
 #
 # Over a distance of $d$ metres the path loss is $10\,\alpha \log_{10} d$ decibels, with
 # $\alpha_\mathrm{LoS} = 2.27$ in sight and $\alpha_\mathrm{NLoS} = 3.64$ behind a building
-# (`channel.path_loss_exponent_los`, `..._nlos`). Here $d$ is the length of the whole link, through
-# the air; nothing has to be added to it.
+# (`channel.path_loss_exponent_los`, `..._nlos`). Here $d$ is the length of the link through the
+# air, so the height of the UAV is already taken into account.
 #
 # A device stands behind a building, `nlos_distance_m` away from the UAV. At what distance would a
 # device *in sight* have the same path loss?
@@ -97,8 +97,8 @@ def same_loss_m(nlos_distance_m):
 checks.same_path_loss(same_loss_m)
 
 # %% [markdown]
-# The two laws agree at 1 m. The UAV flies 10 m above the devices, so it is always farther away than
-# that, and a building always makes the link worse.
+# Both formulas give the same path loss at 1 m. The UAV flies 10 m above the devices, so it is
+# always farther away than that, and a building always makes the link worse.
 
 # %% [markdown]
 # ## 1.3 · What fading does to the mean rate (2 points, 10 minutes)

@@ -42,15 +42,15 @@ from uavdh_lite.shadowing import line_of_sight
 # and `end` crosses the open interior of `cell`.
 #
 # The notebook gives the condition for a segment from (0, 0) to $(R, C)$: a cell $(r, c)$ in the
-# rectangle between these two cells is crossed exactly if
+# rectangle between these two cells is crossed if and only if
 #
 # $$2\,|R\,c - C\,r| < |R| + |C|.$$
 #
 # Turn it into a function that works for any `start`, `end` and `cell`. The cells `start` and `end`
 # themselves count as crossed. They may also be the same cell, and then the segment is a single
-# point. The rays can be a million cells long and go in any direction. Try to do without the
-# library's `crossed_cells`, because writing the test yourself is the point of the exercise, and
-# compute so that no rounding can spoil the answer.
+# point. The rays can be a million cells long and go in any direction. Make sure that no rounding
+# can spoil the answer. Try to do without the library's `crossed_cells`, because writing the test
+# yourself is the point of the exercise.
 #
 # <details><summary>Hint</summary>
 #

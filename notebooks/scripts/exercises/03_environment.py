@@ -131,20 +131,20 @@ checks.rewards_by_hand(rewards_by_hand)
 #
 # The UAV is over the cell `cell`, a pair `(row, col)`, in a city with M×M cells, and wants to take
 # the action `action`, a number: 0 north (row − 1), 1 east (col + 1), 2 south (row + 1), 3 west (col
-# − 1), 4 hover, 5 land. The safety controller replaces the action by hovering
+# − 1), 4 hover, 5 land. The safety controller replaces the action with hovering
 #
 # - if it is a move that leaves the grid or enters a cell in which the UAV may not fly;
 # - if it is `land`, and the UAV is not over the landing zone.
 #
-# A UAV that hovers or lands stays in its cell. The city has the number M, `city.size`, and three
-# Boolean layers (M, M), indexed `[row, col]`:
+# A UAV that hovers or lands stays in its cell. The city holds the number M as `city.size`, and has
+# three Boolean layers (M, M), indexed `[row, col]`:
 #
 # - `city.landing`: the landing zone
 # - `city.no_fly`: where the UAV may not fly, that is, no-fly zones and tall buildings
 # - `city.buildings`: what blocks radio links, that is, tall and low buildings; low ones may be
 #   flown over
 #
-# Return two things: the cell in which the UAV is after the step, a pair `(row, col)`, and whether
+# Return two things: the cell that the UAV is over after the step, a pair `(row, col)`, and whether
 # the controller intervened, `True` or `False`.
 #
 # <details><summary>Hint</summary>

@@ -37,8 +37,8 @@ from uavdh_lite.course import checks
 #
 # - `layer`: an array (M, M) of numbers or Booleans, indexed `[row, col]`
 # - `uav`: a pair `(row, col)`, the cell that the UAV is over
-# - `outside`: the value of all places outside the city, 1 for the no-fly zone and 0 for the other
-#   layers, or any other number
+# - `outside`: the value of all places outside the city. It is 1 for the no-fly layer and 0 for the
+#   other layers, but your function must work for any number
 #
 # Return the centred map, a new array (2M − 1, 2M − 1): the layer, shifted so that the UAV's cell is
 # in the middle, and `outside` everywhere else. Fractions must not be lost, either in the layer
@@ -46,8 +46,8 @@ from uavdh_lite.course import checks
 #
 # <details><summary>Hint</summary>
 #
-# Begin with a map that has the value `outside` everywhere. Where does the city's corner (0, 0) come
-# to lie if the UAV's cell is in the middle?
+# Begin with a map that has the value `outside` everywhere. Where does the city's corner (0, 0) end
+# up if the UAV's cell is in the middle?
 # </details>
 #
 # <details><summary>Another hint</summary>
@@ -82,16 +82,16 @@ checks.centre(centre)
 #   empty
 # - `data`: an array with the data that each device has left
 #
-# Return an array (2M − 1, 2M − 1): at each device's place *as seen from the UAV*, which is in the
-# middle, its data, and 0 everywhere else.
+# Return an array (2M − 1, 2M − 1) that holds the data of each device at the device's place *as seen
+# from the UAV*, which is in the middle, and 0 everywhere else.
 #
 # How does the shape of your answer depend on the number of devices? That is the point of the
 # exercise.
 #
 # <details><summary>Hint</summary>
 #
-# A device in the UAV's own cell lies in the middle, at (M − 1, M − 1). Where does a device lie that
-# is one row further south?
+# A device in the UAV's own cell lies in the middle, at (M − 1, M − 1). Where is the place of a
+# device that is one row further south?
 # </details>
 #
 # <details><summary>Another hint</summary>
