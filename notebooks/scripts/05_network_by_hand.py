@@ -3,7 +3,7 @@
 #
 # The agent's network turns the five pictures of notebook 4 into six numbers, one for each action.
 # **How can a formula look at a picture, and how does it learn what to look for?** Here is the whole
-# network, from the map to the six numbers:
+# network:
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -42,7 +42,7 @@ SVG("../data/figures/network.svg")
 #
 # $$\text{output}=w_1x_1+w_2x_2+\dots+w_nx_n+w_0$$
 #
-# Here are nine inputs, arranged as a picture, nine weights, and their products:
+# Here are nine inputs as a picture, nine weights and their products:
 
 # %%
 import numpy as np
@@ -56,19 +56,19 @@ weights = np.array([[-1, 0, 1]] * 3)
 draw_maps({"inputs": inputs, "weights": weights, "products": inputs * weights}, numbers=True)
 
 # %% [markdown]
-# With a bias of 0, the output is the sum of the numbers in the right-hand picture, 3. These weights
+# With a bias of 0, the output is 3, the sum of the numbers in the right-hand picture. These weights
 # add what is in the right column, subtract what is in the left one, and ignore the middle. So a
-# neuron asks a question about its inputs, here whether something is on the right and nothing on the
-# left, and its weights say which question.
+# neuron asks a question about its inputs, and its weights say which: here, whether something is on
+# the right and nothing on the left.
 #
 # Neurons with the same inputs form a **layer** of the network. (A layer of the *map* is a picture.)
 # A layer is **fully connected**, or *dense*, if each of its neurons has a weight for every input.
 #
 # What does a second layer gain us? Nothing yet. Plotted against any one input, a neuron's output is
 # a straight line. A weighted sum of straight lines is again a straight line, so two layers can do
-# no more than one. Something has to bend the line in between. The usual choice is the **ReLU**, the
-# *rectified linear unit*, which turns negative numbers into 0 and keeps all others. Here are three
-# bent lines and their sum:
+# no more than one. Something has to bend the lines between the two layers. The usual choice is the
+# **ReLU** (*rectified linear unit*), which turns negative numbers into 0 and keeps all others. Here
+# are three bent lines and their sum:
 
 # %%
 from matplotlib import pyplot as plt
@@ -82,7 +82,7 @@ ax.set(xlabel="input", ylabel="output")
 ax.legend();
 
 # %% [markdown]
-# Each neuron adds one kink. With enough kinks the sum can follow any continuous curve.
+# Each neuron adds one kink. With enough kinks, the sum can follow any continuous curve.
 #
 # ## 5.2 Going downhill
 #
@@ -114,12 +114,12 @@ ax.set(xlabel="weight", ylabel="loss");
 # **hyperparameter**.
 #
 # The slope in the code has the input, 3, as a factor. So the weight of an input of 70 takes far
-# longer steps than the weights of inputs near 1, and overshoots where they hardly move. That is why
-# data and time are scaled to a few units at most.
+# longer steps than the weights of inputs near 1, and overshoots at a learning rate at which those
+# hardly move. That is why data and time are scaled to a few units at most.
 #
-# Squared, a single error of 150 pulls at the weights as hard as 150 errors of 1. So our agents
-# learn with the **Huber loss**, a parabola near 0 and a straight line further out, where the slope
-# no longer grows.
+# When errors are squared, a single one of 150 pulls at the weights as hard as 150 errors of 1. So
+# our agents learn with the **Huber loss**, a parabola near 0 and a straight line further out, where
+# the slope no longer grows.
 #
 # ## 5.3 Backpropagation
 #
@@ -134,18 +134,18 @@ ax.set(xlabel="weight", ylabel="loss");
 #                                                └──×1.5──▶   −9 at w₂
 # ```
 #
-# Go through the drawing from right to left. If $y$ grows by a little, the loss changes by $-6$
-# times as much. If $w_2$ grows, $y$ grows $h=1.5$ times as much, so the slope at $w_2$ is
-# $-6\cdot1.5=-9$. If $h$ grows, $y$ grows $w_2=2$ times as much, so the slope at $h$ is
-# $-6\cdot2=-12$. (The ReLU changes nothing here, because $h$ is positive. Where it gives 0, the
-# slope is 0, and the weights before it learn nothing from this example. A unit that gives 0 for
-# every example never learns again; the agent's *leaky* ReLUs turn a negative number into a tenth of
-# it instead.) If $w_1$ grows, $h$ grows $x=3$ times as much, so the slope at $w_1$ is
-# $-12\cdot3=-36$. Each slope is the one to its right times a number that is known from the forward
-# pass. So one backward pass gives the slopes of *all* weights, at the cost of one or two forward
-# passes, however many there are. This is **backpropagation**.
+# Read the drawing from right to left. If $y$ grows a little, the loss changes by $-6$ times as
+# much. If $w_2$ grows, $y$ grows $h=1.5$ times as much, so the slope at $w_2$ is $-6\cdot1.5=-9$.
+# If $h$ grows, $y$ grows $w_2=2$ times as much, so the slope at $h$ is $-6\cdot2=-12$. (The ReLU
+# changes nothing here, because $h$ is positive. If it gave 0, the slope would be 0, and the weights
+# before it would learn nothing from this example. A neuron that gives 0 for every example never
+# learns again; the agent's *leaky* ReLUs turn a negative number into a tenth of it instead.) If
+# $w_1$ grows, $h$ grows $x=3$ times as much, so the slope at $w_1$ is $-12\cdot3=-36$. Each slope
+# is the one to its right times a number that is known from the forward pass. So one backward pass
+# gives the slopes of *all* weights, however many there are, at the cost of one or two forward
+# passes. This is **backpropagation**.
 #
-# PyTorch does all this for you:
+# PyTorch does this for you:
 
 # %%
 w1, w2 = torch.tensor([0.5, 2.0], requires_grad=True)  # remember what is computed with these
@@ -173,19 +173,20 @@ def train(model, x, y, updates=400):
         optimiser.step()
 
 # %% [markdown]
-# - `optimiser = …` makes the optimiser, which keeps the weights and knows the learning rate, `lr`.
-#   **Adam** adapts the steps of each weight: they become longer while its slopes keep their sign,
-#   and shorter while the sign keeps flipping.
+# - `optimiser = …` makes the optimiser, with the learning rate `lr`. **Adam** adapts the steps of
+#   each weight: they become longer while its slopes keep their sign, and shorter while the sign
+#   keeps flipping.
 # - `loss = …` is the forward pass, in which PyTorch notes each operation. The loss is a mean over a
-#   **minibatch**, because taking all examples would be slower, and a single one too noisy.
-# - `optimiser.zero_grad()` forgets the last slopes, because PyTorch would add the new ones to them.
-# - `loss.backward()` is backpropagation: the slope of the loss for every weight.
+#   **minibatch**, because taking all examples would be slower, and a single one would be too noisy.
+# - `optimiser.zero_grad()` forgets the old slopes; otherwise PyTorch would add the new ones to
+#   them.
+# - `loss.backward()` is backpropagation, which finds all slopes.
 # - `optimiser.step()` lets every weight take a step downhill.
 #
 # ## 5.5 A window that moves
 #
-# Take the neuron of 5.1, with its nine weights, and move it across a larger picture like a window.
-# At each place write down its output. This is a **convolution**, and the weights are its *kernel*.
+# Move the neuron of 5.1, with its nine weights, across a larger picture like a window, and write
+# down its output at each place. This is a **convolution**, and the weights are its *kernel*.
 
 # %%
 picture = np.pad(np.ones((4, 2)), ((1, 1), (2, 2)))  # a building
@@ -194,22 +195,23 @@ result = torch.nn.functional.conv2d(one, kernel)[0, 0]
 draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, numbers=True)
 
 # %% [markdown]
-# Blue marks the building's western edge, red its eastern one. The window has only four positions
-# along each side, so the result is smaller than the picture. Because the same nine weights are used
-# everywhere, what they learn in one place holds in all others.
+# Blue marks the building's western edge, red its eastern one. The window has four positions along
+# each side, so the result is smaller than the picture. The same nine weights are used everywhere
+# (**weight sharing**), so what they learn in one place holds in all others.
 #
-# Each of the agent's 16 kernels has 5 × 5 weights for each of the map's five layers, adds up all
-# the products, and so makes one new picture. The second convolution reads these 16 pictures.
+# In the agent's first convolution, each of the 16 kernels has 5 × 5 weights for each of the map's
+# five layers, adds up all the products, and makes one new picture, a **feature map**. The second
+# convolution reads these 16 pictures.
 #
-# The number of cells by which the window moves each time is the **stride**. So far it was 1. With
-# a stride of 3 the result has a third as many cells a side. That saves work, and it saves weights
-# in the fully connected layer that follows, at the cost of precision.
+# The number of cells by which the window moves each time is the **stride**. So far it has been 1.
+# With a stride of 3 the result has a third as many cells on each side. That saves work here and
+# weights in the fully connected layers, at the cost of precision.
 #
 # ### What a unit can see
 #
-# Each number in a layer's output is called a *unit*. A unit of the second convolution depends on
-# 5 × 5 units of the first, and each of those on 5 × 5 cells of the map. How much of the map
-# does it see? Its slope is 0 for every cell on which it does not depend:
+# Each number in a layer's output is a *unit*. A unit of the second convolution depends on 5 × 5
+# units of the first, and each of those on 5 × 5 cells of the map. How much of the map does this
+# unit see? Its slope is 0 for every cell on which it does not depend:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -225,19 +227,20 @@ assert seen.any(dim=0).sum() == 17
 draw_maps({"what it sees": seen}, uav=(15, 15))
 
 # %% [markdown]
-# This is the unit's **receptive field**, 17 of 31 cells a side. You can work out the 17: the unit
-# sees 5 units of the first convolution, which lie 3 cells apart because of the stride, and each of
-# these sees 5 cells, so $5+4\cdot3=17$. With the paper's strides of 1 it would be only $5+4=9$
-# cells. Two things that do not fit into one receptive field meet only in the fully connected
-# layers, which see everything but have to learn each place separately.
+# The blue square is the unit's **receptive field**: 17 of 31 cells on each side. Along a side, the
+# unit sees 5 units of the first convolution, which lie 3 cells apart because of the stride, and
+# each of these sees 5 cells, so $5+4\cdot3=17$. With the paper's strides of 1 it would be only
+# $5+4=9$ cells. Two things that do not fit into one receptive field meet only in the fully
+# connected layers, which see everything but have to learn each place separately.
 #
 # ## 5.6 One question, three networks
 #
-# Here is a question to test the parts with: **is a device near the UAV**, within three rows and
-# three columns? The answer should be +1 if so and −1 if not. Our 8000 examples are pairs of a
-# device's cell and a UAV's cell, and half of the pairs are near. Every other pair is for training,
-# the rest for the test. *In place*, a map has two layers, one with a 1 at the device's cell and one
-# with a 1 at the UAV's. *Centred*, it has one, with a 1 where the device is as seen from the UAV.
+# To compare dense layers, convolutions and centring, we ask one question: **is a device near the
+# UAV**, within three rows and three columns? The answer is +1 if so and −1 if not. Our 8000
+# examples are pairs of a device's cell and a UAV's cell; in half of them the device is near. Every
+# other pair is for training, the rest for the test. *In place*, a map has two layers, one with a 1
+# in the device's cell and one with a 1 in the UAV's. *Centred*, it has one, with a 1 where the
+# device is as seen from the UAV.
 
 # %%
 from uavdh_lite.course.near_far import near_pairs
@@ -245,8 +248,8 @@ from uavdh_lite.course.near_far import near_pairs
 in_place, centred, y = near_pairs()
 
 # %% [markdown]
-# Three networks try to answer: a dense one and one with two convolutions, which see the map in
-# place, and a dense one that sees the centred map. Which will succeed?
+# Three networks try to answer. A dense one and one with two convolutions see the map in place;
+# another dense one sees the centred map. Which will succeed?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -272,10 +275,10 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 
 # %% [markdown]
 # The **dense network in place** does well in training and poorly in the test. It has learned its
-# pairs by heart, and guesses at new ones. This is **overfitting**: the network fits its examples
-# better than the world that they come from. A weight of its first layer belongs to an absolute
-# place, such as "device at (4, 7)". Whether that is near depends on the UAV, so what the network
-# learns about one pair tells it little about the next.
+# training pairs by heart, and guesses at new ones. This is **overfitting**: the network fits its
+# examples better than the world that they come from. A weight of its first layer belongs to an
+# absolute place, such as "device at (4, 7)". Whether that is near depends on the UAV, so what the
+# network learns about one pair tells it little about the next.
 #
 # The **convolutions** repair that. Their window sees the UAV and a near device *together*, wherever
 # in the city they are, so what a kernel learns about one place holds everywhere. And with the
@@ -290,33 +293,34 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 #
 # ## 5.7 The whole network
 #
-# In the drawing at the top, the last layer has six neurons without a ReLU, because a Q-value may be
-# negative. With one output for each action, a single pass gives all six values.
+# In the drawing at the top, the last layer has six neurons, so a single pass gives all six
+# Q-values. They have no ReLU, because a Q-value may be negative.
 #
-# | layer | the recipe `paper` (authors' code) gives | the agent's gives |
+# | layer | output with the recipe `paper` (authors' code) | output in our agent |
 # | --- | --- | --- |
 # | the map | 5×31×31 | 5×31×31 |
 # | convolution, 16 kernels 5×5 | 16×27×27 | 16×9×9, with stride 3 |
 # | convolution, 16 kernels 5×5 | 16×23×23 | 16×5×5 |
-# | as a list, and the time | 8465 | 401 |
+# | flattened into a list, with the time | 8465 | 401 |
 # | three fully connected layers | 256 each | 256 each, with **layer normalisation** before the leaky ReLU (512 weights more in each) |
 # | output | 6 | 6 |
 # | weights in all | 2,308,854 | 246,006 |
 #
-# Layer normalisation shifts and scales the 256 sums to mean 0 and spread 1, so that none is far too
-# large for the next layer; two learned numbers for each of them then adjust it. The time has no
-# place in the city, so it joins the list behind the convolutions.
+# Layer normalisation shifts and scales the 256 sums to mean 0 and standard deviation 1, so that
+# none is far too large for the next layer; two learned numbers for each sum then adjust it. The
+# flying time does not belong to any cell, so it joins the list after the convolutions.
 #
 # Nearly all of the paper's weights are in the first dense layer, 256 neurons with 8465 inputs each.
-# So the network is built for one size of *city*, but not for one number of devices.
+# So the network fits only one size of *city*, but any number of devices.
 #
 # ## Recap
 #
-# - A neuron is a weighted sum, and a ReLU puts a kink in it. Enough kinks can follow any curve.
-# - Gradient descent moves each weight downhill. Backpropagation computes all slopes in one backward
-#   pass.
+# - A neuron is a weighted sum, and a ReLU puts a kink in it. Enough kinks can follow any continuous
+#   curve.
+# - Gradient descent moves each weight so that the loss falls. Backpropagation computes the slopes
+#   for all weights in one backward pass.
 # - A convolution moves one neuron across a picture, so what it learns in one place holds in others.
-#   In the centred frame the same holds even for a dense network.
+#   With centred maps this is true even of a dense network.
 #
 # ## Exercises
 #

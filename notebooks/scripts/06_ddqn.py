@@ -1,10 +1,10 @@
 # %% [markdown]
 # # 6 · From Q-learning to DDQN
 #
-# The agent is over cell (11, 8) and decides by the six numbers below. Each is a **Q-value**: the
-# sum of the rewards that the agent expects from now on if it takes that action and acts well
-# afterwards, with later rewards counting less. It takes the action with the largest Q-value. **How
-# can one number know about the rewards of the next twenty steps?**
+# The agent is over cell (11, 8) and decides by the six numbers below, one for each action. Each is
+# a **Q-value**: the sum of the rewards that the agent expects from now on if it takes that action
+# and acts well afterwards, with later rewards counting less. It takes the action with the largest
+# Q-value. **How can one number know about the rewards of the next twenty steps?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -41,7 +41,7 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 # | | |
 # | --- | --- |
 # | **What you'll do** | Follow a value through a table, watch a network explode, see what calms it; in the exercises, build all of it |
-# | **What you'll learn** | Bellman's equation, discount, replay, target network, exploring, double Q-learning |
+# | **What you'll learn** | The Bellman equation, discount, replay, target network, exploration, double Q-learning |
 # | **What you'll need** | Notebooks 3 to 5. 50 minutes to read, 40 seconds to run; 110 minutes of exercises |
 #
 # ## 6.1 A table
@@ -54,33 +54,32 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 # $10-0.2=9.8$, and then the episode is over. The step before it costs 0.2 and leads to a cell from
 # which 9.8 can be earned. And so on: a Q-value is the reward $r$ of its own step plus the best
 # Q-value of the next cell $s'$, the largest over all actions $a'$. A factor $\gamma$ a little below
-# 1, the *discount*, makes that second part count slightly less, for reasons given below.
+# 1, the *discount*, makes that second part count slightly less.
 #
 # $$Q(s,a)=r+\gamma\max_{a'}Q(s',a')$$
 #
 # This is the **Bellman equation**. It answers the question at the top: no number has to know about
 # twenty steps, because each only has to agree with its neighbour, and the neighbour with the next.
-# (In a world with luck the right-hand side is a mean. Learning finds it because small moves average
-# out good and bad luck.)
+# (In a **stochastic** world, where chance plays a part, the right-hand side is a mean.)
 #
 # Nobody gives us the table, so we start with zeros and let the UAV fly. Each step tells us $r$ and
-# $s'$, and so what the right side is *at present*. This value is called the **target** $y$. The
-# entry moves a fraction $\alpha$ of the way to it:
+# $s'$, and so what the right-hand side is *at present*. This is the **target** $y$. The entry moves
+# a fraction $\alpha$, the learning rate, of the way to it:
 #
 # $$y=r+\gamma\max_{a'}Q(s',a'),\qquad Q(s,a)\leftarrow Q(s,a)+\alpha\,\big(y-Q(s,a)\big)$$
 #
-# This is **Q-learning**. After the end of an episode nothing follows, so there $y=r$. If one
-# forgets this, better rewards seem to follow a crash.
+# This is **Q-learning**. With a small $\alpha$, good and bad luck average out. After the end of an
+# episode nothing follows, so there $y=r$. If one forgets this, rewards seem to go on after a crash.
 #
-# Not every stop is an end. When our UAV's time is up, the mission is over, and the time left is in
-# the state: this is a true end, a **termination**. If only the simulation stops, say after 1000
-# steps of a task that would go on, that is a **truncation**: something does follow, and $y$ keeps
-# its second part.
+# Not every stop is an end. When our UAV's time is up, which the agent can foresee from the state,
+# the mission is over: this is a true end, a **termination**. If the simulation merely stops, say
+# after 1000 steps of a task that would go on, that is a **truncation**: something does follow, and
+# $y$ keeps its second part.
 #
-# Let us do it once by hand. The UAV is one cell west of the device and flies east, so $y=9.8$. With
-# $\alpha=0.5$ the entry goes from 0 to 4.9. Some flights later the UAV passes the cell to the west
-# of that one and flies east: $y=-0.2+0.95\cdot4.9=4.5$. The news has moved one cell back. Here is
-# the largest Q-value of each cell after 1, 3 and 100 flights:
+# Let us make two updates by hand. The UAV is one cell west of the device and flies east, so
+# $y=9.8$. With $\alpha=0.5$ the entry goes from 0 to 4.9. Some flights later the UAV is in the next
+# cell to the west and flies east: $y=-0.2+0.95\cdot4.9=4.5$. The news has moved one cell back. Here
+# is the largest Q-value of each cell after 1, 3 and 100 flights:
 
 # %%
 from uavdh_lite.course.small_city import CELLS, START, flights_of
@@ -99,15 +98,15 @@ draw_maps({f"flights: {n}": table(n) for n in (1, 3, 100)}, numbers=True)
 # how a table solves **credit assignment**: from the back to the front.
 #
 # The UAV picked all actions at random, and still learned what *good* flying is worth, because the
-# target asks for the *best* next action and not for the one that is actually taken next. A method
-# that may learn from any behaviour is called **off-policy**. An **on-policy** method would have
-# learned what flying at random is worth.
+# target asks for the *best* next action and not for the one taken next. A method that may learn
+# from any behaviour is called **off-policy**. An **on-policy** method would have learned what
+# flying at random is worth.
 #
 # ### The discount
 #
-# Notebook 3 measured a flight by its plain sum of rewards. The agent learns something else: the sum
-# in which a reward $k$ steps ahead counts only $\gamma^k$ of its size (paper, eq. 6), and a Q-value
-# is the expected value of that sum (eq. 5):
+# Notebook 3 measured a flight by the plain sum of its rewards. The agent learns something else: a
+# sum in which a reward $k$ steps ahead counts only $\gamma^k$ times its size (paper, eq. 6). A
+# Q-value is the expected value of that sum (eq. 5):
 #
 # $$Q(s_t,a_t)=\mathbb{E}\left[\sum_{k}\gamma^k\,r_{t+k}\right]$$
 
@@ -116,31 +115,32 @@ for gamma in (0.5, 0.95, 1.0):
     print(f"γ = {gamma:<5}the start is worth {table(300, gamma)[START]:.1f}")
 
 # %% [markdown]
-# With $\gamma=0.5$ the start hardly sees the device. With $\gamma=1$ the device counts in full,
-# which does no harm here. So **why discount, if the plain sum is what we want?**
+# With $\gamma=0.5$ the device hardly counts at the start. With $\gamma=1$ it counts in full, which
+# does no harm here. So **why discount, if the plain sum is what we want?**
 #
 # - *Errors.* Each value is built on an estimate of the next value, and that on an estimate of the
-#   value after it. Each link in this chain adds an error, and $\gamma$ shrinks those from far away.
+#   value after it. Each link in this chain adds an error, and $\gamma$ shrinks the errors from far
+#   away.
 # - *Noise.* Rewards fifty steps ahead depend on fifty draws of the fading and fifty actions still
 #   to be chosen, so they say little about which action is better *now*.
-# - *Time.* With 0.95 news of a reward need not travel back more than some tens of steps. With
-#   $\gamma=1$ it has to travel the whole flight.
+# - *Time.* With $\gamma=0.95$ news of a reward need not travel back more than a few dozen steps.
+#   With $\gamma=1$ it has to travel the whole flight.
 #
 # The price is short-sightedness. A crash that costs 150 and is 60 steps ahead counts only
-# $150\cdot0.95^{60}\approx7$. That does no harm here, because home is never more than 14 moves
-# away, and 15 steps ahead a crash still counts 70. Longer ways need a larger $\gamma$. The return
-# of a flight is still measured with $\gamma=1$.
+# $150\cdot0.95^{60}\approx7$. In the paper's city that does no harm, because home is never more
+# than 14 moves away, and 15 steps ahead a crash still counts 70. A longer way home needs a larger
+# $\gamma$. The return of a flight is still measured with $\gamma=1$.
 #
 # ## 6.2 A network instead of the table
 #
-# A table for the paper's city would need a row for every combination of places, times and amounts
-# of data: for five devices more than $10^{13}$, even without the amounts. So a network computes the
-# Q-values from its inputs, which are here the row and the column of the cell. It answers even for a
-# cell that it has never seen, and similar cells get similar values. This is called
-# **generalising**.
+# A table for the paper's city would need a row for every combination of positions, times and
+# amounts of data: for five devices more than $10^{13}$ rows, even without the amounts. So a network
+# computes the Q-values from its inputs, here the row and the column of the cell. It answers even
+# for a cell that it has never seen, and neighbouring cells get similar values. This is
+# **generalisation**.
 #
-# The table moved an entry a fraction $\alpha$ towards $y$. Now the weights $\theta$ take a step
-# downhill on the squared error (paper, eq. 7):
+# In the table, an entry moved a fraction $\alpha$ of the way to $y$. Now the weights $\theta$ take
+# a step downhill on the squared error (paper, eq. 7):
 #
 # $$L(\theta)=\mathbb{E}\big[(y-Q_\theta(s,a))^2\big]$$
 #
@@ -157,20 +157,20 @@ for gamma in (0.5, 0.95, 1.0):
 #
 # So all steps go into a **replay memory**, and the network learns from a *minibatch* drawn from it
 # at random: old and new steps, from many flights. Only an off-policy method may do this, because
-# most of these steps were flown by earlier, worse versions of the agent.
+# earlier, worse versions of the agent flew most of these steps.
 #
 # - *How large?* A small memory holds little but the last few flights, so it brings back the problem
 #   that it should solve. A large one also holds older steps, flown by agents that knew less. The
 #   authors' memory holds 50,000 steps, ours 200,000. What counts is how many *flights* it holds
 #   ([notebook 11](11_replay.ipynb)).
 # - *Should the newest step be in every minibatch?* Drawn at random from 50,000 steps, it would be
-#   in only about one of 400 minibatches of 128. The paper's **combined experience replay** puts it
-#   into every one. This costs one place in 128 and guarantees that no step has to wait.
+#   in about one of 400 minibatches of 128. The paper's **combined experience replay** puts it into
+#   every one, at the cost of one place in 128.
 #
 # ## 6.3 It explodes
 #
-# The memory holds 100 random flights. All steps from or to cell (1, 1) have been left out, to test
-# later what a network says about a cell that it has never seen. Three networks start from different
+# The memory below holds 100 random flights. All steps from or to cell (1, 1) have been left out, so
+# that we can test what a network says about an unseen cell. Three networks start from different
 # random weights, and each computes its own targets. The value of the start cell should become 6.7.
 
 # %%
@@ -186,35 +186,35 @@ copies = [learn(tau=1.0, seed=seed) for seed in range(3)]  # the next section ex
 print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 
 # %% [markdown]
-# Why does a network explode where a table does not?
+# All three networks have exploded. Why, when a table does not?
 #
-# One update raises $Q(s,a)$ towards $y$. In a table nothing else would change. In the network the
+# An update raises $Q(s,a)$ towards $y$. In a table nothing else would change. In the network the
 # same weights also make the values of the neighbouring cells, so those rise, too, and *the next
 # cell $s'$ is a neighbour*. But $y$ is made from the values of $s'$. So by moving towards the
 # target, the network has pushed the target away. Next time it takes a longer step, and pushes
 # harder.
 #
 # Say an update raises $Q(s,a)$ by 1. If it raises the best value of $s'$ by less than
-# $1/\gamma\approx1.05$, the target moves by less than 1, and the gap between them shrinks.
-# Otherwise the gap grows with every update: the network chases its own tail.
+# $1/\gamma\approx1.05$, the target moves by less than 1, and the gap between $Q(s,a)$ and its
+# target shrinks. Otherwise the gap grows with every update.
 #
 # Three things have come together: a network that generalises, targets made from its own estimates
-# (**bootstrapping**), and learning off-policy. Together they are known as the *deadly triad*: no
-# theorem promises that such learning ends well.
+# (**bootstrapping**), and learning off-policy. Together they are the *deadly triad*: no theorem
+# promises that such learning ends well.
 #
 # ### The target network
 #
 # The cure is simple: do not let the target move at once. A second network, the **target network**
-# with the weights $\bar\theta$, computes $y$. It begins as a copy of the **online network**
-# $\theta$, and after each update moves a small fraction $\tau$ of the way towards it:
+# with the weights $\bar\theta$, computes $y$. It begins as a copy of the network that learns, the
+# **online network** $\theta$, and after each update moves a small fraction $\tau$ of the way
+# towards it (a **soft update**):
 #
 # $$\bar\theta\leftarrow(1-\tau)\,\bar\theta+\tau\,\theta$$
 #
-# While the online network takes a step, the targets hardly move, so it can catch up. Roughly, the
-# target network shows what the online network was $1/\tau$ updates ago. Too slow is bad, too: with
-# $\tau=0.00001$ the target network would stay close to its random start, and keep producing
-# meaningless targets, for the whole run. With $\tau=1$ both networks are the same. Here is
-# $\tau=0.05$ for comparison:
+# While the online network takes a step, the targets hardly move, so it can catch up. The target
+# network lags about $1/\tau$ updates behind. With $\tau=0.00001$ it would stay close to its random
+# start, and its targets meaningless, for the whole run. With $\tau=1$ both networks are the same.
+# Here is $\tau=0.05$ for comparison:
 
 # %%
 calm = [learn(tau=0.05, seed=seed) for seed in range(3)]
@@ -226,7 +226,7 @@ ax.set(xlabel="updates", ylabel="value of the start cell", yscale="symlog",
 assert min(path[-1] for _, path in copies) > 100 > max(path[-1] for _, path in calm)
 
 # %% [markdown]
-# With $\tau=1$ all three runs climb, but with 0.05 all three settle. Are their values right?
+# With $\tau=1$ all three runs climb, but with $\tau=0.05$ all three settle. Are their values right?
 
 # %%
 values = [online(CELLS).detach().amax(1).view(4, 4) for online, _ in calm]
@@ -251,7 +251,7 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("cold_policy")
 
 # %% [markdown]
-# For the Q-values at the top of this notebook, three temperatures give these probabilities:
+# For the Q-values at the top, three temperatures give these probabilities:
 
 # %%
 from uavdh_lite.ddqn import softmax_policy
@@ -263,33 +263,32 @@ for ax, beta in zip(axes, (0.1, 1, 10)):
 axes[0].set_ylabel("probability");
 
 # %% [markdown]
-# At β = 0.1 the agent takes one of the two best actions, at β = 1 any move or hovering, and at
-# β = 10 nearly anything. When training is over, it takes the best action without drawing. This is
-# the **greedy policy** (eq. 9), not to be confused with our rival `greedy`.
+# At β = 0.1 the agent takes one of the two best actions, at β = 1 any move or hovering, and at β =
+# 10 any of the six. When training is over, it no longer draws but takes the best action. This is
+# the **greedy policy** (eq. 9), not to be confused with the pilot `greedy`.
 #
 # The best-known alternative is **ε-greedy**: it takes a random action with probability ε, and
 # otherwise the best. ε needs no scale, whereas β has to fit the size of the Q-values. But ε-greedy
 # tries the worst action as often as the second best.
 #
-# Why are pointless actions not masked (3.4)? Then the maximum of the target must be masked, too, or
-# it may fall on an action whose value nothing corrects, because it is never flown. And the network
-# learns nothing about walls, so it fails where the mask is missing.
+# Why are pointless actions not masked (3.4)? If they were, the maximum in the target would have to
+# be masked, too, or it might fall on an action whose value nothing corrects, because that action is
+# never flown. And the network would learn nothing about walls, so it would fail without the mask.
 #
 # ## 6.5 Double Q-learning
 #
 # Q-values are estimates, so each has some error. In the first picture, landing is refused and costs
-# 1 more than hovering, so its bar should be 1 below that of hovering. It is nearly 7 below, because
-# where an action is hardly ever tried, nothing corrects its value. What do such errors do to the
-# largest Q-value?
+# 1 more than hovering, so its bar should be 1 lower. It is nearly 7 lower, because nothing corrects
+# the value of an action that is hardly ever tried. What do such errors do to the largest Q-value?
 
 # %%
 Quiz("whose_maximum")
 
 # %% [markdown]
 # The maximum asks the same estimates two questions: *which* action is best, and *what* is it worth?
-# The luckiest error answers both, so the value comes out too high. In **double Q-learning** one set
-# of estimates chooses and another one judges. In the paper's target these are the online and the
-# target network (eq. 8):
+# The luckiest error answers both, so the value comes out too high: a **maximisation bias**. In
+# **double Q-learning** one set of estimates chooses and another one judges. In the paper's target
+# these are the online and the target network (eq. 8):
 #
 # $$y=r+\gamma\,Q_{\bar\theta}\big(s',\arg\max_{a'}Q_\theta(s',a')\big)$$
 #
@@ -307,27 +306,27 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
     print(f"{name:<19} mean target {y.mean():5.2f}")
 
 # %% [markdown]
-# The right target is 0. The chooser flatters itself; a stranger does not. The target network, an
-# older copy, is a related judge, so it removes only part of the bias.
+# The right target is 0, and only the stranger finds it. The target network, an older copy, is a
+# related judge, so it removes only part of the bias.
 #
 # **DDQN** means *double deep Q-network*: *deep*, because a network replaces the table, and
 # *double*, because one network chooses and another judges.
 #
 # ## 6.6 All of it
 #
-# Act, remember, draw a minibatch, move towards the targets, let the target network follow: that is
-# all. [One page](../docs/tutorials/pseudocode.md) shows it as pseudocode, beside the names in the
-# code. For the paper's city only the network changes (notebook 5).
+# Act, remember, draw a minibatch, move towards the targets, let the target network follow: [one
+# page](../docs/tutorials/pseudocode.md) shows all this as pseudocode, beside the names in the code.
+# For the paper's city only the network changes (notebook 5).
 #
 # ## Recap
 #
-# - Bellman's equation ties each Q-value to its neighbour, so the news of a reward spreads
-#   backwards.
+# - The Bellman equation ties each Q-value to those of the next state, so the news of a reward
+#   spreads backwards.
 # - A discount below 1 damps errors and noise from far ahead; the price is short-sightedness.
-# - A replay memory makes the examples of a minibatch nearly independent; combined replay lets no
-#   step wait.
-# - A network that makes its own targets may explode; a slow target network keeps it calm, and in
-#   DDQN it judges what the online network chooses.
+# - A replay memory makes the examples of a minibatch nearly independent; combined replay adds the
+#   newest step to each minibatch.
+# - A network that makes its own targets may explode; a slow target network keeps it calm. In DDQN
+#   the target network also judges the action that the online network chooses.
 # - Softmax explores where Q-values are close together; ε-greedy explores equally everywhere.
 #
 # ## Exercises

@@ -167,9 +167,9 @@ checks.convolve(convolve)
 # <details><summary>Another hint</summary>
 #
 # A convolution has c·k·k weights and one bias for each kernel, where c is the number of layers that
-# it gets and k the kernel's side; it leaves (side − k) // stride + 1 cells a side. The list has
-# kernels · side² numbers and the flying time. A fully connected layer from n to m neurons has
-# n·m + m numbers. The output has 6 neurons.
+# it gets and k the kernel's side; it leaves (side − k) // stride + 1 cells along each side. The
+# list has kernels · side² numbers and the flying time. A fully connected layer from n to m neurons
+# has n·m + m numbers. The output has 6 neurons.
 # </details>
 
 # %%
@@ -193,4 +193,4 @@ checks.network_weights(weights)
 
 # %% [markdown]
 # Print how many of these numbers are in the first fully connected layer, with strides of 1 and with
-# strides of 2. It is in this layer that the size of the map is paid for.
+# strides of 2. This is the layer that grows with the map.

@@ -11,8 +11,8 @@
 # *does*, not at how it is written. Hints are folded away below each task. Your code runs inside
 # this notebook. If it never finishes, interrupt the kernel with the stop button.
 #
-# You cannot get stuck: a step that builds on the one before it begins with a solution to that
-# earlier step, folded away. Open it when you have your own, or when you want to go on without one.
+# You cannot get stuck: a step that builds on an earlier one begins with a solution to the earlier
+# one, folded away. Open it when you have your own, or when you want to go on without one.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -68,15 +68,15 @@ def step(cell, action):
 #
 # <details><summary>Hint</summary>
 #
-# Two loops, one inside the other: over the flights, and over the steps of a flight. In which of
-# them does the table change?
+# You need two loops, one inside the other: over the flights, and over the steps of a flight. In
+# which of them does the table change?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
 # A step has five parts: the cell, the action, the reward, the next cell, and whether the episode
-# ended. `q[cell]` are the four Q-values of a cell, if `cell` is a tuple. At the bottom of the inner
-# loop the next cell becomes the current one.
+# ended. If `cell` is a tuple, `q[cell]` gives the four Q-values of that cell. At the bottom of the
+# inner loop the next cell becomes the current one.
 # </details>
 
 # %%
@@ -210,9 +210,9 @@ checks.learned_network(learn_network)
 # ## 6.3 · A replay memory (3 points, 20 minutes)
 #
 # In 6.2 the memory was there from the beginning. An agent that flies while it learns needs one that
-# it can add to. Write such a replay memory. It stores the last `capacity` items, in a ring, and
-# every sample contains the newest item (**combined experience replay**), so that every step is
-# learned from at least once.
+# it can add to. Write such a replay memory. It stores the last `capacity` items, in a **ring
+# buffer**, and every sample contains the newest item (**combined experience replay**), so that
+# every step is learned from at least once.
 #
 # - `Ring(capacity)`: an empty memory for `capacity` ≥ 1 items.
 # - `add(item)`: stores an item. If the memory is full, the new item takes the place of the oldest
