@@ -45,16 +45,16 @@ BOTH = "collected_and_landed"
 SHARES = ("landed", "collected", BOTH)
 PLANNERS = {
     "random": "random",
-    "greedy": "greedy: to the nearest device, home in time",
-    "genie": "genie, plans for the return",
-    "genie_data": "genie, plans for the data",
+    "greedy": "greedy: flies to the nearest device, and home in time",
+    "genie": "genie that plans for the return",
+    "genie_data": "genie that plans for the data",
 }
 BEST_GENIE = {BOTH: "genie_data", "return": "genie"}
 SEEDS = ["seed 0", "seed 1", "seed 2"]
 PARTS_OF_RUN = (0.075, 0.25, 0.5, 0.75, 1)
 LADDER = {
     "random": "random",
-    "greedy": "greedy: to the nearest device, home in time",
+    "greedy": "greedy: flies to the nearest device, and home in time",
     "orienteering": "orienteering: the best order of devices",
     "plain": "the paper's algorithm with nothing added: agents of {steps} of a million steps",
     "ddqn": "strengthened DDQN, `lite`",
@@ -63,9 +63,9 @@ LADDER = {
     "any_city": "`any_city`: imitation and reward in 3000 other cities",
     "copy": "imitation of the teacher",
     "imitation": "imitation, then reward",
-    "teacher": "the teacher, a narrow genie",
-    "genie_data": "genie, plans for the data",
-    "genie": "genie, plans for the return",
+    "teacher": "the teacher: a genie with a narrow search",
+    "genie_data": "genie that plans for the data",
+    "genie": "genie that plans for the return",
 }
 KNOWLEDGE = {
     "map": "map",
@@ -244,7 +244,7 @@ def comparison(scenario: str) -> str:
     if scenario in RESULTS:
         paper = [f"{100 * RESULTS[scenario][metric]:g} %" for metric in SHARES]
         rows.append(["paper's agent, on its own map", *paper, "", ""])
-    head = ["", "landed", "collected", "collected and landed", "return", "time used"]
+    head = ["policy", "landed", "collected", "collected and landed", "return", "time used"]
     return f"{_table(head, rows)}\n{_made_with(f'comparison-{scenario}')}"
 
 
@@ -256,7 +256,7 @@ def lead(scenario: str) -> str:
         if name in PLANNERS:
             continue
         for metric, label, factor in (
-            (BOTH, "collected and landed, points", 100),
+            (BOTH, "collected and landed, percentage points", 100),
             ("return", "return, data units", 1),
         ):
             cities = mine.get("city")
@@ -264,7 +264,7 @@ def lead(scenario: str) -> str:
             part = share(mine[metric], flown[BEST_GENIE[metric]][metric], cities)
             difference = _number(bootstrap_interval(ahead, groups=cities))
             rows.append([f"`{name}`", label, difference, _percent(part)])
-    return _table(["", "", "minus greedy", "as a share of the best genie"], rows)
+    return _table(["agent", "metric", "minus greedy's", "as a share of the best genie's"], rows)
 
 
 def by_flying_time(scenario: str) -> str:
@@ -333,8 +333,8 @@ def study(name: str) -> str:
             f"{end['time_used'].mean():.2f}",
         ]
     others = sorted(ends.keys() - {first}, key=lambda variant: ends[variant][BOTH].mean())
-    head = ["variant", "steps", "collected and landed, by seed", "change", "landed"]
-    head += ["return, by seed", "change", "time used"]
+    head = ["variant", "steps", "collected and landed, by seed", "change of the mean", "landed"]
+    head += ["return, by seed", "change of the mean", "time used"]
     return _table(head, (rows[variant] for variant in (first, *others)))
 
 
@@ -391,7 +391,7 @@ def ladder(scenario: str) -> str:
     knows = ["✓" if what in ("map", "reward") else "" for what in KNOWLEDGE]
     rows.append(["the paper's agent, on its own map", *knows, 1, 1000, *paper, "", ""])
     head = [
-        "",
+        "pilot",
         *KNOWLEDGE.values(),
         "seeds",
         "missions",
@@ -412,7 +412,7 @@ def outstanding(page: str = "") -> str:
         for name, study in tomllib.loads((RUNS / "list.toml").read_text())["studies"].items()
         if "outstanding" in study and (not page or page in study["drawn"])
     ]
-    return _table(["study", "what it is", "what is outstanding", "core-hours"], rows)
+    return _table(["study", "what it is", "why it is listed", "core-hours"], rows)
 
 
 def sb3() -> str:
@@ -445,9 +445,10 @@ def fresh_missions() -> str:
                 int(one["missions_with_genie"]),
             ]
         )
-    head = ["agent", "landed", "return, ahead of greedy", "points ahead of greedy"]
-    head += ["of the genie's return", "of its collected and landed", "straight home"]
-    head += ["missions with the genie"]
+    head = ["agent", "landed", "return, ahead of greedy"]
+    head += ["collected and landed, points ahead of greedy"]
+    head += ["share of the genie's return", "share of the genie's collected and landed"]
+    head += ["straight home", "missions with the genie"]
     return f"{_table(head, rows)}\n{_made_with('fresh_missions')}"
 
 
@@ -463,7 +464,7 @@ def cities_to_learn_in() -> str:
             for over in ("random:300:9", cities)
         ]
         rows.append([count, *(f"{value:.3f}" for value in np.concatenate(scores))])
-    return _table(["cities", *SEEDS, *(f"seen, {seed}" for seed in SEEDS)], rows)
+    return _table(["cities", *(f"{kind}, {s}" for kind in ("unseen", "seen") for s in SEEDS)], rows)
 
 
 def practice(scenario: str) -> str:
@@ -473,7 +474,7 @@ def practice(scenario: str) -> str:
     for score in sorted(board["scores"].values(), key=lambda score: -score[BOTH][0]):
         shares = (_percent(Interval(*score[name])) for name in (BOTH, "landed"))
         rows.append([f"`{score['name']}`", *shares, _number(Interval(*score["return"]))])
-    return _table(["", "collected and landed", "landed", "return"], rows)
+    return _table(["policy", "collected and landed", "landed", "return"], rows)
 
 
 # Teaching
@@ -510,7 +511,7 @@ def plan(name: str) -> str:
     for session, _, parts in sessions(name):
         rows.append([f"**{session}**", f"**{sum(part[1] for part in parts)}**", "", ""])
         rows += [["", taken, what, ", ".join(numbers)] for what, taken, numbers in parts]
-    return _table(["session", "minutes", "what", "exercises"], rows)
+    return _table(["session", "minutes", "what is done", "exercises"], rows)
 
 
 def exercises() -> str:
@@ -520,7 +521,7 @@ def exercises() -> str:
         [one.number, one.title, one.points, one.minutes, *goals.get(name, ["", ""])]
         for name, one in EXERCISES.items()
     ]
-    return _table(["", "exercise", "points", "minutes", "needs", "trains"], rows)
+    return _table(["number", "exercise", "points", "minutes", "needs", "trains"], rows)
 
 
 # Real places
@@ -531,8 +532,8 @@ PILOTS = {
     "nothing": "`any_city`, told silence: that no data can be had anywhere",
     "model": "`any_city`, told the paper's model",
     **{
-        f"{kind}_{count}": f"`any_city`, told {what} from {count} earlier flight{'s' * (count > 1)}"
-        for kind, what in (("line", "two lines"), ("link", "link by link,"))
+        f"{kind}_{count}": f"`any_city`, told {what} {count} earlier flight{'s' * (count > 1)}"
+        for kind, what in (("line", "two lines fitted to"), ("link", "the links heard in"))
         for count in (1, 10, 100)
     },
     "truth": "`any_city`, told the truth",
@@ -562,9 +563,11 @@ def places() -> str:
             row.append(f"{np.corrcoef(*rates)[0, 1]:.2f}")
         error = np.sqrt(np.square(rates[1] - rates[0]).mean()) / rates[0].mean()
         rows.append([*row, f"{error:.2f}", *(f"{values.mean():.3f}" for values in rates)])
-    head = ["place", "pairs in sight", "exponent in sight", "spread", "exponent behind buildings"]
-    head += ["spread", "of these, without any ray", "correlation of rates behind buildings"]
-    head += ["correlation, all pairs", "error of the rates (RMS) / mean", "mean rate, model"]
+    head = ["place", "pairs in sight", "exponent in sight", "spread in sight"]
+    head += ["exponent behind buildings", "spread behind buildings"]
+    head += ["links behind buildings without any ray", "correlation of rates behind buildings"]
+    head += ["correlation of rates, all pairs", "RMS error of the rates / mean rate"]
+    head += ["mean rate, model"]
     return _table([*head, "mean rate, ray-traced"], rows)
 
 
@@ -583,9 +586,10 @@ def real_city(radio: str) -> str:
                 parts = [ahead[table[key] == value].mean() for value in np.unique(table[key])]
                 row.append(_numbers(parts, 1))
         rows.append(row)
-    head = ["", "collected and landed", "return", "ahead of greedy", "by seed"]
+    head = ["policy", "collected and landed", "return", "return, ahead of greedy"]
+    head += ["the same by seed"]
     names = ", ".join(name.replace("_", " ").title() for name in shipped_places())
-    return f"{_table([*head, f'in {names}'], rows)}\n{_made_with('real_city')}"
+    return f"{_table([*head, f'the same in {names}'], rows)}\n{_made_with('real_city')}"
 
 
 def change_of_radio() -> str:
@@ -593,11 +597,12 @@ def change_of_radio() -> str:
     before, after = (_flown_over_places(radio) for radio in ("model", "ray-traced"))
     told, greedy = (after[name]["return"] - before[name]["return"] for name in ("model", "greedy"))
     at, rows = before["model"]["place"], []
-    for label, added in ((PILOTS["model"], told), ("greedy", greedy), ("the lead", told - greedy)):
+    changes = {PILOTS["model"]: told, "greedy": greedy, "the lead of `any_city`": told - greedy}
+    for label, added in changes.items():
         parts = [added, *(added[at == place] for place in shipped_places())]
         rows.append([label, *(_number(bootstrap_interval(part), 2) for part in parts)])
     names = (name.replace("_", " ").title() for name in shipped_places())
-    return _table(["", "all four", *names], rows)
+    return _table(["change of", "all four places", *names], rows)
 
 
 def worth_of_telling() -> str:
@@ -615,7 +620,8 @@ def worth_of_telling() -> str:
                     of = flown[policy][key]
                     row.append(_numbers((added[of == one].mean() for one in np.unique(of)), digits))
     names = ", ".join(name.replace("_", " ").title() for name in shipped_places())
-    head = ["", "under the paper's model", "under the ray-traced model", "by seed", f"in {names}"]
+    head = ["policy", "under the paper's model", "under the ray-traced model"]
+    head += ["the latter by seed", f"the latter in {names}"]
     return _table(head, rows.values())
 
 
