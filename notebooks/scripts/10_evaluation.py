@@ -46,15 +46,15 @@ figure
 #
 # ## 10.1 Where the numbers come from
 #
-# Most of the flights in this notebook were recorded. Four policies flew the same 1000 missions over each of two cities, with the same
-# fading:
+# Most of the flights in this notebook were recorded beforehand. Four policies flew the same 1000
+# missions over each of two cities, with the same fading:
 #
 # | policy | what it knows |
 # | --- | --- |
 # | the agent | the map, the devices, their data and the time that is left. It has learned what to do by a strengthened form of the paper's method |
 # | greedy | the same. A person wrote its rule: fly to the nearest device with data, and be home in time |
 # | genie | the same and, from every cell to every device, the mean rate (strictly, the slightly lower rate without fading). It searches whole flights for the one with the most data |
-# | random | nothing. It draws its actions |
+# | random | nothing. It picks its actions at random |
 #
 # Each city has an agent of its own: `manhattan_ddqn`, which you know from the course, and `open_field_ddqn`.
 
@@ -83,8 +83,9 @@ cities = {city: recorded(city) for city in ("manhattan", "open_field")}
 #
 # ### Random numbers
 #
-# A test is worth nothing if training has seen its missions, so training, validation and test each need random numbers of their own. A common habit is to seed them with `seed`, `seed + 1` and `seed + 2`. Do you see the trap?
-# Compare the validation missions of seed 0 with the training missions of seed 1:
+# A test is worth nothing if training has seen its missions, so training, validation and test each
+# need random numbers of their own. A common habit is to seed them with `seed`, `seed + 1` and `seed
+# + 2`. Compare the validation missions of seed 0 with the training missions of seed 1:
 
 # %%
 from uavdh_lite.streams import Use, stream
@@ -98,15 +99,16 @@ for way in (habit, stream):
     print(f"{way.__name__:<7} equal numbers: {equal}")
 
 # %% [markdown]
-# With this habit, the run of seed 1 trains on the missions that choose the agent of seed 0, and two runs that should be independent
-# share their luck.
+# With this habit, the run of seed 1 trains on the very missions by which the agent of seed 0 is
+# chosen, and two runs that should be independent share their luck.
 #
 # The library makes every generator with `stream(use, seed)`. The use and the seed go into numpy's `SeedSequence` as two separate
 # numbers and are never added, so no two uses share a stream, whatever the seeds.
 #
-# There is a second trap. If a policy drew its actions from the generator of the missions, a long flight would use up more numbers than
-# a short one, so the next mission would be a different one. That is why all missions are drawn first here, and why the fading is
-# drawn for every mission in every step, whatever the policy does.
+# Another trap is subtler. If a policy drew its actions from the generator that also draws the
+# missions, a long flight would use up more numbers than a short one, so the next mission would
+# depend on the flight before it. That is why all missions are drawn first here, and why the fading
+# is drawn for every mission in every step, whatever the policy does.
 #
 # ## 10.2 The paper's table
 #
@@ -121,9 +123,10 @@ for city, results in cities.items():
         print(f"{city:<11}{metric:<21}{mean:7.1%} ({low:.1%} to {high:.1%})  paper {paper:.1%}")
 
 # %% [markdown]
-# Our agents are above the paper's in every line. Are they better? The table cannot say, because the paper's maps were never published.
-# Ours are drawn from its text, and may be easier. What the table does say is that on maps that fit the same description, a strengthened
-# form of the same method reaches the same level.
+# Our agents are above the paper's in every line. Are they better? The table cannot say, because the
+# paper's maps were never published. Our maps were redrawn from its text, and may be easier. What
+# the table does say is that on maps that fit the same description, a strengthened form of the same
+# method reaches the same level.
 #
 # ### What three shares tell
 #
@@ -136,14 +139,15 @@ print(f"the flights that crashed had collected {(collected - both) / (1 - landed
 print(f"the flights that landed had collected  {both / landed:.0%}")
 
 # %% [markdown]
-# In the paper's own test, the flights that crashed had collected about 40 % of their data. The paper does not print this number, but
-# it is hidden in the table. It is a rough one, since with shares rounded to a tenth of a percent anything from 20 to 60 % is possible.
-# Even so, it is far below the 95 % of the other flights, so staying out for the last bit of data cannot explain all of those crashes.
-# The only crash of our own agent does come from staying out too long (10.6).
+# In the paper's own test, the flights that crashed had collected about 40 % of their data. This
+# number, which the paper does not print, is a rough one, because with shares rounded to a tenth of
+# a percent anything from 18 to 67 % is possible. Even so, it is far below the 95 % of the other
+# flights, so staying out for the last bit of data cannot explain all of those crashes.
 #
 # ### All of them landed
 #
-# The open field's first line has an interval although every flight landed. What can you conclude from 1000 landings in a row?
+# In the table at the start of this section, the first line for the open field has an interval,
+# although every flight landed. What can you conclude from 1000 landings in a row?
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -151,9 +155,10 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("all_landed")
 
 # %% [markdown]
-# For a share $p$ of $n$ missions, the simple interval is $p$ plus and minus 1.96 standard errors $\sqrt{p(1-p)/n}$. At
-# $p = 1$ the standard error is 0, and the interval says that a crash is impossible. *Wilson's* interval asks instead: for which true
-# shares would this result be no surprise? With $z = 1.96$ the answer is
+# For a share $p$ of $n$ missions, the simple interval, called the **Wald interval**, is $p$ plus or
+# minus 1.96 standard errors $\sqrt{p(1-p)/n}$. At $p = 1$ the standard error is 0, and this
+# interval says that a crash is impossible. *Wilson's* interval asks instead: for which true shares
+# would this result be no surprise? With $z = 1.96$ the answer is
 #
 # $$\frac{p + z^2/2n \pm z\sqrt{p(1-p)/n + z^2/4n^2}}{1 + z^2/n}$$
 #
@@ -173,8 +178,9 @@ for count in (995, 999, 1000):
 # Is an agent that landed 999 times safer than one that landed 995 times? Together they crashed six times. If both were equally safe,
 # each crash would be a coin toss between the two. Six tosses split 5–1 or 6–0 about one time in five. So the difference proves nothing.
 #
-# The intervals of all other means come from notebook 8's bootstrap. Either kind of interval covers luck in the missions, but not luck in
-# training. For a claim about a *method*, the runs are the sample.
+# The intervals of all other means come from notebook 8's bootstrap. Either kind of interval covers
+# luck in the missions, but not luck in training. For a claim about a *method*, the training runs
+# are the sample.
 #
 # ## 10.3 Next to the planners
 #
@@ -190,8 +196,9 @@ for city, results in cities.items():
 # Random lands in four missions out of five, because it starts in the landing zone and soon draws `land`, but it brings home next to
 # nothing.
 #
-# Greedy does about as well as the trained network, as you saw in notebook 8. A paper without such a baseline does not show that
-# its learner was worth the training. Which of the two is ahead? The paired differences answer that:
+# Greedy does about as well as the trained network. A paper without such a baseline does not show
+# that its learner was worth the training. Which of the two is ahead, the agent or greedy? The
+# paired differences answer that:
 
 # %%
 for city, results in cities.items():
@@ -209,9 +216,11 @@ for city, results in cities.items():
 #
 # ## 10.4 The best of many checkpoints
 #
-# While an agent learns, it is validated again and again. Each time, what it has learned so far is a *checkpoint*, and the best
-# checkpoint is kept. But its validation score is too high. To see why, imagine 20 checkpoints that are all equally good. Each flies
-# missions of its own, drawn from the 1000 above, and you report the best of the 20. Repeat that 300 times:
+# While an agent learns, it is validated again and again. The network as it stands at such a moment
+# is called a *checkpoint*, and the best checkpoint is kept. But the validation score of this
+# checkpoint is too high. To see why, imagine 20 checkpoints that are all equally good. Each flies
+# missions of its own, drawn from the 1000 above, and you report the best of the 20. Repeat that 300
+# times:
 
 # %%
 values = cities["manhattan"]["agent"][BOTH]
@@ -222,13 +231,15 @@ for missions in (200, 1000):
     print(f"{missions:>4} missions: true mean {values.mean():.1%}, best of 20 {best:.1%}")
 
 # %% [markdown]
-# All checkpoints are equally good, and yet the best one seems better than it is, because it was chosen for its luck. With 200 missions
-# the illusion amounts to more than a point. More missions shrink it, but do not remove it. What helps is another set of missions,
-# which had no say in the choice. That is why validation and test are two different streams.
+# All checkpoints are equally good, and yet the best one seems better than it is, because it was
+# chosen for its luck. With 200 missions this illusion, a **selection bias**, amounts to more than a
+# point. More missions shrink it, but do not remove it. What helps is another set of missions, which
+# had no say in the choice. That is why validation and test are two different streams.
 #
 # ## 10.5 Which missions go badly?
 #
-# Split the missions by their flying time or by their number of devices, and ask in each group how far the agent is behind:
+# Split the missions by their flying time or by their number of devices, and ask in each group how
+# far the agent is behind the genie and behind greedy:
 
 # %%
 from uavdh_lite.experiments.comparison import breakdown
@@ -247,9 +258,11 @@ figure.axes[0].set_ylabel("points behind\ngenie (blue), greedy (orange)")
 figure
 
 # %% [markdown]
-# On the left, the agent is furthest behind the genie where the flying time is short; in missions with more time it is closer. Greedy has the
-# same trouble with short flights: in the shortest ones the two are level, and the orange points show no such trend. A likely reason is that, when
-# time is short, a detour to the wrong device cannot be made up for, and only the genie knows beforehand what a device will yield.
+# On the left, the agent is furthest behind the genie where the flying time is short; in missions
+# with more time it is closer. Greedy has the same trouble with short flights: in the shortest ones
+# it is level with the agent, and the orange points do not fall from left to right as the blue ones
+# do. A likely reason is that, when time is short, a detour to the wrong device cannot be made up
+# for, and only the genie knows beforehand what a device will yield.
 #
 # On the right, the agent is behind greedy mainly in missions with two or three devices. Those are the easy ones, where greedy brings
 # home 98 to 99 %. So hard missions are hard for both, and it is in easy missions that the agent could do better. With eight groups
@@ -257,7 +270,7 @@ figure
 #
 # ## 10.6 Failures, one by one
 #
-# To see *what* goes wrong, fly the worst missions again, that is, those in which the agent is furthest behind the genie:
+# To see *what* goes wrong, fly the missions again in which the agent is furthest behind the genie:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -279,10 +292,11 @@ add_legend(figure, 3)
 figure
 
 # %% [markdown]
-# On the left is the one crash in a thousand missions. The UAV has emptied three of four devices, but turns for home too late. On the right
-# is a flight that serves the nearest device and goes home, although there is plenty of time left for the others. Watch the crash step by step. With
-# 14 units of time left the UAV flies one cell further north, for the last 7 units of data of the third device. From there the way home takes 14
-# units, but only 13 are left:
+# On the left is the one crash in a thousand missions. The UAV has emptied three of its four
+# devices, but turns for home too late. On the right is a flight that serves the nearest device and
+# goes home, although there is plenty of time left for the others. Watch the crash step by step.
+# With 14 units of time left the UAV flies one cell further north, for the last 8 units of data of
+# the third device. From there the way home takes 14 units, but only 13 are left:
 
 # %%
 from uavdh_lite.player import play
@@ -298,9 +312,10 @@ for name, own in {"30 points or more": much, "less": little, "nothing": lost <= 
     print(f"{name:<18}{own.sum():>4} missions, {lost[own].sum() / lost.sum():z4.0%} of the loss")
 
 # %% [markdown]
-# One mission in thirty accounts for nearly half of the loss. The rest is spread thin over almost one mission in four, and in most
-# missions nothing is lost at all. So a mean of 96 % does not stand for a thousand flights that bring home 96 % each. Most of them are
-# as good as the genie's, and a few are bad.
+# One mission in thirty accounts for nearly half of the loss. The rest is spread thin over almost
+# one mission in four, and in most missions nothing is lost at all. So a mean of 96 % does not stand
+# for a thousand flights that bring home 96 % each. Most flights are as good as the genie's, and a
+# few are bad.
 #
 # ## 10.7 How many missions does a claim need?
 #
@@ -319,8 +334,10 @@ for name, results in cities.items():
 # Flying both on the same missions saves more than half of them, because what is hard for one policy is hard for the other, and this
 # cancels out in the difference.
 #
-# Is a half width of half a point enough to *find* a lead of half a point? Only in half of all tries. The measured lead falls below the
-# true one as often as above it, and then the interval contains 0. To find such a lead in eight out of ten tries takes twice as many missions.
+# Is a half width of half a point enough to *find* a lead of half a point? Only in half of all
+# tries. The measured lead falls below the true one as often as above it, and whenever it falls
+# below, the interval contains 0. To find such a lead in eight out of ten tries, that is, with a
+# **power** of 80 %, takes twice as many missions.
 #
 # ## 10.8 The same mission with different luck
 #
@@ -352,8 +369,9 @@ play(agent.environment, two)
 #
 # ## 10.9 One thing changed
 #
-# The paper shows its open-field agent in two missions that differ in one thing only. In the first, both devices hold the same amount
-# of data. In the second, the far one holds only a quarter of it. Before you look, guess what changes:
+# The paper shows its open-field agent in two missions that differ in one thing only. In the first,
+# both devices hold the same amount of data. In the second, the far one holds only a quarter of it.
+# Guess what changes:
 
 # %%
 Quiz("one_quarter")
@@ -376,8 +394,6 @@ figure
 # far one. With equal data it flies right up to the far device; with a quarter of the data there, it turns for home two cells before it. In a
 # single flight that might be luck, but the 20 draws printed above say that it is not: every flight with a quarter of the data is shorter than
 # every flight with equal data.
-#
-# Nobody trained the agent for this mission. It reacts to the amount of data because that is a part of the state.
 #
 # ## Recap
 #

@@ -68,22 +68,25 @@ for variant, size in SIZES.items():
     print(f"memory of {size:>6,} steps:", " ".join(f"{end:4.0%}" for end in ends))
 
 # %% [markdown]
-# In the picture, the dashed line is greedy and the dotted one random. With 40,000 steps all three runs come close to greedy. With
-# a tenth of that, and even with 1,000 steps, they are only a little behind, and their ranges overlap. With 250 steps, not even sixteen for each of
-# the 16 UAVs, the runs bring home 46 to 81 % of the data: two of them end far below all others, and the third only reaches the worst of those
-# with 4,000 steps.
+# In the picture, the dashed line is greedy and the dotted one random. With 40,000 steps in the
+# memory, all three runs come close to greedy. With 4,000, and even with 1,000 steps, most runs are
+# only a little behind these, and the ranges overlap. With 250 steps, not even sixteen for each of
+# the 16 UAVs, the runs bring home 46 to 81 % of the data: two of them end far below all others, and
+# the third does only about as well as the worst of the runs with 4,000 steps.
 #
 # All runs make the same number of updates, and each update draws the same number of steps. So what does a small memory lack?
 #
 # ## 11.2 How old is what it learns from?
 #
-# A replay memory is a *ring buffer*: when it is full, the newest step takes the place of the oldest. The recipe flies 16 missions side by
-# side. Whenever all 16 have made a step, there is one update, which draws 64 steps from the memory. So a step is drawn $64/16 = 4$ times on
-# average before it is forgotten. That holds for a memory of any size, because a larger one keeps a step longer but draws it less
-# often.
+# A replay memory is a *ring buffer*: when it is full, the newest step takes the place of the
+# oldest. The recipe has 16 UAVs, which fly their missions side by side. Whenever all 16 have made a
+# step, there is one update, which draws 64 steps from the memory. So a step is drawn $64/16 = 4$
+# times on average before it is forgotten. That holds for a memory of any size, because a larger one
+# keeps a step longer but draws it less often.
 #
-# What the size does change is how *old* the drawn steps are. A memory of 250 holds the last 16 steps of each of the 16 missions, which
-# is less than a flight. A memory of 40,000 holds the last 2500 steps flown in each of the 16 places, more than a thousand flights in all.
+# What the size does change is how *old* the drawn steps are. A memory of 250 steps holds about the
+# last 16 steps of each of the 16 UAVs, which is less than a flight. A memory of 40,000 steps holds
+# the last 2500 steps of each UAV, more than a thousand flights in all.
 #
 # Is it good or bad to learn from old steps? It is both, as a tiny example shows.
 #
@@ -107,8 +110,9 @@ uploads = (full == 1) & (after == device) & ~landed
 reward = 10 * uploads - 0.2 * ~landed - ((action == LAND) & (cell > 0))
 
 # %% [markdown]
-# Each step has a number from 0 to 863, so a memory is just a list of numbers. The right Q-values come from the target of notebook 6,
-# which is computed again and again until nothing changes any more:
+# Each step has a number from 0 to 863, so a memory is just a list of numbers. The right Q-values
+# come from the target of notebook 6, which is computed again and again until nothing changes any
+# more (**value iteration**):
 
 # %%
 following = np.ravel_multi_index((after, full * ~uploads, device), (12, 2, 12))  # next states
@@ -117,8 +121,9 @@ for _ in range(300):
     best = (reward + 0.95 * ~landed * best[following].max(1)).reshape(288, 3)
 
 # %% [markdown]
-# Now let a network learn them. Its inputs name the UAV's cell and the device's cell, each as a 1 in one of twelve places. An update
-# moves the Q-values of the drawn steps towards their targets:
+# Now let a network learn these values. Its inputs name the UAV's cell and the device's cell, each
+# as a 1 in one of twelve places (a **one-hot** vector), and say whether the device still has its
+# data. An update moves the Q-values of the drawn steps towards their targets:
 
 # %%
 import torch
@@ -166,8 +171,9 @@ def learn(capacity, seed):
     return shares
 
 # %% [markdown]
-# A memory of 32,000 steps holds everything that is ever flown here, whereas one of 200 holds only the last twelve rounds. There are
-# five runs of each. Thin lines are runs, bold lines are means, and the missions change at the dotted line:
+# A memory of 32,000 steps holds everything that is ever flown here, whereas one of 200 steps holds
+# only the steps of the last twelve updates. There are five runs with each memory. Thin lines are
+# runs, bold lines are means, and the missions change at the dotted line:
 
 # %%
 runs = {size: np.array([learn(size, seed) for seed in range(5)]) for size in (200, 32_000)}
@@ -186,34 +192,42 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Look at the left side first. While the device is near, both networks learn such missions. Then the missions change. With a
-# memory of 200 steps the share of right actions drops steeply in every run, on average from nine states in ten to about four. Nothing
-# was wrong with what the network knew. It was overwritten: an update for one state moves weights that other states use as well, and
-# the memory no longer holds a step that would correct them. Later the share recovers in part, because far and near missions have something in common.
+# Look at the left side first. While the device is near, both networks learn such missions. Then the
+# missions change. With a memory of 200 steps the share of right actions drops steeply in every run,
+# on average from nine states in ten to about four. Nothing was wrong with what the network knew. It
+# was overwritten: an update for one state moves weights that other states use as well, and the
+# memory no longer holds a step that would correct them. This is called **catastrophic forgetting**.
+# Later the share recovers in part, because far and near missions have something in common.
 #
-# With the large memory hardly anything is lost. Near missions are no longer flown, but they are still drawn, so the
-# network has to stay right about them.
+# With the large memory hardly anything is lost. Near missions are no longer flown, but their steps
+# are still drawn, so the network has to stay right about them.
 #
-# Now look at the right side. By the end the small memory is ahead on average, though some runs overlap. It holds only far missions, whereas
-# even at the end half of the large one's samples come from the past. So a large memory keeps what is no longer flown, and it is
-# slow to follow when the world changes. *Combined* replay, which puts the newest step into every minibatch, makes a large memory less slow to follow.
+# Now look at the right side. By the end the small memory is ahead on average, though some runs
+# overlap. It holds only far missions, whereas even at the end half of the large one's samples come
+# from the past. So a large memory keeps what is no longer flown, but it is slow to follow when the
+# world changes. **Combined replay**, which puts the newest step into every minibatch, shortens this
+# delay.
 #
 # **Prioritised replay** goes further, and draws steps with a large error more often. But a Q-value is a mean over good and bad luck, and if lucky
 # steps, for example, are drawn too often, that mean shifts. Therefore each step's loss is divided by how much more often the step is drawn
 # (**importance weights**; exercise 11.2).
 #
-# In the village the missions do not change halfway through. But a memory of 250 steps holds only parts of the flights that are in the
-# air at the time. As one flight follows another, the network is pulled from one handful of missions to the next, and forgets. That is the likely
-# reason why these runs fell behind in 11.1.
+# In the village the missions do not change halfway through. But a memory of 250 steps holds only
+# parts of the flights that are in the air at the time. As one flight follows another, the network
+# is pulled from one handful of missions to the next, and forgets. That is the likely reason why the
+# runs with this memory fell behind in 11.1.
 #
 # ## 11.4 What the network knows of shadows
 #
-# When training is over, the memory is thrown away, and only the network is kept. What does it still know from all the flights? One thing
-# worth knowing is that a building in the way takes most of the signal, as in notebook 1, but no input says so. The network sees only a layer of
-# buildings and a layer of data, and it gets rewards. Has it found out that the two are related?
+# When training is over, the memory is thrown away, and only the network is kept. What does the
+# network still know from all the flights? One thing worth knowing is that a building in the way
+# takes most of the signal, as in notebook 1, but no input says so. In one layer the network sees
+# buildings, in another it sees data, and it has learned from rewards alone. Has it found out how
+# the two layers are related?
 #
-# Let us ask it. Take states in which a device is close but hidden, and wipe out the buildings between the UAV and the device, without
-# touching the layer that says where the UAV may fly. If the network knows what walls do, it must now expect more.
+# Let us ask it. Take states in which a device is close but hidden, and wipe out the buildings
+# between the UAV and the device, without touching the layer that says where the UAV may fly. If the
+# network knows what walls do, it must now expect more reward.
 #
 # First we need the states. In each of them, data is left at only one device, which is at most five cells away and out of sight, and
 # there are five units of time to spare:
@@ -236,8 +250,8 @@ def hidden_devices(agent, generator):
     return state[hidden & (np.hypot(*to_device(state, environment.size)) <= 5)]
 
 # %% [markdown]
-# Which buildings lie between the two? Let us take those in the rectangle with the UAV at one corner and the device at the opposite one. In the
-# centred map the UAV is in the middle:
+# Which buildings lie between the UAV and the device? Let us take those in the rectangle with the
+# UAV at one corner and the device at the opposite one. In the centred map the UAV is in the middle:
 
 # %%
 def between(state, size):
@@ -247,8 +261,9 @@ def between(state, size):
     return torch.from_numpy(rows[:, :, None] & cols[:, None, :])
 
 # %% [markdown]
-# A hole in the map may surprise the network, whatever was there before. So we need a **control**: the same
-# rectangle on the *other* side of the UAV. We count only states that have at least as many buildings there. Here is an example:
+# A hole in the map may surprise the network, whatever was there before. So we need a **control**:
+# the same rectangle on the *other* side of the UAV. We count only states that have at least as many
+# buildings there as in the first rectangle. Here is an example:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -282,7 +297,8 @@ figure
 # The triangle is the UAV, and the blue cross is the device. Wiping out what is orange clears the way between the two, whereas wiping out
 # what is green changes nothing between them. By how much does the network's largest Q-value rise in each case?
 #
-# We ask two agents, one for each of the paper's cities, and also a network of the same shape without any training.
+# We ask two agents, one for each of the paper's cities, and for each of them also an untrained
+# network of the same shape.
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -308,25 +324,29 @@ for name in ("manhattan_ddqn", "open_field_ddqn"):
               f"above 0 in {(gains[0] > gains[1]).mean():.0%}")
 
 # %% [markdown]
-# The untrained networks hardly notice. Both trained ones expect more when any buildings disappear, and clearly more when those buildings
-# were in the way. So they have learned from rewards that buildings *between* them and a device cost something, and they look for them.
-# One doubt is left: the control also lies farther from the *device*. If the networks value open space around a device for another reason, that,
-# too, would explain a part of the difference.
+# The untrained networks hardly notice. Both trained ones expect more reward when any buildings
+# disappear, and clearly more still when those buildings were in the way. So they have learned from
+# rewards that buildings *between* the UAV and a device cost something, and they look for such
+# buildings. One doubt is left: the control also lies farther from the *device*. If the networks
+# value open space around a device for another reason, that, too, would explain a part of the
+# difference.
 #
-# Neither network has become a ray tracer. The difference is small next to what these states are worth, 3 % of it over Manhattan and 15 % on the open field, and in three or four states out of ten
-# there is none, or it goes the other way. Also, a city with a missing building is new to such a network. The
-# test shows what the network looks at, but not how well it would fly there.
+# Neither network has become a ray tracer. The difference is small next to what these states are
+# worth: 3 % of that over Manhattan and 15 % over the open field. In three or four states out of ten
+# there is no difference, or it goes the other way. Also, a city with a missing building is new to
+# such a network. The test shows what the network looks at, but not how well it would fly there.
 #
-# This way of asking works for any network and many questions: change one thing in the input that should matter, change something
-# similar that should not, and compare.
+# This way of asking, a **perturbation analysis**, works for any network and many questions: change
+# one thing in the input that should matter, change something similar that should not, and compare.
 #
 # ## Recap
 #
-# - Replay learns from each step several times, mixed with steps of other flights.
+# - With replay, an agent learns from each step several times, and from the steps of many flights at
+#   once.
 # - A small memory holds only what is being flown now, and what the network knew of other missions is overwritten.
 # - A large memory keeps the past alive, but is slower to follow when the world changes.
 # - A network can learn what no input says, such as that walls cost data.
-# - To see what a network looks at, change the input, with a control beside it.
+# - To see what a network looks at, change its input, and compare the effect with that of a control.
 #
 # ## Exercises
 #

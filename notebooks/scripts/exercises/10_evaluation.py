@@ -39,11 +39,13 @@ from uavdh_lite.planners import Greedy
 # A customer wants to read "at least 99 % of the flights land", with an interval to show it. You plan the test flights. How many do you need, if
 # `crashes` of them crash?
 #
-# - `share`: what is to be shown, between 0 and 1
+# - `share`: the share of landings that is to be shown, between 0 and 1
 # - `crashes`: how many of the missions crash, 0 or more
 #
-# Return the smallest number of missions $n$ for which the low end of Wilson's 95 % interval (notebook 10, section 10.2) is at least `share`. All missions but
-# `crashes` of them land, so a share $p = (n - \text{crashes}) / n$ of them, and with $z = 1.96$ the low end is
+# Return the smallest number of missions $n$ for which the low end of Wilson's 95 % interval
+# (notebook 10, section 10.2) is at least `share`. All missions but `crashes` of them end in a
+# landing, so the share of landings is $p = (n - \text{crashes}) / n$, and with $z = 1.96$ the low
+# end is
 #
 # $$\frac{1}{1 + z^2/n} \left(p + \frac{z^2}{2n} - z \sqrt{\frac{p\,(1 - p)}{n} + \frac{z^2}{4n^2}}\right).$$
 #
@@ -79,17 +81,19 @@ def needed(share, crashes):
 checks.missions_needed(needed)
 
 # %% [markdown]
-# A single crash more than expected costs two hundred missions at 99 %. Whoever stops as soon as the number looks good, and flies on as long as it does not, deceives himself:
-# decide how many missions to fly before the first of them takes off.
+# To show 99 %, each further crash costs another 150 to 180 missions. But do not fly on until the
+# number looks good and then stop, because with such **optional stopping** you deceive yourself.
+# Decide how many missions to fly before the first of them takes off.
 
 # %% [markdown]
 # ## 10.2 · A city that defeats the agent (3 points, 12 minutes)
 #
-# The network of the agent `manhattan_ddqn` can be asked about any city of 16×16 cells: it sees that city's maps. It was trained
-# in one, `home` below. Change at most 16 of the 256 cells of `home` so that the agent does badly although the missions
-# there are possible. The city is a text of 16 rows of 16 signs:
+# The agent `manhattan_ddqn` can fly over any city of 16×16 cells, because its network sees the
+# layers of that city. It was trained in only one city, called `home` below. Change at most 16 of
+# the 256 cells of `home` so that the agent does badly although the missions there can be flown
+# well. The city is a text of 16 rows of 16 characters:
 #
-# | sign | cell |
+# | character | cell |
 # | --- | --- |
 # | `.` | free |
 # | `L` | start and landing zone (at least one) |
@@ -97,26 +101,27 @@ checks.missions_needed(needed)
 # | `B` | building that may not be flown over |
 # | `b` | building that may be flown over; it still blocks the radio link |
 #
-# It has to meet all of these conditions, on 100 fixed missions of the agent's own scenario (2 to 5 devices, 5 to 20 data
-# units each, 35 to 70 steps of flying time):
+# The city has to meet all of these conditions, on 100 fixed missions of the agent's own scenario (2
+# to 5 devices, 5 to 20 data units each, 35 to 70 steps of flying time):
 #
 # - it is a valid city, and from every cell that the UAV may enter there is a way to the landing zone;
 # - the greedy planner's mean share collected and landed is at least 90 %;
-# - the agent's is at least 30 points below that of the greedy planner.
+# - the agent's mean share is at least 30 points below that of the greedy planner.
 #
-# `trial(text)` flies other missions of the same kind, to practise. With 100 missions the means vary by several points
-# from one seed to another, and more where crashes are frequent: look for a city with 10 points or more to spare.
+# `trial(text)` flies other missions of the same kind, so that you can practise. With 100 missions
+# the means vary by several points from one seed to another, and by more where crashes are frequent,
+# so look for a city with 10 points or more to spare.
 #
 # <details><summary>Hint</summary>
 #
-# A planner computes its ways from the map. The agent has learned its ways in one single city. What was the same
-# in every mission that it was trained on?
+# A planner computes its routes from the map. The agent has learned its routes in one single city.
+# What was the same in every mission that it was trained on?
 # </details>
 #
 # <details><summary>Another hint</summary>
 #
-# Start from `home` and change only where the UAV may land: move the zones to places that it never landed in.
-# Leave two of them, far apart, or the ways get too long for greedy.
+# Start from `home` and change only where the UAV may land: move the zones to places that it never
+# landed in. Keep two zones, far apart, or the routes get too long for greedy.
 # </details>
 
 # %%
@@ -164,5 +169,6 @@ text = "\n".join(rows)
 checks.defeat(text)
 
 # %% [markdown]
-# An agent that was trained in one city may have learned much about that city and little about cities. Which of
-# the layers that it sees does it use? An answer needs many cities, in training and in the test.
+# An agent that was trained in one city may have learned much about that city and little about
+# cities in general. Which of the layers that it sees does it use? An answer needs many cities, in
+# training and in the test.

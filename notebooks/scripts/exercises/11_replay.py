@@ -1,7 +1,7 @@
 # %% [markdown]
 # # Exercises 11 · Replay
 #
-# These exercises go with notebook `11_replay`. You need the ring of exercise 6.3, and numpy.
+# These exercises go with notebook `11_replay`. You need the ring buffer of exercise 6.3, and numpy.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
 # right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
@@ -31,12 +31,13 @@ from uavdh_lite.course import checks
 # %% [markdown]
 # ## 11.1 · What a memory still holds (1 point, 8 minutes)
 #
-# A city changes while an agent is being trained in it: buildings are torn down. From then on the memory holds steps from the old city
-# beside those from the new one. How large is the share of the old ones?
+# A city changes while an agent is being trained in it: buildings are torn down. From then on the
+# memory holds steps from the old city beside those from the new one. How large is the share of the
+# old steps?
 #
 # - `capacity`: how many items the ring holds at most
 # - `before`: how many items were added before the change, at least 1
-# - `after`: how many were added since, 0 or more
+# - `after`: how many have been added since, 0 or more
 #
 # Return the share of the items in the memory that come from before the change, a number from 0 to 1. The ring overwrites its oldest item.
 #
@@ -47,8 +48,8 @@ from uavdh_lite.course import checks
 #
 # <details><summary>Another hint</summary>
 #
-# It holds min(capacity, before + after) items, the newest. min(capacity, after) of them are new. The rest is
-# old.
+# It holds the newest items, min(capacity, before + after) in all. Of these, min(capacity, after)
+# are new, and the rest are old.
 # </details>
 
 # %%
@@ -64,25 +65,30 @@ def old_share(capacity, before, after):
 checks.old_share(old_share)
 
 # %% [markdown]
-# Of 100,000 places, as in our recipes, nothing is old any more after 100,000 steps. A small memory forgets the old city sooner, and
-# with it all else that is rare.
+# In a ring of 40,000 places, as in the recipe `small`, nothing from the old city is left after
+# 40,000 steps. A smaller memory forgets the old city sooner, but it also forgets everything that
+# happens only rarely.
 
 # %% [markdown]
 # ## 11.2 · Draw what surprises, and make up for it (2 points, 12 minutes)
 #
-# A step whose Q-value is far from its target has more to teach than one that is known already. **Prioritised replay** draws such steps more often. But
-# then strokes of luck are seen more often than they happen, and the mean that Q should learn is shifted. So each drawn step's loss gets a weight
-# that makes up for it. Compute both.
+# A step whose Q-value is far from its target has more to teach than one that is known already.
+# **Prioritised replay** draws such steps more often. But then strokes of luck are seen more often
+# than they happen, and the mean that Q should learn is shifted. So each drawn step's loss gets a
+# weight that makes up for this. Compute both the probabilities and the weights.
 #
 # - `error`: array $(N,)$, target minus Q-value of each step in the memory, of either sign
 # - `floor`: a number above 0, so that a step without an error is drawn now and then, too
 #
-# A step is to be drawn with a probability in proportion to the size of its error plus `floor`. Its weight is to undo that: over many draws, each step must count
-# as much as any other. Scale the weights so that the largest is 1, since larger ones would make the steps downhill too long.
+# A step is to be drawn with a probability in proportion to the absolute value of its error plus
+# `floor`. Its weight is to undo that: over many draws, each step must count as much as any other.
+# Scale the weights so that the largest is 1, because larger ones would make the gradient steps too
+# long.
 #
 # Return two arrays $(N,)$: the probabilities, which add up to 1, and the weights. Leave `error` as it is.
 #
-# An example: the errors 3, −1, 0 with the floor 1. The steps are drawn in the proportion 4 : 2 : 1, and their weights are 0.25, 0.5 and 1.
+# For example, with the errors 3, −1 and 0 and a floor of 1, the steps are drawn in the proportion 4
+# : 2 : 1, and their weights are 0.25, 0.5 and 1.
 #
 # <details><summary>Hint</summary>
 #
@@ -91,7 +97,8 @@ checks.old_share(old_share)
 #
 # <details><summary>Another hint</summary>
 #
-# np.abs(error) + floor, divided by its sum, are the probabilities. The weights are 1 over them, divided by the largest of these.
+# np.abs(error) + floor, divided by its sum, gives the probabilities. For the weights, take 1 over
+# each probability, and divide by the largest of the results.
 # </details>
 
 # %%
@@ -107,5 +114,6 @@ def prioritised(error, floor):
 checks.prioritised(prioritised)
 
 # %% [markdown]
-# Try it with the ring: `generator.choice(n, 64, p=probability)` draws the places. Does it help in the village? It is one of the parts of *Rainbow*, an agent that combines six
-# improvements of DQN, and one more thing that may be wrong with yours.
+# Try it with the ring: `generator.choice(n, 64, p=probability)` draws the places. Does prioritised
+# replay help in the village? It is one of the parts of *Rainbow*, an agent that combines six
+# improvements to DQN, but it is also one more thing that can go wrong in yours.
