@@ -82,8 +82,8 @@ print(f"{tall.sum()} tall cells, {low.sum()} low ones, {closed.sum()} only close
 # ## 1.2 Path loss
 #
 # A radio signal gets weaker on its way. The loss spans many powers of ten, so engineers use a
-# logarithmic scale, the *decibel*: $x_{\mathrm{dB}} = 10 \log_{10} x$. So 10 dB is a factor of ten,
-# 20 dB a factor of a hundred, and 3 dB about a factor of two. Negative numbers stand for factors
+# logarithmic scale, the *decibel*: $x_{\mathrm{dB}} = 10 \log_{10} x$. 10 dB is a factor of ten, 20
+# dB a factor of a hundred, and 3 dB about a factor of two. Negative numbers stand for factors
 # smaller than one: −10 dB is a tenth. On this scale products become sums.
 #
 # What counts is how strong the signal is compared with the noise, the random hiss in every
@@ -164,9 +164,10 @@ print(f"above the device {snr_db(0, 2.27):.1f} dB, 30 m away {snr_db(30, 2.27):.
 #
 # $$R = \log_2(1 + \mathrm{SNR})$$
 #
-# data units. There are four such slots in the time that the UAV takes for one move. When signal and
-# noise are equally strong, the SNR is 1, and a slot carries $\log_2 2 = 1$ unit. This defines the
-# data unit of the course.
+# data units. (In real systems $R$ is the *spectral efficiency*, in bits per second and hertz.)
+# There are four such slots in the time that the UAV takes for one move. When signal and noise are
+# equally strong, the SNR is 1, and a slot carries $\log_2 2 = 1$ unit. This defines the data unit
+# of the course.
 #
 # Why a logarithm? If a slot is to carry one unit more, the receiver must tell twice as many
 # different signals apart in the same noise, and at a high SNR that takes twice the power. So
@@ -216,17 +217,16 @@ for distance in (0, 10, 20, 30, 100):
 # not on the map. (Reflections add *multipath fading*, which changes within centimetres; the paper
 # leaves it out.) The model adds $\eta_l$ to the SNR: a normally distributed number of decibels with
 # mean 0, which is drawn anew for every slot and every device. Its variance is 2 dB² in sight and 5
-# dB² behind a building. The paper calls this variance $\sigma_l^2$; do not confuse it with
-# $\sigma^2$, the power of the noise.
+# dB² behind a building. Why normal, and why in decibels? Each obstacle multiplies the power by some
+# factor, so in decibels their effects add up, and a sum of many independent effects is nearly
+# normal. Such a power is called *log-normal*. The paper calls the variance $\sigma_l^2$; do not
+# confuse it with $\sigma^2$, the power of the noise.
 #
 # A radio engineer will object here. In a real street shadow fading is *correlated*: the tree that
 # is in the way now is still in the way one step later, so the fading stays similar over tens of
-# metres. The paper nevertheless draws it anew in every slot, and so do we, for a reason that
-# notebook 3 explains: if good luck came in runs, the luck of the past would say something about the
-# future, and the agent would have to remember it. Independent draws keep the problem simple.
-#
-# When you program this, note that numpy expects the *standard deviation*, the square root of the
-# variance.
+# metres. The paper nevertheless draws it anew in every slot, and so do we. If good luck came in
+# runs, the luck of the past would say something about the future, and the agent would have to
+# remember it (notebook 3).
 #
 # In decibels, good and bad luck cancel out on average. Do they also cancel out in the amount of
 # data?
@@ -281,9 +281,8 @@ figure
 #
 # ## 1.6 Where to hover
 #
-# Now compare four places. The distances are on the ground. (Three of the places can be found around
-# the device of the first picture; the one 14 m away behind a building cannot.) The last column
-# counts the steps that it takes to fetch 15 data units at four slots per step:
+# Now compare four places. The distances are on the ground, and the last column counts the steps
+# that it takes to fetch 15 data units at four slots per step:
 
 # %%
 for name, ground, exponent in (

@@ -97,12 +97,13 @@ print("one step east: cell", after.uav_cell[0], "time left", after.time_left[0])
 #
 # The sign ~ means “is drawn from”, and the dot stands for the next state. The distribution depends
 # only on the present state $s_t$ and the action $a_t$, not on how the UAV came to be there. A world
-# with this property is a **Markov decision process**, MDP. Ours has the property because fading is
-# drawn anew in every slot. If good luck came in runs, the luck of the past would say something
-# about the future, and the state would have to include it. The time left belongs in the state for
-# the same reason: it decides when the episode ends. If an agent sees only a part of such a state,
-# the process is *partially observable*, and the problem is called a **POMDP**. Such a problem is
-# much harder, because the agent has to remember what it saw earlier.
+# with this property is a **Markov decision process**, MDP. It has five parts: the states, the
+# actions, the distribution $p$, the reward (3.3), and a discount, which says how much later rewards
+# count (notebook 6). Our world has the property because fading is drawn anew in every slot; if good
+# luck came in runs, the state would have to include past luck. The time left belongs in the state
+# for the same reason: it decides when the episode ends. If an agent sees only a part of such a
+# state, the process is *partially observable*, and the problem is called a **POMDP**. Such a
+# problem is usually harder, because it may help to remember what was seen earlier.
 #
 # ## 3.3 What a step earns
 #
@@ -201,11 +202,11 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 # Nothing is uploaded in the step that ends an episode, whether by a crash or a landing. (The paper
 # leaves this open.)
 #
-# You can now see why, on average, **even a perfect pilot stays below 100 %**. Missions are drawn at
-# random, and nobody checks whether all of their data can be collected. Five devices in far corners
-# may be too many for any route of 35 units of time; a device in a courtyard may cost more to reach
-# than its data is worth; and fading may bring bad luck. So compare a pilot with the best that is
-# possible, not with 100 %.
+# On average, **even a perfect pilot stays below 100 %**. Missions are drawn at random, and nobody
+# checks whether all of their data can be collected. Five devices in far corners may be too many for
+# any route of 35 units of time; a device in a courtyard may cost more to reach than its data is
+# worth; and fading may bring bad luck. So compare a pilot with the best that is possible, not with
+# 100 %.
 #
 # ## 3.5 Who may send: four slots per step
 #
@@ -315,7 +316,6 @@ assert flown["by hand"].returns > flown["greedy"].returns + 5
 #   state and the action, not on the past, so this is a Markov decision process.
 # - The reward pays for data and charges for steps, interventions and a crash.
 # - In each of the four slots of a step, the loudest device that has data left sends.
-# - The return is the sum of all rewards. Learning means raising it.
 #
 # ## Exercises
 #

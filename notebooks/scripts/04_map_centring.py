@@ -50,10 +50,10 @@ draw_maps(dict(zip(LAYERS, maps[0])), uav=(15, 15))
 #
 # Each picture is a **layer** of the map. Three show the city: where to land, where not to fly, and
 # what blocks the radio. Two show the data: what each device still has, and what the UAV has
-# collected from it. The last picture is empty because the flight has not begun. None of the five
-# shows the fading, the rate of a link or the shadows of notebook 2. So whatever the agent knows
-# about shadows it has to work out from the layer of buildings or, if it flies in a single city,
-# learn by heart.
+# collected from it. (If two devices shared a cell, these layers could show only the sum of their
+# data.) The last picture is empty because the flight has not begun. None of the five shows the
+# fading, the rate of a link or the shadows of notebook 2. So whatever the agent knows about shadows
+# it has to work out from the layer of buildings or, if it flies in a single city, learn by heart.
 #
 # The UAV is always in the middle of the *frame*, the square that each picture fills. This is **map
 # centring**, the paper's main idea (section III-C).
@@ -128,19 +128,19 @@ figure.legend(loc="outside right upper", fontsize="small");
 # %% [markdown]
 # With 5 units on the clock most UAVs never leave the landing zone. More than half of all UAVs land,
 # but with little data. Nearly all the others hover over the zone until the true time is up, because
-# on a clock that stands still the moment to land never comes. With 10 units on the clock most UAVs
-# fly out a little way, but hardly more data comes home.
+# on a clock that stands still the moment to land never comes.
 #
 # With 20 to 40 units the UAVs collect most of the data, but a third to a half of them are still in
 # the air when the true time is up, because the clock never warns them. With 50 or 60 units most
-# UAVs stay in the air until they crash, even if nothing is left to collect, because an agent that
-# believes it has 60 more units sees no need to hurry. No orange point comes near the black line.
+# UAVs stay in the air until they crash, even if nothing is left to collect. By the reward, landing
+# at once would then be best, since each further step costs something. But in training hardly any
+# UAV was over its landing zone with 60 units left and nothing to fetch, so little corrected the
+# Q-values of such states, and they are wrong. No orange point comes near the black line.
 #
-# In the words of notebook 3, what the agent sees, its **observation**, would not be a **Markov**
-# state without the time, because the future would depend on something that the agent cannot see. A
-# problem in which the agent sees only a part of the state is called a *partially observable* Markov
-# decision process, a **POMDP**. With the time, our problem is not a POMDP, because map and time
-# together hold all of the state that matters.
+# Without the time, what the agent sees, its **observation**, would not be a **Markov** state,
+# because the future would depend on something that the agent cannot see. The problem would be
+# *partially observable*, a **POMDP** (3.2). With the time it is not, because map and time together
+# hold all of the state that matters.
 #
 # The layer "data left" is there for the same reason. Without it the agent would not see a device
 # until some of its data had come in, and even then not how much is left, so it could not tell when
@@ -151,8 +151,8 @@ figure.legend(loc="outside right upper", fontsize="small");
 #
 # How is the map centred? Every layer is shifted so that the UAV's cell lies in the middle of the
 # frame, and the places beyond the city's border are filled in: with 1 in the no-fly layer, and with
-# 0 in all others. In exercise 4.1 you write this yourself. Here are the buildings (dark) and all
-# other cells of the no-fly layer (pale) as the network sees them from three places:
+# 0 in all others (exercise 4.1). Here are the buildings (dark) and all other cells of the no-fly
+# layer (pale) as the network sees them from three places:
 
 # %%
 def seen_from(uav):
@@ -173,8 +173,8 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # Why not simply *roll* the layer, so that what leaves the picture on one side comes in again on the
 # other? Then the picture would need only $M$ cells on each side, which means about a quarter of the
 # work. But rolling misrepresents distances: a device at the far eastern edge would appear just west
-# of a UAV at the western edge, as if the world were a doughnut. The frame of $2M-1$ cells is the
-# smallest in which every *displacement* from the UAV has a place of its own.
+# of a UAV at the western edge. The frame of $2M-1$ cells is the smallest in which every
+# *displacement* from the UAV has a place of its own.
 #
 # A centred picture allows one more thing: it can be turned by right angles and mirrored, as long as
 # the action turns with it (north becomes west). So a single step of a flight gives eight examples
@@ -191,7 +191,9 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # - **The number of devices may vary.** A list for five devices has no room for a sixth, and if
 #   there are only two, three of its entries mean nothing. On a map any number of devices fits, so
 #   the size of the input **does not depend on the number of devices**, and neither does the
-#   network. One agent flies missions with two devices and with five.
+#   network. One agent flies missions with two devices and with five. It would accept twenty, too,
+#   but may fly badly with them: in training it never saw such full maps or such large returns, and
+#   a network can be trusted only with inputs like those that it has learned from.
 # - **The order does not matter.** In a list, "device 1 here, device 2 there" and "device 2 here,
 #   device 1 there" look different, although they are the same mission, and a network would have to
 #   learn both. On the map they are the same picture.
@@ -206,7 +208,8 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #
 # Because the pictures are made anew from the state at each step, a change of the *task* often means
 # no more than adding or removing a layer. Here are eight other tasks to think about before you go
-# on. What would you change in the state, in the reward, and in what the network sees?
+# on. What would you change in the state, in the reward, and in what the network sees? Then open the
+# box and compare, because later notebooks count on these answers.
 #
 # - **Parcels.** Instead of collecting data, the UAV delivers parcels, one at a time, and fetches
 #   each from the landing zone.
@@ -215,8 +218,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # - **Buffers that refill.** Every device gets new data in each step, and loses what does not fit
 #   into its memory.
 # - **Two UAVs** share the devices.
-# - **Landing anywhere.** The UAV may land in any cell. Or what if there were no action `land`, and
-#   the flight ended as soon as the UAV entered the landing zone?
+# - **Landing anywhere.** The UAV may land in any cell.
 # - **Devices that move.** They walk through the streets while the UAV flies.
 # - **Any direction.** An action is an angle and a speed instead of one of six words.
 # - **A city ten times as wide.**
@@ -236,10 +238,10 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # units.
 #
 # *Refilling buffers:* an episode no longer has a fixed amount of data that could all be collected,
-# so *collected and landed* must be replaced, for example by the data collected per unit of time, or
-# by the data lost. "Data left" stays as a layer. If the devices fill at different rates that the
-# agent cannot see, the task becomes a POMDP. So show the rates in a layer of their own; otherwise
-# the agent has to guess them.
+# so *collected and landed* must be replaced, for example by the data collected per unit of time.
+# "Data left" stays as a layer. If the devices fill at different rates that the agent cannot see,
+# the task becomes a POMDP. So show the rates in a layer of their own; otherwise the agent has to
+# guess them.
 #
 # *Two UAVs:* the state holds both places and both times. Each UAV's network gets one more layer,
 # which shows where the other UAV is. Either the two share one reward, or they compete. The safety
@@ -250,8 +252,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #
 # *Landing anywhere:* the landing layer tells the network nothing any more, and the UAV never has to
 # turn back. It still has to choose its route, and it lands when no data is left that is worth the
-# steps needed to fetch it, or else with its last unit of time. *No `land`:* the UAV could not fly
-# through the zone, and it could hardly start there.
+# steps needed to fetch it, or else with its last unit of time.
 #
 # *Devices that move:* the next state now also depends on where the devices happen to walk. If each
 # of their steps is independent of the one before, their present places are enough. If they keep
@@ -263,7 +264,9 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # The harder change is in the agent. Ours gives a number to each of six actions and takes the action
 # with the largest number. Angles and speeds cannot be listed like this, so methods such as **soft
 # actor-critic** (SAC) train a second network that proposes the action ([a map of the
-# field](../docs/tutorials/map_of_the_field.md)).
+# field](../docs/tutorials/map_of_the_field.md)). A few *heights* could still be listed: there would
+# be two more actions, up and down, and the height as one more number beside the time. But then the
+# height decides which links are blocked, so the layer of buildings must say how tall they are.
 #
 # *Ten times as wide:* the frame would have 319 cells on each side, so the network would have to
 # read about a hundred times as many numbers as now. A later article by the same authors therefore
