@@ -1,10 +1,10 @@
 # %% [markdown]
 # # 7 · Training
 #
-# Two agents fly the same mission below. Both were trained by the same **recipe**, `lite`. (A recipe
-# is the set of all constants and choices that define a training run.) The agent on the left learned
-# for 300,000 steps, whereas the one on the right is the best agent of a run of four million. **What
-# happens in all these steps, and how can you tell that it is going well?**
+# Two agents fly the same mission below. Both were trained with the same **recipe**, `lite`. (A
+# recipe is the set of all constants and choices that define a training run.) The agent on the left
+# learned for 300,000 steps, whereas the one on the right is the best agent of a run of four
+# million. **What happens in all these steps, and how can you tell whether training is going well?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -68,8 +68,8 @@ print(inspect.getsource(Trainer.step))
 # | `replay.sample` | **sample** a minibatch that includes the newest steps | 6.2 |
 # | `learner.update` | **update**: DDQN targets (eq. 8), a step downhill (eq. 7), the soft update | 6.3, 6.5 |
 #
-# Then the loop begins again at the top. It is a circle: the agent makes the data that it learns
-# from, so a bad agent collects bad data, and a lucky one collects good data.
+# Then the loop begins again. It is a circle: the agent makes the data that it learns from, so a bad
+# agent collects bad data, and a lucky one collects good data.
 #
 # Five more things are worth knowing:
 #
@@ -85,9 +85,9 @@ print(inspect.getsource(Trainer.step))
 # ## 7.2 Train one now
 #
 # A village of 8 × 8 cells with one or two devices is so small that an agent can be trained for it
-# while you wait. The recipe `small` sets all **hyperparameters**, the numbers that are chosen
-# beforehand and not learned: the size of the network, the learning rate, $\gamma$, $\tau$, $\beta$
-# and the rewards. The next cell takes half a minute and prints how far it has got.
+# while you wait. The recipe `small` sets all **hyperparameters** (5.2): the size of the network,
+# the learning rate, $\gamma$, $\tau$, $\beta$ and the rewards. Training takes half a minute and
+# prints how far it has got.
 
 # %%
 from dataclasses import replace
@@ -113,12 +113,12 @@ print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
 #
 # Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions
 # that are always the same, and always takes the best action, without exploring (eq. 9). Validation
-# also chooses the agent, because a run keeps the one that did best in a validation. The late agent
-# at the top was chosen in this way. Such a choice is partly luck, and the largest of many scores is
-# on average too high, like the maximum in 6.5. So the final score of an agent comes from a third
-# set of missions, the *test*. The sets for training, validation and test have no mission in common.
-# In validation and test, a *seed*, which is the number that starts the random numbers, makes every
-# agent fly the same missions.
+# also chooses the agent, because a run keeps the version that did best in a validation. The late
+# agent at the top was chosen in this way. Such a choice is partly luck, and the largest of many
+# scores is on average too high, like the maximum in 6.5. So the final score of an agent comes from
+# a third set of missions, the *test*. The sets for training, validation and test have no mission in
+# common. In validation and test, a *seed*, which is the number that starts the random numbers,
+# makes every agent fly the same missions.
 
 # %%
 def draw(ax, rows, title):
@@ -147,9 +147,9 @@ print(f"landed {last['landed']:.0%}, collected and landed {last['collected_and_l
 # %% [markdown]
 # ## 7.3 Reading the curves of a real run
 #
-# This is the run that made the agent, in bins of 5000 steps. The figure shows *training* flights,
-# in which the agent explores. Half of the flights in training begin in mid-air, so that the agent
-# practises the way home; these are left out of the figure.
+# Below is the run that made the agent of the course, in bins of 5000 steps. The figure shows
+# *training* flights, in which the agent explores. Half of the flights in training begin in mid-air,
+# so that the agent practises the way home; these are left out of the figure.
 
 # %%
 from uavdh_lite.storage import read_table
@@ -181,8 +181,8 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 # predict, or because each crash counts for more.
 #
 # Test flights tell more: at the start of 1000 missions our agent's largest Q-value is 20.8 on
-# average, and the discounted rewards that then come in (at 0.1 a step, as in training) add up to
-# 20.9. A mean Q-value far above what comes in would be a sign of the bias of 6.5.
+# average, and the discounted rewards that then come in (with a step costing 0.1, as in training)
+# add up to 20.9. A mean Q-value far above that sum would be a sign of the bias of 6.5.
 #
 # ## 7.4 Two ways to fail
 #
@@ -196,10 +196,10 @@ Quiz("huge_penalty")
 
 # %% [markdown]
 # **The lazy agent.** What if a crash costs 150 from the start? The next cell compares such a recipe
-# with `lite`, in which the cost begins at 10. Both were recorded over an earlier map of Manhattan,
-# with three seeds each. They have only 300,000 steps, within which $\beta$, the learning rate and,
-# in `lite`, the cost of a crash change faster than in longer runs. So these agents end ahead of
-# what longer runs have reached at that step.
+# with `lite`, in which the cost begins at 10. Three runs of each were recorded over an earlier map
+# of Manhattan. They have only 300,000 steps, within which $\beta$, the learning rate and, in
+# `lite`, the cost of a crash change faster than in longer runs. So these agents end up better than
+# those of longer runs are at that step.
 
 # %%
 study = read_table("../data/runs/deviations-manhattan.csv.gz")
@@ -226,11 +226,12 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # The agent collects, but little or nothing comes home. Nothing is wrong with the learning: the
 # agent did what we asked for. The reward was wrong.
 #
-# Could one help the agent with a bonus for every step towards home? If it is paid for coming nearer
-# and nothing is charged for going away, it can be earned for ever by flying to and fro. A safe
-# bonus is $\gamma\Phi(s')-\Phi(s)$, where $\Phi$ is any number that depends on the state alone and
-# is 0 after the end. What it pays on the way to a place it takes back on the way out, so the best
-# policy stays the same. This is **potential-based shaping** (Ng, Harada and Russell, 1999).
+# Could one help the agent with a bonus for every step towards home? If coming nearer is paid and
+# nothing is charged for going away, the agent can earn the bonus for ever by flying to and fro. A
+# safe bonus is $\gamma\Phi(s')-\Phi(s)$, where $\Phi$ is any number that depends on the state alone
+# and is 0 after the end. What it pays on the way to a place it takes back on the way from there, so
+# the best policy stays the same. This is **potential-based shaping** (Ng, Harada and Russell,
+# 1999).
 #
 # How large must the penalty be? The agent sees it through the discount. Ten steps before the end, a
 # penalty of 20 counts $20 \cdot 0.95^{10} \approx 12$. Even in the village a device may hold 15
@@ -246,15 +247,15 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # The two recipes in this section share centred maps, the softmax policy, double Q-learning, the
 # soft update with τ = 0.005, combined replay and γ = 0.95. `plain` is the paper's method with
 # nothing added, but with a network that is small enough for an ordinary processor. `lite` is our
-# own recipe, which trained the agent of this course. It also changes the network, the loss and the
-# states in which flights begin; `docs/project/differences_from_the_paper.md` lists everything. Four
-# departures show the idea:
+# own recipe, which trained the agent of this course. `docs/project/differences_from_the_paper.md`
+# lists all that it changes, such as the network, the loss and the states in which flights begin.
+# Four changes show the idea:
 #
 # | in `lite` | what it is for |
 # | --- | --- |
 # | 32 UAVs fly side by side | more flights for each update |
 # | three rewards before the Q-value in the target | news spreads faster |
-# | $\beta$ from 2 to 0.1 | explore first, then get it right |
+# | $\beta$ from 2 to 0.1 | explore first, refine later |
 # | crash from −10 to −150 | first fly far, then land in time |
 #
 # With three rewards before its Q-value, the target is a *three-step return*:
@@ -268,8 +269,8 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # exploring, so the target is a little too low. Strictly speaking, the method is then no longer
 # off-policy. With three steps one usually accepts this.
 #
-# `lite` also lowers the cost of a step from 0.2 to 0.1. In the recorded study, of an earlier
-# program, this does not help ([the page on the recipe](../docs/results/recipe.md)).
+# `lite` also lowers the cost of a step from 0.2 to 0.1. In a study that an earlier version of the
+# program recorded, this did not help ([the page on the recipe](../docs/results/recipe.md)).
 #
 # The **paper's method** makes an update for every single step, once its memory holds 25,000 random
 # steps. The picture shows *training* flights of three runs of each recipe; the runs of `plain` were
@@ -287,22 +288,23 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
        ylabel="collected and landed");
 
 # %% [markdown]
-# In the picture `plain` rises after fewer steps. But it makes many more updates, and it explores
-# less, because β is 0.1 throughout. So the picture compares steps and not work, and it does not
-# show where `plain` would end.
+# In the picture `plain` rises after fewer steps. But it makes many more updates for each step, and
+# it explores less, because β is 0.1 throughout. So the picture compares steps and not work, and it
+# does not show where `plain` would end.
 #
 # What would you do if you could afford only a tenth of the steps? First let β, the crash penalty
 # and the learning rate change ten times as fast, make more updates for each step, and begin more
-# flights in mid-air and near their end. If that is not enough, tell the agent what is known, or let
-# it copy a planner (notebooks 9 and 12). Try a longer horizon or a larger network last.
+# flights in mid-air with little time left. If that is not enough, tell the agent what is known
+# about the city, or let it copy a planner (notebooks 9 and 12). Try a larger $\gamma$ or network
+# last.
 #
 # ## Recap
 #
 # - Training is a loop: act, step, add, sample, update. The agent makes its own data.
-# - A validation flies missions that training never sees, always with the best action.
+# - In a validation the agent flies missions that training never uses, always with the best action.
 # - Look at landed and collected together. The loss tells you least.
-# - With a large penalty from the start an agent may become lazy, and without one it has hardly any
-#   reason to come home.
+# - With a large crash penalty from the start an agent may become lazy, and without one it has
+#   hardly any reason to come home.
 # - A recipe defines a training run. Every departure from the paper's recipe needs a reason.
 #
 # ## Exercises

@@ -2,7 +2,7 @@
 # # 8 · Ablation: map centring
 #
 # Notebook 4 put the UAV in the middle of its map, and notebook 5 showed in an example why that
-# might help. **Does it help an agent to fly?** To find out, take the centring away and train again.
+# might help. **Does centring help an agent to fly?** To find out, take it away and train again.
 # Such an experiment is called an **ablation**. Here are the first 600,000 steps of six training
 # runs: three with the centred map, and three with the city in place.
 
@@ -54,18 +54,18 @@ for name, recipe in centring(LITE).items():
     print(name, {k: v for k, v in recipe.as_json().items() if v != LITE.as_json()[k]})
 
 # %% [markdown]
-# Both networks see 31 × 31 cells, because the city in place gets a rim of no-fly cells. So they
-# are equally large, except that the city in place needs one more layer to show the position:
-# 246,006 weights with the centred map, 246,406 without.
+# Both networks see 31 × 31 cells, because the city in place gets a rim of no-fly cells. So they are
+# equally large, except that the city in place needs one more layer to show the UAV: 246,006 weights
+# with the centred map, 246,406 without.
 #
-# Chance differs, too. It is set by a **seed**, on which the first weights, the missions, the fading
-# and every action that is drawn depend. Each kind has three seeds.
+# Chance differs, too. It is set by a **seed**, which determines the first weights, the missions,
+# the fading and every action that is drawn. Each kind has three seeds.
 #
 # ## 8.2 The paper's figure
 #
-# The figure at the top has the form of the paper's. The return is on the left, and what is
+# The figure at the top has the same form as the paper's. The return is on the left, and what is
 # collected and landed is on the right. Each point is a bin of 5000 steps of training flights. The
-# line is the mean of three runs, and the pale band around it holds 99 % of the values.
+# line is the mean of three runs, and the pale band around it holds 99 % of their values.
 #
 # With three values, that band reaches almost exactly from the smallest to the largest. A fourth run
 # would be the lowest of the four with a chance of one in four, and the highest with the same
@@ -99,16 +99,17 @@ ax.legend();
 
 # %% [markdown]
 # After 200,000 and 300,000 steps all centred runs are far ahead of the others. Later the gap
-# shrinks to half a point, and at the end the lowest centred run is level with the highest of the
-# others. In the paper's figure, which comes from another recipe and other maps, the gap is larger.
-# With the recipe `plain`, the paper's method, the gap is wide so far: after 150,000 steps centred
-# runs collect and land 66 to 78 % of the data, and the others 11 to 14 %.
+# shrinks to half a percentage point, and at the end the lowest centred run is level with the
+# highest of the others. In the paper's figure, which comes from another recipe and other maps, the
+# gap is larger. With the recipe `plain`, the paper's method, the gap is wide as far as its recorded
+# runs go: after 150,000 steps centred runs collect and land 66 to 78 % of the data, and the others
+# 11 to 14 %.
 #
 # ## 8.3 One seed, and six
 #
 # Let us repeat the ablation in the village, with runs of 16,000 steps. Their schedules (β, crash
-# penalty, learning rate) run faster, so the curves differ from those in notebook 7. Here is one
-# seed of each kind:
+# penalty, learning rate) are faster than in notebook 7, so the curves differ. Here is one run of
+# each kind:
 
 # %%
 village = read_table("../data/runs/centring-village.csv.gz")
@@ -118,8 +119,8 @@ ax.set(xlabel="thousand steps", ylabel="collected and landed", ylim=(-0.02, 0.82
 ax.legend();
 
 # %% [markdown]
-# The result looks clear: at the end, the centred map wins by far. Here is the comparison with six
-# seeds; the one above was seed 2.
+# The result looks clear: at the end, the centred map wins by far. Here are six seeds; the one above
+# was seed 2.
 
 # %%
 figure, axes = plt.subplots(2, 3, figsize=(8, 4.4), sharex=True, sharey=True,
@@ -133,9 +134,9 @@ figure.supylabel("collected and landed");
 # %% [markdown]
 # **One seed can show nearly anything**: that the centred map is far better, as with seed 2, that it
 # is better by a little, as with seed 3, or that it makes no difference, as with seed 5. Had the
-# runs ended after 4000 steps, seed 2 itself would have shown the opposite. Each of these pictures
-# comes from a correct experiment, done only once. Nor may you report the best of several seeds,
-# which owes more to luck than the others. Report them all.
+# runs ended after 4000 steps, seed 2 would have shown the opposite. Each of these pictures comes
+# from a correct experiment, done only once. Report all seeds, because the best of several owes more
+# to luck than the others.
 #
 # ## 8.4 How sure can you be?
 #
@@ -143,13 +144,13 @@ figure.supylabel("collected and landed");
 #
 # Six other runs would give a different mean. How different? The **standard error** gives an idea:
 # it is the standard deviation $s$ of the results, divided by the square root of their number $n$.
-# The standard error of the gap combines those of both kinds:
+# The standard error of the gap combines the errors of both kinds:
 #
 # $$\text{error} = \sqrt{\frac{s_1^2}{n} + \frac{s_2^2}{n}}$$
 #
-# A **95 % interval** extends a few standard errors to either side of the result. With many runs it
-# takes two, or 1.96 to be exact. With few runs $s$ itself is uncertain, so it takes more.
-# *Student's t distribution* says how many: 2.6 with six runs, 4.3 with three. For two kinds
+# A **95 % confidence interval** extends a few standard errors to either side of the result. With
+# many runs it takes two, or 1.96 to be exact. With few runs $s$ itself is uncertain, so it takes
+# more. *Student's t distribution* says how many: 2.6 with six runs, 4.3 with three. For two kinds
 # together the number is a little smaller; we take this one, to be safe. If all runs were made again
 # and again, at least 95 % of such intervals would contain the true gap.
 
@@ -186,22 +187,22 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("three_seeds")
 
 # %% [markdown]
-# After 300,000 steps every run of one kind was above every run of the other. Look at the ranks
-# alone, from the best of the six runs to the worst. If the methods were equally good, each of the
-# 20 ways to give three of the six ranks to one of them would be equally likely, and in two of the
-# 20 one method has all the best ranks. Judged by rank alone, equally good methods would produce
-# such a result 10 % of the time. This share is called a **p-value**, and going through all ways to
-# deal out the results is a **permutation test**. In the village only 10 of the 924 ways give so
-# large a gap, a p-value of 1 %.
+# After 300,000 steps every run of one kind was above every run of the other. Look at the ranks of
+# the six runs alone. If the methods were equally good, each of the 20 ways to give three of the six
+# ranks to one of them would be equally likely, and in two of the 20 one method has the three best
+# ranks. Judged by rank alone, equally good methods would produce such a result 10 % of the time.
+# This share is called a **p-value**, and going through all ways to deal out the results is a
+# **permutation test**. In the village only 10 of the 924 ways give so large a gap, a p-value of 1
+# %.
 #
 # The interval also uses the sizes of the results, but it assumes a normal distribution, and three
 # runs are too few to check that.
 #
 # ### Baselines
 #
-# Is an agent that brings home 96 % a good one? The paper's brought home 94.6 %, but over another
-# map. So we need *baselines*, other pilots that fly the same missions. Here are `random` and
-# `greedy` of notebook 0 and the agent in 1000 missions:
+# Is 96 % of the data a good result? The paper's agent brought home 94.6 %, but over another map. So
+# we need *baselines*, other pilots that fly the same missions. Here are `random` and `greedy` from
+# notebook 0 and the agent in 1000 missions:
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
@@ -215,18 +216,18 @@ for name, values in share.items():
 # %% [markdown]
 # The agent is far better than chance, but a simple rule does at least as well.
 #
-# These intervals are over missions. They come from the *bootstrap*, which draws 1000 of these 1000
-# results, some of them twice, some not at all, and takes the mean. It does so many times, and
-# records how much the mean varies. For a yes-or-no metric such as `landed`, $s$ is $\sqrt{p(1-p)}$:
-# 97 % of 1000 missions is 97 ± 1.1 %. So 96 % in 1000 *other* missions would not show a difference,
-# because the gap of 1 point is known only to ± 1.6 points.
+# These intervals are over missions. They come from the **bootstrap**, which draws 1000 results from
+# these 1000 *with replacement* (some come twice, some not at all) and takes the mean. It does so
+# many times, and records how much the mean varies. For a share $p$ of yes-or-no results, such as
+# `landed`, $s$ is $\sqrt{p(1-p)}$: 97 % of 1000 missions is 97 ± 1.1 %. So 96 % in 1000 *other*
+# missions would not show a difference, because the gap of 1 point is known only to ± 1.6 points.
 #
 # ### Paired differences
 #
 # Do agent and greedy differ at all? Their intervals almost touch, but what counts is the interval
-# of the difference. There are two ways to get it. One adds the errors of both, as above. The other
-# makes use of the fact that both flew the *same* missions. A hard mission is hard for both, so if
-# you subtract mission by mission, much of that luck cancels.
+# of the difference. There are two ways to get it. One combines the errors of both, as above. The
+# other uses the fact that both flew the *same* missions. A hard mission is hard for both, so if you
+# subtract mission by mission, much of the missions' luck cancels.
 
 # %%
 agent, greedy = share["manhattan_ddqn"], share["greedy"]
@@ -256,7 +257,7 @@ Quiz("more_missions")
 #
 # An ablation changes the agent. One can also change the *world* and see whether what was learned
 # still holds. Let us move both landing zones of the city by two cells, and fly the same agent and
-# the same rule. Predict first: how many of the agent's missions will land?
+# the same rule. Predict first: in how many of its missions will the agent land?
 
 # %%
 from dataclasses import replace
@@ -283,19 +284,19 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # the agent is lost in most missions, although the layer with the landing zones is in its input and
 # was moved, too. In training the zones were always in the same two corners. A network that learns
 # "towards the corner" earns as much as one that learns "towards the landing zone", so nothing made
-# it tell the two apart. **Part of what it knows is places, learned by heart** (or such a picture is
-# simply new to the network; in either case it has not learned "fly to where the layer says"). This
-# is overfitting again, to a city this time and not to examples.
+# it tell the two apart. **Part of what the agent knows is places, learned by heart** (or such a
+# picture is new to the network; in either case it has not learned "fly to where the layer says").
+# This is overfitting again, to a city this time and not to examples.
 #
-# So ask not only how good an agent is, but also what has to stay the same for it to be as good. In
-# the next notebook, we ask for an agent that can fly a city that it has never seen.
+# So ask not only how good an agent is, but also what has to stay the same for it to stay so. In the
+# next notebook, we ask for an agent that can fly over a city that it has never seen.
 #
 # ## 8.6 What the evidence shows
 #
 # | question | what these runs say |
 # | --- | --- |
 # | Does an agent learn sooner with the centred map? | Very likely, judged by *collected and landed*, in this city and with this recipe |
-# | Is it better in the end? | Open: every centred run ended with a higher return, but what they collect is level, and three of each kind cannot settle it |
+# | Is it better in the end? | Open: every centred run ended with a higher return than the others, but the shares collected are level, and three runs of each kind cannot settle it |
 # | Is the paper's larger gap wrong? | These runs cannot say: it comes from another recipe and other maps |
 # | Is the recipe fair to both? | Not quite: we tuned it with the centred map |
 # | Is it the centring alone? | Open: the other frame also gives the position differently, as a single 1 |
@@ -308,11 +309,11 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # - Change one thing, keep all else equal, and run several seeds.
 # - With one seed you can show nearly anything. The runs are the sample, and their number is what
 #   counts.
-# - A gap comes with an interval. If 0 is well inside it, the question is open; if 0 is near one
+# - Give every gap with its interval. If 0 is well inside it, the question is open; if 0 is near one
 #   end, neither answer is safe.
 # - Put baselines next to every number, and compare on the same missions, pair by pair.
-# - Centred agents very likely learn sooner here. These runs leave open whether they are better in
-#   the end.
+# - Over Manhattan, centred agents very likely learn sooner. These runs leave open whether they are
+#   better in the end.
 #
 # ## Exercises
 #

@@ -80,7 +80,7 @@ print("a batch of", len(pair))
 #    state)`, where each state is a batch of one
 # 4. UAVs whose episode has ended start a new mission: `states.with_rows(places, new_states)` gives
 #    a copy in which the rows at these places are new
-# 5. **sample** a minibatch, compute the double target, and make one step downhill
+# 5. **sample** a minibatch, compute the double target, and take one step downhill
 # 6. the **target network** follows
 #
 # Return a function `q_values(state)` that gives the Q-values of all six actions for a batch of
@@ -277,8 +277,8 @@ for name, shares in RUNS.items():
 
 # %% [markdown]
 # With the paper's crash reward, −150 from the start, two of three seeds give a lazy agent, and none
-# gives a good one in so short a training. With seed 0 the agent first flew until its time was up,
-# and then learned not to fly at all.
+# gives a good one in so short a run. With seed 0 the agent first flew until its time was up, and
+# then learned not to fly at all.
 
 # %% [markdown]
 # ## 7.3 · The n-step return (2 points, 15 minutes)
@@ -341,7 +341,7 @@ lazy = replace(SMALL, name="lazy", steps=20_000, crash_reward=-150.0, crash_rewa
                temperature=0.1, exploring_starts=0.0)
 
 # %% [markdown]
-# Mend it: use `replace(lazy, ...)` to make a recipe that trains an agent with at least 35 %
+# Mend this recipe: use `replace(lazy, ...)` to make one that trains an agent with at least 35 %
 # collected and landed. Only the settings in the following table may be changed. The table shows
 # their values in `lazy` and in `small`, the recipe with which the notebook trains.
 
@@ -362,8 +362,9 @@ for name in MAY_CHANGE:
 #   of the run. The higher it is, the more the agent explores.
 # - `exploring_starts` is the share of the training episodes that begin in mid-air, anywhere.
 #
-# The check trains an agent with your recipe and seed 0, and flies it, as it is at the end, greedily
-# through 500 test missions of the village. That takes about half a minute on a quiet machine.
+# The check trains an agent with your recipe and seed 0. Then it flies the agent, as it is at the
+# end of the run, through 500 test missions of the village, always with the best action. All this
+# takes about half a minute on a machine that is not busy.
 #
 # <details><summary>Hint</summary>
 #
@@ -373,8 +374,8 @@ for name in MAY_CHANGE:
 #
 # <details><summary>Another hint</summary>
 #
-# Begin with a crash that costs a few points, comparable with the data that a step brings, and let
-# it grow to crash_reward_end. Explore more while the Q-values are still wrong (temperature about
+# Begin with a crash that costs a few data units, about as much as a step brings in, and let the
+# cost grow to crash_reward_end. Explore more while the Q-values are still wrong (temperature about
 # 1), limit the pull of large errors (huber_delta), and use all the steps.
 # </details>
 

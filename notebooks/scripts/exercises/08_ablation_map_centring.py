@@ -39,7 +39,7 @@ from uavdh_lite.course import checks
 # A training run is validated now and then. The array `steps` says after how many environment steps,
 # in increasing order, and the array `values`, which is equally long, gives the results. Such curves
 # rise, but fall back in between. So the first time that a curve crosses a threshold may be luck.
-# Ask for more: the curve has to stay there for good.
+# Ask for more: the curve has to stay at or above the threshold for good.
 #
 # Return the number of environment steps at the first validation from which *all* values, up to the
 # last, are at least `threshold`. It is an element of `steps`. Return `None` if there is none, that
@@ -48,7 +48,7 @@ from uavdh_lite.course import checks
 # <details><summary>Hint</summary>
 #
 # At which validations is the curve below the threshold? You are asked for the one after the last of
-# them. And what if there is none below, or if the last of all is below?
+# them. And what if there is no such validation, or if the very last one is below?
 # </details>
 #
 # <details><summary>Another hint</summary>
