@@ -52,8 +52,8 @@ trajectory_figure(environment, flights.trajectory(0))
 #
 # The UAV starts in a landing zone and has a limited *flying time*. It has six actions: it can move
 # one cell north, east, south or west, it can hover, and it can land. Each action takes one unit of
-# time. The aim is to collect as much data as possible and to land before the time runs out. If it
-# runs out in the air, the UAV *crashes*.
+# time. The aim is to collect as much data as possible and to land before the time runs out. If the
+# UAV is still in the air when the time runs out, it *crashes*.
 #
 # Flying right up to every device wastes time, because a radio signal reaches far down an open
 # street. Waiting at a distance wastes time, too, because far from a device the data comes in
@@ -166,8 +166,9 @@ trajectory_figure(environment, flights.trajectory(0))
 # %% [markdown]
 # The route begins like the old one, but it is not the old one cut short: it continues along
 # different streets and ends in the other landing zone. Which device does the agent give up? Look
-# for the colour whose arrows are all thin. Nobody wrote a rule for that. The time left is one of
-# the things that the agent sees, and training has taught it what to do when little is left.
+# for the colour whose arrows are all thin. Nobody wrote a rule that says which device to give up.
+# The time left is one of the things that the agent sees, and training has taught it what to do when
+# little is left.
 #
 # Change the devices, the data or the time in the cells above and run them again.
 #
@@ -260,17 +261,17 @@ trajectory_figure(environment, flown["manhattan_ddqn"].trajectory(worst))
 # the flight would score 0, however much data the caption says had been collected.)
 #
 # So does this agent always land? Two thousand landings in a row do not prove it. Even a pilot that
-# crashes in one mission out of a thousand would manage such a run about once in seven tries. As a
-# rule of thumb, after $n$ missions without a crash the true share of crashes may still be as large
-# as $3/n$ (with a confidence of 95 %), which is 0.15 % here.
+# crashes in one mission out of a thousand would manage such a run about once in seven tries. By the
+# **rule of three**, after $n$ missions without a crash the true share of crashes may still be as
+# large as $3/n$ (with a confidence of 95 %), which is 0.15 % here.
 #
 # ## 0.6 What the agent knows
 #
 # The agent sees the map of the city, its own position, the positions of the devices, how much data
 # each of them still has and has already sent, and the time left. It does not see the violet
-# shadows: only in training could it find out about them, because little reward comes in behind a
-# building. Nor does it know the formulas of the radio channel. It makes no plan, either. At every
-# step it asks afresh which of the six actions looks most promising.
+# shadows. It can only have noticed them in training, where little reward came in behind buildings.
+# Nor does it know the formulas of the radio channel. It makes no plan, either. At every step it
+# asks afresh which of the six actions looks most promising.
 #
 # You can put the same question to its network. For each action the network gives a number,
 # the **Q-value**: the sum of the rewards that it expects from now on if the agent takes that action

@@ -164,7 +164,7 @@ print(f"above the device {snr_db(0, 2.27):.1f} dB, 30 m away {snr_db(30, 2.27):.
 #
 # $$R = \log_2(1 + \mathrm{SNR})$$
 #
-# data units. (In real systems $R$ is the *spectral efficiency*, in bits per second and hertz.)
+# data units. (In real systems $R$ is the *spectral efficiency*, in bits per second per hertz.)
 # There are four such slots in the time that the UAV takes for one move. When signal and noise are
 # equally strong, the SNR is 1, and a slot carries $\log_2 2 = 1$ unit. This defines the data unit
 # of the course.
@@ -216,11 +216,11 @@ for distance in (0, 10, 20, 30, 100):
 # notebook 0. Those are cast by buildings, which are on the map, whereas fading stands for what is
 # not on the map. (Reflections add *multipath fading*, which changes within centimetres; the paper
 # leaves it out.) The model adds $\eta_l$ to the SNR: a normally distributed number of decibels with
-# mean 0, which is drawn anew for every slot and every device. Its variance is 2 dB² in sight and 5
-# dB² behind a building. Why normal, and why in decibels? Each obstacle multiplies the power by some
-# factor, so in decibels their effects add up, and a sum of many independent effects is nearly
-# normal. Such a power is called *log-normal*. The paper calls the variance $\sigma_l^2$; do not
-# confuse it with $\sigma^2$, the power of the noise.
+# mean 0, drawn anew for every slot and device. Its variance is 2 dB² in sight and 5 dB² behind a
+# building. Why normal, and why in decibels? Each obstacle multiplies the power by some factor, so
+# in decibels the effects add up, and a sum of many independent effects is nearly normal. Such a
+# power is called *log-normal*. The paper calls the variance $\sigma_l^2$; do not confuse it with
+# $\sigma^2$, the power of the noise.
 #
 # A radio engineer will object here. In a real street shadow fading is *correlated*: the tree that
 # is in the way now is still in the way one step later, so the fading stays similar over tens of
@@ -281,8 +281,8 @@ figure
 #
 # ## 1.6 Where to hover
 #
-# Now compare four places. The distances are on the ground, and the last column counts the steps
-# that it takes to fetch 15 data units at four slots per step:
+# Now compare four places. Distances are measured on the ground, and the last column counts the
+# steps that it takes to fetch 15 data units at four slots per step:
 
 # %%
 for name, ground, exponent in (
@@ -300,7 +300,7 @@ for name, ground, exponent in (
 #   because data comes in on the way.
 # - Behind a building, the UAV is only half as far away as down the street, but gets no more than a
 #   tenth as much.
-# - Round the corner, it would take longer than any flight lasts.
+# - Round the corner, fetching the data would take longer than any flight lasts.
 #
 # So the answer to the question at the top is: anywhere that is *in sight* of the device and not too
 # far away. Where that is depends on the buildings, and the agent is never told. In the lab

@@ -39,7 +39,7 @@ figure
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Follow one ray with a pencil, turn it into a test with whole numbers, and map the shadows of a whole city |
+# | **What you'll do** | Follow one ray with a pencil, turn what you see into a test with whole numbers, and map the shadows of a whole city |
 # | **What you'll learn** | Exact geometry without rounding, what happens at a corner, and what a table of all pairs is good for |
 # | **What you'll need** | Notebook 1, the equation of a line. 35 minutes to read, 10 seconds to run; 30 minutes of exercises |
 #

@@ -185,8 +185,8 @@ for action in (NORTH, NORTH):
 # collision.
 #
 # One could also remove the forbidden actions from the choice, which is called **masking**. Then the
-# agent would not need penalties to learn where the walls are. The paper lets the agent try them and
-# pay, so that it has to learn to read the map.
+# agent would not need penalties to learn where the walls are. The paper lets the agent try such
+# actions and pay, so that it has to learn to read the map.
 #
 # One disaster remains: the time is up, and the UAV is still in the air.
 
@@ -218,8 +218,8 @@ print(f"uploaded {outcome.uploaded.sum():.1f}, reward {Rewards()(outcome)[0]:.1f
 #
 # Why is the fading drawn for each slot and not once for a whole flight? If it were drawn only once,
 # some missions would be lucky from start to end, and a pilot would first have to find out by
-# measuring whether its own is one of them. With four draws in each step most of the luck averages
-# out, so what remains is mostly geometry.
+# measuring whether its own mission is one of them. With four draws in each step most of the luck
+# averages out, so what remains is mostly geometry.
 #
 # In the next figure the UAV hovers between three devices, each of them two cells away. Device 2 has
 # only 1.5 units of data left:
@@ -276,7 +276,7 @@ figure
 # the way. From slot 2 on, the device is in sight, and each slot carries a little more than the one
 # before. How does the program know? The table of notebook 2 has one answer for each *cell*, whereas
 # the UAV is now between two cells. So the nearer of the two decides whether the UAV is in sight.
-# Halfway, in slot 2, both are equally near, and then the cell that the UAV is entering counts.
+# Halfway, in slot 2, both are equally near, and then the cell ahead counts.
 #
 # ## 3.6 Fly it yourself
 #

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # 4 · What the network sees
 #
-# The agent looks at its mission and picks one of six actions. **What does it look at?** It gets one
-# number, the flying time that is left, and five pictures.
+# The agent looks at its mission and picks one of six actions. **What does it look at?** It gets
+# five pictures and one number, the flying time that is left.
 #
 # Here are the pictures for a UAV over cell (8, 4), at the start of a mission with devices at (4, 7)
 # and (11, 11). Dark blue stands for large numbers and white for zero. The UAV itself is not in the
@@ -132,10 +132,11 @@ figure.legend(loc="outside right upper", fontsize="small");
 #
 # With 20 to 40 units the UAVs collect most of the data, but a third to a half of them are still in
 # the air when the true time is up, because the clock never warns them. With 50 or 60 units most
-# UAVs stay in the air until they crash, even if nothing is left to collect. By the reward, landing
-# at once would then be best, since each further step costs something. But in training hardly any
-# UAV was over its landing zone with 60 units left and nothing to fetch, so little corrected the
-# Q-values of such states, and they are wrong. No orange point comes near the black line.
+# UAVs stay in the air until they crash, even if nothing is left to collect. Judged by the reward,
+# landing at once would then be best, because each further step costs something. But in training
+# hardly any UAV was over its landing zone with 60 units left and nothing to fetch, so the Q-values
+# of such states were hardly ever corrected, and they are wrong. No orange point comes near the
+# black line.
 #
 # Without the time, what the agent sees, its **observation**, would not be a **Markov** state,
 # because the future would depend on something that the agent cannot see. The problem would be
@@ -143,9 +144,9 @@ figure.legend(loc="outside right upper", fontsize="small");
 # hold all of the state that matters.
 #
 # The layer "data left" is there for the same reason. Without it the agent would not see a device
-# until some of its data had come in, and even then not how much is left, so it could not tell when
-# to fly on. The future does not depend on what has been *collected*, so the layer that shows it
-# could be left out; it is there because the paper has it.
+# until some of its data had come in, and even then it would not see how much is left, so it could
+# not tell when to fly on. The layer "collected" could be left out, because the future does not
+# depend on it; it is there only because the paper has it.
 #
 # ## 4.3 Two frames
 #
@@ -191,9 +192,9 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # - **The number of devices may vary.** A list for five devices has no room for a sixth, and if
 #   there are only two, three of its entries mean nothing. On a map any number of devices fits, so
 #   the size of the input **does not depend on the number of devices**, and neither does the
-#   network. One agent flies missions with two devices and with five. It would accept twenty, too,
-#   but may fly badly with them: in training it never saw such full maps or such large returns, and
-#   a network can be trusted only with inputs like those that it has learned from.
+#   network. One agent flies missions with two devices and with five. It would accept twenty
+#   devices, too, but may fly badly with them: in training it never saw such full maps or such large
+#   returns, and a network can be trusted only with inputs like those that it has learned from.
 # - **The order does not matter.** In a list, "device 1 here, device 2 there" and "device 2 here,
 #   device 1 there" look different, although they are the same mission, and a network would have to
 #   learn both. On the map they are the same picture.
@@ -209,7 +210,7 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # Because the pictures are made anew from the state at each step, a change of the *task* often means
 # no more than adding or removing a layer. Here are eight other tasks to think about before you go
 # on. What would you change in the state, in the reward, and in what the network sees? Then open the
-# box and compare, because later notebooks count on these answers.
+# box and compare, because later notebooks build on these answers.
 #
 # - **Parcels.** Instead of collecting data, the UAV delivers parcels, one at a time, and fetches
 #   each from the landing zone.

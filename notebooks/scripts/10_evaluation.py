@@ -78,8 +78,9 @@ def recorded(city):
 cities = {city: recorded(city) for city in ("manhattan", "open_field")}
 
 # %% [markdown]
-# The score is *collected and landed*: the share of the data that a flight brings home, or 0 if it crashes. This score needs no
-# constants, whereas the *return* does: a step costs 0.2 and a crash 150, as in notebook 3.
+# The score is *collected and landed*: the share of the data that a flight brings home, or 0 after a
+# crash. This score needs no constants, whereas the *return* does: a step costs 0.2 and a crash 150,
+# as in notebook 3.
 #
 # ### Random numbers
 #
@@ -105,7 +106,7 @@ for way in (habit, stream):
 # The library makes every generator with `stream(use, seed)`. The use and the seed go into numpy's `SeedSequence` as two separate
 # numbers and are never added, so no two uses share a stream, whatever the seeds.
 #
-# Another trap is subtler. If a policy drew its actions from the generator that also draws the
+# A second mistake is subtler. If a policy drew its actions from the generator that also draws the
 # missions, a long flight would use up more numbers than a short one, so the next mission would
 # depend on the flight before it. That is why all missions are drawn first here, and why the fading
 # is drawn for every mission in every step, whatever the policy does.
@@ -124,9 +125,9 @@ for city, results in cities.items():
 
 # %% [markdown]
 # Our agents are above the paper's in every line. Are they better? The table cannot say, because the
-# paper's maps were never published. Our maps were redrawn from its text, and may be easier. What
-# the table does say is that on maps that fit the same description, a strengthened form of the same
-# method reaches the same level.
+# paper's maps were never published. Our maps were redrawn from the paper's text, and may be easier.
+# What the table does say is that on maps that fit the same description, a strengthened form of the
+# same method reaches the same level.
 #
 # ### What three shares tell
 #
@@ -140,8 +141,8 @@ print(f"the flights that landed had collected  {both / landed:.0%}")
 
 # %% [markdown]
 # In the paper's own test, the flights that crashed had collected about 40 % of their data. This
-# number, which the paper does not print, is a rough one, because with shares rounded to a tenth of
-# a percent anything from 18 to 67 % is possible. Even so, it is far below the 95 % of the other
+# number, which the paper does not print, is rough, because with shares rounded to a tenth of a
+# percent anything from 18 to 67 % is possible. Even so, it is far below the 95 % of the other
 # flights, so staying out for the last bit of data cannot explain all of those crashes.
 #
 # ### All of them landed
@@ -208,9 +209,10 @@ for city, results in cities.items():
         print(f"{city:<11}{metric:<21}agent - greedy {mean:+.3f} ({low:+.3f} to {high:+.3f})")
 
 # %% [markdown]
-# Over Manhattan, greedy is ahead in both scores, and no interval contains 0. Over the open field, greedy brings
-# home a point more, but the agent's return is higher because it wastes less time, whereas greedy flies
-# to the last unit of data, whatever that costs. So which of them is better depends on the question that you ask.
+# Over Manhattan, greedy is ahead in both scores, and no interval contains 0. Over the open field,
+# greedy brings home a point more, but the agent's return is higher because it wastes less time,
+# whereas greedy stays for the last unit of data, whatever that costs. So which of them is better
+# depends on the question that you ask.
 #
 # All of this is about two particular agents. Another training seed would have produced different ones.
 #
@@ -313,9 +315,9 @@ for name, own in {"30 points or more": much, "less": little, "nothing": lost <= 
 
 # %% [markdown]
 # One mission in thirty accounts for nearly half of the loss. The rest is spread thin over almost
-# one mission in four, and in most missions nothing is lost at all. So a mean of 96 % does not stand
-# for a thousand flights that bring home 96 % each. Most flights are as good as the genie's, and a
-# few are bad.
+# one mission in four, and in most missions nothing is lost. So a mean of 96 % does not stand for a
+# thousand flights that bring home 96 % each. Most flights are as good as the genie's, and a few are
+# bad.
 #
 # ## 10.7 How many missions does a claim need?
 #
@@ -331,13 +333,13 @@ for name, results in cities.items():
     print(f"{name:<11}missions of their own {needed[0]:5.0f}, the same missions {needed[1]:5.0f}")
 
 # %% [markdown]
-# Flying both on the same missions saves more than half of them, because what is hard for one policy is hard for the other, and this
-# cancels out in the difference.
+# Flying both policies on the same missions saves more than half of them, because what is hard for
+# one policy is hard for the other, and this cancels out in the difference.
 #
-# Is a half width of half a point enough to *find* a lead of half a point? Only in half of all
-# tries. The measured lead falls below the true one as often as above it, and whenever it falls
-# below, the interval contains 0. To find such a lead in eight out of ten tries, that is, with a
-# **power** of 80 %, takes twice as many missions.
+# Is a half width of half a point enough to *find* a lead of half a point? Only in half the tries.
+# The measured lead falls below the true one as often as above it, and whenever it falls below, the
+# interval contains 0. To find such a lead in eight out of ten tries, that is, with a **power** of
+# 80 %, takes twice as many missions.
 #
 # ## 10.8 The same mission with different luck
 #
@@ -390,10 +392,11 @@ add_legend(figure, 2)
 figure
 
 # %% [markdown]
-# The network and the places are the same in both flights. Both times the UAV empties the near device first and then flies towards the
-# far one. With equal data it flies right up to the far device; with a quarter of the data there, it turns for home two cells before it. In a
-# single flight that might be luck, but the 20 draws printed above say that it is not: every flight with a quarter of the data is shorter than
-# every flight with equal data.
+# The network and the places are the same in both flights. Both times the UAV empties the near
+# device first and then flies towards the far one. With equal data it flies right up to the far
+# device; with a quarter of the data there, it turns for home two cells short of the device. In a
+# single flight that might be luck, but the 20 draws printed above say that it is not: every flight
+# with a quarter of the data is shorter than every flight with equal data.
 #
 # ## Recap
 #

@@ -1,9 +1,10 @@
 # %% [markdown]
 # # 11 · Replay
 #
-# The agent learns from a memory of steps, some of which it flew long ago. What if it remembered only the last few flights? And once the
-# flights are forgotten, what is left of them in the network? The picture shows twelve training runs in the village that differ only in
-# their seeds and in the size of the memory.
+# The agent learns from a memory of steps, some of which it flew long ago. What if it remembered
+# only the last few flights? And once the flights are forgotten, what is left of them in the
+# network? The picture shows twelve training runs in the village, a city of 8×8 cells. The runs
+# differ only in their seeds and in the size of the memory.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -203,14 +204,15 @@ figure
 # are still drawn, so the network has to stay right about them.
 #
 # Now look at the right side. By the end the small memory is ahead on average, though some runs
-# overlap. It holds only far missions, whereas even at the end half of the large one's samples come
-# from the past. So a large memory keeps what is no longer flown, but it is slow to follow when the
-# world changes. **Combined replay**, which puts the newest step into every minibatch, shortens this
-# delay.
+# overlap. It holds only steps of far missions, whereas even at the end half of the large one's
+# samples come from the past. So a large memory keeps what is no longer flown, but it is slow to
+# follow when the world changes. **Combined replay**, which puts the newest step into every
+# minibatch, shortens this delay.
 #
-# **Prioritised replay** goes further, and draws steps with a large error more often. But a Q-value is a mean over good and bad luck, and if lucky
-# steps, for example, are drawn too often, that mean shifts. Therefore each step's loss is divided by how much more often the step is drawn
-# (**importance weights**; exercise 11.2).
+# **Prioritised replay** goes further, and draws steps with a large error more often. But a Q-value
+# is a mean over good and bad luck, and if lucky steps, for example, are drawn too often, that mean
+# shifts. Therefore each step's loss is divided by how much more often the step is drawn than it
+# would be with equal chances (**importance weights**; exercise 11.2).
 #
 # In the village the missions do not change halfway through. But a memory of 250 steps holds only
 # parts of the flights that are in the air at the time. As one flight follows another, the network

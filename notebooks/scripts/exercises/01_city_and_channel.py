@@ -49,7 +49,7 @@ channel = Channel()
 #
 # <details><summary>Another hint</summary>
 #
-# 10 dB more is ten times the power, so the decibels belong in an exponent. What is its base? The 1
+# 10 dB more is ten times the power, so the decibels belong in an exponent. What is the base? The 1
 # is added to the ratio, and numpy has the logarithm to base 2.
 # </details>
 
