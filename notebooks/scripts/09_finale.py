@@ -3,11 +3,11 @@
 #
 # A rule of a few lines has been ahead of our agent since notebook 0. And when notebook 8 moved the
 # landing zones, the agent was lost, probably because much of what it knew was places learned by
-# heart. **Can an agent beat the rule, and can one fly a city that it has never seen?** Each point
-# below is the mean return of one pilot over the same 1000 missions. The grey line is the rule. The
-# labels on the left name what each pilot was given; sections 9.2 to 9.5 explain them. (The pilot
-# `random` is left out of the picture, because it would be far to the left; it is in the table of
-# 9.6.)
+# heart. **Can an agent beat the rule, and can an agent fly over a city that it has never seen?**
+# Each point below is the mean return of one pilot over the same 1000 missions. The grey line marks
+# the rule. The labels on the left say which pilot it is, or what it was given; sections 9.2 to 9.5
+# explain them. (The pilot `random` is left out of the picture, because it would be far to the left;
+# it is in the table of 9.6.)
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -64,7 +64,7 @@ figure
 # %% [markdown]
 # | | |
 # | --- | --- |
-# | **What you'll do** | Put rungs on a ladder above the rule, fly a city that you type yourself, and begin a project of your own |
+# | **What you'll do** | Give an agent what we know until it is ahead of the rule, let one fly over a city that you type yourself, and begin a project of your own |
 # | **What you'll learn** | Guarantee, tell, copy, learn: four ways to get knowledge into an agent, and what each of them costs |
 # | **What you'll need** | Notebooks 0 to 8. 40 minutes to read, 40 seconds to run; the project takes an afternoon |
 #
@@ -72,9 +72,9 @@ figure
 #
 # Look back at what you have done. You know what a link is worth and why (notebooks 1 and 2), what a
 # step earns (3), what the network sees (4), how it computes (5) and how it learns (6, 7). If you
-# did the exercises, you have built all of it yourself. And you know how to say honestly how good an
-# agent is (8): the DDQN agent, strengthened by the recipe `lite`, brings home about as much as the
-# paper's did over its own map, and a little less than a rule that needs no training.
+# did the exercises, you have built all of this yourself. And you know how to say honestly how good
+# an agent is (8): the DDQN agent, strengthened by the recipe `lite`, brings home about as much as
+# the paper's did over its own map, and a little less than a rule that needs no training.
 #
 # Should we have stopped at the rule, then? Our agent learned from reward alone. It sees the street
 # map, like the rule, but nobody told it what the map means: how moves work, which way is short,
@@ -90,7 +90,8 @@ figure
 # The DDQN agent learned from crashes how to land. A rule needs no crash: from the map one can count
 # the moves from each cell to the nearest landing zone, and an action is *too late* if, after it,
 # the way home takes longer than the time that is left. The **failsafe** replaces such an action by
-# the first move home. Many drones have a function of this kind. Does the failsafe work for any
+# the first move home. Many drones have such a function, called *return to home*; a rule that
+# corrects an agent's actions in this way is called a **shield**. Does the failsafe work for any
 # pilot? Let us try the worst one:
 
 # %%
@@ -113,9 +114,9 @@ assert flights.end.landed.all()
 # With the failsafe every flight lands, by construction, as long as the map is right and no wind
 # makes a step longer. (With wind, a move would sometimes end in another cell. Random gusts leave
 # the problem an MDP, but a wind that lasts belongs in the state. The failsafe would have to turn
-# back earlier, and would hold only with a certain probability.) What a rule guarantees need not be
-# learned, and no crash of −150 disturbs the Q-values any more. So from here on "landed 100 %" is no
-# achievement of the agent, and we shall look at the return.
+# back earlier, and even so it would work only with a certain probability.) What a rule guarantees
+# need not be learned, and no crash of −150 disturbs the Q-values any more. So from here on "landed
+# 100 %" is no achievement of the agent, and we shall look at the return.
 #
 # ## 9.3 Tell
 #
@@ -168,8 +169,8 @@ figure
 # ## 9.5 Learn on
 #
 # A copy makes small mistakes, and each of them takes it to states in which it never saw the genie
-# act; there it makes larger ones. Asking the genie what to do in those states repairs a part of
-# this (notebook 12). And the genie itself is not perfect: it plans with mean rates and does not
+# act; there it makes larger ones. Asking the genie what to do in those states repairs some of the
+# damage (notebook 12). And the genie itself is not perfect: it plans with mean rates and does not
 # reckon with luck. Only reward can teach what the genie does not know.
 #
 # So the agent now learns from its own flights. It flies each mission several times, drawing its
@@ -182,12 +183,13 @@ figure
 # where $A$, the **advantage**, says by how much the flight was better than the mean. This is the
 # loss of 9.4, weighted by $A$. A step downhill on it raises the probability of the action $a$ if
 # $A$ is positive, as if the action came from the genie, and lowers it if $A$ is negative. Such a
-# method, which changes the probabilities themselves, is called a **policy gradient**. Ours learns
-# no values. Others, such as PPO in its usual form, also learn what each state is worth, and measure
-# $A$ against that (**actor–critic**). Both are on-policy: they can learn only from flights of the
-# present agent, because those of an older agent were drawn from other probabilities. So they use a
-# flight once or a few times and throw it away, whereas DDQN learns from a stored step again and
-# again. Where steps are expensive, that is the better choice.
+# method, which changes the probabilities themselves, is called a **policy gradient** method. Ours
+# learns no values. Others, such as PPO (*proximal policy optimisation*) in its usual form, also
+# learn what each state is worth, and measure $A$ against that (**actor–critic**). Both kinds are
+# on-policy: they can learn only from flights of the present agent, because those of an older agent
+# were drawn from other probabilities. So they use a flight once or a few times and throw it away,
+# whereas DDQN learns from a stored step again and again. Where steps are expensive, DDQN is the
+# better choice.
 #
 # ## 9.6 The ladder
 #
@@ -202,10 +204,10 @@ for name, values in ladder.items():
     print(f"{name:<34}{values.mean():8.2f}{mean:+18.2f}{interval:>20}")
 
 # %% [markdown]
-# Read the ladder from the bottom up. The agent that was guarded, told, taught by a planner, and
-# then learned on is **ahead of the rule**, and its interval stays away from 0. (This agent comes
-# from a single training.) It had all four gifts; these flights do not say whether three would have
-# been enough. Here is what each gift costs:
+# In this table, the lowest rung of the ladder comes first. The agent that was guarded, told, taught
+# by a planner, and then went on learning is **ahead of the rule**, and the interval of its lead
+# stays away from 0. (This agent comes from a single training run.) It had all four gifts; these
+# flights do not say whether three would have been enough. Here is what each gift costs:
 #
 # | gift | what somebody had to know | what it cannot do |
 # | --- | --- | --- |
@@ -214,7 +216,7 @@ for name, values in ladder.items():
 # | copy | a planner, that is, all equations and a search | be expected to beat its teacher |
 # | learn on | nothing but the reward | begin from nothing, since few flights of a random agent are good. (DDQN can, in millions of steps.) |
 #
-# So the order of the pilots in the ladder does not mean that good methods beat bad ones. The pilots
+# So the order of the pilots on the ladder does not mean that good methods beat bad ones. The pilots
 # differ in what they were told, and *a comparison is fair only between pilots that were told the
 # same*. Greedy knows the street map and the shortest routes. The genie knows every mean rate. The
 # DDQN agent knows the map but no rule.
@@ -222,17 +224,18 @@ for name, values in ladder.items():
 # Even the genie does not collect everything. Some missions offer more data than the time allows, a
 # device may stand in a courtyard that takes too much time to enter, and fading is luck. **So do not
 # expect 100 % of any pilot.** The genie's score is the best that we have found. It is not an upper
-# bound, but the distance to it still says more than the distance to 100. [Notebook
-# 12](12_four_ways.ipynb) takes the gifts away one by one, with seeds and minutes.
+# bound, but the distance to it still says more than the distance to 100 %. [Notebook
+# 12](12_four_ways.ipynb) compares agents with and without each gift, in runs with three seeds, and
+# shows how many minutes each run took.
 #
 # ## 9.7 A city that you have just typed
 #
 # One question is left. Notebook 8 moved the landing zones by two cells, and the agent was lost in
 # most of its missions, probably because part of what it had learned was places and not streets.
 # What if an agent learns in *thousands* of cities, a new one for each mission? It cannot know all
-# of them by heart. `any_city` learned in that way, with the four gifts. Type a city, and let it
-# fly. `L` is the landing zone, `N` a no-fly zone, `B` a building, and a dot a free cell. Any size
-# up to 16 × 16 will do. Change the city as you like:
+# of them by heart. `any_city` learned in that way, with the four gifts. Type a city, and let the
+# agent fly over it. `L` is a landing zone, `N` a no-fly zone, `B` a building, and a dot a free
+# cell. Any size up to 16 × 16 cells will do. Change the city as you like:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -271,9 +274,9 @@ for name, each in flown.items():
 # to the north in any city. That is what the centring is good for in the end: in new cities,
 # networks that saw the map in place brought home about half as much ([notebook
 # 13](13_any_city.ipynb)). And what the agent is told, the expected data and the distances to home
-# and from the UAV, is computed for your city before the flight. Is the agent ahead of greedy here?
-# Over many cities the race is narrow, and in a single city either may win. [Notebook
-# 13](13_any_city.ipynb) answers with due care.
+# and from the UAV, is computed from your city's map. Is the agent ahead of greedy here? Over many
+# cities the race is narrow, and in a single city either may win. [Notebook 13](13_any_city.ipynb)
+# answers with due care.
 #
 # What has learning brought, if the agent may be no better than the rule? One agent **for each
 # mission** would be an optimiser, like the genie: it would search until it had a good flight, and
@@ -284,12 +287,13 @@ for name, each in flown.items():
 #
 # The course ends with something of your own: [the project](project/project.ipynb). Choose a city or
 # a reward, write down what you expect, train with three seeds, and report a paired interval against
-# greedy, on one page. The notebook there is a template that runs; two finished projects stand
-# beside it, one better than the other, so that you can see what makes the difference.
+# greedy, on one page. The project's notebook is a template that runs as it is; two finished
+# projects stand beside it, one better than the other, so that you can see what makes the
+# difference.
 #
 # And there is a **challenge**. Write a pilot, any function from states to actions: a rule, a
-# planner, the network of exercise 7.1. Your score is its result on the *practice set*, missions
-# that are the same for everybody:
+# planner, the network of exercise 7.1. Your score is its result on the *practice set*, a set of
+# missions that is the same for everybody:
 #
 # ```text
 # python -m uavdh_lite challenge score my_policy.py greedy --leaderboard board.json
@@ -304,9 +308,9 @@ for name, each in flown.items():
 #
 # - A rule that always holds need not be learned; what can be computed can be told; a planner can be
 #   copied; reward teaches the rest.
-# - With all four gifts an agent, from a single training, beats the rule in its own city. With
-#   reward alone it only comes close, but nobody has to know a rule.
-# - An agent that learned in thousands of cities flies one that was typed a minute ago.
+# - With all four gifts, an agent from a single training run beats the rule in its own city. With
+#   reward alone, an agent only comes close, but nobody has to know a rule.
+# - An agent that learned in thousands of cities can fly over one that was typed a minute ago.
 # - Say what a pilot was told before you compare it, and put the rule beside every number.
 #
 # ## Exercises

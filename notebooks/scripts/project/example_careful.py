@@ -6,19 +6,20 @@
 # ## 1 · The question
 #
 # The recipe `small` charges 0.1 for each step, which is half of what the paper charges. According
-# to section 7.5, agents trained by `lite` with 0.2 collect as much as with 0.1. If a step costs
-# 0.5, does the agent use less of its flying time, and does it leave data behind?
+# to section 7.5, agents trained with `lite` gain nothing from paying 0.1 instead of 0.2. If a step
+# costs 0.5, does the agent use less of its flying time, and does it leave data behind?
 #
 # ## 2 · What I expect
 #
-# A detour of ten steps then costs 5 units, about half of what a device holds. So I expect the agent
-# to use at least 5 points less of its time. I also expect it to collect less, by about 5 points. If
-# the interval over seeds of either difference contains 0, I call that “not shown”.
+# At that price a detour of ten steps costs 5 units, about half of what a device holds. So I expect
+# the agent to use at least 5 percentage points less of its time. I also expect it to collect less,
+# by about 5 points. If the interval over seeds of either difference contains 0, I call that
+# difference “not shown”.
 #
 # ## 3 · What I do
 #
-# I train agents by two recipes that differ in one number, with three seeds each, for 16,000 steps.
-# All of them fly the same 500 test missions, and so does greedy.
+# I train agents with two recipes that differ in one number, with three seeds each, for 16,000
+# steps. All of them fly the same 500 test missions, and so does greedy.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -109,20 +110,21 @@ for name in recipes:
 # less, whereas I had expected about 5. Neither interval contains 0, and all three seeds agree.
 #
 # The reason is not that they hurry. They have become *lazy*, as notebook 7 calls it (7.4): they use
-# 4 to 8 % of their flying time, land at once, and leave nearly all data behind. Half a unit a step
-# is more than a first, clumsy flight brings in. So staying at home pays best early in the training,
-# and an agent that stays at home never finds out what flying could bring. That is my explanation
-# and not a measurement; the training curves would show whether it is right. So the question whether
-# a dearer step makes an agent hurry is still open, and to answer it I would need a price between
-# 0.1 and 0.5.
+# 4 to 8 % of their flying time, land at once, and leave nearly all data behind. Half a unit for
+# each step is more than a first, clumsy flight brings in. So staying at home pays best early in the
+# training, and an agent that stays at home never finds out what flying could bring. That is my
+# explanation and not a measurement; the training curves would show whether it is right. Whether a
+# dearer step makes an agent hurry is still open; to find out, I would need a price between 0.1 and
+# 0.5.
 #
 # How sure am I? The interval of *collected* reaches down to −103, but no difference can be below
-# −100. The t formula takes it for granted that the seeds scatter like a bell curve, and with only
-# three of them, one far from the other two, its result is rough. I trust the sign, but not the
-# ends. And the agents with the cheap step are no triumph: seed 0 has 47 %, and the
-# [template](project.ipynb) shows that the same agent had 45 % before its training.
+# −100. The t formula takes it for granted that the results of different seeds are spread like a
+# bell curve, and with only three seeds, one far from the other two, its interval is rough. I trust
+# the sign of the difference, but not the ends of the interval. And the agents with the cheap step
+# are no triumph: the one of seed 0 collects 47 %, and the [template](project.ipynb) shows that the
+# same agent had 45 % before its training.
 #
-# What I do not conclude: that 0.1 is the best value. The runs are short and the village is small. I
-# also changed the reward but measured *collected and landed*, which neither of the two recipes
+# I do not conclude that 0.1 is the best value. The runs are short and the village is small. I also
+# changed the reward but measured *collected and landed*, which neither of the two recipes
 # maximises. Next I would try 0.2 and 0.3 with six seeds and 48,000 steps, and look at *time used*
 # only where *collected* is above one half.

@@ -4,8 +4,8 @@
 # *A worked project, the hasty one. Every line of it runs. What would you ask its author? The
 # questions at the end are ours.*
 #
-# We wanted to improve the agent. The discount of 0.95 seemed low to us, so we took 0.99, and since
-# learning looked slow we doubled the learning rate, too.
+# We wanted to improve the agent. The discount of 0.95 seemed low to us, so we took 0.99, and
+# because learning looked slow, we doubled the learning rate, too.
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -62,9 +62,9 @@ for name, recipe in (("normal", normal), ("better", better)):
 #
 # ## What is wrong with it
 #
-# - **Two things were changed.** Whatever came out, nobody can say which of them did it.
-# - **One seed.** In notebook 8 one seed is far in favour, another is slightly in favour, and a
-#   third shows no difference, although all come from the same experiment.
+# - **Two things were changed.** Whatever came out, nobody can say which of the two caused it.
+# - **One seed.** In notebook 8 one seed speaks strongly for the centred map, another speaks for it
+#   a little, and a third shows no difference, although all come from the same experiment.
 # - **No prediction.** Any increase would have been taken for a success.
 # - **The wrong score.** *Collected* also counts data that went down with the UAV. How many flights
 #   landed?
@@ -73,6 +73,6 @@ for name, recipe in (("normal", normal), ("better", better)):
 # - **No baseline.** Is either of the agents as good as greedy?
 # - **The words.** “Better” is the name of the recipe, not its result.
 #
-# By the table in the [template](project.ipynb) this project earns one point of ten, for a
-# comparison that at least used the same missions. Nevertheless, the idea is a good one. How would
-# you test it?
+# By the table in the [template](project.ipynb) this project earns one point out of ten, because it
+# at least compared its two agents on the same missions. Nevertheless, the idea is a good one. How
+# would you test it?

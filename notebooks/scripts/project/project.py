@@ -16,7 +16,7 @@
 # afternoon:
 #
 # - Does an agent that pays more for each step land sooner, and does it leave data behind?
-# - Does a discount of 0.9 do as well as 0.95 in so small a city?
+# - Does a discount of 0.9 do as well as 0.95 in a city as small as the village?
 # - In my city the landing zone lies behind a wall. Is learning harder there than in the village?
 # - Does my own DQN from exercise 7.1 profit from a larger memory?
 # - What happens if data is worth less towards the end of a flight?
@@ -26,10 +26,11 @@
 #
 # ## 2 · What I expect
 #
-# *Write it before you run anything, with a number, and say which result would mean “no”.* In the
-# example, I expect the agent to be behind greedy by more than 5 points of collected and landed. I
-# look at the 95 % interval of the mean difference over seeds. If all of it lies below −5, I was
-# right; if all of it lies above −5, I was wrong; if it contains −5, the question stays undecided.
+# *Write down your prediction before you run anything, with a number, and say which result would
+# mean “no”.* In the example, I expect the agent to be behind greedy by more than 5 percentage
+# points of *collected and landed*. I look at the 95 % interval of the mean difference over seeds.
+# If all of it lies below −5, I was right; if all of it lies above −5, I was wrong; if it contains
+# −5, the question stays undecided.
 #
 # ## 3 · What I do
 #
@@ -87,8 +88,8 @@ untrained = [Trainer(scenario, recipe, seed).agent for seed in range(3)]
 
 # %% [markdown]
 # The test missions are the same 500 for every agent and for greedy, so that their results can be
-# compared mission by mission. The agents also fly them before their training, because only what
-# training adds has been learned.
+# compared mission by mission. The agents also fly these missions before their training, because
+# only what training adds has been learned.
 
 # %%
 METRIC = "collected_and_landed"
@@ -135,9 +136,9 @@ print("The prediction was", "right" if high < -5 else "wrong" if low > -5 else "
 #
 # Here is the template's own conclusion, as an example: by the rule of section 2 the question is
 # undecided, since the interval over seeds contains −5. Each of the three agents is far behind
-# greedy, but they differ so much from each other that three are too few. The training of seed 0 has
-# added next to nothing to what the agent did before it. Next I would train six seeds for 48,000
-# steps.
+# greedy, but they differ so much from each other that three are too few. With seed 0, training has
+# added next to nothing to what the untrained agent already did. Next I would train six seeds for
+# 48,000 steps.
 #
 # The interval of a single seed says how sure we are of *that agent*. The interval in the last line
 # is about all agents trained in this way, and with three seeds it is wide. Look at a few flights
@@ -149,8 +150,8 @@ print("The prediction was", "right" if high < -5 else "wrong" if low > -5 else "
 # | --- | --- | --- | --- |
 # | question | vague | clear | could turn out wrong, and somebody would care |
 # | prediction | none, or made afterwards | before, without a number | before, with a number and a “no” |
-# | experiment | several things changed | one thing changed | and three seeds and equal missions |
-# | comparison | none | greedy beside it | and a paired interval |
-# | conclusion | more than the data says | what the data says | and what it does not say, and why it may be so |
+# | experiment | several things changed | one thing changed | one thing changed, with three seeds and the same missions |
+# | comparison | none | greedy beside it | greedy beside it, with a paired interval |
+# | conclusion | more than the data says | what the data says | what the data says and what it does not, and why it may be so |
 #
-# Eight points of ten make a good project. It does not matter whether the prediction was right.
+# Eight points out of ten make a good project. It does not matter whether the prediction was right.
