@@ -82,8 +82,8 @@ print(f"{tall.sum()} tall cells, {low.sum()} low ones, {closed.sum()} only close
 # ## 1.2 Path loss
 #
 # A radio signal gets weaker on its way. The loss spans many powers of ten, so engineers use a
-# logarithmic scale, the *decibel*: $x_{\mathrm{dB}} = 10 \log_{10} x$. 10 dB is a factor of ten, 20
-# dB a factor of a hundred, and 3 dB about a factor of two. Negative numbers stand for factors
+# logarithmic scale, the *decibel*: $x_{\mathrm{dB}} = 10 \log_{10} x$. So 10 dB is a factor of ten,
+# 20 dB a factor of a hundred, and 3 dB about a factor of two. Negative numbers stand for factors
 # smaller than one: −10 dB is a tenth. On this scale products become sums.
 #
 # What counts is how strong the signal is compared with the noise, the random hiss in every
@@ -224,7 +224,7 @@ for distance in (0, 10, 20, 30, 100):
 #
 # A radio engineer will object here. In a real street shadow fading is *correlated*: the tree that
 # is in the way now is still in the way one step later, so the fading stays similar over tens of
-# metres. The paper nevertheless draws it anew in every slot, and so do we. If good luck came in
+# metres. The paper nevertheless draws it anew in every slot, and so do we: if good luck came in
 # runs, the luck of the past would say something about the future, and the agent would have to
 # remember it (notebook 3).
 #
@@ -304,7 +304,7 @@ for name, ground, exponent in (
 #
 # So the answer to the question at the top is: anywhere that is *in sight* of the device and not too
 # far away. Where that is depends on the buildings, and the agent is never told. In the lab
-# *Channel* (`python -m uavdh_lite app`) you can drag a device and watch this map change.
+# *Channel* (`python -m uavdh_lite app`) you can drag a device and watch the rates change.
 #
 # ## Recap
 #

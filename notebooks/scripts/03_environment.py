@@ -253,8 +253,8 @@ figure
 # never sends. So the rule need not give the best schedule.
 #
 # Why is "serve device 2" not an action of the agent? If it were, the agent would have to learn what
-# a simple rule already does well. And even without it the agent has a say, because where it flies
-# decides which device is loudest.
+# a simple rule already does well. And even without such an action the agent has a say, because
+# where it flies decides which device is loudest.
 #
 # From slot to slot the UAV moves on a little: in slot $i$ it has flown $i$ quarters of the way. In
 # the next figure it flies east, past the corner of a building. Fading is left out:

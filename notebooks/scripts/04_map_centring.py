@@ -145,8 +145,8 @@ figure.legend(loc="outside right upper", fontsize="small");
 #
 # The layer "data left" is there for the same reason. Without it the agent would not see a device
 # until some of its data had come in, and even then it would not see how much is left, so it could
-# not tell when to fly on. The layer "collected" could be left out, because the future does not
-# depend on it; it is there only because the paper has it.
+# not tell when to fly on. The layer "data collected" could be left out, because the future does not
+# depend on it; it is there because the paper has it.
 #
 # ## 4.3 Two frames
 #
@@ -261,8 +261,8 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 # a layer that shows the directions, the last few pictures together (**frame stacking**), or a
 # network with a memory (a **recurrent** network).
 #
-# *Any direction:* the places are now numbers with decimals, and the grid shows them only roughly.
-# The harder change is in the agent. Ours gives a number to each of six actions and takes the action
+# *Any direction:* positions are now decimal numbers, and the grid shows them only roughly. The
+# harder change is in the agent. Ours gives a number to each of six actions and takes the action
 # with the largest number. Angles and speeds cannot be listed like this, so methods such as **soft
 # actor-critic** (SAC) train a second network that proposes the action ([a map of the
 # field](../docs/tutorials/map_of_the_field.md)). A few *heights* could still be listed: there would
