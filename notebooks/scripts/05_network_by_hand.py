@@ -86,11 +86,11 @@ ax.legend();
 #
 # ## 5.2 Going downhill
 #
-# At first all weights are random numbers. A **loss** measures how wrong the output is: it is 0 for
-# the right answer, and grows as the output gets worse. Its *slope* with respect to a weight says
-# whether the loss grows or shrinks when the weight grows. So the weight steps downhill: it changes
-# by minus the slope times a small number, the **learning rate**. This is **gradient descent**. The
-# *gradient* is the list of all slopes.
+# At first all weights are random numbers, because equal neurons would all learn the same. A
+# **loss** measures how wrong the output is: it is 0 for the right answer, and grows as the output
+# gets worse. Its *slope* with respect to a weight says whether the loss grows or shrinks when the
+# weight grows. So the weight steps downhill: it changes by minus the slope times a small number,
+# the **learning rate**. This is **gradient descent**. The *gradient* is the list of all slopes.
 #
 # Take one neuron with one weight. The input is 3 and the output should be 6, so the weight should
 # become 2.
@@ -138,12 +138,13 @@ ax.set(xlabel="weight", ylabel="loss");
 # much. If $w_2$ grows, $y$ grows $h=1.5$ times as much, so the slope at $w_2$ is $-6\cdot1.5=-9$.
 # If $h$ grows, $y$ grows $w_2=2$ times as much, so the slope at $h$ is $-6\cdot2=-12$. (The ReLU
 # changes nothing here, because $h$ is positive. If it gave 0, the slope would be 0, and the weights
-# before it would learn nothing from this example. A neuron that gives 0 for every example never
-# learns again; the agent's *leaky* ReLUs turn a negative number into a tenth of it instead.) If
-# $w_1$ grows, $h$ grows $x=3$ times as much, so the slope at $w_1$ is $-12\cdot3=-36$. Each slope
-# is the one to its right times a number that is known from the forward pass. So one backward pass
-# gives the slopes of *all* weights, however many there are, at the cost of one or two forward
-# passes. This is **backpropagation**.
+# before it would learn nothing from this example. A neuron that gives 0 for every example learns
+# nothing more unless its inputs change; the agent's *leaky* ReLUs turn a negative number into a
+# tenth of it instead.) If $w_1$ grows, $h$ grows $x=3$ times as much, so the slope at $w_1$ is
+# $-12\cdot3=-36$. Each slope is the one to its right times a number that is known from the forward
+# pass (so in deep networks slopes may *vanish* or *explode*). So one backward pass gives the slopes
+# of *all* weights, however many there are, at the cost of one or two forward passes. This is
+# **backpropagation**.
 #
 # PyTorch does this for you:
 
@@ -196,8 +197,10 @@ draw_maps({"picture": picture, "kernel": weights, "what comes out": result}, num
 
 # %% [markdown]
 # Blue marks the building's western edge, red its eastern one. The window has four positions along
-# each side, so the result is smaller than the picture. The same nine weights are used everywhere
-# (**weight sharing**), so what they learn in one place holds in all others.
+# each side; in general, a kernel of $k$ cells on a side turns $n$ cells into $n-k+1$. A rim of
+# zeros (**padding**) would keep the size; the agent's network has none. The same nine weights are
+# used everywhere (**weight sharing**), so what they learn in one place holds in all others. If the
+# building moves one cell to the east, so does the result (**translation equivariance**).
 #
 # In the agent's first convolution, each of the 16 kernels has 5 × 5 weights for each of the map's
 # five layers, adds up all the products, and makes one new picture, a **feature map**. The second
@@ -230,8 +233,7 @@ draw_maps({"what it sees": seen}, uav=(15, 15))
 # The blue square is the unit's **receptive field**: 17 of 31 cells on each side. Along a side, the
 # unit sees 5 units of the first convolution, which lie 3 cells apart because of the stride, and
 # each of these sees 5 cells, so $5+4\cdot3=17$. With the paper's strides of 1 it would be only
-# $5+4=9$ cells. Two things that do not fit into one receptive field meet only in the fully
-# connected layers, which see everything but have to learn each place separately.
+# $5+4=9$ cells.
 #
 # ## 5.6 One question, three networks
 #
@@ -281,15 +283,13 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 # network learns about one pair tells it little about the next.
 #
 # The **convolutions** repair that. Their window sees the UAV and a near device *together*, wherever
-# in the city they are, so what a kernel learns about one place holds everywhere. And with the
-# **centred** map even the dense network is nearly perfect, because the question has become trivial:
-# does the device lie in a certain square of the picture?
+# in the city they are. And with the **centred** map even the dense network is nearly perfect,
+# because the question has become trivial: does the device lie in a certain square of the picture?
 #
 # So what does centring add? A convolution compares only what lies within its window. "Is it near?"
 # fits into a window; "can I still reach the landing zone in time?" does not, because the zone may
 # be a whole city away. In the centred frame every displacement from the UAV is a single place in
-# the picture, so a single weight can ask for it. Does this help an agent that already has
-# convolutions? Notebook 8 finds out.
+# the picture, so a single weight can ask for it.
 #
 # ## 5.7 The whole network
 #
@@ -315,8 +315,7 @@ assert test["dense, in place"] < 0.8 < 0.9 < min(list(test.values())[1:])
 #
 # ## Recap
 #
-# - A neuron is a weighted sum, and a ReLU puts a kink in it. Enough kinks can follow any continuous
-#   curve.
+# - A neuron is a weighted sum, and a ReLU puts a kink in it.
 # - Gradient descent moves each weight so that the loss falls. Backpropagation computes the slopes
 #   for all weights in one backward pass.
 # - A convolution moves one neuron across a picture, so what it learns in one place holds in others.

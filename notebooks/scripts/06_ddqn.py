@@ -3,8 +3,8 @@
 #
 # The agent is over cell (11, 8) and decides by the six numbers below, one for each action. Each is
 # a **Q-value**: the sum of the rewards that the agent expects from now on if it takes that action
-# and acts well afterwards, with later rewards counting less. It takes the action with the largest
-# Q-value. **How can one number know about the rewards of the next twenty steps?**
+# and acts well afterwards, with later rewards counting less. **How can one number know about the
+# rewards of the next twenty steps?**
 
 # %% tags=["remove-cell"]
 # Without uavdh_lite installed, as on Colab: install it from a wheel, or from the project's folder.
@@ -58,9 +58,11 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 #
 # $$Q(s,a)=r+\gamma\max_{a'}Q(s',a')$$
 #
-# This is the **Bellman equation**. It answers the question at the top: no number has to know about
-# twenty steps, because each only has to agree with its neighbour, and the neighbour with the next.
-# (In a **stochastic** world, where chance plays a part, the right-hand side is a mean.)
+# This is the **Bellman equation** of the best policy (*Bellman optimality equation*; for a given
+# policy, its own next action replaces the maximum). It answers the question at the top: no number
+# has to know about twenty steps, because each only has to agree with its neighbour, and the
+# neighbour with the next. (In a **stochastic** world, where chance plays a part, the right-hand
+# side is a mean.)
 #
 # Nobody gives us the table, so we start with zeros and let the UAV fly. Each step tells us $r$ and
 # $s'$, and so what the right-hand side is *at present*. This is the **target** $y$. The entry moves
@@ -68,18 +70,23 @@ ax.bar(("north", "east", "south", "west", "hover", "land"), q_now[0]);
 #
 # $$y=r+\gamma\max_{a'}Q(s',a'),\qquad Q(s,a)\leftarrow Q(s,a)+\alpha\,\big(y-Q(s,a)\big)$$
 #
-# This is **Q-learning**. With a small $\alpha$, good and bad luck average out. After the end of an
-# episode nothing follows, so there $y=r$. If one forgets this, rewards seem to go on after a crash.
+# This is **Q-learning**. The gap $y-Q(s,a)$ is the **TD error** (*temporal difference*): how much
+# better (or worse) the step turned out than the table expected. With a small $\alpha$, good and bad
+# luck average out. If the distribution $p$ of notebook 3 were known, a small table could be
+# computed without a flight (**dynamic programming**); Q-learning needs no $p$: it is *model-free*.
+#
+# After the end of an episode nothing follows, so there $y=r$. If one forgets this, rewards seem to
+# go on after a crash.
 #
 # Not every stop is an end. When our UAV's time is up, which the agent can foresee from the state,
 # the mission is over: this is a true end, a **termination**. If the simulation merely stops, say
-# after 1000 steps of a task that would go on, that is a **truncation**: something does follow, and
-# $y$ keeps its second part.
+# after 1000 steps, that is a **truncation**: something does follow, and $y$ keeps its second part.
 #
 # Let us make two updates by hand. The UAV is one cell west of the device and flies east, so
 # $y=9.8$. With $\alpha=0.5$ the entry goes from 0 to 4.9. Some flights later the UAV is in the next
 # cell to the west and flies east: $y=-0.2+0.95\cdot4.9=4.5$. The news has moved one cell back. Here
-# is the largest Q-value of each cell after 1, 3 and 100 flights:
+# is the largest Q-value of each cell, the cell's *value* $V(s)=\max_aQ(s,a)$, after 1, 3 and 100
+# flights:
 
 # %%
 from uavdh_lite.course.small_city import CELLS, START, flights_of
@@ -99,14 +106,15 @@ draw_maps({f"flights: {n}": table(n) for n in (1, 3, 100)}, numbers=True)
 #
 # The UAV picked all actions at random, and still learned what *good* flying is worth, because the
 # target asks for the *best* next action and not for the one taken next. A method that may learn
-# from any behaviour is called **off-policy**. An **on-policy** method would have learned what
-# flying at random is worth.
+# from the flights of another policy is called **off-policy**. (That policy must try every action
+# again and again everywhere. Then the table provably becomes right if $\alpha$ slowly falls to 0.)
+# An **on-policy** method, such as *SARSA*, would have learned what flying at random is worth.
 #
 # ### The discount
 #
-# Notebook 3 measured a flight by the plain sum of its rewards. The agent learns something else: a
-# sum in which a reward $k$ steps ahead counts only $\gamma^k$ times its size (paper, eq. 6). A
-# Q-value is the expected value of that sum (eq. 5):
+# The agent does not learn the plain sum of notebook 3 but a sum in which a reward $k$ steps ahead
+# counts only $\gamma^k$ times its size (paper, eq. 6). A Q-value is the expected value of that sum
+# (eq. 5):
 #
 # $$Q(s_t,a_t)=\mathbb{E}\left[\sum_{k}\gamma^k\,r_{t+k}\right]$$
 
@@ -118,18 +126,18 @@ for gamma in (0.5, 0.95, 1.0):
 # With $\gamma=0.5$ the device hardly counts at the start. With $\gamma=1$ it counts in full, which
 # does no harm here. So **why discount, if the plain sum is what we want?**
 #
-# - *Errors.* Each value is built on an estimate of the next value, and that on an estimate of the
-#   value after it. Each link in this chain adds an error, and $\gamma$ shrinks the errors from far
-#   away.
+# - *Errors.* Each value is built on an estimate of the next one, that on the one after it, and so
+#   on. Each link adds an error, and $\gamma$ shrinks the errors from far away.
 # - *Noise.* Rewards fifty steps ahead depend on fifty draws of the fading and fifty actions still
 #   to be chosen, so they say little about which action is better *now*.
 # - *Time.* With $\gamma=0.95$ news of a reward need not travel back more than a few dozen steps.
 #   With $\gamma=1$ it has to travel the whole flight.
 #
-# The price is short-sightedness. A crash that costs 150 and is 60 steps ahead counts only
-# $150\cdot0.95^{60}\approx7$. In the paper's city that does no harm, because home is never more
-# than 14 moves away, and 15 steps ahead a crash still counts 70. A longer way home needs a larger
-# $\gamma$. The return of a flight is still measured with $\gamma=1$.
+# The price is short-sightedness. The weights $1,\gamma,\gamma^2,\dots$ add up to $1/(1-\gamma)$,
+# the **horizon**: 20 steps for 0.95, and 100 for 0.99. A crash that costs 150 and is 60 steps ahead
+# counts only $150\cdot0.95^{60}\approx7$. In the paper's city that does no harm, because home is
+# never more than 14 moves away, and 15 steps ahead a crash still counts 70. A longer way home needs
+# a larger $\gamma$.
 #
 # ## 6.2 A network instead of the table
 #
@@ -152,17 +160,15 @@ for gamma in (0.5, 0.95, 1.0):
 # A table may learn from the steps of a flight one after the other. A network should not, for two
 # reasons. Successive steps of a flight are much alike, so a network that learns from them in order
 # fits what it has just seen and **forgets** the rest, because the same weights serve all places.
-# And gradient descent works best with independent examples: thirty-two steps from one street are
-# hardly worth more than one.
+# And gradient descent works best with independent examples.
 #
 # So all steps go into a **replay memory**, and the network learns from a *minibatch* drawn from it
-# at random: old and new steps, from many flights. Only an off-policy method may do this, because
-# earlier, worse versions of the agent flew most of these steps.
+# at random. Only an off-policy method may do this, because earlier, worse versions of the agent
+# flew most of these steps.
 #
 # - *How large?* A small memory holds little but the last few flights, so it brings back the problem
-#   that it should solve. A large one also holds older steps, flown by agents that knew less. The
-#   authors' memory holds 50,000 steps, ours 200,000. What counts is how many *flights* it holds
-#   ([notebook 11](11_replay.ipynb)).
+#   that it should solve. A large one also holds older steps, flown by agents that knew less. What
+#   counts is how many *flights* it holds ([notebook 11](11_replay.ipynb)).
 # - *Should the newest step be in every minibatch?* Drawn at random from 50,000 steps, it would be
 #   in about one of 400 minibatches of 128. The paper's **combined experience replay** puts it into
 #   every one, at the cost of one place in 128.
@@ -194,9 +200,8 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 # target, the network has pushed the target away. Next time it takes a longer step, and pushes
 # harder.
 #
-# Say an update raises $Q(s,a)$ by 1. If it raises the best value of $s'$ by less than
-# $1/\gamma\approx1.05$, the target moves by less than 1, and the gap between $Q(s,a)$ and its
-# target shrinks. Otherwise the gap grows with every update.
+# If an update raises the best value of $s'$ by more than $1/\gamma\approx1.05$ times as much as
+# $Q(s,a)$, the gap between $Q(s,a)$ and its target grows.
 #
 # Three things have come together: a network that generalises, targets made from its own estimates
 # (**bootstrapping**), and learning off-policy. Together they are the *deadly triad*: no theorem
@@ -212,9 +217,10 @@ print("value of the start cell:", *(f"{path[-1]:,.0f}" for _, path in copies))
 # $$\bar\theta\leftarrow(1-\tau)\,\bar\theta+\tau\,\theta$$
 #
 # While the online network takes a step, the targets hardly move, so it can catch up. The target
-# network lags about $1/\tau$ updates behind. With $\tau=0.00001$ it would stay close to its random
-# start, and its targets meaningless, for the whole run. With $\tau=1$ both networks are the same.
-# Here is $\tau=0.05$ for comparison:
+# network lags about $1/\tau$ updates behind, 200 with the agent's $\tau=0.005$. (The deep Q-network
+# of 2015 made *hard* updates instead: a full copy every 10,000 updates.) With $\tau=0.00001$ its
+# targets would stay meaningless for the whole run; with $\tau=1$ both networks are the same. Here
+# is $\tau=0.05$:
 
 # %%
 calm = [learn(tau=0.05, seed=seed) for seed in range(3)]
@@ -238,10 +244,10 @@ draw_maps({"table": table(300), "network": values[0], "another": values[1]}, num
 #
 # ## 6.4 Exploring
 #
-# In a large city random flights rarely get far, so the agent should use what it has learned. But if
-# it always takes the action that seems best, it may never find out that another is better. Trying
-# other actions for the sake of knowledge is called **exploration**. The paper draws actions from a
-# **softmax policy** with the **temperature** $\beta$ (eq. 10):
+# In a large city random flights rarely get far, so the agent should use what it has learned
+# (**exploitation**). But if it always takes the action that seems best, it may never find out that
+# another is better. Trying other actions for the sake of knowledge is called **exploration**. The
+# paper draws actions from a **softmax policy** with the **temperature** $\beta$ (eq. 10):
 #
 # $$\pi(a\mid s)=\frac{\exp(Q(s,a)/\beta)}{\sum_{a'}\exp(Q(s,a')/\beta)}$$
 
@@ -265,15 +271,15 @@ axes[0].set_ylabel("probability");
 # %% [markdown]
 # At β = 0.1 the agent takes one of the two best actions, at β = 1 any move or hovering, and at β =
 # 10 any of the six. When training is over, it no longer draws but takes the best action. This is
-# the **greedy policy** (eq. 9), not to be confused with the pilot `greedy`.
+# the **greedy policy** (eq. 9).
 #
 # The best-known alternative is **ε-greedy**: it takes a random action with probability ε, and
 # otherwise the best. ε needs no scale, whereas β has to fit the size of the Q-values. But ε-greedy
 # tries the worst action as often as the second best.
 #
-# Why are pointless actions not masked (3.4)? If they were, the maximum in the target would have to
-# be masked, too, or it might fall on an action whose value nothing corrects, because that action is
-# never flown. And the network would learn nothing about walls, so it would fail without the mask.
+# Masking pointless actions (3.4) would work as well, because the safety controller knows them and
+# always flies along. But then the maximum in the target must be masked, too, or it may fall on an
+# action whose value nothing corrects. The paper uses penalties, and so do we.
 #
 # ## 6.5 Double Q-learning
 #
@@ -314,9 +320,8 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 #
 # ## 6.6 All of it
 #
-# Act, remember, draw a minibatch, move towards the targets, let the target network follow: [one
-# page](../docs/tutorials/pseudocode.md) shows all this as pseudocode, beside the names in the code.
-# For the paper's city only the network changes (notebook 5).
+# [One page](../docs/tutorials/pseudocode.md) shows all this as pseudocode, beside the names in the
+# code. For the paper's city only the network changes (notebook 5).
 #
 # ## Recap
 #
@@ -325,9 +330,7 @@ for name, share in (("the chooser itself", 1.0), ("a related judge", 0.7), ("a s
 # - A discount below 1 damps errors and noise from far ahead; the price is short-sightedness.
 # - A replay memory makes the examples of a minibatch nearly independent; combined replay adds the
 #   newest step to each minibatch.
-# - A network that makes its own targets may explode; a slow target network keeps it calm. In DDQN
-#   the target network also judges the action that the online network chooses.
-# - Softmax explores where Q-values are close together; ε-greedy explores equally everywhere.
+# - A network that makes its own targets may explode; a slow target network keeps it calm.
 #
 # ## Exercises
 #
