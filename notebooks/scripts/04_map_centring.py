@@ -191,10 +191,10 @@ draw_maps({f"UAV at {uav}": seen_from(uav) for uav in ((0, 0), (8, 4), (15, 15))
 #
 # - **The number of devices may vary.** A list for five devices has no room for a sixth, and if
 #   there are only two, three of its entries mean nothing. On a map any number of devices fits, so
-#   the size of the input **does not depend on the number of devices**, and neither does the
-#   network. One agent flies missions with two devices and with five. It would accept twenty
-#   devices, too, but may fly badly with them: in training it never saw such full maps or such large
-#   returns, and a network can be trusted only with inputs like those that it has learned from.
+#   neither the size of the input nor the network **depends on the number of devices**. One agent
+#   flies missions with two devices and with five. It would accept twenty devices, too, but may fly
+#   badly with them: in training it never saw such full maps or such large returns, and a network
+#   can be trusted only with inputs like those that it has learned from.
 # - **The order does not matter.** In a list, "device 1 here, device 2 there" and "device 2 here,
 #   device 1 there" look different, although they are the same mission, and a network would have to
 #   learn both. On the map they are the same picture.

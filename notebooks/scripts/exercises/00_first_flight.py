@@ -74,7 +74,7 @@ checks.flight_score(collected_and_landed)
 # ## 0.2 · Which flight is the agent's? (1 point, 5 minutes)
 #
 # Three pilots flew the same mission: the agent (`"ddqn"`), greedy and random. Greedy always flies
-# the shortest way to the nearest device that has data left, and turns for home when just enough
+# the shortest route to the nearest device that has data left, and turns for home when just enough
 # time is left to get there. The triangle marks the start. Who flew which flight?
 #
 # <details><summary>Hint</summary>
