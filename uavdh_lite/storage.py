@@ -19,7 +19,7 @@ _PACKAGE = Path(__file__).parent
 
 
 def data_folder() -> Path:
-    """The folder with `cities/` and `checkpoints/`: inside the installed package, else `data/`."""
+    """The folder with `cities/`, `runs/` and more: inside the installed package, else `data/`."""
     inside = _PACKAGE / "data"
     folder = inside if inside.is_dir() else _PACKAGE.parent / "data"
     if not folder.is_dir():

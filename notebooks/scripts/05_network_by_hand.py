@@ -24,7 +24,9 @@ if project:
 # %matplotlib inline
 from IPython.display import SVG
 
-SVG("../data/figures/network.svg")
+from uavdh_lite.storage import data_folder
+
+SVG(data_folder() / "figures/network.svg")
 
 # %% [markdown]
 # | | |

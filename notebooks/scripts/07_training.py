@@ -152,10 +152,10 @@ print(f"landed {last['landed']:.0%}, collected and landed {last['collected_and_l
 # so that the agent practises the way home; these are left out of the figure.
 
 # %%
-from uavdh_lite.storage import read_table
+from uavdh_lite.storage import data_folder, read_table
 
 def curves(study, variant, seed):
-    table = read_table(f"../data/runs/{study}-training.csv.gz")
+    table = read_table(data_folder() / f"runs/{study}-training.csv.gz")
     rows = (table["variant"] == variant) & (table["seed"] == seed)
     return {column: values[rows] for column, values in table.items()}
 
@@ -202,7 +202,7 @@ Quiz("huge_penalty")
 # those of longer runs are at that step.
 
 # %%
-study = read_table("../data/runs/deviations-manhattan.csv.gz")
+study = read_table(data_folder() / "runs/deviations-manhattan.csv.gz")
 names = {"all": "10, later 150", "without_crash_reward": "150 from the start"}  # lite, paper
 for variant, crash in names.items():
     rows = (study["variant"] == variant) & (study["steps"] == study["steps"].max())

@@ -26,10 +26,10 @@ if project:
 from matplotlib import pyplot as plt
 
 from uavdh_lite.plotting import draw_study
-from uavdh_lite.storage import read_table
+from uavdh_lite.storage import data_folder, read_table
 
 figure = plt.figure(figsize=(9, 3.6), layout="constrained")
-draw_study(figure, read_table("../data/runs/centring_lite-manhattan-training.csv.gz"))
+draw_study(figure, read_table(data_folder() / "runs/centring_lite-manhattan-training.csv.gz"))
 for ax in figure.axes:
     ax.set(xlim=(0, 600_000), xticks=(0, 200_000, 400_000, 600_000))
 
@@ -91,7 +91,7 @@ def draw_runs(ax, table, seeds):
                     label=variant.replace("_", " ") if seed == seeds[0] else None)
 
 # %%
-manhattan = read_table("../data/runs/centring_lite-manhattan.csv.gz")
+manhattan = read_table(data_folder() / "runs/centring_lite-manhattan.csv.gz")
 figure, ax = plt.subplots(figsize=(6.5, 3.4), layout="constrained")
 draw_runs(ax, manhattan, range(3))
 ax.set(xlabel="thousand steps", ylabel="collected and landed")
@@ -112,7 +112,7 @@ ax.legend();
 # each kind:
 
 # %%
-village = read_table("../data/runs/centring-village.csv.gz")
+village = read_table(data_folder() / "runs/centring-village.csv.gz")
 figure, ax = plt.subplots(figsize=(4.5, 3), layout="constrained")
 draw_runs(ax, village, [2])
 ax.set(xlabel="thousand steps", ylabel="collected and landed", ylim=(-0.02, 0.82))
@@ -207,7 +207,7 @@ Quiz("three_seeds")
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
 
-flights = read_table("../data/runs/comparison-manhattan.csv.gz")
+flights = read_table(data_folder() / "runs/comparison-manhattan.csv.gz")
 share = {name: flights[METRIC][flights["policy"] == name]
          for name in ("random", "greedy", "manhattan_ddqn")}
 for name, values in share.items():

@@ -31,7 +31,7 @@ from matplotlib.figure import Figure
 
 from uavdh_lite.evaluation import bootstrap_interval
 from uavdh_lite.plotting import BLUE, VERMILION
-from uavdh_lite.storage import read_table
+from uavdh_lite.storage import data_folder, read_table
 
 TITLES = {
     "random": "random",
@@ -40,7 +40,7 @@ TITLES = {
     "agent": "told, guarded, copying, learning",
     "genie": "genie: knows every mean rate",
 }
-table = read_table("../data/runs/comparison-manhattan.csv.gz")
+table = read_table(data_folder() / "runs/comparison-manhattan.csv.gz")
 returns = {
     TITLES.get(name, name): table["return"][table["policy"] == name]
     for name in sorted(set(table["policy"]) - {"genie_data"})

@@ -25,11 +25,11 @@ from matplotlib.figure import Figure
 
 from uavdh_lite.evaluation import mean_interval
 from uavdh_lite.plotting import BLUE
-from uavdh_lite.storage import read_table
+from uavdh_lite.storage import data_folder, read_table
 
 figure = Figure(figsize=(8, 2.2), layout="constrained")
 for ax, city in zip(figure.subplots(1, 2, sharey=True), ("manhattan", "open_field")):
-    table = read_table(f"../data/runs/comparison-{city}.csv.gz")
+    table = read_table(data_folder() / f"runs/comparison-{city}.csv.gz")
     for policy in ("genie_data", "greedy", f"{city}_ddqn"):
         mean, low, high = mean_interval(table["collected_and_landed"][table["policy"] == policy])
         name = {"genie_data": "genie", "greedy": "greedy"}.get(policy, "the agent")
@@ -64,13 +64,13 @@ import torch
 from matplotlib.figure import Figure
 
 from uavdh_lite.evaluation import bootstrap_interval, mean_interval, wilson_interval
-from uavdh_lite.storage import read_table
+from uavdh_lite.storage import data_folder, read_table
 
 torch.set_num_threads(1)  # the networks are small
 BOTH = "collected_and_landed"
 
 def recorded(city):
-    table = read_table(f"../data/runs/comparison-{city}.csv.gz")
+    table = read_table(data_folder() / f"runs/comparison-{city}.csv.gz")
     names = {"agent": f"{city}_ddqn", "greedy": "greedy", "genie": "genie_data", "random": "random"}
     rows = {name: table["policy"] == own for name, own in names.items()}
     return {name: {k: v[own] for k, v in table.items()} for name, own in rows.items()}

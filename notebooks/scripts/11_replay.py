@@ -31,11 +31,11 @@ from uavdh_lite.evaluation import evaluate
 from uavdh_lite.planners import Greedy, Random
 from uavdh_lite.plotting import BLUE, VERMILION
 from uavdh_lite.scenario import find_scenario
-from uavdh_lite.storage import read_table
+from uavdh_lite.storage import data_folder, read_table
 from uavdh_lite.streams import Use
 
 BOTH = "collected_and_landed"
-table = read_table("../data/runs/replay-village.csv.gz")
+table = read_table(data_folder() / "runs/replay-village.csv.gz")
 table = {name: column[table["steps"] == table["steps"].max()] for name, column in table.items()}
 SIZES = {f"replay_capacity={size}": size for size in (250, 1000, 4000)} | {"as_it_is": 40_000}
 figure = Figure(figsize=(6, 2.8), layout="constrained")

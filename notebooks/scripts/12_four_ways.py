@@ -26,7 +26,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from uavdh_lite.plotting import BLUE, GREEN, ORANGE, PINK, VERMILION
-from uavdh_lite.storage import read_table
+from uavdh_lite.storage import data_folder, read_table
 
 WAYS = {
     "learn": ORANGE,
@@ -45,7 +45,7 @@ def last_returns(study, way):
     return [study["return"][run][-1] for run in runs]
 
 def draw_ways():
-    study = read_table("../data/runs/four_ways-manhattan.csv.gz")
+    study = read_table(data_folder() / "runs/four_ways-manhattan.csv.gz")
     figure = Figure(figsize=(8, 3.6), layout="constrained")
     ax = figure.subplots()
     for place, (way, colour) in enumerate(WAYS.items()):
@@ -262,7 +262,7 @@ flights = evaluate(environment, Greedy(environment), scenario, 1000, 0, Use.VALI
 greedy = flights.returns.mean()
 
 # %%
-study = read_table("../data/runs/four_ways-manhattan.csv.gz")
+study = read_table(data_folder() / "runs/four_ways-manhattan.csv.gz")
 figure = Figure(figsize=(8, 3.8), layout="constrained")
 ax = figure.subplots()
 for way, colour in WAYS.items():

@@ -187,9 +187,9 @@ play(own.environment, flight.trajectory(0))
 
 # %%
 from uavdh_lite.environment import Environment
-from uavdh_lite.storage import read_table
+from uavdh_lite.storage import data_folder, read_table
 
-table = read_table("../data/runs/unseen_cities.csv.gz")
+table = read_table(data_folder() / "runs/unseen_cities.csv.gz")
 counts = (1, 10, 100, 2000)
 
 # %%

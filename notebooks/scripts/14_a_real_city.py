@@ -229,10 +229,10 @@ for (name, radio), flights in flown.items():
 
 # %%
 from uavdh_lite.evaluation import bootstrap_interval
-from uavdh_lite.storage import read_table
+from uavdh_lite.storage import data_folder, read_table
 
 # %%
-runs = read_table("../data/runs/real_city.csv.gz")
+runs = read_table(data_folder() / "runs/real_city.csv.gz")
 places = np.unique(runs["place"])
 
 # %%

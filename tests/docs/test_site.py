@@ -13,6 +13,7 @@ from html import escape, unescape
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+import handout
 import nbformat
 import pytest
 
@@ -130,8 +131,11 @@ def test_nothing_is_loaded_from_elsewhere(site):
     assert (site / "_static" / "tex-svg-full.js").exists()
 
 
-def test_what_students_get_holds_no_solutions(site):
-    """Neither the sources of the course, nor the teaching guide, nor an answer in a how-to."""
+def test_what_students_get_holds_no_solutions(site, tmp_path):
+    """Neither the sources of the course, nor the teaching guide, nor an answer in a how-to.
+
+    What is handed out beside the site has no answers either.
+    """
     assert not (site / "teach").exists()
     sources = site / "_modules"
     assert (sources / "uavdh_lite" / "environment.html").exists()
@@ -148,8 +152,13 @@ def test_what_students_get_holds_no_solutions(site):
     answers = [answer for answer in map(squeezed, mark.findall(scripts)) if answer not in given]
     taught = (site / "tutorials", *(site / "_modules").rglob("*"), site / "_modules")
     pages = [p for p in site.rglob("*.html") if p.parent not in taught]  # notebooks and the library
-    for path in pages:
-        text = re.sub(r"\s+", "", text_of(path))
+    handout.copy_sheets(tmp_path)
+    sheets = [path for path in tmp_path.rglob("*.ipynb") if path.parent.name != "notebooks"]
+    assert len(sheets) == len(EXERCISES) + 3
+    for path in (*pages, *sheets):
+        cells = nbformat.read(path, as_version=4).cells if path in sheets else ()
+        text = squeezed("".join(cell.source for cell in cells) or text_of(path))
+        assert "notebooks/solutions" not in text
         shown = [answer for answer in answers if len(answer) > 30 and answer in text]
         assert not shown, (path, shown)
     assert len(answers) > 25 and len(pages) > 20

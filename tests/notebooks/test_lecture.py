@@ -1,12 +1,14 @@
-"""Slides and figures from a notebook, and the agents of the small wheel."""
+"""Slides and figures from a notebook, and the folder that students get."""
 
 import sys
+import tomllib
 import zipfile
 
 import execute
+import handout
 import lecture
+import nbformat
 import pytest
-import wheel
 
 from uavdh_lite.checkpoint import shipped_agents
 
@@ -78,21 +80,30 @@ def test_what_is_missing_is_named_with_the_command_that_installs_it(tmp_path, mo
 
 
 @pytest.mark.long
-def test_the_small_wheel_holds_the_package_and_the_agents_that_are_used(tmp_path, monkeypatch):
+def test_the_handout_holds_the_notebooks_and_a_small_wheel(tmp_path, monkeypatch):
     others = [name for name in shipped_agents() if name != "manhattan_ddqn"]
-    command = ["wheel.py", str(tmp_path), "--without", *others]
-    monkeypatch.setattr(sys, "argv", command)
-    assert wheel.main() == 0
+    monkeypatch.setattr(sys, "argv", ["handout.py", str(tmp_path), "--without", *others])
+    assert handout.main() == 0
     (made,) = tmp_path.glob("*.whl")
     with zipfile.ZipFile(made) as packed:
         names = packed.namelist()
     agents = [name for name in names if "checkpoints/" in name]
     assert agents == ["uavdh_lite/data/checkpoints/manhattan_ddqn.safetensors"]
     assert "uavdh_lite/course/checks/notebook_00.py" in names and made.stat().st_size < 12e6
+    assert len(list(tmp_path.glob("notebooks/exercises/*/*.ipynb"))) == len(
+        execute.exercise_scripts()
+    )
 
 
-def test_no_notebook_uses_an_agent_that_is_left_out():
-    scripts = [*execute.scripts(), *execute.exercise_scripts()]
-    text = "".join(script.read_text(encoding="utf-8") for script in scripts)
-    assert not [name for name in wheel.UNUSED if f'"{name}"' in text]
-    assert set(wheel.UNUSED) <= set(shipped_agents())
+def test_a_notebook_needs_nothing_but_the_small_wheel():
+    """What each read when it was executed is in the wheel; the package says where that is."""
+    included = tomllib.loads((handout.ROOT / "pyproject.toml").read_text())["tool"]["hatch"]
+    shipped = tuple(included["build"]["targets"]["wheel"]["force-include"])
+    left_out = [f"data/checkpoints/{name}.safetensors" for name in handout.UNUSED]
+    assert set(handout.UNUSED) <= set(shipped_agents())
+    for script in execute.scripts() + execute.exercise_scripts() + execute.project_scripts():
+        notebook = nbformat.read(execute.notebook_of(script), as_version=4)
+        read = [f"data/{path}" for path in notebook.metadata.uavdh_lite.read]
+        assert all(path.startswith(shipped) and path not in left_out for path in read), script
+        code = [cell.source for cell in notebook.cells if cell.cell_type == "code"]
+        assert not any("../" in source for source in code[1:]), script

@@ -1,6 +1,7 @@
-"""Make a small wheel, for a class to install from: python notebooks/wheel.py build/wheel
+"""Make the folder that students get: python notebooks/handout.py build/handout
 
-Agents that no notebook uses are left out.
+It holds the notebooks, their exercises, the project, the install sheet and a small wheel, in which
+agents that no notebook uses are left out. It holds no solutions.
 """
 
 import argparse
@@ -14,19 +15,34 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 UNUSED = ["harbour", "metropolis"]  # agents that no notebook of the course flies
 LARGEST = 12_000_000  # bytes: what a class can fetch at once
-FILES = ("uavdh_lite", "pyproject.toml", "README.md", "LICENSE")
+FILES = ("uavdh_lite", "pyproject.toml", "README.md", "LICENSE")  # of the wheel
+SHEETS = (
+    "notebooks/[0-9][0-9]_*.ipynb",
+    "notebooks/exercises/*/*.ipynb",
+    "notebooks/project/*.ipynb",
+)
+
+
+def copy_sheets(out: Path) -> None:
+    """Copy what students read and fill in."""
+    for source in (path for pattern in SHEETS for path in ROOT.glob(pattern)):
+        target = out / source.relative_to(ROOT)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(source, target)
+    shutil.copy(ROOT / "docs" / "how_to" / "install.md", out)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("out", type=Path, help="folder of the wheel")
-    parser.add_argument("--without", nargs="*", default=UNUSED, help="agents left out")
+    parser.add_argument("out", type=Path, help="the folder")
+    parser.add_argument("--without", nargs="*", default=UNUSED, help="agents left out of the wheel")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
         included = project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
         for name in (*FILES, *included):
             source, target = ROOT / name, Path(folder, name)
+            target.parent.mkdir(parents=True, exist_ok=True)
             if source.is_dir():
                 shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__"))
             else:
@@ -35,6 +51,7 @@ def main() -> int:
             Path(folder, f"data/checkpoints/{name}.safetensors").unlink()
         wheel = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir"]
         subprocess.run([*wheel, options.out, folder], check=True)
+    copy_sheets(options.out)
     (made,) = options.out.glob("uavdh_lite-*.whl")
     print(f"{made}: {made.stat().st_size / 1e6:.1f} MB")
     if made.stat().st_size > LARGEST:
