@@ -20,7 +20,7 @@ if not any(distributions(name="uavdh_lite")):
 if project:
     # %cd -q {project[0]}/notebooks
 
-# %%
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 # %matplotlib inline
 from IPython.display import SVG
 
