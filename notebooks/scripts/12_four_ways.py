@@ -66,9 +66,11 @@ draw_ways()
 # | **What you'll learn** | How a guarantee, told layers, copied moves and reward each put knowledge into an agent, what each costs, and what it is worth |
 # | **What you'll need** | The course, notebooks 0 to 9. 45 minutes to read, 30 seconds to run; 27 minutes of exercises |
 #
-# Each row is one recipe with three seeds, flown by an earlier version of the program over an earlier map of Manhattan, which had eight low buildings. The upper four
-# learn from reward, the next four copy a planner, and the last one copies first and then learns from reward. All runs of a group are equally long. The plain row *learn* has the rewards and
-# starts of the recipe `lite` of notebook 7. Higher returns lie further right. The rest of this notebook explains the words.
+# Each row shows one recipe in three runs, one for each seed, recorded with an earlier version of the program over an earlier
+# map of Manhattan, which had eight low buildings. The upper four learn from reward, the next four copy a planner, and the last
+# one copies first and then learns from reward. All runs of one group are equally long. The plain row *learn* has the rewards
+# and starts of the recipe `lite` of notebook 7. Higher returns lie further right. The rest of this notebook explains the words
+# on the left.
 #
 # ## 12.1 Guarantee: the failsafe
 #
@@ -92,12 +94,13 @@ figure.colorbar(picture, label="units of time to fly home and land")
 figure
 
 # %% [markdown]
-# The rule is one line: an action is *too late* if, after it, the way home takes longer than the time that is left.
+# The rule is one line: an action is *too late* if, after it, the way home takes longer than the time that is left, where $b$ is
+# the time left before the action:
 #
 # $$\text{time to land}(\text{next cell}) > b - 1$$
 #
-# The failsafe replaces such an action by the first move home. Many drones have a function like this. Does it work for any
-# policy? Try one that knows nothing:
+# The failsafe replaces such an action by the first move home. Many drones have a function like this, called *return to home*.
+# Does it work for any policy? Try one that knows nothing:
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -145,15 +148,17 @@ for ax, layer, name in zip(figure.subplots(1, 3), told, TOLD_LAYERS):
 figure
 
 # %% [markdown]
-# Bright cells have large values. The triangle is the UAV, and the crosses are the devices. *Expected data* is about what one unit of time over a cell
-# would bring without fading. It is an estimate that takes the best single device and lets it send all the time; exercise 12.2 computes the sum slot by
-# slot. Here $R_k$ is the rate of device $k$ without fading, and $\delta$ the number of slots in a unit of time:
+# Bright cells have large values. The triangle is the UAV, and the crosses are the devices. *Expected data* is about what one
+# unit of time over a cell would bring without fading. It is an estimate that takes the best single device and lets it send all
+# the time; exercise 12.2 computes the sum slot by slot. In the formula, $R_k$ is the rate of device $k$ without fading, and
+# $\delta$ the number of slots in a unit of time:
 #
 # $$\max_k \min(\delta \cdot R_k,\; \text{data left}_k)$$
 #
-# Around each device lies a bright spot with dark wedges: the shadows of notebook 2. *Way home* and *way there* count moves, one from
-# the landing zones and the other from the UAV. Both flow around buildings. Anyone who knows the city and the constants of the channel
-# can work all of this out before the flight, whereas a network that is not told has to find it out by flying.
+# Around each device lies a bright spot with dark wedges: the shadows of notebook 2. *Way home* says how near a cell is to a
+# landing zone, and *way there* how near it is to the UAV: the fewer the moves, the brighter the cell. The moves lead around
+# buildings. Anyone who knows the city and the constants of the channel can work all of this out before the flight, whereas a
+# network that is not told has to find it out by flying.
 
 # %%
 Quiz("what_may_be_told")
@@ -161,8 +166,9 @@ Quiz("what_may_be_told")
 # %% [markdown]
 # ## 12.3 Copy: a planner as teacher
 #
-# The *genie* is a search over whole flights. It knows the mean rate of every link at every place (strictly, the rate at the mean SNR, without fading, which is a little lower), and keeps the best candidates for
-# each cell and moment. It flies better than any agent here, but takes much longer to decide. Can a network learn to do what the genie
+# The *genie* is a search over whole flights. It knows the mean rate of every link at every place (strictly, the rate at the
+# mean SNR, without fading, which is a little lower), and keeps the best candidate flights for each cell and moment (a **beam
+# search**). It flies better than any agent here, but takes much longer to decide. Can a network learn to do what the genie
 # does, without the search?
 
 # %%
@@ -174,15 +180,16 @@ print("".join(arrows[plan.actions[: (plan.actions != 5).sum() + 1]]))
 
 # %% [markdown]
 # This is a whole flight, in which arrows are moves and L is the landing. Each state on the way, with the genie's action, is a
-# *labelled example*. The network gives a score to each action, and a softmax turns scores into probabilities $\pi(a \mid s)$. The loss
-# is the *cross-entropy*, the surprise at what the genie did:
+# *labelled example*. The network gives a score to each action, and a softmax turns scores into probabilities $\pi(a \mid s)$.
+# The loss is the *cross-entropy*, the network's surprise at what the genie did:
 #
 # $$L = -\log \pi(a_{\text{genie}} \mid s)$$
 #
 # The loss is 0 if the network was sure and right, and large if it was sure and wrong. In the library it is one line of `Cloning.loss`;
 # the loop around it is that of notebook 7, with the genie in place of the softmax policy.
 #
-# How often does the trained copy agree with its teacher? Fly the genie's plans for 100 missions, and ask the agent at each step:
+# The shipped agent `manhattan` has copied the genie, and then learned a little from reward (12.4). How often does it agree with
+# its teacher? Fly the genie's plans for 100 missions, and ask the agent at each step:
 
 # %%
 import torch
@@ -219,9 +226,10 @@ Quiz("why_own_starts")
 # %% [markdown]
 # ## 12.4 Learn: what only reward can say
 #
-# The genie plans with mean rates, so it does not reckon with luck. And a copy makes errors that no further look at the genie's own flights
-# would show. Reward needs neither teacher nor formula, because all it asks is how good a flight was. So after copying, the shipped agents go on
-# to learn from reward. They draw their actions from $\pi$, and fly each mission eight times:
+# The genie plans with mean rates, so it does not reckon with luck. And a copy makes errors that no further look at the genie's
+# own flights would show. Learning from reward needs neither teacher nor formula, because all that counts is how good a flight
+# was. So after copying, the shipped agents go on to learn from reward. They draw their actions from $\pi$, and fly each mission
+# eight times:
 
 # %%
 from uavdh_lite.beyond.reinforce import advantages
@@ -242,17 +250,20 @@ print("advantage", *(f"{value:6.1f}" for value in advantages(returns)))
 #
 # $$L = -A\,\log \pi(a \mid s)$$
 #
-# What the agent did in a good flight becomes likelier, as if the genie had done it, and what it did in a bad one becomes less likely.
-# This is a **policy gradient** method: no network has to learn values. An agent that knows nothing would take very long to learn in this way,
-# because hardly any of its flights are good. After copying, it takes about twelve minutes.
+# What the agent did in a good flight becomes likelier, as if the genie had done it, and what it did in a bad one becomes less
+# likely. This is a **policy gradient** method: no network has to learn values. An agent that knows nothing would take very long
+# to learn in this way, because hardly any of its flights are good. After copying, learning in this way takes about twelve
+# minutes.
 #
-# The paper's agents see the map, and are told nothing but reward. In principle they could learn even in a place whose channel nobody can write down, if they could fly there
-# millions of times, crashes included. In practice one trains in a simulator, or measures the channel and fits a model to it (notebook 14).
+# The paper's agents see the map, and are told nothing but reward. In principle they could learn even in a place whose channel
+# nobody can write down, if they could fly there millions of times, crashes included. In practice one trains in a simulator,
+# possibly with a model of the channel that was fitted to measurements (notebook 14).
 #
 # ## 12.5 What each way is worth
 #
-# Here are the validations of the recorded runs, plotted against the minutes that they took on one core. Because other programs ran beside
-# some of the runs, all three of each way are scaled to the length of the quickest. Returns below 10 are left out:
+# Here are the validations of the recorded runs, plotted against the minutes that the runs took on one core. Because other
+# programs ran beside some of the runs, all three runs of each way are scaled to the length of the quickest. Returns below 10
+# are left out:
 
 # %%
 from uavdh_lite.planners import Greedy
@@ -287,8 +298,9 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 # %% [markdown]
 # - The **guarantee** matters most in runs this short. Without it, the agents that learn from reward crash in most missions or
 #   collect little, and even the copies crash in about one mission in ten.
-# - **Telling** helps the copies. Agents that learn from reward gain nothing from it here under the guarantee, perhaps because in a
-#   single city a network can also learn by heart what it is not told. Without the guarantee, all three told runs crash nearly always.
+# - **Telling** helps the copies. Under the guarantee, agents that learn from reward gain nothing from being told here, perhaps
+#   because in a single city a network can also learn by heart what it is not told. Without the guarantee, all three told runs
+#   crash nearly always.
 # - **Copying** is ahead of learning from reward under the guarantee. With the told layers both collect about the same amount, but
 #   the copy does so in two thirds of the flying time, whereas the learner uses nearly all of it.
 # - **Learning**, after copying, adds 0.4 to 1.3 units within a minute.
@@ -302,9 +314,10 @@ print(f"{'greedy':<28}{greedy:8.1f}")
 #
 # ## 12.6 What the labels cost
 #
-# A planner's labels are not free. Somebody has to know the channel's equations and the city, and to write a search. Where all that is
-# possible, copying was the quickest way to a good agent here. Where nobody can write down the channel, one has to measure it, or to learn from
-# reward. An agent that was told more had a head start, so compare agents only with others that were told the same.
+# A planner's labels are not free. Somebody has to know the channel's equations and the city, and to write a search. Here all
+# that was possible, and copying was the quickest way to a good agent. Where nobody can write down the channel, one has to
+# measure it, or to learn from reward. An agent that was told more had a head start, so compare agents only with others that
+# were told the same.
 #
 # Here are two agents that you can load, flown on 300 missions that are new to both:
 
@@ -317,13 +330,17 @@ for name, knows in agents.items():
           f"time used {records['time_used'].mean():4.0%}")
 
 # %% [markdown]
+# The second agent earns more, and in less time. But it was also told more, so this shows what knowledge is worth, not which way to
+# learn is better.
+#
 # ## Recap
 #
 # - A rule that always holds need not be learned: the failsafe brings any policy home.
 # - What can be computed can be told, as a layer of the map.
-# - A planner's moves can be copied by cross-entropy, from its own starts and from where the learner flies.
-# - Reward needs no teacher, and nobody who knows the equations. Alone it is slow. After copying, it repairs some of what the
-#   copy got wrong.
+# - A planner's moves can be copied by minimising the cross-entropy, both in the planner's own flights and in the states that
+#   the learner gets into.
+# - Learning from reward needs no teacher, and nobody who knows the equations. Alone it is slow. After copying, it repairs some
+#   of what the copy got wrong.
 # - Say what an agent was told before you compare it.
 #
 # ## Exercises

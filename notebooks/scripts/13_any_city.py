@@ -70,11 +70,11 @@ figure
 # Every city has what a mission needs: there are one to three landing zones, and every cell over which the UAV may fly can be reached.
 # Equal seeds give equal cities, so `random:100:1` always means the same hundred: the first hundred of seed 1.
 #
-# Every city is really eight cities, at no extra cost. Turn it by a right angle, or mirror it, and you have another city with
-# the same task. Only the actions have to turn with it, so that north becomes west, and so on.
+# Every city is really eight cities, at no extra cost (**data augmentation**). Turn it by a right angle, or mirror it, and you
+# have another city with the same task. Only the actions have to turn with it, so that north becomes west, and so on.
 #
-# The agent `any_city` learned in cities of seed 0, with one of them drawn for each mission. Are any of the hundred among them? A
-# city's *fingerprint* is a number computed from its cells:
+# The agent `any_city` learned in cities of seed 0, with one of them drawn for each mission. Are any of the hundred among them?
+# A city's *fingerprint* is a number computed from its cells (a **hash**):
 
 # %%
 import numpy as np
@@ -93,8 +93,8 @@ both = sum(city.fingerprint in learned for city in unseen)
 print(f"{len(learned)} cities to learn in, {len(unseen)} to test in, {both} in both")
 
 # %% [markdown]
-# That is what *unseen* means here: other cities, but from the same generator. The word says nothing about cities that no such generator
-# would draw.
+# That is what *unseen* means here: other cities, but from the same generator, or **in distribution**. The word says nothing
+# about cities that no such generator would draw.
 #
 # ## 13.2 Is one network enough?
 #
@@ -125,8 +125,8 @@ for name, record in records.items():
 
 # %% [markdown]
 # All flights land, so the differences are in the data. The Manhattan specialist brings home far more than the random pilot, so
-# something of what it learned holds elsewhere, too. But it falls well behind the agent that has learned in many cities. The unknown
-# streets are one likely reason; another may be that its missions had narrower ranges than these.
+# something of what it learned holds elsewhere, too. But it falls well behind the agent that has learned in many cities. The
+# unknown streets are one likely reason; another may be that it was trained on narrower ranges of devices, data and flying time.
 #
 # The greedy rule is a strong rival here, because it knows the shortest way between any two cells of any city. Whether the difference
 # between greedy and `any_city` is luck is a question for 13.5.
@@ -139,13 +139,14 @@ from uavdh_lite.course.quiz import Quiz
 Quiz("centred_in_a_new_city")
 
 # %% [markdown]
-# This was also measured with version 0.1.0, three seeds of each kind: in new cities, networks that saw 2000 cities in place bring home
-# about half as much as networks that saw them centred. The runs are in the table that 13.4 reads.
+# The effect of centring was also measured with version 0.1.0 and three seeds of each kind: in new cities, networks that had
+# learned in 2000 cities in place brought home about half as much as networks that had learned in them centred. The runs are in
+# the table that 13.4 reads.
 #
 # ## 13.3 Draw your own
 #
-# Type a city, and fly over it. Ten cells on a side will do. `L` is the landing zone, `N` a no-fly zone, `B` a tall building, `b` a low one, and
-# a dot a free cell. Change it as you like:
+# Type a city, and fly over it. Ten cells on a side will do. `L` is the landing zone, `N` a no-fly zone, `B` a tall building,
+# `b` a low one, and a dot a free cell. Change the city as you like:
 
 # %%
 mine = City.from_text("mine", """
@@ -169,10 +170,10 @@ flight = evaluate(own.environment, own, missions, 1, seed=5)
 play(own.environment, flight.trajectory(0))
 
 # %% [markdown]
-# The network was made for 16 cells on a side. How does it cope with ten? A city that is too small is surrounded by no-fly cells, as
-# every city is beyond its border. What these cells say is true: the UAV cannot get there. And because the agent learned in cities of eight
-# to sixteen cells on a side, it has seen cities like that. A city that is too large does not fit, because the first fully connected
-# layer has a weight for every place on the map.
+# The network was made for 16 cells on a side. How does it cope with ten? A city that is too small is filled up with no-fly
+# cells to 16 on a side (**padding**), and every city has such cells beyond its border. What these cells say is true: the UAV
+# cannot get there. And because the agent learned in cities of eight to sixteen cells on a side, it has seen such cities. A city
+# that is too large does not fit, because the first fully connected layer has a weight for every place on the map.
 #
 # In the labs you can do the same with the mouse: in the tool *Paint* (`python -m uavdh_lite app`), paint a city and let the agent fly.
 #
@@ -181,9 +182,10 @@ play(own.environment, flight.trajectory(0))
 # Does an agent do better in the cities that it learned in than in new ones? If it does, it has learned some of them by heart, and
 # more cities would help.
 #
-# To see an agent learn by heart, give it fewer cities. Twelve networks of version 0.1.0 learned from reward in 1, 10, 100 or 2000 cities, three seeds
-# of each, in 200,000 steps. They flew 500 missions over the cities that they had learned in, and 500 over 300
-# others. Because the two sets are not equally hard, greedy flies the same missions, and each network is compared with it:
+# To see an agent learn by heart, give it fewer cities. Twelve networks of version 0.1.0 learned from reward in 1, 10, 100 or
+# 2000 cities, with three seeds for each number and 200,000 steps for each network. They flew 500 missions over the cities that
+# they had learned in, and 500 over 300 others. Because the two sets of cities are not equally hard, greedy flies the same
+# missions, and each network is compared with it:
 
 # %%
 from uavdh_lite.environment import Environment
@@ -236,9 +238,9 @@ figure
 # networks back is something other than memorising. After only 200,000 steps, all twelve are far behind greedy in new cities. The shipped agent
 # therefore copies a planner first, and only then learns from reward, as notebook 12 explains.
 #
-# From 100 to 2000 cities the red curve rises by about a point. That is no more than the spread between seeds, so three short runs
-# cannot tell whether more cities help. And since all seeds learned in the same cities, their spread says nothing about other choices
-# of ten or a hundred.
+# From 100 to 2000 cities the red curve rises by about a point. That is no more than the spread between seeds, so three short
+# runs cannot tell whether more cities help. And because all seeds learned in the same cities, their spread says nothing about
+# other choices of ten or a hundred cities.
 
 # %%
 Quiz("what_unseen_proves")
@@ -246,8 +248,9 @@ Quiz("what_unseen_proves")
 # %% [markdown]
 # ## 13.5 What is a mission worth?
 #
-# A hundred missions in one city say little about cities in general, because they all share the same walls. How much less are they worth? Fly 400
-# missions in 12 cities, and compute the interval twice: once as if the missions were independent, and once by resampling whole cities.
+# A hundred missions in one city say little about cities in general, because they all share the same walls. How much less is a
+# mission worth if others share its city? Fly 400 missions in 12 cities, and compute the interval twice: once as if the missions
+# were independent, and once by resampling whole cities (a **cluster bootstrap**).
 
 # %%
 few = agent.over(load_cities("random:12:7"))
@@ -296,9 +299,9 @@ figure
 # %% [markdown]
 # The captions and the arrows tell which of these faults each flight has:
 #
-# - Most of the time was used, but few arrows can be seen, because they lie on top of one another. The UAV went back and forth,
-#   probably because several cells looked equally good to the network.
-# - Much time was left when the UAV landed. In that case it gave up, although there was enough data and time.
+# - Most of the flying time was used, but few arrows can be seen, because they lie on top of one another. The UAV went back and
+#   forth, probably because several cells looked equally good to the network.
+# - Much time was left when the UAV landed. In that case the agent gave up, although there was enough data and time.
 # - The data lies behind walls or a no-fly zone, so the way to it is long. The greedy rule has that way in a table.
 #
 # Change `lead.argsort()` to `(-lead).argsort()`, and you will see the missions in which greedy is furthest behind.
@@ -311,8 +314,8 @@ figure
 # the column. The authors' code sends a fan of such lines from the device to every cell of the border, and a cell is in sight if some line reaches it
 # before meeting a building.
 #
-# Many cities are a good test of such a program, and for that test one need not know the right answers. It is enough to know a property that all right
-# answers must have:
+# Many cities are a good test of such a program, and for that test one need not know the right answers. It is enough to know a
+# property that all right answers must have (**property-based testing**):
 
 # %%
 Quiz("both_ways")
@@ -332,9 +335,10 @@ for name, shares in (("wrong, of all links in sight", wrong), ("one direction on
 assert min(one_way) > 0.02
 
 # %% [markdown]
-# In each of the twelve cities, some links of the fan work in one direction only. Rounding is to blame: drawn from the other end, the same line is rounded
-# to different cells, and may run into a building there. Radio works the same both ways, so no measurement was needed to know that the table is wrong. Here
-# is what the fan sees in the last of these cities:
+# In each of the twelve cities, some links of the fan work in one direction only. Rounding is to blame: drawn from the other
+# end, the same line is rounded to different cells, and may run into a building there. Radio works the same both ways
+# (**reciprocity**), so no measurement was needed to know that the fan is wrong. Here is what the fan sees in the last of these
+# cities:
 
 # %%
 from uavdh_lite.plotting import draw_city
@@ -357,7 +361,7 @@ figure
 # - The more cities there are to learn in, the closer the scores over seen and unseen cities come to each other.
 # - *Unseen* is a claim about where the cities come from. When you report a number for unseen cities, say where they come from.
 # - Missions in one city share its walls. For a claim about cities, resample whole cities.
-# - A property that every right answer must have finds errors without knowing the answers.
+# - A property that every right answer must have finds errors even where nobody knows the answers.
 #
 # ## Exercises
 #

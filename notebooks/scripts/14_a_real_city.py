@@ -57,8 +57,9 @@ figure
 # Munich, the streets south of Florence's cathedral, the Arc de Triomphe, and a level part of San Francisco.
 # Each is a square of 160 m, or 16 × 16 cells.
 #
-# A cell is a *tall building* if at least half of it is covered by something higher than the UAV flies, which is 10 m above the ground.
-# Otherwise it is a *low building* if at least half of it is built on. The landing zone is the six free cells nearest to the middle.
+# A cell is a *tall building* if at least half of it is covered by something higher than 10 m, the height at which the UAV
+# flies. Otherwise it is a *low building* if at least half of it is built on. The landing zone consists of the six free cells
+# nearest to the middle.
 
 # %%
 from uavdh_lite.beyond.measured import links, modelled_snr_db
@@ -69,8 +70,8 @@ city, sight, possible = munich.city, munich.sight[0], links(munich)
 print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells see each other")
 
 # %% [markdown]
-# This map is coarse, and in flight a roof of 9.9 m would be too close. The shadow map is flat, too: a shed of 3 m blocks a link as fully as a tower
-# does, even to a UAV right above it.
+# This map is coarse, and the shadow map ignores heights: a shed of 3 m blocks a link as fully as a tower does, even to a UAV
+# right above it.
 #
 # ## 14.2 What a ray tracer does
 #
@@ -81,21 +82,23 @@ print(f"{(possible & sight).sum() / possible.sum():.0%} of the pairs of cells se
 # Here $d$ is in metres, and $P/\sigma^2$ includes the gain at 1 m. This is a *statistical* model: the drop behind a building depends on the distance
 # only, and is 14 dB at 10 m and 27 dB at 100 m.
 #
-# A **ray tracer** computes each link itself. It sends a million rays from the device. Walls and the ground reflect a ray, with a loss
-# that depends on the material, and an edge can bend it, which is called **diffraction**. The tracer then adds up, cell by cell, what arrives at the
-# UAV's height. The received power divided by the power that was sent is the **path gain**; in dB it is the path loss with its sign turned. We have a
-# table of gains, `gain_db[device cell, UAV cell]`, for a UAV 10 m above the ground, which is 8.5 m above the devices.
+# A **ray tracer** computes each link itself. It sends a million rays from the device. Walls and the ground reflect a ray, with
+# a loss that depends on the material, and an edge can bend it (**diffraction**). The tracer then adds up, cell by cell, what
+# arrives at the UAV's height. The received power divided by the power that was sent is the **path gain**; in dB it is the path
+# loss with its sign reversed. We have a table of gains, `gain_db[device cell, UAV cell]`, for a UAV 10 m above the ground and
+# 8.5 m above the devices.
 #
 # In our tables a ray has up to five reflections or one diffraction, and none goes through a wall. Powers are averaged over the UAV's cell, and added
 # without their phases, so there is no small-scale fading. We also fly without $\eta$ in this world, so the two worlds differ in fading, too. ([The
 # results](../docs/results/real_city.md) give all settings.)
 #
-# Gains are not SNRs yet. We shift all gains of a place by one offset, chosen so that the pairs in sight have the mean SNR of the paper's model. So
-# their *mean in dB* agrees by construction, and the comparison tests *where* the signal goes. At this level, 0.1 µW of transmit power is enough for a
-# bandwidth of 1 MHz. A real sensor sends 40 to 60 dB more, so even its hidden links would carry data (14.3).
+# To get SNRs, we shift all gains of a place by one offset, chosen so that the pairs in sight have the mean SNR of the paper's
+# model. So their *mean in dB* agrees by construction, and the comparison tests *where* the signal goes. At this level, 0.1 µW
+# of transmit power is enough for a bandwidth of 1 MHz. A real sensor sends with 40 to 60 dB more, so even its hidden links
+# would carry data (14.3).
 #
-# Take a device in a street in the west, and draw the rate to it from every cell, under either model. **Before you run the cell:** where will the two
-# maps differ most?
+# Take a device in a street in the west, and draw its rate to a UAV over every cell, under either model. **Before you run the
+# cell:** where will the two maps differ most?
 
 # %%
 from uavdh_lite.beyond.failsafe import SafeEnvironment
@@ -111,13 +114,13 @@ figure.colorbar(ax.images[-1], ax=figure.axes, extend="min", label="data units a
 figure
 
 # %% [markdown]
-# On the right the lit area is wider, because the real street is more open than our 10 m grid says. Beyond the edge of that area the rate falls by a
-# factor of 3 to 60 within one cell, and by more further in. But it does not fall to zero, because waves are bent around the corner or reflected. White
-# cells get less than $10^{-5}$.
+# On the right the bright area is wider, because the real street is more open than our 10 m grid says. Beyond the edge of that
+# area the rate falls by a factor of 3 to 60 within one cell, and by more further in. But it does not fall to zero, because
+# waves are bent around the corner or reflected. White cells get less than $10^{-5}$.
 #
 # ## 14.3 Link by link
 #
-# Each point is a link between two cells.
+# In the next figure each point is a link between two cells.
 
 # %%
 from uavdh_lite.beyond.measured import distances_m
@@ -149,15 +152,17 @@ for kind, state in kinds.items():
     print(f"{kind:<17}exponent {-slope:.2f}, spread {spread_db:.1f} dB, no ray {silent:.0%}")
 
 # %% [markdown]
-# The paper has 2.27 and 3.64, with spreads of 1.4 and 2.2 dB.
+# The paper's exponents are 2.27 and 3.64, with spreads of 1.4 and 2.2 dB.
 #
-# - **In sight** the exponent is *below* 2, that of free space. The reason is that at a distance, reflections from the ground and the walls add up to
-#   3 dB here, and 5 to 7 dB in the narrow streets of Florence and San Francisco. This is called the **street canyon** effect. The 3 % of points far
-#   below the others are blocked by walls that our grid misses; without them the spread is 0.8 dB.
-# - **Behind buildings** a single line says little: distance explains only 14 % of the variance. At the same distance, links differ by 60 dB and more, and
-#   for a third of them the tracer finds no path (with more rays, for fewer).
-# - **The spread is of another kind.** In the paper, $\eta$ is **shadow fading**, drawn anew for each device and slot. Real shadow fading is correlated over
-#   10 to 50 m, and here over 30 to 50 m. It belongs to the place: fly by again, and the link is as bad as before. So it is a *map*, which could be learned.
+# - **In sight** the exponent is *below* 2, that of free space. The reason is that at a distance, reflections from the ground
+#   and the walls add up to 3 dB here, and 5 to 7 dB in the narrow streets of Florence and San Francisco. This is the **street
+#   canyon** effect. The 3 % of points far below the others are blocked by walls that our grid misses; without them the spread
+#   is 0.8 dB.
+# - **Behind buildings** a single line says little: distance explains only 14 % of the variance. At the same distance, links
+#   differ by 60 dB and more, and for a third of them the tracer, with its million rays, finds no path.
+# - **The spread is of another kind** than in the paper, where $\eta$ is **shadow fading**, drawn anew for each device and slot.
+#   Real shadow fading is correlated over 10 to 50 m, and here over 30 to 50 m. It belongs to the place: fly by again, and the
+#   link is as bad as before. So it is a *map*, which could be learned.
 #
 # Is the model a bad one, then? What counts for the agent is the rate, $\log_2(1+\mathrm{SNR})$, and below −20 dB that is next to nothing. So compare the
 # rates:
@@ -169,11 +174,13 @@ rates = rate(model_db[possible]), rate(traced_db[possible])
 print(f"correlation of the rates {np.corrcoef(*rates)[0, 1]:.2f}")
 
 # %% [markdown]
-# The correlation is high because both rates are high near by and in sight, and low elsewhere. In detail they agree less: behind buildings the
-# correlation is only 0.54, and the RMS error over all pairs is more than half the mean rate, most of it from near links in sight. Hidden links carry
-# only 4 % of the summed rate *at this SNR level*; with a transmitter 40 dB stronger it would be 16 %.
+# The correlation is high because both rates are high nearby and in sight, and low elsewhere. In detail they agree less: behind
+# buildings the correlation is only 0.54, and the RMS error over all pairs is more than half the mean rate, most of it from near
+# links in sight. Hidden links carry only 4 % of the summed rate *at this SNR level*; with a transmitter 40 dB stronger they
+# would carry 16 %.
 #
-# The next figure shows, for each cell of the UAV, the errors of the rates summed over all cells of devices:
+# The next figure shows, for each cell of the UAV, by how much the ray-traced rates exceed the model's, summed over all cells of
+# devices:
 
 # %%
 error = np.where(possible, rate(traced_db) - rate(model_db), 0)
@@ -192,16 +199,18 @@ figure
 # the same mean. So up to 40 m, where most of the data is collected, the rays bring a sixth less than the model promises, and beyond 70 m nearly half as
 # much again.
 #
-# Behind buildings the rays bring *more*, next to corners. Nine tenths of this surplus comes from links that are at most 3 dB below free space. Our shadow
-# map calls them hidden, but the device is in view, past a wall that does not fill its cell. Reflection and diffraction alone bring little data.
+# Behind buildings, next to corners, the rays bring *more* than the model promises. Nine tenths of this surplus comes from links
+# that are at most 3 dB below free space. Our shadow map calls them hidden, but the device is in view, past a wall that does not
+# fill its cell. Reflection and diffraction alone bring little data.
 #
-# Beware: the ray tracer is a model, too. It knows no trees and no cars, so it is too optimistic. It also knows no rough walls that scatter a wave and no
-# waves that are bent twice, so deep in the shadow it is too pessimistic. It shows *another* radio, but not Munich's.
+# Beware: the ray tracer is a model, too. It knows no trees and no cars, so it is too optimistic. It also knows no rough walls
+# that scatter a wave and no waves that are bent twice, so deep in the shadow it is too pessimistic. It shows *one possible*
+# radio, but not Munich's.
 #
 # ## 14.4 Does the agent still fly?
 #
-# Three pilots fly 100 missions over Munich with the failsafe: `any_city`, greedy, and the course's DDQN agent, which knows only Manhattan. **Guess
-# first:** which of them suffers most from the change of radio?
+# Three pilots fly 100 missions over Munich with the failsafe: `any_city`, greedy, and the course's DDQN agent, which knows only
+# Manhattan. **Guess first:** which of them suffers most from the change of model?
 
 # %%
 from uavdh_lite.planners import Greedy
@@ -220,9 +229,9 @@ for (name, radio), flights in flown.items():
     print(f"{name:<9}{radio:<11}{share:4.0%} collected, return {flights.returns.mean():5.1f}")
 
 # %% [markdown]
-# The DDQN agent collects almost as much as greedy, but its return is far behind under either model: it flies until the failsafe sends it home, and
-# the safety controller refuses about 15 of its actions in each mission. It has learned in one city only. For the other two pilots, the change is
-# small.
+# The DDQN agent collects almost as much as greedy, but its return is far behind under either model: it flies until the failsafe
+# sends it home, and the safety controller refuses about 15 of its actions in each mission. For the other two pilots, the change
+# is small.
 #
 # The recorded runs, made with an earlier version of the program, have three seeds of 300 missions in each place and under both models.
 # Here is the mean lead of `any_city` over greedy on the same missions, with its interval:
@@ -250,9 +259,10 @@ for place in (*places, None):
 # %% [markdown]
 # The intervals are for *other missions over these four places*, and say nothing about a fifth (13.5).
 #
-# The agent's mean return is 32.2 under either model, but it loses 0.9 in Munich and 0.6 in Paris and gains 1.3 in San Francisco. Greedy gains 0.9 on
-# average, so the lead shrinks in Munich and Florence, and hardly in the other two. Greedy is told nothing about the radio, so no wrong belief misleads
-# it. How much would the agent gain if it knew the ray-traced rates?
+# The agent's mean return is 32.2 under either model, but under the ray-traced one it loses 0.9 in Munich and 0.6 in Paris and
+# gains 1.3 in San Francisco. Greedy gains 0.9 on average, so the lead shrinks in Munich and Florence, and hardly in the other
+# two. Greedy is told nothing about the radio, so no wrong belief misleads it. How much would the agent gain if it knew the
+# ray-traced rates?
 #
 # ## 14.5 World and belief
 #
@@ -281,8 +291,9 @@ for name, belief in beliefs.items():
 #
 # ## 14.6 Measure, then tell
 #
-# In each slot the device with the best SNR sends, so the UAV has to measure the SNRs of all devices. For this, each device sends a known signal, called a **pilot signal**. We assume that it can be measured down to −30 dB;
-# what is weaker counts as −30 dB. The UAV notes the device's cell, its own cell and the SNR, here without noise or errors of position, which is the best case. There are two ways to turn these notes into a belief:
+# In each slot the device with the best SNR sends, so the UAV has to measure the SNRs of all devices. For this, each device
+# sends a known signal, a **pilot signal**. We assume that it can be measured down to −30 dB; what is weaker counts as −30 dB.
+# The UAV notes the device's cell, its own cell and the SNR, here without noise or errors of position, which is the best case.
 
 # %%
 from uavdh_lite.beyond.measured import expected, heard
@@ -295,17 +306,19 @@ pairs = len({*zip(found.device, found.uav, strict=True)})
 print(f"{len(found.snr_db)} SNRs of {pairs} pairs of cells, out of {possible.sum()}")
 
 # %% [markdown]
+# There are two ways to turn these notes into a belief:
+#
 # 1. **Two lines.** Fit a line to the SNRs in sight and another to those behind buildings. Because links that are too weak to hear count as −30 dB, the
 #    second line is much flatter than in 14.3 and promises too much deep in the shadow.
 # 2. **Link by link.** Correct these lines by what was heard *nearby*: if a device in the next cell was 15 dB below the line, this one probably is, too.
 #
-# For the second way, let $e$ be how far each measured SNR is above its line. Each gets a weight $w$. It is 1 for the same two cells, and falls with the
-# distance between the devices and between the UAVs, to 0.6 at one cell:
+# For the second way, let $e$ be how far each measured SNR is above its line. Each of them gets a weight $w$, which is 1 for the
+# same two cells and falls with the distance between the devices and between the UAVs, to 0.6 at one cell:
 #
 # $$\widehat{\mathrm{SNR}} = \text{line} + \frac{\sum w\,e}{1 + \sum w}$$
 #
-# The 1 in the denominator is the line's own weight, so where nothing was heard near by, the line stays as it is. The weights take no notice of walls,
-# which is crude. The method is called **kernel smoothing**, and is a relative of Gaussian process regression.
+# The 1 in the denominator is the line's own weight, so where nothing was heard nearby, the line stays as it is. The weights
+# take no notice of walls, which is crude. The method is **kernel smoothing**, a relative of Gaussian process regression.
 
 # %%
 beliefs = {"the model": model, "two lines": expected(model, found),
@@ -323,8 +336,8 @@ figure
 # %% [markdown]
 # Link by link, three in four of the hidden links that were heard change by 3 dB or more, although for this device hardly any do.
 #
-# How many earlier flights does it take? The recorded runs have twelve surveys, one for each seed and place. Here is the lead over greedy again (`line`
-# stands for two lines, `link` for link by link, and the number for the flights):
+# How many earlier flights does it take? The recorded runs have twelve surveys, one for each seed and place. Here is the lead
+# over greedy again (`line` stands for two lines, `link` for link by link, and the number is that of the flights):
 
 # %%
 for radio in worlds:
@@ -338,24 +351,26 @@ for radio in worlds:
 # Under the paper's model there is nothing to gain, because there the model is the truth: on average even a single flight gives two lines that are nearly
 # as good.
 #
-# Under the ray-traced model, two lines gain next to nothing: from ten flights, −1.1 to +0.7, depending on the survey. What counts is *which* link is bad,
-# and to find that out takes the second way and many flights. Ten flights change the return by −0.5 to +1.2, depending on the survey; a hundred gain about
-# 60 % of what the truth would gain (95 % interval: 46 to 72 %). That is 0.55 units of a return of 32, won mostly in Munich.
+# Under the ray-traced model, two lines gain next to nothing: from ten flights, −1.1 to +0.7, depending on the survey. What
+# counts is *which* link is bad, and to find that out takes the second way and many flights. In the second way, ten flights
+# change the return by −0.5 to +1.2, depending on the survey; a hundred gain about 60 % of what the truth would gain (95 %
+# interval: 46 to 72 %). That is 0.55 units of a return of 32, won mostly in Munich.
 #
 # ## 14.7 Before you fly there
 #
-# The guide *Fly over your own campus* makes the map. Before a real UAV takes off:
+# The guide *Fly over your own campus* shows how to make the map. Before a real UAV takes off:
 #
 # 1. **Ask.** Flying is regulated.
 # 2. **Check the map.** Heights may be wrong; trees, cranes and wires are missing.
-# 3. **Measure before you trust**, at the height and with the antennas of the mission, in sight of somebody who can take over. Test the link by which you
-#    command the UAV first. Know your position to better than a cell, which satellite navigation between walls may not give.
+# 3. **Measure before you trust**, at the height and with the antennas of the mission, in sight of somebody who can take over.
+#    First test the link by which you command the UAV. Know your position to better than a cell, which satellite navigation
+#    between walls may not give.
 # 4. **Keep the failsafe**, with a margin.
 #
 # ## Recap
 #
-# - A ray tracer computes each link, whereas the paper's model has two lines for all links. Behind Munich's buildings the model is off by 21 dB (RMS)
-#   where there is a ray.
+# - A ray tracer computes each link, whereas the paper's model has two lines for all links. Behind Munich's buildings, where a
+#   ray arrives at all, the model is off by 21 dB (RMS).
 # - `any_city` is ahead of greedy over four real places, but by less under the ray-traced model.
 # - World and belief are two things. Measuring, link by link and with many flights, mends the belief.
 #

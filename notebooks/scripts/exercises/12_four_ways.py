@@ -1,7 +1,8 @@
 # %% [markdown]
-# # Exercises 12 · Four ways past the paper
+# # Exercises 12 · Four ways to knowledge
 #
-# These exercises go with notebook `12_four_ways`. You need numpy: indexing with arrays, and tables made of a row and a column.
+# These exercises go with notebook `12_four_ways`. You need numpy: indexing with arrays, and **broadcasting**, which makes a
+# table out of a row and a column.
 #
 # Write your answer where a cell raises `NotImplementedError`, then run the cell below it. The check says whether the answer is
 # right, and if not, what is probably wrong. Hints are folded away below each task. Your code runs inside this notebook. If it
@@ -31,8 +32,8 @@ from uavdh_lite.course import checks
 # %% [markdown]
 # ## 12.1 · The failsafe's mask (2 points, 12 minutes)
 #
-# Which actions leave enough time to land? Cells have numbers from 0 on, actions the numbers 0 to 5: north, east, south, west, hover,
-# land. You are given
+# Which actions leave enough time to land? Cells are numbered from 0 on, and actions from 0 to 5: north, east, south, west,
+# hover, land. You are given
 #
 # - `distance`: (cells,) whole numbers, the moves from each cell to the landing zone: 0 in the zone, −1 where there is no way,
 # - `next_cell`: (cells, 6), the cell of the UAV after each action; after a refused action it is the same cell,
@@ -41,9 +42,9 @@ from uavdh_lite.course import checks
 # Every action takes one unit of time, landing included. Landing is possible in the landing zone only, and ends the flight.
 # Elsewhere it is refused, and takes its unit of time like hovering.
 #
-# Return a new array of Booleans, $(B, 6)$: whether the UAV can still land in time if it takes this action now. That counts the action
-# itself, the moves home after it, and the landing. To land at once, in the zone, always fits. (If nothing fits, a row is all False. The library
-# then lets the pilot do what it likes.)
+# Return a new array of Booleans, $(B, 6)$: whether each UAV can still land in time if it takes each action now. The time needed
+# is that of the action itself, of the moves home after it, and of the landing. Landing at once, in the zone, always fits. (If
+# nothing fits, a row is all False. The library then lets the pilot do what it likes.)
 #
 # An example: the UAV is two moves from the zone and four units of time are left. It may fly home (one move, then one more and
 # the landing), and it may hover once. It must not fly off.
@@ -74,27 +75,29 @@ def fits(distance, next_cell, cell, time_left):
 checks.failsafe_mask(fits)
 
 # %% [markdown]
-# This is the whole guarantee: who always takes an action that fits never crashes, because after such an action there is again
-# one that fits.
+# This is the whole guarantee: a pilot that always takes an action that fits never crashes, because after such an action there
+# is again one that fits.
 
 # %% [markdown]
 # ## 12.2 · What a cell really brings (2 points, 15 minutes)
 #
-# The told layer of notebook 12, section 12.2, is an estimate: it gives all four slots of a step to one device. What does a step bring by the rule of notebook 3, section 3.5, if the UAV hovers over a cell and there
-# is no fading? In every slot the loudest of the devices that have data left sends. It sends what the slot carries, its mean rate, but no more than it has left.
-# When it is empty, the next slot belongs to another one.
+# The layer *expected data* of notebook 12, section 12.2, is an estimate: it gives all four slots of a step to one device. What
+# does a step bring by the rule of notebook 3, section 3.5, if the UAV hovers over a cell and there is no fading? In every slot
+# the loudest of the devices that have data left sends. It sends what the slot carries, its mean rate, but no more than it has
+# left. When it is empty, the next slot goes to another device.
 #
 # - `rate`: (K, M, M), the mean rate of each device to a UAV over each cell, data units a slot, above 0; no two are equal over one cell
 # - `left`: (K,), the data units that each device has left at the start of the step
 #
 # Return the layer, (M, M): for each cell the data of the four slots together, if the UAV spends the step there. Leave the arrays as they are.
 #
-# An example with one cell: the rates are 3 and 2, the devices have 4 and 9 units left. The slots bring 3, 1, 2 and 2, together 8. The told layer says
-# $\max(\min(12, 4), \min(8, 9)) = 8$, too, but with 5 units at the first device it says 8 where the slots bring 9.
+# An example with one cell: the rates are 3 and 2, and the devices have 4 and 9 units left. The slots bring 3, 1, 2 and 2,
+# together 8. The told layer says $\max(\min(12, 4), \min(8, 9)) = 8$, too, but with 5 units at the first device it says 8 where
+# the slots bring 9.
 #
 # <details><summary>Hint</summary>
 #
-# Do one cell first, slot by slot, and keep account of what each device has left. What may never win?
+# Do one cell first, slot by slot, and keep account of what each device has left. Which devices must never be chosen?
 # </details>
 #
 # <details><summary>Another hint</summary>
@@ -123,4 +126,5 @@ def brings(rate, left):
 checks.data_of_a_step(brings)
 
 # %% [markdown]
-# Why is the agent told the estimate? It is one line for a whole batch of cities, and close to the truth wherever one device is much louder than the others.
+# Why is the agent told the estimate? Because it takes one line of code for a whole batch of cities, and is close to the truth
+# wherever one device is much louder than the others.

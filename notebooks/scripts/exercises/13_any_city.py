@@ -37,7 +37,7 @@ from uavdh_lite.course import checks
 # - `layers`: a map, $(C, W, W)$, north at the top,
 # - `action`: the number of an action: north 0, east 1, south 2, west 3, hover 4, land 5,
 # - `turns`: how many quarter turns to the left, 0 to 3,
-# - `mirrored`: whether left and right are swapped before that.
+# - `mirrored`: whether left and right are swapped before the turns.
 #
 # Return the other map and the number that the action has on it.
 #
@@ -80,8 +80,8 @@ checks.view(view)
 #
 # $$1.96\;\frac{1}{N}\,\sqrt{\frac{C}{C-1}\;\sum_{\text{cities}}\Big(\sum_{i \text{ in the city}} (x_i - \bar x)\Big)^2}$$
 #
-# Why: the cities are what was drawn independently, so the sum of each city is *one* random number, and the spread of these sums says how
-# far off the mean may be.
+# The reason is that the cities are what was drawn independently, so the sum of each city is *one* random number, and the spread
+# of these sums says how far off the mean may be.
 #
 # - `values`: $(N,)$, $x_i$ of each mission: floats, whole numbers or Booleans,
 # - `city`: $(N,)$, the number of each mission's city. Numbers are names: any ints, in any order. There are at least two cities, and they may have
@@ -89,9 +89,9 @@ checks.view(view)
 #
 # Return the half-width, one number.
 #
-# An example: values 4, 6, 1, 1 in the cities 0, 0, 1, 1. The mean is 3, the differences from it are 1, 3, −2, −2. Their sums are 4 in city 0
-# and −4 in city 1. The half-width is 1.96/4 · √(2/1 · (16 + 16)) = 1.96 · 8/4 = 3.92. As if the four missions were independent, it would
-# be 1.96 · √6/√4 = 2.40: too sure.
+# An example: values 4, 6, 1, 1 in the cities 0, 0, 1, 1. The mean is 3, and the differences from it are 1, 3, −2, −2. Their
+# sums are 4 in city 0 and −4 in city 1. The half-width is 1.96/4 · √(2/1 · (16 + 16)) = 1.96 · 8/4 = 3.92. If the four missions
+# were treated as independent, it would be 1.96 · √6/√4 = 2.40, which is too narrow.
 #
 # The limit case: if each mission has a city of its own, then $C = N$ and each sum is a single difference. The formula becomes
 # $1.96\, s/\sqrt{N}$ with $s^2 = \frac{1}{N-1}\sum_i (x_i - \bar x)^2$, the usual half-width.
@@ -104,8 +104,7 @@ checks.view(view)
 #
 # <details><summary>Another hint</summary>
 #
-# off = values − values.mean(). For each `one` in np.unique(city) the sum is off[city == one].sum(); C is how
-# many sums there are.
+# off = values − values.mean(). For each `one` in np.unique(city) the sum is off[city == one].sum(); C is the number of sums.
 # </details>
 
 # %%

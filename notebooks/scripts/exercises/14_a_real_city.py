@@ -31,17 +31,19 @@ from uavdh_lite.course import checks
 # %% [markdown]
 # ## 14.1 · How far does a shadow reach? (2 points, 12 minutes)
 #
-# In the paper, shadow fading is drawn anew for each slot. In a real street it belongs to the place, so that neighbouring cells resemble each other (notebook 14, section 14.3). How far does that
-# reach? A UAV flies down a straight street past one device. Take what the fitted line leaves over of the SNR in each cell.
+# In the paper, shadow fading is drawn anew for each slot. In a real street it belongs to the place, so that neighbouring cells
+# resemble each other (notebook 14, section 14.3). How far does this resemblance reach? A UAV flies down a straight street past
+# one device. In each cell take what the fitted line leaves over of the SNR, its **residual**.
 #
-# - `left_db`: $(N,)$, what is left over, dB, cell by cell; $N \ge 2$, and not all values are equal
-# - `step_m`: from one cell to the next, m
+# - `left_db`: $(N,)$, the residuals in dB, cell by cell; $N \ge 2$, and not all values are equal
+# - `step_m`: the distance from one cell to the next, in m
 #
-# Take the mean away first. The *correlation* at a distance of $k$ cells is the mean product of all pairs of values that are $k$ cells apart, divided by the mean
-# square of all values. It is 1 at $k=0$. Return the first distance, in metres, at which it is below $1/e$. This is called the **decorrelation distance**.
+# Subtract the mean first. The *correlation* at a distance of $k$ cells is the mean product of all pairs of values that are $k$
+# cells apart, divided by the mean square of all values. It is 1 at $k=0$. Return the first distance, in metres, at which it is
+# below $1/e$. This is called the **decorrelation distance**.
 #
-# An example: 4, 4, −4, −4 and 10 m. One cell apart the products are 16, −16 and 16, the mean is 5.3, and the mean square is 16: the correlation is 0.33, and below
-# $1/e = 0.37$. So the distance is 10 m.
+# An example: the residuals 4, 4, −4, −4 and steps of 10 m. One cell apart the products are 16, −16 and 16, with a mean of 5.3,
+# and the mean square is 16: the correlation is 0.33, which is below $1/e = 0.37$. So the distance is 10 m.
 #
 # <details><summary>Hint</summary>
 #
@@ -50,8 +52,8 @@ from uavdh_lite.course import checks
 #
 # <details><summary>Another hint</summary>
 #
-# `off[k:] * off[:-k]` are all products. Begin with k = 1, and go on as long as their mean over `np.mean(off**2)` is not below 1/e. The distance is k times
-# step_m.
+# `off[k:] * off[:-k]` gives all the products. Begin with k = 1, and go on as long as their mean over `np.mean(off**2)` is not
+# below 1/e. The distance is k times step_m.
 # </details>
 
 # %%
@@ -68,13 +70,14 @@ def reach_m(left_db, step_m):
 checks.shadow_reach(reach_m)
 
 # %% [markdown]
-# Why is there always such a distance? All products of *different* values together are minus half the sum of the squares, because the mean was taken away. So at some distance the mean
-# product is negative.
+# Why is there always such a distance? All products of *different* values together are minus half the sum of the squares,
+# because the mean was subtracted. So at some distance the mean product is negative.
 
 # %% [markdown]
 # ## 14.2 · Believe what you heard (2 points, 12 minutes)
 #
-# A line says what to expect of a link. Nearby, a few SNRs were measured. What should the agent believe of this link? As in notebook 14, section 14.6,
+# A line says what to expect of a link. Nearby, a few SNRs were measured. What should the agent believe about this link? As in
+# notebook 14, section 14.6,
 #
 # $$\widehat{\mathrm{SNR}} = \text{line} + \frac{\sum_i w_i\,(\text{heard}_i - \text{line})}{1 + \sum_i w_i}$$
 #
@@ -93,7 +96,7 @@ checks.shadow_reach(reach_m)
 #
 # <details><summary>Another hint</summary>
 #
-# With numpy, weight * (heard_db - line_db) are all products at once. What is np.sum of an empty array?
+# With numpy, weight * (heard_db - line_db) gives all the products at once. What is np.sum of an empty array?
 # </details>
 
 # %%
