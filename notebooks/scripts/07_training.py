@@ -46,7 +46,7 @@ for ax, name in zip(axes, ("manhattan_ddqn_early", "manhattan_ddqn")):
 #
 # The captions give the time used and the data collected. The early agent leaves about a sixth of
 # the data behind and lands at the last moment, whereas the late one brings all of it home and has
-# two units of time to spare. This late agent, `manhattan_ddqn`, is the agent of the course.
+# two units of time to spare.
 #
 # ## 7.1 One step of the loop
 #
@@ -68,17 +68,17 @@ print(inspect.getsource(Trainer.step))
 # | `replay.sample` | **sample** a minibatch that includes the newest steps | 6.2 |
 # | `learner.update` | **update**: DDQN targets (eq. 8), a step downhill (eq. 7), the soft update | 6.3, 6.5 |
 #
-# Then the loop begins again. It is a circle: the agent makes the data that it learns from, so a bad
-# agent collects bad data, and a lucky one collects good data.
+# The loop is a circle: the agent makes the data that it learns from, so a bad agent collects bad
+# data, and a lucky one collects good data.
 #
-# Five more things are worth knowing:
+# Four more things are worth knowing:
 #
-# - Several UAVs fly side by side. Each of them flies one step between two updates.
+# - Several UAVs fly side by side, 16 in the next section. Each of them flies one step between two
+#   updates.
 # - When an episode has ended, `_restart_ended` puts a new random mission in its place, so the agent
 #   cannot memorise a single mission.
 # - Until the memory holds `replay_prefill` steps, the agent flies at random and learns nothing.
-# - The memory holds states, which for Manhattan are 19 numbers each. The maps of a state, 4805
-#   numbers, are made only when the network reads them.
+#   Otherwise the first minibatches would be drawn again and again from the same few steps.
 # - The agent learns from the rewards of `training_rewards_at`, in which the cost of a crash may
 #   grow during the run. It is measured by the rewards `REPORTED`, which are fixed.
 #
@@ -86,8 +86,7 @@ print(inspect.getsource(Trainer.step))
 #
 # A village of 8 × 8 cells with one or two devices is so small that an agent can be trained for it
 # while you wait. The recipe `small` sets all **hyperparameters** (5.2): the size of the network,
-# the learning rate, $\gamma$, $\tau$, $\beta$ and the rewards. Training takes half a minute and
-# prints how far it has got.
+# the learning rate, $\gamma$, $\tau$, $\beta$ and the rewards. Training takes half a minute.
 
 # %%
 from dataclasses import replace
@@ -108,17 +107,14 @@ trainer = train()
 print(f"{trainer.steps:,} steps, {trainer.updates:,} updates")
 
 # %% [markdown]
-# In `small` 16 UAVs fly side by side, so after the 2000 steps of the prefill there is one update
-# for every 16 steps.
-#
 # Every few thousand steps the loop stops for a **validation**. The agent then flies 200 missions
 # that are always the same, and always takes the best action, without exploring (eq. 9). Validation
 # also chooses the agent, because a run keeps the version that did best in a validation. The late
-# agent at the top was chosen in this way. Such a choice is partly luck, and the largest of many
-# scores is on average too high, like the maximum in 6.5. So the final score of an agent comes from
-# a third set of missions, the *test*. The sets for training, validation and test have no mission in
-# common. In validation and test, a *seed*, which is the number that starts the random numbers,
-# makes every agent fly the same missions.
+# agent at the top, that of the course, was chosen in this way. Such a choice is partly luck, and
+# the largest of many scores is on average too high, like the maximum in 6.5. So the final score of
+# an agent comes from a third set of missions, the *test*. The sets for training, validation and
+# test have no mission in common. In validation and test, a *seed*, the number that starts the
+# random numbers, makes every agent fly the same missions.
 
 # %%
 def draw(ax, rows, title):
@@ -132,12 +128,10 @@ figure, ax = plt.subplots(figsize=(6, 3), layout="constrained")
 draw(ax, trainer.validation_rows, "the village")
 
 # %% [markdown]
-# At step 0 the weights are random, so what the agent does is a matter of chance. Some untrained
-# agents bring nothing home. Others wait a little near the start and then land, and the village is
-# so small that this alone brings in up to half of the data. So look not at where a curve starts but
-# at how far it rises. Above all, look at **collected and landed**, which counts only the data of
-# flights that also landed. To watch networks learn in this village, open the lab *Watch* (`python
-# -m uavdh_lite app`).
+# At step 0 the weights are random. Some untrained agents bring nothing home. Others wait near the
+# start and then land, which in so small a village brings in up to half of the data. So look not at
+# where a curve starts but at how far it rises, above all that of **collected and landed**. To watch
+# networks learn in this village, open the lab *Watch* (`python -m uavdh_lite app`).
 
 # %%
 last = trainer.validation_rows[-1]
@@ -174,15 +168,20 @@ for ax, name in zip(axes.flat, ("return", "landed", "collected", "loss")):
 # then the agent explores less and crashes cost more; this run cannot say which of the two helped.
 #
 # Everybody looks at the **loss** first, but it tells you least. In notebook 5 the examples were
-# fixed, so a falling loss meant better answers, at least to those examples. Here the loss measures
-# how far the Q-values are from their targets, and the targets move with the network. A lazy agent
-# that only ever lands has a tiny loss, because there is hardly anything to predict. In this run the
-# loss rises for a while as the agent collects more, perhaps because a bolder agent has more to
-# predict, or because each crash counts for more.
+# fixed, so a falling loss meant better answers to them. Here the loss measures how far the Q-values
+# are from their targets, and the targets move with the network. A lazy agent that only ever lands
+# has a tiny loss, because there is hardly anything to predict. In this run the loss rises for a
+# while as the agent collects more, perhaps because a bolder agent has more to predict, or because
+# each crash counts for more.
 #
 # Test flights tell more: at the start of 1000 missions our agent's largest Q-value is 20.8 on
 # average, and the discounted rewards that then come in (with a step costing 0.1, as in training)
 # add up to 20.9. A mean Q-value far above that sum would be a sign of the bias of 6.5.
+#
+# And if a curve falls late in a run? First look at the other seeds and at the next validations,
+# because a single dip is often chance. Then compare Q-values and rewards: if the Q-values are far
+# too large, they are running away (6.3). If not, see what was changing at that step (β, the
+# learning rate, the cost of a crash), and whether the memory still holds enough different flights.
 #
 # ## 7.4 Two ways to fail
 #
@@ -197,9 +196,8 @@ Quiz("huge_penalty")
 # %% [markdown]
 # **The lazy agent.** What if a crash costs 150 from the start? The next cell compares such a recipe
 # with `lite`, in which the cost begins at 10. Three runs of each were recorded over an earlier map
-# of Manhattan. They have only 300,000 steps, within which $\beta$, the learning rate and, in
-# `lite`, the cost of a crash change faster than in longer runs. So these agents end up better than
-# those of longer runs are at that step.
+# of Manhattan. They have only 300,000 steps, so their schedules are faster than in longer runs, and
+# these agents end up better than those of longer runs are at that step.
 
 # %%
 study = read_table(data_folder() / "runs/deviations-manhattan.csv.gz")
@@ -226,21 +224,25 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # The agent collects, but little or nothing comes home. Nothing is wrong with the learning: the
 # agent did what we asked for. The reward was wrong.
 #
+# And an agent that hovers in one place until its time is up? Print its Q-values there (0.6). If
+# they are almost equal, it has not yet learned to tell the actions apart. If flying on looks worse
+# than it is, the agent has explored too little or fears the crash too much. If the values are
+# right, hovering is what the reward pays for.
+#
 # Could one help the agent with a bonus for every step towards home? If coming nearer is paid and
-# nothing is charged for going away, the agent can earn the bonus for ever by flying to and fro. A
-# safe bonus is $\gamma\Phi(s')-\Phi(s)$, where $\Phi$ is any number that depends on the state alone
-# and is 0 after the end. What it pays on the way to a place it takes back on the way from there, so
-# the best policy stays the same. This is **potential-based shaping** (Ng, Harada and Russell,
-# 1999).
+# nothing is charged for going away, the agent can earn the bonus for ever by flying to and fro
+# (**reward hacking**). A safe bonus is $\gamma\Phi(s')-\Phi(s)$, where $\Phi$ is any number that
+# depends on the state alone and is 0 after the end. What it pays on the way to a place it takes
+# back on the way from there, so the best policy stays the same. This is **potential-based shaping**
+# (Ng, Harada and Russell, 1999).
 #
-# How large must the penalty be? The agent sees it through the discount. Ten steps before the end, a
-# penalty of 20 counts $20 \cdot 0.95^{10} \approx 12$. Even in the village a device may hold 15
-# units, so collecting them and then crashing can be worth more than landing without them. At the
-# same distance a penalty of 150 counts 90.
+# How large must the penalty be? Ten steps ahead, one of 20 counts only
+# $20 \cdot 0.95^{10} \approx 12$, less than the 15 units that a device in the village may hold, so
+# collecting them and then crashing can pay. One of 150 still counts 90.
 #
-# What if *every* reward were ten times as large? The best policy would be the same. But with the
-# same $\beta$ the agent would hardly explore, and more errors would lie in the straight part of the
-# Huber loss. So $\beta$ and that loss have to be scaled with the rewards.
+# What if *every* reward were ten times as large? The best policy would be the same, but $\beta$ and
+# the Huber loss must be scaled, too. Otherwise the agent would hardly explore, and more errors
+# would lie in the straight part of the loss.
 #
 # ## 7.5 Two recipes
 #
@@ -248,8 +250,7 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 # soft update with τ = 0.005, combined replay and γ = 0.95. `plain` is the paper's method with
 # nothing added, but with a network that is small enough for an ordinary processor. `lite` is our
 # own recipe, which trained the agent of this course. `docs/project/differences_from_the_paper.md`
-# lists all that it changes, such as the network, the loss and the states in which flights begin.
-# Four changes show the idea:
+# lists all that it changes. Four changes show the idea:
 #
 # | in `lite` | what it is for |
 # | --- | --- |
@@ -266,11 +267,12 @@ draw(ax, crashing.validation_rows, "a crash costs nothing")
 #
 # News spreads faster, but there is a price. In 6.1 the target asked for the *best* next action,
 # whatever was flown. Here the second and the third reward were earned by an older agent that was
-# exploring, so the target is a little too low. Strictly speaking, the method is then no longer
-# off-policy. With three steps one usually accepts this.
+# exploring, so the target is a little too low. Strictly speaking, such a target is right only for
+# flights of the present agent without exploring. (A *Monte Carlo* target takes all rewards to the
+# end and no $Q$: it contains no wrong estimate, but all the luck of the flight.)
 #
-# `lite` also lowers the cost of a step from 0.2 to 0.1. In a study that an earlier version of the
-# program recorded, this did not help ([the page on the recipe](../docs/results/recipe.md)).
+# `lite` also halves the cost of a step, to 0.1. In a study with an earlier program this did not
+# help ([the page on the recipe](../docs/results/recipe.md)).
 #
 # The **paper's method** makes an update for every single step, once its memory holds 25,000 random
 # steps. The picture shows *training* flights of three runs of each recipe; the runs of `plain` were
@@ -294,9 +296,7 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
 #
 # What would you do if you could afford only a tenth of the steps? First let β, the crash penalty
 # and the learning rate change ten times as fast, make more updates for each step, and begin more
-# flights in mid-air with little time left. If that is not enough, tell the agent what is known
-# about the city, or let it copy a planner (notebooks 9 and 12). Try a larger $\gamma$ or network
-# last.
+# flights in mid-air with little time left.
 #
 # ## Recap
 #
@@ -305,7 +305,7 @@ ax.set(title="orange: plain; blue: lite", xlabel="steps, logarithmic",
 # - Look at landed and collected together. The loss tells you least.
 # - With a large crash penalty from the start an agent may become lazy, and without one it has
 #   hardly any reason to come home.
-# - A recipe defines a training run. Every departure from the paper's recipe needs a reason.
+# - A recipe defines a training run. Every departure from the paper's needs a reason.
 #
 # ## Exercises
 #
