@@ -58,23 +58,22 @@ for name, recipe in centring(LITE).items():
 # equally large, except that the city in place needs one more layer to show the UAV: 246,006 weights
 # with the centred map, 246,406 without.
 #
-# Chance differs, too. It is set by a **seed**, which determines the first weights, the missions,
-# the fading and every action that is drawn. Each kind has three seeds.
+# Chance differs, too: a **seed** determines the first weights, the missions, the fading and every
+# action that is drawn. Each kind has three seeds.
 #
 # ## 8.2 The paper's figure
 #
-# The figure at the top has the same form as the paper's. The return is on the left, and what is
-# collected and landed is on the right. Each point is a bin of 5000 steps of training flights. The
-# line is the mean of three runs, and the pale band around it holds 99 % of their values.
+# The figure at the top has the same form as the paper's. Each point is a bin of 5000 steps of
+# training flights. The line is the mean of three runs, and the pale band around it holds 99 % of
+# their values.
 #
-# With three values, that band reaches almost exactly from the smallest to the largest. A fourth run
-# would be the lowest of the four with a chance of one in four, and the highest with the same
-# chance, so half of the time it would fall outside.
+# With three values, that band reaches almost exactly from the smallest to the largest, and a fourth
+# run would fall outside it half of the time.
 #
-# The two pictures do not agree. On the left the centred agents do *worse* for a good part of the
-# time, but on the right they do better. They collect more, but they crash more often while they
-# explore, and each crash costs 150. So say which measure you mean. (In the paper's picture of the
-# reward the centred agents are ahead; ours does not reproduce this.)
+# The two pictures do not agree. On the left, by return, the centred agents do *worse* for a good
+# part of the time, but on the right they do better. They collect more, but they crash more often
+# while they explore, and each crash costs 150. So say which measure you mean. (In the paper's
+# picture of the reward the centred agents are ahead; ours does not reproduce this.)
 #
 # Exploring hides what an agent can do. Here are the validations of these six runs, without
 # exploring.
@@ -100,16 +99,14 @@ ax.legend();
 # %% [markdown]
 # After 200,000 and 300,000 steps all centred runs are far ahead of the others. Later the gap
 # shrinks to half a percentage point, and at the end the lowest centred run is level with the
-# highest of the others. In the paper's figure, which comes from another recipe and other maps, the
-# gap is larger. With the recipe `plain`, the paper's method, the gap is wide as far as its recorded
-# runs go: after 150,000 steps centred runs collect and land 66 to 78 % of the data, and the others
-# 11 to 14 %.
+# highest of the others. In the paper's figure the gap is larger. With the recipe `plain`, the
+# paper's method, the gap is wide as far as its recorded runs go: after 150,000 steps centred runs
+# collect and land 66 to 78 % of the data, and the others 11 to 14 %.
 #
 # ## 8.3 One seed, and six
 #
-# Let us repeat the ablation in the village, with runs of 16,000 steps. Their schedules (β, crash
-# penalty, learning rate) are faster than in notebook 7, so the curves differ. Here is one run of
-# each kind:
+# Let us repeat the ablation in the village, with runs of 16,000 steps. Here is one run of each
+# kind:
 
 # %%
 village = read_table(data_folder() / "runs/centring-village.csv.gz")
@@ -143,8 +140,9 @@ figure.supylabel("collected and landed");
 # ### Intervals over runs
 #
 # Six other runs would give a different mean. How different? The **standard error** gives an idea:
-# it is the standard deviation $s$ of the results, divided by the square root of their number $n$.
-# The standard error of the gap combines the errors of both kinds:
+# it is the standard deviation $s$ of the results, divided by the square root of their number $n$,
+# so four times as many runs halve it. The standard error of the gap combines the errors of both
+# kinds:
 #
 # $$\text{error} = \sqrt{\frac{s_1^2}{n} + \frac{s_2^2}{n}}$$
 #
@@ -177,9 +175,8 @@ ax.set(xlabel="lead of the centred map, percentage points", ylim=(2.5, -0.5));
 # Each bar is such an interval, of at least 95 %. After 300,000 steps the whole bar lies on one side
 # of 0: the centred agents seem to learn **sooner**. At the end of the long runs the interval
 # contains 0, so these runs do not say which kind is **better in the end**. In the village 0 lies
-# just inside the interval, but only because we took the larger number. So there is probably a lead
-# there, but we hardly know how large it is. We chose the 300,000 steps after seeing the curves, so
-# the first gap is less certain than it looks.
+# just inside the interval. We chose the 300,000 steps after seeing the curves, so the first gap is
+# less certain than it looks.
 
 # %%
 from uavdh_lite.course.quiz import Quiz
@@ -190,13 +187,26 @@ Quiz("three_seeds")
 # After 300,000 steps every run of one kind was above every run of the other. Look at the ranks of
 # the six runs alone. If the methods were equally good, each of the 20 ways to give three of the six
 # ranks to one of them would be equally likely, and in two of the 20 one method has the three best
-# ranks. Judged by rank alone, equally good methods would produce such a result 10 % of the time.
-# This share is called a **p-value**, and going through all ways to deal out the results is a
-# **permutation test**. In the village only 10 of the 924 ways give so large a gap, a p-value of 1
-# %.
+# ranks. So equally good methods would produce such a result 10 % of the time. This share is called
+# a **p-value**, and going through all ways to deal out the results is a **permutation test**. With
+# three runs of each kind it can never fall below 10 %.
 #
-# The interval also uses the sizes of the results, but it assumes a normal distribution, and three
-# runs are too few to check that.
+# A difference with a p-value below 5 % is often called **statistically significant**. That does not
+# make it large, and one that is not significant has not been shown to be 0. Nor is the p-value the
+# probability that the methods are equally good.
+#
+# In the village only 10 of the 924 ways give so large a gap, a p-value of 1 %. Yet the interval
+# above just contained 0. We made it a little too wide on purpose, and the one run that failed makes
+# $s$ large, whereas a permutation test assumes no normal distribution. So there is probably a lead,
+# but we hardly know how large it is.
+#
+# If five parts of a recipe are taken away one by one, and none of them matters, at least one
+# comparison still comes out below 5 % nearly one time in five. So name the main comparison
+# beforehand, or ask for 5 % divided by the number of comparisons (**Bonferroni**), or repeat the
+# surprising one with new seeds.
+#
+# And plan enough runs: to find a gap as large as $s$ at the 5 % level in four studies out of five
+# takes about 17 of each kind.
 #
 # ### Baselines
 #
@@ -214,8 +224,6 @@ for name, values in share.items():
     print("{:<15} {:6.1%}, from {:.1%} to {:.1%}".format(name, *bootstrap_interval(values)))
 
 # %% [markdown]
-# The agent is far better than chance, but a simple rule does at least as well.
-#
 # These intervals are over missions. They come from the **bootstrap**, which draws 1000 results from
 # these 1000 *with replacement* (some come twice, some not at all) and takes the mean. It does so
 # many times, and records how much the mean varies. For a share $p$ of yes-or-no results, such as
@@ -225,9 +233,9 @@ for name, values in share.items():
 # ### Paired differences
 #
 # Do agent and greedy differ at all? Their intervals almost touch, but what counts is the interval
-# of the difference. There are two ways to get it. One combines the errors of both, as above. The
-# other uses the fact that both flew the *same* missions. A hard mission is hard for both, so if you
-# subtract mission by mission, much of the missions' luck cancels.
+# of the difference. One can combine the errors of both, as above. Or one can subtract mission by
+# mission, because both flew the *same* missions: a hard mission is hard for both, so much of the
+# missions' luck cancels.
 
 # %%
 agent, greedy = share["manhattan_ddqn"], share["greedy"]
@@ -241,13 +249,11 @@ print(f"paired:     from {100 * low:+.2f} to {100 * high:+.2f}")
 assert high < 0 and high - low < 1.5 * apart
 
 # %% [markdown]
-# Neither interval contains 0. The unpaired interval of the difference is narrower than the two
-# intervals above together, because errors add as squares. Even if those two had overlapped a
-# little, the difference could have been clear: **overlapping intervals do not mean “no
-# difference”**. Pairing makes the interval narrower still, here by about as much as twice the
-# number of missions would.
-#
-# So `greedy` is ahead, by a little more than a point.
+# Neither interval contains 0: `greedy` is ahead, by a little more than a point. The unpaired
+# interval of the difference is narrower than the two intervals above together, because errors add
+# as squares. Even if those two had overlapped a little, the difference could have been clear:
+# **overlapping intervals do not mean “no difference”**. Pairing makes the interval narrower still,
+# here by about as much as twice the number of missions would.
 
 # %%
 Quiz("more_missions")
@@ -285,11 +291,10 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # was moved, too. In training the zones were always in the same two corners. A network that learns
 # "towards the corner" earns as much as one that learns "towards the landing zone", so nothing made
 # it tell the two apart. **Part of what the agent knows is places, learned by heart** (or such a
-# picture is new to the network; in either case it has not learned "fly to where the layer says").
-# This is overfitting again, to a city this time and not to examples.
+# picture is new to the network). This is overfitting again, to a city this time and not to
+# examples.
 #
-# So ask not only how good an agent is, but also what has to stay the same for it to stay so. In the
-# next notebook, we ask for an agent that can fly over a city that it has never seen.
+# So ask not only how good an agent is, but also what has to stay the same for it to stay so.
 #
 # ## 8.6 What the evidence shows
 #
@@ -301,8 +306,7 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # | Is the recipe fair to both? | Not quite: we tuned it with the centred map |
 # | Is it the centring alone? | Open: the other frame also gives the position differently, as a single 1 |
 #
-# An ablation answers one question. Write the question down beforehand, and also which result would
-# mean *no*.
+# Write the question down beforehand, and also which result would mean *no*.
 #
 # ## Recap
 #
@@ -312,8 +316,6 @@ for name, one in {"agent": pilot.over(moved.city), "greedy": Greedy(moved)}.item
 # - Give every gap with its interval. If 0 is well inside it, the question is open; if 0 is near one
 #   end, neither answer is safe.
 # - Put baselines next to every number, and compare on the same missions, pair by pair.
-# - Over Manhattan, centred agents very likely learn sooner. These runs leave open whether they are
-#   better in the end.
 #
 # ## Exercises
 #

@@ -159,5 +159,5 @@ def permutation_p(a, b):
 checks.permutation_p(permutation_p)
 
 # %% [markdown]
-# The test assumes nothing about how results are distributed. But what it says holds only for these
-# two groups, because it takes the values that occurred as given.
+# The test assumes nothing about how results are distributed. But it tests a single statement, that
+# both kinds have the same distribution of results, and does not say how large the difference is.
