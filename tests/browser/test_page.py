@@ -26,6 +26,7 @@ SIZES = {  # in CSS pixels: a phone, a page at 200 %, tablets, laptops, a projec
     "phone": (390, 844),
     "half": (640, 360),
     "landscape": (844, 390),
+    "zoomed": (960, 540),
     "tablet": (820, 1180),
     "small": (1024, 768),
     "laptop": (1280, 720),
@@ -125,7 +126,7 @@ def visible(page, selector):
 MAIN = {  # what the main task of a tool needs
     "Fly": (".pad .land", ".pad .east", ".pad .south", ".controls output"),
     "Compare": (".bar:nth-last-child(2)", "h2", "[data-ask*=duel]", ".play"),
-    "Think": (".says-why", ".q > div"),
+    "Think": (".says-why", ".q > div:last-child"),
     "Channel": (".sentence", ".ledger"),
     "Paint": (".swatch", "[data-set=city]"),
     "Watch": (".curves",),
@@ -153,6 +154,8 @@ def test_every_tool_fits_its_window(page):
             for needed in (".map svg", *MAIN[title]):
                 assert visible(page, needed), (at, needed)
         expect(page.locator(".tool .legend")).to_have_count(1)
+        violet = page.locator(".legend span", has_text="shadow").is_visible()
+        assert violet == (title != "Channel"), at  # where shadows have a white edge
 
 
 def test_no_type_is_small_on_a_projector_and_no_page_half_empty(page):
@@ -172,6 +175,9 @@ def test_no_type_is_small_on_a_projector_and_no_page_half_empty(page):
         assert small == [], title
         map_height = page.locator(".map svg").first.bounding_box()["height"]
         assert map_height > (640 if title == "Compare" else 900)
+        if title == "Compare":
+            says = page.locator(".says").first.bounding_box()
+            assert says["y"] + says["height"] > 0.9 * 1080
 
 
 def test_no_barriers(page):
@@ -188,7 +194,8 @@ def test_no_barriers(page):
 
 
 def test_the_story_says_that_it_was_chosen_and_what_a_hundred_missions_say(browser, address):
-    with visiting(browser, address) as page:
+    with visiting(browser, f"{address}#stage=") as page:
+        expect(page.locator(".refusal")).to_contain_text("this address is no link to a stage")
         caption = page.locator(".caption")
         expect(caption).to_contain_text("Two drones, one mission")
         assert page.locator(".tool h2").evaluate(
@@ -228,6 +235,13 @@ def test_a_device_is_dragged_and_moved_by_keys_and_both_can_be_undone(page):
     expect(page.locator(".map g[data-device='0']:focus")).to_have_count(1)
     page.keyboard.press("Control+z")
     expect(label).to_have_attribute("aria-label", before)
+    start = page.locator(".map g[data-device='-1']").first
+    row, col = map(int, re.findall(r"\d+", start.get_attribute("aria-label")))
+    start.focus()
+    page.keyboard.press("ArrowDown" if row < 8 else "ArrowUp")
+    there = f"start, row {row + 1 if row < 8 else row - 1}, column {col}; arrows move it"
+    expect(start).to_have_attribute("aria-label", there)
+    expect(page.locator(".map g[data-device='-1']:focus")).to_have_count(1)
     page.get_by_role("button", name="undo").focus()
     while page.locator(".undo:focus").count():
         page.keyboard.press("Enter")
@@ -252,6 +266,9 @@ def test_a_device_that_is_dragged_quickly_over_many_cells_stays_where_it_is_let_
 def test_a_flight_by_keys_ends_with_a_card_and_a_rank(page):
     open_tool(page, "Fly")
     for key, count in (("ArrowRight", 1), ("ArrowDown", 2), (" ", 3)):
+        page.keyboard.press(key)
+        expect(page.locator(".controls output")).to_have_text(f"{count} of {count}")
+    for key, count in (("Control+z", 2), ("Control+Shift+Z", 3)):  # the last move
         page.keyboard.press(key)
         expect(page.locator(".controls output")).to_have_text(f"{count} of {count}")
     trail = page.locator(".ghost-path").get_attribute("d")
@@ -297,6 +314,14 @@ def test_the_map_and_the_curves_are_one_tab_stop_each_and_obey_the_arrows(page):
     expect(page.locator(".map svg:focus")).to_have_count(1)  # though it was drawn anew
     expect(page.locator(".map .cursor")).to_be_visible()
     expect(page.locator(".map .cursor")).to_have_attribute("d", re.compile("M5.5 5.5"))
+    page.keyboard.press("Tab")
+    thing = page.locator(".map g:focus").get_attribute("aria-label")
+    here = page.locator(".here")
+    expect(here).to_contain_text(re.search(r"row \d+, column \d+", thing)[0].capitalize())
+    page.locator(".swatch").first.focus()
+    expect(here).not_to_contain_text("Row")  # nor a shadow of a cell that was left
+    expect(page.locator(".map .shadow.live")).to_have_attribute("d", "")
+    page.locator(".map svg").focus()
     open_tool(page, "Channel")
     page.locator(".map svg").focus()
     page.keyboard.press("ArrowUp")
@@ -320,7 +345,10 @@ def test_a_point_of_a_race_is_pressed_and_two_other_runs_race(page):
     expect(page.locator(".flies")).to_contain_text("The trainings are of the village")
     box = page.locator(".blue .dot").last.bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2 + 15)  # below it
-    expect(page.locator(".flies")).to_contain_text("This flight: blue's agent after")
+    flies = re.compile(
+        "This flight: blue's agent after.* Over 100 missions.*↶ brings your mission", re.S
+    )
+    expect(page.locator(".flies")).to_contain_text(flies)
     title = page.locator("[data-set='run-1'] option").last.inner_text()
     page.locator("[data-set='run-1']").select_option(label=title)
     expect(page.locator(".orange .dot title").first).to_contain_text(title)
@@ -362,7 +390,7 @@ def test_a_real_place_is_chosen_and_flown_by_its_table(page):
     for key in ("ArrowLeft", "ArrowUp", "ArrowUp"):
         page.keyboard.press(key)
         page.wait_for_timeout(300)
-    expect(page.locator(".head")).to_contain_text("17 units of time left")
+    expect(page.locator(".tool h2")).to_contain_text("17 units of time left")
     content = (data_folder() / "places" / "munich.json").read_text(encoding="utf-8")
     place = json.loads(content)
     halves = np.frombuffer(base64.b64decode(place["gain"]), np.uint8).reshape(256, 256)
@@ -388,6 +416,17 @@ def test_what_is_thought_is_shown_step_by_step_and_as_layers(page):
     )
     texts = page.locator(".q b").all_inner_texts()
     assert bars[texts.index("the best")] == max(bars) == 100  # bars grow with what is good
+    page.get_by_role("slider", name="step").press("End")
+    bars = page.locator(".q u").evaluate_all(
+        "all => all.map((each) => parseFloat(each.style.width))"
+    )
+    texts = page.locator(".q b").all_inner_texts()
+    less = [
+        float(re.search(r"[\d.]+|the best", each)[0].replace("the best", "0")) for each in texts
+    ]
+    both = sorted(zip(less, bars, strict=True))
+    assert [bar for _, bar in both] == sorted(bars, reverse=True)
+    assert bars.count(0) == 1  # only the worst has no bar
     choose(page, "layer", "value")
     expect(page.locator(".layer path")).not_to_have_count(0)
     page.get_by_label("centred").check()
@@ -417,6 +456,16 @@ def test_a_link_opens_the_same_in_another_browser_and_after_a_reload(browser, ad
         other.locator("[data-set='link']").fill("nothing")
         other.locator("[data-set='link']").press("Enter")
         expect(other.locator(".refusal")).to_contain_text("no link")
+        time = other.locator("[data-field='time']")
+        before = time.input_value()
+        for wrong in ("", "501", "3.7"):
+            time.fill(wrong)
+            time.press("Enter")
+            said = "the flying time is a whole number from 1 to 500"
+            expect(other.locator(".refusal")).to_contain_text(said)
+            expect(time).to_have_value(before)
+        field, notice = (each.bounding_box() for each in (time, other.locator(".refusal")))
+        assert 0 <= notice["y"] - field["y"] - field["height"] < 20  # beside it
 
 
 def test_back_returns_to_the_mission_and_the_tool_before(page):
@@ -471,14 +520,20 @@ def test_touch_flies_lands_and_drags(browser, address, size):
         page.get_by_role("button", name="Skip the story").tap()
         page.get_by_role("tab", name="Fly").tap()
         page.locator(".main[data-shows='fly']").wait_for()
+        pad = page.locator(".pad").bounding_box()
         for action, count in (("hover", 1), ("north", 2), ("south", 3)):
             page.locator(f".pad .{action}").tap()
             expect(page.locator(".controls output")).to_have_text(f"{count} of {count}")
+            expect(page.locator(".no")).to_have_text(
+                re.compile("Refused" if action == "north" else "^$")
+            )
+            assert page.locator(".pad").bounding_box() == pad  # it does not jump
         word = page.locator(".term").first
         word.tap()
         expect(word).to_be_focused()
         page.locator(".pad .land").tap()
         expect(page.locator(".card")).to_contain_text("You landed")
+        assert page.locator(".pad").bounding_box() == pad
         page.get_by_role("button", name="Again").tap()
         expect(page.locator(".controls output")).to_have_text("0 of 0")
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")

@@ -3,7 +3,14 @@
 import re
 from itertools import pairwise
 
+import numpy as np
 import pytest
+
+from uavdh_lite.city import load_city
+from uavdh_lite.environment import Environment
+from uavdh_lite.labs.page import data
+from uavdh_lite.missions import HandFlight, Mission
+from uavdh_lite.scenario import find_scenario
 
 NORTH, EAST, SOUTH, WEST, HOVER, LAND = range(6)
 WHO = """const whoIs = (name) => ({ name, title: name, subject: name, you: name === "you" });
@@ -13,7 +20,8 @@ const say = words_js.sentence;"""
 
 # Where a flight was flown: home is everywhere, and another action would bring 2 units
 WHERE = """{ mission: { fading: () => 0 }, environment: { timeToLand: Array(9).fill(0),
-    drawFading: () => 0, transition: () => ({ outcome: { uploaded: [2] } }) } }"""
+    drawFading: () => 0,
+    transition: () => ({ state: { uavCell: 0 }, outcome: { uploaded: [2] } }) } }"""
 
 
 def flown(*cells, left=None, **more):
@@ -40,6 +48,7 @@ def flown(*cells, left=None, **more):
         (flown(0, 1, 2, 12, 22, 23, 24), flown(0, 10, 20, 21, 22, 23, 24), None),
         (flown(0, 1, 2, 12, 22, 23, 24),
          flown(0, 10, 20, 21, 22, 32, 42, left=[9, 9, 9, 6, 6, 6, 6]), 0),  # it has got something
+        (flown(55, 65, 75, 74, 73, 72), flown(46, 56, 66, 76, 86, 96), 2),  # they differ in 3, too
         (flown(0, 1, 2, 3), flown(0, 10, 11, 12), 0),  # they end near each other
         (flown(0, 1, 2, 3, 4), flown(0, 1, 2, 3, 4, 4), 3),  # one stays longer
         (flown(0), flown(0, 1), None),  # one has not begun
@@ -51,20 +60,14 @@ def test_flights_part_where_they_are_near_and_act_differently_for_the_last_time(
     assert modules("(both) => compare_js.parting(...both, 10)", [first, second]) == part
 
 
-def test_steps_without_data_are_counted_and_the_longest_stretch_that_leads_nowhere_is_found(
-    modules,
-):
+def test_steps_without_data_are_counted_and_the_long_stretches_that_lead_nowhere_are_found(modules):
     cells = [0, 1, 2, 1, 2, 2, 2, 2, 2, 2]
     flight = flown(*cells, left=[9, 9, 9, 9, 9, 9, 8, 8, 8, 8])
     flight["action"] = [EAST, EAST, WEST, EAST, HOVER, HOVER, HOVER, LAND, LAND]
     flight["intervened"] = [False] * 7 + [True, False]  # a refused landing brings nothing, too
-    lost = {"first": 0, "last": 5, "gained": 0, "hovers": 1, "turns": 3}  # it flies there first
-    for step, count, stretch in ((0, 7, lost), (3, 4, None)):
-        found = modules(
-            "(it) => compare_js.idle(...it).filter((each) => each).length", [flight, step]
-        )
-        assert found == count
-        assert modules("(it) => compare_js.astray(...it)", [flight, step]) == stretch
+    assert modules("(it) => compare_js.idle(it).filter((each) => each).length", flight) == 7
+    nowhere = {"stretches": [[1, 4]], "hovers": 1, "turns": 3}  # that of two steps is short
+    assert modules("(it) => compare_js.astray(it)", flight) == nowhere
 
 
 RESULT = {"landed": True, "ended": True, "steps": 10, "collected": 5.0, "return": 3.0}
@@ -98,19 +101,24 @@ def test_sentences_speak_to_the_reader(modules):
       { kind: "part", step: 3,
         acts: [{ who: you, action: "land", refused: true }, { who: one, action: "hover" }],
         ends: [{ who: you, device: 1, by: 7 }, { who: one, home: true }] },
-      { kind: "idle", who: you, count: 9, other: one, others: 2 },
-      { kind: "astray", who: you, first: 0, last: 5, gained: 0, hovers: 1, turns: 3 },
-      { kind: "astray", who: one, first: 4, last: 9, gained: 0.25, hovers: 5, turns: 0 },
-      { kind: "leaves", who: you, device: 0, more: 2.25, unused: 0, other: one, first: 4, last: 4 },
+      { kind: "spends", who: you, spent: { brings: 4, idle: 9 }, other: one,
+        others: { brings: 3, idle: 2 }, stretches: [], hovers: 0, turns: 0 },
+      { kind: "spends", who: one, spent: { brings: 1, idle: 40 }, other: you,
+        others: { brings: 3, idle: 2 }, stretches: [[3, 8], [20, 25]], hovers: 5, turns: 7 },
+      { kind: "leaves", unused: 0,
+        devices: [{ device: 0, more: 2.25 }, { device: 2, more: 2 }, { device: 1, more: -1 }],
+        loser: { who: you, amount: 0.04, first: -1, last: 9 },
+        winner: { who: one, amount: 2.29, first: 4, last: 4 } },
       { kind: "crash", who: one, other: you }]"""
     assert modules(f"() => {{ {WHO} return {facts}.map(say); }}") == [
-        "At step 4, you want to land and may not and get your first 2 units from device 1 "
+        "At step 4, you want to land and may not and get 2 units from device 1 "
         "by step 7, while one hovers and goes home.",
-        "From then on you spend 9 steps that bring less than 0.1 units each; one spends 2.",
-        "From step 1 to 5 you gain nothing: you hover in 1 of these steps, "
-        "and you fly to and fro in 3 of these steps.",
-        "From step 5 to 9 one gains only 0.3 units: it hovers all the while.",
-        "In the end you leave 2.3 units more at device 0; one collects there in step 5.",
+        "Apart from landing, you spend 4 steps that bring 0.1 units or more and 9 that do not; "
+        "one spends 3 and 2.",
+        "Apart from landing, one spends 1 step that brings 0.1 units or more and 40 that do not, "
+        "hovering or flying to and fro in steps 4–9 and 21–26; you spend 3 and 2.",
+        "In the end you leave 2.3 units more at device 0, 2.0 at device 2 and 1.0 less at device 1."
+        " At device 0, one collects 2.3 units in step 5; you collect less than 0.1 units.",
         "One wins, because you crash: all that was collected is lost.",
     ]
 
@@ -118,7 +126,11 @@ def test_sentences_speak_to_the_reader(modules):
 @pytest.mark.parametrize("wanted", [1, -1, 0])
 def test_a_duel_is_what_was_asked_for_and_its_reasons_are_what_the_flights_did(tell, wanted):
     tell("city", name="manhattan")
-    scene = tell("duel", wanted=wanted)
+    for _ in range(3):
+        check_duel(tell("duel", wanted=wanted), wanted)
+
+
+def check_duel(scene, wanted):
     panel, flights = scene["panel"], scene["film"]["flights"]
     ahead = panel["results"][0]["return"] - panel["results"][1]["return"]
     assert abs(ahead) < 0.5 if wanted == 0 else wanted * ahead > 2
@@ -133,18 +145,46 @@ def test_a_duel_is_what_was_asked_for_and_its_reasons_are_what_the_flights_did(t
         when = next((k for k in range(part, len(given)) if max(given[k]) >= 2), None)
         if when is not None:
             soon.append((str(given[when].index(max(given[when]))), str(when)))
-    clauses = re.findall(r"gets its first 2 units from device (\d) by step (\d+)", why)
+    clauses = re.findall(r"gets 2 units from device (\d) by step (\d+)", why)
     assert clauses == soon or (not clauses and len({device for device, _ in soon}) <= 1)
-    said = r"leaves ([\d.]+) units more at device (\d).*; .* collects there "
-    said += r"(?:from step (\d+) to|in step) (\d+)"
-    for amount, device, first, last in re.findall(said, why):
-        left = [[each[int(device)] for each in flight["left"]] for flight in flights]
-        loser, winner = sorted(left, key=lambda each: -each[-1])
-        assert loser[-1] - winner[-1] == pytest.approx(float(amount), abs=0.051)
-        first, last = int(first or last), int(last)
-        assert winner[first - 1] - winner[last] > float(amount) - 0.25  # they came in these steps
-        for outside in (first - 1, last + 1):  # and the device gives none in the next ones
-            assert outside in (0, len(winner)) or winner[outside - 1] - winner[outside] < 0.1
+    moves = [[*pairwise(flight["path"])] for flight in flights]
+    ways = [[[b - a for a, b in zip(*move, strict=True)] for move in each] for each in moves]
+    same = [one == other for one, other in zip(*ways, strict=False)]
+    where = [[flight["path"][max(k, 0)] for flight in flights] for k in (part - 1, part)]
+    before, here = (sum(abs(a - b) for a, b in zip(*two, strict=True)) for two in where)
+    assert part == 0 or here == 0 or same[part - 1] or before > 2  # it is the first after that
+    named = dict.fromkeys(range(len(flights[0]["left"][0]) - 1), 0.0)
+    for clause in re.findall(r" leaves? (.* at device \d)", why):
+        loser, winner = sorted(flights, key=lambda each: -sum(each["left"][-1][:-1]))
+        for amount, less, device in re.findall(r"([\d.]+) [^\d]*?(less )?at device (\d)", clause):
+            named[int(device)] = -float(amount) if less else float(amount)
+    if any(named.values()):
+        for device, amount in named.items():  # what is not named is little
+            more = loser["left"][-1][device] - winner["left"][-1][device]
+            assert more == pytest.approx(amount, abs=0.051 if amount else 0.5)
+    part_of = r"At device (\d), (.*?) collects (.*?); (.*?) collects (.*?)\."
+    for device, *told in re.findall(part_of + "(?: |$)", why):
+        for who, what in zip(told[::2], told[1::2], strict=True):
+            left = [each[int(device)] for each in flights["greedy" in who.lower()]["left"]]
+            if amount := re.match(r"([\d.]+) units (?:from step (\d+) to|in step) (\d+)", what):
+                begin, end = int(amount[2] or amount[3]) - 1, int(amount[3])
+                assert left[0] - left[-1] == pytest.approx(float(amount[1]), abs=0.051)
+                assert left[begin] - left[end] > left[0] - left[-1] - 0.1  # it comes in these
+            else:
+                assert what == "less than 0.1 units" and left[0] - left[-1] < 0.1
+    spends = r"ing, (.*?) spends (\d+) .*? and (\d+) that.*?; .*? spends (\d+) and (\d+)\."
+    for who, *counts in re.findall(spends, why):
+        order = flights if "greedy" not in who.lower() else flights[::-1]
+        for flight, brings, nothing in zip(order, counts[::2], counts[1::2], strict=True):
+            totals = [sum(left[:-1]) for left in flight["left"]][: len(flight["path"]) - 1]
+            gains = [a - b >= 0.1 for a, b in pairwise(totals)]  # a landing is the last step
+            assert [gains.count(True), gains.count(False)] == [int(brings), int(nothing)]
+
+
+def brought(environment, mission, actions):
+    """Data units that the last of these actions brings."""
+    flight = HandFlight(environment, mission)
+    return float([flight.step(action) for action in actions][-1].uploaded.sum())
 
 
 @pytest.mark.parametrize("number", range(4))
@@ -156,14 +196,32 @@ def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number):
     panel, (flight,) = scene["panel"], scene["film"]["flights"]
     left, path = flight["left"], flight["path"]
     assert any("because device" in each for each in panel["says"])
+    mission = Mission.draw(find_scenario("manhattan"), load_city("manhattan"), number)
+    environment, done = Environment(mission.city), []
     for step, text in enumerate(panel["says"]):
         values = panel["values"][step]
         best, second = sorted(values, reverse=True)[:2]
-        assert text.startswith(panel["actions"][values.index(best)])
-        instead = r"(, which would bring [\d.]+ units in this step)?"
-        gap = float(re.search(rf"([\d.]+) ahead of (\w+){instead}\.$", text)[1])
-        assert gap == pytest.approx(best - second, abs=0.051) or best - second < 0.01
-        found = re.search(r"device (\d).* gives ([\d.]+) units (in this|within (\d+)) step", text)
+        action, other = (values.index(each) for each in (best, second))
+        assert text.startswith(panel["actions"][action])
+        gap, name, compared = re.search(r"([\d.]+) ahead of (\w+)(.*)\.$", text).groups()
+        assert float(gap) == pytest.approx(best - second, abs=0.051) or best - second < 0.01
+        assert name == panel["actions"][other]
+        brings, instead = (brought(environment, mission, [*done, each]) for each in (action, other))
+        done.append(action)
+        if "neither" in compared:
+            assert max(brings, instead) < 0.051
+        elif said := re.findall(r" ([\d.]+)(?= |$)", compared):
+            assert float(said[0]) == pytest.approx(instead, abs=0.051)
+            likes = {"not": brings - instead, "more": instead - brings, "much": 0.06}
+            assert next(likes[each] for each in likes if f" {each} " in compared) > 0.001
+            assert "much" not in compared or brings == pytest.approx(instead, abs=0.101)
+        assert bool(compared) or not ("close call" in text or "in this step" in text)
+        assert ("the network values what follows it less" in compared) == (
+            bool(compared) and "not" not in compared
+        )
+        found = re.search(
+            r"device (\d).* gives ([\d.]+) .*?units (in this|within (\d+)) step", text
+        )
         if "back to where it just was" in text:
             assert path[step + 1] == path[step - 1] != path[step]
             assert found or sum(left[step][:-1]) - sum(left[step + 1][:-1]) < 0.5  # a gain is said
@@ -175,21 +233,29 @@ def test_what_an_agent_chooses_and_why_is_what_its_flight_shows(tell, number):
             device, steps = int(found[1]), int(found[4] or 1)
             given = [a - b for a, b in zip(left[step][:-1], left[step + steps][:-1], strict=True)]
             assert given[device] == max(given) == pytest.approx(float(found[2]), abs=0.051)
-            assert ("because" in text) == (steps <= 3) != ("on the way to" in text)
+            assert (
+                ("because" in text)
+                == (steps == 1)
+                != ("on the way to" in text or "waiting" in text)
+            )
+            assert steps > 1 or brings > instead  # else it is no reason
 
 
 def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules):
     flight = flown(0, 1, 2, 3, left=[9, 9, 0, 0])
     call, values = "(flight) => think_js.closestCall(flight)", [[5, 1], [5, 4], [5, 4.9]]
     assert modules(call, flight | {"values": values}) == {"step": 1, "gap": 1, "stake": True}
-    said = f"(flight) => [1, 2].map((k) => think_js.choice(flight, k, {WHERE}).instead)"
+    said = f"([flight, what]) => think_js.choices(flight, {WHERE}, true).map((each) => each[what])"
     calls = flight | {"values": [[5, 1], [5, 4.9], [5, 4.9]], "states": [0, 0, 0]}
-    assert modules(said, calls) == [2, None]
-    waits = flown(0, 0, 1, 2, left=[9, 9, 9, 0]) | {"values": [[5, 1]] * 3}
-    assert modules(said.replace("instead", "reason").replace("1, 2", "0, 1"), waits) == [
-        None,
-        {"kind": "gives", "device": 0, "amount": 9, "within": 2, "way": False, "back": False},
-    ]  # hovering does not bring what comes from flying on
+    told = {"brings": 9, "instead": 2, "scores": True}
+    assert modules(said, [calls, "both"]) == [None, told, None]
+    waits = flown(0, 0, 1, 2, left=[9, 9, 9, 0]) | {"values": [[5, 1]] * 3, "states": [0, 0, 0]}
+    gives = {"kind": "gives", "device": 0, "amount": 9, "all": 9, "waits": False, "back": False}
+    assert modules(said, [waits, "reason"]) == [
+        None,  # hovering does not bring what comes from flying on
+        gives | {"within": 2},
+        gives | {"within": 1},
+    ]
     done = flown(0, 1, 2, 3, left=[0, 0, 0, 0])
     found = modules(call, done | {"values": values})
     assert found["step"] == 2 and found["stake"] is False
@@ -198,15 +264,15 @@ def test_the_closest_call_has_something_at_stake_or_says_that_it_has_not(modules
 def test_a_gain_is_named_first_and_a_landing_says_since_when_all_is_collected(modules):
     flight = flown(0, 1, 0, 1, 1, left=[9, 9, 5, 0, 0])
     flight["action"][3] = LAND
-    values = [[5, 4]] * 4
-    why = f"(it) => [1, 2, 3].map((k) => words_js.sentence(think_js.choice(it, k, {WHERE})))"
-    back, last, land = modules(why, flight | {"values": values})
+    values, states = [[5, 4]] * 4, [0] * 4
+    why = f"(it) => think_js.choices(it, {WHERE}).map(words_js.sentence).slice(1)"
+    back, last, land = modules(why, flight | {"values": values, "states": states})
     assert back.startswith("west, because device 0 gives 4.0 units in this step, back to where it")
     assert last.startswith("east, because device 0 gives 5.0 units in this step, back")
     assert land.startswith("land, because all data is collected;")
     later = flown(0, 1, 1, 1, left=[9, 0, 0, 0])
     later["action"][2] = LAND
-    said = modules(why.replace(", 3]", "]"), later | {"values": values})[1]
+    said = modules(why, later | {"values": values[1:], "states": states[1:]})[1]
     assert said.startswith("land, because nothing has been left to collect since step 1;")
 
 
@@ -241,12 +307,42 @@ def test_a_race_says_where_they_learned_to_land_and_how_they_ended(modules):
         "(runs) => runs.map(race_js.kinkOf)", [blue, orange, run_of(1, 1), run_of(0.2, 0.5)]
     )
     assert kinks == [3, None, None, 1]
-    first = "Blue learns to land for good here, after 15,000 steps: 30 of 100 before, 92 then."
+    first = (
+        "Blue learns to land for good here, after 15,000 steps: 30 of 100 landed before, 92 then."
+    )
     forgot = "After 5,000 steps 93 landed, but it forgot how."
+    fall = "After 5,000 steps blue brings 93 % of the data home, after 10,000 only 30 %."
     never = "Orange has not learned to land for good."
+    falls = "After 5,000 steps orange brings 90 % of the data home, after 10,000 only 0 %."
     brings = "lands {0} of 100 and brings {0} % of the data home"
     end = f"Blue wins: blue {brings.format(92)}; orange {brings.format(0)}."
-    assert told(modules, blue, orange) == [first, forgot, never, end]
+    assert told(modules, blue, orange) == [first, forgot, fall, never, falls, end]
     assert told(modules, orange, blue)[-1].startswith("Orange wins")
     assert told(modules, run_of(1, 0.5))[0] == "Blue lands from the start."
     assert told(modules, blue, blue)[-1].startswith("In the end: blue lands 92")
+    assert len(told(modules, run_of(0, 0.9, 0.87))) == 2  # hardly less is no fall
+
+
+def test_the_mission_of_a_race_is_typical_and_it_is_told_what_the_point_brought(modules, tell):
+    races = data(None, True)["races"]
+    modules("(told) => { lab.data.races = told; lab.races = told.settings; }", races)
+    modules("() => lab.tools.push('watch')")
+    tell("city", name="manhattan")
+    tell("tool", tool="watch")
+    for k, setting in enumerate(races["settings"]):
+        tell("race", runs=[k])
+        far = []
+        for number, point in enumerate(setting["points"]):
+            scene = tell("race", point=[0, number])
+            (flight,) = scene["film"]["flights"]
+            first, last = (sum(flight["left"][at][:-1]) for at in (0, -1))
+            share = (flight["end"] == "landed") * (first - last) / first
+            far.append(abs(share - point["collected_and_landed"]))
+            home = f"{point['collected_and_landed']:.0%}".replace("%", "\N{NO-BREAK SPACE}%")
+            assert scene["panel"]["mean"].endswith(
+                f"it lands in {100 * point['landed']:.0f} and brings {home} of the data home."
+            )
+            assert scene["panel"]["left"]  # undo brings the reader's mission back
+        assert np.mean(far) < 0.1 and max(far) < 0.3
+    assert tell("undo", by=-1)["state"]["city"] == "manhattan"
+    assert not tell("race", runs=[0])["panel"].get("left")

@@ -118,7 +118,33 @@ def test_undo_brings_a_mission_back_and_redo_takes_it_again(tell):
     undone = tell("undo", by=-1)
     assert mission_of(undone) == before and undone["state"]["tool"] == "think"
     assert mission_of(tell("undo", by=1)) == after
-    tell("undo", by=1, refused="nothing more to undo")
+    tell("undo", by=1, refused="nothing more to redo")
+
+
+def test_undo_takes_back_moves_of_the_flight_in_fly_and_elsewhere_the_mission(tell):
+    def flown(scene):
+        return scene["state"]["city"], scene["state"]["flown"]
+
+    tell("tool", tool="fly")
+    for action in ("hover", "south", "hover"):
+        scene = tell("fly", action=action)
+    tell("policy", which=1, name="random")
+    back = tell("undo", by=-1)
+    assert flown(back) == ("village", "hs") and back["state"]["policies"][1] == "random"
+    assert back["film"]["flights"][0]["path"] == scene["film"]["flights"][0]["path"][:-1]
+    again = tell("undo", by=1)
+    assert again["film"]["flights"][0] == scene["film"]["flights"][0]
+    tell("again")
+    assert flown(tell("undo", by=-1)) == ("village", "hsh")  # pressed by mistake
+    tell("city", name="manhattan")
+    tell("fly", action="hover")
+    tell("fly", action="south")
+    for there in (("manhattan", "h"), ("manhattan", ""), ("village", "hsh"), ("village", "hs")):
+        assert flown(tell("undo", by=-1)) == there
+    tell("tool", tool="compare")
+    assert flown(tell("undo", by=1)) == ("manhattan", "hs")
+    assert flown(tell("undo", by=-1)) == ("village", "hsh")
+    assert tell("undo", by=1)["state"]["redo"] is False
 
 
 @pytest.mark.parametrize(

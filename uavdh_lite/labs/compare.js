@@ -18,8 +18,9 @@ const dataApart = (one, other) => Math.max(...one.map((each, k) => Math.abs(each
  * The step in which two flights part for good; null if they come to the same end.
  *
  * That is where they were nearest when they were near each other for the last time, with about the
- * same data: two ways to one device are no parting. If they end near each other, it is the last cell
- * that they have in common in which they act differently.
+ * same data: two ways to one device are no parting. Where they had acted differently just before, it is
+ * the first of these steps. If they end near each other, it is the last cell that they have in common in
+ * which they act differently.
  * @param {import("./flights.js").Flight} first
  * @param {number} size of the city
  */
@@ -40,7 +41,9 @@ export function parting(first, second, size) {
     const acts = each((k) => same[k] && differ[k]).lastIndexOf(true);
     return acts >= 0 ? acts : same.lastIndexOf(true, steps - 1);
   }
-  return meeting.reduce((one, other) => (far[other] <= far[one] ? other : one));
+  let parts = meeting.reduce((one, other) => (far[other] <= far[one] ? other : one));
+  while (far[parts] > 0 && meeting.includes(parts - 1)) parts -= 1;
+  return parts;
 }
 
 /**
@@ -79,60 +82,63 @@ export function reasons(who, flights, part) {
   if (first >= 0 && first < part) facts.push({ kind: "first", step: first, look: first });
   if (flights.some(({ landed, timeLeft }) => !landed && timeLeft.at(-1) > 0)) return facts; // one is in the air
   const behind = sum(flights[0].reward) < sum(flights[1].reward) ? 0 : 1;
-  const [count, others] = [behind, 1 - behind].map((k) => idle(flights[k], part).filter((each) => each).length);
-  const lost = astray(flights[behind], part);
   const about = { who: who[behind], other: who[1 - behind] };
-  if (lost) facts.push({ kind: "astray", ...about, ...lost, look: lost.first });
-  else if (count - others >= LONG) facts.push({ kind: "idle", ...about, count, others });
-  const left = flights[0].dataLeft.at(-1).map((each, k) => each - flights[1].dataLeft.at(-1)[k]);
-  const fewer = sum(left) > 0 ? 0 : 1; // who brings less data
-  const more = left.map((each) => (fewer === 0 ? each : -each));
-  const device = more.indexOf(Math.max(...more));
-  if (more[device] >= ENOUGH) {
-    const [loser, winner] = [flights[fewer], flights[1 - fewer]];
-    const unused = loser.timeLeft.at(-1) >= LONG ? loser.timeLeft.at(-1) : 0;
-    const theirs = winner.dataLeft.slice(1).map((each) => each[device]);
-    let first = theirs.findIndex((each) => each < loser.dataLeft.at(-1)[device] - LITTLE);
-    let last = theirs.findIndex((each) => each <= theirs.at(-1) + LITTLE);
-    const gives = (k) => winner.dataLeft[k]?.[device] - theirs[k] >= LITTLE;
-    while (gives(first - 1)) first -= 1; // all the steps around in which the device gives data
-    while (gives(last + 1)) last += 1;
-    const pair = { who: who[fewer], other: who[1 - fewer] };
-    facts.push({ kind: "leaves", ...pair, device, more: more[device], unused, first, last, look: first });
+  const [spent, others] = [behind, 1 - behind].map((k) => spentBy(flights[k]));
+  if (spent.idle - others.idle >= LONG || spent.idle + spent.brings - others.idle - others.brings >= LONG)
+    facts.push({ kind: "spends", ...about, spent, others, ...astray(flights[behind]) });
+  const more = flights[0].dataLeft.at(-1).map((each, k) => each - flights[1].dataLeft.at(-1)[k]);
+  const fewer = sum(more) > 0 ? 0 : 1; // who brings less data
+  const devices = Array.from(more, (each, device) => ({ device, more: fewer === 0 ? each : -each }))
+    .filter((each) => Math.abs(each.more) >= ENOUGH)
+    .sort((one, other) => other.more - one.more);
+  if (devices[0]?.more > 0) {
+    const [{ device }] = devices;
+    const unused = flights[fewer].timeLeft.at(-1) >= LONG ? flights[fewer].timeLeft.at(-1) : 0;
+    const [loser, winner] = [fewer, 1 - fewer].map((k) => ({ who: who[k], ...got(flights[k], device) }));
+    facts.push({ kind: "leaves", devices, unused, loser, winner, look: winner.first });
   }
   return facts;
 }
 
+/** What a flight gets from a device: `amount`, and the `first` and `last` step between which it comes, but for LITTLE. */
+function got({ dataLeft }, device) {
+  const amounts = dataLeft.slice(1).map((after) => dataLeft[0][device] - after[device]);
+  const reaches = (amount) => amounts.findIndex((each) => each >= amount);
+  return { amount: amounts.at(-1), first: reaches(LITTLE / 2), last: reaches(amounts.at(-1) - LITTLE / 2) };
+}
+
+/** How many steps bring LITTLE or more and how many do not, without a landing. */
+function spentBy(flight) {
+  const count = idle(flight).filter((each) => each).length;
+  return { brings: flight.action.length - Number(flight.landed) - count, idle: count };
+}
+
 const acted = (flight, step) => ({ action: ACTIONS[flight.action[step]], refused: Boolean(flight.intervened[step]) });
 
-/** Steps from this one on that bring hardly any data, for each whether it is one; a landing is none. */
-export function idle(flight, step) {
+/** For each step whether it brings hardly any data; a landing is none of these. */
+export function idle(flight) {
   const total = flight.dataLeft.map(sum);
   const lands = (k) => flight.action[k] === LAND && !flight.intervened[k];
-  return Array.from(flight.action, (_, k) => k >= step && total[k] - total[k + 1] < LITTLE && !lands(k));
+  return Array.from(flight.action, (_, k) => total[k] - total[k + 1] < LITTLE && !lands(k));
 }
 
 /**
- * The longest stretch of idle steps that stay where it is or lead to and fro, with the idle steps just before
- * it, or null: `first`, `last` behind its last, units `gained`, and how many steps are `hovers` and `turns`.
+ * The idle steps that stay where it is or lead to and fro, as `stretches` from a step to a last one, LONG steps
+ * or more, and how many of their steps are `hovers` and `turns`.
  */
-export function astray(flight, step) {
+export function astray(flight) {
   const cells = flight.uavCell;
   const turns = (k) => k >= 0 && k + 2 < cells.length && cells[k + 2] === cells[k];
-  const nothing = idle(flight, step);
-  const lost = nothing.map((each, k) => each && (turns(k) || turns(k - 1) || cells[k + 1] === cells[k]));
-  let [first, best] = [0, [0, 0]];
-  lost.forEach((each, k) => {
-    if (!each) first = k + 1;
-    else if (k + 1 - first > best[1] - best[0]) best = [first, k + 1];
+  const hovers = (k) => cells[k + 1] === cells[k];
+  const stretches = [];
+  idle(flight).forEach((each, k) => {
+    if (!each || !(hovers(k) || turns(k) || turns(k - 1))) return;
+    if (stretches.at(-1)?.[1] === k - 1) stretches.at(-1)[1] = k;
+    else stretches.push([k, k]);
   });
-  if (best[1] - best[0] < LONG) return null;
-  let [begin, last] = best;
-  while (nothing[begin - 1]) begin -= 1;
-  const steps = [...lost.keys()].filter((k) => lost[k] && k >= begin && k < last);
-  const hovers = steps.filter((k) => cells[k + 1] === cells[k]).length;
-  const gained = sum(flight.dataLeft[begin]) - sum(flight.dataLeft[last]);
-  return { first: begin, last, gained, hovers, turns: steps.length - hovers };
+  const long = stretches.filter(([first, last]) => last - first + 1 >= LONG);
+  const steps = long.flatMap(([first, last]) => Array.from({ length: last - first + 1 }, (_, k) => first + k));
+  return { stretches: long, hovers: steps.filter(hovers).length, turns: steps.filter((k) => !hovers(k)).length };
 }
 
 /** The device that first gives much and the step by which it has, or whether it goes straight home. */

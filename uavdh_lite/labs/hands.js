@@ -144,7 +144,7 @@ export function attend(stage) {
       const runs = [...stage.scene.panel.chosen];
       runs[Number(set.at(-1))] = value === "" ? null : Number(value);
       ask({ kind: "race", runs: runs.filter((run) => run !== null) });
-    } else if (set === "link" && !stage.openLink(value)) stage.refuse("Not done: no link, which has #stage= in it.");
+    } else if (set === "link") stage.openLink(value);
     else if (set in looks) {
       looks[set] = target.type === "checkbox" ? target.checked : value;
       stage.paint();
@@ -156,13 +156,14 @@ export function attend(stage) {
     }
   });
 
-  function changeField(field, { valueAsNumber: value, validationMessage: wrong }) {
+  function changeField(field, { valueAsNumber: value, validity, min, max, step, labels }) {
     const [name, place] = field.split(" ");
     const device = Number(place);
+    const what = `${labels[0].textContent.trim()}${place ? ` of ${device < 0 ? "the start" : `device ${device}`}` : ""}`;
     for (const place of [".devices", ".fields"]) find(place).written = null; // so that a refused number is put back
-    if (wrong) {
+    if (!validity.valid) {
       stage.paint();
-      stage.refuse(`Not done: ${wrong}`);
+      stage.refuse(`Not done: the ${what} is ${step === "any" ? "a" : "a whole"} number from ${min} to ${max}.`);
     } else if (name === "data") ask({ kind: "data", device, value });
     else if (!place) ask({ kind: name, value });
     else {
@@ -197,10 +198,10 @@ export function attend(stage) {
     }
     const device = target.closest("g[data-device]")?.dataset.device;
     if (device && down !== undefined) {
-      const [row, col] = state.devices[device].cell;
+      const [row, col] = device < 0 ? state.start : state.devices[device].cell;
       return () => ask({ kind: "move", device: Number(device), cell: [row + down, col + right] });
     }
-    if (device && ["Delete", "Backspace"].includes(key)) return () => ask({ kind: "remove", device: Number(device) });
+    if (device >= 0 && ["Delete", "Backspace"].includes(key)) return () => ask({ kind: "remove", device: Number(device) });
     if (target.matches(".map svg")) return overMap(key, down, right);
     if (target.matches(".curves")) return tool().keyed(stage, down, right);
     const presses = key === " " && target.matches("button:not([role=tab])");
@@ -218,14 +219,23 @@ export function attend(stage) {
     const { x: clientX, y: clientY } = new DOMPoint(col, row).matrixTransform(svg.getScreenCTM());
     svg.dispatchEvent(new PointerEvent("pointermove", { clientX, clientY, bubbles: true }));
   }
+  let left = null; // where the keys' pointer was when it left the map
   el.addEventListener("focusin", ({ target }) => {
-    if (target.matches(".map svg:focus-visible")) pointAt(stage.hovered ?? stage.scene.state.start);
+    const { devices, start } = stage.scene.state;
+    if (target.matches(".map svg:focus-visible")) pointAt(stage.hovered ?? left ?? start);
+    else if (target.matches(".map g[data-device]:focus-visible")) pointAt(devices[target.dataset.device]?.cell ?? start);
+  });
+  el.addEventListener("focusout", ({ target, relatedTarget }) => {
+    if (target.matches(".map svg")) left = stage.hovered;
+    if (!target.closest(".map") || !relatedTarget || relatedTarget.closest(".map")) return;
+    hover(null);
+    maps()[0].dispatchEvent(new PointerEvent("pointerleave"));
   });
 
   /** Keys move a cell over the map; Enter and space do there what a press does. */
   function overMap(key, down, right) {
     const size = stage.scene.film.city.length;
-    const [row, col] = stage.hovered ?? stage.scene.state.start;
+    const [row, col] = stage.hovered ?? left ?? stage.scene.state.start;
     if (down !== undefined) {
       const inside = (axis) => Math.min(Math.max(axis, 0), size - 1);
       return () => pointAt([inside(row + down), inside(col + right)]);

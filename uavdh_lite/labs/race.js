@@ -1,6 +1,7 @@
 // What a recorded training shows: where it learned to land, and in words how a race of two went.
 
 const FOR_GOOD = 0.5; // of the missions of a point and of all later ones: it has learned to land
+const FALL = 5; // per cent of the data that it brings home less at the next point: worth a word
 
 /** The point from which on half of the missions or more land, or null. */
 export function kinkOf({ points }) {
@@ -8,29 +9,31 @@ export function kinkOf({ points }) {
   return fails >= 0 && fails + 1 < points.length ? fails + 1 : null;
 }
 
+/** What the missions of a point brought, as a fact. */
+export const pointFact = ({ steps, landed, collected_and_landed: home }, episodes) =>
+  ({ kind: "point", episodes, steps, landed: Math.round(episodes * landed), home: Math.round(100 * home) });
+
 /**
  * What the kinks mean, and how the runs ended: facts.
  * @param {{points: {steps: number, landed: number, collected_and_landed: number}[]}[]} runs one or two
  */
 export function raceFacts(runs, episodes) {
   const facts = [];
-  const landed = (point) => Math.round(episodes * point.landed);
   runs.forEach((run, k) => {
     const kink = kinkOf(run);
-    const { points } = run;
+    const points = run.points.map((point) => pointFact(point, episodes));
     const about = { run: k, episodes };
-    if (kink === null) {
-      facts.push({ kind: points.at(-1).landed >= FOR_GOOD ? "fromTheStart" : "never", ...about });
-      return;
+    if (kink === null) facts.push({ kind: run.points.at(-1).landed >= FOR_GOOD ? "fromTheStart" : "never", ...about });
+    else {
+      facts.push({ kind: "kink", ...about, steps: points[kink].steps, before: points[kink - 1].landed, now: points[kink].landed });
+      const best = points.slice(0, kink).reduce((one, other) => (other.landed > one.landed ? other : one));
+      if (best.landed >= FOR_GOOD * episodes) facts.push({ kind: "forgot", ...about, steps: best.steps, landed: best.landed });
     }
-    facts.push({ kind: "kink", ...about, steps: points[kink].steps, before: landed(points[kink - 1]), now: landed(points[kink]) });
-    const best = points.slice(0, kink).reduce((one, other) => (other.landed > one.landed ? other : one));
-    if (best.landed >= FOR_GOOD) facts.push({ kind: "forgot", ...about, steps: best.steps, landed: landed(best) });
+    const falls = points.slice(1).map((to, before) => ({ from: points[before], to, by: points[before].home - to.home }));
+    const most = falls.reduce((one, other) => (other.by > one.by ? other : one));
+    if (most.by >= FALL) facts.push({ kind: "falls", ...about, ...most });
   });
-  const ends = runs.map(({ points }) => ({
-    landed: landed(points.at(-1)),
-    home: Math.round(100 * points.at(-1).collected_and_landed),
-  }));
+  const ends = runs.map(({ points }) => pointFact(points.at(-1), episodes));
   const [first, second] = ends.map(({ home }) => home);
   const level = runs.length < 2 || Math.abs(first - second) <= 1;
   facts.push({ kind: "ends", episodes, ends, wins: level ? null : Number(second > first) });

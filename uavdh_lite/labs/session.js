@@ -5,21 +5,22 @@ import { hiddenRows, ledger } from "./channel.js";
 import { isDuel, parting, reasons, verdict } from "./compare.js";
 import { Hangar, filmOf, numbers, warnings, whoIs } from "./flights.js";
 import { bytesOf, readAgent, valueMap } from "./pilots.js";
-import { kinkOf, raceFacts } from "./race.js";
+import { kinkOf, pointFact, raceFacts } from "./race.js";
 import { CHANGES, TOOLS, YOU, cityOfPicture, linkOf, newStage, overCity, pictureOf, randomMission, readFile, stageAsJson,
   textOfLink, withMission } from "./state.js";
-import { choice, closestCall } from "./think.js";
+import { choices, closestCall } from "./think.js";
 import { ACTIONS, City, InputError, SIGNS, bootstrapInterval, require, wilsonInterval } from "./world.js";
 import { LONGEST, RUNS, grouped, sentence } from "./words.js";
 
 const TOGETHER = 700; // ms between changes of one kind that are undone as one
 const LINKED = 200; // ms without a change after which the address follows
-const KEPT = 100; // changes that can be undone
+const KEPT = 200; // changes and moves that can be undone
 const RANKED = 6; // flights of the ranking
 const MISSIONS = 100;
 const TRIES = 200; // missions that are looked at for a duel
 const FIRST = 1_000_000; // the number of the first of the hundred missions: "New" does not come so far
 const STORY = 358; // the mission that the page begins with, chosen because it shows a difference
+const RACED = 13; // the mission of Watch, chosen because there each agent brings about what it brings on average
 const TURN = 50; // ms of a computation after which others have their turn
 const EMPTY = [8, 12, 16]; // cells on a side of cities that are still to be painted
 const BESIDE = ["show", "values", "shadow", "look"]; // what does not end what takes long
@@ -153,7 +154,7 @@ export class Session {
 
   /** Shows what the stage looks like now, in answer to what was told. */
   render({ kind, quiet, number } = {}, refused = "") {
-    const { stage, hangar, race, extra } = this;
+    const { stage, hangar, race, extra, history, at } = this;
     const flights = this.flights();
     const film = filmOf(hangar, flights, this.data.colours);
     const text = JSON.stringify(film);
@@ -172,7 +173,7 @@ export class Session {
       fresh: this.fresh,
       working: Boolean(this.work),
     };
-    this.drawn = { stage, hangar, race, extra };
+    this.drawn = { stage, hangar, race, extra, history, at };
     this.post({ kind: "scene", scene });
     clearTimeout(this.linking);
     this.linking = setTimeout(() => this.link(number), LINKED);
@@ -201,8 +202,8 @@ export class Session {
       most: mission.maxDevices,
       flyingTime: mission.flyingTime,
       known: names.map((name) => [name, whoIs(name, this.agents).title]),
-      undo: this.at > 0,
-      redo: this.at < this.history.length - 1,
+      undo: Boolean(this.history[this.next(-1)]),
+      redo: Boolean(this.history[this.next(1)]),
     };
   }
 
@@ -271,7 +272,6 @@ export class Session {
       const name = this.thinker;
       if (!name) return { agent: null };
       const agents = this.known(mission.city).filter((each) => this.agents[each]);
-      const facts = flight.values.map((_, step) => choice(flight, step, this.hangar));
       return {
         name,
         agent: whoIs(name, this.agents).title,
@@ -281,7 +281,7 @@ export class Session {
         actions: ACTIONS,
         values: flight.values.map((each) => Array.from(each)),
         closest: closestCall(flight),
-        says: facts.map(sentence),
+        says: choices(flight, this.hangar, this.agents[name].scores).map(sentence),
       };
     },
     channel() {
@@ -296,6 +296,8 @@ export class Session {
         settings: this.races.map(({ title, text }) => [title, text]),
         chosen: race.runs,
         point: race.point,
+        mean: race.point && sentence(pointFact(runs[race.point[0]].points[race.point[1]], this.data.races.episodes)),
+        left: race.left,
         elsewhere: this.village.sameAs(this.stage.mission.city) ? "" : this.village.name,
         runs: runs.map(bare),
         says: runs.length ? raceFacts(runs, this.data.races.episodes).map(sentence) : [],
@@ -303,28 +305,36 @@ export class Session {
     },
   };
 
-  /** Goes on with another stage; a change of its mission can be undone. */
+  /** Goes on with another stage; a change of its mission can be undone, and a move of the flight. */
   take(stage, kind) {
-    if (stage.mission !== this.stage.mission) {
-      const { flyingTime } = stage.mission;
-      require(flyingTime <= LONGEST, `flying time ${flyingTime}: this page flies at most ${LONGEST} units of time`);
+    const { mission, flown, policies } = this.stage;
+    const { flyingTime } = stage.mission;
+    require(flyingTime <= LONGEST, `flying time ${flyingTime}: this page flies at most ${LONGEST} units of time`);
+    if (stage.mission !== mission || stage.flown !== flown) {
       const soon = this.last[0] === kind && performance.now() - this.last[1] < TOGETHER;
-      if (soon && ["move", "data", "time"].includes(kind)) this.history[this.at] = stage;
-      else {
-        this.history = [...this.history.slice(0, this.at + 1), stage].slice(-KEPT);
-        this.at = this.history.length - 1;
-      }
+      const at = this.at + (soon && ["move", "data", "time"].includes(kind) ? 0 : 1);
+      this.history = [...this.history.slice(0, at), stage].slice(-KEPT);
+      this.at = this.history.length - 1;
       this.last = [kind, performance.now()];
-      this.show(stage);
-      return;
     }
-    if (String(stage.policies) !== String(this.stage.policies)) this.extra = {};
+    if (stage.mission !== mission) return this.show(stage);
+    if (String(stage.policies) !== String(policies)) this.extra = {};
     this.stage = stage;
+  }
+
+  /** Where undo (−1) or redo (1) leads in the history: in Fly to the next move, elsewhere past all of a flight. */
+  next(by) {
+    const { history, stage } = this;
+    let at = this.at + by;
+    if (stage.tool === "fly") return at;
+    while (history[at]?.mission === stage.mission) at += by;
+    while (by > 0 && history[at + 1]?.mission === history[at]?.mission && history[at]) at += 1;
+    return at;
   }
 
   show(stage) {
     this.extra = {};
-    this.race = { ...this.race, point: null };
+    this.race = { runs: this.race.runs, point: null };
     this.stage = stage;
     this.hangar = new Hangar(stage.mission, this.agents, this.places, this.hangar);
   }
@@ -361,10 +371,13 @@ export class Session {
   does = {
     cancel() {},
     undo({ by }) {
-      const at = this.at + Math.sign(by);
-      if (!this.history[at]) throw new InputError("there is nothing more to undo");
-      this.at = at;
-      this.show(CHANGES.tool(this.history[at], { tool: this.stage.tool }));
+      const at = this.next(by);
+      const { [at]: there } = this.history;
+      require(there, `there is nothing more to ${by < 0 ? "undo" : "redo"}`);
+      const { mission, tool } = this.stage;
+      [this.at, this.last] = [at, ["undo", 0]];
+      if (there.mission !== mission) this.show(CHANGES.tool(there, { tool }));
+      else this.stage = { ...this.stage, flown: there.flown };
     },
     fly(told) {
       const { stage, hangar } = this;
@@ -434,10 +447,11 @@ export class Session {
     },
     /** Chooses the runs that race, or the point whose agent flies. */
     race({ runs, point }) {
-      if (runs) this.race = { runs: runs.filter((k) => this.races[k]), point: null };
+      if (runs) this.race = { ...this.race, runs: runs.filter((k) => this.races[k]), point: null };
       if (!point) return;
-      if (!this.stage.mission.city.sameAs(this.village)) this.take(overCity(this.stage, this.village, this.shelf), "city");
-      this.race = { ...this.race, point };
+      const left = !this.stage.mission.city.sameAs(this.village);
+      if (left) this.take(withMission(this.stage, randomMission(this.village, RACED, this.shelf), this.shelf), "city");
+      this.race = { ...this.race, point, left: left || this.race.left };
     },
     async open({ file, link, here, others }) {
       if (here) this.linked = null;

@@ -18,8 +18,8 @@ const page = (tools) => `<h1>uavdh_lite labs</h1><div class="top">
     <div class="actions">
       <select data-set="city" aria-label="city"></select>
       ${button("New", { kind: "new" }, 'title="a new random mission"')}
-      ${button("↶", { kind: "undo", by: -1 }, 'class="undo" aria-label="undo"')}
-      ${button("↷", { kind: "undo", by: 1 }, 'class="redo" aria-label="redo"')}
+      ${button("↶", { kind: "undo", by: -1 }, 'class="undo" aria-label="undo" title="undo the last change; in Fly, the last move"')}
+      ${button("↷", { kind: "undo", by: 1 }, 'class="redo" aria-label="redo" title="redo it"')}
       <button type="button" class="copy" data-name="Link">Link</button>
       <button type="button" class="more" aria-haspopup="dialog" title="${MORE}">More</button>
       <button type="button" class="full" aria-label="full screen">${FULL}</button>
@@ -39,7 +39,7 @@ const page = (tools) => `<h1>uavdh_lite labs</h1><div class="top">
         <button type="button" class="copy" data-name="Copy the link">Copy the link</button></div>
       <p>Save keeps city, mission, rivals and step in a file. Open reads it, a mission, a city's PNG or an agent's
       checkpoint; dropping the file onto the page does the same. On the map, drag devices and the start; or press Tab
-      and move them with the arrow keys; Delete removes one.</p></dialog>
+      and move them with the arrow keys; Delete removes a device.</p></dialog>
     <div class="notice refusal" role="alert"></div>
     <div class="notice busy" role="status" hidden><span></span><progress></progress>
       ${button("Cancel", { kind: "cancel" })}</div></div>`;
@@ -74,7 +74,7 @@ export function draw(el, model) {
       if (told.show !== undefined) return clock.show(told.show);
       if (told.kind === "tool") clock.show(clock.now.time); // pauses, so that the step is kept
       else clearTimeout(keeping); // a step of what was there before
-      stage.refuse("");
+      if (!told.quiet) stage.refuse("");
       askNext();
       send(told);
     },
@@ -122,6 +122,7 @@ export function draw(el, model) {
     openLink(text, here = false) {
       const there = text.split(LINK)[1]?.trim();
       if (there) stage.ask({ kind: "open", link: there, here });
+      else if (text) stage.refuse(`Not done: ${here ? "this address" : "this"} is no link to a stage, which has letters after #${LINK}.`);
       return Boolean(there);
     },
   };
@@ -179,7 +180,7 @@ export function draw(el, model) {
     const fly = state.tool === "fly"; // shows the last step, and flies it; the others know their step
     const last = fly ? film.flights[0].path.length - 1 : lastStep(film);
     if (changed) {
-      const flies = fly && drawnTool === "fly" && last > 0;
+      const flies = fly && drawnTool === "fly" && last > clock.now.last;
       const now = clock.now.time === clock.now.last ? -1 : clock.now.time;
       const known = [null, "fly", state.tool].includes(drawnTool) ? state.step : now;
       clock.load(last, flies ? last - 1 : fly || known < 0 ? last : known, flies);
@@ -204,12 +205,13 @@ export function draw(el, model) {
       map.setAttribute("tabindex", "0");
       map.setAttribute("aria-label", `map: ${cursor}`);
     }
-    for (const device of el.querySelectorAll(".map g[data-device]")) {
-      const k = Number(device.dataset.device);
-      const [row, col] = film.devices[k].cell;
-      device.setAttribute("tabindex", "0");
-      device.setAttribute("role", "button");
-      device.setAttribute("aria-label", `device ${k}, row ${row}, column ${col}; arrows move it`);
+    for (const start of el.querySelectorAll(".map g:has(> g > .start)")) start.dataset.device = -1;
+    for (const thing of el.querySelectorAll(".map g[data-device]")) {
+      const k = Number(thing.dataset.device);
+      const [name, [row, col]] = k < 0 ? ["start", scene.state.start] : [`device ${k}`, film.devices[k].cell];
+      thing.setAttribute("tabindex", "0");
+      thing.setAttribute("role", "button");
+      thing.setAttribute("aria-label", `${name}, row ${row}, column ${col}; arrows move it`);
     }
   }
 

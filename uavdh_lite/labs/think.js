@@ -4,7 +4,6 @@ import { ACTIONS, HOVER, LAND, sum } from "./world.js";
 
 const CLOSE = 0.5; // a gap between Q-values below which a decision is called close
 const ENOUGH = 0.5; // data units of a device that are worth a reason,
-const SOON = 3; // and the steps until then
 const SPARE = 1; // units of time more than the way home takes, with which it has to fly home
 const STAKE = 1; // data units that are still to be had, without which no decision is called close
 const NONE = 0.05; // data units: all is collected
@@ -27,30 +26,34 @@ export function closestCall({ values, dataLeft }) {
 }
 
 /**
- * What an agent does in a step, what for where its flight shows it, and how sure it is: a fact.
+ * What an agent does in each step, what for where its flight shows it, and how sure it is: facts. What the second
+ * best action would bring in the same step, with the same fading, tells whether data is a reason.
  * @param {{mission: object, environment: import("./world.js").Environment}} where it was flown
+ * @param {boolean} scores whether its numbers are scores, which value nothing
  */
-export function choice(flight, step, where) {
-  const { second, gap } = runnerUp(flight.values[step]);
-  const close = gap < CLOSE && sum(flight.dataLeft[step]) >= STAKE;
-  return {
-    kind: "chooses",
-    action: ACTIONS[flight.action[step]],
-    reason: reasonOf(flight, step, where.environment.timeToLand),
-    gap: Number.isFinite(gap) ? gap : null,
-    second: ACTIONS[second],
-    instead: close ? broughtBy(second, flight.states, step, where) : null,
-  };
-}
-
-/** Data units that another action would bring in a step, with the same fading. */
-function broughtBy(action, states, step, { mission, environment }) {
+export function choices(flight, { mission, environment }, scores) {
   const generator = mission.fading();
-  const draws = states.slice(0, step + 1).map((state) => environment.drawFading(state, generator));
-  return sum(environment.transition(states[step], action, draws[step]).outcome.uploaded);
+  return flight.values.map((values, step) => {
+    const { second, gap } = runnerUp(values);
+    const state = flight.states[step];
+    const other = environment.transition(state, second, environment.drawFading(state, generator));
+    const [brings, instead] = [sum(flight.dataLeft[step]) - sum(flight.dataLeft[step + 1]), sum(other.outcome.uploaded)];
+    const reason = reasonOf(flight, step, environment.timeToLand, other.state.uavCell);
+    const now = reason?.kind === "gives" && reason.within === 1;
+    const close = gap < CLOSE && sum(flight.dataLeft[step]) >= STAKE;
+    return {
+      kind: "chooses",
+      action: ACTIONS[flight.action[step]],
+      reason: now && instead > brings - NONE ? null : reason,
+      gap: Number.isFinite(gap) ? gap : null,
+      second: ACTIONS[second],
+      close,
+      both: close || now ? { brings, instead, scores } : null,
+    };
+  });
 }
 
-function reasonOf(flight, step, timeToLand) {
+function reasonOf(flight, step, timeToLand, otherwise) {
   const { uavCell, dataLeft, landed } = flight;
   const [action, left] = [flight.action[step], flight.timeLeft[step]];
   const [home, after] = [timeToLand[uavCell[step]], timeToLand[uavCell[step + 1]]];
@@ -59,14 +62,16 @@ function reasonOf(flight, step, timeToLand) {
   if (flight.intervened[step]) return { kind: "refused" };
   const since = dataLeft.findIndex((each) => sum(each) < NONE); // after this step nothing is left
   if (action === LAND) return since >= 0 && since <= step ? { kind: "done", since: since < step ? since : 0 } : null;
-  if (landed && after < home && left <= home + SPARE) return { kind: "home", home, left, now: true };
+  const now = timeToLand[otherwise] >= home; // the second best action leads no nearer
+  if (landed && after < home && left <= home + SPARE) return { kind: "home", home, left, now };
   const back = step > 0 && uavCell[step + 1] === uavCell[step - 1] && uavCell[step + 1] !== uavCell[step];
   if (back && within !== 1) return { kind: "back" };
   if (within) {
     const amount = Math.max(...given[within - 1]);
     const device = given[within - 1].indexOf(amount);
-    const stays = within <= SOON && uavCell.slice(step, step + within + 1).every((cell) => cell === uavCell[step]);
-    if (action !== HOVER || stays) return { kind: "gives", device, amount, within, way: within > SOON, back };
+    const all = sum(given[within - 1]);
+    const stays = uavCell.slice(step, step + within + 1).every((cell) => cell === uavCell[step]);
+    if (action !== HOVER || stays) return { kind: "gives", device, amount, all, within, waits: action === HOVER, back };
     return null;
   }
   return landed && after < home ? { kind: "home", home, left, now: false } : null;

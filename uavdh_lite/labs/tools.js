@@ -124,9 +124,9 @@ export const TOOLS = {
         : "";
       const head = you.ended ? this.card(you, ghost, rival, refusals) : this.help(you, rival);
       const known = state.known.filter(([name]) => name !== "you");
-      return `<div class="head">${head}</div><p class="no" role="status">${no}</p>
-        <div class="beside">${pad}<div><div class="row">${button("Again", { kind: "again" })}
-        ${chooser("ghost", "policy-1", known, rival.name)}</div></div></div>${table}`;
+      return `<div class="beside">${pad}<div class="row">${button("Again", { kind: "again" })}
+        ${chooser("ghost", "policy-1", known, rival.name)}</div></div>
+        <p class="no" role="status">${no}</p>${head}${table}`;
     },
     refusal({ city, flights: [{ path }] }, action) {
       const [[row, col], [down, right]] = [path.at(-1), WAYS[action] ?? [0, 0]];
@@ -137,7 +137,7 @@ export const TOOLS = {
     },
     help: (you, rival) => `<h2>${you.steps ? `${timeUnits(you.timeLeft)} left` : "Your flight"}</h2>
       <p>Collect the ${term("data units", "data")} and land in blue in time. Arrow keys move, space hovers, L lands; or
-      press the buttons. The pale ${term("UAV")} is the ${term("ghost")}, flown by ${explained(rival.subject)}.</p>`,
+      press the buttons; ↶ takes a move back. The pale ${term("UAV")} is the ${term("ghost")}, flown by ${explained(rival.subject)}.</p>`,
     card(you, ghost, rival, no) {
       const ahead = you.return - ghost.return;
       const home = (each) => `${each.collected.toFixed(1)} units in ${each.steps} step${each.steps === 1 ? "" : "s"}`;
@@ -218,11 +218,11 @@ export const TOOLS = {
       const values = panel.values[step];
       const allowed = values.filter((each) => Number.isFinite(each));
       const best = Math.max(...allowed);
-      const low = Math.max(Math.min(...allowed), best - FAR); // what is worse has no bar
+      const low = Math.min(...allowed);
       const bar = (value, k) => {
         const name = panel.actions[k];
         if (!Number.isFinite(value)) return `<div><span>${name}</span><i></i><b>not allowed</b></div>`;
-        const width = best > low ? (100 * Math.max(value - low, 0)) / (best - low) : 100;
+        const width = best > low ? (100 * (value - low)) / (best - low) : 100;
         const text = value === best ? "the best" : `${gapOf(best - value).replace("less than", "<")} less`;
         return `<div class="${value === best ? "best" : ""}"><span>${name}</span><i><u style="width: ${width}%"></u></i><b>${text}</b></div>`;
       };
@@ -332,20 +332,24 @@ export const TOOLS = {
     title: "Watch",
     still: ({ panel }) => !panel.point,
     html({ panel, film }) {
-      const { settings, chosen, runs, says, elsewhere } = panel;
+      const { settings, chosen, runs, says, elsewhere, left, mean } = panel;
       const known = settings.map(([title], k) => [k, title]);
       const racer = (colour, pairs, k) => `<span class="racer"><span class="key ${colour}"></span>
         ${chooser(colour, `run-${k}`, pairs, chosen[k] ?? "")}</span>`;
       const about = chosen.map((run, k) => `${upper(RUNS[k])}: ${escaped(settings[run][1])}`);
       const [flight] = film.flights;
+      const odd = runs.flatMap(({ points }) => points).find(({ steps }) => steps % 1000);
       return `<h2>Watch it learn</h2><div class="row">${racer("blue", known, 0)}${racer("orange", [["", "nobody"], ...known], 1)}
         ${chooser("shown", "metric", CURVES, looks.metric)}</div>
         <p class="setting">${about.join("<br>")}</p>
         <div class="${this.fresh(chosen) ? "draws" : ""}">${curves(panel, looks.metric)}</div>
         <p class="verdict" role="status">${says.map(escaped).join("<br>")}</p>
-        <p class="flies">${panel.point ? `This flight: ${explained(flight.name)}. ${flight.ending}` : "Press near a point, or move with the arrow keys, to see its agent fly."}
+        <p class="flies">${panel.point
+          ? `This flight: ${explained(flight.name)}, in one mission. ${flight.ending} ${mean}`
+          : "Press near a point, or move with the arrow keys, to see its agent fly. A point: 100 missions that it did not learn from."}
         ${elsewhere && `The trainings are of the ${escaped(elsewhere)}: a point shows its agent there, and ↶ brings your mission back.`}
-        A point: 100 missions that it did not learn from. The trainings were recorded.</p>`;
+        ${left ? "↶ brings your mission back." : ""} The trainings were recorded.
+        ${odd ? `They step in several missions at once, hence ${grouped(odd.steps)} and not ${grouped(odd.steps - (odd.steps % 1000))}.` : ""}</p>`;
     },
     drawn: "", // the runs whose curves have drawn themselves
     fresh(chosen) {
@@ -365,7 +369,6 @@ export const TOOLS = {
 };
 
 const CURVES = [["landed", "landed"], ["collected_and_landed", "collected and landed"]];
-const FAR = 10; // below the best value: bars do not tell what is farther
 const CENTRED = "The network sees all layers shifted so that the UAV is in the middle.";
 const MEANINGS = {
   "landing zone": "A layer that the network sees: where it may land.",

@@ -23,6 +23,7 @@ export const LONGEST = 500; // units of time that a mission of this page has at 
 export const gapOf = (gap) => (gap < 0.005 ? "less than 0.01" : gap >= 1 ? gap.toFixed(1) : gap.toFixed(2));
 const steps = (count) => (count === 1 ? "1 step" : `${count} steps`);
 export const timeUnits = (count) => `${count} ${count === 1 ? "unit" : "units"} of time`;
+const listed = (all) => (all.length > 1 ? `${all.slice(0, -1).join(", ")} and ${all.at(-1)}` : all[0]);
 const fromTo = (first, last) => (last > first ? `from step ${first + 1} to ${last + 1}` : `in step ${first + 1}`);
 
 /** What somebody does in a step: `{ who, action, refused }`. */
@@ -33,7 +34,7 @@ function act({ who, action, refused }) {
 
 const towards = ({ device, by, home, who }) =>
   device !== undefined
-    ? ` and ${who.you ? "get" : "gets"} ${who.you ? "your" : "its"} first 2 units from device ${device} by step ${by}`
+    ? ` and ${who.you ? "get" : "gets"} 2 units from device ${device} by step ${by}`
     : home
       ? ` and ${who.you ? "go" : "goes"} home`
       : "";
@@ -60,25 +61,27 @@ const TEMPLATES = {
   part: ({ step, acts, ends }) =>
     `At step ${step + 1}, ${acts.map((each, k) => act(each) + (ends ? towards(ends[k]) : "")).join(", while ")}.`,
   first: ({ step }) => `They first act differently at step ${step + 1}, but come near each other again.`,
-  astray({ who, first, last, gained, hovers, turns }) {
-    const they = { ...who, subject: who.you ? "you" : "it" };
-    const often = (count) => (count === last - first ? "all the while" : `in ${count} of these steps`);
-    const does = [hovers && `${says(they, "hovers")} ${often(hovers)}`, turns && `${says(they, "flies")} to and fro ${often(turns)}`];
-    return `From step ${first + 1} to ${last} ${says(who, "gains", gained < 0.005 ? "nothing" : `only ${units(gained)} units`)}: ` +
-      `${does.filter((each) => each).join(", and ")}.`;
+  spends({ who, spent, other, others, stretches, hovers, turns }) {
+    const does = [hovers && "hovering", turns && "flying to and fro"].filter((each) => each).join(" or ");
+    const where = does && `, ${does} in steps ${listed(stretches.map(([first, last]) => `${first + 1}–${last + 1}`))}`;
+    return `Apart from landing, ${says(who, "spends", `${steps(spent.brings)} that ${spent.brings === 1 ? "brings" : "bring"} 0.1 units or more`)} ` +
+      `and ${spent.idle} that ${spent.idle === 1 ? "does" : "do"} not` +
+      `${where}; ${says(other, "spends", `${others.brings} and ${others.idle}`)}.`;
   },
-  idle: ({ who, count, other, others }) =>
-    `From then on ${says(who, "spends", `${steps(count)} that bring less than 0.1 units each`)}; ${says(other, "spends", String(others))}.`,
-  leaves: ({ who, device, more, unused, other, first, last }) =>
-    `In the end ${says(who, "leaves", `${more.toFixed(1)} units more at device ${device}`)}` +
-    `${unused ? `, with ${unused} units of time unused` : ""}; ${says(other, "collects", `there ${fromTo(first, last)}`)}.`,
+  leaves({ devices, unused, loser, winner }) {
+    const left = devices.map(({ device, more }, k) =>
+      `${Math.abs(more).toFixed(1)} ${k ? "" : "units "}${more > 0 ? (k ? "" : "more ") : "less "}at device ${device}`);
+    const collects = ({ who, amount, first, last }) =>
+      says(who, "collects", amount < 0.1 ? "less than 0.1 units" : `${amount.toFixed(1)} units ${fromTo(first, last)}`);
+    return `In the end ${says(loser.who, "leaves", listed(left))}${unused ? `, with ${unused} units of time unused` : ""}. ` +
+      `At device ${devices[0].device}, ${collects(winner)}; ${collects(loser)}.`;
+  },
 
   // What an agent does in a step, and why
-  chooses({ action, reason, gap, second, instead }) {
+  chooses({ action, reason, gap, second, close, both }) {
     const why = reason ? REASONS[reason.kind](reason) : "";
     if (gap === null) return `${action}, because nothing else is allowed in time.`;
-    if (instead === null) return `${action}${why}; ${gapOf(gap)} ahead of ${second}.`;
-    return `${action}${why}; a close call: ${gapOf(gap)} ahead of ${second}, which would bring ${units(instead)} units in this step.`;
+    return `${action}${why}; ${close ? "a close call: " : ""}${gapOf(gap)} ahead of ${second}${both ? comparison(both) : ""}.`;
   },
 
   place: ({ source, licence }) =>
@@ -90,8 +93,12 @@ const TEMPLATES = {
   fromTheStart: ({ run }) => `${upper(RUNS[run])} lands from the start.`,
   never: ({ run }) => `${upper(RUNS[run])} has not learned to land for good.`,
   kink: ({ run, steps, before, now, episodes }) =>
-    `${upper(RUNS[run])} learns to land for good here, after ${grouped(steps)} steps: ${before} of ${episodes} before, ${now} then.`,
+    `${upper(RUNS[run])} learns to land for good here, after ${grouped(steps)} steps: ${before} of ${episodes} landed before, ${now} then.`,
   forgot: ({ steps, landed }) => `After ${grouped(steps)} steps ${landed} landed, but it forgot how.`,
+  falls: ({ run, from, to }) =>
+    `After ${grouped(from.steps)} steps ${RUNS[run]} brings ${from.home}\u00a0% of the data home, after ${grouped(to.steps)} only ${to.home}\u00a0%.`,
+  point: ({ episodes, landed, home }) =>
+    `Over ${episodes} missions that it did not learn from, it lands in ${landed} and brings ${home}\u00a0% of the data home.`,
   ends({ ends, wins, episodes }) {
     const told = ends.map(({ landed, home }, k) => `${RUNS[k]} lands ${landed} of ${episodes} and brings ${home}\u00a0% of the data home`);
     return `${wins === null ? "In the end" : `${upper(RUNS[wins])} wins`}: ${told.join("; ")}.`;
@@ -114,11 +121,22 @@ const REASONS = {
       ? `, because home is ${timeUnits(home)} away and ${left} ${left === 1 ? "is" : "are"} left`
       : `, on the way home, which is ${timeUnits(home)} away; ${left} are left`,
   back: () => ", back to where it just was",
-  gives({ device, amount, within, way, back }) {
-    const gives = `gives ${amount.toFixed(1)} units ${within === 1 ? "in this step" : `within ${within} steps`}`;
-    return way ? `, on the way to device ${device}, which ${gives}` : `, because device ${device} ${gives}${back ? ", back to where it just was" : ""}`;
+  gives({ device, amount, all, within, waits, back }) {
+    const [some, total] = [amount, all].map((each) => each.toFixed(1));
+    if (within > 1) return `, ${waits ? "waiting for" : "on the way to"} device ${device}, which gives ${some} units within ${within} steps`;
+    const gives = `gives ${some} ${some === total ? "" : `of ${total} `}units in this step`;
+    return `, because device ${device} ${gives}${back ? ", back to where it just was" : ""}`;
   },
 };
+
+/** What the second best action would bring in the same step as the best. */
+function comparison({ brings, instead, scores }) {
+  const [here, there] = [brings, instead].map((each) => each.toFixed(1));
+  const alone = scores ? "the score alone tells them apart" : "the network values what follows it less";
+  if (Number(there) < Number(here)) return `, which would bring ${there} units in this step, not ${here}`;
+  if (there === "0.0") return `; neither brings anything to speak of in this step: ${alone}`;
+  return `, which would bring ${there === here ? `as much in this step, ${there}` : `more in this step, ${there}`} units: ${alone}`;
+}
 
 /** The sentence of a fact. */
 export const sentence = (fact) => TEMPLATES[fact.kind](fact);
