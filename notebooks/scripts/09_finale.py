@@ -70,20 +70,19 @@ figure
 #
 # ## 9.1 Where we stand
 #
-# Look back at what you have done. You know what a link is worth and why (notebooks 1 and 2), what a
-# step earns (3), what the network sees (4), how it computes (5) and how it learns (6, 7). If you
-# did the exercises, you have built all of this yourself. And you know how to say honestly how good
-# an agent is (8): the DDQN agent, strengthened by the recipe `lite`, brings home about as much as
-# the paper's did over its own map, and a little less than a rule that needs no training.
+# You now know what a link is worth and why (notebooks 1 and 2), what a step earns (3), what the
+# network sees (4), how it computes (5) and how it learns (6, 7). And you know how to say honestly
+# how good an agent is (8): the DDQN agent, strengthened by the recipe `lite`, brings home about as
+# much as the paper's did over its own map, and a little less than a rule that needs no training.
 #
 # Should we have stopped at the rule, then? Our agent learned from reward alone. It sees the street
 # map, like the rule, but nobody told it what the map means: how moves work, which way is short,
 # what a wall does to the radio. It paid for every piece of knowledge with crashes and with millions
 # of steps. In principle such an agent could learn even in a place whose channel nobody can write
 # down, if it could fly there millions of times, crashes included. In practice one trains in a
-# simulator, as the paper does, possibly with a model of the channel that was fitted to measurements
-# (notebook 14). For *our* city, however, the channel can be computed. So let us give the agent what
-# we know, one gift after the other.
+# simulator, possibly with a model of the channel that was fitted to measurements (notebook 14). For
+# *our* city, however, the channel can be computed. So let us give the agent what we know, one gift
+# after the other.
 #
 # ## 9.2 Guarantee
 #
@@ -171,7 +170,7 @@ figure
 # A copy makes small mistakes, and each of them takes it to states in which it never saw the genie
 # act; there it makes larger ones. Asking the genie what to do in those states repairs some of the
 # damage (notebook 12). And the genie itself is not perfect: it plans with mean rates and does not
-# reckon with luck. Only reward can teach what the genie does not know.
+# reckon with luck. Reward can teach what the genie does not know.
 #
 # So the agent now learns from its own flights. It flies each mission several times, drawing its
 # actions from its probabilities, and compares the return of each flight with the mean of them all.
@@ -188,8 +187,8 @@ figure
 # learn what each state is worth, and measure $A$ against that (**actor–critic**). Both kinds are
 # on-policy: they can learn only from flights of the present agent, because those of an older agent
 # were drawn from other probabilities. So they use a flight once or a few times and throw it away,
-# whereas DDQN learns from a stored step again and again. Where steps are expensive, DDQN is the
-# better choice.
+# whereas DDQN learns from a stored step again and again. Where steps are expensive, DDQN, which is
+# more **sample-efficient**, is the better choice.
 #
 # ## 9.6 The ladder
 #
@@ -214,7 +213,7 @@ for name, values in ladder.items():
 # | guarantee | the map, and that it is right | collect data; it only lands |
 # | tell | the map and the constants of the channel | help agents that learn from reward alone, as far as short runs of an earlier program in a single city show (notebook 12) |
 # | copy | a planner, that is, all equations and a search | be expected to beat its teacher |
-# | learn on | nothing but the reward | begin from nothing, since few flights of a random agent are good. (DDQN can, in millions of steps.) |
+# | learn on | nothing but the reward | learn quickly from nothing: few flights of a random agent are good, and each is used only once or a few times |
 #
 # So the order of the pilots on the ladder does not mean that good methods beat bad ones. The pilots
 # differ in what they were told, and *a comparison is fair only between pilots that were told the
@@ -230,12 +229,12 @@ for name, values in ladder.items():
 #
 # ## 9.7 A city that you have just typed
 #
-# One question is left. Notebook 8 moved the landing zones by two cells, and the agent was lost in
-# most of its missions, probably because part of what it had learned was places and not streets.
-# What if an agent learns in *thousands* of cities, a new one for each mission? It cannot know all
-# of them by heart. `any_city` learned in that way, with the four gifts. Type a city, and let the
-# agent fly over it. `L` is a landing zone, `N` a no-fly zone, `B` a building, and a dot a free
-# cell. Any size up to 16 × 16 cells will do. Change the city as you like:
+# Notebook 8 moved the landing zones by two cells, and the agent was lost in most of its missions,
+# probably because part of what it had learned was places and not streets. What if an agent learns
+# in *thousands* of cities, a new one for each mission? It cannot know all of them by heart.
+# `any_city` learned in that way, with the four gifts. Type a city, and let the agent fly over it.
+# `L` is a landing zone, `N` a no-fly zone, `B` a building, and a dot a free cell. Any size up to 16
+# × 16 cells will do. Change the city as you like:
 
 # %%
 from uavdh_lite.checkpoint import load_agent
@@ -269,19 +268,24 @@ for name, each in flown.items():
     print(f"{name:<9} return {each.returns.mean():5.1f} over 300 missions in your city")
 
 # %% [markdown]
-# Nobody trained the agent for this city; a minute ago the city did not exist. The network sees the
-# walls and zones around the UAV in the centred map of the paper, and a wall to the north is a wall
-# to the north in any city. That is what the centring is good for in the end: in new cities,
-# networks that saw the map in place brought home about half as much ([notebook
-# 13](13_any_city.ipynb)). And what the agent is told, the expected data and the distances to home
-# and from the UAV, is computed from your city's map. Is the agent ahead of greedy here? Over many
-# cities the race is narrow, and in a single city either may win. [Notebook 13](13_any_city.ipynb)
-# answers with due care.
+# Nobody trained the agent for this city. The network sees the walls and zones around the UAV in the
+# centred map of the paper, and a wall to the north is a wall to the north in any city. That is what
+# the centring is good for in the end: in new cities, networks that saw the map in place brought
+# home about half as much ([notebook 13](13_any_city.ipynb)). And what the agent is told, the
+# expected data and the distances to home and from the UAV, is computed from your city's map. Is the
+# agent ahead of greedy here? Over many cities the race is narrow, and in a single city either may
+# win.
 #
 # What has learning brought, if the agent may be no better than the rule? One agent **for each
 # mission** would be an optimiser, like the genie: it would search until it had a good flight, and
 # begin again with the next mission. One agent **for all missions** has paid for its search once, in
 # training, and decides in about a hundredth of a second wherever it is put.
+#
+# Could it fly a real UAV? What separates a simulator from the street is called the **sim-to-real
+# gap**. Our UAV knows its position, the map and the data left exactly, has no wind, and counts time
+# where a real one counts energy. Before a real flight, put such errors into the evaluation one at a
+# time (a position one cell off, a building missing from the map, stronger fading), see which costs
+# most, and train with that one drawn at random (**domain randomisation**).
 #
 # ## 9.8 Your turn
 #
